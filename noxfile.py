@@ -2,7 +2,9 @@
 # /// script
 # dependencies = ["nox>=2025.10.14"]
 # ///
-"""The commands of the Makefile, each in an environment of its own: `nox -s tests-3.13`, `nox -l` lists all."""
+"""The commands of the Makefile, each in an environment of its own: `nox -s tests-3.13`, `nox -l`
+lists all.
+"""
 
 from pathlib import Path
 

@@ -3,9 +3,10 @@
     python .ci/interpreters.py newest
     python .ci/interpreters.py oldest
 
-`newest` is the newest release that is newer than the interpreter that runs this, `oldest` one of the lowest version
-that pyproject.toml allows. Looked at are the interpreter that runs this, `python3.N` on the path, the versions of
-pyenv, and those that uv has installed; it must be a CPython with a GIL, able to make environments.
+`newest` is the newest release that is newer than the interpreter that runs this, `oldest` one of
+the lowest version that pyproject.toml allows. Looked at are the interpreter that runs this,
+`python3.N` on the path, the versions of pyenv, and those that uv has installed; it must be a
+CPython with a GIL, able to make environments.
 """
 
 import os
@@ -19,7 +20,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 
-#: Printed by an interpreter if it will do: its path (a shim's is another) and version. Fails without the module `venv`.
+#: Printed by an interpreter if it will do: its path (a shim's is another) and version. Fails
+#: without the module `venv`.
 QUESTION = """
 import ensurepip, sys, sysconfig, venv
 is_usual = sys.version_info.releaselevel == "final" and sys.implementation.name == "cpython"
@@ -32,10 +34,18 @@ def candidates() -> Iterator[Path]:
     """Yield the paths of all interpreters, and of some files that are none that works."""
     yield Path(sys.executable)
     for folder in os.get_exec_path():
-        yield from (path for path in Path(folder).glob("python3.*") if re.fullmatch(r"python3\.\d+", path.name))
-    yield from Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")).glob("versions/*/bin/python3")
+        yield from (
+            path
+            for path in Path(folder).glob("python3.*")
+            if re.fullmatch(r"python3\.\d+", path.name)
+        )
+    yield from Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")).glob(
+        "versions/*/bin/python3"
+    )
     if shutil.which("uv"):
-        listed = subprocess.run(["uv", "python", "dir"], capture_output=True, text=True, check=False)
+        listed = subprocess.run(
+            ["uv", "python", "dir"], capture_output=True, text=True, check=False
+        )
         if listed.returncode == 0:
             yield from Path(listed.stdout.strip()).glob("*/bin/python3")
 
@@ -43,7 +53,9 @@ def candidates() -> Iterator[Path]:
 def answer(path: Path) -> tuple[tuple[int, ...], str] | None:
     """Return version and path of an interpreter, None if it does not work or will not do."""
     try:
-        asked = subprocess.run([path, "-c", QUESTION], capture_output=True, text=True, check=False, timeout=60)
+        asked = subprocess.run(
+            [path, "-c", QUESTION], capture_output=True, text=True, check=False, timeout=60
+        )
     except (OSError, subprocess.TimeoutExpired):
         return None
     *numbers, executable = asked.stdout.strip().split(" ", 3)
@@ -52,12 +64,16 @@ def answer(path: Path) -> tuple[tuple[int, ...], str] | None:
 
 def oldest_allowed() -> tuple[int, ...]:
     """Return the lowest version that pyproject.toml allows, as (3, 11)."""
-    required = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]
+    required = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "requires-python"
+    ]
     return tuple(map(int, required.removeprefix(">=").split(".")))
 
 
 def chosen(wanted: str) -> str:
-    """Return the path of the interpreter that is `newest` or `oldest`, "" if this machine has none."""
+    """Return the path of the interpreter that is `newest` or `oldest`, "" if this machine has
+    none.
+    """
     known = [found for found in map(answer, dict.fromkeys(candidates())) if found]
     if wanted == "newest":
         fitting = [(version, path) for version, path in known if version[:2] > sys.version_info[:2]]

@@ -1,4 +1,5 @@
-"""Print pip constraints: the lowest version that each pyproject.toml of this repository allows of each dependency.
+"""Print pip constraints: the lowest version that each pyproject.toml of this repository allows of
+each dependency.
 
 python .ci/lowest.py > lowest.txt
 """
@@ -16,12 +17,18 @@ LOWER = re.compile(r">=\s*(?P<version>[\w.]+)")
 
 
 def lowest() -> dict[str, str]:
-    """Return the lower bound of each requirement by name; if several files bound it, the highest of these."""
+    """Return the lower bound of each requirement by name; if several files bound it, the highest of
+    these.
+    """
     bounds: dict[str, str] = {}
     for path in (ROOT / "pyproject.toml", *sorted((ROOT / "plugins").glob("*/pyproject.toml"))):
         project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
         tools = [line for line in extras(project, "test") if line.startswith(TOOLS)]
-        for requirement in (*project.get("dependencies", ()), *extras(project, "sgp4", "compression"), *tools):
+        for requirement in (
+            *project.get("dependencies", ()),
+            *extras(project, "sgp4", "compression"),
+            *tools,
+        ):
             parts = REQUIREMENT.match(requirement)
             lower = LOWER.search(parts["bounds"]) if parts else None
             if parts and lower and not parts["name"].startswith("opir"):
@@ -32,7 +39,9 @@ def lowest() -> dict[str, str]:
 
 def extras(project: dict[str, Any], *names: str) -> list[str]:
     """Return the requirements of a project's extras."""
-    return [line for name in names for line in project.get("optional-dependencies", {}).get(name, ())]
+    return [
+        line for name in names for line in project.get("optional-dependencies", {}).get(name, ())
+    ]
 
 
 def numbers(version: str) -> tuple[int, ...]:

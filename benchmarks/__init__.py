@@ -1,1 +1,3 @@
-"""The benchmarks of opir: each a script of its own, and one suite of all, `python -m benchmarks`."""
+"""The benchmarks of opir: each a script of its own, and one suite of all, `python -m
+benchmarks`.
+"""

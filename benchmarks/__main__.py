@@ -1,9 +1,11 @@
 """All benchmarks in one run: results as JSON, compared with those of another run.
 
-    python -m benchmarks [--quick] [--only NAME ...] [--list] [--rounds N] [--json OUT] [--against FILE] [--write DOCS]
+    python -m benchmarks [--quick] [--only NAME ...] [--list] [--rounds N] [--json OUT] [--against
+    FILE] [--write DOCS]
 
-Each benchmark runs in a process of its own, one after the other, `--rounds` times in turn; figures are medians. What is
-not installed is left out and named. `--quick` takes small sizes: to see that everything works, never for times.
+Each benchmark runs in a process of its own, one after the other, `--rounds` times in turn; figures
+are medians. What is not installed is left out and named. `--quick` takes small sizes: to see that
+everything works, never for times.
 """
 
 import argparse
@@ -37,7 +39,9 @@ def listed() -> str:
     """Return the table of all benchmarks."""
     lines = []
     for each in BENCHMARKS:
-        missing = [f"needs {name}" for name in each.missing()] + [f"without {name}" for name in each.absent_peers()]
+        missing = [f"needs {name}" for name in each.missing()] + [
+            f"without {name}" for name in each.absent_peers()
+        ]
         note = f"  ({', '.join(missing)})" if missing else ""
         lines.append(f"{each.name:19} {each.question}{note}")
     return "\n".join(lines)
@@ -49,21 +53,31 @@ def without_those_missing(benchmarks: Sequence[Benchmark]) -> list[Benchmark]:
         if missing := list(each.missing()):
             print(f"{each.name}: left out, needs {', '.join(missing)}")
         elif absent := each.absent_peers():
-            print(f"{each.name}: without {', '.join(absent)} (not installed: the extra `benchmarks` brings peers)")
+            print(
+                f"{each.name}: without {', '.join(absent)} (not installed: the extra `benchmarks`"
+                f" brings peers)"
+            )
     return [each for each in benchmarks if not list(each.missing())]
 
 
-def results(benchmarks: Sequence[Benchmark], rounds: int, *, quick: bool, docs: Path | None) -> dict[str, Any]:
+def results(
+    benchmarks: Sequence[Benchmark], rounds: int, *, quick: bool, docs: Path | None
+) -> dict[str, Any]:
     """Run benchmarks, print a line for each, and return what was found."""
     found: dict[str, list[Attempt]] = {each.name: [] for each in benchmarks}
     with_machine: dict[str, Any] = {"machine": machine(), "quick": quick}
     for benchmark, one in rounds_of(benchmarks, rounds, quick=quick, docs=docs):
         found[benchmark.name].append(one)
         note = one.problem or f"{len(one.figures)} figures"
-        print(f"{benchmark.name:19} {one.processor_s:8.1f} s {one.peak_mib:7.0f} MiB  {note}", flush=True)
+        print(
+            f"{benchmark.name:19} {one.processor_s:8.1f} s {one.peak_mib:7.0f} MiB  {note}",
+            flush=True,
+        )
         if one.problem:
             print(one.output, file=sys.stderr)
-    return with_machine | {"benchmarks": {each.name: kept(each, found[each.name]) for each in benchmarks}}
+    return with_machine | {
+        "benchmarks": {each.name: kept(each, found[each.name]) for each in benchmarks}
+    }
 
 
 def compared(now: Mapping[str, Any], then: Mapping[str, Any]) -> Iterator[str]:
@@ -81,28 +95,46 @@ def compared(now: Mapping[str, Any], then: Mapping[str, Any]) -> Iterator[str]:
         found = ratios(each["figures"], other["figures"])
         unlike = {key: ratio for key, ratio in found.items() if not 1 / ALIKE <= ratio <= ALIKE}
         yield f"{name}: whole process {whole:.2f}; {len(found) - len(unlike)} of {len(found)} figures alike"
-        yield from (f"  {ratio:8.3f}  {key}: {each['figures'][key]:g}" for key, ratio in unlike.items())
+        yield from (
+            f"  {ratio:8.3f}  {key}: {each['figures'][key]:g}" for key, ratio in unlike.items()
+        )
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run what the command line asks for; return 1 if a benchmark failed."""
     parser = argparse.ArgumentParser("python -m benchmarks", description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small sizes, one round: for correctness, not for times")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="small sizes, one round: for correctness, not for times",
+    )
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these benchmarks")
-    parser.add_argument("--list", action="store_true", help="list the benchmarks and what is missing for them")
-    parser.add_argument("--rounds", type=int, metavar="N", help="runs of each, in turn (default: 3; --quick: 1)")
+    parser.add_argument(
+        "--list", action="store_true", help="list the benchmarks and what is missing for them"
+    )
+    parser.add_argument(
+        "--rounds", type=int, metavar="N", help="runs of each, in turn (default: 3; --quick: 1)"
+    )
     parser.add_argument("--json", type=Path, metavar="OUT", help="keep the results here")
-    parser.add_argument("--against", type=Path, metavar="FILE", help="print ratios to results kept earlier")
-    parser.add_argument("--write", type=Path, metavar="DOCS", help="write pages, tables and plots into this folder")
+    parser.add_argument(
+        "--against", type=Path, metavar="FILE", help="print ratios to results kept earlier"
+    )
+    parser.add_argument(
+        "--write", type=Path, metavar="DOCS", help="write pages, tables and plots into this folder"
+    )
     given = parser.parse_args(words)
     if given.list:
         print(listed())
         return 0
     then = json.loads(given.against.read_text("utf-8")) if given.against else None
     ready = without_those_missing(chosen(given.only))
-    now = results(ready, given.rounds or (1 if given.quick else 3), quick=given.quick, docs=given.write)
+    now = results(
+        ready, given.rounds or (1 if given.quick else 3), quick=given.quick, docs=given.write
+    )
     if given.json:
-        given.json.write_text(json.dumps(now, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        given.json.write_text(
+            json.dumps(now, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
     if then:
         print("\nRatios to the kept results:", *compared(now, then), sep="\n")
     return int(any(each["problem"] for each in now["benchmarks"].values()))

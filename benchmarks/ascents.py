@@ -1,9 +1,11 @@
-"""Ascents of space launchers that share no code with opir: to orbit, short of it, and back to the site, as tables.
+"""Ascents of space launchers that share no code with opir: to orbit, short of it, and back to the
+site, as tables.
 
-Notional kinematics: thrust and mass flow of a stage are constant, so its acceleration grows; the flight-path angle is a
-smooth curve from vertical to level whose shape is sought until the second stage ends at the wanted height. A round,
-rotating Earth, no drag. First burns, gaps and second stages are about what six webcast ascents show. After the last
-burn the table goes on for `DARK_S`, in free flight.
+Notional kinematics: thrust and mass flow of a stage are constant, so its acceleration grows; the
+flight-path angle is a smooth curve from vertical to level whose shape is sought until the second
+stage ends at the wanted height. A round, rotating Earth, no drag. First burns, gaps and second
+stages are about what six webcast ascents show. After the last burn the table goes on for `DARK_S`,
+in free flight.
 """
 
 from pathlib import Path
@@ -22,7 +24,9 @@ DARK_S = 45.0
 
 @frozen(eq=False)
 class Ascent:
-    """Rows (n, 8) of time since ignition, ECEF state and burning; burns (k, 2), s; impact, rad, None if unknown."""
+    """Rows (n, 8) of time since ignition, ECEF state and burning; burns (k, 2), s; impact, rad,
+    None if unknown.
+    """
 
     rows: np.ndarray
     burns_s: tuple[tuple[float, float], ...]
@@ -30,12 +34,23 @@ class Ascent:
     impact: tuple[float, float] | None = None
 
     def state(self, time_s: float) -> np.ndarray:
-        """Return the ECEF state (6,) at a time since ignition, by the cubic through two rows and their velocities."""
-        low = int(np.clip(np.searchsorted(self.rows[:, 0], time_s, side="right") - 1, 0, len(self.rows) - 2))
+        """Return the ECEF state (6,) at a time since ignition, by the cubic through two rows and
+        their velocities.
+        """
+        low = int(
+            np.clip(
+                np.searchsorted(self.rows[:, 0], time_s, side="right") - 1, 0, len(self.rows) - 2
+            )
+        )
         (begin, *before), (end, *after) = self.rows[low, :7], self.rows[low + 1, :7]
         ends = np.array([before, after])
         return np.asarray(
-            np.concatenate([part(time_s) for part in _cubic(begin, max(end, begin + 1e-6), ends[:, :3], ends[:, 3:])])
+            np.concatenate(
+                [
+                    part(time_s)
+                    for part in _cubic(begin, max(end, begin + 1e-6), ends[:, :3], ends[:, 3:])
+                ]
+            )
         )
 
     def write(self, path: Path) -> None:
@@ -45,13 +60,16 @@ class Ascent:
         np.savetxt(path, self.rows, delimiter=",", header=head, comments="", fmt=form)
 
 
-def _cubic(begin_s: float, end_s: float, place: np.ndarray, velocity: np.ndarray) -> tuple[Any, Any]:
+def _cubic(
+    begin_s: float, end_s: float, place: np.ndarray, velocity: np.ndarray
+) -> tuple[Any, Any]:
     spline = CubicHermiteSpline([begin_s, end_s], place, velocity)
     return spline, spline.derivative()
 
 
 def drawn_near_orbit(rng: np.random.Generator) -> Ascent:
-    """Return an ascent like that of 14 March 2024 (Starship IFT-3), which came down after half of an orbit.
+    """Return an ascent like that of 14 March 2024 (Starship IFT-3), which came down after half of
+    an orbit.
 
     It was cut off at 7.36 km/s over ground and 150 km, climbing: its perigee was below the ground.
     """
@@ -61,10 +79,14 @@ def drawn_near_orbit(rng: np.random.Generator) -> Ascent:
             return found
 
 
-def drawn_ascent(rng: np.random.Generator, share: float = 1.0, cut_off: tuple[float, float] | None = None) -> Ascent:
-    """Return an ascent; `share` of the orbital speed is reached at the last cut-off, below 1 it comes down.
+def drawn_ascent(
+    rng: np.random.Generator, share: float = 1.0, cut_off: tuple[float, float] | None = None
+) -> Ascent:
+    """Return an ascent; `share` of the orbital speed is reached at the last cut-off, below 1 it
+    comes down.
 
-    `cut_off` are its height and flight-path angle, m and rad; without it, it is level at a random height.
+    `cut_off` are its height and flight-path angle, m and rad; without it, it is level at a random
+    height.
     """
     while True:
         latitude = np.radians(rng.uniform(-35.0, 45.0))
@@ -103,11 +125,15 @@ def drawn_return(rng: np.random.Generator) -> Ascent:
         rows = _flown_on(rows, begin_s, np.zeros(3))
         rows = _flown_on(rows, end_s, -size * level / np.linalg.norm(level))
         rows = _flown_on(rows, end_s + DARK_S, np.zeros(3))
-        return Ascent(rows, ((0.0, cut_s), (begin_s, end_s)), ascent.longitude_deg, fallen(rows[-1, 1:7]))
+        return Ascent(
+            rows, ((0.0, cut_s), (begin_s, end_s)), ascent.longitude_deg, fallen(rows[-1, 1:7])
+        )
 
 
 def _flown_on(rows: np.ndarray, until_s: float, force: np.ndarray) -> np.ndarray:
-    """Return rows (n, 8), the last of which begins a leg, with those of the leg under a force, m/s²."""
+    """Return rows (n, 8), the last of which begins a leg, with those of the leg under a force,
+    m/s².
+    """
     state = rows[-1, 1:7]
     now = float(rows[-1, 0])
     leg = []
@@ -124,7 +150,9 @@ def _flown_on(rows: np.ndarray, until_s: float, force: np.ndarray) -> np.ndarray
 
 
 def fallen(state: np.ndarray) -> tuple[float, float] | None:
-    """Return latitude and longitude, rad, of the impact of a free flight, None if it has none in two hours."""
+    """Return latitude and longitude, rad, of the impact of a free flight, None if it has none in
+    two hours.
+    """
 
     def height(_time_s: float, at: np.ndarray) -> float:
         return geodetic(at[:3])[2]
@@ -132,12 +160,16 @@ def fallen(state: np.ndarray) -> tuple[float, float] | None:
     height.terminal = True
     height.direction = -1.0  # type: ignore[attr-defined]
     exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-4, "max_step": 60.0}
-    fall = solve_ivp(lambda _, at: _rates(at, np.zeros(3)), (0.0, 7200.0), state, events=height, **exact)
+    fall = solve_ivp(
+        lambda _, at: _rates(at, np.zeros(3)), (0.0, 7200.0), state, events=height, **exact
+    )
     return geodetic(fall.y_events[0][0][:3])[:2] if len(fall.t_events[0]) else None
 
 
 def turned(time_s: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Return the angles (n,), rad, by which something turns at rates (n,), rad/s, from the first time on."""
+    """Return the angles (n,), rad, by which something turns at rates (n,), rad/s, from the first
+    time on.
+    """
     steps = 0.5 * np.diff(time_s) * (rate[1:] + rate[:-1])
     return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -159,7 +191,9 @@ def _rk4(state: np.ndarray, step: float, force: np.ndarray) -> np.ndarray:
     return np.asarray(state + step / 6.0 * (one + 2.0 * two + 2.0 * three + four))
 
 
-def _flown(site: Any, stages: Any, cut_off: tuple[float, float], bend: float, share: float) -> Ascent | None:
+def _flown(
+    site: Any, stages: Any, cut_off: tuple[float, float], bend: float, share: float
+) -> Ascent | None:
     first_s, gap_s, lift, growth, dip, upper, most = stages
     height_m = cut_off[0]
     (latitude, longitude, azimuth) = site
@@ -167,7 +201,9 @@ def _flown(site: Any, stages: Any, cut_off: tuple[float, float], bend: float, sh
     east = SPIN * RADIUS_M * np.cos(latitude) * np.sin(azimuth)
 
     def course(late_rad: float) -> tuple[np.ndarray, float]:
-        return _course(first_s, gap_s, lift, growth, dip, upper, most, bend, late_rad, *cut_off, east, share)
+        return _course(
+            first_s, gap_s, lift, growth, dip, upper, most, bend, late_rad, *cut_off, east, share
+        )
 
     def miss(late_rad: float) -> float:
         return course(late_rad)[0][-1, 1] - height_m
@@ -207,14 +243,18 @@ def _flown(site: Any, stages: Any, cut_off: tuple[float, float], bend: float, sh
     table[-1, 7] = 0.0
     table = _flown_on(table, end_s + DARK_S, np.zeros(3))
     impact = fallen(table[-1, 1:7]) if share < 1.0 else None
-    return Ascent(table, ((0.0, first_s), (first_s + gap_s, end_s)), float(np.degrees(longitude)), impact)
+    return Ascent(
+        table, ((0.0, first_s), (first_s + gap_s, end_s)), float(np.degrees(longitude)), impact
+    )
 
 
 def _course(
     first_s: float, gap_s: float, lift: float, growth: float, dip: float, upper: float, most: float,
     bend: float, late_rad: float, height_m: float, last_rad: float, east: float, share: float,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Return rows (n, 4) of time, height, speed over ground and flight-path angle, and the cut-off."""
+    """Return rows (n, 4) of time, height, speed over ground and flight-path angle, and the
+    cut-off.
+    """
     rise_s = 12.0
     rows = []
     height = 0.0
@@ -227,7 +267,12 @@ def _course(
     while now < end_s - 1e-9 and now < 800.0:
         rows.append([now, height, speed, angle])
         step = min(
-            STEP_S, first_s - now if now < first_s else first_s + gap_s - now if now < first_s + gap_s else STEP_S
+            STEP_S,
+            first_s - now
+            if now < first_s
+            else first_s + gap_s - now
+            if now < first_s + gap_s
+            else STEP_S,
         )
         force = 0.0
         if now < first_s:

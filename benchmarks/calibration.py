@@ -1,11 +1,14 @@
-"""Calibration: of what is reported with probability p, is a share p right? Launches, hot sources and noise together.
+"""Calibration: of what is reported with probability p, is a share p right? Launches, hot sources
+and noise together.
 
-    python benchmarks/calibration.py [--launches 600] [--sources 600] [--seeds 2 4] [--write docs/benchmarks]
+    python benchmarks/calibration.py [--launches 600] [--sources 600] [--seeds 2 4] [--write
+    docs/benchmarks]
 
-Launches of every type, hot sources and false alarms are simulated and classified; the prior of the classifier is that
-of the simulation: as many launches a day and as many sources in view. An event is right if its reported type is the
-true one, or if it is reported UNKNOWN and is of no missile. Brightnesses, temperatures and areas are drawn from the
-distributions that the classifier assumes; places, flights, noise and confirmation are the engine's.
+Launches of every type, hot sources and false alarms are simulated and classified; the prior of the
+classifier is that of the simulation: as many launches a day and as many sources in view. An event
+is right if its reported type is the true one, or if it is reported UNKNOWN and is of no missile.
+Brightnesses, temperatures and areas are drawn from the distributions that the classifier assumes;
+places, flights, noise and confirmation are the engine's.
 """
 
 import argparse
@@ -22,7 +25,8 @@ from work_precision.results_csv import write_csv
 import opir_core as opir
 from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 
-#: Coldest and hottest, K, and median and logarithmic spread of emissivity times area, m², as in the classifier's prior.
+#: Coldest and hottest, K, and median and logarithmic spread of emissivity times area, m², as in the
+#: classifier's prior.
 SOURCES = {"fire": (800.0, 1200.0, 1800.0, 1.5), "flare": (1600.0, 2000.0, 9.0, 1.5)}
 SHINING_S = {"fire": 21_600.0, "flare": 86_400.0}
 PERIOD_S = 2.0
@@ -31,7 +35,8 @@ EDGES = np.linspace(0.0, 1.0, 11)
 #: Events of a bin, and how far from the diagonal its share may be.
 ENOUGH = 200
 WITHIN = 0.05
-#: Before the sunlit ground the light of the Earth hides plumes from DSP's long waves: its noise is stated.
+#: Before the sunlit ground the light of the Earth hides plumes from DSP's long waves: its noise is
+#: stated.
 STATED = {"focal_plane": None, "nei_w_m2": 5e-13}
 SENSORS: dict[str, dict[str, Any]] = {
     "DSP": {"model": "DSP", **STATED},
@@ -75,9 +80,11 @@ All bins: [calibration.csv](calibration.csv).
 
 
 class Bin(NamedTuple):
-    """Events of a sensor with confidences in a bin: their number, mean confidence and the share that is right.
+    """Events of a sensor with confidences in a bin: their number, mean confidence and the share
+    that is right.
 
-    `emitters` is of how many of them they are, `half_95` half of the 95 % interval of share less confidence over these.
+    `emitters` is of how many of them they are, `half_95` half of the 95 % interval of share less
+    confidence over these.
     """
 
     sensor: str
@@ -98,25 +105,47 @@ def binned(
     right: NDArray[np.bool_],
     emitter: NDArray[Any],
 ) -> Bin:
-    """Return the bin of events (n,). Those of one emitter are dependent: the interval is over emitters."""
+    """Return the bin of events (n,). Those of one emitter are dependent: the interval is over
+    emitters.
+    """
     off = right - confidence
     _, row = np.unique(emitter, return_inverse=True)
     rest = np.bincount(row, off) - off.mean() * np.bincount(row)
     half = 1.96 * float(np.sqrt(np.sum(np.square(rest)))) / len(off)
-    return Bin(sensor, what, lower, len(off), float(confidence.mean()), float(right.mean()), len(rest), half)
+    return Bin(
+        sensor,
+        what,
+        lower,
+        len(off),
+        float(confidence.mean()),
+        float(right.mean()),
+        len(rest),
+        half,
+    )
 
 
 def scene(launches: int, sources: int, seed: int) -> dict[str, Any]:
-    """Return a scene with launches of every type and sources of each kind, and a prior that says so."""
+    """Return a scene with launches of every type and sources of each kind, and a prior that says
+    so.
+    """
     rng = np.random.default_rng([seed, 29])
     targets = [launched(rng, kind, number) for kind in TARGET_TYPES for number in range(launches)]
     classification = {
         "model": "spectral",
         "launches_per_day": 86_400.0 / DURATION_S * len(targets),
         "prior": dict.fromkeys(TARGET_TYPES, 1.0 / len(TARGET_TYPES)),
-        "sources_in_view": {kind: float(sources * SHINING_S[kind] / DURATION_S) for kind in SOURCES},
+        "sources_in_view": {
+            kind: float(sources * SHINING_S[kind] / DURATION_S) for kind in SOURCES
+        },
     }
-    found = seen_scene(SENSORS, PERIOD_S, DURATION_S, seed, targets, [sourced(rng, kind, sources) for kind in SOURCES])
+    found = seen_scene(
+        SENSORS,
+        PERIOD_S,
+        DURATION_S,
+        seed,
+        targets,
+        [sourced(rng, kind, sources) for kind in SOURCES],
+    )
     return {**found, "classification": classification, "confidence": "posterior"}
 
 
@@ -128,7 +157,9 @@ def seen_scene(
     targets: Sequence[dict[str, Any]],
     sources: Sequence[dict[str, Any]],
 ) -> dict[str, Any]:
-    """Return a scene of sensors over the Gulf of Guinea with targets and sources, through air and over the Earth."""
+    """Return a scene of sensors over the Gulf of Guinea with targets and sources, through air and
+    over the Earth.
+    """
     return {
         "scene": "calibration",
         "epoch": "2026-04-01T12:00:00Z",
@@ -180,7 +211,9 @@ def events(
 
 def main() -> None:
     """Simulate, print and write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--launches", type=int, default=600)
     parser.add_argument("--sources", type=int, default=600)
     parser.add_argument("--seeds", type=int, nargs="+", default=[2, 4])
@@ -202,9 +235,14 @@ def main() -> None:
     found = []
     noise = {}
     for name, of_seeds in parts.items():
-        confidence, right, missile, emitter = (np.concatenate(column) for column in zip(*of_seeds, strict=True))
+        confidence, right, missile, emitter = (
+            np.concatenate(column) for column in zip(*of_seeds, strict=True)
+        )
         noise[name] = float(np.mean(emitter.real < 0))
-        print(f"{name}: {len(confidence)} events, {noise[name]:.1%} noise, missile {np.mean(missile):.1%}")
+        print(
+            f"{name}: {len(confidence)} events, {noise[name]:.1%} noise, missile"
+            f" {np.mean(missile):.1%}"
+        )
         number = bin_numbers(confidence, EDGES)
         for what, chosen in (("missile", missile), ("UNKNOWN", ~missile)):
             for each, lower in enumerate(EDGES[:-1].tolist()):
@@ -212,9 +250,14 @@ def main() -> None:
                 if rows.any():
                     row = binned(name, what, lower, confidence[rows], right[rows], emitter[rows])
                     found.append(row)
-                    mark = " !" if row.events >= ENOUGH and abs(row.confidence - row.right) > WITHIN else ""
+                    mark = (
+                        " !"
+                        if row.events >= ENOUGH and abs(row.confidence - row.right) > WITHIN
+                        else ""
+                    )
                     print(
-                        f"  {what} {lower:.1f}: {row.events:7d} {row.confidence:.3f} {row.right:.3f}"
+                        f"  {what} {lower:.1f}: {row.events:7d} {row.confidence:.3f}"
+                        f" {row.right:.3f}"
                         f" ± {row.half_95:.3f}{mark}"
                     )
     if arguments.write:
@@ -235,7 +278,8 @@ def page(found: list[Bin], facts: dict[str, Any]) -> str:
     off = {row: abs(row.confidence - row.right) for row in large}
     bad = sorted((row for row in large if off[row] > WITHIN), key=lambda row: -off[row])
     listed = "; ".join(
-        f"{row.sensor} {row.what} at {row.confidence:.2f}: {row.right:.2f} ± {row.half_95:.2f}" for row in bad
+        f"{row.sensor} {row.what} at {row.confidence:.2f}: {row.right:.2f} ± {row.half_95:.2f}"
+        for row in bad
     )
     return PAGE.format(
         **{name: facts[name] for name in ("events", "launches", "sources", "noise")},
@@ -259,13 +303,25 @@ def write_plot(found: list[Bin], path: Path) -> None:
     mpl.rcParams.update({"svg.hashsalt": "opir", "svg.fonttype": "none"})
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(1, len(SENSORS), figsize=(12, 3.4), sharey=True, constrained_layout=True)
+    figure, axes = plt.subplots(
+        1, len(SENSORS), figsize=(12, 3.4), sharey=True, constrained_layout=True
+    )
     for axis, name in zip(axes, SENSORS, strict=True):
         axis.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=0.8)
         for what, marker in (("missile", "o"), ("UNKNOWN", "s")):
-            rows = [row for row in found if row.sensor == name and row.what == what and row.events >= ENOUGH]
+            rows = [
+                row
+                for row in found
+                if row.sensor == name and row.what == what and row.events >= ENOUGH
+            ]
             sizes = [8.0 + 8.0 * np.log10(row.events / ENOUGH) for row in rows]
-            axis.scatter([r.confidence for r in rows], [r.right for r in rows], sizes, marker=marker, label=what)
+            axis.scatter(
+                [r.confidence for r in rows],
+                [r.right for r in rows],
+                sizes,
+                marker=marker,
+                label=what,
+            )
         axis.set(title=name, xlabel="confidence")
     axes[0].set_ylabel("share that is right")
     axes[0].legend(fontsize=8)

@@ -1,11 +1,13 @@
 """Campaign of faults: random trials of everything that writes events, and what of it was lost.
 
-    nice python benchmarks/campaign.py --minutes 120 --seed 1 [--only KIND] [--write docs/reference/guarantees.md]
+    nice python benchmarks/campaign.py --minutes 120 --seed 1 [--only KIND] [--write
+    docs/reference/guarantees.md]
 
-A trial has a seed of its own, `SEED/NUMBER`, which `--first NUMBER` repeats. Batch runs are killed, interrupted and put
-on disks that fail at a random call; spools are filled, damaged and put on such disks; the Kafka sink has a broker that
-comes, goes, refuses and freezes; services are killed and restarted through all of it. A trial survives if what the page
-of guarantees says held. `--write` puts the figures into that page.
+A trial has a seed of its own, `SEED/NUMBER`, which `--first NUMBER` repeats. Batch runs are killed,
+interrupted and put on disks that fail at a random call; spools are filled, damaged and put on such
+disks; the Kafka sink has a broker that comes, goes, refuses and freezes; services are killed and
+restarted through all of it. A trial survives if what the page of guarantees says held. `--write`
+puts the figures into that page.
 """
 
 import argparse
@@ -46,7 +48,10 @@ from opir_core.reading import scene_from_mapping
 
 BEGIN = "<!-- campaign: begin -->"
 END = "<!-- campaign: end -->"
-HEAD = "| trial | tried | survived | events | reported as lost | lost unreported |\n|---|--:|--:|--:|--:|--:|"
+HEAD = (
+    "| trial | tried | survived | events | reported as lost | lost unreported"
+    " |\n|---|--:|--:|--:|--:|--:|"
+)
 
 SCENE = {
     "scene": "campaign",
@@ -66,7 +71,9 @@ SCENE = {
 
 @frozen
 class Found:
-    """Events of a trial, those reported as lost, and those that are missing although they are not."""
+    """Events of a trial, those reported as lost, and those that are missing although they are
+    not.
+    """
 
     events: int
     reported: int = 0
@@ -104,7 +111,9 @@ def run_into(folder: Path, seed: int) -> None:
 
 
 def whole_run(folder: Path, *seeds: int) -> int:
-    """Return the events of a run that must be whole and of one of the seeds; the next run must replace it."""
+    """Return the events of a run that must be whole and of one of the seeds; the next run must
+    replace it.
+    """
     run = load_run(folder)
     assert run.manifest["seed"] in seeds, run.manifest["seed"]
     events = len(run.detections)
@@ -120,7 +129,14 @@ def batch_killed(rng: random.Random, folder: Path, stand: Stand) -> Found:
     run_into(folder, 1)
     place = folder.with_name("scene.yaml")
     place.write_text(json.dumps({**scene(folder, 2), "outputs": []}), encoding="utf-8")
-    words = ("run", str(place), "--out", str(folder / "e.jsonl"), "--truth", str(folder / "e.truth.jsonl"))
+    words = (
+        "run",
+        str(place),
+        "--out",
+        str(folder / "e.jsonl"),
+        "--truth",
+        str(folder / "e.truth.jsonl"),
+    )
     number = stand.plain.born(folder.with_name("log"), *words)
     time.sleep(rng.uniform(0.0, 1.0))
     if is_alive(number):
@@ -154,7 +170,11 @@ def message_of(work: Callable[[], Any]) -> str | None:
 def spool_sink(path: Path, carrier: Any, rng: random.Random) -> TransportSink:
     damage = salvaged_at_start(path)
     journal = Journal(str(path), 64 * MIB, survives_power_cut=rng.random() < 0.5)
-    policy = Policy(when_full=rng.choice(["refuse", "drop-oldest", "drop-newest", "wait"]), wait_s=0.05, stall_s=0.2)
+    policy = Policy(
+        when_full=rng.choice(["refuse", "drop-oldest", "drop-newest", "wait"]),
+        wait_s=0.05,
+        stall_s=0.2,
+    )
     return TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy, damage)
 
 
@@ -191,7 +211,9 @@ def spool_failing_disk(rng: random.Random, folder: Path, _stand: Stand) -> Found
 
 
 def compared(given: list[str], arrived: dict[str, None], reported: int) -> Found:
-    """Hold arrivals against what was given: order by sensor, nothing unknown, what is missing reported."""
+    """Hold arrivals against what was given: order by sensor, nothing unknown, what is missing
+    reported.
+    """
     assert arrived.keys() <= set(given)
     missing = len(set(given) - arrived.keys())
     place = {name: number for number, name in enumerate(given)}
@@ -217,13 +239,18 @@ def spool_damaged(rng: random.Random, folder: Path, _stand: Stand) -> Found:
     delivery = spool_sink(path, carrier, rng).close()
     assert delivery.delivered == len(carrier.ids) == delivery.recovered - delivery.dropped
     found = compared(given, dict.fromkeys(carrier.ids), delivery.dropped)
-    # How many events a damaged batch had may be damaged too: that it is damaged is reported, and its file kept.
-    assert not found.missing or (delivery.complaint is not None and path.with_name("spool.damaged-1").exists())
+    # How many events a damaged batch had may be damaged too: that it is damaged is reported, and
+    # its file kept.
+    assert not found.missing or (
+        delivery.complaint is not None and path.with_name("spool.damaged-1").exists()
+    )
     return Found(found.events, found.reported + found.missing)
 
 
 def kafka_faults(rng: random.Random, folder: Path, stand: Stand) -> Found:
-    """Four lives of the Kafka sink with a spool; the broker comes, goes, is slow, refuses or freezes."""
+    """Four lives of the Kafka sink with a spool; the broker comes, goes, is slow, refuses or
+    freezes.
+    """
     broker = stand.broker
     first = 0
     topic = broker.topic()
@@ -257,7 +284,9 @@ def broker_fault(rng: random.Random, broker: Any) -> None:
 
 
 def service_faults(rng: random.Random, _folder: Path, stand: Stand) -> Found:
-    """A service with two outputs through launches, settings, restarts, kills, and faults of broker and disk."""
+    """A service with two outputs through launches, settings, restarts, kills, and faults of broker
+    and disk.
+    """
     service = WatchedService(stand.faulty, stand.broker)
     try:
         for _ in range(10):
@@ -276,14 +305,19 @@ def service_step(rng: random.Random, service: WatchedService, broker: Any) -> No
 
     steps: list[Callable[[], Any]] = [
         lambda: broker_fault(rng, broker),
-        lambda: service.fail_disk(rng.randint(1, 40), fault(rng), rng.random() < 0.5, rng.choice([WRITING, (READ,)])),
+        lambda: service.fail_disk(
+            rng.randint(1, 40), fault(rng), rng.random() < 0.5, rng.choice([WRITING, (READ,)])
+        ),
         service.heal_disk,
         lambda: restart(service.kill),
         lambda: restart(service.stop),
         lambda: time.sleep(0.5),
     ]
     if not service.is_faulty:
-        steps += [service.launch, lambda: service.configure(rng.choice([1000.0, 5000.0]), rng.choice(["a", "b"]))]
+        steps += [
+            service.launch,
+            lambda: service.configure(rng.choice([1000.0, 5000.0]), rng.choice(["a", "b"])),
+        ]
     rng.choice(steps)()
 
 
@@ -313,7 +347,11 @@ def campaign(minutes: float, seed: int, only: str, first: int) -> tuple[dict[str
                     broker.close()
                     broker = kafka_broker.MockBroker()
                 failures += tried(
-                    name, random.Random(f"{seed}/{number}"), rows[name], Stand(plain, faulty, broker), number
+                    name,
+                    random.Random(f"{seed}/{number}"),
+                    rows[name],
+                    Stand(plain, faulty, broker),
+                    number,
                 )
                 number += 1
         finally:
@@ -332,7 +370,9 @@ def tried(name: str, rng: random.Random, row: Row, stand: Stand, number: int) ->
         except Exception as error:
             place = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(place.filename).name}, line {place.lineno}"
-            return [f"trial {number} ({name}): {type(error).__name__} in {where}: {str(error)[:2000]}"]
+            return [
+                f"trial {number} ({name}): {type(error).__name__} in {where}: {str(error)[:2000]}"
+            ]
     row.events = row.events + found.events
     row.reported = row.reported + found.reported
     row.missing = row.missing + found.missing
@@ -355,9 +395,12 @@ def write(path: Path, rows: dict[str, Row], minutes: float, seed: int) -> None:
     before, rest = text.split(BEGIN)
     day = datetime.now(UTC).date().isoformat()
     words = (
-        f"{minutes:g} minutes, seed {seed}, {day}: `python benchmarks/campaign.py --minutes {minutes:g} --seed {seed}`."
+        f"{minutes:g} minutes, seed {seed}, {day}: `python benchmarks/campaign.py --minutes"
+        f" {minutes:g} --seed {seed}`."
     )
-    path.write_text(f"{before}{BEGIN}\n{words}\n\n{table(rows)}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    path.write_text(
+        f"{before}{BEGIN}\n{words}\n\n{table(rows)}\n{END}{rest.split(END)[1]}", encoding="utf-8"
+    )
 
 
 def main() -> int:
@@ -365,9 +408,14 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--only", default="", metavar="WORD", help="only trials with this word in their function's name"
+        "--only",
+        default="",
+        metavar="WORD",
+        help="only trials with this word in their function's name",
     )
-    parser.add_argument("--first", type=int, default=0, metavar="NUMBER", help="begin with this trial")
+    parser.add_argument(
+        "--first", type=int, default=0, metavar="NUMBER", help="begin with this trial"
+    )
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put the figures into this page")
     arguments = parser.parse_args()
     rows, failures = campaign(arguments.minutes, arguments.seed, arguments.only, arguments.first)

@@ -1,11 +1,14 @@
-"""Complexity: processor time and peak memory of a whole process against targets, sensors, duration and scan rate.
+"""Complexity: processor time and peak memory of a whole process against targets, sensors, duration
+and scan rate.
 
-    python benchmarks/complexity.py [--decades 3] [--write docs/benchmarks] [--from-csv docs/benchmarks]
+    python benchmarks/complexity.py [--decades 3] [--write docs/benchmarks] [--from-csv
+    docs/benchmarks]
 
-One quantity grows over three decades, the others stay. Each point is a process of its own that runs a scene with a
-constant P_d and encodes its events, without a file. Looks that do not detect cost as others where geometry is needed.
-Exponents are those of a power law above a constant start, a + b n^k, fitted to the logarithms of processor times, and
-of memory, by least squares; a is what the smallest point takes.
+One quantity grows over three decades, the others stay. Each point is a process of its own that runs
+a scene with a constant P_d and encodes its events, without a file. Looks that do not detect cost as
+others where geometry is needed. Exponents are those of a power law above a constant start, a + b
+n^k, fitted to the logarithms of processor times, and of memory, by least squares; a is what the
+smallest point takes.
 """
 
 import argparse
@@ -20,11 +23,17 @@ from typing import Any
 import numpy as np
 from result_files import BLUE, ORANGE, number, read_csv, svg_plot, write_csv
 
-#: The scene that stays: with all of these a run is short, so that the largest points take about a minute.
+#: The scene that stays: with all of these a run is short, so that the largest points take about a
+#: minute.
 BASE = {"targets": 10, "sensors": 2, "duration_s": 60.0, "rate_hz": 1.0}
 #: The first value of each quantity; the last is 10 to the number of decades times that.
 FIRST = {"targets": 10, "sensors": 2, "duration_s": 60.0, "rate_hz": 1.0}
-UNITS = {"targets": "targets", "sensors": "sensors", "duration_s": "duration, s", "rate_hz": "looks per second"}
+UNITS = {
+    "targets": "targets",
+    "sensors": "sensors",
+    "duration_s": "duration, s",
+    "rate_hz": "looks per second",
+}
 #: Points a decade.
 POINTS = 2
 
@@ -44,7 +53,9 @@ FLAT = 1.25
 
 
 def scene(targets: int, sensors: int, duration_s: float, rate_hz: float) -> dict[str, Any]:
-    """Return a scene as plain values: equally many launches every minute, so that looks grow with the duration."""
+    """Return a scene as plain values: equally many launches every minute, so that looks grow with
+    the duration.
+    """
     rng = np.random.default_rng(7)
     places = rng.uniform(-20.0, 20.0, (targets, 2))
     return {
@@ -82,7 +93,9 @@ def child(values: Mapping[str, float]) -> None:
     import opir_core as opir
 
     opir_scene = opir.scene_from_mapping(
-        scene(int(values["targets"]), int(values["sensors"]), values["duration_s"], values["rate_hz"])
+        scene(
+            int(values["targets"]), int(values["sensors"]), values["duration_s"], values["rate_hz"]
+        )
     )
     from opir_core.interfaces.contexts import EncoderContext
     from opir_core.output.events.encoder_input import window_blocks
@@ -92,7 +105,9 @@ def child(values: Mapping[str, float]) -> None:
     from opir_core.simulation.run import plan_windows
 
     plan = compile_plan(opir_scene)
-    encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=0, render=chosen_renderer(plan.host)[1]))
+    encoder = ForgeEncoder(
+        EncoderContext(sensors=plan.sensors, epoch_us=0, render=chosen_renderer(plan.host)[1])
+    )
     looks = 0
     events = 0
     for window in plan_windows(plan):
@@ -112,7 +127,11 @@ def measured(values: Mapping[str, float]) -> dict[str, float]:
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise SystemExit(f"{values} ended with exit code {process.returncode}")
-    return {"processor_s": used.ru_utime + used.ru_stime, "peak_mib": used.ru_maxrss / 1024, **json.loads(text)}
+    return {
+        "processor_s": used.ru_utime + used.ru_stime,
+        "peak_mib": used.ru_maxrss / 1024,
+        **json.loads(text),
+    }
 
 
 def rows(decades: float) -> Iterator[dict[str, str]]:
@@ -123,13 +142,18 @@ def rows(decades: float) -> Iterator[dict[str, str]]:
             found = measured(point)
             row = {"quantity": quantity, "value": f"{point[quantity]:.6g}"}
             row |= {"looks": str(found["looks"]), "events": str(found["events"])}
-            row |= {"processor_s": f"{found['processor_s']:.3f}", "peak_mib": f"{found['peak_mib']:.1f}"}
+            row |= {
+                "processor_s": f"{found['processor_s']:.3f}",
+                "peak_mib": f"{found['peak_mib']:.1f}",
+            }
             print(",".join(row.values()), flush=True)
             yield row
 
 
 def exponent(value: np.ndarray, cost: np.ndarray) -> float:
-    """Return k of a + b n^k, with a the smallest of the costs that leaves the rest a power law, by least squares."""
+    """Return k of a + b n^k, with a the smallest of the costs that leaves the rest a power law, by
+    least squares.
+    """
     if cost.max() < FLAT * cost.min():
         return 0.0
     best = (np.inf, 0.0)
@@ -145,7 +169,10 @@ def exponents(table: Sequence[Mapping[str, str]]) -> dict[str, tuple[float, floa
     found = {}
     for quantity in dict.fromkeys(row["quantity"] for row in table):
         mine = [row for row in table if row["quantity"] == quantity]
-        value, *costs = (np.array([number(row[name]) for row in mine]) for name in ("value", "processor_s", "peak_mib"))
+        value, *costs = (
+            np.array([number(row[name]) for row in mine])
+            for name in ("value", "processor_s", "peak_mib")
+        )
         found[quantity] = exponent(value, costs[0]), exponent(value, costs[1])
     return found
 
@@ -159,19 +186,23 @@ def write_page(folder: Path) -> None:
         low, *_, high = (row for row in table if row["quantity"] == quantity)
         look_us = 1e6 * number(high["processor_s"]) / number(high["looks"])
         parts.append(
-            f"{UNITS[quantity].partition(',')[0]}, {low['value']} to {high['value']}: {time:.2f} and {memory:.2f}"
+            f"{UNITS[quantity].partition(',')[0]}, {low['value']} to {high['value']}: {time:.2f}"
+            f" and {memory:.2f}"
             f" ({look_us:.1f} µs a look at the end)"
         )
     page = PAGE.format(
         answer=f"The exponents of processor time and peak memory are, of {'; '.join(parts)}.",
         flat=f"{FLAT:g} times",
-        base=f"{BASE['targets']} targets, {BASE['sensors']} sensors, {BASE['duration_s']:g} s, a look per second",
+        base=f"{BASE['targets']} targets, {BASE['sensors']} sensors, {BASE['duration_s']:g} s, a"
+        f" look per second",
     )
     (folder / "complexity.md").write_text(page, encoding="utf-8")
     plot(table, found, folder / "complexity.svg")
 
 
-def plot(table: Sequence[Mapping[str, str]], found: Mapping[str, tuple[float, float]], path: Path) -> None:
+def plot(
+    table: Sequence[Mapping[str, str]], found: Mapping[str, tuple[float, float]], path: Path
+) -> None:
     """Draw time and memory against each quantity."""
     with svg_plot(path, 2, len(found), figsize=(12.0, 5.5), sharey="row") as (_, axes):
         for column, (quantity, both) in enumerate(found.items()):
@@ -189,7 +220,9 @@ def plot(table: Sequence[Mapping[str, str]], found: Mapping[str, tuple[float, fl
 
 def main() -> None:
     """Measure, or draw page and plot again from the CSV file in a folder."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--decades", type=float, default=3.0)
     parser.add_argument("--write", type=Path, metavar="FOLDER")
     parser.add_argument("--from-csv", type=Path, metavar="FOLDER")

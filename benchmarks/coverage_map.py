@@ -1,10 +1,11 @@
-"""Processor time and memory of a coverage map: geometry alone and all layers, against a bare numpy script.
+"""Processor time and memory of a coverage map: geometry alone and all layers, against a bare numpy
+script.
 
     python benchmarks/coverage_map.py [--scene FILE] [--grid DEG]
 
-24 satellites of LEO-WIDE, 96 instants, cells of 2°, heights 10 and 100 km, one class, two instants of launches. The
-script is what a user would write for one height: elevation above the horizon of a sphere, without field of regard, the
-Sun or the ellipsoid.
+24 satellites of LEO-WIDE, 96 instants, cells of 2°, heights 10 and 100 km, one class, two instants
+of launches. The script is what a user would write for one height: elevation above the horizon of a
+sphere, without field of regard, the Sun or the ellipsoid.
 """
 
 import argparse
@@ -41,7 +42,10 @@ def timed(words: str, work: Callable[[], Result]) -> Result:
     result = work()
     spent_s = time.process_time() - start
     keep(f"{words}, processor time", spent_s, "s")
-    print(f"{words:44} {spent_s:6.2f} s  {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:5.0f} MiB")
+    print(
+        f"{words:44} {spent_s:6.2f} s "
+        f" {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:5.0f} MiB"
+    )
     return result
 
 
@@ -50,14 +54,24 @@ def script(position_m: "np.ndarray") -> "np.ndarray":
     latitude, longitude = np.meshgrid(
         np.radians(np.arange(-89, 90, 2)), np.radians(np.arange(-179, 180, 2)), indexing="ij"
     )
-    up = np.stack([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
+    up = np.stack(
+        [
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ]
+    )
     up = up.reshape(3, -1)
-    return np.stack([(position_m[:, step] @ up > EARTH_M).sum(axis=0) for step in range(position_m.shape[1])])
+    return np.stack(
+        [(position_m[:, step] @ up > EARTH_M).sum(axis=0) for step in range(position_m.shape[1])]
+    )
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scene")
     parser.add_argument("--grid", type=float, default=2.0)
     arguments = parser.parse_args()

@@ -1,11 +1,13 @@
-"""Plumes against fires, flares and glints, and the types of launches: one look each, through the whole engine.
+"""Plumes against fires, flares and glints, and the types of launches: one look each, through the
+whole engine.
 
-    python benchmarks/discrimination.py [--launches 150] [--sources 150] [--seed 1] [--write docs/benchmarks]
+    python benchmarks/discrimination.py [--launches 150] [--sources 150] [--seed 1] [--write
+    docs/benchmarks]
 
-Launches of each type and hot sources of each kind, drawn at random below one geostationary slot, are simulated with
-every sensor at that slot. For each object one time is drawn, the same for all sensors, and the look at that time is
-scored: so looks are independent, and sensors are compared in pairs. `--write` makes the page, its plots and its CSV
-files.
+Launches of each type and hot sources of each kind, drawn at random below one geostationary slot,
+are simulated with every sensor at that slot. For each object one time is drawn, the same for all
+sensors, and the look at that time is scored: so looks are independent, and sensors are compared in
+pairs. `--write` makes the page, its plots and its CSV files.
 """
 
 import argparse
@@ -93,7 +95,9 @@ class Area(NamedTuple):
 
 
 class Confusion(NamedTuple):
-    """How often looks at launches of a type are reported as another, with the 95 % interval of the share."""
+    """How often looks at launches of a type are reported as another, with the 95 % interval of the
+    share.
+    """
 
     sensor: str
     true_type: str
@@ -120,8 +124,13 @@ def areas(people: Population, looks: dict[str, Looks]) -> Iterator[Area]:
 
 
 def areas_table(found: list[Area]) -> str:
-    """Return a line for each sensor: detections against each kind, and detections and looks against all."""
-    lines = [f"| sensor | {' | '.join(KINDS)} | all | all, looks |", "|---" * (3 + len(KINDS)) + "|"]
+    """Return a line for each sensor: detections against each kind, and detections and looks against
+    all.
+    """
+    lines = [
+        f"| sensor | {' | '.join(KINDS)} | all | all, looks |",
+        "|---" * (3 + len(KINDS)) + "|",
+    ]
     for sensor in SENSORS:
         own = {(row.of, row.against): row for row in found if row.sensor == sensor}
         cells = [f"{own['detections', kind].auc:.3f}" for kind in KINDS]
@@ -147,7 +156,10 @@ def area_orders(
 def type_orders(people: Population, looks: dict[str, Looks]) -> list[tuple[str, str, float, float]]:
     """Return each step of the order of sensors with gain and p."""
     right = {sensor: is_right(looks[sensor], people.kind) for sensor in SENSORS}
-    return [(worse, better, *type_gain(right[worse], right[better])) for worse, better in pairwise(SENSORS)]
+    return [
+        (worse, better, *type_gain(right[worse], right[better]))
+        for worse, better in pairwise(SENSORS)
+    ]
 
 
 def confusion(people: Population, looks: dict[str, Looks]) -> Iterator[Confusion]:
@@ -157,29 +169,52 @@ def confusion(people: Population, looks: dict[str, Looks]) -> Iterator[Confusion
             codes = looks[sensor].code[people.kind == kind]
             for number, code in enumerate(CODES):
                 hits = int(np.sum(codes == number))
-                yield Confusion(sensor, kind, code, hits, len(codes), hits / len(codes), *interval(hits, len(codes)))
+                yield Confusion(
+                    sensor,
+                    kind,
+                    code,
+                    hits,
+                    len(codes),
+                    hits / len(codes),
+                    *interval(hits, len(codes)),
+                )
 
 
 def order_tables(people: Population, looks: dict[str, Looks]) -> tuple[str, str]:
-    """Return the gains of each step of the order of sensors: in AUC, and in correct types with their shares."""
-    steps = [step for of_looks in (False, True) for step in area_orders(people, looks, of_looks=of_looks)]
+    """Return the gains of each step of the order of sensors: in AUC, and in correct types with
+    their shares.
+    """
+    steps = [
+        step for of_looks in (False, True) for step in area_orders(people, looks, of_looks=of_looks)
+    ]
     least = min(gain for *_, gain, _sigma, _p in steps)
     worst_p = max(p for *_, p in steps)
-    areas = f"Each step of the order gains {least:+.3f} or more against all kinds (largest one-sided p {worst_p:.1e})."
+    areas = (
+        f"Each step of the order gains {least:+.3f} or more against all kinds (largest one-sided p"
+        f" {worst_p:.1e})."
+    )
     types = []
     for sensor in SENSORS:
         right = is_right(looks[sensor], people.kind)
-        seen = int(np.sum(looks[sensor].code[np.isin(people.kind, TARGET_TYPES)] < len(REPORTED_TYPES)))
+        seen = int(
+            np.sum(looks[sensor].code[np.isin(people.kind, TARGET_TYPES)] < len(REPORTED_TYPES))
+        )
         low, high = interval(int(right.sum()), len(right))
         of_looks = f"{right.mean():.3f} ({low:.3f}–{high:.3f})"
-        types.append(f"{sensor} {of_looks}, and {right.sum() / max(seen, 1):.3f} of {seen} detections")
-    gains = "; ".join(f"{a} to {b} {gain:+.3f} (p {p:.1e})" for a, b, gain, p in type_orders(people, looks))
+        types.append(
+            f"{sensor} {of_looks}, and {right.sum() / max(seen, 1):.3f} of {seen} detections"
+        )
+    gains = "; ".join(
+        f"{a} to {b} {gain:+.3f} (p {p:.1e})" for a, b, gain, p in type_orders(people, looks)
+    )
     return areas, f"{'; '.join(types)}. Gains: {gains}."
 
 
 def main() -> None:
     """Print the tables; with `--write`, make the page and its plots."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--launches", type=int, default=150)
     parser.add_argument("--sources", type=int, default=150)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,4 +1,6 @@
-"""The objects of `discrimination.py`: launches and hot sources drawn at random, and the looks that are judged."""
+"""The objects of `discrimination.py`: launches and hot sources drawn at random, and the looks that
+are judged.
+"""
 
 from typing import Any, NamedTuple
 
@@ -19,8 +21,9 @@ KINDS = ("fire", "flare", "glint")
 SHINING_S = {"fire": 21_600.0, "flare": 86_400.0, "glint": 1200.0}
 #: Looks are judged one by one.
 SINGLE = {"confirmation_detections": 1}
-#: Noise is given and frames are not subtracted: bands are compared. By default the difference of frames takes away what
-#: does not move, before any classifier, and the Earth's own photons hide plumes from DSP.
+#: Noise is given and frames are not subtracted: bands are compared. By default the difference of
+#: frames takes away what does not move, before any classifier, and the Earth's own photons hide
+#: plumes from DSP.
 NOISE = {
     "DSP": {"focal_plane": None, "nei_w_m2": 5e-13},
     "SBIRS-GEO": {"focal_plane": None, "nei_w_m2": 1e-12},
@@ -39,7 +42,9 @@ CODES = (*REPORTED_TYPES, "not detected")
 
 
 class Population(NamedTuple):
-    """A scene's plain values; of each emitter its kind (a type, or a kind of source) and the moment looked at."""
+    """A scene's plain values; of each emitter its kind (a type, or a kind of source) and the moment
+    looked at.
+    """
 
     scene: dict[str, Any]
     kind: NDArray[np.str_]
@@ -47,7 +52,9 @@ class Population(NamedTuple):
 
 
 class Looks(NamedTuple):
-    """Of one sensor, for each emitter: ln of the odds of a missile (-inf undetected), reported code, posterior."""
+    """Of one sensor, for each emitter: ln of the odds of a missile (-inf undetected), reported
+    code, posterior.
+    """
 
     log_odds: FloatArray
     code: NDArray[np.int64]
@@ -55,12 +62,22 @@ class Looks(NamedTuple):
 
 
 def population(launches: int, sources: int, seed: int) -> Population:
-    """Return launches of each type and sources of each kind, with every sensor, twice: with and without its gates."""
+    """Return launches of each type and sources of each kind, with every sensor, twice: with and
+    without its gates.
+    """
     rng = np.random.default_rng([seed, 17])
     targets = [launched(rng, kind, number) for kind in TARGET_TYPES for number in range(launches)]
     blocks = [sourced(rng, kind, sources) for kind in KINDS]
     sensors = [
-        {"model": model, "id": f"{model}{suffix}", "orbital_slot_deg": 0.0, **SINGLE, **ALIGNED, **NOISE[model], **rule}
+        {
+            "model": model,
+            "id": f"{model}{suffix}",
+            "orbital_slot_deg": 0.0,
+            **SINGLE,
+            **ALIGNED,
+            **NOISE[model],
+            **rule,
+        }
         for model in SENSORS
         for suffix, rule in (("", {}), ("-ANY", {"spectral_discrimination": "none"}))
     ]
@@ -77,14 +94,18 @@ def population(launches: int, sources: int, seed: int) -> Population:
         "atmosphere": {"model": "lowtran", "climate": "midlat_summer"},
         "background": "earth",
     }
-    kind = np.array([*(target["type"] for target in targets), *(k for k in KINDS for _ in range(sources))])
+    kind = np.array(
+        [*(target["type"] for target in targets), *(k for k in KINDS for _ in range(sources))]
+    )
     burn_s = np.array([boost_profile(target["profile"]).burn_time_s for target in targets])
     within_s = np.concatenate([burn_s, np.full(len(KINDS) * sources, DURATION_S)])
     return Population(scene, kind, moments_s(rng, within_s))
 
 
 def prior(launches: int, sources: int) -> dict[str, Any]:
-    """Return the prior of the classifier: as many launches a day, and sources that shine as long, as in the scene."""
+    """Return the prior of the classifier: as many launches a day, and sources that shine as long,
+    as in the scene.
+    """
     return {
         "launches_per_day": 86_400.0 / DURATION_S * launches * len(TARGET_TYPES),
         "prior": dict.fromkeys(TARGET_TYPES, 1.0 / len(TARGET_TYPES)),
@@ -94,7 +115,9 @@ def prior(launches: int, sources: int) -> dict[str, Any]:
 
 def moments_s(rng: np.random.Generator, within_s: FloatArray) -> FloatArray:
     """Return moments (n,) of looks, drawn evenly within spans (n,) of scene time."""
-    drawn: FloatArray = PERIOD_S * np.ceil(rng.random(len(within_s)) * np.floor(within_s / PERIOD_S - 0.5))
+    drawn: FloatArray = PERIOD_S * np.ceil(
+        rng.random(len(within_s)) * np.floor(within_s / PERIOD_S - 0.5)
+    )
     return drawn
 
 
@@ -108,7 +131,10 @@ def launched(rng: np.random.Generator, kind: str, number: int) -> dict[str, Any]
     aim = moved(latitude, longitude, angle, 2.0 * np.pi * rng.random())
     spread = BRIGHTNESS * rng.standard_normal() + COLOUR * rng.standard_normal(3)
     peaks = plume_table()["peak_w_sr"][profile.name]
-    brightness = {name: float(peak * np.exp(more)) for (name, peak), more in zip(peaks.items(), spread, strict=True)}
+    brightness = {
+        name: float(peak * np.exp(more))
+        for (name, peak), more in zip(peaks.items(), spread, strict=True)
+    }
     return {
         "id": f"{kind}-{number}",
         "type": kind,
@@ -122,20 +148,26 @@ def launched(rng: np.random.Generator, kind: str, number: int) -> dict[str, Any]
 def sourced(rng: np.random.Generator, kind: str, count: int) -> dict[str, Any]:
     """Return a block of sources of a kind."""
     rows = []
-    for area in {"fire": 2000.0, "flare": 30.0, "glint": 1e6}[kind] * np.exp(AREA * rng.standard_normal(count)):
+    for area in {"fire": 2000.0, "flare": 30.0, "glint": 1e6}[kind] * np.exp(
+        AREA * rng.standard_normal(count)
+    ):
         if kind == "glint":
             where = np.radians(2.2 + rng.uniform(-10.0, 10.0)), np.radians(rng.uniform(-10.0, 10.0))
         else:
             where = seen_from(np.arcsin(rng.uniform(0.03, 1.0)), 2.0 * np.pi * rng.random())
         row = {**place(*where), "area_m2": float(area)}
         if kind != "glint":
-            row["temperature_k"] = float(rng.uniform(*{"fire": (800.0, 1200.0), "flare": (1600.0, 2000.0)}[kind]))
+            row["temperature_k"] = float(
+                rng.uniform(*{"fire": (800.0, 1200.0), "flare": (1600.0, 2000.0)}[kind])
+            )
         rows.append(row)
     return {"id": kind, "model": f"{kind}s", "at": rows}
 
 
 def seen_from(elevation: float, bearing: float) -> tuple[float, float]:
-    """Return latitude and longitude, rad, of a place that has the satellite at an elevation, rad."""
+    """Return latitude and longitude, rad, of a place that has the satellite at an elevation,
+    rad.
+    """
     angle = float(np.arccos(RADIUS_KM * np.cos(elevation) / SLOT_KM) - elevation)
     return moved(0.0, 0.0, angle, bearing)
 
@@ -144,12 +176,17 @@ def moved(latitude: float, longitude: float, angle: float, heading: float) -> tu
     """Return the place at an angle from another, on a sphere."""
     sine = np.sin(latitude) * np.cos(angle) + np.cos(latitude) * np.sin(angle) * np.cos(heading)
     across = np.sin(heading) * np.sin(angle) * np.cos(latitude)
-    return float(np.arcsin(sine)), longitude + float(np.arctan2(across, np.cos(angle) - np.sin(latitude) * sine))
+    return float(np.arcsin(sine)), longitude + float(
+        np.arctan2(across, np.cos(angle) - np.sin(latitude) * sine)
+    )
 
 
 def place(latitude: float, longitude: float) -> dict[str, float]:
     """Return a place as scenes write it."""
-    return {"lat_deg": float(np.degrees(latitude)), "lon_deg": float((np.degrees(longitude) + 180.0) % 360.0 - 180.0)}
+    return {
+        "lat_deg": float(np.degrees(latitude)),
+        "lon_deg": float((np.degrees(longitude) + 180.0) % 360.0 - 180.0),
+    }
 
 
 def simulated(people: Population) -> tuple[Any, Run]:

@@ -18,11 +18,15 @@ def plots(people: Population, looks: dict[str, Looks], folder: Path) -> None:
     matplotlib.rcParams["svg.hashsalt"] = "opir"
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(2, 3, figsize=(11.0, 7.4), sharex=True, sharey=True, layout="constrained")
+    figure, axes = pyplot.subplots(
+        2, 3, figsize=(11.0, 7.4), sharex=True, sharey=True, layout="constrained"
+    )
     for row, of_looks in enumerate((False, True)):
         for axis, kind in zip(axes[row], KINDS, strict=True):
             draw_curves(axis, people, looks, kind, of_looks=of_looks)
-        axes[row, 0].set_ylabel(f"share of {'looks at' if of_looks else 'detections of'} plumes above the threshold")
+        axes[row, 0].set_ylabel(
+            f"share of {'looks at' if of_looks else 'detections of'} plumes above the threshold"
+        )
     axes[1, 2].legend(frameon=False, loc="lower right")
     figure.savefig(folder / "discrimination.svg", metadata={"Date": None})
     figure, axes = pyplot.subplots(1, 3, figsize=(11.0, 3.4), sharey=True, layout="constrained")
@@ -33,7 +37,9 @@ def plots(people: Population, looks: dict[str, Looks], folder: Path) -> None:
     figure.savefig(folder / "classification.svg", metadata={"Date": None})
 
 
-def draw_curves(axis: Any, people: Population, looks: dict[str, Looks], kind: str, *, of_looks: bool) -> None:
+def draw_curves(
+    axis: Any, people: Population, looks: dict[str, Looks], kind: str, *, of_looks: bool
+) -> None:
     """Draw the curves of all sensors against a kind, with bands of resampled objects."""
     rng = np.random.default_rng(5)
     at = np.linspace(0.0, 1.0, 101)
@@ -44,13 +50,19 @@ def draw_curves(axis: Any, people: Population, looks: dict[str, Looks], kind: st
         shown = np.isfinite(score) | of_looks
         parts = score[plume & shown], score[other & shown]
         drawn = [roc(*(rng.choice(part, len(part)) for part in parts), at) for _ in range(200)]
-        axis.fill_between(at, *np.quantile(drawn, [0.025, 0.975], axis=0), color=colour, alpha=0.15, linewidth=0)
+        axis.fill_between(
+            at, *np.quantile(drawn, [0.025, 0.975], axis=0), color=colour, alpha=0.15, linewidth=0
+        )
         axis.plot(at, roc(*parts, at), color=colour, label=sensor)
         if of_looks:
             passed = looks[sensor].code < len(REPORTED_TYPES)
             axis.plot(passed[other].mean(), passed[plume].mean(), "x", color=colour, markersize=8)
     name = "looks at" if of_looks else "detections of"
-    axis.set(xlabel=f"share of {name} {kind}s above the threshold", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
+    axis.set(
+        xlabel=f"share of {name} {kind}s above the threshold",
+        xlim=(-0.02, 1.02),
+        ylim=(-0.02, 1.02),
+    )
     axis.grid(alpha=0.3)
 
 
@@ -60,7 +72,12 @@ def draw_confusion(axis: Any, people: Population, looks: Looks) -> None:
         codes = looks.code[people.kind == kind]
         share = np.bincount(codes, minlength=len(CODES)) / len(codes)
         axis.imshow(
-            share[None], vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto", extent=(-0.5, 4.5, row + 0.5, row - 0.5)
+            share[None],
+            vmin=0.0,
+            vmax=1.0,
+            cmap="Blues",
+            aspect="auto",
+            extent=(-0.5, 4.5, row + 0.5, row - 0.5),
         )
         for column, value in enumerate(share.tolist()):
             low, high = interval(round(value * len(codes)), len(codes))

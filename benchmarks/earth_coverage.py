@@ -1,11 +1,12 @@
 """Coverage of the default constellations: by latitude, over a day.
 
-    python benchmarks/earth_coverage.py [--step-s 300] [--write docs/benchmarks] [--from-csv docs/benchmarks]
+    python benchmarks/earth_coverage.py [--step-s 300] [--write docs/benchmarks] [--from-csv
+    docs/benchmarks]
 
-Targets 20 km up, every 4 degrees of latitude and 30 of longitude, and every satellite of a fleet, through the engine's
-own test of visibility. A place is covered while at least one satellite of the fleet sees it. `--write` puts the page,
-its data as a CSV file and, where matplotlib is installed, a plot into a folder; `--from-csv` draws page and plot again
-from the CSV file in a folder.
+Targets 20 km up, every 4 degrees of latitude and 30 of longitude, and every satellite of a fleet,
+through the engine's own test of visibility. A place is covered while at least one satellite of the
+fleet sees it. `--write` puts the page, its data as a CSV file and, where matplotlib is installed, a
+plot into a folder; `--from-csv` draws page and plot again from the CSV file in a folder.
 """
 
 import argparse
@@ -57,7 +58,9 @@ south it has gaps of up to 11 hours. LEO sees the whole Earth all day."""
 
 
 class Row(NamedTuple):
-    """What a fleet sees at a latitude: shares of the day with one and with two satellites, mean number, longest gap."""
+    """What a fleet sees at a latitude: shares of the day with one and with two satellites, mean
+    number, longest gap.
+    """
 
     latitude_deg: float
     fleet: str
@@ -82,7 +85,9 @@ def sensors_of(constellations: list[str]) -> tuple[Sensor, ...]:
 
 def places_ecef_m() -> NDArray[np.float64]:
     """Return the targets, latitude by latitude, (n, 3)."""
-    latitude, longitude = np.meshgrid(np.radians(LATITUDES_DEG), np.radians(LONGITUDES_DEG), indexing="ij")
+    latitude, longitude = np.meshgrid(
+        np.radians(LATITUDES_DEG), np.radians(LONGITUDES_DEG), indexing="ij"
+    )
     return geodetic_to_ecef(latitude.ravel(), longitude.ravel(), np.full(latitude.size, HEIGHT_M))
 
 
@@ -99,7 +104,9 @@ def in_view(sensors: tuple[Sensor, ...], step_s: float) -> NDArray[np.int64]:
 
 
 def longest_gap_s(seen: NDArray[np.bool_], step_s: float) -> float:
-    """Return the longest run of times, over the day's end and into the next, in which a place is not seen."""
+    """Return the longest run of times, over the day's end and into the next, in which a place is
+    not seen.
+    """
     if not seen.any():
         return DAY_S
     turned = np.roll(seen, -int(np.argmax(seen)))
@@ -111,7 +118,9 @@ def coverage(fleet: str, constellations: list[str], step_s: float) -> list[Row]:
     """Return the coverage of constellations together, by latitude."""
     count = in_view(sensors_of(constellations), step_s)
     bands = count.reshape(len(LATITUDES_DEG), -1)
-    gaps = np.array([longest_gap_s(row > 0, step_s) for row in count]).reshape(len(LATITUDES_DEG), -1)
+    gaps = np.array([longest_gap_s(row > 0, step_s) for row in count]).reshape(
+        len(LATITUDES_DEG), -1
+    )
     columns = (bands > 0).mean(1), (bands > 1).mean(1), bands.mean(1), gaps.max(1)
     return [
         Row(float(latitude), fleet, *map(float, values))
@@ -129,7 +138,9 @@ def table(rows: list[Row]) -> str:
         own = [row for row in rows if row.fleet == fleet]
         gap_s = max(row.longest_gap_s for row in own)
         inside = [row for row in own if abs(row.latitude_deg) <= 72.0]
-        spans = " | ".join(span([getattr(row, column) for row in inside]) for column in ("twice", "satellites"))
+        spans = " | ".join(
+            span([getattr(row, column) for row in inside]) for column in ("twice", "satellites")
+        )
         gap = "a day" if gap_s >= DAY_S else f"{gap_s / 60.0:.0f}"
         lines.append(f"| {fleet} | {covered_all_day(own)} | {spans} | {gap} |")
     return "\n".join(lines)
@@ -143,7 +154,9 @@ def span(values: list[float]) -> str:
 
 
 def covered_all_day(rows: list[Row]) -> str:
-    """Return the range of latitudes in which a fleet sees every place all day; it is one range for all of them."""
+    """Return the range of latitudes in which a fleet sees every place all day; it is one range for
+    all of them.
+    """
     whole = [row.latitude_deg for row in rows if row.covered == 1.0]
     return f"{named(whole[0])} to {named(whole[-1])}" if whole else "none"
 
@@ -165,11 +178,17 @@ def plot(rows: list[Row], path: Path) -> None:
     for axis, name, label in zip(
         axes,
         ("covered", "twice", "satellites"),
-        ("share of the day with a satellite in view", "share with two or more", "satellites in view, mean"),
+        (
+            "share of the day with a satellite in view",
+            "share with two or more",
+            "satellites in view, mean",
+        ),
         strict=True,
     ):
         # Three fleets have four even slots each: their lines coincide, so widths differ.
-        for fleet, width, style in zip(FLEETS, (5.0, 3.0, 1.2, 1.6, 1.6), ("-", "-", "--", "-", "-"), strict=True):
+        for fleet, width, style in zip(
+            FLEETS, (5.0, 3.0, 1.2, 1.6, 1.6), ("-", "-", "--", "-", "-"), strict=True
+        ):
             own = [row for row in rows if row.fleet == fleet]
             values = [getattr(row, name) for row in own]
             latitude = [row.latitude_deg for row in own]
@@ -178,13 +197,17 @@ def plot(rows: list[Row], path: Path) -> None:
         axis.set_yticks(range(-90, 91, 30))
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("latitude, deg")
-    figure.legend(*axes[2].get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=5)
+    figure.legend(
+        *axes[2].get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=5
+    )
     figure.savefig(path, metadata={"Date": None})
 
 
 def main() -> None:
     """Print the table; with `--write`, make the page."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--step-s", type=float, default=300.0)
     parser.add_argument("--write", type=Path)
     parser.add_argument("--from-csv", type=Path)
@@ -192,7 +215,9 @@ def main() -> None:
     if arguments.from_csv:
         redraw(arguments.from_csv)
         return
-    rows = [row for fleet, names in FLEETS.items() for row in coverage(fleet, names, arguments.step_s)]
+    rows = [
+        row for fleet, names in FLEETS.items() for row in coverage(fleet, names, arguments.step_s)
+    ]
     print(table(rows))
     if arguments.write:
         write_csv(arguments.write / "coverage.csv", rows, {"step_s": arguments.step_s})
@@ -202,7 +227,9 @@ def main() -> None:
 def redraw(folder: Path) -> None:
     """Write the page and the plot from the CSV file of a folder."""
     rows, facts = read_csv(folder / "coverage.csv", Row)
-    page = PAGE.format(height_km=HEIGHT_M / 1e3, step_s=float(facts["step_s"]), table=table(rows), remarks=REMARKS)
+    page = PAGE.format(
+        height_km=HEIGHT_M / 1e3, step_s=float(facts["step_s"]), table=table(rows), remarks=REMARKS
+    )
     (folder / "coverage.md").write_text(page, encoding="utf-8")
     plot(rows, folder / "coverage.svg")
 

@@ -1,22 +1,27 @@
-"""What an event costs: detections to lines of JSON, and on into a file, by the ways that were tried.
+"""What an event costs: detections to lines of JSON, and on into a file, by the ways that were
+tried.
 
     python benchmarks/encoding.py [--events 200000] [--repeats 7]
     python benchmarks/encoding.py --raid 100 [--repeats 7]
 
 Prints the median processor time, in ns an event, and its ratio to the first, of
 
-- `forge`: the encoder, block by block, for events without tracks, with tracks, and from moving sensors with tracks;
-- `forge, three bands` and `forge-bands`: events of sensors with three bands without and with what these measured;
-- `forge-tracks, tracked`: events with the states and covariances of their tracks, a hundred events a track and tick;
+- `forge`: the encoder, block by block, for events without tracks, with tracks, and from moving
+  sensors with tracks;
+- `forge, three bands` and `forge-bands`: events of sensors with three bands without and with what
+  these measured;
+- `forge-tracks, tracked`: events with the states and covariances of their tracks, a hundred events
+  a track and tick;
 - `forge to file`: the same through the `jsonl` sink, the writing included;
-- `msgspec structs`: one struct an event, constant parts as ready-made JSON (`msgspec.Raw`), `encode_lines`;
+- `msgspec structs`: one struct an event, constant parts as ready-made JSON (`msgspec.Raw`),
+  `encode_lines`;
 - `dictionaries`: one dictionary an event, the standard library's `json`, `isoformat` and `uuid`.
 
 All ways make the same lines of the same detections, which is checked first.
 
-With `--raid` the events are those of `benchmarks/raid.py` with so many launches, and the ways are opir's renderers,
-from columns in memory, and msgspec from what is in memory already: one struct, or one dictionary, an event. Times are
-those of encoding alone; the ratio is to msgspec's structs.
+With `--raid` the events are those of `benchmarks/raid.py` with so many launches, and the ways are
+opir's renderers, from columns in memory, and msgspec from what is in memory already: one struct, or
+one dictionary, an event. Times are those of encoding alone; the ratio is to msgspec's structs.
 """
 
 import argparse
@@ -70,8 +75,12 @@ def main() -> None:
     if options.raid:
         raid_lines(options.raid, options.repeats)
         return
-    sensors = tuple(stub_sensor(f"SBIRS-GEO-{n}", -170.5 + 35 * n, type="SBIRS-GEO") for n in range(SENSORS))
-    context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US, render=chosen_renderer(Host.discover())[1])
+    sensors = tuple(
+        stub_sensor(f"SBIRS-GEO-{n}", -170.5 + 35 * n, type="SBIRS-GEO") for n in range(SENSORS)
+    )
+    context = EncoderContext(
+        sensors=sensors, epoch_us=EPOCH_US, render=chosen_renderer(Host.discover())[1]
+    )
     encoder = ForgeEncoder(context)
     with_tracks = ForgeEncoder(context, has_tracks=True)
     plain = sample_window(options.events, is_tracked=False, is_moving=False)
@@ -89,7 +98,9 @@ def main() -> None:
         "forge to file": lambda: filed(encoder, plain),
         "forge to file, tracked": lambda: filed(encoder, tracked),
         "msgspec structs": lambda: [struct_lines(block, sensors) for block in window_blocks(plain)],
-        "dictionaries": lambda: [dictionary_lines(block, sensors) for block in window_blocks(plain)],
+        "dictionaries": lambda: [
+            dictionary_lines(block, sensors) for block in window_blocks(plain)
+        ],
     }
     took = median_ns(ways, options.repeats)
     for name, median in took.items():
@@ -98,14 +109,18 @@ def main() -> None:
 
 
 def raid_lines(launches: int, repeats: int) -> None:
-    """Print what the events of a raid cost as lines, by both renderers and by msgspec from objects in memory."""
+    """Print what the events of a raid cost as lines, by both renderers and by msgspec from objects
+    in memory.
+    """
     plan = opir_core.compile_plan(raid(launches, 12, 300.0, []))
     windows = list(plan_windows(plan))
     context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)
     reference = ForgeEncoder(context)
     compiled = ForgeEncoder(evolve(context, render=chosen_renderer(Host.discover())[1]))
     lines = [compiled.encode(block) for window in windows for block in window_blocks(window)]
-    structs = [msgspec.json.decode(line, type=RaidEvent) for block in lines for line in block.splitlines()]
+    structs = [
+        msgspec.json.decode(line, type=RaidEvent) for block in lines for line in block.splitlines()
+    ]
     mappings = [msgspec.json.decode(line) for block in lines for line in block.splitlines()]
     whole = b"".join(lines)
     encode = msgspec.json.Encoder().encode_lines
@@ -125,13 +140,19 @@ def raid_lines(launches: int, repeats: int) -> None:
 
 
 def three_bands(window: Window) -> tuple[Window, ForgeEncoder, ForgeEncoder]:
-    """Return a window as sensors with three bands measure it, and the encoders `forge` and `forge-bands` for them."""
+    """Return a window as sensors with three bands measure it, and the encoders `forge` and
+    `forge-bands` for them.
+    """
     bands = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.2, 4.45), Band("LWIR", 8.0, 12.0)
     slots = -170.5 + 35.0 * np.arange(SENSORS)
-    sensors = tuple(stub_sensor(f"NEXTGEN-{n}", slot, bands=bands) for n, slot in enumerate(slots.tolist()))
+    sensors = tuple(
+        stub_sensor(f"NEXTGEN-{n}", slot, bands=bands) for n, slot in enumerate(slots.tolist())
+    )
     measured = 10.0 ** np.random.default_rng(2).uniform(-13.0, -10.0, (len(window.detections), 3))
     lit = evolve(window, detections=evolve(window.detections, band_irradiance_w_m2=measured))
-    context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US, render=chosen_renderer(Host.discover())[1])
+    context = EncoderContext(
+        sensors=sensors, epoch_us=EPOCH_US, render=chosen_renderer(Host.discover())[1]
+    )
     return lit, ForgeEncoder(context), ForgeEncoder(context, has_irradiances=True)
 
 
@@ -170,14 +191,18 @@ def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:
 
 
 def sample_estimates(random: np.random.Generator, count: int) -> Tracks:
-    place = np.column_stack([random.random(count), random.random(count), 100.0 * random.random(count)])
+    place = np.column_stack(
+        [random.random(count), random.random(count), 100.0 * random.random(count)]
+    )
     spread = np.broadcast_to(
         np.diag([2e6, 1e6, 4.0]) + 5e5 * np.eye(3)[[1, 0, 2]] * [[1.0], [1.0], [0.0]], (count, 3, 3)
     )
     return Tracks(
         tick_s=np.arange(count) // TARGETS * 1.0,
         track=np.arange(count) % TARGETS,
-        state=np.column_stack([6.5e6 * np.ones(count), 1e6 * random.random((count, 2)), random.random((count, 3))]),
+        state=np.column_stack(
+            [6.5e6 * np.ones(count), 1e6 * random.random((count, 2)), random.random((count, 3))]
+        ),
         state_covariance=np.zeros((count, 6, 6)),
         launch=place,
         launch_covariance=spread,
@@ -258,7 +283,9 @@ def struct_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
     slots = [msgspec.Raw(encode.encode(sensor.orbital_slot_deg)) for sensor in sensors]
     sigma = msgspec.Raw(encode.encode(sensors[0].line_of_sight_sigma_rad * 1e6))
     _, first = np.unique(d.sensor, return_index=True)
-    homes = [msgspec.Raw(encode.encode(home)) for home in rounded(d.sensor_ecef_m[first], 3).tolist()]
+    homes = [
+        msgspec.Raw(encode.encode(home)) for home in rounded(d.sensor_ecef_m[first], 3).tolist()
+    ]
     sensor = d.sensor.tolist()
     count = len(d)
     angles = d.angles()
@@ -297,10 +324,14 @@ def dictionary_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
     return b"".join(json.dumps(event, separators=(",", ":")).encode() + b"\n" for event in events)
 
 
-def dictionary(d: Detections, angles: AzimuthElevation, row: int, sensors: tuple[Sensor, ...]) -> dict[str, object]:
+def dictionary(
+    d: Detections, angles: AzimuthElevation, row: int, sensors: tuple[Sensor, ...]
+) -> dict[str, object]:
     sensor = sensors[d.sensor[row]]
     high, low = d.detection_id[row].tolist()
-    when = datetime.fromtimestamp(EPOCH_US // 1_000_000, UTC) + timedelta(microseconds=int(d.time_ns[row]) // 1000)
+    when = datetime.fromtimestamp(EPOCH_US // 1_000_000, UTC) + timedelta(
+        microseconds=int(d.time_ns[row]) // 1000
+    )
     text = when.isoformat(timespec="microseconds").replace("+00:00", "Z")
     return {
         "detection_id": str(uuid.UUID(int=high << 64 | low)),
@@ -336,7 +367,9 @@ def check_ways_agree(encoder: ForgeEncoder, window: Window, sensors: tuple[Senso
 
 
 def median_ns(ways: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Return the median time of each way, tried in turns, so that a slow spell of the machine falls on all."""
+    """Return the median time of each way, tried in turns, so that a slow spell of the machine falls
+    on all.
+    """
     took: dict[str, list[int]] = {name: [] for name in ways}
     for _ in range(repeats):
         for name, way in ways.items():

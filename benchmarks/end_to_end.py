@@ -1,13 +1,14 @@
 """End to end: error of what a user reads against whole-process time, over every accuracy setting.
 
-    python benchmarks/end_to_end.py [--scenes one salvo raid] [--raid 1000] [--knobs NAME ...] [--duration 300]
-        [--write docs/benchmarks] [--from-csv docs/benchmarks]
+    python benchmarks/end_to_end.py [--scenes one salvo raid] [--raid 1000] [--knobs NAME ...]
+        [--duration 300] [--write docs/benchmarks] [--from-csv docs/benchmarks]
 
-Each setting is varied alone, the others at their defaults, and held against its most exact level with the same seed:
-so noise is the same, and differences are those of the setting. Two rows more for each scene: all defaults, and all at
-their most exact, against each other. Every run is a process of its own; times are its processor time, start-up
-included. Scenes name all physics there is: air, background, forces, focal planes, spectral classification and a
-tracker; `leave out` levels say what each costs and what it changes. `--from-csv` draws page and plot again.
+Each setting is varied alone, the others at their defaults, and held against its most exact level
+with the same seed: so noise is the same, and differences are those of the setting. Two rows more
+for each scene: all defaults, and all at their most exact, against each other. Every run is a
+process of its own; times are its processor time, start-up included. Scenes name all physics there
+is: air, background, forces, focal planes, spectral classification and a tracker; `leave out` levels
+say what each costs and what it changes. `--from-csv` draws page and plot again.
 """
 
 import argparse
@@ -45,7 +46,9 @@ SCENES = {"one": 1, "salvo": 10, "raid": 1000}
 
 
 def scene(launches: int, duration_s: float) -> dict[str, Any]:
-    """Return a scene as plain values: launches from a field of points 100 km apart, in the first ten seconds."""
+    """Return a scene as plain values: launches from a field of points 100 km apart, in the first
+    ten seconds.
+    """
     side = int(np.ceil(np.sqrt(launches)))
     return {
         "scene": f"end-to-end-{launches}",
@@ -59,8 +62,18 @@ def scene(launches: int, duration_s: float) -> dict[str, Any]:
         "classification": "spectral",
         "tracker": "imm",
         "sensors": [
-            {"model": "SBIRS-GEO", "id": "WEST", "orbital_slot_deg": -150.0, "focal_plane": "notional"},
-            {"model": "SBIRS-GEO", "id": "EAST", "orbital_slot_deg": -100.0, "focal_plane": "notional"},
+            {
+                "model": "SBIRS-GEO",
+                "id": "WEST",
+                "orbital_slot_deg": -150.0,
+                "focal_plane": "notional",
+            },
+            {
+                "model": "SBIRS-GEO",
+                "id": "EAST",
+                "orbital_slot_deg": -100.0,
+                "focal_plane": "notional",
+            },
         ],
         "targets": [
             {
@@ -80,13 +93,18 @@ def scene(launches: int, duration_s: float) -> dict[str, Any]:
 
 
 def knobs(plain: Mapping[str, Any]) -> list[Knob]:
-    """Return all settings: those that `opir tune` turns, and those that leave a part out or are not in a scene file."""
+    """Return all settings: those that `opir tune` turns, and those that leave a part out or are not
+    in a scene file.
+    """
     return [
         Knob("trajectory tolerance", tuple((f"{each} m",) for each in TOLERANCES_M)),
         *knobs_of(opir.scene_from_mapping(plain)),
         Knob("leave out the air", ((), ("atmosphere=clear",))),
         Knob("leave out the background", ((), ("background=none",))),
-        Knob("leave out the focal plane", ((), ("sensors[*].focal_plane=null", "sensors[*].nei_w_m2=1e-12"))),
+        Knob(
+            "leave out the focal plane",
+            ((), ("sensors[*].focal_plane=null", "sensors[*].nei_w_m2=1e-12")),
+        ),
         Knob("tracker", ((), ("tracker=kepler-arc",), ("tracker=none",))),
     ]
 
@@ -115,7 +133,10 @@ def answered(plain: Mapping[str, Any], overrides: Sequence[str]) -> tuple[RunAns
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode:
-            raise SystemExit(f"{plain['scene']} with {', '.join(overrides)} ended with exit code {process.returncode}")
+            raise SystemExit(
+                f"{plain['scene']} with {', '.join(overrides)} ended with exit code"
+                f" {process.returncode}"
+            )
         return pickle.loads(out.read_bytes()), used.ru_utime + used.ru_stime
 
 
@@ -124,7 +145,9 @@ def is_default(plain: Mapping[str, Any], overrides: Sequence[str]) -> bool:
     if any(each.endswith(" m") for each in overrides):
         return float(overrides[0].removesuffix(" m")) == EPHEMERIS_TOLERANCE_M
     own = opir.scene_from_mapping(plain)
-    return scene_mapping(opir.scene_from_mapping(plain, overrides=list(overrides))) == scene_mapping(own)
+    return scene_mapping(
+        opir.scene_from_mapping(plain, overrides=list(overrides))
+    ) == scene_mapping(own)
 
 
 def row_of(
@@ -163,11 +186,15 @@ def rows(plain: Mapping[str, Any], only: Sequence[str]) -> Iterator[dict[str, st
 
 def main() -> None:
     """Measure and write the results, or draw page and plot again."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", nargs="+", choices=tuple(SCENES), default=tuple(SCENES))
     parser.add_argument("--raid", type=int, default=SCENES["raid"], help="launches of the raid")
     parser.add_argument("--knobs", nargs="+", default=(), help="these settings, or `all settings`")
-    parser.add_argument("--duration", type=float, default=300.0, help="scene time, s; a burn takes about 240")
+    parser.add_argument(
+        "--duration", type=float, default=300.0, help="scene time, s; a burn takes about 240"
+    )
     parser.add_argument("--write", type=Path, metavar="FOLDER")
     parser.add_argument("--from-csv", type=Path, metavar="FOLDER")
     parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
@@ -181,8 +208,17 @@ def main() -> None:
     table = []
     for name in given.scenes:
         launches = given.raid if name == "raid" else SCENES[name]
-        for row in rows(scene(launches, given.duration), given.knobs or (RAID if name == "raid" else ())):
-            table.append({"scene": name, "launches": str(launches), "duration_s": f"{given.duration:g}", **row})
+        for row in rows(
+            scene(launches, given.duration), given.knobs or (RAID if name == "raid" else ())
+        ):
+            table.append(
+                {
+                    "scene": name,
+                    "launches": str(launches),
+                    "duration_s": f"{given.duration:g}",
+                    **row,
+                }
+            )
             print(",".join(table[-1].values()), flush=True)
     if given.write:
         write_csv(given.write / "end_to_end.csv", table)

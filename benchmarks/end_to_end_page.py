@@ -64,30 +64,58 @@ def write_page(folder: Path) -> None:
     """Write page and plot beside the CSV file in a folder."""
     table = read_csv(folder / "end_to_end.csv")
     scenes = list(dict.fromkeys(row["scene"] for row in table))
-    whole = {row["scene"]: row for row in table if row["knob"] == ALL and row["level"] == "defaults"}
+    whole = {
+        row["scene"]: row for row in table if row["knob"] == ALL and row["level"] == "defaults"
+    }
     exact = {row["scene"]: row for row in table if row["knob"] == ALL and row["level"] == "exact"}
     counts = {row["scene"]: row["launches"] for row in table}
     lines = [
-        (words, *(f"{abs(number(whole[name][key])):.2g}" for name in whole), "–" if bar is None else f"{bar:g}")
+        (
+            words,
+            *(f"{abs(number(whole[name][key])):.2g}" for name in whole),
+            "–" if bar is None else f"{bar:g}",
+        )
         for key, words, bar in BARS
     ]
-    lines.append(("processor time, defaults, s", *(f"{number(row['processor_s']):.1f}" for row in whole.values()), "–"))
-    lines.append(("the same, most exact, s", *(f"{number(row['processor_s']):.1f}" for row in exact.values()), "–"))
+    lines.append(
+        (
+            "processor time, defaults, s",
+            *(f"{number(row['processor_s']):.1f}" for row in whole.values()),
+            "–",
+        )
+    )
+    lines.append(
+        (
+            "the same, most exact, s",
+            *(f"{number(row['processor_s']):.1f}" for row in exact.values()),
+            "–",
+        )
+    )
     not_run = [name for name in ERRORS if all(row["knob"] != name for row in table)]
     page = PAGE.format(
         answer=answer(table, whole),
         not_run=f" Not run for this page: {', '.join(not_run)}." if not_run else "",
-        scenes=", ".join(f"{name} ({count} launch{'es' if count != '1' else ''})" for name, count in counts.items()),
+        scenes=", ".join(
+            f"{name} ({count} launch{'es' if count != '1' else ''})"
+            for name, count in counts.items()
+        ),
         duration=table[0]["duration_s"],
-        table=markdown_table(("error of defaults", *(f"{name} ({counts[name]})" for name in whole), "bar"), lines),
-        truth=", ".join(f"{number(row['from_truth_km']):.0f} km ({name})" for name, row in whole.items()) or "–",
+        table=markdown_table(
+            ("error of defaults", *(f"{name} ({counts[name]})" for name in whole), "bar"), lines
+        ),
+        truth=", ".join(
+            f"{number(row['from_truth_km']):.0f} km ({name})" for name, row in whole.items()
+        )
+        or "–",
     )
     (folder / "end_to_end.md").write_text(page, encoding="utf-8")
     plot(table, scenes, folder / "end_to_end.svg")
 
 
 def answer(table: Sequence[Row], whole: Mapping[str, Row]) -> str:
-    """Return the sentences of the first screen: bars that are met or missed, and defaults that are off the knee."""
+    """Return the sentences of the first screen: bars that are met or missed, and defaults that are
+    off the knee.
+    """
     missed = [
         f"{words} {number(row[key]):.2g} in `{name}` (bar {bar:g})"
         for name, row in whole.items()
@@ -96,11 +124,21 @@ def answer(table: Sequence[Row], whole: Mapping[str, Row]) -> str:
     ]
     if not whole:
         return "The rows of all settings together were not run."
-    first = "All defaults meet their bars." if not missed else f"Defaults miss a bar: {'; '.join(missed)}."
+    first = (
+        "All defaults meet their bars."
+        if not missed
+        else f"Defaults miss a bar: {'; '.join(missed)}."
+    )
     off = list(dict.fromkeys(off_the_knee(table)))
     if not off:
-        return f"{first}\nNo other level is both faster by a fifth and as exact as a default: all are on the curve."
-    return f"{first}\nLevels that are faster by a fifth and no less exact than a default: {'; '.join(off)}."
+        return (
+            f"{first}\nNo other level is both faster by a fifth and as exact as a default: all are"
+            f" on the curve."
+        )
+    return (
+        f"{first}\nLevels that are faster by a fifth and no less exact than a default:"
+        f" {'; '.join(off)}."
+    )
 
 
 def off_the_knee(table: Sequence[Row]) -> Sequence[str]:
@@ -126,7 +164,10 @@ def plot(table: Sequence[Row], scenes: Sequence[str], path: Path) -> None:
         return
     columns = 4
     lines = -(-len(shown) // columns)
-    with svg_plot(path, lines, columns, figsize=(13.0, 3.0 * lines), squeeze=False) as (figure, axes):
+    with svg_plot(path, lines, columns, figsize=(13.0, 3.0 * lines), squeeze=False) as (
+        figure,
+        axes,
+    ):
         for place in axes.flat[len(shown) :]:
             place.set_visible(False)
         for place, name in zip(axes.flat, shown, strict=False):
@@ -144,13 +185,24 @@ def plot(table: Sequence[Row], scenes: Sequence[str], path: Path) -> None:
             place.grid(alpha=0.3)
         for place in axes[-1]:
             place.set_xlabel("processor time, s", fontsize=8)
-        figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+        figure.legend(
+            *axes.flat[0].get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=4,
+            frameon=False,
+        )
 
 
 def draw(axes: Any, rows: Sequence[Row], key: str, floor: float, scene: str) -> None:
     """Draw the levels of one setting in one scene, the default ringed."""
-    points = [(number(row["processor_s"]), abs(number(row[key])), row["default"] == "1") for row in rows]
-    known = [(time, max(error, floor), default) for time, error, default in points if error < float("inf")]
+    points = [
+        (number(row["processor_s"]), abs(number(row[key])), row["default"] == "1") for row in rows
+    ]
+    known = [
+        (time, max(error, floor), default)
+        for time, error, default in points
+        if error < float("inf")
+    ]
     if not known:
         return
     times, errors, _ = zip(*known, strict=True)

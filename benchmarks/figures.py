@@ -1,7 +1,8 @@
-"""Figures of a benchmark: read from the files that it writes, or kept one by one; and their ratios to others.
+"""Figures of a benchmark: read from the files that it writes, or kept one by one; and their ratios
+to others.
 
-A script without a CSV file calls `keep("columns", 240.0, "ns/look")` for what is worth comparing. Without the suite,
-which names a file in `OPIR_BENCHMARK_FIGURES`, that does nothing.
+A script without a CSV file calls `keep("columns", 240.0, "ns/look")` for what is worth comparing.
+Without the suite, which names a file in `OPIR_BENCHMARK_FIGURES`, that does nothing.
 """
 
 import csv
@@ -33,7 +34,9 @@ def kept_figures(path: Path) -> Figures:
 
 
 def figures_in(folder: Path) -> Figures:
-    """Return the figures of the CSV files in a folder, or else of the tables of its pages, by file, row and column."""
+    """Return the figures of the CSV files in a folder, or else of the tables of its pages, by file,
+    row and column.
+    """
     found: Figures = {}
     for path in sorted(folder.glob("*.csv")):
         lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
@@ -58,12 +61,20 @@ def markdown_tables(text: str) -> Iterator[list[list[str]]]:
 
 
 def table_figures(title: str, table: Sequence[Sequence[str]]) -> Figures:
-    """Return the numbers of a table, named by the text of their row, the first number if need be, and the column."""
+    """Return the numbers of a table, named by the text of their row, the first number if need be,
+    and the column.
+    """
     head, *rows = table
-    numbers = [{n: number for n, cell in enumerate(row) if (number := number_of(cell)) is not None} for row in rows]
+    numbers = [
+        {n: number for n, cell in enumerate(row) if (number := number_of(cell)) is not None}
+        for row in rows
+    ]
     both = list(zip(rows, numbers, strict=True))
     text = [" ".join(cell for n, cell in enumerate(row) if n not in found) for row, found in both]
-    first = [f"{name} {row[min(found, default=0)]}".strip() for name, (row, found) in zip(text, both, strict=True)]
+    first = [
+        f"{name} {row[min(found, default=0)]}".strip()
+        for name, (row, found) in zip(text, both, strict=True)
+    ]
     labels = text if len({*text}) == len(text) and all(text) else first
     found: Figures = {}
     for place, (label, row) in enumerate(zip(labels, numbers, strict=True)):

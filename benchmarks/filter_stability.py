@@ -2,9 +2,9 @@
 
     python benchmarks/filter_stability.py [--each 10] [--slices 3600] [--write docs/benchmarks]
 
-Each case's covariances and means are held to the same estimate worked out with mpmath in 50 digits from the same
-float64 numbers, after every fifth slice. `--write` puts the page, its table as a CSV file, and a heat map
-(matplotlib) into a folder.
+Each case's covariances and means are held to the same estimate worked out with mpmath in 50 digits
+from the same float64 numbers, after every fifth slice. `--write` puts the page, its table as a CSV
+file, and a heat map (matplotlib) into a folder.
 """
 
 import argparse
@@ -35,7 +35,10 @@ mean from the reference's, in its standard deviations. Worst of each family:
 
 def line(name: str, samples: list[Sample]) -> dict[str, str]:
     """Return a family's line of the table."""
-    worst = [max(getattr(sample, field) for sample in samples) for field in ("condition", "covariance_error", "drift")]
+    worst = [
+        max(getattr(sample, field) for sample in samples)
+        for field in ("condition", "covariance_error", "drift")
+    ]
     figures = (worst[0], min(sample.smallest for sample in samples), *worst[1:])
     names = ("worst_condition", "smallest_eigenvalue", "worst_covariance_error", "worst_drift")
     shown = {name: f"{figure:.1e}" for name, figure in zip(names, figures, strict=True)}
@@ -59,7 +62,9 @@ def plot(samples: list[Sample], path: Path) -> None:
     smallest = np.log10([sample.smallest for sample in samples])
     error = np.log10([max(sample.covariance_error, 1e-17) for sample in samples])
     figure, axes = plt.subplots(figsize=(7.0, 4.5))
-    cells = axes.hexbin(condition, smallest, C=error, gridsize=24, reduce_C_function=np.max, cmap="viridis")
+    cells = axes.hexbin(
+        condition, smallest, C=error, gridsize=24, reduce_C_function=np.max, cmap="viridis"
+    )
     figure.colorbar(cells, label="log10 of the largest relative error of the covariance")
     axes.set_xlabel("log10 of the condition number of the covariance")
     axes.set_ylabel("log10 of its smallest eigenvalue (SI units)")
@@ -69,9 +74,13 @@ def plot(samples: list[Sample], path: Path) -> None:
 
 def main() -> None:
     """Run the cases and print, or write, the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--each", type=int, default=10, help="cases of each family")
-    parser.add_argument("--slices", type=int, default=3600, help="slices of the long case, and most of any other")
+    parser.add_argument(
+        "--slices", type=int, default=3600, help="slices of the long case, and most of any other"
+    )
     parser.add_argument("--write", type=Path, help="folder for the table and the plot")
     chosen = parser.parse_args()
     families: dict[str, list[Sample]] = {}
@@ -84,7 +93,10 @@ def main() -> None:
     rows = [line(name, family) for name, family in families.items()]
     print(markdown_table(tuple(rows[0]), [tuple(row.values()) for row in rows]))
     if chosen.write:
-        worst, drift = (max(getattr(sample, name) for sample in every_sample) for name in ("covariance_error", "drift"))
+        worst, drift = (
+            max(getattr(sample, name) for sample in every_sample)
+            for name in ("covariance_error", "drift")
+        )
         page = PAGE.format(count=len(every), worst=worst, drift=drift)
         write_csv(chosen.write / "filter_stability.csv", rows)
         (chosen.write / "filter_stability.md").write_text(page, encoding="utf-8")

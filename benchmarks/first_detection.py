@@ -1,14 +1,16 @@
-"""First detections: by class, sensor, climate and cloud, from the engine and from every look's probability.
+"""First detections: by class, sensor, climate and cloud, from the engine and from every look's
+probability.
 
     python benchmarks/first_detection.py [--targets 200] [--climates 5] [--write docs/benchmarks]
         [--from-csv docs/benchmarks]
 
-A launch of each class is repeated many times, each time with random numbers of its own, in one run of the engine. The
-distribution of the first report is compared with the one that follows exactly from the probabilities of the looks and
-from the confirmation over scans. Where the two differ by too much, the script fails. The exact distribution is computed
-once more with each cause of a delay switched off by itself.
-`--write` puts the page, its data as CSV files and, where matplotlib is installed, a plot into a folder; `--from-csv`
-draws page and plot again from the CSV files in a folder.
+A launch of each class is repeated many times, each time with random numbers of its own, in one run
+of the engine. The distribution of the first report is compared with the one that follows exactly
+from the probabilities of the looks and from the confirmation over scans. Where the two differ by
+too much, the script fails. The exact distribution is computed once more with each cause of a delay
+switched off by itself. `--write` puts the page, its data as CSV files and, where matplotlib is
+installed, a plot into a folder; `--from-csv` draws page and plot again from the CSV files in a
+folder.
 """
 
 import argparse
@@ -56,7 +58,11 @@ CONFIDENCE = 0.999
 #: DSP with the bands and the scan of the public record; the paper's is among the causes.
 HERITAGE = {"DSP": {"preset": "heritage"}}
 #: The paper's DSP, with its long-wave band, and its rules over bands, each of which is a veto.
-PAPER = {"DSP": {"preset": "paper"}, "SBIRS-GEO": {"preset": "paper"}, "NEXTGEN-GEO": {"preset": "paper"}}
+PAPER = {
+    "DSP": {"preset": "paper"},
+    "SBIRS-GEO": {"preset": "paper"},
+    "NEXTGEN-GEO": {"preset": "paper"},
+}
 #: Causes of delays: what is changed in the scene, and in the sensors, to be rid of each.
 CAUSES: dict[str, tuple[dict[str, Any], dict[str, dict[str, Any]]]] = {
     "no air": ({"atmosphere": "clear"}, {}),
@@ -104,7 +110,9 @@ together. All cases and causes: [first_detection.csv](first_detection.csv); tran
 
 
 class Cell(NamedTuple):
-    """Median time and height of the first detection, the share detected, the largest difference over its bound."""
+    """Median time and height of the first detection, the share detected, the largest difference
+    over its bound.
+    """
 
     kind: str
     sensor: str
@@ -117,7 +125,9 @@ class Cell(NamedTuple):
 
 
 class Air(NamedTuple):
-    """Transmittances from a height to space, at the elevation of SBIRS-GEO and NEXTGEN-GEO from the launch site."""
+    """Transmittances from a height to space, at the elevation of SBIRS-GEO and NEXTGEN-GEO from the
+    launch site.
+    """
 
     climate: str
     height_km: float
@@ -135,7 +145,9 @@ def scene(
     settings: Mapping[str, Mapping[str, Any]] | None = None,
     **changes: Any,
 ) -> Scene:
-    """Return a scene with each launch repeated; `settings` are further keys by sensor, `changes` of the scene."""
+    """Return a scene with each launch repeated; `settings` are further keys by sensor, `changes` of
+    the scene.
+    """
     atmosphere: dict[str, Any] = {"model": "lowtran", "climate": climate}
     if CLOUDS[cloud] is not None:
         atmosphere["cloud"] = CLOUDS[cloud]
@@ -179,7 +191,9 @@ def scene(
 
 
 class Law(NamedTuple):
-    """The looks of one sensor at one launch: when light left, how high, and the chance that this is reported first."""
+    """The looks of one sensor at one launch: when light left, how high, and the chance that this is
+    reported first.
+    """
 
     emission_s: NDArray[np.float64]
     height_m: NDArray[np.float64]
@@ -197,12 +211,15 @@ def laws(plan: Plan) -> dict[tuple[int, int], Law]:
         confirmation = plan.sensors[plan.pairs.sensor[pair]].radiometer.confirmation
         height = ecef_to_geodetic(exposed.target_ecef_m[rows]).height_m
         key = int(plan.pairs.sensor[pair]), int(plan.pairs.target[pair])
-        found[key] = Law(exposed.emission_time_s[rows], height, first_reports(chance[rows], *confirmation))
+        found[key] = Law(
+            exposed.emission_time_s[rows], height, first_reports(chance[rows], *confirmation)
+        )
     return found
 
 
 def first_reports(chance: NDArray[np.float64], needed: int, scans: int) -> NDArray[np.float64]:
-    """Return the probabilities (n,) that looks with P_d (n,) are the first reported ones: the last of M in N looks.
+    """Return the probabilities (n,) that looks with P_d (n,) are the first reported ones: the last
+    of M in N looks.
 
     States are which of the last N - 1 looks detected, as bits, with none reported yet.
     """
@@ -216,13 +233,17 @@ def first_reports(chance: NDArray[np.float64], needed: int, scans: int) -> NDArr
         first[look] = p * weight[reported].sum()
         after = np.bincount(shifted, weight * (1.0 - p), minlength=len(states))
         if scans > 1:
-            after += np.bincount((shifted | 1)[~reported], (weight * p)[~reported], minlength=len(states))
+            after += np.bincount(
+                (shifted | 1)[~reported], (weight * p)[~reported], minlength=len(states)
+            )
         weight = after
     return first
 
 
 def first_times(plan: Plan) -> NDArray[np.float64]:
-    """Return when the light of first reports left (sensors, targets), s; inf where there is none."""
+    """Return when the light of first reports left (sensors, targets), s; inf where there is
+    none.
+    """
     first = np.full((len(plan.sensors), len(plan.targets.ids)), np.inf)
     engine = Engine(plan)
     step_ns = 5 * 10**9
@@ -247,13 +268,18 @@ def cells(climate: str, cloud: str, targets: int, comparisons: int) -> Iterator[
             law = by_look.get((sensor, number), Law(np.zeros(0), np.zeros(0), np.zeros(0)))
             times = first[sensor, own]
             seen = times[np.isfinite(times)]
-            off = np.abs(np.searchsorted(np.sort(seen), law.emission_s + 1e-6) / targets - np.cumsum(law.first))
+            off = np.abs(
+                np.searchsorted(np.sort(seen), law.emission_s + 1e-6) / targets
+                - np.cumsum(law.first)
+            )
             ratio = float(off.max(initial=len(seen) / targets if not len(off) else 0.0) / bound)
             yield Cell(kind, name, climate, cloud, *median(law), ratio)
 
 
 def median(law: Law) -> tuple[float, float, float]:
-    """Return time after ignition, s, and height, km, of the median first detection, and the share detected."""
+    """Return time after ignition, s, and height, km, of the median first detection, and the share
+    detected.
+    """
     share = float(law.first.sum())
     if share <= 0.0:
         return float("nan"), float("nan"), share
@@ -262,9 +288,13 @@ def median(law: Law) -> tuple[float, float, float]:
 
 
 def without(cause: str, climate: str) -> Iterator[Cell]:
-    """Yield the cases with a cause of delays switched off under a clear sky, from the exact distribution."""
+    """Yield the cases with a cause of delays switched off under a clear sky, from the exact
+    distribution.
+    """
     changes, settings = CAUSES[cause]
-    by_look = laws(compile_plan(scene(climate, "clear sky", 1, exact=True, settings=settings, **changes)))
+    by_look = laws(
+        compile_plan(scene(climate, "clear sky", 1, exact=True, settings=settings, **changes))
+    )
     for number, kind in enumerate(LAUNCHES):
         for sensor, name in enumerate(SENSORS):
             law = by_look.get((sensor, number), Law(np.zeros(0), np.zeros(0), np.zeros(0)))
@@ -274,7 +304,9 @@ def without(cause: str, climate: str) -> Iterator[Cell]:
 def air(climate: str) -> Iterator[Air]:
     """Yield the transmittances of the three bands from several heights."""
     lowtran = Host.discover().component("opir_atmosphere_models", "lowtran")
-    sky = lowtran.build(lowtran.config(climate=climate), AtmosphereContext(bands=BANDS, path="atmosphere", seed=0))
+    sky = lowtran.build(
+        lowtran.config(climate=climate), AtmosphereContext(bands=BANDS, path="atmosphere", seed=0)
+    )
     height_m = 1e3 * np.array(HEIGHTS_KM)
     nowhere = np.zeros((len(HEIGHTS_KM), 3))
     sine = np.full(len(height_m), np.sin(np.radians(ELEVATION_DEG)))
@@ -288,7 +320,9 @@ def spread(found: list[Cell]) -> str:
     """Return the range of times and heights of some cases."""
     times = [cell.time_s for cell in found]
     heights = [cell.height_km for cell in found]
-    time = between(*(f"{each:.1f}" if each < 9.95 else f"{each:.0f}" for each in (min(times), max(times))))
+    time = between(
+        *(f"{each:.1f}" if each < 9.95 else f"{each:.0f}" for each in (min(times), max(times)))
+    )
     return f"{time} s, {between(f'{min(heights):.1f}', f'{max(heights):.1f}')} km"
 
 
@@ -301,18 +335,27 @@ def headline(found: list[Cell]) -> str:
     clear = [cell for cell in found if cell.cloud == "clear sky"]
     lines = [f"| class | {' | '.join(SENSORS)} |", "|---" * (1 + len(SENSORS)) + "|"]
     for kind in LAUNCHES:
-        own = [[cell for cell in clear if (cell.kind, cell.sensor) == (kind, sensor)] for sensor in SENSORS]
+        own = [
+            [cell for cell in clear if (cell.kind, cell.sensor) == (kind, sensor)]
+            for sensor in SENSORS
+        ]
         lines.append(f"| {kind} | {' | '.join(map(spread, own))} |")
     return "\n".join(lines)
 
 
 def causes_table(found: list[Cell]) -> str:
     """Return a line for each class and sensor: times by default, and without each cause."""
-    lines = [f"| class | sensor | default | {' | '.join(CAUSES)} |", "|---" * (3 + len(CAUSES)) + "|"]
+    lines = [
+        f"| class | sensor | default | {' | '.join(CAUSES)} |",
+        "|---" * (3 + len(CAUSES)) + "|",
+    ]
     for kind in LAUNCHES:
         for sensor in SENSORS:
             own = [cell for cell in found if (cell.kind, cell.sensor) == (kind, sensor)]
-            every = [spread([c for c in own if c.cloud == sky]).partition(",")[0] for sky in ("clear sky", *CAUSES)]
+            every = [
+                spread([c for c in own if c.cloud == sky]).partition(",")[0]
+                for sky in ("clear sky", *CAUSES)
+            ]
             lines.append(f"| {kind} | {sensor} | {' | '.join(every)} |")
     return "\n".join(lines)
 
@@ -320,33 +363,45 @@ def causes_table(found: list[Cell]) -> str:
 def delay(found: list[Cell], kind: str, sensor: str, cause: str) -> str:
     """Return the times without a cause and by default."""
     own = [cell for cell in found if (cell.kind, cell.sensor) == (kind, sensor)]
-    without_, default = (spread([c for c in own if c.cloud == sky]).partition(",")[0] for sky in (cause, "clear sky"))
+    without_, default = (
+        spread([c for c in own if c.cloud == sky]).partition(",")[0] for sky in (cause, "clear sky")
+    )
     return f"{without_} instead of {default}"
 
 
 def percent(found: list[Cell], cloud: str) -> str:
     """Return the range of the shares of SRBM launches that DSP detects, in percent."""
-    shares = [100.0 * c.share for c in found if (c.kind, c.sensor, c.cloud) == ("SRBM", "DSP", cloud)]
+    shares = [
+        100.0 * c.share for c in found if (c.kind, c.sensor, c.cloud) == ("SRBM", "DSP", cloud)
+    ]
     return between(f"{min(shares):.0f}", f"{max(shares):.0f}")
 
 
 def write_plot(found: list[Cell], path: Path) -> None:
-    """Draw heights of the first report: a panel for each kind of cloud and without air, a mark for each climate."""
+    """Draw heights of the first report: a panel for each kind of cloud and without air, a mark for
+    each climate.
+    """
     import matplotlib as mpl
 
     mpl.use("svg")
     mpl.rcParams.update({"svg.hashsalt": "opir", "svg.fonttype": "none"})
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(1, len(CLOUDS) + 1, figsize=(12, 4), sharey=True, constrained_layout=True)
+    figure, axes = plt.subplots(
+        1, len(CLOUDS) + 1, figsize=(12, 4), sharey=True, constrained_layout=True
+    )
     lines = [(kind, sensor) for kind in LAUNCHES for sensor in SENSORS]
     for axis, cloud in zip(axes, (*CLOUDS, "no air"), strict=True):
         for number, climate in enumerate(CLIMATES):
-            own = [c for c in found if c.cloud == cloud and c.climate == climate and c.share >= 0.01]
+            own = [
+                c for c in found if c.cloud == cloud and c.climate == climate and c.share >= 0.01
+            ]
             places = [lines.index((c.kind, c.sensor)) + 0.12 * (number - 2) for c in own]
             axis.plot(places, [c.height_km for c in own], ".", label=climate)
         axis.set(title=cloud, yscale="symlog", xticks=range(len(lines)))
-        axis.set_xticklabels([f"{kind} {sensor}" for kind, sensor in lines], rotation=90, fontsize=7)
+        axis.set_xticklabels(
+            [f"{kind} {sensor}" for kind, sensor in lines], rotation=90, fontsize=7
+        )
         axis.grid(axis="y", alpha=0.3)
     axes[0].set_ylabel("median height of the first report, km")
     axes[1].legend(fontsize=7)
@@ -386,7 +441,9 @@ def redraw(folder: Path) -> None:
 
 def main() -> None:
     """Run all skies and print; write where asked."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--targets", type=int, default=200)
     parser.add_argument("--climates", type=int, default=len(CLIMATES))
     parser.add_argument("--write", type=Path)
@@ -398,18 +455,30 @@ def main() -> None:
     climates = CLIMATES[: options.climates]
     comparisons = len(climates) * len(CLOUDS) * len(LAUNCHES) * len(SENSORS)
     found = [
-        cell for cloud in CLOUDS for climate in climates for cell in cells(climate, cloud, options.targets, comparisons)
+        cell
+        for cloud in CLOUDS
+        for climate in climates
+        for cell in cells(climate, cloud, options.targets, comparisons)
     ]
     worst = max(cell.ratio for cell in found)
     found += [cell for cause in CAUSES for climate in climates for cell in without(cause, climate)]
     print(headline(found), causes_table(found), sep="\n\n")
     print(f"\n{comparisons} cases, largest difference over its bound: {worst:.2f}")
     if worst > 1.0:
-        raise SystemExit("the engine's first reports do not follow from the probabilities of their looks")
+        raise SystemExit(
+            "the engine's first reports do not follow from the probabilities of their looks"
+        )
     if options.write:
-        facts = {"cases": comparisons, "launches": options.targets, "worst_difference_over_bound": f"{worst:.4f}"}
+        facts = {
+            "cases": comparisons,
+            "launches": options.targets,
+            "worst_difference_over_bound": f"{worst:.4f}",
+        }
         write_csv(options.write / "first_detection.csv", found, facts)
-        write_csv(options.write / "first_detection_air.csv", [row for climate in climates for row in air(climate)])
+        write_csv(
+            options.write / "first_detection_air.csv",
+            [row for climate in climates for row in air(climate)],
+        )
         redraw(options.write)
 
 

@@ -1,10 +1,12 @@
-"""Closed forms of the focal plane against simulated frames: P_fa, P_d and centroid errors of 60 settings.
+"""Closed forms of the focal plane against simulated frames: P_fa, P_d and centroid errors of 60
+settings.
 
-    python benchmarks/focal_plane.py [--frames 10000] [--write docs/benchmarks] [--from-csv docs/benchmarks]
+    python benchmarks/focal_plane.py [--frames 10000] [--write docs/benchmarks] [--from-csv
+    docs/benchmarks]
 
-Frames are those of `focal_plane_images`, which shares no code with the closed forms. `--write` puts the page, its data
-as a CSV file and, where matplotlib is installed, a plot into a folder; `--from-csv` draws page and plot again from the
-CSV file in a folder.
+Frames are those of `focal_plane_images`, which shares no code with the closed forms. `--write` puts
+the page, its data as a CSV file and, where matplotlib is installed, a plot into a folder;
+`--from-csv` draws page and plot again from the CSV file in a folder.
 """
 
 import argparse
@@ -26,7 +28,17 @@ from opir_photons.radiometry import (
     signal_gain,
 )
 from opir_photons.radiometry.focal_plane import centroid_factor_rad, photon_centroid_variance
-from result_files import BLUE, GREY, ORANGE, Row, column, markdown_table, read_csv, svg_plot, write_csv
+from result_files import (
+    BLUE,
+    GREY,
+    ORANGE,
+    Row,
+    column,
+    markdown_table,
+    read_csv,
+    svg_plot,
+    write_csv,
+)
 from scipy.special import ndtr
 
 READ_E = 20.0
@@ -80,7 +92,9 @@ that simulates shares nothing with the closed forms. All settings: [focal_plane.
 
 
 class Setting(NamedTuple):
-    """One setting: the images, the filter's name, the kind of threshold, threshold and signal in σ, clutter ratio."""
+    """One setting: the images, the filter's name, the kind of threshold, threshold and signal in σ,
+    clutter ratio.
+    """
 
     images: Images
     kind: str
@@ -91,19 +105,24 @@ class Setting(NamedTuple):
 
 
 def settings(seed: int = 5) -> Iterator[Setting]:
-    """Yield three settings for each pair of a spatial and a temporal filter, all else drawn at random."""
+    """Yield three settings for each pair of a spatial and a temporal filter, all else drawn at
+    random.
+    """
     rng = np.random.default_rng(seed)
     for kind, pixels in FILTERS:
         for temporal in TEMPORAL:
             for of in KINDS:
                 spot, exponent, ratio, threshold, signal = (
-                    float(rng.choice(each)) for each in (SPOTS, EXPONENTS, RATIOS, THRESHOLDS, SIGNALS)
+                    float(rng.choice(each))
+                    for each in (SPOTS, EXPONENTS, RATIOS, THRESHOLDS, SIGNALS)
                 )
                 # A structure that no filter takes the mean of is small beside the frame.
                 is_whole = kind == "sum" and temporal is None
                 scale = float(rng.choice((2.0, 3.0, 4.0) if is_whole else (3.0, 6.0, 12.0)))
                 weights = filter_weights(kind, pixels, spot, 1.0)
-                images = images_of(weights, spot, scale, exponent, ratio, temporal, threshold + signal)
+                images = images_of(
+                    weights, spot, scale, exponent, ratio, temporal, threshold + signal
+                )
                 yield Setting(images, f"{kind} {pixels}", of, threshold, threshold + signal, ratio)
 
 
@@ -119,12 +138,17 @@ def images_of(
     """Return frames with clutter `ratio` times the noise and targets of a mean SNR."""
     frames = None if temporal is None else FrameDifference(1.0, *temporal)
     registration, drift = temporal or (0.0, 0.0)
-    left = float(SpatialTransfer.of(weights, PointSpread(np.inf, spot), 3.0).variance(scale, exponent, frames))
+    left = float(
+        SpatialTransfer.of(weights, PointSpread(np.inf, spot), 3.0).variance(
+            scale, exponent, frames
+        )
+    )
     counted = noise_gain(weights) * (1 if temporal is None else 2)
     background_e = LEAST_BACKGROUND_E
     structure_e = 0.0
     for _ in range(200):
-        # The background is six standard deviations of its structure above darkness, and makes the noise.
+        # The background is six standard deviations of its structure above darkness, and makes the
+        # noise.
         structure_e = ratio * np.sqrt(counted * (background_e + READ_E**2) / left)
         background_e = LEAST_BACKGROUND_E + 6.0 * structure_e
     sigma = np.sqrt((1.0 + ratio**2) * counted * (background_e + READ_E**2))
@@ -150,9 +174,17 @@ class Noise:
     def __init__(self, images: Images) -> None:
         self._images = images
         self._transfer = SpatialTransfer.of(images.weights, PointSpread(np.inf, images.spot), 6.0)
-        self.white = noise_gain(images.weights) * (images.background_e + images.read_e**2) * (1 + images.is_difference)
+        self.white = (
+            noise_gain(images.weights)
+            * (images.background_e + images.read_e**2)
+            * (1 + images.is_difference)
+        )
         self._table = np.linspace(0.0, 6.0 * images.registration + images.drift + 1e-9, 400)
-        self._left = np.array([self._variance(0.0, moved) for moved in self._table]) if images.is_difference else None
+        self._left = (
+            np.array([self._variance(0.0, moved) for moved in self._table])
+            if images.is_difference
+            else None
+        )
 
     def _variance(self, registration: float, drift: float) -> float:
         frames = FrameDifference(1.0, registration, drift) if self._images.is_difference else None
@@ -171,7 +203,9 @@ class Noise:
         return np.sqrt(np.interp(moved, self._table, self._left))
 
     def distances(self) -> tuple[Floats, Floats]:
-        """Return nodes and weights of the distance of two frames: a drift and the errors of both."""
+        """Return nodes and weights of the distance of two frames: a drift and the errors of
+        both.
+        """
         node, weight = np.polynomial.hermite_e.hermegauss(24)
         spread = np.sqrt(2.0) * self._images.registration
         moved = np.hypot(self._images.drift + spread * node[:, None], spread * node)
@@ -218,9 +252,17 @@ def crossed(setting: Setting, outputs: Outputs) -> tuple[Floats, Floats]:
         others = (empty.sum(axis=1, keepdims=True) - empty) / CELLS
         squares = (np.square(empty).sum(axis=1, keepdims=True) - np.square(empty)) / CELLS
         spread = np.sqrt((squares - others**2) * CELLS / (CELLS - 1))
-        return ((empty - others) > limit * spread).mean(axis=1), ((target - others) > limit * spread).mean(axis=1)
-    sigma = noise.sigma if setting.threshold_of == "fixed" else noise.sigma_moved(outputs.moved)[:, None]
-    return (empty > setting.threshold * sigma).mean(axis=1), (target > setting.threshold * sigma).mean(axis=1)
+        return ((empty - others) > limit * spread).mean(axis=1), (
+            (target - others) > limit * spread
+        ).mean(axis=1)
+    sigma = (
+        noise.sigma
+        if setting.threshold_of == "fixed"
+        else noise.sigma_moved(outputs.moved)[:, None]
+    )
+    return (empty > setting.threshold * sigma).mean(axis=1), (
+        target > setting.threshold * sigma
+    ).mean(axis=1)
 
 
 def compared(setting: Setting, frames: int, rng: np.random.Generator) -> Row:
@@ -232,8 +274,14 @@ def compared(setting: Setting, frames: int, rng: np.random.Generator) -> Row:
     *closed, model = expected(setting)
     for name, share, chance in zip(("p_fa", "p_d"), shares_crossed, closed, strict=True):
         # Where few cross, their number is as good as Poisson distributed.
-        error = max(share.std(ddof=1), np.sqrt(chance * (1.0 - chance) / outputs.empty.shape[1])) / np.sqrt(frames)
-        figures |= {name: f"{share.mean():.6f}", f"{name}_closed": f"{chance:.6f}", f"{name}_error": f"{error:.2e}"}
+        error = max(
+            share.std(ddof=1), np.sqrt(chance * (1.0 - chance) / outputs.empty.shape[1])
+        ) / np.sqrt(frames)
+        figures |= {
+            name: f"{share.mean():.6f}",
+            f"{name}_closed": f"{chance:.6f}",
+            f"{name}_error": f"{error:.2e}",
+        }
     return {
         "kind": "threshold",
         "filter": setting.kind,
@@ -257,7 +305,9 @@ def compared(setting: Setting, frames: int, rng: np.random.Generator) -> Row:
     }
 
 
-def compared_centroid(spot: float, noise_e: float, target_e: float, frames: int, rng: np.random.Generator) -> Row:
+def compared_centroid(
+    spot: float, noise_e: float, target_e: float, frames: int, rng: np.random.Generator
+) -> Row:
     """Return the row of a centroid's error: root mean square along both axes."""
     off = centroid_errors(spot, noise_e, target_e, frames, rng)
     square = np.square(off).mean(axis=1)
@@ -280,15 +330,26 @@ def compared_centroid(spot: float, noise_e: float, target_e: float, frames: int,
 
 def compared_columns() -> tuple[str, ...]:
     """Return the columns of the data, in order."""
-    own = "kind filter difference registration_px drift_px spot_px scale_px exponent clutter_over_noise threshold_of"
-    rest = "threshold_sigma snr frames p_fa p_fa_closed p_fa_error p_d p_d_closed p_d_error p_d_model"
-    return (*own.split(), *rest.split(), *("centroid_px" + end for end in ("", "_closed", "_error", "_model")))
+    own = (
+        "kind filter difference registration_px drift_px spot_px scale_px exponent"
+        " clutter_over_noise threshold_of"
+    )
+    rest = (
+        "threshold_sigma snr frames p_fa p_fa_closed p_fa_error p_d p_d_closed p_d_error p_d_model"
+    )
+    return (
+        *own.split(),
+        *rest.split(),
+        *("centroid_px" + end for end in ("", "_closed", "_error", "_model")),
+    )
 
 
 def deviations(rows: list[Row], name: str) -> Floats:
     """Return the deviations of a figure from its closed form, in standard errors."""
     own = [row for row in rows if row[name]]
-    found, closed, error = (np.array(column(own, f"{name}{end}")) for end in ("", "_closed", "_error"))
+    found, closed, error = (
+        np.array(column(own, f"{name}{end}")) for end in ("", "_closed", "_error")
+    )
     return np.asarray((found - closed) / error)
 
 
@@ -304,7 +365,9 @@ def page_of(rows: list[Row]) -> str:
     for title, name in names:
         off = deviations(rows, name)
         everything.append(off)
-        lines.append((title, str(len(off)), str(int((np.abs(off) < 1.96).sum())), f"{np.abs(off).max():.1f}"))
+        lines.append(
+            (title, str(len(off)), str(int((np.abs(off) < 1.96).sum())), f"{np.abs(off).max():.1f}")
+        )
     count = sum(len(off) for off in everything)
     from scipy.special import ndtri
 
@@ -312,12 +375,17 @@ def page_of(rows: list[Row]) -> str:
     kinds = ("without a frame difference", "with one")
     of_kind = np.array([row["difference"] == "yes" for row in threshold])
     parts = [
-        f"{np.median(model[of_kind == flag]):.3f} in the median and {model[of_kind == flag].max():.3f} at most {kind}"
+        f"{np.median(model[of_kind == flag]):.3f} in the median and"
+        f" {model[of_kind == flag].max():.3f} at most {kind}"
         for kind, flag in zip(kinds, (False, True), strict=True)
     ]
-    fixed = [row for row in threshold if row["threshold_of"] == "fixed" and row["difference"] == "yes"]
+    fixed = [
+        row for row in threshold if row["threshold_of"] == "fixed" and row["difference"] == "yes"
+    ]
     tails = [float(row["p_fa"]) / float(ndtr(-float(row["threshold_sigma"]))) for row in fixed]
-    found, closed, joined = (np.array(column(centroid, f"centroid_px{end}")) for end in ("", "_closed", "_model"))
+    found, closed, joined = (
+        np.array(column(centroid, f"centroid_px{end}")) for end in ("", "_closed", "_model")
+    )
     return PAGE.format(
         settings=len(rows),
         frames=rows[0]["frames"],
@@ -350,9 +418,22 @@ def draw(rows: list[Row], path: Path) -> None:
         left.legend()
         edges = np.linspace(-4.0, 4.0, 17)
         together = [deviations(rows, name) for name in ("p_d", "p_fa", "centroid_px")]
-        right.hist(together, edges, stacked=True, color=[BLUE, ORANGE, GREY], label=["P_d", "P_fa", "centroid"])
+        right.hist(
+            together,
+            edges,
+            stacked=True,
+            color=[BLUE, ORANGE, GREY],
+            label=["P_d", "P_fa", "centroid"],
+        )
         normal = np.diff(ndtr(edges)) * sum(len(each) for each in together)
-        right.step(edges, np.append(normal, normal[-1]), where="post", color="black", lw=1, label="standard normal")
+        right.step(
+            edges,
+            np.append(normal, normal[-1]),
+            where="post",
+            color="black",
+            lw=1,
+            label="standard normal",
+        )
         right.set(xlabel="deviation, standard errors", ylabel="settings")
         right.legend()
 
@@ -380,7 +461,12 @@ def main() -> None:
     rows: list[Row] = []
     for number, setting in enumerate(settings()):
         rows.append(compared(setting, arguments.frames, np.random.default_rng([2026, number])))
-        print({name: rows[-1][name] for name in ("filter", "threshold_of", "p_fa", "p_fa_closed", "p_d", "p_d_closed")})
+        print(
+            {
+                name: rows[-1][name]
+                for name in ("filter", "threshold_of", "p_fa", "p_fa_closed", "p_d", "p_d_closed")
+            }
+        )
     for number, (spot, noise_e, target_e) in enumerate(CENTROIDS):
         rng = np.random.default_rng([2027, number])
         rows.append(compared_centroid(spot, noise_e, target_e, arguments.frames, rng))

@@ -1,9 +1,11 @@
-"""Frames of a focal plane, pixel by pixel: the reference of the closed forms, with which it shares no code.
+"""Frames of a focal plane, pixel by pixel: the reference of the closed forms, with which it shares
+no code.
 
-A background with structure is a random field of cells, `SUB` × `SUB` to a pixel, made by the fast Fourier transform of
-white noise. It is moved by a phase ramp, blurred with a sampled Gaussian, added up pixel by pixel, and counted: Poisson
-electrons and normal read noise. Two frames are subtracted, filters are applied at places `STEP` pixels apart, targets
-are drawn onto such places with all sub-pixel phases. Lengths are in pixels, light in electrons.
+A background with structure is a random field of cells, `SUB` × `SUB` to a pixel, made by the fast
+Fourier transform of white noise. It is moved by a phase ramp, blurred with a sampled Gaussian,
+added up pixel by pixel, and counted: Poisson electrons and normal read noise. Two frames are
+subtracted, filters are applied at places `STEP` pixels apart, targets are drawn onto such places
+with all sub-pixel phases. Lengths are in pixels, light in electrons.
 """
 
 from typing import NamedTuple
@@ -27,9 +29,9 @@ _SAMPLES = 24
 class Images(NamedTuple):
     """What frames are made of.
 
-    Width of the spot, structure's scale, exponent and standard deviation, mean background, read noise, registration
-    error of a frame along each axis, drift between two frames; whether these are subtracted; the filter's weights
-    (m, m); the electrons of a target.
+    Width of the spot, structure's scale, exponent and standard deviation, mean background, read
+    noise, registration error of a frame along each axis, drift between two frames; whether these
+    are subtracted; the filter's weights (m, m); the electrons of a target.
     """
 
     spot: float
@@ -46,7 +48,8 @@ class Images(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Outputs of the filter (frames, places): without and with a target, the targets' phases (frames, places, 2).
+    """Outputs of the filter (frames, places): without and with a target, the targets' phases
+    (frames, places, 2).
 
     `moved` (frames,) are the distances between the two frames, with drift and registration errors.
     """
@@ -75,7 +78,9 @@ def _batch(images: Images, frames: int, rng: np.random.Generator) -> Outputs:
     with_target = _counted(images, now + spots.reshape(now.shape), rng)
     empty = _counted(images, now, rng)
     if images.is_difference:
-        before = _counted(images, _windows(_seen(images, field, off[1] + drift), len(images.weights)), rng)
+        before = _counted(
+            images, _windows(_seen(images, field, off[1] + drift), len(images.weights)), rng
+        )
         empty = empty - before
         with_target = with_target - before
     sums = [(each * images.weights).sum(axis=(2, 3)) for each in (empty, with_target)]
@@ -98,7 +103,9 @@ def _field(images: Images, frames: int, rng: np.random.Generator) -> NDArray[np.
 
 
 def _seen(images: Images, field: NDArray[np.complex64], off: Floats) -> Floats:
-    """Return the electrons that pixels expect (frames, PIXELS, PIXELS) of fields moved by (frames, 2)."""
+    """Return the electrons that pixels expect (frames, PIXELS, PIXELS) of fields moved by (frames,
+    2).
+    """
     cells = PIXELS * SUB
     x = 2.0 * np.pi * SUB * np.fft.fftfreq(cells)[:, None]
     y = 2.0 * np.pi * SUB * np.fft.rfftfreq(cells)
@@ -126,10 +133,14 @@ def _counted(images: Images, expected_e: Floats, rng: np.random.Generator) -> Fl
 
 
 def shares(spot: float, phase: Floats, width: int) -> Floats:
-    """Return the shares (n, width, width) of spots (n, 2) about the centre of a window, by sums over samples."""
+    """Return the shares (n, width, width) of spots (n, 2) about the centre of a window, by sums
+    over samples.
+    """
     place = (np.arange(width * _SAMPLES) + 0.5) / _SAMPLES - 0.5 * width
     along, across = (
-        np.exp(-0.5 * np.square((place - phase[:, axis, None]) / spot)).reshape(-1, width, _SAMPLES).sum(axis=2)
+        np.exp(-0.5 * np.square((place - phase[:, axis, None]) / spot))
+        .reshape(-1, width, _SAMPLES)
+        .sum(axis=2)
         / (_SAMPLES * spot * np.sqrt(2.0 * np.pi))
         for axis in (0, 1)
     )
@@ -137,20 +148,30 @@ def shares(spot: float, phase: Floats, width: int) -> Floats:
 
 
 def centroid_errors(
-    spot: float, noise_e: float, target_e: float, frames: int, rng: np.random.Generator, width: int = 11
+    spot: float,
+    noise_e: float,
+    target_e: float,
+    frames: int,
+    rng: np.random.Generator,
+    width: int = 11,
 ) -> Floats:
     """Return errors (frames, 2), pixels, of places fitted to images of spots by maximum likelihood.
 
-    Brightness and spot are known. `noise_e` is normal noise of a pixel, to which Poisson noise of the target adds.
+    Brightness and spot are known. `noise_e` is normal noise of a pixel, to which Poisson noise of
+    the target adds.
     """
     phase = rng.uniform(-0.5, 0.5, (frames, 2))
-    image = rng.poisson(target_e * shares(spot, phase, width)) + noise_e * rng.normal(size=(frames, width, width))
+    image = rng.poisson(target_e * shares(spot, phase, width)) + noise_e * rng.normal(
+        size=(frames, width, width)
+    )
     found = phase.copy()
     step = 1e-4
     for _ in range(12):
         expected = target_e * shares(spot, found, width)
         slopes = [
-            target_e * (shares(spot, found + move, width) - shares(spot, found - move, width)) / (2.0 * step)
+            target_e
+            * (shares(spot, found + move, width) - shares(spot, found - move, width))
+            / (2.0 * step)
             for move in (np.array([step, 0.0]), np.array([0.0, step]))
         ]
         weight = 1.0 / (noise_e**2 + expected)
@@ -158,6 +179,8 @@ def centroid_errors(
         # The score of normal noise whose variance depends on the place.
         left += 0.5 * (np.square(image - expected) * weight - 1.0) * weight
         score = np.stack([(slope * left).sum(axis=(1, 2)) for slope in slopes], axis=1)
-        normal = np.array([[(a * b * weight).sum(axis=(1, 2)) for a in slopes] for b in slopes]).transpose(2, 0, 1)
+        normal = np.array(
+            [[(a * b * weight).sum(axis=(1, 2)) for a in slopes] for b in slopes]
+        ).transpose(2, 0, 1)
         found += np.clip(np.linalg.solve(normal, score[..., None])[..., 0], -0.2, 0.2)
     return found - phase

@@ -1,7 +1,9 @@
-"""Parameters of the flights of `foreign_flights`, and many flights with slightly other ones, flown at once.
+"""Parameters of the flights of `foreign_flights`, and many flights with slightly other ones, flown
+at once.
 
-What an estimator could know that knows their law: the gravity turn with its stages, pitch-over, launch and azimuth, and
-the ranges from which these are drawn. `benchmarks/flight_bound.py` makes a bound of it.
+What an estimator could know that knows their law: the gravity turn with its stages, pitch-over,
+launch and azimuth, and the ranges from which these are drawn. `benchmarks/flight_bound.py` makes a
+bound of it.
 """
 
 from itertools import pairwise
@@ -22,7 +24,9 @@ FREE_S = 40.0
 
 
 class Paths(NamedTuple):
-    """Flights (f,) since the scene's start: times (f, k), ECEF positions and velocities (f, k, 3), burnouts (f,)."""
+    """Flights (f,) since the scene's start: times (f, k), ECEF positions and velocities (f, k, 3),
+    burnouts (f,).
+    """
 
     time_s: np.ndarray
     position_m: np.ndarray
@@ -49,17 +53,29 @@ class Paths(NamedTuple):
         return np.concatenate([found, rate / step], axis=1)
 
     def impacts(self) -> np.ndarray:
-        """Return the ECEF positions (f, 3) of the impacts, in free flight after the last burnout."""
-        states = np.array([self._states_of(row, self.burnout_s[row : row + 1])[0] for row in range(len(self.time_s))])
+        """Return the ECEF positions (f, 3) of the impacts, in free flight after the last
+        burnout.
+        """
+        states = np.array(
+            [
+                self._states_of(row, self.burnout_s[row : row + 1])[0]
+                for row in range(len(self.time_s))
+            ]
+        )
         velocity = states[:, 3:] + np.cross([0.0, 0.0, SPIN], states[:, :3])
         flight, fell = impact(states[:, :3], velocity, forces=Forces(zonal=()))
         angle = SPIN * flight
         x, y, z = fell.T
-        return np.stack([np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x, z], axis=1)
+        return np.stack(
+            [np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x, z],
+            axis=1,
+        )
 
 
 class Law(NamedTuple):
-    """The thrust of flights (f,) in a leg: the stage's start, burn, acceleration and growth, and the pitch-over."""
+    """The thrust of flights (f,) in a leg: the stage's start, burn, acceleration and growth, and
+    the pitch-over.
+    """
 
     start_s: np.ndarray
     burn_s: np.ndarray
@@ -75,12 +91,19 @@ class Law(NamedTuple):
 def parameters(boost: Boost, ignition_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the parameters (p,) of a boost and their prior standard deviations.
 
-    Launch latitude and longitude, azimuth, ignition, rise, kick; burns, first accelerations, growths, and gaps if any.
+    Launch latitude and longitude, azimuth, ignition, rise, kick; burns, first accelerations,
+    growths, and gaps if any.
     """
     stages = len(boost.burn_s)
     gaps = boost.gap_s[:-1] if boost.gap_s.any() else np.empty(0)
     values = [*boost.launch, boost.azimuth, ignition_s, boost.rise_s, boost.kick]
-    widths = [*[PLACE_RAD * np.sqrt(12.0)] * 2, 2.0 * np.pi, IGNITION_S * np.sqrt(12.0), 6.0, np.radians(20.0)]
+    widths = [
+        *[PLACE_RAD * np.sqrt(12.0)] * 2,
+        2.0 * np.pi,
+        IGNITION_S * np.sqrt(12.0),
+        6.0,
+        np.radians(20.0),
+    ]
     accelerations = [14.0] + [18.0] * (stages - 1)
     low, high = BURN_S[stages]
     widths += [high - low] * stages + accelerations + [2.7] * stages + [10.0] * len(gaps)
@@ -98,8 +121,14 @@ def flown(rows: np.ndarray, stages: int) -> Paths:
     rise = rows[:, 4]
     kick = rows[:, 5]
     burn, first, growth = np.split(rows[:, 6 : 6 + 3 * stages], 3, axis=1)
-    gap = rows[:, 6 + 3 * stages :] if rows.shape[1] > 6 + 3 * stages else np.zeros((len(rows), stages - 1))
-    state = np.concatenate([np.array([ecef(*there) for there in place]), np.zeros((len(rows), 3))], axis=1)
+    gap = (
+        rows[:, 6 + 3 * stages :]
+        if rows.shape[1] > 6 + 3 * stages
+        else np.zeros((len(rows), stages - 1))
+    )
+    state = np.concatenate(
+        [np.array([ecef(*there) for there in place]), np.zeros((len(rows), 3))], axis=1
+    )
     times = [np.zeros(len(rows))]
     states = [state]
     start = np.zeros(len(rows))
@@ -108,7 +137,17 @@ def flown(rows: np.ndarray, stages: int) -> Paths:
         edges = [start, rise, rise + PITCH_OVER_S, end] if not stage else [start, end]
         for one, two in pairwise(edges):
             is_rising = one is edges[0] and not stage
-            law = Law(start, burn[:, stage], first[:, stage], growth[:, stage], rise, kick, up, ahead, is_rising)
+            law = Law(
+                start,
+                burn[:, stage],
+                first[:, stage],
+                growth[:, stage],
+                rise,
+                kick,
+                up,
+                ahead,
+                is_rising,
+            )
             _leg(times, states, one, two, law)
         start = end + (gap[:, stage] if stage < stages - 1 else FREE_S)
         if stage == stages - 1:
@@ -116,10 +155,18 @@ def flown(rows: np.ndarray, stages: int) -> Paths:
         if np.any(start > end):
             _leg(times, states, end, start, None)
     every = np.array(states).transpose(1, 0, 2)
-    return Paths(np.array(times).T + ignition[:, None], every[:, :, :3], every[:, :, 3:], burnout + ignition)
+    return Paths(
+        np.array(times).T + ignition[:, None], every[:, :, :3], every[:, :, 3:], burnout + ignition
+    )
 
 
-def _leg(times: list[np.ndarray], states: list[np.ndarray], one: np.ndarray, two: np.ndarray, law: Law | None) -> None:
+def _leg(
+    times: list[np.ndarray],
+    states: list[np.ndarray],
+    one: np.ndarray,
+    two: np.ndarray,
+    law: Law | None,
+) -> None:
     """Append the steps of a leg from times (f,) to others; its two ends are steps of their own."""
     count = int(np.ceil(np.max(two - one) / LONGEST_STEP_S))
     step = ((two - one) / count)[:, None]
@@ -142,12 +189,18 @@ def rates(time_s: np.ndarray, state: np.ndarray, law: Law | None) -> np.ndarray:
     speed = state[:, 3:]
     x, y, _ = place.T
     u, v, _ = speed.T
-    turning = np.stack([2.0 * SPIN * v + SPIN**2 * x, SPIN**2 * y - 2.0 * SPIN * u, np.zeros(len(state))], axis=1)
+    turning = np.stack(
+        [2.0 * SPIN * v + SPIN**2 * x, SPIN**2 * y - 2.0 * SPIN * u, np.zeros(len(state))], axis=1
+    )
     pull = turning - MU * place / np.sum(place * place, axis=1, keepdims=True) ** 1.5
     if law is not None:
         share = (time_s - law.start_s) / law.burn_s
         size = law.acceleration_m_s2 / (1.0 - (1.0 - 1.0 / law.growth) * np.minimum(share, 1.0))
-        unit = law.up if law.is_rising else speed / np.sqrt(np.sum(speed * speed, axis=1, keepdims=True))
+        unit = (
+            law.up
+            if law.is_rising
+            else speed / np.sqrt(np.sum(speed * speed, axis=1, keepdims=True))
+        )
         over = np.clip((time_s - law.rise_s) / PITCH_OVER_S, 0.0, 1.0)
         lead = 0.0 if law.is_rising else (law.kick * np.sin(np.pi * over) ** 2)[:, None]
         unit = np.cos(lead) * unit + np.sin(lead) * law.ahead
@@ -156,7 +209,9 @@ def rates(time_s: np.ndarray, state: np.ndarray, law: Law | None) -> np.ndarray:
 
 
 def edges(rows: np.ndarray, stages: int) -> np.ndarray:
-    """Return the edges (f, k) between light and dark: ignition, ends of burns before a gap, ignitions after one."""
+    """Return the edges (f, k) between light and dark: ignition, ends of burns before a gap,
+    ignitions after one.
+    """
     burn = rows[:, 6 : 6 + stages]
     gap = rows[:, 6 + 3 * stages :]
     found = [rows[:, 3]]

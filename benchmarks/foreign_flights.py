@@ -1,8 +1,9 @@
 """Boosts that share no code with opir: staged gravity turns, integrated by SciPy, as tables.
 
-Notional point masses: constant thrust and mass flow (so thrust over mass grows through a stage), a vertical rise, a
-pitch-over, then thrust along the velocity relative to the rotating Earth; central gravity, no drag. Numbers of stages,
-burn times, accelerations, gaps and pitch-over angles are drawn wider than any preset of opir.
+Notional point masses: constant thrust and mass flow (so thrust over mass grows through a stage), a
+vertical rise, a pitch-over, then thrust along the velocity relative to the rotating Earth; central
+gravity, no drag. Numbers of stages, burn times, accelerations, gaps and pitch-over angles are drawn
+wider than any preset of opir.
 """
 
 from collections.abc import Iterator
@@ -25,7 +26,9 @@ AXIS = np.array([0.0, 0.0, SPIN])
 
 @frozen(eq=False)
 class ForeignFlight:
-    """A flight: its boost, rows of time since ignition, ECEF state and burning; burns, impact (lat, lon in rad, s)."""
+    """A flight: its boost, rows of time since ignition, ECEF state and burning; burns, impact (lat,
+    lon in rad, s).
+    """
 
     boost: "Boost"
     table: np.ndarray
@@ -49,7 +52,12 @@ class ForeignFlight:
         rows = self.table[self.table[:, 0] <= self.burnout_s] if burn_only else self.table
         head = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is_burning"
         np.savetxt(
-            path, rows, delimiter=",", header=head, comments="", fmt=["%.6f"] + ["%.4f"] * 3 + ["%.6f"] * 3 + ["%d"]
+            path,
+            rows,
+            delimiter=",",
+            header=head,
+            comments="",
+            fmt=["%.6f"] + ["%.4f"] * 3 + ["%.6f"] * 3 + ["%d"],
         )
 
 
@@ -74,7 +82,11 @@ def geodetic(place: np.ndarray) -> tuple[float, float, float]:
     height = 0.0
     for _ in range(8):
         n = RADIUS_M / np.sqrt(1.0 - e2 * np.sin(latitude) ** 2)
-        height = out * np.cos(latitude) + place[2] * np.sin(latitude) - n * (1.0 - e2 * np.sin(latitude) ** 2)
+        height = (
+            out * np.cos(latitude)
+            + place[2] * np.sin(latitude)
+            - n * (1.0 - e2 * np.sin(latitude) ** 2)
+        )
         latitude = np.arctan2(place[2], out * (1 - e2 * n / (n + height)))
     return float(latitude), float(np.arctan2(place[1], place[0])), float(height)
 
@@ -82,7 +94,9 @@ def geodetic(place: np.ndarray) -> tuple[float, float, float]:
 def drawn_flight(
     stages: int, gaps: bool, rng: np.random.Generator, gap_s: tuple[float, float] = (2.0, 12.0)
 ) -> ForeignFlight:
-    """Return a random flight with a number of stages, dark for some time of `gap_s` between them if `gaps`."""
+    """Return a random flight with a number of stages, dark for some time of `gap_s` between them if
+    `gaps`.
+    """
     while True:
         burn = rng.uniform(*{1: (45.0, 110.0), 2: (40.0, 85.0), 3: (40.0, 70.0)}[stages], stages)
         first = np.concatenate([rng.uniform(14.0, 28.0, 1), rng.uniform(12.0, 30.0, stages - 1)])
@@ -91,7 +105,9 @@ def drawn_flight(
         rise = rng.uniform(4.0, 10.0)
         kick = np.radians(rng.uniform(4.0, 24.0))
         place = np.arcsin(rng.uniform(-0.85, 0.85)), rng.uniform(-np.pi, np.pi)
-        flight = _flown(Boost(burn, first, growth, gap, rise, kick, place, rng.uniform(0.0, 2.0 * np.pi)))
+        flight = _flown(
+            Boost(burn, first, growth, gap, rise, kick, place, rng.uniform(0.0, 2.0 * np.pi))
+        )
         if flight is not None and 150.0 < flight.range_km < 12000.0:
             return flight
 
@@ -106,7 +122,9 @@ def directions(launch: tuple[float, float], azimuth: float) -> tuple[np.ndarray,
 
 @frozen(eq=False)
 class Boost:
-    """Kinematics of a boost: stages, vertical rise, pitch-over by `kick` rad towards an azimuth, and the launch."""
+    """Kinematics of a boost: stages, vertical rise, pitch-over by `kick` rad towards an azimuth,
+    and the launch.
+    """
 
     burn_s: np.ndarray
     acceleration_m_s2: np.ndarray
@@ -125,10 +143,22 @@ class Boost:
         object.__setattr__(self, "ahead", ahead)
 
     def rates(
-        self, time_s: float, state: np.ndarray, start_s: float, length_s: float, first: float, growth: float
+        self,
+        time_s: float,
+        state: np.ndarray,
+        start_s: float,
+        length_s: float,
+        first: float,
+        growth: float,
     ) -> np.ndarray:
-        """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in the dark."""
-        size = first / (1.0 - (1.0 - 1.0 / growth) * min((time_s - start_s) / length_s, 1.0)) if first else 0.0
+        """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in
+        the dark.
+        """
+        size = (
+            first / (1.0 - (1.0 - 1.0 / growth) * min((time_s - start_s) / length_s, 1.0))
+            if first
+            else 0.0
+        )
         unit = self.up if time_s < self.rise_s else state[3:] / np.linalg.norm(state[3:])
         if self.rise_s <= time_s < self.rise_s + PITCH_OVER_S:
             lead = self.kick * np.sin(np.pi * (time_s - self.rise_s) / PITCH_OVER_S) ** 2
@@ -139,13 +169,20 @@ class Boost:
         return np.concatenate([state[3:], central + turning + size * unit])
 
     def legs(self) -> Iterator[tuple[float, float, float, float, float, float]]:
-        """Yield start, end, ignition, burn time, first acceleration (0 in the dark) and growth of each leg."""
+        """Yield start, end, ignition, burn time, first acceleration (0 in the dark) and growth of
+        each leg.
+        """
         now = 0.0
         for length, first, growth, dark in zip(
             self.burn_s, self.acceleration_m_s2, self.growth, self.gap_s, strict=True
         ):
-            for begin, end, size in ((now, now + length, first), (now + length, now + length + dark, 0.0)):
-                turns = (edge for edge in (self.rise_s, self.rise_s + PITCH_OVER_S) if begin < edge < end)
+            for begin, end, size in (
+                (now, now + length, first),
+                (now + length, now + length + dark, 0.0),
+            ):
+                turns = (
+                    edge for edge in (self.rise_s, self.rise_s + PITCH_OVER_S) if begin < edge < end
+                )
                 for one, two in pairwise(sorted({begin, end, *turns})):
                     yield one, two, now, length, size, growth
             now += length + dark
@@ -174,7 +211,9 @@ def _flown(boost: Boost) -> ForeignFlight | None:
             return None
     if np.linalg.norm(state[3:]) > 7300.0 or now > 260.0:
         return None
-    fall = solve_ivp(boost.rates, (now, now + 6000.0), state, args=(now, 1.0, 0.0, 1.0), events=_landed, **exact)
+    fall = solve_ivp(
+        boost.rates, (now, now + 6000.0), state, args=(now, 1.0, 0.0, 1.0), events=_landed, **exact
+    )
     if not len(fall.t_events[0]):
         return None
     legs.append((now, float(fall.t_events[0][0]), False, fall.sol))
@@ -186,7 +225,13 @@ def _flown(boost: Boost) -> ForeignFlight | None:
     return ForeignFlight(
         boost,
         _table(legs, now + 60.0, boost.up),
-        tuple(zip((burns - boost.burn_s - boost.gap_s).tolist(), (burns - boost.gap_s).tolist(), strict=True)),
+        tuple(
+            zip(
+                (burns - boost.burn_s - boost.gap_s).tolist(),
+                (burns - boost.gap_s).tolist(),
+                strict=True,
+            )
+        ),
         launch,
         (latitude, longitude, float(fall.t_events[0][0])),
         angle * 6371.0,
@@ -204,7 +249,9 @@ def _state(legs: list[Any], time_s: float) -> np.ndarray:
 def _table(legs: list[Any], until_s: float, up: np.ndarray) -> np.ndarray:
     rows = []
     for begin, end, is_burning, solution in legs:
-        times = np.linspace(begin, min(end, until_s), int(np.ceil((min(end, until_s) - begin) / STEP_S)) + 1)
+        times = np.linspace(
+            begin, min(end, until_s), int(np.ceil((min(end, until_s) - begin) / STEP_S)) + 1
+        )
         rows.append(np.column_stack([times, solution(times).T, np.full(len(times), is_burning)]))
     table = np.concatenate(rows)
     # A start exactly at rest has no direction.

@@ -1,9 +1,11 @@
-"""Boosts that end low and level, and the glides after them, that share no code with opir, as tables.
+"""Boosts that end low and level, and the glides after them, that share no code with opir, as
+tables.
 
-Notional kinematics of a point mass: one or two burns whose flight-path angle is a smooth curve from vertical to level,
-whose shape is sought until the last ends at the wanted height; then lift balances weight less centrifugal force at a
-constant ratio of lift to drag, in air whose density falls exponentially, on a course of constant curvature; below the
-final speed it falls. A round, rotating Earth; speeds are those over the ground.
+Notional kinematics of a point mass: one or two burns whose flight-path angle is a smooth curve from
+vertical to level, whose shape is sought until the last ends at the wanted height; then lift
+balances weight less centrifugal force at a constant ratio of lift to drag, in air whose density
+falls exponentially, on a course of constant curvature; below the final speed it falls. A round,
+rotating Earth; speeds are those over the ground.
 """
 
 import numpy as np
@@ -46,10 +48,17 @@ def drawn_glide(rng: np.random.Generator) -> Ascent:
 
 
 class _Course:
-    """A boost over a round Earth: edges of its burns and gaps, s, first accelerations and their growth, its end."""
+    """A boost over a round Earth: edges of its burns and gaps, s, first accelerations and their
+    growth, its end.
+    """
 
     def __init__(
-        self, edges: np.ndarray, first: np.ndarray, growth: np.ndarray, height_m: float, level_rad: float
+        self,
+        edges: np.ndarray,
+        first: np.ndarray,
+        growth: np.ndarray,
+        height_m: float,
+        level_rad: float,
     ) -> None:
         self.edges = edges
         self.first = first
@@ -62,7 +71,9 @@ class _Course:
         return self.rows(bend)[-1][1] - self.height_m
 
     def lead_rad(self, rows: np.ndarray) -> float:
-        """Return the largest angle between thrust and velocity, from `SLOW_S` on, that bends the path as it does."""
+        """Return the largest angle between thrust and velocity, from `SLOW_S` on, that bends the
+        path as it does.
+        """
         time_s, height, speed, angle = rows[rows[:, 0] > SLOW_S].T
         pull = MU / (RADIUS_M + height) ** 2 - speed**2 / (RADIUS_M + height)
         side = speed * np.gradient(angle, time_s) + pull * np.cos(angle)
@@ -93,14 +104,18 @@ class _Course:
         return [*rows, [now, height, speed, angle]]
 
     def _force(self, leg: int, part: float) -> float:
-        """Return the specific force, m/s², in a leg, of which a part is over; every second leg is dark."""
+        """Return the specific force, m/s², in a leg, of which a part is over; every second leg is
+        dark.
+        """
         first = self.first[leg // 2]
         growth = self.growth[leg // 2]
         return float(first / (1.0 - (1.0 - 1.0 / growth) * part)) if leg % 2 == 0 else 0.0
 
 
 def _glided(last: list[float], ratio: float, last_m_s: float) -> list[list[float]]:
-    """Return rows of a glide from the end of a boost, as those of `_Course.rows`, and of its end on the ground."""
+    """Return rows of a glide from the end of a boost, as those of `_Course.rows`, and of its end on
+    the ground.
+    """
     now, height, speed, angle = last
     top_m = height
     rows = []
@@ -112,7 +127,8 @@ def _glided(last: list[float], ratio: float, last_m_s: float) -> list[list[float
         wanted = top_m - SCALE_M * np.log(lift / speed**2 / density)
         # The angle with which it begins dies away.
         climb = (
-            speed * np.sin(angle) * np.exp(-STEP_S / 10.0) + (wanted - height) * (1.0 - np.exp(-STEP_S / 10.0)) / 10.0
+            speed * np.sin(angle) * np.exp(-STEP_S / 10.0)
+            + (wanted - height) * (1.0 - np.exp(-STEP_S / 10.0)) / 10.0
         )
         speed -= STEP_S * (lift / ratio + pull * np.sin(angle))
         angle = float(np.arcsin(np.clip(climb / speed, -0.5, 0.5)))
@@ -120,13 +136,24 @@ def _glided(last: list[float], ratio: float, last_m_s: float) -> list[list[float
         now = now + STEP_S
         rows.append([now, height, speed, angle])
     # It falls three times as far as it is high.
-    return [*rows, [now + STEP_S, height, 300.0, 0.0], [now + STEP_S + 0.01 * height, 0.0, 300.0, 0.0]]
+    return [
+        *rows,
+        [now + STEP_S, height, 300.0, 0.0],
+        [now + STEP_S + 0.01 * height, 0.0, 300.0, 0.0],
+    ]
 
 
 def _on_the_earth(
-    boost: np.ndarray, glide: np.ndarray, edges: np.ndarray, place: tuple[float, float], azimuth: float, curve: float
+    boost: np.ndarray,
+    glide: np.ndarray,
+    edges: np.ndarray,
+    place: tuple[float, float],
+    azimuth: float,
+    curve: float,
 ) -> Ascent:
-    """Return the flight of rows along a course from a place, its curvature, rad/m, after the boost."""
+    """Return the flight of rows along a course from a place, its curvature, rad/m, after the
+    boost.
+    """
     up0, ahead0 = directions(place, azimuth)
     radius = float(np.linalg.norm(ecef(*place)))
     time_s, height, speed, angle = np.concatenate([boost, glide]).T

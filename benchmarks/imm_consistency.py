@@ -1,6 +1,8 @@
-"""Consistency of `imm` in whole scenes: states, launches and impacts, clear, under clouds and with biases.
+"""Consistency of `imm` in whole scenes: states, launches and impacts, clear, under clouds and with
+biases.
 
-python benchmarks/imm_consistency.py [--runs 20] [--only clear] [--set key=value] [--write docs/benchmarks]
+python benchmarks/imm_consistency.py [--runs 20] [--only clear] [--set key=value] [--write
+docs/benchmarks]
 """
 
 import argparse
@@ -24,8 +26,12 @@ from opir_core.simulation.run import run_of_plan
 
 LAUNCHES = 10
 SETTLED_S = 20.0
-CLOUD: Mapping[str, Any] = {"atmosphere": {"model": "lowtran", "cloud": {"top_km": 10.0}}, "detection": "snr"}
-#: Names of cases, what the scene has beside the rest, the bias of its sensors, µrad, and the height of the sites, m.
+CLOUD: Mapping[str, Any] = {
+    "atmosphere": {"model": "lowtran", "cloud": {"top_km": 10.0}},
+    "detection": "snr",
+}
+#: Names of cases, what the scene has beside the rest, the bias of its sensors, µrad, and the height
+#: of the sites, m.
 CASES: dict[str, tuple[Mapping[str, Any], float, float]] = {
     "clear": ({}, 0.0, 0.0),
     "sites at 1.5 km": ({}, 0.0, 1500.0),
@@ -72,7 +78,12 @@ def scene_of(seed: int, case: str, tracker: Mapping[str, Any]) -> Any:
     rng = np.random.default_rng(1000 + seed)
     more, bias_urad, height_m = CASES[case]
     sensors = [
-        {"model": "SBIRS-GEO", "id": name, "orbital_slot_deg": slot, "line_of_sight_bias_sigma_urad": bias_urad}
+        {
+            "model": "SBIRS-GEO",
+            "id": name,
+            "orbital_slot_deg": slot,
+            "line_of_sight_bias_sigma_urad": bias_urad,
+        }
         for name, slot in (("WEST", -150.0), ("EAST", -95.0))
     ]
     return scene_from_mapping(
@@ -95,7 +106,12 @@ def _target(number: int, rng: np.random.Generator, height_m: float) -> Mapping[s
     longitude = -145.0 + 11.0 * (number % 3)
     reach_deg = rng.uniform(3.0, 4.5) if kind == "SRBM" else rng.uniform(18.0, 28.0)
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
-    launch = {"lat_deg": latitude, "lon_deg": longitude, "height_m": height_m, "time_s": float(rng.uniform(2.0, 8.0))}
+    launch = {
+        "lat_deg": latitude,
+        "lon_deg": longitude,
+        "height_m": height_m,
+        "time_s": float(rng.uniform(2.0, 8.0)),
+    }
     aim = {
         "lat_deg": float(latitude + reach_deg * np.cos(azimuth)),
         "lon_deg": float(longitude + reach_deg * np.sin(azimuth) / np.cos(np.radians(latitude))),
@@ -118,7 +134,10 @@ def case_of(case: str, runs: int, tracker: Mapping[str, Any]) -> Case:
         whose.append(found.target + LAUNCHES * seed)
         points.append(point_errors(evidence, owners))
     return Case(
-        StateErrors.concatenate(states), np.concatenate(whose), PointErrors.concatenate(points), LAUNCHES * runs
+        StateErrors.concatenate(states),
+        np.concatenate(whose),
+        PointErrors.concatenate(points),
+        LAUNCHES * runs,
     )
 
 
@@ -137,7 +156,10 @@ def lines_of(name: str, case: Case) -> Iterator[str]:
         known = np.isfinite(square)
         share = containment(square[known], 2, 0.95)
         cells += [f"{100.0 * share[0]:.1f} % [{100.0 * share[1]:.1f}, {100.0 * share[2]:.1f}]"]
-        cells += [_mean(square[known] / 2.0), f"{unit * np.median(error[known]):.{0 if unit == 1.0 else 1}f}"]
+        cells += [
+            _mean(square[known] / 2.0),
+            f"{unit * np.median(error[known]):.{0 if unit == 1.0 else 1}f}",
+        ]
     cells.append(f"{np.nanmedian(points.launch_time_s):+.2f}")
     yield "| " + " | ".join(cells) + " |"
 
@@ -153,7 +175,9 @@ def _rms(values: np.ndarray, digits: int = 0) -> str:
 
 def main() -> None:
     """Run the cases and print, or write, the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--only", choices=tuple(CASES))
     parser.add_argument("--set", action="append", default=[], help="of the tracker, KEY=VALUE")

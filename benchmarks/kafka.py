@@ -1,18 +1,23 @@
-"""Throughput of the Kafka sink: events per second, beside Kafka's Java producer, confluent-kafka and bare aiokafka.
+"""Throughput of the Kafka sink: events per second, beside Kafka's Java producer, confluent-kafka
+and bare aiokafka.
 
-    python benchmarks/kafka.py [--events 200000] [--partitions 6] [--repeats 5] [--write docs/benchmarks]
+    python benchmarks/kafka.py [--events 200000] [--partitions 6] [--repeats 5] [--write
+    docs/benchmarks]
 
-The broker is Apache Kafka, one node, where Java and Maven are; else librdkafka's mock cluster, without the Java
-producer; or the one that KAFKA_BOOTSTRAP names. Each way sends the same events into a topic of its own, with the same
-acks, idempotence, compression and size of batches, and is timed until the last is acknowledged:
+The broker is Apache Kafka, one node, where Java and Maven are; else librdkafka's mock cluster,
+without the Java producer; or the one that KAFKA_BOOTSTRAP names. Each way sends the same events
+into a topic of its own, with the same acks, idempotence, compression and size of batches, and is
+timed until the last is acknowledged:
 
-- `Java producer`: Kafka's `ProducerPerformance`. It takes lines of a file at random, without keys and headers, and
-  sends five times as many as the others; its first report, of 5 s in which the JVM compiles, is left out (`warm`) or
-  not;
+- `Java producer`: Kafka's `ProducerPerformance`. It takes lines of a file at random, without keys
+  and headers, and sends five times as many as the others; its first report, of 5 s in which the JVM
+  compiles, is left out (`warm`) or not;
 - `confluent-kafka`: the messages are ready; `produce()` each, then `flush()`;
-- `aiokafka, batches`: the messages are ready; `create_batch()` and `send_batch()`, a task for each partition;
+- `aiokafka, batches`: the messages are ready; `create_batch()` and `send_batch()`, a task for each
+  partition;
 - `kafka`: the sink, from columns: encoding, queue and acknowledgement included;
-- `kafka, spooled`: the same with a spool on disk, written before sending and cleared after acknowledgement.
+- `kafka, spooled`: the same with a spool on disk, written before sending and cleared after
+  acknowledgement.
 
 The methods alternate; figures are medians, ratios medians of the ratios within each repetition.
 """
@@ -96,10 +101,15 @@ def main() -> None:
     parser.add_argument("--events", type=int, default=200_000)
     parser.add_argument("--partitions", type=int, default=6)
     parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the table to FOLDER/kafka.md")
+    parser.add_argument(
+        "--write", type=Path, metavar="FOLDER", help="write the table to FOLDER/kafka.md"
+    )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch, broker_of(Path(scratch)) as (broker, name):
-        took = {compression: turns(broker, options, compression, Path(scratch)) for compression in ("none", "zstd")}
+        took = {
+            compression: turns(broker, options, compression, Path(scratch))
+            for compression in ("none", "zstd")
+        }
     page = table(took, options, name)
     print(page)
     if options.write:
@@ -128,7 +138,9 @@ def processor_s() -> float:
     return used.user + used.system + used.children_user + used.children_system
 
 
-def turns(broker: Any, options: argparse.Namespace, compression: str, scratch: Path) -> dict[str, list[Times]]:
+def turns(
+    broker: Any, options: argparse.Namespace, compression: str, scratch: Path
+) -> dict[str, list[Times]]:
     """Return each way's time and processor time, s, turn by turn; the first turn is left out."""
     windows = [window(WINDOW_EVENTS, first) for first in range(0, options.events, WINDOW_EVENTS)]
     lines = [line for each in windows for line in ENCODER.encode(each).splitlines()]
@@ -140,7 +152,9 @@ def turns(broker: Any, options: argparse.Namespace, compression: str, scratch: P
         lambda given: {"confluent-kafka": by_confluent_kafka(given, messages)},
         lambda given: {"aiokafka, batches": asyncio.run(in_batches(given, messages))},
         lambda given: {"kafka": through_the_sink(given, windows, None)},
-        lambda given: {"kafka, spooled": through_the_sink(given, windows, tempfile.mkdtemp(dir=scratch))},
+        lambda given: {
+            "kafka, spooled": through_the_sink(given, windows, tempfile.mkdtemp(dir=scratch))
+        },
     ]
     took: dict[str, list[Times]] = {}
     for turn in range(options.repeats + 1):
@@ -156,7 +170,9 @@ def turns(broker: Any, options: argparse.Namespace, compression: str, scratch: P
 
 
 def java_producer(config: KafkaConfig, file: Path, events: int) -> dict[str, float]:
-    """Return the times that Kafka's own producer takes for so many events, with and without its first report."""
+    """Return the times that Kafka's own producer takes for so many events, with and without its
+    first report.
+    """
     producer = {
         "bootstrap.servers": config.bootstrap_servers,
         "acks": "all",
@@ -165,7 +181,16 @@ def java_producer(config: KafkaConfig, file: Path, events: int) -> dict[str, flo
         "compression.type": config.compression,
     }
     count = JAVA_TIMES * events
-    words = ["--topic", config.topic, "--num-records", str(count), "--throughput", "-1", "--payload-file", str(file)]
+    words = [
+        "--topic",
+        config.topic,
+        "--num-records",
+        str(count),
+        "--throughput",
+        "-1",
+        "--payload-file",
+        str(file),
+    ]
     words += ["--producer-props", *(f"{key}={value}" for key, value in producer.items())]
     main_class = "org.apache.kafka.tools.ProducerPerformance"
     command = ["java", "-Xmx512m", "-cp", kafka_cluster.classpath(), main_class, *words]
@@ -252,7 +277,9 @@ def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None
     return took
 
 
-def table(took: Mapping[str, Mapping[str, list[Times]]], options: argparse.Namespace, broker: str) -> str:
+def table(
+    took: Mapping[str, Mapping[str, list[Times]]], options: argparse.Namespace, broker: str
+) -> str:
     """Return the page."""
     reference = JAVA if has_java() else "confluent-kafka"
     rows = []
@@ -260,8 +287,12 @@ def table(took: Mapping[str, Mapping[str, list[Times]]], options: argparse.Names
     used = dict[tuple[str, str], str]()
     for compression, ways in took.items():
         for name, times in ways.items():
-            ratios = [one / other for (one, _), (other, _) in zip(ways[reference], times, strict=True)]
-            rate[compression, name] = spaced(options.events / statistics.median(time_s for time_s, _ in times))
+            ratios = [
+                one / other for (one, _), (other, _) in zip(ways[reference], times, strict=True)
+            ]
+            rate[compression, name] = spaced(
+                options.events / statistics.median(time_s for time_s, _ in times)
+            )
             used_us = statistics.median(used_s for _, used_s in times) / options.events * 1e6
             used[compression, name] = f"{used_us:.1f}"
             ratio = f"{statistics.median(ratios):.2f}"

@@ -1,11 +1,14 @@
-"""Calibration of every hypothesis, and whether "none of these" rises for a class left out of the training.
+"""Calibration of every hypothesis, and whether "none of these" rises for a class left out of the
+training.
 
-    python benchmarks/left_out_classes.py [--launches 100] [--sources 150] [--seed 2] [--write docs/benchmarks]
+    python benchmarks/left_out_classes.py [--launches 100] [--sources 150] [--seed 2] [--write
+    docs/benchmarks]
 
-Launches of all seven classes, fires, gas flares and false alarms are simulated once for each class, and for the sources
-on the ground, left out of the classifier's prior and training, and once with nothing left out. The prior is that of the
-simulation. An event counts for each hypothesis with the probability that the classifier gives it, in bins of
-probability; those of what is left out are of "none of these".
+Launches of all seven classes, fires, gas flares and false alarms are simulated once for each class,
+and for the sources on the ground, left out of the classifier's prior and training, and once with
+nothing left out. The prior is that of the simulation. An event counts for each hypothesis with the
+probability that the classifier gives it, in bins of probability; those of what is left out are of
+"none of these".
 """
 
 import argparse
@@ -14,7 +17,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from calibration import ENOUGH, SENSORS as OBSERVERS, SHINING_S, SOURCES, WITHIN, bin_numbers, seen_scene, sourced
+from calibration import (
+    ENOUGH,
+    SENSORS as OBSERVERS,
+    SHINING_S,
+    SOURCES,
+    WITHIN,
+    bin_numbers,
+    seen_scene,
+    sourced,
+)
 from discrimination_objects import BRIGHTNESS, COLOUR, moved, place, seen_from
 from discrimination_statistics import area
 from numpy.typing import NDArray
@@ -77,8 +89,8 @@ launch share its brightness, so a bin of {enough} events may hold few launches. 
 
 
 class Bin(NamedTuple):
-    """Events of a sensor for which some hypothesis has a probability in a bin: their number, its mean, and the share
-    for which it is right.
+    """Events of a sensor for which some hypothesis has a probability in a bin: their number, its
+    mean, and the share for which it is right.
     """
 
     sensor: str
@@ -90,11 +102,13 @@ class Bin(NamedTuple):
 
 
 class Rise(NamedTuple):
-    """How "none of these" rises for a class left out, by sensor: AUROC over events, its means, and OSCR.
+    """How "none of these" rises for a class left out, by sensor: AUROC over events, its means, and
+    OSCR.
 
-    `known` and `unknown` are the mean probabilities of "none of these", `known_95` the 95th percentile for the known;
-    `oscr` is the area under the curve of correct classification against false positives, `correct` its height at
-    `FALSE_SHARE`. `alike` is the class that the left-out one is taken for most, with the mean probability.
+    `known` and `unknown` are the mean probabilities of "none of these", `known_95` the 95th
+    percentile for the known; `oscr` is the area under the curve of correct classification against
+    false positives, `correct` its height at `FALSE_SHARE`. `alike` is the class that the left-out
+    one is taken for most, with the mean probability.
     """
 
     sensor: str
@@ -110,10 +124,14 @@ class Rise(NamedTuple):
 
 
 def launched(rng: np.random.Generator, kind: TargetClass, number: int) -> dict[str, Any]:
-    """Return a launch of a class: place, direction, range and brightness drawn as the classifier assumes."""
+    """Return a launch of a class: place, direction, range and brightness drawn as the classifier
+    assumes.
+    """
     profile = kind.profiles[int(rng.integers(len(kind.profiles)))]
     latitude, longitude = seen_from(np.arcsin(rng.uniform(0.03, 1.0)), 2.0 * np.pi * rng.random())
-    limits = np.log([1.02 * max(profile.minimum_range_m, 5e4), min(profile.maximum_range_m, 1.5e7) / 1.02])
+    limits = np.log(
+        [1.02 * max(profile.minimum_range_m, 5e4), min(profile.maximum_range_m, 1.5e7) / 1.02]
+    )
     range_km = float(np.exp(rng.uniform(*limits))) / 1e3
     heading = 2.0 * np.pi * rng.random()
     spread = BRIGHTNESS * rng.standard_normal() + COLOUR * rng.standard_normal(3)
@@ -125,7 +143,8 @@ def launched(rng: np.random.Generator, kind: TargetClass, number: int) -> dict[s
         "signature": {
             "model": "plume",
             "peak_w_sr": {
-                band: float(peak * np.exp(more)) for (band, peak), more in zip(peaks.items(), spread, strict=True)
+                band: float(peak * np.exp(more))
+                for (band, peak), more in zip(peaks.items(), spread, strict=True)
             },
         },
     }
@@ -136,27 +155,44 @@ def launched(rng: np.random.Generator, kind: TargetClass, number: int) -> dict[s
 
 
 def scene(launches: int, sources: int, seed: int, left_out: str) -> dict[str, Any]:
-    """Return a scene with launches of every class and sources, and a prior that says so, without a class."""
+    """Return a scene with launches of every class and sources, and a prior that says so, without a
+    class.
+    """
     rng = np.random.default_rng([seed, 31])
     targets = [launched(rng, kind, number) for kind in CLASSES for number in range(launches)]
     known = [kind.name for kind in CLASSES if kind.name != left_out]
     per_day = 86_400.0 / DURATION_S
-    in_view = {} if left_out == SOURCES_LEFT else {kind: sources * SHINING_S[kind] / DURATION_S for kind in SOURCES}
+    in_view = (
+        {}
+        if left_out == SOURCES_LEFT
+        else {kind: sources * SHINING_S[kind] / DURATION_S for kind in SOURCES}
+    )
     classification = {
         "model": "spectral",
         "launches_per_day": per_day * launches * len(known),
         "prior": dict.fromkeys(known, 1.0 / len(known)),
         "sources_in_view": in_view,
         "bolides_per_day": 0.0,
-        "unknown_per_day": per_day * {EVERY: 1e-3, SOURCES_LEFT: 2.0 * sources}.get(left_out, float(launches)),
+        "unknown_per_day": per_day
+        * {EVERY: 1e-3, SOURCES_LEFT: 2.0 * sources}.get(left_out, float(launches)),
     }
-    found = seen_scene(SENSORS, PERIOD_S, DURATION_S, seed, targets, [sourced(rng, kind, sources) for kind in SOURCES])
+    found = seen_scene(
+        SENSORS,
+        PERIOD_S,
+        DURATION_S,
+        seed,
+        targets,
+        [sourced(rng, kind, sources) for kind in SOURCES],
+    )
     return {**found, "classification": classification}
 
 
 def truths(mapping: Mapping[str, Any], sources: int, left_out: str) -> IntArray:
     """Return the numbers of the true hypotheses of the emitters, and last that of false alarms."""
-    kinds = [NONE if target["type"] == left_out else NAMES.index(target["type"]) for target in mapping["targets"]]
+    kinds = [
+        NONE if target["type"] == left_out else NAMES.index(target["type"])
+        for target in mapping["targets"]
+    ]
     ground = NONE if left_out == SOURCES_LEFT else GROUND
     return np.array([*kinds, *[ground] * (sources * len(SOURCES)), NOISE])
 
@@ -170,15 +206,21 @@ def bins(sensor: str, left_out: str, probability: FloatArray, true: IntArray) ->
         here = number == place_
         if here.any():
             means = float(probability[here].mean()), float(is_true[here].mean())
-            rows.append(Bin(sensor, left_out, float(EDGES[place_]), int(here.any(axis=1).sum()), *means))
+            rows.append(
+                Bin(sensor, left_out, float(EDGES[place_]), int(here.any(axis=1).sum()), *means)
+            )
     return rows
 
 
-def oscr(known: FloatArray, is_right: NDArray[np.bool_], unknown: FloatArray) -> tuple[float, float]:
-    """Return the area under the curve of correct classification against false positives, and its height.
+def oscr(
+    known: FloatArray, is_right: NDArray[np.bool_], unknown: FloatArray
+) -> tuple[float, float]:
+    """Return the area under the curve of correct classification against false positives, and its
+    height.
 
-    Scores of known events (n,), whether their class is right, and scores of unknown ones: the largest probability of a
-    known hypothesis (Dhamija, Günther and Boult, Reducing network agnostophobia, 2018).
+    Scores of known events (n,), whether their class is right, and scores of unknown ones: the
+    largest probability of a known hypothesis (Dhamija, Günther and Boult, Reducing network
+    agnostophobia, 2018).
     """
     levels = np.sort(np.concatenate([known, unknown]))[::-1]
     correct = np.searchsorted(np.sort(known[is_right]), levels, side="left")
@@ -189,7 +231,9 @@ def oscr(known: FloatArray, is_right: NDArray[np.bool_], unknown: FloatArray) ->
 
 
 def rise(sensor: str, left_out: str, probability: FloatArray, true: IntArray) -> Rise:
-    """Return how "none of these" rises for events of a class left out, against those of launches that are known."""
+    """Return how "none of these" rises for events of a class left out, against those of launches
+    that are known.
+    """
     unknown = true == NONE
     known = ~unknown & (true > GROUND)
     none = probability[:, NONE]
@@ -237,14 +281,17 @@ def pooled(found: Sequence[Bin]) -> list[Bin]:
             events = sum(row.events for row in own)
             if events:
                 means = (
-                    sum(getattr(row, name) * row.events for row in own) / events for name in ("probability", "right")
+                    sum(getattr(row, name) * row.events for row in own) / events
+                    for name in ("probability", "right")
                 )
                 rows.append(Bin(sensor, "each", lower, events, *means))
     return rows
 
 
 def bins_table(rows: Sequence[Bin]) -> str:
-    """Return a line for each bin, with probability, share that is right and events of each sensor."""
+    """Return a line for each bin, with probability, share that is right and events of each
+    sensor.
+    """
     lines = [f"| P from | {' | '.join(SENSORS)} |", "|---" * (1 + len(SENSORS)) + "|"]
     for lower in EDGES[:-1].tolist():
         own = {row.sensor: row for row in rows if row.lower == lower}
@@ -262,11 +309,15 @@ def _bin_cell(row: Bin) -> str:
 def rises_table(rises: Sequence[Rise]) -> str:
     """Return a line for each class left out and sensor."""
     lines = [
-        "| left out | sensor | AUROC | mean P(none): left out | known | OSCR | correct at 10 % false | taken for |",
+        (
+            "| left out | sensor | AUROC | mean P(none): left out | known | OSCR | correct at 10 %"
+            " false | taken for |"
+        ),
         "|---|---|---|---|---|---|---|---|",
     ]
     lines += [
-        f"| {row.left_out} | {row.sensor} | {row.auroc:.2f} | {row.unknown:.3f} | {row.known:.4f} | {row.oscr:.2f} |"
+        f"| {row.left_out} | {row.sensor} | {row.auroc:.2f} | {row.unknown:.3f} | {row.known:.4f} |"
+        f" {row.oscr:.2f} |"
         f" {row.correct:.2f} | {row.alike} {row.as_alike:.2f} |"
         for row in sorted(rises, key=lambda row: LEFT_OUT.index(row.left_out))
         if row.sensor != "DSP" or row.left_out == SOURCES_LEFT
@@ -276,7 +327,9 @@ def rises_table(rises: Sequence[Rise]) -> str:
 
 def main() -> None:
     """Simulate, print and write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--launches", type=int, default=100)
     parser.add_argument("--sources", type=int, default=150)
     parser.add_argument("--seed", type=int, default=2)
@@ -285,7 +338,9 @@ def main() -> None:
     found, rises = measured(arguments.launches, arguments.sources, arguments.seed)
     text = PAGE.format(
         whole=bins_table([row for row in found if row.left_out == EVERY]),
-        partial=bins_table(pooled([row for row in found if row.left_out not in (EVERY, SOURCES_LEFT)])),
+        partial=bins_table(
+            pooled([row for row in found if row.left_out not in (EVERY, SOURCES_LEFT)])
+        ),
         rises=rises_table(rises),
         launches=arguments.launches,
         sources=arguments.sources,

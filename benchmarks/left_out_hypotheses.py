@@ -1,10 +1,12 @@
-"""Does "none of these" rise in the tracker for a class that it does not know? By motion alone, each left out in turn.
+"""Does "none of these" rise in the tracker for a class that it does not know? By motion alone, each
+left out in turn.
 
     python benchmarks/left_out_hypotheses.py [--launches 2] [--seed 12] [--write docs/benchmarks]
 
-Launches of all seven classes before two SBIRS-GEO, once with every class known to `imm` and once for each class left
-out: the plan then has a host that does not offer that class, so tracker and scores have one hypothesis fewer, while the
-scene launches it all the same. Sensors report no types (`classification: none`): the tracker knows motion alone.
+Launches of all seven classes before two SBIRS-GEO, once with every class known to `imm` and once
+for each class left out: the plan then has a host that does not offer that class, so tracker and
+scores have one hypothesis fewer, while the scene launches it all the same. Sensors report no types
+(`classification: none`): the tracker knows motion alone.
 """
 
 import argparse
@@ -30,9 +32,13 @@ from opir_core.plugin import Host, TargetClass
 from opir_core.scene.target_classes import OrbitInsertion
 
 #: Marks: s since the first detection, s after burnout, and the last record of a track.
-MARKS = (("30 s after detection", 30.0, None), ("60 s after detection", 60.0, None), ("burnout", None, 5.0))
-#: Distance of launches, degrees, and the time, s, within which all are; time, s, from the longest boost's end to the
-#: scene's.
+MARKS = (
+    ("30 s after detection", 30.0, None),
+    ("60 s after detection", 60.0, None),
+    ("burnout", None, 5.0),
+)
+#: Distance of launches, degrees, and the time, s, within which all are; time, s, from the longest
+#: boost's end to the scene's.
 APART_DEG = 3.0
 WITHIN_S = 30.0
 AFTER_S = 10.0
@@ -77,7 +83,9 @@ class WithoutClass(Host):
 
     def names(self, hook: Any) -> list[str]:
         """Return the names offered under a hook, sorted."""
-        return [name for name in super().names(hook) if hook is not TargetClass or name != self.left_out]
+        return [
+            name for name in super().names(hook) if hook is not TargetClass or name != self.left_out
+        ]
 
 
 class Record(NamedTuple):
@@ -114,9 +122,13 @@ def scene(launches: int, seed: int) -> dict[str, Any]:
     targets = []
     for number, (kind, cell) in enumerate(zip(kinds, cells.tolist(), strict=True)):
         profile = kind.profiles[int(rng.integers(len(kind.profiles)))]
-        latitude = np.radians(APART_DEG * (cell // side - 0.5 * side + rng.uniform(-0.2, 0.2)) + 20.0)
+        latitude = np.radians(
+            APART_DEG * (cell // side - 0.5 * side + rng.uniform(-0.2, 0.2)) + 20.0
+        )
         longitude = np.radians(APART_DEG * (cell % side - 0.5 * side + rng.uniform(-0.2, 0.2)))
-        limits = np.log([1.02 * max(profile.minimum_range_m, 5e4), min(profile.maximum_range_m, 1.5e7) / 1.02])
+        limits = np.log(
+            [1.02 * max(profile.minimum_range_m, 5e4), min(profile.maximum_range_m, 1.5e7) / 1.02]
+        )
         range_m = float(np.exp(rng.uniform(*limits)))
         heading = 2.0 * np.pi * rng.random()
         start_s = float(rng.uniform(1.0, WITHIN_S))
@@ -129,7 +141,9 @@ def scene(launches: int, seed: int) -> dict[str, Any]:
             targets.append({**target, "azimuth_deg": float(np.degrees(heading) % 360.0)})
             continue
         own = {"profile": profile.name} if len(kind.profiles) > 1 else {}
-        targets.append({**target, **own, "aim": place(*moved(latitude, longitude, range_m / 6.371e6, heading))})
+        targets.append(
+            {**target, **own, "aim": place(*moved(latitude, longitude, range_m / 6.371e6, heading))}
+        )
     longest_s = max(profile.burn_time_s for kind in CLASSES for profile in kind.profiles)
     return {
         "scene": "left out of the tracker",
@@ -137,7 +151,8 @@ def scene(launches: int, seed: int) -> dict[str, Any]:
         "duration_s": float(np.ceil(WITHIN_S + longest_s + AFTER_S)),
         "seed": seed,
         "sensors": [
-            {"model": "SBIRS-GEO", "id": f"S{slot % 360:.0f}", "orbital_slot_deg": slot} for slot in (-35.0, 30.0)
+            {"model": "SBIRS-GEO", "id": f"S{slot % 360:.0f}", "orbital_slot_deg": slot}
+            for slot in (-35.0, 30.0)
         ],
         "targets": targets,
         "classification": "none",
@@ -165,7 +180,11 @@ def records_of(mapping: dict[str, Any], left_out: str) -> list[Record]:
         burnout_s = run.plan.targets.burnout_s[target]
         for mark, since_s, after_s in (*MARKS, ("first", 0.0, None)):
             when_s = burnout_s + after_s if since_s is None else seen_s[0] + since_s
-            late = rows[tracks.tick_s[rows] >= when_s] if mark == "first" else rows[tracks.tick_s[rows] <= when_s]
+            late = (
+                rows[tracks.tick_s[rows] >= when_s]
+                if mark == "first"
+                else rows[tracks.tick_s[rows] <= when_s]
+            )
             if not len(late) or (since_s is not None and when_s > burnout_s):
                 continue
             row = late[0] if mark == "first" else late[-1]
@@ -178,14 +197,21 @@ def row_of(records: Sequence[Record], mark: str) -> Row:
     """Return how "none of these" rises at a mark, of the records with one class left out."""
     here = [each for each in records if each.mark == mark]
     left_out = here[0].left_out
-    unknown, known = ([each for each in here if (each.kind == left_out) == is_out] for is_out in (True, False))
-    none_out, none_in = (np.array([each.probability["none of these"] for each in part]) for part in (unknown, known))
+    unknown, known = (
+        [each for each in here if (each.kind == left_out) == is_out] for is_out in (True, False)
+    )
+    none_out, none_in = (
+        np.array([each.probability["none of these"] for each in part]) for part in (unknown, known)
+    )
     best = [_best(each.probability) for each in known]
     right = np.array([name == each.kind for (name, _), each in zip(best, known, strict=True)])
     score = np.array([p for _, p in best])
     other = np.array([_best(each.probability)[1] for each in unknown])
     means = (
-        {name: np.mean([each.probability[name] for each in unknown]) for name in known[0].probability}
+        {
+            name: np.mean([each.probability[name] for each in unknown])
+            for name in known[0].probability
+        }
         if unknown
         else {}
     )
@@ -199,7 +225,14 @@ def row_of(records: Sequence[Record], mark: str) -> Row:
         float(none_out.mean()) if unknown else np.nan,
         float(none_in.mean()),
         open_set_rate(score, right, other),
-        float(np.mean([max(each.probability, key=each.probability.__getitem__) == each.kind for each in known])),
+        float(
+            np.mean(
+                [
+                    max(each.probability, key=each.probability.__getitem__) == each.kind
+                    for each in known
+                ]
+            )
+        ),
         alike,
         float(as_alike),
     )
@@ -207,14 +240,18 @@ def row_of(records: Sequence[Record], mark: str) -> Row:
 
 def _best(probability: dict[str, float]) -> tuple[str, float]:
     """Return the most probable hypothesis other than "none of these"."""
-    name = max((name for name in probability if name != "none of these"), key=probability.__getitem__)
+    name = max(
+        (name for name in probability if name != "none of these"), key=probability.__getitem__
+    )
     return name, probability[name]
 
 
 def calibration(records: Sequence[Record]) -> list[str]:
-    """Return a cell for each bin of P of target classes after burnout: mean, share that is right, and number.
+    """Return a cell for each bin of P of target classes after burnout: mean, share that is right,
+    and number.
 
-    Each record is weighted by the tracker's prior of its class (the first records of all), over the class's number.
+    Each record is weighted by the tracker's prior of its class (the first records of all), over the
+    class's number.
     """
     marked = [each for each in records if each.mark == MARKS[-1][0]]
     stated = list[float]()
@@ -222,7 +259,11 @@ def calibration(records: Sequence[Record]) -> list[str]:
     weight = list[float]()
     for each in marked:
         truth = each.kind if each.kind != each.left_out else "none of these"
-        firsts = [other.probability for other in records if other.mark == "first" and other.left_out == each.left_out]
+        firsts = [
+            other.probability
+            for other in records
+            if other.mark == "first" and other.left_out == each.left_out
+        ]
         prior = float(np.mean([first[truth] for first in firsts]))
         alike = sum(other.kind == each.kind and other.left_out == each.left_out for other in marked)
         launched = [name for name in each.probability if name in NAMES[3:]]
@@ -239,7 +280,9 @@ def calibration(records: Sequence[Record]) -> list[str]:
         if not own.any():
             cells.append("")
             continue
-        mean, right = (float(np.sum(w[own] * column[own]) / w[own].sum()) for column in (p, is_true))
+        mean, right = (
+            float(np.sum(w[own] * column[own]) / w[own].sum()) for column in (p, is_true)
+        )
         cells.append(f"{mean:.2f}: {right:.2f} of {own.sum()}")
     return cells
 
@@ -255,27 +298,39 @@ def auroc_text(row: Row) -> str:
 
 def page(rows: Sequence[Row], records: Sequence[Record], launches: int, seed: int) -> str:
     """Return the page."""
-    known, partial = ([each for each in records if bool(each.left_out) == is_out] for is_out in (False, True))
+    known, partial = (
+        [each for each in records if bool(each.left_out) == is_out] for is_out in (False, True)
+    )
     last = [row for row in rows if row.mark == MARKS[-1][0] and row.unknown_tracks]
-    rises = ", ".join(f"{row.left_out} (AUROC {auroc_text(row)})" for row in last if row.auroc >= BAR) or "for none"
+    rises = (
+        ", ".join(f"{row.left_out} (AUROC {auroc_text(row)})" for row in last if row.auroc >= BAR)
+        or "for none"
+    )
     lines = [
-        f"| {row.left_out} | {auroc_text(row)} | {row.unknown:.3f} | {row.known:.3f} | {row.oscr:.2f} |"
+        f"| {row.left_out} | {auroc_text(row)} | {row.unknown:.3f} | {row.known:.3f} |"
+        f" {row.oscr:.2f} |"
         f" {row.right:.2f} of {row.known_tracks} | {row.alike} {row.as_alike:.2f} |"
         for row in rows
         if row.mark == MARKS[-1][0]
     ]
     cells = zip(EDGES[:-1].tolist(), calibration(known), calibration(partial), strict=True)
     bins = [f"| {lower:g} | {whole} | {part} |" for lower, whole, part in cells]
-    text = PAGE.format(rises=rises, table="\n".join(lines), bins="\n".join(bins), launches=launches, seed=seed)
+    text = PAGE.format(
+        rises=rises, table="\n".join(lines), bins="\n".join(bins), launches=launches, seed=seed
+    )
     return text.replace("nan", "–")
 
 
 def main() -> None:
     """Simulate, print and write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--launches", type=int, default=2)
     parser.add_argument("--seed", type=int, default=12)
-    parser.add_argument("--only", nargs="+", default=["", *(kind.name for kind in CLASSES)], help="classes left out")
+    parser.add_argument(
+        "--only", nargs="+", default=["", *(kind.name for kind in CLASSES)], help="classes left out"
+    )
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     mapping = scene(arguments.launches, arguments.seed)

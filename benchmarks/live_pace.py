@@ -1,10 +1,11 @@
-"""Latency of a live run: a raid of 100 targets in real time, and the load at which it first misses deadlines.
+"""Latency of a live run: a raid of 100 targets in real time, and the load at which it first misses
+deadlines.
 
     python benchmarks/live_pace.py [--seconds 300] [--step 40] [--write docs/benchmarks]
 
-Twelve satellites of three constellations. The age of an event is the time from when it was due to when the sink has
-written it, JSON lines included. A cycle that is done more than the shortest scan period after it was due misses its
-deadline.
+Twelve satellites of three constellations. The age of an event is the time from when it was due to
+when the sink has written it, JSON lines included. A cycle that is done more than the shortest scan
+period after it was due misses its deadline.
 """
 
 import argparse
@@ -41,7 +42,8 @@ class Found:
         status = self.status
         age = " | ".join(f"{each:.1f}" for each in ages)
         return (
-            f"| {self.targets} | {self.seconds:g} | {len(self.age_ms) / self.seconds:.0f} | {status.late_cycles} |"
+            f"| {self.targets} | {self.seconds:g} | {len(self.age_ms) / self.seconds:.0f} |"
+            f" {status.late_cycles} |"
             f" {1e3 * status.latest_s:.1f} | {age} | {100 * self.core:.0f} % |"
         )
 
@@ -105,23 +107,45 @@ def page(main: Found, more: list[Found]) -> str:
     p99_ms = np.percentile(main.age_ms, 99)
     met = main.status.late_cycles == 0 and p99_ms <= 100.0
     behind = next((each for each in more if each.status.late_cycles), None)
-    first = f"first misses a deadline at {behind.targets} targets" if behind else "misses no deadline at higher loads"
+    first = (
+        f"first misses a deadline at {behind.targets} targets"
+        if behind
+        else "misses no deadline at higher loads"
+    )
     lines = [
         "# Latency of a live run",
         "",
-        f"How old are events of a live run? With {main.targets} targets 99 % are at most {p99_ms:.1f} ms old, and",
+        (
+            f"How old are events of a live run? With {main.targets} targets 99 % are at most"
+            f" {p99_ms:.1f} ms old, and"
+        ),
         f"{main.status.late_cycles} deadlines are missed. The run {first}.",
         "",
         HEAD,
         main.row,
         *(each.row for each in more),
         "",
-        f"Required: no missed deadline in 300 s, p99 at most 100 ms: {'met' if met else 'NOT met'}.",
+        (
+            f"Required: no missed deadline in 300 s, p99 at most 100 ms:"
+            f" {'met' if met else 'NOT met'}."
+        ),
         "",
-        "`examples/raid_100.yaml`: 100 targets launched within ten seconds, twelve satellites, cycles of 50 ms, JSON",
-        "lines to `/dev/null`; then twice the targets each time. An event's age is the time from when it was due until",
-        f"the sink has written it. A cycle misses its deadline if it is done more than {period_ms} ms (the shortest",
-        "scan period) after it was due. CPU is the load of a core. With real-time priority (`chrt -f 50`).",
+        (
+            "`examples/raid_100.yaml`: 100 targets launched within ten seconds, twelve satellites,"
+            " cycles of 50 ms, JSON"
+        ),
+        (
+            "lines to `/dev/null`; then twice the targets each time. An event's age is the time from"
+            " when it was due until"
+        ),
+        (
+            f"the sink has written it. A cycle misses its deadline if it is done more than {period_ms}"
+            f" ms (the shortest"
+        ),
+        (
+            "scan period) after it was due. CPU is the load of a core. With real-time priority (`chrt"
+            " -f 50`)."
+        ),
         "",
     ]
     return "\n".join(lines)
@@ -130,13 +154,19 @@ def page(main: Found, more: list[Found]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=300.0)
-    parser.add_argument("--step", type=float, default=40.0, help="seconds of each run with more targets; 0 for none")
+    parser.add_argument(
+        "--step", type=float, default=40.0, help="seconds of each run with more targets; 0 for none"
+    )
     parser.add_argument("--speed", type=float, default=1.0)
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/live.md")
+    parser.add_argument(
+        "--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/live.md"
+    )
     arguments = parser.parse_args()
     host = Host.discover()
     print(HEAD)
-    first = measured(host, load_scene(SCENE, overrides=OUTPUT, host=host), arguments.seconds, arguments.speed)
+    first = measured(
+        host, load_scene(SCENE, overrides=OUTPUT, host=host), arguments.seconds, arguments.speed
+    )
     print(first.row, flush=True)
     more = until_behind(host, arguments.step) if arguments.step else []
     if arguments.write:

@@ -32,7 +32,11 @@ def machine() -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """Return the versions of opir, its plugins and what it is compared with."""
     found = {each.name.lower(): each.version for each in distributions()}
-    return {name: version for name, version in found.items() if name in _TOLD or name.startswith("opir-")}
+    return {
+        name: version
+        for name, version in found.items()
+        if name in _TOLD or name.startswith("opir-")
+    }
 
 
 def processor() -> str:

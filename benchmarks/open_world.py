@@ -1,10 +1,13 @@
-"""What is hot and no missile: fires for an hour, ascents to orbit and short of it, stages that fly back, gliders.
+"""What is hot and no missile: fires for an hour, ascents to orbit and short of it, stages that fly
+back, gliders.
 
-    python benchmarks/open_world.py [--only ascents] [--flights 6] [--tables FOLDER] [--write docs/benchmarks]
+    python benchmarks/open_world.py [--only ascents] [--flights 6] [--tables FOLDER] [--write
+    docs/benchmarks]
 
-Flights are those of `ascents`, `glide_flights` and `foreign_flights` (notional, no code of opir), with seeds that
-nothing was built on, or tables of a folder. SBIRS-GEO and the default tracker see each alone. At marks: is the state in
-its 95 % ellipsoid, what is the probability of orbit, glide and missile, does it come down, does the region hold?
+Flights are those of `ascents`, `glide_flights` and `foreign_flights` (notional, no code of opir),
+with seeds that nothing was built on, or tables of a folder. SBIRS-GEO and the default tracker see
+each alone. At marks: is the state in its 95 % ellipsoid, what is the probability of orbit, glide
+and missile, does it come down, does the region hold?
 """
 
 import argparse
@@ -37,7 +40,9 @@ WITHIN = 12.592
 
 
 class Kind(NamedTuple):
-    """A kind of flights: its name on the command line and on the page, a flight by seed, and its number of sensors."""
+    """A kind of flights: its name on the command line and on the page, a flight by seed, and its
+    number of sensors.
+    """
 
     key: str
     title: str
@@ -72,7 +77,8 @@ KINDS = (
 class Mark(NamedTuple):
     """What a track said of a flight at a mark; nan where there is no track, no region.
 
-    `inside` and `given` are 1 where the impact lies in the 95 % region of the likeliest condition, and of the true one.
+    `inside` and `given` are 1 where the impact lies in the 95 % region of the likeliest condition,
+    and of the true one.
     """
 
     name: str
@@ -88,7 +94,9 @@ class Mark(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """Marks of a flight, and of each tick with a region: is the last burn over, is the impact in the main region?"""
+    """Marks of a flight, and of each tick with a region: is the last burn over, is the impact in
+    the main region?
+    """
 
     marks: list[Mark]
     is_over: np.ndarray
@@ -104,21 +112,32 @@ def tables(folder: Path) -> Iterator[tuple[str, Ascent]]:
         place = rows[0, 1:4]
         yield (
             path.stem,
-            Ascent(rows, tuple(map(tuple, ends.tolist())), float(np.degrees(np.arctan2(place[1], place[0])))),
+            Ascent(
+                rows,
+                tuple(map(tuple, ends.tolist())),
+                float(np.degrees(np.arctan2(place[1], place[0]))),
+            ),
         )
 
 
 def scene_of(ascent: Ascent, path: Path, seed: int, sensors: int) -> opir.Scene:
     """Return the scene of one ascent before its sensors."""
-    slots = [(ascent.longitude_deg + shift + 540.0) % 360.0 - 180.0 for shift in SLOTS_DEG[:sensors]]
+    slots = [
+        (ascent.longitude_deg + shift + 540.0) % 360.0 - 180.0 for shift in SLOTS_DEG[:sensors]
+    ]
     return opir.scene_from_mapping(
         {
             "scene": "ascent",
             "epoch": EPOCH,
             "duration_s": float(np.ceil(START_S + ascent.rows[-1, 0])),
             "seed": 9000 + seed,
-            "sensors": [{"model": "SBIRS-GEO", "id": f"S{slot:.2f}", "orbital_slot_deg": slot} for slot in slots],
-            "targets": [{"id": "T", "model": "table", "type": "SLV", "file": str(path), "start_s": START_S}],
+            "sensors": [
+                {"model": "SBIRS-GEO", "id": f"S{slot:.2f}", "orbital_slot_deg": slot}
+                for slot in slots
+            ],
+            "targets": [
+                {"id": "T", "model": "table", "type": "SLV", "file": str(path), "start_s": START_S}
+            ],
             "tracker": "imm",
         }
     )
@@ -128,10 +147,22 @@ def flown(ascent: Ascent, path: Path, seed: int, sensors: int) -> Flown:
     """Return what the longest track of an ascent said."""
     run = opir.run_of_plan(opir.compile_plan(scene_of(ascent, path, seed, sensors)))
     number, count = np.unique(run.tracks.track, return_counts=True)
-    rows = np.flatnonzero(run.tracks.track == number[np.argmax(count)]) if len(number) else np.empty(0, dtype=int)
-    said = {float(run.tracks.tick_s[row]): (row, *_inside(ascent, run.tracks, row)) for row in rows.tolist()}
-    marks = [mark_of(ascent, run, name, said.get(float(np.round(START_S + when_s)))) for name, when_s in _times(ascent)]
-    known = np.array([(when_s, one[1]) for when_s, one in said.items() if np.isfinite(one[1])]).reshape(-1, 2)
+    rows = (
+        np.flatnonzero(run.tracks.track == number[np.argmax(count)])
+        if len(number)
+        else np.empty(0, dtype=int)
+    )
+    said = {
+        float(run.tracks.tick_s[row]): (row, *_inside(ascent, run.tracks, row))
+        for row in rows.tolist()
+    }
+    marks = [
+        mark_of(ascent, run, name, said.get(float(np.round(START_S + when_s))))
+        for name, when_s in _times(ascent)
+    ]
+    known = np.array(
+        [(when_s, one[1]) for when_s, one in said.items() if np.isfinite(one[1])]
+    ).reshape(-1, 2)
     return Flown(marks, known[:, 0] - START_S >= ascent.burns_s[-1][1], known[:, 1])
 
 
@@ -148,7 +179,9 @@ def _times(ascent: Ascent) -> Iterator[tuple[str, float]]:
 
 
 def _inside(ascent: Ascent, tracks: opir.Tracks, row: int) -> tuple[float, float]:
-    """Return whether the impact lies in the region of 95 % of a row, and in that given the burn; nan without one."""
+    """Return whether the impact lies in the region of 95 % of a row, and in that given the burn;
+    nan without one.
+    """
     regions = [region for region in tracks.impact_regions[row] if region.containment == 0.95]
     if ascent.impact is None or not regions:
         return np.nan, np.nan
@@ -160,7 +193,9 @@ def _inside(ascent: Ascent, tracks: opir.Tracks, row: int) -> tuple[float, float
     )
 
 
-def mark_of(ascent: Ascent, run: opir.Run, name: str, said: tuple[int, float, float] | None) -> Mark:
+def mark_of(
+    ascent: Ascent, run: opir.Run, name: str, said: tuple[int, float, float] | None
+) -> Mark:
     """Return what a track said in a row, with what `_inside` says of it."""
     if said is None:
         return Mark(name, *[np.nan] * 9)
@@ -183,8 +218,12 @@ def mark_of(ascent: Ascent, run: opir.Run, name: str, said: tuple[int, float, fl
     )
 
 
-def rows_of(title: str, flights: Sequence[Ascent], sensors: int = 2, seeds: int = 1) -> tuple[list[Row], str]:
-    """Return the rows of flights at their marks, and a sentence on all their ticks with a region."""
+def rows_of(
+    title: str, flights: Sequence[Ascent], sensors: int = 2, seeds: int = 1
+) -> tuple[list[Row], str]:
+    """Return the rows of flights at their marks, and a sentence on all their ticks with a
+    region.
+    """
     said = list[Flown]()
     clock = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
@@ -199,12 +238,17 @@ def rows_of(title: str, flights: Sequence[Ascent], sensors: int = 2, seeds: int 
         mine = [mark for mark in marks if mark.name == name]
         reported = [mark for mark in mine if np.isfinite(mark.nees)]
         within = sum(mark.nees <= WITHIN for mark in reported)
-        shares = [float(np.median([getattr(mark, key) for mark in reported])) if reported else np.nan for key in SHARES]
+        shares = [
+            float(np.median([getattr(mark, key) for mark in reported])) if reported else np.nan
+            for key in SHARES
+        ]
         areas = np.array([mark.area_km2 for mark in reported])
         known = areas[np.isfinite(areas)]
         sizes = (float(known.min()), float(np.median(known))) if len(known) else (np.nan, np.nan)
         inside = (_inside_of(reported, "inside"), _inside_of(reported, "given"))
-        rows.append(Row(title, name, len(mine), len(reported), within, *shares, len(known), *inside, *sizes))
+        rows.append(
+            Row(title, name, len(mine), len(reported), within, *shares, len(known), *inside, *sizes)
+        )
         keep(f"{title}: {name}: state held", within / max(len(reported), 1))
     return rows, ticks_of(title, said)
 
@@ -227,14 +271,21 @@ def ticks_of(title: str, said: Sequence[Flown]) -> str:
         "before the last burnout": [each.inside[~each.is_over] for each in said],
         "after it": [each.inside[each.is_over] for each in said],
     }
-    shares = {name: np.array([part.mean() for part in each if len(part)]) for name, each in parts.items()}
+    shares = {
+        name: np.array([part.mean() for part in each if len(part)]) for name, each in parts.items()
+    }
     keep(f"{title}: regions hold", float(shares["all"].mean()))
-    return f"{title}: {', '.join(f'{name} {interval(each)}' for name, each in shares.items() if len(each))}"
+    return (
+        f"{title}:"
+        f" {', '.join(f'{name} {interval(each)}' for name, each in shares.items() if len(each))}"
+    )
 
 
 def main() -> None:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", choices=(*[kind.key for kind in KINDS], "hour", "tables"))
     parser.add_argument("--flights", type=int, default=6)
     parser.add_argument("--seeds", type=int, default=1)
@@ -249,7 +300,9 @@ def main() -> None:
     hours = list[str]()
     for kind in KINDS:
         if wanted.only in (None, kind.key):
-            found = rows_of(kind.title, [kind.drawn(seed) for seed in numbers], kind.sensors, wanted.seeds)
+            found = rows_of(
+                kind.title, [kind.drawn(seed) for seed in numbers], kind.sensors, wanted.seeds
+            )
             rows = rows + found[0]
             ticks = [*ticks, found[1]]
             print(csv_text(found[0]), found[1], sep="\n", flush=True)
@@ -260,7 +313,9 @@ def main() -> None:
         hours = hour(wanted.hour_s, wanted.from_seed)
         print("\n".join(hours))
     if wanted.write:
-        (wanted.write / "open_world.md").write_text(page_text(rows, ticks, hours, wanted.from_seed), encoding="utf-8")
+        (wanted.write / "open_world.md").write_text(
+            page_text(rows, ticks, hours, wanted.from_seed), encoding="utf-8"
+        )
         (wanted.write / "open_world.csv").write_text(csv_text(rows), encoding="utf-8")
 
 

@@ -1,4 +1,6 @@
-"""An hour of fires, gas flares, glints and false alarms before three constellations, and a few launches among them."""
+"""An hour of fires, gas flares, glints and false alarms before three constellations, and a few
+launches among them.
+"""
 
 import time
 from typing import Any
@@ -21,7 +23,9 @@ GROUND_SOURCES = 1000.0
 
 
 def hour_scene(duration_s: float, seed: int) -> opir.Scene:
-    """Return fires, flares, a glint and false alarms before three constellations, and a few launches."""
+    """Return fires, flares, a glint and false alarms before three constellations, and a few
+    launches.
+    """
     region = {"south_deg": 30, "north_deg": 45, "west_deg": 40, "east_deg": 80}
     rng = np.random.default_rng([17, seed])
     targets = []
@@ -33,7 +37,10 @@ def hour_scene(duration_s: float, seed: int) -> opir.Scene:
         if reach is None:
             target["azimuth_deg"] = 70.0
         else:
-            target["aim"] = {"lat_deg": launch["lat_deg"] - 0.3 * reach, "lon_deg": launch["lon_deg"] + reach}
+            target["aim"] = {
+                "lat_deg": launch["lat_deg"] - 0.3 * reach,
+                "lon_deg": launch["lon_deg"] + reach,
+            }
         targets.append(target)
     return opir.scene_from_mapping(
         {
@@ -53,8 +60,16 @@ def hour_scene(duration_s: float, seed: int) -> opir.Scene:
             "background": "earth",
             "tracker": "imm",
             "sources": [
-                {"id": "fires", "model": "fires", "field": {"region": region, "per_million_km2": 8}},
-                {"id": "flares", "model": "flares", "field": {"region": region, "per_million_km2": 4}},
+                {
+                    "id": "fires",
+                    "model": "fires",
+                    "field": {"region": region, "per_million_km2": 8},
+                },
+                {
+                    "id": "flares",
+                    "model": "flares",
+                    "field": {"region": region, "per_million_km2": 4},
+                },
                 {"id": "sea", "model": "glints", "at": [{"lat_deg": 20.0, "lon_deg": 65.0}]},
             ],
         }
@@ -62,7 +77,9 @@ def hour_scene(duration_s: float, seed: int) -> opir.Scene:
 
 
 class Watched:
-    """What windows of a run showed: detections of targets by track, of launches early on, and claims of launches."""
+    """What windows of a run showed: detections of targets by track, of launches early on, and
+    claims of launches.
+    """
 
     def __init__(self, plan: opir.Plan) -> None:
         self.early_s = plan.targets.ignition_s[: len(plan.scene.targets)] + 60.0
@@ -95,18 +112,23 @@ class Watched:
     @property
     def target_of(self) -> dict[int, int]:
         """The target, -1 for noise, that gave each track most of its detections."""
-        return {track: max(counts, key=lambda one: counts[one]) for track, counts in self.seen.items()}
+        return {
+            track: max(counts, key=lambda one: counts[one]) for track, counts in self.seen.items()
+        }
 
 
 def closed_form_s(plan: opir.Plan, target: int, looks: opir.Detections) -> float:
-    """Return the time since ignition at which the detections of a target tell it from a fire by its motion alone, s.
+    """Return the time since ignition at which the detections of a target tell it from a fire by its
+    motion alone, s.
 
-    That of the page on hypotheses, for the true motion: half of the squared motion across the lines of sight about its
-    mean, in units of their errors, is as large as the prior needs.
+    That of the page on hypotheses, for the true motion: half of the squared motion across the lines
+    of sight about its mean, in units of their errors, is as large as the prior needs.
     """
     begin = float(plan.targets.ignition_s[target])
     looks = looks.take(np.argsort(looks.time_s, kind="stable"))
-    state = true_states_ecef(plan, np.full(len(looks), target, dtype=np.int32), np.maximum(looks.time_s, begin + 1e-6))
+    state = true_states_ecef(
+        plan, np.full(len(looks), target, dtype=np.int32), np.maximum(looks.time_s, begin + 1e-6)
+    )
     apart = state[:, :3] - looks.sensor_ecef_m
     far = np.linalg.norm(apart, axis=1)
     moved = state[:, :3] - state[0, :3]
@@ -124,7 +146,9 @@ def closed_form_s(plan: opir.Plan, target: int, looks: opir.Detections) -> float
 
 
 def hour(duration_s: float, seed: int) -> list[str]:
-    """Return the lines about fires for a time: tracks that claim a launch, and when launches are recognised."""
+    """Return the lines about fires for a time: tracks that claim a launch, and when launches are
+    recognised.
+    """
     plan = opir.compile_plan(hour_scene(duration_s, seed))
     watched = Watched(plan)
     clock = time.process_time()
@@ -150,7 +174,8 @@ def hour(duration_s: float, seed: int) -> list[str]:
                 f" | {took_s / least_s:.2f} |"
             )
     scene = (
-        f"{duration_s:g} s, seed {seed}: {len(watched.tracks)} tracks of {len(plan.targets.ids)} targets and sources"
+        f"{duration_s:g} s, seed {seed}: {len(watched.tracks)} tracks of {len(plan.targets.ids)}"
+        f" targets and sources"
     )
     pace = f"{duration_s / cost_s:.0f} × real time; {wall_s:.0f} s on the clock"
     return [

@@ -37,16 +37,22 @@ ignition; the closed form is that of [what is it?](../explanation/hypotheses.md)
 launch.
 """
 
-HEAD = "| mark | state held | P(orbit) | P(down) | P(missile) | held by regions | 10³ km² |\n" + "|---" * 7 + "|"
+HEAD = (
+    "| mark | state held | P(orbit) | P(down) | P(missile) | held by regions | 10³ km² |\n"
+    + "|---" * 7
+    + "|"
+)
 
 #: Marks of the page.
 _SHOWN = ("half of burn", "95 % of burn", "20 s after")
 
 
 class Row(NamedTuple):
-    """Flights of a kind at a mark: numbers, medians of probabilities, regions, and least and median area.
+    """Flights of a kind at a mark: numbers, medians of probabilities, regions, and least and median
+    area.
 
-    `inside` and `given` are texts, `10 of 12`: impacts in the regions of the likeliest and of the true condition.
+    `inside` and `given` are texts, `10 of 12`: impacts in the regions of the likeliest and of the
+    true condition.
     """
 
     kind: str
@@ -71,17 +77,23 @@ def page_text(rows: Sequence[Row], ticks: Sequence[str], hours: Sequence[str], f
     lines = []
     for kind in dict.fromkeys(row.kind for row in rows):
         mine = [row for row in rows if row.kind == kind]
-        shown = [row for row in mine if row.mark.startswith(_SHOWN) and 2 * row.tracks > mine[0].flights]
+        shown = [
+            row for row in mine if row.mark.startswith(_SHOWN) and 2 * row.tracks > mine[0].flights
+        ]
         lines += [f"\n## {kind}\n\n{mine[0].flights} flights.\n", HEAD]
         lines += [
-            f"| {row.mark} | {held(row.held, row.tracks)} | {row.orbit:.2f} | {row.down:.2f} | {row.missile:.2f} |"
+            f"| {row.mark} | {held(row.held, row.tracks)} | {row.orbit:.2f} | {row.down:.2f} |"
+            f" {row.missile:.2f} |"
             f" {row.given} | {f'{1e-3 * row.median_km2:.3g}' if row.regions else '-'} |"
             for row in shown
         ]
     parts = [f"* {each}" for each in ticks if each]
     if parts:
         lines += [
-            "\n## All ticks that have a region\n\nThe region of the likeliest condition holds the impact in:\n",
+            (
+                "\n## All ticks that have a region\n\nThe region of the likeliest condition holds the"
+                " impact in:\n"
+            ),
             *parts,
         ]
     return PAGE.format(lines="\n".join([*lines, *hours]), hour=HOUR if hours else "", first=first)
@@ -92,7 +104,9 @@ def csv_text(rows: Sequence[Row]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(Row._fields)
-    writer.writerows([f"{cell:.4g}" if isinstance(cell, float) else cell for cell in row] for row in rows)
+    writer.writerows(
+        [f"{cell:.4g}" if isinstance(cell, float) else cell for cell in row] for row in rows
+    )
     return text.getvalue()
 
 
@@ -103,8 +117,14 @@ def held(count: int, whole: int) -> str:
 
 
 def interval(shares: np.ndarray) -> str:
-    """Return the mean of flights' shares in percent, with a 95 % interval (Student's over flights)."""
+    """Return the mean of flights' shares in percent, with a 95 % interval (Student's over
+    flights).
+    """
     mean = float(shares.mean())
     count = len(shares)
-    half = student.ppf(0.975, count - 1) * shares.std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
-    return f"{100 * mean:.0f} % [{100 * max(mean - half, 0.0):.0f}–{100 * min(mean + half, 1.0):.0f}]"
+    half = (
+        student.ppf(0.975, count - 1) * shares.std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
+    )
+    return (
+        f"{100 * mean:.0f} % [{100 * max(mean - half, 0.0):.0f}–{100 * min(mean + half, 1.0):.0f}]"
+    )

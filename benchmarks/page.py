@@ -1,12 +1,15 @@
-"""Frames per second of the page for a raid of 1 000 launches, at rest and while the globe turns, in headless Chromium.
+"""Frames per second of the page for a raid of 1 000 launches, at rest and while the globe turns, in
+headless Chromium.
 
-    python benchmarks/page.py [--launches 1000] [--seconds 15] [--tracker kepler-arc] [--write docs/benchmarks]
+    python benchmarks/page.py [--launches 1000] [--seconds 15] [--tracker kepler-arc] [--write
+    docs/benchmarks]
 
-The launches of ten seconds from a thousand notional sites in the open ocean are tracked from DSP. Service, tracker and
-browser share the machine; the browser draws without a graphics processor. The page counts a frame when it has drawn the
-map. A pan turns the globe by 2 pixels in each frame, so everything is projected anew. Times are those between two
-frames; the processor time of the page's main thread, per frame, is the same on a busy machine. Dropped windows and
-frames are those that the service counts.
+The launches of ten seconds from a thousand notional sites in the open ocean are tracked from DSP.
+Service, tracker and browser share the machine; the browser draws without a graphics processor. The
+page counts a frame when it has drawn the map. A pan turns the globe by 2 pixels in each frame, so
+everything is projected anew. Times are those between two frames; the processor time of the page's
+main thread, per frame, is the same on a busy machine. Dropped windows and frames are those that the
+service counts.
 """
 
 import argparse
@@ -68,7 +71,9 @@ COUNT = """async ({seconds, isTurning}) => {
 
 
 class Rate(NamedTuple):
-    """Frames per second; median, 95 % and longest times between two frames; the page's processor time a frame; ms."""
+    """Frames per second; median, 95 % and longest times between two frames; the page's processor
+    time a frame; ms.
+    """
 
     view: str
     per_s: float
@@ -107,7 +112,9 @@ def served(scene: Path, launches: int) -> Iterator[int]:
     """Serve a scene with the `opir` of this interpreter; yield its port."""
     code = "import sys; from opir_core.cli.main import main; sys.exit(main(sys.argv[1:]))"
     words = ["serve", str(scene), "--port", "0", "--max-targets", str(launches)]
-    process = subprocess.Popen([sys.executable, "-c", code, *words], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, text=True
+    )
     try:
         assert process.stdout is not None
         yield int(process.stdout.readline().rpartition(":")[2])
@@ -136,7 +143,9 @@ def rate(page: Page, view: str, seconds: float, *, is_turning: bool) -> Rate:
 
 
 def busy_s(session: CDPSession) -> float:
-    """Return the processor time of the page's main thread, s: scripts, layout and painting commands."""
+    """Return the processor time of the page's main thread, s: scripts, layout and painting
+    commands.
+    """
     metrics = session.send("Performance.getMetrics")["metrics"]
     return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
 
@@ -151,7 +160,10 @@ def measured(page: Page, seconds: float) -> list[Rate]:
 
 
 def table(rates: list[Rate]) -> str:
-    rows = ["| view | frames/s | median, ms | 95 %, ms | slowest, ms | processor, ms |", "|---|---|---|---|---|---|"]
+    rows = [
+        "| view | frames/s | median, ms | 95 %, ms | slowest, ms | processor, ms |",
+        "|---|---|---|---|---|---|",
+    ]
     for one in rates:
         gaps = " | ".join(f"{gap:.0f}" for gap in (one.median_ms, one.late_ms, one.longest_ms))
         rows.append(f"| {one.view} | {one.per_s:.1f} | {gaps} | {one.processor_ms:.1f} |")
@@ -169,7 +181,9 @@ def until_tracked(port: int, launches: int) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--launches", type=int, default=1000)
     parser.add_argument("--seconds", type=float, default=15.0, help="time for each count")
     parser.add_argument("--tracker", default="kepler-arc")
@@ -179,7 +193,9 @@ def main() -> None:
     found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         scene = Path(folder) / "raid.yaml"
-        scene.write_text(yaml.safe_dump(scene_of(arguments.launches, arguments.tracker)), encoding="utf-8")
+        scene.write_text(
+            yaml.safe_dump(scene_of(arguments.launches, arguments.tracker)), encoding="utf-8"
+        )
         with served(scene, arguments.launches) as port:
             browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
             page = browser.new_page(viewport={"width": 1600, "height": 900})

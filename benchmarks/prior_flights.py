@@ -1,11 +1,12 @@
-"""Flights drawn from the tracker's own prior of boosts, flown by SciPy over the rotating Earth, as tables.
+"""Flights drawn from the tracker's own prior of boosts, flown by SciPy over the rotating Earth, as
+tables.
 
-Vehicles are those of its law of stages (`opir_trackers.forecast.vehicles`), sites and clouds those of `launch_points`:
-all that is taken from the tracker.
-Missiles are kept so that their ranges are log-uniform over the ranges of all classes, as the prior's. Space launchers
-are steered to a circular orbit; those whose burns do not suffice are drawn again, and some are cut off early, as
-failures. Gliders, and what is none of these, are left out. Where a flight starts is uniform. Half of the flights are
-hidden by clouds at first: they do not burn in the table before a uniform time.
+Vehicles are those of its law of stages (`opir_trackers.forecast.vehicles`), sites and clouds those
+of `launch_points`: all that is taken from the tracker. Missiles are kept so that their ranges are
+log-uniform over the ranges of all classes, as the prior's. Space launchers are steered to a
+circular orbit; those whose burns do not suffice are drawn again, and some are cut off early, as
+failures. Gliders, and what is none of these, are left out. Where a flight starts is uniform. Half
+of the flights are hidden by clouds at first: they do not burn in the table before a uniform time.
 """
 
 from collections.abc import Callable
@@ -17,7 +18,17 @@ from attrs import field, frozen
 from foreign_flights import MU, RADIUS_M, SPIN, STEP_S, Boost, ecef, geodetic
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.forecast.burning_on import drawn_steering
-from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, MISSILE, RATIO, SPACE, STAGES, VehicleModel, vehicle_model
+from opir_trackers.forecast.vehicles import (
+    BURN,
+    FORCE,
+    GAP,
+    MISSILE,
+    RATIO,
+    SPACE,
+    STAGES,
+    VehicleModel,
+    vehicle_model,
+)
 from opir_trackers.launch_points import AT_ONCE, BEFORE_S, SITES, site_shares
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
@@ -38,10 +49,12 @@ KINDS = ((1e6, "SRBM"), (5.5e6, "IRBM"), (np.inf, "ICBM"))
 
 
 class Program(NamedTuple):
-    """The thrust of a boost: its stages, vertical rise, and by how much, rad, it leads the velocity downwards.
+    """The thrust of a boost: its stages, vertical rise, and by how much, rad, it leads the velocity
+    downwards.
 
-    `site_m` is the height of the launch site above the ellipsoid, `orbit_m` that of the orbit to which it is steered
-    instead, `cut_off` the share of the time to the last burnout after which it fails.
+    `site_m` is the height of the launch site above the ellipsoid, `orbit_m` that of the orbit to
+    which it is steered instead, `cut_off` the share of the time to the last burnout after which it
+    fails.
     """
 
     burn_s: np.ndarray
@@ -56,7 +69,8 @@ class Program(NamedTuple):
 
 
 class PriorFlight(NamedTuple):
-    """A flight: rows of time since ignition, ECEF state and burning; burnout s, launch, impact (rad), class by range.
+    """A flight: rows of time since ignition, ECEF state and burning; burnout s, launch, impact
+    (rad), class by range.
 
     `impact` is None for what stays in orbit. It is not seen before `hidden_s`, s after ignition.
     """
@@ -71,7 +85,9 @@ class PriorFlight(NamedTuple):
 
     @property
     def seen_s(self) -> float:
-        """Return the time since ignition from which the flight is seen, s; inf for one that is never."""
+        """Return the time since ignition from which the flight is seen, s; inf for one that is
+        never.
+        """
         seen = (self.table[:, 0] >= self.hidden_s) & (self.table[:, 7] > 0.0)
         return float(np.min(self.table[seen, 0], initial=np.inf))
 
@@ -105,9 +121,17 @@ class PriorBoost(Boost):
         object.__setattr__(self, "aside", tuple(np.cross(self.ahead, self.up).tolist()))
 
     def rates(
-        self, time_s: float, state: np.ndarray, start_s: float, length_s: float, first: float, growth: float
+        self,
+        time_s: float,
+        state: np.ndarray,
+        start_s: float,
+        length_s: float,
+        first: float,
+        growth: float,
     ) -> np.ndarray:
-        """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in the dark."""
+        """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in
+        the dark.
+        """
         x, y, z, fast_x, fast_y, fast_z = state.tolist()
         pull = -MU / (x * x + y * y + z * z) ** 1.5
         turn = SPIN * SPIN
@@ -138,11 +162,15 @@ class PriorBoost(Boost):
         unit = state[3:] / speed
         lead = program.lead(time_s)
         (x, y, z), (aside_x, aside_y, aside_z) = unit.tolist(), self.aside
-        below = np.array([y * aside_z - z * aside_y, z * aside_x - x * aside_z, x * aside_y - y * aside_x])
+        below = np.array(
+            [y * aside_z - z * aside_y, z * aside_x - x * aside_z, x * aside_y - y * aside_x]
+        )
         return np.cos(lead) * unit + np.sin(lead) * below
 
     def _to_orbit(self, time_s: float, state: np.ndarray, size: float) -> np.ndarray:
-        """Return the direction that ends at the height of the orbit without climbing: a climb linear in the time."""
+        """Return the direction that ends at the height of the orbit without climbing: a climb
+        linear in the time.
+        """
         assert self.program
         assert self.program.orbit_m
         radius = float(np.linalg.norm(state[:3]))
@@ -166,19 +194,27 @@ def drawn_flights_of_prior(rng: np.random.Generator, count: int) -> list[PriorFl
     missile, orbit = (model.data["groups"][name] for name in ("missile", "orbit"))
     missiles = int(np.round(count * missile / (missile + orbit)))
     flights = [*_missiles(model, rng, missiles), *_launchers(model, rng, count - missiles)]
-    hidden_s = np.where(rng.random(count) < AT_ONCE, 0.0, rng.uniform(0.0, BEFORE_S, count)).tolist()
+    hidden_s = np.where(
+        rng.random(count) < AT_ONCE, 0.0, rng.uniform(0.0, BEFORE_S, count)
+    ).tolist()
     order = rng.permutation(count)
-    return [flights[row]._replace(hidden_s=late_s) for row, late_s in zip(order, hidden_s, strict=True)]
+    return [
+        flights[row]._replace(hidden_s=late_s) for row, late_s in zip(order, hidden_s, strict=True)
+    ]
 
 
 def _missiles(model: VehicleModel, rng: np.random.Generator, count: int) -> list[PriorFlight]:
-    """Return flights of missiles whose ranges are about log-uniform: as many of each part of them."""
+    """Return flights of missiles whose ranges are about log-uniform: as many of each part of
+    them.
+    """
     parts = len(RANGES_M) - 1
     wanted = np.bincount(rng.integers(0, parts, count), minlength=parts)
     found = list[PriorFlight]()
     while wanted.any():
         flight = flown(program_of(model, MISSILE, rng), *_place(rng))
-        part = int(np.searchsorted(RANGES_M, flight.range_m)) - 1 if flight and flight.impact else -1
+        part = (
+            int(np.searchsorted(RANGES_M, flight.range_m)) - 1 if flight and flight.impact else -1
+        )
         if flight and 0 <= part < parts and wanted[part]:
             wanted[part] -= 1
             found.append(flight)
@@ -193,7 +229,11 @@ def _launchers(model: VehicleModel, rng: np.random.Generator, count: int) -> lis
         flight = None
         if (whole := flown(program, *place)) and whole.impact is None:
             fails = rng.random() < model.data["failure_probability"]
-            flight = flown(program._replace(cut_off=float(rng.uniform(0.2, 1.0))), *place) if fails else whole
+            flight = (
+                flown(program._replace(cut_off=float(rng.uniform(0.2, 1.0))), *place)
+                if fails
+                else whole
+            )
         found += [flight] if flight else []
     return found
 
@@ -230,7 +270,9 @@ def program_of(model: VehicleModel, family: int, rng: np.random.Generator) -> Pr
 
 
 def flown(program: Program, launch: tuple[float, float], azimuth: float) -> PriorFlight | None:
-    """Return the flight of a program from a place; None where it falls back to the ground in its burn."""
+    """Return the flight of a program from a place; None where it falls back to the ground in its
+    burn.
+    """
     boost = PriorBoost(*program[:4], program.rise_s, 0.0, launch, azimuth, program=program)
     state = np.concatenate([ecef(*launch) + program.site_m * boost.up, 1e-3 * boost.up])
     now = 0.0
@@ -242,7 +284,9 @@ def flown(program: Program, launch: tuple[float, float], azimuth: float) -> Prio
             break
         events = [_below_ground, *([_fast_enough] if program.orbit_m is not None else [])]
         span = (one, min(two, end_s))
-        leg = solve_ivp(boost.rates, span, state, args=tuple(stage), max_step=10.0, events=events, **exact)
+        leg = solve_ivp(
+            boost.rates, span, state, args=tuple(stage), max_step=10.0, events=events, **exact
+        )
         now = float(leg.t[-1])
         times = np.linspace(one, now, int(np.ceil((now - one) / STEP_S)) + 1)
         states = leg.sol(times).T
@@ -265,10 +309,16 @@ def _with_fall(program: Program, boost: PriorBoost, rows: list[np.ndarray]) -> P
     dark = (now, 1.0, 0.0, 1.0)
     fall = solve_ivp(boost.rates, span, state, args=dark, events=_ground, max_step=200.0, **exact)
     times = np.arange(now, min(now + COAST_S, float(fall.t[-1])), STEP_S)
-    table = np.concatenate([*rows, np.column_stack([times, fall.sol(times).T, np.zeros(len(times))])])
+    table = np.concatenate(
+        [*rows, np.column_stack([times, fall.sol(times).T, np.zeros(len(times))])]
+    )
     if not len(fall.t_events[0]):
         lowest = np.linalg.norm(fall.y[:3], axis=0).min() - RADIUS_M
-        return PriorFlight(table, burnt_s, boost.launch, None, "SLV", np.nan) if lowest > PERIGEE_M else None
+        return (
+            PriorFlight(table, burnt_s, boost.launch, None, "SLV", np.nan)
+            if lowest > PERIGEE_M
+            else None
+        )
     impact = geodetic(fall.y_events[0][0][:3])[:2]
     start = ecef(*boost.launch)
     end = ecef(*impact)

@@ -1,11 +1,12 @@
-"""How long does a raid take, from the plan to files of events and truth: one process, and what of it is text.
+"""How long does a raid take, from the plan to files of events and truth: one process, and what of
+it is text.
 
-    python benchmarks/raid.py [--launches 1000] [--sensors 12] [--duration 300] [--to jsonl|parquet|null] [--no-truth]
-                              [--repeat 1] [--plan] [--profile]
+    python benchmarks/raid.py [--launches 1000] [--sensors 12] [--duration 300] [--to
+                              jsonl|parquet|null] [--no-truth] [--repeat 1] [--plan] [--profile]
 
-The scene: 1 000 ICBMs and 12 sensors in geostationary slots around the Earth, ten looks a second, events and truth to
-files. Prints processor time of the plan and of the run, events, bytes, and the peak of memory; with `--plan` of the
-plan alone, with `--profile` the functions that take the most.
+The scene: 1 000 ICBMs and 12 sensors in geostationary slots around the Earth, ten looks a second,
+events and truth to files. Prints processor time of the plan and of the run, events, bytes, and the
+peak of memory; with `--plan` of the plan alone, with `--profile` the functions that take the most.
 """
 
 import argparse
@@ -29,7 +30,9 @@ from opir_core.planning.plan import Plan
 
 
 def raid(launches: int, sensors: int, duration_s: float, outputs: list[object]) -> opir.Scene:
-    """Return the scene: launches from everywhere between 60° south and north, within its first minute."""
+    """Return the scene: launches from everywhere between 60° south and north, within its first
+    minute.
+    """
     random = np.random.default_rng(5)
     latitude = random.uniform(-60.0, 60.0, launches)
     longitude = random.uniform(-180.0, 180.0, launches)
@@ -41,7 +44,11 @@ def raid(launches: int, sensors: int, duration_s: float, outputs: list[object]) 
             "duration_s": duration_s,
             "seed": 1,
             "sensors": [
-                {"model": "SBIRS-GEO", "id": f"S{n:02d}", "orbital_slot_deg": float((slot + 180.0) % 360.0 - 180.0)}
+                {
+                    "model": "SBIRS-GEO",
+                    "id": f"S{n:02d}",
+                    "orbital_slot_deg": float((slot + 180.0) % 360.0 - 180.0),
+                }
                 for n, slot in enumerate(-165.0 + 360.0 / sensors * np.arange(sensors))
             ],
             "targets": [
@@ -49,7 +56,10 @@ def raid(launches: int, sensors: int, duration_s: float, outputs: list[object]) 
                     "id": f"T{n:04d}",
                     "type": "ICBM",
                     "launch": {"lat_deg": float(lat), "lon_deg": float(lon), "time_s": float(at)},
-                    "aim": {"lat_deg": float(-0.5 * lat), "lon_deg": float((lon + 250.0) % 360.0 - 180.0)},
+                    "aim": {
+                        "lat_deg": float(-0.5 * lat),
+                        "lon_deg": float((lon + 250.0) % 360.0 - 180.0),
+                    },
                 }
                 for n, (lat, lon, at) in enumerate(zip(latitude, longitude, ignition, strict=True))
             ],
@@ -117,8 +127,18 @@ def main() -> None:
         rows = (
             ("plan", plan_s, "s", ""),
             ("run", run_s, "s", f"{run_s / counts['detections'] * 1e9:.0f} ns/event, all in"),
-            ("events", counts["detections"] * 1e-6, "million", f"of {counts['looks'] * 1e-6:.2f} million looks"),
-            ("written", written * 1e-6, "MB", f"by the renderer {outcome.manifest.get('renderer', 'none')}"),
+            (
+                "events",
+                counts["detections"] * 1e-6,
+                "million",
+                f"of {counts['looks'] * 1e-6:.2f} million looks",
+            ),
+            (
+                "written",
+                written * 1e-6,
+                "MB",
+                f"by the renderer {outcome.manifest.get('renderer', 'none')}",
+            ),
             memory(),
         )
         show(rows)

@@ -1,13 +1,17 @@
-"""A hundred launches in ten seconds from twenty sites, five sensors, false alarms: are all tracked, and how fast?
+"""A hundred launches in ten seconds from twenty sites, five sensors, false alarms: are all tracked,
+and how fast?
 
-    python benchmarks/raid_tracking.py [--runs 3] [--duration 120] [--false-alarms 0.5] [--write docs/benchmarks]
+    python benchmarks/raid_tracking.py [--runs 3] [--duration 120] [--false-alarms 0.5] [--write
+    docs/benchmarks]
 
-The launches of examples/raid_100.yaml seen by five SBIRS-GEO; false alarms are uniform over each sensor's Earth disc,
-Poisson in each scan. A target is tracked if some track holds more of its detections than of any other target's. A track
-is false if it has no target, or if its target has another track already. Purity is the share of associated detections
-that belong to their track's target; "associated" is the share of the targets' detections that have a track, as the
-detection events have it: by the tracks of the last tick. Speed is scene time over the tracker's processor time, without
-first imports. The median error is that of the positions at the last tick, of targets that still burn.
+The launches of examples/raid_100.yaml seen by five SBIRS-GEO; false alarms are uniform over each
+sensor's Earth disc, Poisson in each scan. A target is tracked if some track holds more of its
+detections than of any other target's. A track is false if it has no target, or if its target has
+another track already. Purity is the share of associated detections that belong to their track's
+target; "associated" is the share of the targets' detections that have a track, as the detection
+events have it: by the tracks of the last tick. Speed is scene time over the tracker's processor
+time, without first imports. The median error is that of the positions at the last tick, of targets
+that still burn.
 """
 
 import argparse
@@ -72,7 +76,8 @@ def scene_of(seed: int, duration_s: int) -> Plan:
     scene.pop("outputs")
     scene |= {"seed": seed, "duration_s": duration_s}
     scene["sensors"] = [
-        {"model": "SBIRS-GEO", "id": f"S{number}", "orbital_slot_deg": slot} for number, slot in enumerate(SLOTS_DEG)
+        {"model": "SBIRS-GEO", "id": f"S{number}", "orbital_slot_deg": slot}
+        for number, slot in enumerate(SLOTS_DEG)
     ]
     return compile_plan(opir.scene_from_mapping(scene))
 
@@ -126,7 +131,8 @@ def outcome(seed: int, duration_s: int, mean: float, settings: dict[str, Any]) -
         before = cut
     assert last is not None
     owner = {
-        int(track): Counter(target[label == track].tolist()).most_common(1)[0] for track in np.unique(label[label >= 0])
+        int(track): Counter(target[label == track].tolist()).most_common(1)[0]
+        for track in np.unique(label[label >= 0])
     }
     followed = {whose for whose, _ in owner.values()} - {-1}
     labelled = np.count_nonzero(label >= 0)
@@ -143,27 +149,33 @@ def outcome(seed: int, duration_s: int, mean: float, settings: dict[str, Any]) -
 
 
 def errors_m(plan: Plan, tracks: Any, owner: dict[int, int]) -> tuple[float, float]:
-    """Return the median distance to the truth, and the mean energy score of position, at the last tick, of tracks whose
-    target still burns.
+    """Return the median distance to the truth, and the mean energy score of position, at the last
+    tick, of tracks whose target still burns.
     """
     rows = [row for row, track in enumerate(tracks.track.tolist()) if owner.get(track, -1) >= 0]
     whose = np.array([owner[int(tracks.track[row])] for row in rows], dtype=np.int32)
     truth = plan.targets.position_ecef_m(whose, np.full(len(rows), tracks.tick_s[0]))
     error = tracks.state[rows, :3] - truth
     covariance = tracks.state_covariance[rows, :3, :3]
-    return float(np.nanmedian(np.linalg.norm(error, axis=1))), float(np.nanmean(energy_scores(error, covariance)))
+    return float(np.nanmedian(np.linalg.norm(error, axis=1))), float(
+        np.nanmean(energy_scores(error, covariance))
+    )
 
 
 def main() -> None:
     """Run the raids and print, or write, the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--duration", type=int, default=120)
     parser.add_argument("--false-alarms", type=float, default=0.5)
     parser.add_argument("--write", type=Path)
     chosen = parser.parse_args()
     outcome(99, 25, chosen.false_alarms, {})  # what is imported at the first use is not counted
-    outcomes = [outcome(100 + run, chosen.duration, chosen.false_alarms, {}) for run in range(chosen.runs)]
+    outcomes = [
+        outcome(100 + run, chosen.duration, chosen.false_alarms, {}) for run in range(chosen.runs)
+    ]
     print(*outcomes, sep="\n")
     if chosen.write:
         detections = float(np.mean([one.detections for one in outcomes]))

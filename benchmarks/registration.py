@@ -1,12 +1,14 @@
 """Can the sensors be trusted? Biases, clocks, noise and outliers, stated in the scene or not.
 
-    python benchmarks/registration.py [--runs 10] [--only "60 µrad, not stated"] [--write docs/benchmarks]
+    python benchmarks/registration.py [--runs 10] [--only "60 µrad, not stated"] [--write
+    docs/benchmarks]
 
-Twelve SRBMs and IRBMs rise within six seconds in the view of two SBIRS-GEO (or three). Their lines of sight are
-disturbed here, after the simulation: turned by a bias drawn for each sensor, spread by more noise, or moved far off;
-clocks are set off. Held: states in their 95 % ellipsoid, every second from 60 s after ignition to burnout. Over bound:
-error of position over the Cramér–Rao bound of position and stated bias together, in the last second of each burn. Bias:
-squared error of the estimated biases over its covariance, per angle. Seeds are even; odd ones were built on.
+Twelve SRBMs and IRBMs rise within six seconds in the view of two SBIRS-GEO (or three). Their lines
+of sight are disturbed here, after the simulation: turned by a bias drawn for each sensor, spread by
+more noise, or moved far off; clocks are set off. Held: states in their 95 % ellipsoid, every second
+from 60 s after ignition to burnout. Over bound: error of position over the Cramér–Rao bound of
+position and stated bias together, in the last second of each burn. Bias: squared error of the
+estimated biases over its covariance, per angle. Seeds are even; odd ones were built on.
 """
 
 import argparse
@@ -43,7 +45,9 @@ WITHIN = 12.592
 
 
 class Disturbance(NamedTuple):
-    """What is wrong with the sensors of a run: biases (s, 2), rad, clocks (s,), s, more noise of looks (n,), rad."""
+    """What is wrong with the sensors of a run: biases (s, 2), rad, clocks (s,), s, more noise of
+    looks (n,), rad.
+    """
 
     bias_rad: np.ndarray
     clock_s: np.ndarray
@@ -54,7 +58,9 @@ Drawn = Callable[[np.random.Generator, Detections, int], Disturbance]
 
 
 class Case(NamedTuple):
-    """A case: what disturbs the lines, what settings of sensors and tracker state of it, and number of sensors."""
+    """A case: what disturbs the lines, what settings of sensors and tracker state of it, and number
+    of sensors.
+    """
 
     name: str
     drawn: Drawn
@@ -77,7 +83,9 @@ def biased(rng: np.random.Generator, detections: Detections, sensors: int) -> Di
 def noisier(rng: np.random.Generator, detections: Detections, sensors: int) -> Disturbance:
     """Return three times the noise in 30 % of the looks."""
     some = rng.random(len(detections)) < 0.3
-    return as_stated(rng, detections, sensors)._replace(noise_rad=np.where(some, np.sqrt(8.0) * SIGMA_RAD, 0.0))
+    return as_stated(rng, detections, sensors)._replace(
+        noise_rad=np.where(some, np.sqrt(8.0) * SIGMA_RAD, 0.0)
+    )
 
 
 def strayed(rng: np.random.Generator, detections: Detections, sensors: int) -> Disturbance:
@@ -94,7 +102,9 @@ def one_wrong(rng: np.random.Generator, detections: Detections, sensors: int) ->
 
 def late_clocks(rng: np.random.Generator, detections: Detections, sensors: int) -> Disturbance:
     """Return normal offsets of all clocks."""
-    return as_stated(rng, detections, sensors)._replace(clock_s=CLOCK_S * rng.standard_normal(sensors))
+    return as_stated(rng, detections, sensors)._replace(
+        clock_s=CLOCK_S * rng.standard_normal(sensors)
+    )
 
 
 CASES = (
@@ -110,7 +120,9 @@ CASES = (
 
 
 class Outcome(NamedTuple):
-    """What came of a run: which states are held, their NEES, errors, ratios to the bound, tracks, bias, noise."""
+    """What came of a run: which states are held, their NEES, errors, ratios to the bound, tracks,
+    bias, noise.
+    """
 
     held: np.ndarray
     nees: np.ndarray
@@ -126,10 +138,19 @@ def scene_of(seed: int, case: Case, is_stated: bool) -> opir.Scene:
     """Return a run's scene, with what is stated of the sensors or without."""
     rng = np.random.default_rng(seed)
     sensors = [
-        {"model": "SBIRS-GEO", "id": f"S{row}", "orbital_slot_deg": slot, **(case.stated if is_stated else {})}
+        {
+            "model": "SBIRS-GEO",
+            "id": f"S{row}",
+            "orbital_slot_deg": slot,
+            **(case.stated if is_stated else {}),
+        }
         for row, slot in enumerate(SLOTS_DEG[: case.sensors])
     ]
-    tracker = {"model": "imm", "regions_every_s": 600.0, **case.tracker} if is_stated else {"model": "none"}
+    tracker = (
+        {"model": "imm", "regions_every_s": 600.0, **case.tracker}
+        if is_stated
+        else {"model": "none"}
+    )
     return opir.scene_from_mapping(
         {
             "scene": "registration",
@@ -178,7 +199,9 @@ def disturbed(detections: Detections, wrong: Disturbance, rng: np.random.Generat
 
 
 def followed(plan: opir.Plan, detections: Detections) -> tuple[np.ndarray, Tracks, Any]:
-    """Return the track of each detection, all estimates and the health of the sensors at the end."""
+    """Return the track of each detection, all estimates and the health of the sensors at the
+    end.
+    """
     tracker = plan.make_tracker()
     labels = []
     estimates = []
@@ -203,7 +226,9 @@ def outcome_of(case: Case, seed: int) -> Outcome:
     order = np.argsort(seen.time_ns, kind="stable")
     seen = seen.take(order)
     label, tracks, health = followed(plan, seen)
-    run = evolve(run, detections=evolve(seen, track=label), truth=run.truth.take(order), tracks=tracks)
+    run = evolve(
+        run, detections=evolve(seen, track=label), truth=run.truth.take(order), tracks=tracks
+    )
     evidence = evidence_of_run(run, plan)
     states = state_errors(evidence, ownership(evidence))
     burn_s = (plan.targets.burnout_s - plan.targets.ignition_s)[states.target]
@@ -238,12 +263,20 @@ def row_of(case: Case, runs: list[Outcome]) -> dict[str, str]:
         "held_percent": _text(100.0 * share, 1),
         "held_low95": _text(100.0 * low, 1),
         "held_high95": _text(100.0 * high, 1),
-        "median_nees_per_6": _text(float(np.median(np.concatenate([run.nees for run in runs])) / 6.0), 2),
-        "median_position_m": _text(float(np.median(np.concatenate([run.position_m for run in runs]))), 0),
-        "median_over_bound": _text(float(np.median(np.concatenate([run.over_bound for run in runs]))), 2),
+        "median_nees_per_6": _text(
+            float(np.median(np.concatenate([run.nees for run in runs])) / 6.0), 2
+        ),
+        "median_position_m": _text(
+            float(np.median(np.concatenate([run.position_m for run in runs]))), 0
+        ),
+        "median_over_bound": _text(
+            float(np.median(np.concatenate([run.over_bound for run in runs]))), 2
+        ),
         "tracks_a_launch": _text(sum(run.tracks for run in runs) / (len(runs) * TARGETS), 2),
         "bias_nees": _text(float(np.mean(nees)), 2) if np.isfinite(nees).all() else "",
-        "noise_found": " ".join(_text(float(each), 2) for each in np.mean([run.noise for run in runs], axis=0)),
+        "noise_found": " ".join(
+            _text(float(each), 2) for each in np.mean([run.noise for run in runs], axis=0)
+        ),
     }
 
 
@@ -279,13 +312,17 @@ def page_of(rows: list[dict[str, str]]) -> str:
     lines = []
     for row in rows:
         held = f"{row['held_percent']} [{row['held_low95']}, {row['held_high95']}]"
-        lines.append("| " + " | ".join([row["case"], held, *(row[name] or "–" for name in names)]) + " |")
+        lines.append(
+            "| " + " | ".join([row["case"], held, *(row[name] or "–" for name in names)]) + " |"
+        )
     return PAGE.format(rows="\n".join(lines), runs=rows[0]["runs"])
 
 
 def main() -> None:
     """Run the cases and print, or write, the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=10)
     parser.add_argument("--only", choices=[case.name for case in CASES])
     parser.add_argument("--write", type=Path)
@@ -293,7 +330,9 @@ def main() -> None:
     rows = []
     for case in CASES:
         if chosen.only in (None, case.name):
-            rows.append(row_of(case, [outcome_of(case, FIRST_SEED + 2 * run) for run in range(chosen.runs)]))
+            rows.append(
+                row_of(case, [outcome_of(case, FIRST_SEED + 2 * run) for run in range(chosen.runs)])
+            )
             print(rows[-1], flush=True)
     if chosen.write:
         write_csv(chosen.write / "registration.csv", rows)

@@ -1,7 +1,8 @@
-"""All benchmarks of the suite: what each asks, how it is run at full and at small size, and what it needs.
+"""All benchmarks of the suite: what each asks, how it is run at full and at small size, and what it
+needs.
 
-A new script needs one entry here. It may write its results as CSV files or Markdown tables into the folder given by
-`--write`, or keep them one by one (`figures.keep`); the suite reads both.
+A new script needs one entry here. It may write its results as CSV files or Markdown tables into the
+folder given by `--write`, or keep them one by one (`figures.keep`); the suite reads both.
 """
 
 import shutil
@@ -26,10 +27,12 @@ TRACKERS = ("stonesoup", "filterpy")
 
 @frozen
 class Benchmark:
-    """A script, its arguments, and the folder of `docs` for its pages (`writes`: it has `--write FOLDER`).
+    """A script, its arguments, and the folder of `docs` for its pages (`writes`: it has `--write
+    FOLDER`).
 
     If it `judges`, exit code 1 says that a criterion is not met, which small sizes need not meet.
-    Without `needs` (modules) and `programs` it cannot run; `peers` are modules that it leaves out if they are missing.
+    Without `needs` (modules) and `programs` it cannot run; `peers` are modules that it leaves out
+    if they are missing.
     """
 
     name: str
@@ -42,7 +45,9 @@ class Benchmark:
     full: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     programs: tuple[str, ...] = ()
-    peers: tuple[str, ...] = field(default=(), validator=lambda _self, _field, names: [PEERS[name] for name in names])
+    peers: tuple[str, ...] = field(
+        default=(), validator=lambda _self, _field, names: [PEERS[name] for name in names]
+    )
 
     @property
     def path(self) -> Path:
@@ -100,7 +105,9 @@ BENCHMARKS = (
         words("--launches 5 --duration 90"),
         writes=False,
     ),
-    Benchmark("startup", "How long does start-up take?", "startup.py", words("--repeat 1"), writes=False),
+    Benchmark(
+        "startup", "How long does start-up take?", "startup.py", words("--repeat 1"), writes=False
+    ),
     Benchmark(
         "skipping",
         "What does each optional part cost a scene that names it, and one that does not?",
@@ -176,7 +183,10 @@ BENCHMARKS = (
         needs=("opir_kafka", "confluent_kafka"),
     ),
     Benchmark(
-        "coverage", "What do the default constellations see of the Earth?", "earth_coverage.py", words("--step-s 43200")
+        "coverage",
+        "What do the default constellations see of the Earth?",
+        "earth_coverage.py",
+        words("--step-s 43200"),
     ),
     Benchmark(
         "coverage_map",
@@ -253,13 +263,19 @@ BENCHMARKS = (
         "probability",
         "Interpolated P_d: run time against error",
         "work_precision/probability.py",
-        (*words("--every 100 --looks 200 --repeat 1 --thin 100 --tolerances 1e-4 --chains"), "calibrated, empty space"),
+        (
+            *words("--every 100 --looks 200 --repeat 1 --thin 100 --tolerances 1e-4 --chains"),
+            "calibrated, empty space",
+        ),
     ),
     Benchmark(
         "tracking",
         "Trackers: run time against error over the bound",
         "work_precision/tracking.py",
-        words("--runs 1 --peer-runs 1 --seconds 20 --raid-targets 5 --raid-seconds 2 --raid-seeds 1 --scene-runs 0"),
+        words(
+            "--runs 1 --peer-runs 1 --seconds 20 --raid-targets 5 --raid-seconds 2 --raid-seeds 1"
+            " --scene-runs 0"
+        ),
         needs=("opir_trackers", "opir_studies"),
         peers=TRACKERS,
     ),
@@ -302,7 +318,8 @@ BENCHMARKS = (
     ),
     Benchmark(
         "open_world",
-        "Is what is hot a missile: fires, ascents to orbit and short of it, stages that fly back, gliders?",
+        "Is what is hot a missile: fires, ascents to orbit and short of it, stages that fly back,"
+        " gliders?",
         "open_world.py",
         words("--flights 1 --only short"),
         needs=("opir_trackers",),

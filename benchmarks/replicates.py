@@ -1,8 +1,10 @@
-"""Replicates of one launch: how many in an hour, with what memory, and how the error of their mean falls.
+"""Replicates of one launch: how many in an hour, with what memory, and how the error of their mean
+falls.
 
     python benchmarks/replicates.py --runs 20000 --workers 2 --write docs/benchmarks
 
-Replicate k has the seed of the scene plus k. Each worker compiles the scene once and runs its own share of them.
+Replicate k has the seed of the scene plus k. Each worker compiles the scene once and runs its own
+share of them.
 """
 
 import argparse
@@ -64,7 +66,9 @@ A million runs would give the mean to {million_us:.1f} µs.
 
 
 class Share(NamedTuple):
-    """What a worker found: latencies, s, detections a run, processor time, s, and peaks of memory, MiB."""
+    """What a worker found: latencies, s, detections a run, processor time, s, and peaks of memory,
+    MiB.
+    """
 
     latency_s: np.ndarray
     detections: float
@@ -106,7 +110,13 @@ def block_errors(latency_s: np.ndarray) -> list[tuple[int, float, float]]:
         if blocks < 2:
             continue
         means = known[: blocks * number].reshape(blocks, number).mean(axis=1)
-        rows.append((number, float(np.sqrt(np.mean((means - known.mean()) ** 2))), float(known.std() / number**0.5)))
+        rows.append(
+            (
+                number,
+                float(np.sqrt(np.mean((means - known.mean()) ** 2))),
+                float(known.std() / number**0.5),
+            )
+        )
     return rows
 
 
@@ -124,22 +134,35 @@ def main() -> None:
         runs = sum(len(part.latency_s) for part in parts)
         spent_s = sum(part.processor_s for part in parts) / runs
         first = first or (parts, spent_s)
-        peaks = ", ".join(f"{max(each):.0f}" for each in zip(*(part.peak_mib for part in parts), strict=True))
+        peaks = ", ".join(
+            f"{max(each):.0f}" for each in zip(*(part.peak_mib for part in parts), strict=True)
+        )
         minutes = spent_s * MILLION / chosen.workers / 60.0
-        rows.append(f"| {name} | {runs} | {parts[0].detections:.0f} | {1e3 * spent_s:.2f} | {minutes:.0f} | {peaks} |")
+        rows.append(
+            f"| {name} | {runs} | {parts[0].detections:.0f} | {1e3 * spent_s:.2f} | {minutes:.0f} |"
+            f" {peaks} |"
+        )
         keep(f"{name}: a run", 1e3 * spent_s, "ms")
-        keep(f"{name}: memory after all over that after a quarter", parts[0].peak_mib[-1] / parts[0].peak_mib[0])
+        keep(
+            f"{name}: memory after all over that after a quarter",
+            parts[0].peak_mib[-1] / parts[0].peak_mib[0],
+        )
     assert first is not None
     latency_s = np.concatenate([part.latency_s for part in first[0]])
     hours = first[1] * MILLION / chosen.workers / HOUR_S
     grown = max(part.peak_mib[-1] - part.peak_mib[0] for part in first[0])
     page = PAGE.format(
-        answer=f"At the rate of this page a million replicates of `first_light` take {60.0 * hours:.0f} minutes on"
-        f" {chosen.workers} cores.\nFrom the first quarter of its runs to the last a worker grows by {grown:.1f} MiB.",
+        answer=f"At the rate of this page a million replicates of `first_light` take"
+        f" {60.0 * hours:.0f} minutes on"
+        f" {chosen.workers} cores.\nFrom the first quarter of its runs to the last a worker grows"
+        f" by {grown:.1f} MiB.",
         workers=chosen.workers,
         rows="\n".join(rows),
         runs=len(latency_s),
-        errors="\n".join(f"| {n} | {1e3 * off:.2f} | {1e3 * due:.2f} |" for n, off, due in block_errors(latency_s)),
+        errors="\n".join(
+            f"| {n} | {1e3 * off:.2f} | {1e3 * due:.2f} |"
+            for n, off, due in block_errors(latency_s)
+        ),
         million_us=1e6 * float(np.nanstd(latency_s)) / MILLION**0.5,
     )
     print(page)

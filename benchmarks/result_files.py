@@ -47,7 +47,9 @@ def column(rows: Iterable[Row], name: str) -> list[float]:
 
 
 def estimate(row: Row, name: str, unit: str = "") -> str:
-    """Return a figure with its 95 % interval (columns `<name>_low95`, `<name>_high95`), a dash where it is empty."""
+    """Return a figure with its 95 % interval (columns `<name>_low95`, `<name>_high95`), a dash
+    where it is empty.
+    """
     if not row[name]:
         return "–"
     low = row[f"{name}_low95"]
@@ -63,7 +65,9 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 @contextmanager
 def svg_plot(path: Path, *shape: int, **settings: Any) -> Iterator[tuple[Any, Any]]:
-    """Give a figure and its axes, as `matplotlib.pyplot.subplots` does, and save it as a reproducible SVG file."""
+    """Give a figure and its axes, as `matplotlib.pyplot.subplots` does, and save it as a
+    reproducible SVG file.
+    """
     import matplotlib
 
     matplotlib.use("svg")

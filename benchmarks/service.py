@@ -1,10 +1,11 @@
-"""Requests per second of the service, and its stream under 200 clients, compared with a bare Litestar application.
+"""Requests per second of the service, and its stream under 200 clients, compared with a bare
+Litestar application.
 
     python benchmarks/service.py [--seconds 2] [--clients 200] [--write docs/benchmarks]
 
-Each server is a process of its own on the loopback; wrk (1 thread, 32 connections) asks each in turn, several times,
-and ratios are medians of those within a turn. The stream's clients are one process that reads 200 connections to
-`/stream` and counts the detections that come.
+Each server is a process of its own on the loopback; wrk (1 thread, 32 connections) asks each in
+turn, several times, and ratios are medians of those within a turn. The stream's clients are one
+process that reads 200 connections to `/stream` and counts the detections that come.
 """
 
 import argparse
@@ -48,7 +49,9 @@ asyncio.run(uvicorn.Server(config).serve(sockets=[listening]))
 @contextmanager
 def running(*command: str) -> Iterator[int]:
     """Start a server that prints its address; yield its port."""
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
     try:
         assert process.stdout is not None
         yield int(process.stdout.readline().rpartition(":")[2])
@@ -76,7 +79,9 @@ def status(port: int) -> Any:
 
 
 async def viewed(port: int, clients: int, seconds: float) -> tuple[int, int]:
-    """Return how many detections `clients` viewers of the full stream were sent, and how many bytes, in that time."""
+    """Return how many detections `clients` viewers of the full stream were sent, and how many
+    bytes, in that time.
+    """
     counts = 0
     size = 0
 
@@ -146,9 +151,18 @@ def measured(seconds: float, clients: int) -> list[str]:
     return [
         *table(turns),
         "",
-        f"With {clients} clients of `/stream` for {6 * seconds:g} s the run makes {made:.0f} detections/s and sends",
-        f"{counts / took_s:.0f}/s ({counts / took_s / clients:.0f}/s each, {size / took_s / 2**20:.1f} MiB/s).",
-        f"{lost} frames are dropped for slow clients, {after['viewers']['dropped_windows']} windows for all;",
+        (
+            f"With {clients} clients of `/stream` for {6 * seconds:g} s the run makes {made:.0f}"
+            f" detections/s and sends"
+        ),
+        (
+            f"{counts / took_s:.0f}/s ({counts / took_s / clients:.0f}/s each,"
+            f" {size / took_s / 2**20:.1f} MiB/s)."
+        ),
+        (
+            f"{lost} frames are dropped for slow clients, {after['viewers']['dropped_windows']} windows"
+            f" for all;"
+        ),
         f"{late} deadlines are missed.",
     ]
 
@@ -157,14 +171,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--clients", type=int, default=200)
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/service.md")
+    parser.add_argument(
+        "--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/service.md"
+    )
     arguments = parser.parse_args()
     assert shutil.which("wrk"), "no wrk: apt-get install wrk"
     head = [
         "# Throughput of the service",
         "",
-        "How many requests per second does `opir serve` answer? `examples/raid_100.yaml` in real time; server and",
-        "clients share two cores, with other load; wrk, 32 connections; compared with a bare Litestar under the same",
+        (
+            "How many requests per second does `opir serve` answer? `examples/raid_100.yaml` in real"
+            " time; server and"
+        ),
+        (
+            "clients share two cores, with other load; wrk, 32 connections; compared with a bare"
+            " Litestar under the same"
+        ),
         f"server. Medians of {TURNS} repetitions.",
         "",
     ]

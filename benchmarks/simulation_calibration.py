@@ -1,17 +1,20 @@
-"""Is what `imm` reports calibrated on flights of its own prior? Ranks of the truth, and whether they are uniform.
+"""Is what `imm` reports calibrated on flights of its own prior? Ranks of the truth, and whether
+they are uniform.
 
-    python benchmarks/simulation_calibration.py [--flights 150] [--seed 1] [--processes 2] [--write docs/benchmarks]
+    python benchmarks/simulation_calibration.py [--flights 150] [--seed 1] [--processes 2] [--write
+    docs/benchmarks]
 
-Simulation-based calibration (Talts et al., arXiv:1804.06788, 2018): the truth is drawn from the prior and observed, so
-its rank in the reported distribution is uniform if the tracker computes with that prior. Each flight of `prior_flights`
-is a scene of its own with two SBIRS-GEO. Ranks are taken at times since the first detection, for a time that depends on
-the truth, as burnout does, would say more than the tracker knows. They are the reported distribution's share below the
-truth; those of states are the containment of the ellipsoid on which the truth lies, with the reported radii; those of
-impacts are the smallest region that holds it, whose condition is true. P(orbit), given that it is a
-missile or reaches orbit, and the probability that the burn is over are compared, in bins, with the shares of which they
-are true. The launch point of what is seen at once is a mixture over launch times, of which the moments are reported:
-ranks are those in the mixture, others those in a normal distribution. The moments of the time have a figure of their
-own, error² / variance.
+Simulation-based calibration (Talts et al., arXiv:1804.06788, 2018): the truth is drawn from the
+prior and observed, so its rank in the reported distribution is uniform if the tracker computes with
+that prior. Each flight of `prior_flights` is a scene of its own with two SBIRS-GEO. Ranks are taken
+at times since the first detection, for a time that depends on the truth, as burnout does, would say
+more than the tracker knows. They are the reported distribution's share below the truth; those of
+states are the containment of the ellipsoid on which the truth lies, with the reported radii; those
+of impacts are the smallest region that holds it, whose condition is true. P(orbit), given that it
+is a missile or reaches orbit, and the probability that the burn is over are compared, in bins, with
+the shares of which they are true. The launch point of what is seen at once is a mixture over launch
+times, of which the moments are reported: ranks are those in the mixture, others those in a normal
+distribution. The moments of the time have a figure of their own, error² / variance.
 """
 
 import argparse
@@ -45,8 +48,8 @@ MARKS_S = (30.0, 90.0, 180.0)
 #: Time within which a burn is detected, and between forecasts: half as many as by default, s.
 LATEST_S = 2.0
 REGIONS_EVERY_S = 10.0
-#: Quantities whose ranks are uniform numbers, taken at one mark, for they are kept; what their moments say of the time;
-#: one whose ranks are cells, and probabilities.
+#: Quantities whose ranks are uniform numbers, taken at one mark, for they are kept; what their
+#: moments say of the time; one whose ranks are cells, and probabilities.
 LAUNCH = ("launch east", "launch north", "launch time")
 LAUNCH_MARK = 1
 SQUARE = "launch time, error² / variance"
@@ -54,7 +57,8 @@ STATE = "state"
 IMPACT = "impact region"
 ORBIT = "P(orbit)"
 OVER = "P(burn over)"
-#: The shares of true impacts in the 50 % region, between it and that of 90 %, and so on, and outside.
+#: The shares of true impacts in the 50 % region, between it and that of 90 %, and so on, and
+#: outside.
 CELLS = np.diff([0.0, *TRACK_CONTAINMENTS, 1.0])
 BINS = 10
 EDGES = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
@@ -63,7 +67,9 @@ LEAST_EXPECTED = 5.0
 
 
 class Rank(NamedTuple):
-    """The rank of a truth at a mark: a number in [0, 1], a cell of `CELLS`, or a probability and whether it is true."""
+    """The rank of a truth at a mark: a number in [0, 1], a cell of `CELLS`, or a probability and
+    whether it is true.
+    """
 
     mark: int
     quantity: str
@@ -72,7 +78,8 @@ class Rank(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """The mixture of one launch point: places (3, m), covariances (3, 3, m), times (m,) and probabilities (m,).
+    """The mixture of one launch point: places (3, m), covariances (3, 3, m), times (m,) and
+    probabilities (m,).
 
     Times are those of each kind of site, one after the other.
     """
@@ -86,18 +93,31 @@ class Mixture(NamedTuple):
         """Return the shares east, north and later of a launch at `START_S`."""
         apart = ecef(*launch)[:, None] - self.place
         sides = [
-            float(norm.cdf(axis @ apart / np.sqrt(np.einsum("i,ijm,j->m", axis, self.covariance, axis))) @ self.chance)
+            float(
+                norm.cdf(
+                    axis @ apart / np.sqrt(np.einsum("i,ijm,j->m", axis, self.covariance, axis))
+                )
+                @ self.chance
+            )
             for _, axis in (directions(launch, 0.5 * np.pi), directions(launch, 0.0))
         ]
         edges_s = launch_points.EDGES_S
         before_s = self.when[0] + 0.5 * (edges_s[0] + edges_s[1]) - START_S
         at_times = np.sum(self.chance.reshape(-1, len(edges_s) - 1), axis=0)
-        return (*sides, 1.0 - float(np.interp(before_s, edges_s, np.append(0.0, np.cumsum(at_times)))))
+        return (
+            *sides,
+            1.0 - float(np.interp(before_s, edges_s, np.append(0.0, np.cumsum(at_times)))),
+        )
 
 
 def normal_ranks(track: opir.Tracks, launch: tuple[float, float]) -> tuple[float, float, float]:
-    """Return the shares east, north and later of a launch at `START_S`, of a track whose launch point is normal."""
-    (latitude, longitude, launch_s), spread = track.launch[0], np.sqrt(np.diag(track.launch_covariance[0]))
+    """Return the shares east, north and later of a launch at `START_S`, of a track whose launch
+    point is normal.
+    """
+    (latitude, longitude, launch_s), spread = (
+        track.launch[0],
+        np.sqrt(np.diag(track.launch_covariance[0])),
+    )
     apart = ecef(*launch) - ecef(latitude, longitude)
     east, north = (directions(launch, azimuth)[1] @ apart for azimuth in (0.5 * np.pi, 0.0))
     return tuple(norm.cdf(np.array([east, north, START_S - launch_s]) / spread).tolist())
@@ -111,10 +131,18 @@ MOMENTS = launch_points.moment_matched
 MIXTURES = dict[float, Mixture]()
 
 
-def recorded_moments(place: np.ndarray, covariance: np.ndarray, when: np.ndarray, chance: np.ndarray) -> Any:
-    """Return the moments of mixtures (n, m) as the tracker works them out, and keep the mixtures."""
+def recorded_moments(
+    place: np.ndarray, covariance: np.ndarray, when: np.ndarray, chance: np.ndarray
+) -> Any:
+    """Return the moments of mixtures (n, m) as the tracker works them out, and keep the
+    mixtures.
+    """
     points, spread = MOMENTS(place, covariance, when, chance)
-    own = place.reshape(3, *chance.shape), covariance.reshape(3, 3, *chance.shape), when.reshape(chance.shape)
+    own = (
+        place.reshape(3, *chance.shape),
+        covariance.reshape(3, 3, *chance.shape),
+        when.reshape(chance.shape),
+    )
     for row, mean_s in enumerate(points[:, 2].tolist()):
         MIXTURES[mean_s] = Mixture(own[0][:, row], own[1][:, :, row], own[2][row], chance[row])
     return points, spread
@@ -131,8 +159,19 @@ def scene_of(flight: PriorFlight, path: Path, seed: int) -> opir.Scene:
             "epoch": EPOCH,
             "duration_s": float(np.ceil(START_S + flight.seen_s + MARKS_S[-1] + LATEST_S)),
             "seed": seed,
-            "sensors": [{"model": "SBIRS-GEO", "id": f"S{slot:.2f}", "orbital_slot_deg": slot} for slot in slots],
-            "targets": [{"id": "T", "model": "table", "type": flight.kind, "file": str(path), "start_s": START_S}],
+            "sensors": [
+                {"model": "SBIRS-GEO", "id": f"S{slot:.2f}", "orbital_slot_deg": slot}
+                for slot in slots
+            ],
+            "targets": [
+                {
+                    "id": "T",
+                    "model": "table",
+                    "type": flight.kind,
+                    "file": str(path),
+                    "start_s": START_S,
+                }
+            ],
             "tracker": {"model": "imm", "regions_every_s": REGIONS_EVERY_S},
         }
     )
@@ -147,13 +186,17 @@ def ranks_of(task: tuple[PriorFlight, int]) -> list[Rank]:
     MIXTURES.clear()
     launch_points.moment_matched = recorded_moments
     with tempfile.TemporaryDirectory() as folder:
-        run = opir.run_of_plan(opir.compile_plan(scene_of(flight, Path(folder, "flight.csv"), seed)))
+        run = opir.run_of_plan(
+            opir.compile_plan(scene_of(flight, Path(folder, "flight.csv"), seed))
+        )
     tracks = run.tracks
     seen = run.truth.target == 0
     number, count = np.unique(tracks.track, return_counts=True)
     found = list[Rank]()
     for mark, since_s in enumerate(MARKS_S if seen.any() else ()):
-        here = np.flatnonzero(tracks.tick_s == np.round(run.detections.time_s[seen].min() + since_s))
+        here = np.flatnonzero(
+            tracks.tick_s == np.round(run.detections.time_s[seen].min() + since_s)
+        )
         if len(here):
             # The oldest track: false ones are short.
             row = int(here[np.argmax(count[np.searchsorted(number, tracks.track[here])])])
@@ -167,9 +210,15 @@ def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Ra
     if mark == LAUNCH_MARK and np.isfinite(launch_s):
         nearest_s = min(MIXTURES, key=lambda mean_s: abs(mean_s - launch_s))
         is_mixture = abs(nearest_s - launch_s) < SAME_S
-        ranks = MIXTURES[nearest_s].ranks(flight.launch) if is_mixture else normal_ranks(track, flight.launch)
+        ranks = (
+            MIXTURES[nearest_s].ranks(flight.launch)
+            if is_mixture
+            else normal_ranks(track, flight.launch)
+        )
         yield from (Rank(mark, *one) for one in zip(LAUNCH, ranks, strict=True))
-        yield Rank(mark, SQUARE, (START_S - launch_s) ** 2 / float(track.launch_covariance[0, 2, 2]))
+        yield Rank(
+            mark, SQUARE, (START_S - launch_s) ** 2 / float(track.launch_covariance[0, 2, 2])
+        )
     square = on_normal_scale(
         nees(track.state - flight.state(float(track.tick_s[0]) - START_S), track.state_covariance),
         track.state_sigmas,
@@ -181,9 +230,15 @@ def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Ra
     is_over = float(track.tick_s[0]) >= START_S + flight.burnout_s
     given = regions_given(regions, is_over) if regions else []
     if given and flight.impact:
-        holds = [region.contains(*flight.impact) for region in sorted(given, key=lambda each: each.containment)]
-        yield Rank(mark, IMPACT, float(holds.index(True) if any(holds) else len(TRACK_CONTAINMENTS)))
-    # Neither gliders nor what is none of these is drawn, and failures are among the latter for the tracker.
+        holds = [
+            region.contains(*flight.impact)
+            for region in sorted(given, key=lambda each: each.containment)
+        ]
+        yield Rank(
+            mark, IMPACT, float(holds.index(True) if any(holds) else len(TRACK_CONTAINMENTS))
+        )
+    # Neither gliders nor what is none of these is drawn, and failures are among the latter for the
+    # tracker.
     orbit = float(track.probability_orbit[0])
     missile = float(track.probability_missile[0])
     if orbit + missile > 0.0 and not (flight.kind == "SLV" and flight.impact):
@@ -194,14 +249,18 @@ def _ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Ra
 
 
 def uniformity(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
-    """Return the counts of ranks in [0, 1] in equal bins, χ², its degrees of freedom and the p-value."""
+    """Return the counts of ranks in [0, 1] in equal bins, χ², its degrees of freedom and the
+    p-value.
+    """
     bins = int(np.clip(len(ranks) // LEAST_EXPECTED, 2, BINS))
     count = np.histogram([rank.value for rank in ranks], np.linspace(0.0, 1.0, bins + 1))[0]
     return count, *_test(count, np.full(bins, len(ranks) / bins), bins - 1)
 
 
 def of_cells(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
-    """Return the counts of impacts in the cells between regions, χ², its degrees of freedom and the p-value."""
+    """Return the counts of impacts in the cells between regions, χ², its degrees of freedom and the
+    p-value.
+    """
     count = np.bincount([int(rank.value) for rank in ranks], minlength=len(CELLS)).astype(float)
     expected = len(ranks) * CELLS
     while len(expected) > 2 and expected[-1] < LEAST_EXPECTED:
@@ -210,7 +269,8 @@ def of_cells(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
 
 
 def of_probabilities(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
-    """Return the counts of what is true by stated probability, χ², its degrees of freedom and the p-value.
+    """Return the counts of what is true by stated probability, χ², its degrees of freedom and the
+    p-value.
 
     Hosmer and Lemeshow's test with stated probabilities: one degree of freedom for each bin.
     """
@@ -218,17 +278,20 @@ def of_probabilities(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
     is_true = np.array([rank.is_true for rank in ranks])
     number = np.digitize(stated, EDGES[1:-1])
     count, mean, spread = (
-        np.bincount(number, weight, len(EDGES) - 1) for weight in (is_true, stated, stated * (1.0 - stated))
+        np.bincount(number, weight, len(EDGES) - 1)
+        for weight in (is_true, stated, stated * (1.0 - stated))
     )
-    # Where less than one is expected, on either side, a count has no normal distribution: a variance of 1 is on the
-    # safe side, and still shows what is stated too surely.
+    # Where less than one is expected, on either side, a count has no normal distribution: a
+    # variance of 1 is on the safe side, and still shows what is stated too surely.
     value = float(np.sum(np.square(count - mean) / np.maximum(spread, 1.0)))
     freedom = len(np.unique(number))
     return count, value, freedom, float(chi2.sf(value, freedom))
 
 
 def of_squares(ranks: list[Rank]) -> tuple[np.ndarray, float, int, float]:
-    """Return squared errors over their variance: no counts, their sum and number, and no p, for they are not normal."""
+    """Return squared errors over their variance: no counts, their sum and number, and no p, for
+    they are not normal.
+    """
     return np.empty(0), float(sum(rank.value for rank in ranks)), len(ranks), np.nan
 
 
@@ -239,7 +302,12 @@ def _test(count: np.ndarray, expected: np.ndarray, freedom: int) -> tuple[float,
 
 def rows_of(ranks: list[Rank]) -> Iterator[dict[str, str]]:
     """Yield the rows of the table: each quantity at each mark."""
-    tests: dict[str, Any] = {SQUARE: of_squares, IMPACT: of_cells, ORBIT: of_probabilities, OVER: of_probabilities}
+    tests: dict[str, Any] = {
+        SQUARE: of_squares,
+        IMPACT: of_cells,
+        ORBIT: of_probabilities,
+        OVER: of_probabilities,
+    }
     for quantity in (*LAUNCH, SQUARE, STATE, IMPACT, ORBIT, OVER):
         for mark, since_s in enumerate(MARKS_S):
             own = [rank for rank in ranks if rank.mark == mark and rank.quantity == quantity]
@@ -258,7 +326,9 @@ def rows_of(ranks: list[Rank]) -> Iterator[dict[str, str]]:
 
 def main() -> None:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--flights", type=int, default=150)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=1)

@@ -69,7 +69,10 @@ def write_page(folder: Path) -> None:
     tested = [row for row in rows if row["p"]]
     marks = sorted({row["since_first_detection_s"] for row in tested}, key=float)
     names = list(dict.fromkeys(row["quantity"] for row in tested))
-    cells = {(row["quantity"], row["since_first_detection_s"]): f"{row['p']} ({row['flights']})" for row in tested}
+    cells = {
+        (row["quantity"], row["since_first_detection_s"]): f"{row['p']} ({row['flights']})"
+        for row in tested
+    }
     table = markdown_table(
         ["", *(f"{mark} s" for mark in marks)],
         [[name, *(cells.get((name, mark), "–") for mark in marks)] for name in names],
@@ -88,11 +91,16 @@ def write_page(folder: Path) -> None:
         square=f"{square[0]:.2f}" if square else "unknown",
     )
     (folder / "simulation_calibration.md").write_text(page, encoding="utf-8")
-    draw([row for row in tested if row["quantity"][:2] != "P("], folder / "simulation_calibration.svg")
+    draw(
+        [row for row in tested if row["quantity"][:2] != "P("],
+        folder / "simulation_calibration.svg",
+    )
 
 
 def shares_found(flights: int, factor: float, bins: int = 10) -> str:
-    """Return in how many of 100 cases the test of ranks finds a standard deviation larger or smaller by a factor."""
+    """Return in how many of 100 cases the test of ranks finds a standard deviation larger or
+    smaller by a factor.
+    """
     edges = norm.ppf(np.linspace(0.0, 1.0, bins + 1))
     freedom = bins - 1
     percent = []
@@ -111,11 +119,22 @@ def draw(rows: Sequence[Row], path: Path) -> None:
             count = [float(each) for each in row["counts"].split()]
             total = sum(count)
             cells = row["quantity"] == "impact region"
-            edges = [*shares[: len(count)], 1.0] if cells else [place / len(count) for place in range(len(count) + 1)]
+            edges = (
+                [*shares[: len(count)], 1.0]
+                if cells
+                else [place / len(count) for place in range(len(count) + 1)]
+            )
             width = [high - low for low, high in pairwise(edges)]
             sigma = [2.0 * ((1.0 - share) / (share * total)) ** 0.5 for share in width]
             height = [each / (share * total) for each, share in zip(count, width, strict=True)]
-            axis.bar(edges[:-1], height, width, align="edge", color=ORANGE if cells else BLUE, edgecolor="white")
+            axis.bar(
+                edges[:-1],
+                height,
+                width,
+                align="edge",
+                color=ORANGE if cells else BLUE,
+                edgecolor="white",
+            )
             centre = [low + 0.5 * share for low, share in zip(edges, width, strict=False)]
             axis.errorbar(centre, [1.0] * len(count), sigma, fmt="none", ecolor=GREY, linewidth=1.0)
             axis.axhline(1.0, color=GREY, linewidth=0.8)

@@ -1,10 +1,13 @@
-"""What each optional part costs a scene that names it, and a scene that does not: modules, calls, memory and time.
+"""What each optional part costs a scene that names it, and a scene that does not: modules, calls,
+memory and time.
 
-    python benchmarks/skipping.py [--repeat 5] [--only NAME ...] [--write docs/benchmarks] [--from-csv docs/benchmarks]
+    python benchmarks/skipping.py [--repeat 5] [--only NAME ...] [--write docs/benchmarks]
+    [--from-csv docs/benchmarks]
 
-The scene is `examples/first_light.yaml`, with what each part needs beside it. Calls and allocations are those of the
-part's own modules in a whole process; what the interpreter does while it imports a module is no call. Times are
-processor time of whole processes, medians of interleaved runs. `--from-csv` writes the page again.
+The scene is `examples/first_light.yaml`, with what each part needs beside it. Calls and allocations
+are those of the part's own modules in a whole process; what the interpreter does while it imports a
+module is no call. Times are processor time of whole processes, medians of interleaved runs.
+`--from-csv` writes the page again.
 """
 
 import argparse
@@ -29,8 +32,8 @@ from result_files import markdown_table, read_csv, write_csv
 
 SCENE = Path(__file__).resolve().parents[1] / "examples" / "first_light.yaml"
 
-#: What happens to the events when a part is named: nothing, fields of tracks are filled, others are added, or they
-#: change, as is meant.
+#: What happens to the events when a part is named: nothing, fields of tracks are filled, others are
+#: added, or they change, as is meant.
 SAME = "the same"
 FILLED = "fields of tracks are filled"
 ADDED = "others are added"
@@ -39,10 +42,12 @@ CHANGED = "changed"
 
 @frozen
 class Part:
-    """An optional part: what is set beside it, what names it, modules of its own, and what it does to the events.
+    """An optional part: what is set beside it, what names it, modules of its own, and what it does
+    to the events.
 
-    Words are overrides; those with a dash are words of the command line. Modules are named with those inside them; if
-    they are `shared`, what is set beside the part imports them, too, but does not call them.
+    Words are overrides; those with a dash are words of the command line. Modules are named with
+    those inside them; if they are `shared`, what is set beside the part imports them, too, but does
+    not call them.
     """
 
     name: str
@@ -54,7 +59,8 @@ class Part:
 
 
 SNR = "detection=snr"
-#: A stated noise in place of a focal plane: before the sunlit ground the default sensor sees nothing.
+#: A stated noise in place of a focal plane: before the sunlit ground the default sensor sees
+#: nothing.
 STATED = ("sensors[0].focal_plane=null", "sensors[0].nei_w_m2=5e-13")
 AIR = "atmosphere=lowtran"
 FOCAL_PLANE = "sensors[0].focal_plane=notional"
@@ -63,7 +69,11 @@ PLAIN_SENSOR = "model: DSP, id: DSP-1, orbital_slot_deg: -135.0"
 PARTS = (
     Part("radiometry", (SNR,), ("opir_photons.radiometry", "opir_photons.detection.snr")),
     Part("noise-only false alarms", (SNR,), ("opir_core.simulation.false_alarms",)),
-    Part("interpolated P_d", (SNR,), ("opir_core.simulation.interpolation", "opir_core.simulation.refinement")),
+    Part(
+        "interpolated P_d",
+        (SNR,),
+        ("opir_core.simulation.interpolation", "opir_core.simulation.refinement"),
+    ),
     Part(
         "atmosphere",
         (AIR,),
@@ -79,7 +89,13 @@ PARTS = (
         (SNR, *STATED, AIR),
         True,
     ),
-    Part("background", ("background=earth",), ("opir_photons.radiometry.earth",), CHANGED, (SNR, *STATED)),
+    Part(
+        "background",
+        ("background=earth",),
+        ("opir_photons.radiometry.earth",),
+        CHANGED,
+        (SNR, *STATED),
+    ),
     Part(
         "false sources",
         ("sources=[{id: fires, model: flares, at: [{lat_deg: 32.0, lon_deg: -102.0}]}]",),
@@ -87,7 +103,9 @@ PARTS = (
         ADDED,
         (SNR, *STATED),
     ),
-    Part("Sun", ("sensors[0].solar_exclusion_deg=10",), ("opir_core.geometry.sun",), SAME, (), True),
+    Part(
+        "Sun", ("sensors[0].solar_exclusion_deg=10",), ("opir_core.geometry.sun",), SAME, (), True
+    ),
     Part(
         "focal plane",
         (FOCAL_PLANE,),
@@ -105,7 +123,12 @@ PARTS = (
     Part("forces", ("forces=[j2]",), ("opir_core.flight.integration", "opir_core.flight.dop853")),
     Part(
         "encoder forge-c2",
-        ("outputs=[{jsonl: {path: events.jsonl}}, {jsonl: {path: other.jsonl, encoder: forge-c2}}]",),
+        (
+            (
+                "outputs=[{jsonl: {path: events.jsonl}}, {jsonl: {path: other.jsonl, encoder:"
+                " forge-c2}}]"
+            ),
+        ),
         ("opir_export.encoders.forge_c2",),
         SAME,
     ),
@@ -121,7 +144,9 @@ PARTS = (
         ("opir_sbirs",),
         ADDED,
     ),
-    Part("latency", ("sensors[0].reporting=paper-ground-chain",), ("opir_core.simulation.reporting",)),
+    Part(
+        "latency", ("sensors[0].reporting=paper-ground-chain",), ("opir_core.simulation.reporting",)
+    ),
     Part("workers", ("--workers=2",), ("opir_core.simulation.workers",), SAME),
 )
 
@@ -131,7 +156,9 @@ ALL = ("sensors[0].solar_exclusion_deg=0",)
 
 @frozen
 class Use:
-    """What a run uses of a part's modules: how many are imported, calls of their functions, bytes allocated in them."""
+    """What a run uses of a part's modules: how many are imported, calls of their functions, bytes
+    allocated in them.
+    """
 
     imported: int
     calls: int
@@ -144,7 +171,11 @@ class Use:
         def total(counts: dict[str, int]) -> int:
             return sum(count for name, count in counts.items() if is_in(name, modules))
 
-        return cls(sum(is_in(name, modules) for name in run["modules"]), total(run["calls"]), total(run["bytes"]))
+        return cls(
+            sum(is_in(name, modules) for name in run["modules"]),
+            total(run["calls"]),
+            total(run["bytes"]),
+        )
 
 
 def is_in(name: str, modules: Sequence[str]) -> bool:
@@ -154,7 +185,11 @@ def is_in(name: str, modules: Sequence[str]) -> bool:
 
 def command(words: Sequence[str]) -> list[str]:
     """Return the words of `opir run` for overrides and options."""
-    given = [part for word in (*ALL, *words) for part in ((word,) if word.startswith("--") else ("--set", word))]
+    given = [
+        part
+        for word in (*ALL, *words)
+        for part in ((word,) if word.startswith("--") else ("--set", word))
+    ]
     return ["run", str(SCENE), "--quiet", *given]
 
 
@@ -162,7 +197,9 @@ def used(words: Sequence[str], folder: Path) -> dict[str, Any]:
     """Return the modules, calls and bytes of a run in a folder, by module."""
     path = folder / "use.json"
     subprocess.run(
-        [sys.executable, str(Path(__file__).resolve()), "--child", str(path), *words], cwd=folder, check=True
+        [sys.executable, str(Path(__file__).resolve()), "--child", str(path), *words],
+        cwd=folder,
+        check=True,
     )
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return found
@@ -175,7 +212,8 @@ def child(path: Path, words: Sequence[str]) -> None:
     calls: Counter[str] = Counter()
 
     def count(frame: FrameType, event: str, _argument: object) -> None:
-        # Bodies of modules and classes run at import and are not optimised code; neither counts what they call.
+        # Bodies of modules and classes run at import and are not optimised code; neither counts
+        # what they call.
         caller = frame.f_back
         by_function = caller is None or caller.f_code.co_flags & inspect.CO_OPTIMIZED
         if event == "call" and frame.f_code.co_flags & inspect.CO_OPTIMIZED and by_function:
@@ -187,11 +225,17 @@ def child(path: Path, words: Sequence[str]) -> None:
     sys.setprofile(None)
     held = tracemalloc.take_snapshot().statistics("filename")
     tracemalloc.stop()
-    names = {file: name for name, module in list(sys.modules.items()) if (file := getattr(module, "__file__", None))}
+    names = {
+        file: name
+        for name, module in list(sys.modules.items())
+        if (file := getattr(module, "__file__", None))
+    }
     result = {
         "modules": sorted(sys.modules),
         "calls": {names.get(file, file): number for file, number in calls.items()},
-        "bytes": {names.get(file, file): row.size for row in held for file in [row.traceback[0].filename]},
+        "bytes": {
+            names.get(file, file): row.size for row in held for file in [row.traceback[0].filename]
+        },
     }
     path.write_text(json.dumps(result), encoding="utf-8")
     sys.exit(code)
@@ -202,7 +246,9 @@ def processor_s(words: Sequence[str], folder: Path) -> float:
     before = os.times()
     subprocess.run([sys.executable, "-m", "opir_core", *command(words)], cwd=folder, check=True)
     after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
+    return (
+        after.children_user + after.children_system - before.children_user - before.children_system
+    )
 
 
 def measured(parts: Sequence[Part], repeat: int, folder: Path) -> list[dict[str, str]]:
@@ -263,7 +309,9 @@ def write_page(folder: Path) -> None:
     shared = [row["part"] for row in rows if int(row["modules_without"])]
     dearest = sorted(rows, key=lambda row: -int(row["processor_ms"]))
     lines = [
-        tuple(row[name] for name in ("part", "beside", "calls", "kilobytes", "processor_ms", "events"))
+        tuple(
+            row[name] for name in ("part", "beside", "calls", "kilobytes", "processor_ms", "events")
+        )
         for row in dearest[:SHOWN]
     ]
     answer = (
@@ -271,7 +319,11 @@ def write_page(folder: Path) -> None:
         if called
         else f"Without being named, none of {len(rows)} parts is called."
     )
-    text = f" The modules of {', '.join(shared)} are imported by what is beside them, too." if shared else ""
+    text = (
+        f" The modules of {', '.join(shared)} are imported by what is beside them, too."
+        if shared
+        else ""
+    )
     page = PAGE.format(
         answer=answer,
         table=markdown_table(HEAD, lines),
@@ -287,9 +339,13 @@ def main() -> None:
     """Measure and print; write where asked."""
     if sys.argv[1:2] == ["--child"]:
         child(Path(sys.argv[2]), sys.argv[3:])
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--repeat", type=int, default=5)
-    parser.add_argument("--only", nargs="+", choices=[part.name for part in PARTS], help="these parts")
+    parser.add_argument(
+        "--only", nargs="+", choices=[part.name for part in PARTS], help="these parts"
+    )
     parser.add_argument("--write", type=Path, metavar="FOLDER")
     parser.add_argument("--from-csv", type=Path, metavar="FOLDER")
     given = parser.parse_args()

@@ -1,13 +1,16 @@
-"""Soak test of the service at full speed with faults at random: constant memory and descriptors, every event delivered.
+"""Soak test of the service at full speed with faults at random: constant memory and descriptors,
+every event delivered.
 
     nice python benchmarks/soak.py --minutes 60 [--seed 1] [--write docs/benchmarks]
 
-`opir serve --speed max --loop` in a process of its own: two constellations, a tracker, a launch requested every minute
-of scene time, a viewer of the stream, and two outputs with a spool: a pipe that another process reads, and a topic of a
-mock broker, or of Apache Kafka (`--apache`; Java and Maven are needed). Every half minute or so a fault of some
-seconds: the broker is gone, stopped, slow or refuses events (of Apache Kafka: it is killed, ended or stopped), the
-reader of the pipe is stopped, or no file of the service can grow. After SIGTERM every event that the service reports as
-delivered must have arrived. `--write` writes the page, the samples as CSV and, where matplotlib is installed, a plot.
+`opir serve --speed max --loop` in a process of its own: two constellations, a tracker, a launch
+requested every minute of scene time, a viewer of the stream, and two outputs with a spool: a pipe
+that another process reads, and a topic of a mock broker, or of Apache Kafka (`--apache`; Java and
+Maven are needed). Every half minute or so a fault of some seconds: the broker is gone, stopped,
+slow or refuses events (of Apache Kafka: it is killed, ended or stopped), the reader of the pipe is
+stopped, or no file of the service can grow. After SIGTERM every event that the service reports as
+delivered must have arrived. `--write` writes the page, the samples as CSV and, where matplotlib is
+installed, a plot.
 """
 
 import argparse
@@ -101,11 +104,13 @@ HEADERS = {"Content-Type": "application/json", "If-Match": "*"}
 TRACKS = 100
 
 SAMPLE_S = 10.0
-#: Scene time between launches: with real time, how many there are in a lap would hang on the machine's other work.
+#: Scene time between launches: with real time, how many there are in a lap would hang on the
+#: machine's other work.
 TRIGGER_S = 60.0
 #: Time without faults at the end, s.
 CALM_S = 45.0
-#: The part of the run that is warm-up, and the laps at least: the histories of the service fill with events, not time.
+#: The part of the run that is warm-up, and the laps at least: the histories of the service fill
+#: with events, not time.
 WARM_UP = 0.25
 WARM_UP_LAPS = 2
 #: How much memory may grow from the first to the last quarter of what follows the warm-up.
@@ -156,7 +161,9 @@ class Viewer:
 def asked(port: int, method: str, path: str, body: Any = None) -> tuple[int, Any]:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     try:
-        connection.request(method, path, None if body is None else json.dumps(body), HEADERS if body else {})
+        connection.request(
+            method, path, None if body is None else json.dumps(body), HEADERS if body else {}
+        )
         answer = connection.getresponse()
         return answer.status, json.loads(answer.read())
     finally:
@@ -164,7 +171,9 @@ def asked(port: int, method: str, path: str, body: Any = None) -> tuple[int, Any
 
 
 def limit_tracks(port: int) -> None:
-    """Let the service keep few tracks for its page; a run that is late at its start takes no settings yet."""
+    """Let the service keep few tracks for its page; a run that is late at its start takes no
+    settings yet.
+    """
     config = asked(port, "GET", "/config")[1]
     config["http"]["maximum_tracks"] = TRACKS
     give_up_s = time.monotonic() + 60.0
@@ -175,18 +184,24 @@ def limit_tracks(port: int) -> None:
 
 
 def balanced(port: int) -> dict[str, Any]:
-    """Return a status in which the books of both outputs balance; a window is counted once it is in the spool."""
+    """Return a status in which the books of both outputs balance; a window is counted once it is in
+    the spool.
+    """
     give_up_s = time.monotonic() + 30.0
     while True:
         status: dict[str, Any] = asked(port, "GET", "/status")[1]
         sinks = status["sinks"]
-        if all(sum(each[name] for name in FATES) == each["given"] + each["recovered"] for each in sinks):
+        if all(
+            sum(each[name] for name in FATES) == each["given"] + each["recovered"] for each in sinks
+        ):
             return status
         if time.monotonic() > give_up_s:
             raise AssertionError(f"the books do not balance: {sinks}")
 
 
-def sampled(process: int, port: int, spools: Sequence[Path], out: int, began_s: float, fault: str) -> Sample:
+def sampled(
+    process: int, port: int, spools: Sequence[Path], out: int, began_s: float, fault: str
+) -> Sample:
     # While the disk takes nothing, a window waits half counted.
     status = balanced(port) if not fault else asked(port, "GET", "/status")[1]
     return Sample(
@@ -207,7 +222,11 @@ def scene_with(folder: Path, address: str) -> Path:
     """Write the scene with its pipe and the address of its broker, and return its path."""
     os.mkfifo(folder / "pipe")
     text = SCENE
-    for name, value in {"PIPE": folder / "pipe", "SPOOL": folder / "spool", "BROKER": address}.items():
+    for name, value in {
+        "PIPE": folder / "pipe",
+        "SPOOL": folder / "spool",
+        "BROKER": address,
+    }.items():
         text = text.replace(name, str(value))
     scene = folder / "scene.yaml"
     scene.write_text(text, encoding="utf-8")
@@ -216,7 +235,10 @@ def scene_with(folder: Path, address: str) -> Path:
 
 def soaked(arguments: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """Run it before a broker; return what was found."""
-    with (apache_kafka if arguments.apache else mock_kafka)(folder, "soak") as (address, broker_faults):
+    with (apache_kafka if arguments.apache else mock_kafka)(folder, "soak") as (
+        address,
+        broker_faults,
+    ):
         return soaked_before(address, broker_faults, arguments, folder)
 
 
@@ -267,11 +289,16 @@ def soaked_before(
 
 
 def watched(
-    process: int, port: int, spools: Sequence[Path], parts: tuple[PipeReader, TopicReader, Faults], for_s: float
+    process: int,
+    port: int,
+    spools: Sequence[Path],
+    parts: tuple[PipeReader, TopicReader, Faults],
+    for_s: float,
 ) -> dict[str, Any]:
     """Sample, trigger and let things fail until the time is over, the last minute without faults.
 
-    Returns the samples, the answers to triggers by status, and how late, s, the run was at most while it was ready.
+    Returns the samples, the answers to triggers by status, and how late, s, the run was at most
+    while it was ready.
     """
     pipe, topic, faults = parts
     began_s = time.monotonic()
@@ -300,7 +327,9 @@ def watched(
     return {"samples": samples, "triggers": triggers, "late_s": late_s}
 
 
-def quarters(values: Sequence[float], figure: Callable[[Sequence[float]], Any]) -> tuple[float, float]:
+def quarters(
+    values: Sequence[float], figure: Callable[[Sequence[float]], Any]
+) -> tuple[float, float]:
     """Return a figure of the first and of the last quarter."""
     size = max(1, len(values) // 4)
     return float(figure(values[:size])), float(figure(values[-size:]))
@@ -309,10 +338,14 @@ def quarters(values: Sequence[float], figure: Callable[[Sequence[float]], Any]) 
 def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
     """Return the rows of the table of criteria, each with its result, and whether all are met."""
     samples: list[Sample] = found["samples"]
-    warm = [each for each in samples[int(WARM_UP * len(samples)) :] if each.lap >= WARM_UP_LAPS] or samples
+    warm = [
+        each for each in samples[int(WARM_UP * len(samples)) :] if each.lap >= WARM_UP_LAPS
+    ] or samples
     fds = quarters([each.descriptors for each in warm], np.median)
     rss, usual = (quarters([each.rss_mib for each in warm], figure) for figure in (min, np.median))
-    counts = [[int(count) for count in COUNTED.findall(line)] for line in found["output"].splitlines()]
+    counts = [
+        [int(count) for count in COUNTED.findall(line)] for line in found["output"].splitlines()
+    ]
     delivered, spooled, dropped = zip(*(each for each in counts if len(each) == 3), strict=True)
     held = "least of the first quarter {:.1f} MiB, of the last {:.1f}; medians {:.1f} and {:.1f}"
     rows = [
@@ -324,7 +357,8 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
         ("all events delivered", all_of(delivered, spooled, dropped, found["out"]) + too_late(found["reader_error"]),
          all(low <= out <= low + left for low, left, out in zip(delivered, spooled, found["out"], strict=True))
          and not any(dropped) and found["reader_error"] is None),
-        ("repeated events", f"{found['repeated'][0]} in the pipe, {found['repeated'][1]} in the topic",
+        ("repeated events", (f"{found['repeated'][0]} in the pipe, {found['repeated'][1]} in the"
+                            f" topic"),
          found["repeated"][0] == 0),
         ("each sensor's events in order", f"{found['disordered']} after a later one", found["disordered"] == 0),
         ("at most 5 s late while ready", f"{found['late_s']:.2f} s", found["late_s"] <= LATE_S),
@@ -339,13 +373,20 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
 
 def too_late(error: str | None) -> str:
     """Return that the reader of the topic was too slow for the memory of the mock broker."""
-    return "" if error is None else f"; the reader of the topic came too late for the mock broker: {error}"
+    return (
+        ""
+        if error is None
+        else f"; the reader of the topic came too late for the mock broker: {error}"
+    )
 
 
 def all_of(*counts: Sequence[int]) -> str:
     """Return the counts of both outputs as one sentence."""
     names = ("delivered", "left in the spool", "dropped", "read")
-    parts = [[f"{count[place]} {name}" for name, count in zip(names, counts, strict=True)] for place in range(2)]
+    parts = [
+        [f"{count[place]} {name}" for name, count in zip(names, counts, strict=True)]
+        for place in range(2)
+    ]
     return f"pipe: {', '.join(parts[0])}; topic: {', '.join(parts[1])}"
 
 
@@ -387,7 +428,9 @@ def write_csv(samples: Sequence[Sample], path: Path) -> None:
         writer.writerow(field.name for field in fields(Sample))
         for sample in samples:
             values = asdict(sample).values()
-            writer.writerow(f"{value:.1f}" if isinstance(value, float) else value for value in values)
+            writer.writerow(
+                f"{value:.1f}" if isinstance(value, float) else value for value in values
+            )
 
 
 def plot(samples: Sequence[Sample], path: Path) -> None:
@@ -420,10 +463,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=1, help="seed of the faults")
-    parser.add_argument("--machine", default="", metavar="WORDS", help="a sentence on the machine, for the page")
+    parser.add_argument(
+        "--machine", default="", metavar="WORDS", help="a sentence on the machine, for the page"
+    )
     parser.add_argument("--speed", default="max", help="as of opir serve")
-    parser.add_argument("--apache", action="store_true", help="Apache Kafka instead of a mock broker")
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write a page, its CSV and its plot to FOLDER")
+    parser.add_argument(
+        "--apache", action="store_true", help="Apache Kafka instead of a mock broker"
+    )
+    parser.add_argument(
+        "--write", type=Path, metavar="FOLDER", help="write a page, its CSV and its plot to FOLDER"
+    )
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = soaked(arguments, Path(folder))

@@ -1,4 +1,6 @@
-"""Faults of a soak test: of the broker, of the reader of a pipe, and of the disk; and what arrives in spite of them."""
+"""Faults of a soak test: of the broker, of the reader of a pipe, and of the disk; and what arrives
+in spite of them.
+"""
 
 import contextlib
 import json
@@ -18,10 +20,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import kafka_cluster
 from kafka_broker import MockBroker
 
-#: The mock broker keeps 5 MiB of each partition, which the consumer must have read by then: batches are compressed, for
-#: two sensors see most of it, and a fault of 12 s at full speed fills their partitions otherwise.
+#: The mock broker keeps 5 MiB of each partition, which the consumer must have read by then: batches
+#: are compressed, for two sensors see most of it, and a fault of 12 s at full speed fills their
+#: partitions otherwise.
 PARTITIONS = 12
-#: Kafka's number of the API that takes messages, and codes it may answer with: the first park the output.
+#: Kafka's number of the API that takes messages, and codes it may answer with: the first park the
+#: output.
 PRODUCE = 0
 CODES = (29, 6, 7, 19, 2)
 #: Ids that are remembered, to notice what comes twice.
@@ -75,10 +79,11 @@ class PipeReader:
 
 
 class TopicReader:
-    """A thread that consumes a topic from its beginning; `messages` are counted once, `repeated` those that came again.
+    """A thread that consumes a topic from its beginning; `messages` are counted once, `repeated`
+    those that came again.
 
-    `disordered` are messages that came for the first time after a later one of their sensor. A consumer that is too
-    late for the broker's memory fails: `error` says so.
+    `disordered` are messages that came for the first time after a later one of their sensor. A
+    consumer that is too late for the broker's memory fails: `error` says so.
     """
 
     def __init__(self, address: str, topic: str) -> None:
@@ -97,7 +102,9 @@ class TopicReader:
             "reconnect.backoff.max.ms": 500,
         }
         self._consumer = Consumer(settings)
-        self._consumer.assign([TopicPartition(topic, number, OFFSET_BEGINNING) for number in range(PARTITIONS)])
+        self._consumer.assign(
+            [TopicPartition(topic, number, OFFSET_BEGINNING) for number in range(PARTITIONS)]
+        )
         self._is_over = threading.Event()
         self.thread = threading.Thread(target=self._read, daemon=True)
         self.thread.start()
@@ -141,7 +148,9 @@ BrokerFaults = Callable[[random.Random], FaultKinds]
 class Faults:
     """Faults of random kind and duration, one at a time, each followed by a time without."""
 
-    def __init__(self, seed: int, process: int, broker_faults: BrokerFaults, reader: PipeReader) -> None:
+    def __init__(
+        self, seed: int, process: int, broker_faults: BrokerFaults, reader: PipeReader
+    ) -> None:
         self._rng = random.Random(seed)
         self._process = process
         self._reader = reader
@@ -154,7 +163,10 @@ class Faults:
     def _own_kinds(self) -> FaultKinds:
         return {
             "reader stopped (SIGSTOP)": (self._reader.stop, self._reader.go_on),
-            "disk takes nothing (EFBIG)": (lambda: self._limit(4096), lambda: self._limit(resource.RLIM_INFINITY)),
+            "disk takes nothing (EFBIG)": (
+                lambda: self._limit(4096),
+                lambda: self._limit(resource.RLIM_INFINITY),
+            ),
         }
 
     def _limit(self, size: int) -> None:
@@ -184,7 +196,9 @@ class Faults:
 
 @contextmanager
 def mock_kafka(_folder: Path, topic: str) -> Iterator[tuple[str, BrokerFaults]]:
-    """Yield the address and the faults of librdkafka's mock broker, in a process of its own, with a topic."""
+    """Yield the address and the faults of librdkafka's mock broker, in a process of its own, with a
+    topic.
+    """
     broker = MockBroker()
     broker.tell("topic", topic, PARTITIONS)
 
@@ -193,7 +207,10 @@ def mock_kafka(_folder: Path, topic: str) -> Iterator[tuple[str, BrokerFaults]]:
             "broker gone": (lambda: broker.tell("down"), broker.heal),
             "broker stopped (SIGSTOP)": (broker.freeze, broker.thaw),
             "broker slow": (lambda: broker.tell("slow", 2000), broker.heal),
-            "broker refuses": (lambda: broker.tell("error", PRODUCE, *[rng.choice(CODES)] * 200), broker.heal),
+            "broker refuses": (
+                lambda: broker.tell("error", PRODUCE, *[rng.choice(CODES)] * 200),
+                broker.heal,
+            ),
         }
 
     with closing(broker):
@@ -209,7 +226,10 @@ def apache_kafka(folder: Path, topic: str) -> Iterator[tuple[str, BrokerFaults]]
         kinds: FaultKinds = {
             "broker killed (SIGKILL)": (lambda: node.stop(signal.SIGKILL), node.start),
             "broker ended (SIGTERM)": (node.stop, node.start),
-            "broker stopped (SIGSTOP)": (lambda: node.send(signal.SIGSTOP), lambda: node.send(signal.SIGCONT)),
+            "broker stopped (SIGSTOP)": (
+                lambda: node.send(signal.SIGSTOP),
+                lambda: node.send(signal.SIGCONT),
+            ),
         }
         yield cluster.address, lambda _rng: kinds
 
@@ -220,7 +240,10 @@ def descriptors(process: int) -> int:
 
 def rss_mib(process: int) -> float:
     memory = Path(f"/proc/{process}/status").read_text(encoding="ascii")
-    return next(int(line.split()[1]) for line in memory.splitlines() if line.startswith("VmRSS")) / 1024
+    return (
+        next(int(line.split()[1]) for line in memory.splitlines() if line.startswith("VmRSS"))
+        / 1024
+    )
 
 
 def file_mib(path: Path) -> float:

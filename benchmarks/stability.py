@@ -1,9 +1,11 @@
 """Every public function in float64 against 40 digits, with condition numbers, at inputs drawn.
 
-    python -m benchmarks.stability [--draws 1000] [--seed 1] [--quick] [--only NAME] [--write docs/benchmarks]
+    python -m benchmarks.stability [--draws 1000] [--seed 1] [--quick] [--only NAME] [--write
+    docs/benchmarks]
 
-Draws are usual inputs and those at the ends of what a double holds. Floating-point warnings are errors. `--quick` draws
-20 of each; `--write` puts the page, the plot and a CSV with the worst input of every function into a folder.
+Draws are usual inputs and those at the ends of what a double holds. Floating-point warnings are
+errors. `--quick` draws 20 of each; `--write` puts the page, the plot and a CSV with the worst input
+of every function into a folder.
 """
 
 import argparse
@@ -45,8 +47,15 @@ reasons for those left out. No draw raised a warning or an overflow, and no resu
 
 def main() -> None:
     """Draw, compare, and print or write what was found."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--draws", type=int, default=1000, help="inputs of each function; slow references take fewer")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--draws",
+        type=int,
+        default=1000,
+        help="inputs of each function; slow references take fewer",
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} draws of each")
     parser.add_argument("--only", default="", help="functions whose name contains this")
@@ -77,7 +86,10 @@ def shown(found: Any) -> Any:
     """Print the worst of a function, and return what was found."""
     row = found.worst
     if isinstance(found, Outcome):
-        text = f"error {found.error[row]:.1e}, condition {found.condition[row]:.1e}, scaled {found.scaled[row]:.2g}"
+        text = (
+            f"error {found.error[row]:.1e}, condition {found.condition[row]:.1e}, scaled"
+            f" {found.scaled[row]:.2g}"
+        )
         text += f", raised {len(found.raised)}" * bool(found.raised)
     else:
         text = f"error {found.error[row]:.1e}, over its bound {found.ratio[row]:.2g}"
@@ -85,14 +97,17 @@ def shown(found: Any) -> Any:
     return found
 
 
-def write(folder: Path, outcomes: list[Outcome], bounds: list[Searched], draws: int, seed: int) -> None:
+def write(
+    folder: Path, outcomes: list[Outcome], bounds: list[Searched], draws: int, seed: int
+) -> None:
     """Write the page, the CSV and the plot."""
     order = sorted(outcomes, key=lambda found: -found.scaled[found.worst])
     largest = order[0].scaled[order[0].worst]
     raised = sum(len(found.raised) for found in outcomes)
     kept = max((found.ratio[found.worst] for found in bounds), default=0.0)
     answer = (
-        f"No. The largest error of any function is {largest:.2g} times what rounding its inputs does, and every"
+        f"No. The largest error of any function is {largest:.2g} times what rounding its inputs"
+        f" does, and every"
         f" tolerance is kept: at most {kept:.0%} of it is used."
         if largest < 100.0 and kept <= 1.0 and not raised
         else f"Yes: see the table; {raised} draws raised."
@@ -110,7 +125,9 @@ def write(folder: Path, outcomes: list[Outcome], bounds: list[Searched], draws: 
     )
     with (folder / "stability.csv").open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(["function", "draws", "error", "condition", "error_over_rounding_or_bound", "input"])
+        rows.writerow(
+            ["function", "draws", "error", "condition", "error_over_rounding_or_bound", "input"]
+        )
         for found in outcomes:
             rows.writerow(csv_row(found, found.condition[found.worst], found.scaled[found.worst]))
         for found in bounds:
@@ -143,7 +160,9 @@ def plot(outcomes: list[Outcome], path: Path) -> None:
     error = np.concatenate([found.error for found in outcomes])
     has_both = (error > 0.0) & (condition > 0.0) & np.isfinite(error)
     kept = np.clip(condition[has_both], 1e-3, 1e12), np.clip(error[has_both], 1e-19, 1.0)
-    left.hexbin(*kept, xscale="log", yscale="log", gridsize=60, bins="log", mincnt=1, cmap="viridis")
+    left.hexbin(
+        *kept, xscale="log", yscale="log", gridsize=60, bins="log", mincnt=1, cmap="viridis"
+    )
     line = np.geomspace(1e-3, 1e12, 60)
     left.plot(line, (1.0 + line) * ROUNDOFF, "r-", linewidth=1.0)
     left.set_xlabel("condition number κ")
@@ -155,7 +174,9 @@ def plot(outcomes: list[Outcome], path: Path) -> None:
         speed = np.sqrt((velocity**2).sum(axis=1)) / np.sqrt(3.986004418e14 / radius)
         turns = np.abs(duration) / (2.0 * np.pi * radius / np.sqrt(3.986004418e14 / radius))
         rows = (arcs.condition > 0.0) & (turns > 1e-9)
-        cells = right.scatter(turns[rows], speed[rows], c=np.log10(arcs.condition[rows]), s=9, cmap="viridis")
+        cells = right.scatter(
+            turns[rows], speed[rows], c=np.log10(arcs.condition[rows]), s=9, cmap="viridis"
+        )
         right.set_xscale("log")
         right.set_yscale("log")
         right.set_xlabel("duration, turns of the circular orbit")

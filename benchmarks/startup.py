@@ -1,4 +1,5 @@
-"""What starting costs: processor time and modules of whole processes of a few commands, over bare Python.
+"""What starting costs: processor time and modules of whole processes of a few commands, over bare
+Python.
 
 python benchmarks/startup.py [--repeat 9]
 """
@@ -34,7 +35,11 @@ def seconds(arguments: list[str], folder: str) -> float:
 def modules(arguments: list[str], folder: str) -> int:
     """Return how many modules a process imports."""
     done = subprocess.run(
-        [sys.executable, "-X", "importtime", *arguments], cwd=folder, check=True, capture_output=True, text=True
+        [sys.executable, "-X", "importtime", *arguments],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+        text=True,
     )
     return sum(line.startswith("import time:") for line in done.stderr.splitlines()) - 1
 

@@ -1,9 +1,11 @@
-"""Executors of studies: wall and processor time of the same 1 000 runs, serial, with processes and with Dask.
+"""Executors of studies: wall and processor time of the same 1 000 runs, serial, with processes and
+with Dask.
 
     python benchmarks/studies.py --runs 1000 --workers 2
 
-Wall times are ratios only where the computer is idle. The ratio of processor times (of this process and its workers)
-does not depend on other load: it is what starting workers, sending tasks and writing parts costs.
+Wall times are ratios only where the computer is idle. The ratio of processor times (of this process
+and its workers) does not depend on other load: it is what starting workers, sending tasks and
+writing parts costs.
 """
 
 import argparse
@@ -55,7 +57,9 @@ def main() -> None:
     found = {name: measured(name, chosen.runs, chosen.workers) for name in chosen.executors}
     serial = found["serial"]
     for name, row in found.items():
-        row["efficiency"] = serial["wall_s"] / row["wall_s"] / (1 if name == "serial" else chosen.workers)
+        row["efficiency"] = (
+            serial["wall_s"] / row["wall_s"] / (1 if name == "serial" else chosen.workers)
+        )
         row["processor_ratio"] = serial["processor_s"] / row["processor_s"]
         for what, value in row.items():
             keep(f"{name}: {what}", value)

@@ -22,7 +22,9 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THRE
 
 @frozen
 class Attempt:
-    """One run of a benchmark: what its whole process took, what it found, and why it failed (empty if it did not)."""
+    """One run of a benchmark: what its whole process took, what it found, and why it failed (empty
+    if it did not).
+    """
 
     wall_s: float
     processor_s: float
@@ -33,7 +35,9 @@ class Attempt:
 
 
 def attempt(benchmark: Benchmark, *, quick: bool, docs: Path | None = None) -> Attempt:
-    """Return what one run of a benchmark took and found; what it writes is copied into `docs`, if given."""
+    """Return what one run of a benchmark took and found; what it writes is copied into `docs`, if
+    given.
+    """
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as own:
         kept = Path(own, "kept.figures")
         log = Path(own, "output.log")
@@ -41,7 +45,9 @@ def attempt(benchmark: Benchmark, *, quick: bool, docs: Path | None = None) -> A
         settings = {**os.environ, **ONE_THREAD, "OPIR_BENCHMARK_FIGURES": str(kept)}
         start = time.perf_counter()
         with log.open("wb") as output:
-            process = subprocess.Popen(command, env=settings, stdout=output, stderr=subprocess.STDOUT)
+            process = subprocess.Popen(
+                command, env=settings, stdout=output, stderr=subprocess.STDOUT
+            )
             _, status, used = os.wait4(process.pid, 0)
         code = os.waitstatus_to_exitcode(status)
         process.returncode = code
@@ -76,7 +82,9 @@ def rounds_of(
 
 
 def kept(benchmark: Benchmark, attempts: Sequence[Attempt]) -> dict[str, Any]:
-    """Return the result of a benchmark: medians over its attempts, and the peers that are not installed."""
+    """Return the result of a benchmark: medians over its attempts, and the peers that are not
+    installed.
+    """
     names = attempts[0].figures
     return {
         "question": benchmark.question,
@@ -89,6 +97,7 @@ def kept(benchmark: Benchmark, attempts: Sequence[Attempt]) -> dict[str, Any]:
             for name in ("wall_s", "processor_s", "peak_mib")
         },
         "figures": {
-            name: statistics.median(each.figures[name] for each in attempts if name in each.figures) for name in names
+            name: statistics.median(each.figures[name] for each in attempts if name in each.figures)
+            for name in names
         },
     }

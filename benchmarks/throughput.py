@@ -1,9 +1,10 @@
-"""How many looks and events a second, where the time goes, and how much memory: one process, one core.
+"""How many looks and events a second, where the time goes, and how much memory: one process, one
+core.
 
     python benchmarks/throughput.py [--repeat 5] [--targets 100] [--profile]
 
-The scene: 100 ICBMs and 10 sensors in geostationary slots that see them all, 20 looks a second, the whole boost.
-Figures are medians.
+The scene: 100 ICBMs and 10 sensors in geostationary slots that see them all, 20 looks a second, the
+whole boost. Figures are medians.
 """
 
 import argparse
@@ -31,7 +32,10 @@ def raid(duration_s: float = 400.0, targets: int = 100, sensors: int = 10) -> op
     """Return the benchmark's scene."""
     rng = np.random.default_rng(3)
     launches = zip(
-        rng.uniform(-20, 20, targets), rng.uniform(-10, 10, targets), rng.uniform(0, 30, targets), strict=True
+        rng.uniform(-20, 20, targets),
+        rng.uniform(-10, 10, targets),
+        rng.uniform(0, 30, targets),
+        strict=True,
     )
     return opir.scene_from_mapping(
         {
@@ -40,7 +44,12 @@ def raid(duration_s: float = 400.0, targets: int = 100, sensors: int = 10) -> op
             "duration_s": duration_s,
             "seed": 1,
             "sensors": [
-                {"model": "SBIRS-GEO", "id": f"S{n:02d}", "orbital_slot_deg": -45.0 + 10.0 * n, "scan_period_ms": 50.0}
+                {
+                    "model": "SBIRS-GEO",
+                    "id": f"S{n:02d}",
+                    "orbital_slot_deg": -45.0 + 10.0 * n,
+                    "scan_period_ms": 50.0,
+                }
                 for n in range(sensors)
             ],
             "targets": [
@@ -102,12 +111,27 @@ def main() -> None:
     thousand = detections / 1e3
     writing_s = to_file_s - engine_s
     rows = (
-        ("plan", planning_s * 1e3, "ms", f"{million:.2f} million looks, {thousand:.0f} thousand events"),
+        (
+            "plan",
+            planning_s * 1e3,
+            "ms",
+            f"{million:.2f} million looks, {thousand:.0f} thousand events",
+        ),
         ("columns", engine_s / looks * 1e9, "ns/look", f"{million / engine_s:.2f} million looks/s"),
         ("columns", engine_s / detections * 1e9, "ns/event", ""),
-        ("JSONL", to_file_s / detections * 1e9, "ns/event", f"{thousand / to_file_s:.0f} thousand events/s, all in"),
+        (
+            "JSONL",
+            to_file_s / detections * 1e9,
+            "ns/event",
+            f"{thousand / to_file_s:.0f} thousand events/s, all in",
+        ),
         ("  of it", writing_s / detections * 1e9, "ns/event", "encoding and writing"),
-        ("memory", streamed_mib, "MiB", f"peak while streaming (after the first pass: {start_mib:.0f} MiB)"),
+        (
+            "memory",
+            streamed_mib,
+            "MiB",
+            f"peak while streaming (after the first pass: {start_mib:.0f} MiB)",
+        ),
     )
     for what, figure, unit, remark in rows:
         print(f"{what:8} {figure:9.1f} {unit:9} {remark}")

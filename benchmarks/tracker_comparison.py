@@ -21,7 +21,8 @@ from tracker_comparison_page import SCENE, SENSORS, TRACKERS, write_page
 
 from opir_core.cli.main import main as opir
 
-#: Keys of `opir compare --json`: of all launches, of a time bin, of launches and impacts; the column, scale and digits.
+#: Keys of `opir compare --json`: of all launches, of a time bin, of launches and impacts; the
+#: column, scale and digits.
 WHOLE = {
     "launches_tracked": ("launches_tracked_share", 1.0, 3),
     "tracks_a_launch": ("tracks_per_launch", 1.0, 2),
@@ -51,14 +52,28 @@ POINTS = {
     "impact_m": ("impact_rmse_km", 1e-3, 1),
     "impact_time_s": ("impact_time_rmse_s", 1.0, 2),
 }
-COUNTS = {"targets": "targets", "launches_reported": "launches_reported", "impacts_reported": "impacts_reported"}
+COUNTS = {
+    "targets": "targets",
+    "launches_reported": "launches_reported",
+    "impacts_reported": "impacts_reported",
+}
 CONFIDENCE = "95 % confidence"
 BAND = "99 % band"
 
 
 def compared(runs: int, duration_s: float) -> Any:
     """Return the figures of `opir compare --json`."""
-    words = ["compare", SCENE, "--set", SENSORS, "--set", f"duration_s={duration_s:g}", "--runs", str(runs), "--json"]
+    words = [
+        "compare",
+        SCENE,
+        "--set",
+        SENSORS,
+        "--set",
+        f"duration_s={duration_s:g}",
+        "--runs",
+        str(runs),
+        "--json",
+    ]
     for tracker in TRACKERS:
         words += ["--tracker", tracker]
     with contextlib.redirect_stdout(io.StringIO()) as printed:
@@ -71,16 +86,34 @@ def cell(value: float | None, scale: float, digits: int) -> str:
     return "" if value is None else f"{scale * value:.{digits}f}"
 
 
-def figure(found: dict[str, Any], name: str, scale: float, digits: int, samples: int | str = "") -> dict[str, str]:
+def figure(
+    found: dict[str, Any], name: str, scale: float, digits: int, samples: int | str = ""
+) -> dict[str, str]:
     """Return a figure with its 95 % interval."""
-    value, low, high = (cell(each, scale, digits) for each in (found["value"], *found["interval_95"]))
+    value, low, high = (
+        cell(each, scale, digits) for each in (found["value"], *found["interval_95"])
+    )
     kind = CONFIDENCE if low else ""
-    return {"quantity": name, "samples": str(samples), "value": value, "low": low, "high": high, "interval": kind}
+    return {
+        "quantity": name,
+        "samples": str(samples),
+        "value": value,
+        "low": low,
+        "high": high,
+        "interval": kind,
+    }
 
 
 def plain(name: str, value: str, samples: int | str = "") -> dict[str, str]:
     """Return a figure without an interval."""
-    return {"quantity": name, "samples": str(samples), "value": value, "low": "", "high": "", "interval": ""}
+    return {
+        "quantity": name,
+        "samples": str(samples),
+        "value": value,
+        "low": "",
+        "high": "",
+        "interval": "",
+    }
 
 
 def whole_rows(card: dict[str, Any]) -> Iterator[dict[str, str]]:
@@ -90,7 +123,9 @@ def whole_rows(card: dict[str, Any]) -> Iterator[dict[str, str]]:
         yield figure(card[key], name, scale, digits)
     gospa = card["gospa"]
     yield figure(gospa["a_target_m"], "gospa_per_target_m", 1.0, 0)
-    parts = {name: gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")}
+    parts = {
+        name: gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")
+    }
     for name, part in parts.items():
         yield plain(f"gospa_{name}_percent", cell(part / sum(parts.values()), 100.0, 0))
     for true, row in card["type_confusion"].items():
@@ -104,12 +139,16 @@ def whole_rows(card: dict[str, Any]) -> Iterator[dict[str, str]]:
     yield from proper_rows(card)
     for point in ("launch", "impact"):
         for part in stereo[f"{point}_containment"]:
-            yield figure(part, f"{point}_in_{100.0 * part['nominal']:.0f}_ellipse_percent", 100.0, 0)
+            yield figure(
+                part, f"{point}_in_{100.0 * part['nominal']:.0f}_ellipse_percent", 100.0, 0
+            )
 
 
 def proper_rows(card: dict[str, Any]) -> Iterator[dict[str, str]]:
     """Yield the scores of impacts and hypotheses, and what was recognised as a launch."""
-    yield figure(card["stereo"]["impact_by_phase"][-1]["energy_m"], "impact_energy_score_km", 1e-3, 1)
+    yield figure(
+        card["stereo"]["impact_by_phase"][-1]["energy_m"], "impact_energy_score_km", 1e-3, 1
+    )
     last = card["hypotheses"]["by_age"][-1]
     for key, name in (("log_score", "hypothesis_log_score"), ("brier", "hypothesis_brier_score")):
         yield figure(last[key], name, 1.0, 3, last["tracks"])
@@ -142,11 +181,15 @@ def rows_of(cards: dict[str, Any]) -> Iterator[dict[str, str]]:
 
 def main() -> None:
     """Run the comparison and write the results, or redraw page and plot from a CSV file."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--duration", type=float, default=300.0, help="seconds of the scene")
     parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
-    parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing")
+    parser.add_argument(
+        "--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing"
+    )
     chosen = parser.parse_args()
     if chosen.from_csv:
         write_page(chosen.from_csv)

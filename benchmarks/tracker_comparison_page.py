@@ -50,7 +50,8 @@ opir compare {scene} --set "{sensors}" \\
   still burn: they are large in the burn, and shrink at burnout.
 """
 
-#: Rows of the short table: its name, the quantity, the bin's start, and whether the interval is shown.
+#: Rows of the short table: its name, the quantity, the bin's start, and whether the interval is
+#: shown.
 LINES = (
     ("position RMSE, 100–120 s, m", "position_rmse_m", "100", False),
     ("velocity RMSE, 100–120 s, m/s", "velocity_rmse_m_s", "100", False),
@@ -80,13 +81,17 @@ def write_page(source: Path) -> None:
         for label, quantity, start, has_interval in LINES
     ]
     times = [number(found(rows, name, "time_per_detection_us")["value"]) for name in names]
-    table.append(("processor time over that of imm", *(f"{each / times[-1]:.1f}" for each in times)))
+    table.append(
+        ("processor time over that of imm", *(f"{each / times[-1]:.1f}" for each in times))
+    )
     first = {key: found(rows, names[0], key)["value"] for key in ("runs", *ASSOCIATION.values())}
     page = PAGE.format(
         table=markdown_table(head, table),
         scene=SCENE,
         sensors=SENSORS,
-        words=" ".join(f'--tracker "{name}"' if " " in name else f"--tracker {name}" for name in TRACKERS),
+        words=" ".join(
+            f'--tracker "{name}"' if " " in name else f"--tracker {name}" for name in TRACKERS
+        ),
         runs=first["runs"],
         ahead=ahead_s(rows),
         **{key: first[quantity] for key, quantity in ASSOCIATION.items()},
@@ -124,7 +129,11 @@ def shown(row: Row, has_interval: bool) -> str:
     """Return a cell of the short table."""
     if not row["value"]:
         return "–"
-    return f"{row['value']} [{row['low']}, {row['high']}]" if has_interval and row["low"] else row["value"]
+    return (
+        f"{row['value']} [{row['low']}, {row['high']}]"
+        if has_interval and row["low"]
+        else row["value"]
+    )
 
 
 def plot(rows: list[dict[str, str]], names: Sequence[str], path: Path) -> None:
@@ -134,14 +143,21 @@ def plot(rows: list[dict[str, str]], names: Sequence[str], path: Path) -> None:
             if expected:
                 axes.axhline(expected, color="black", linewidth=0.8)
             for name in names:
-                mine = [row for row in rows if row["tracker"] == name and row["quantity"] == quantity]
+                mine = [
+                    row for row in rows if row["tracker"] == name and row["quantity"] == quantity
+                ]
                 draw(axes, mine, name)
             axes.set_yscale("log")
             axes.set_ylabel(label)
             axes.grid(alpha=0.3)
         for axes in grid[1]:
             axes.set_xlabel("time since ignition, s")
-        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+        figure.legend(
+            *grid[0, 0].get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=4,
+            frameon=False,
+        )
 
 
 def draw(axes: Any, rows: Sequence[Row], tracker: str) -> None:
@@ -150,4 +166,11 @@ def draw(axes: Any, rows: Sequence[Row], tracker: str) -> None:
     middle = [0.5 * (number(row["from_s"]) + number(row["to_s"])) for row in rows]
     axes.plot(middle, column(rows, "value"), style, color=colour, label=label)
     if all(row["interval"].endswith("confidence") for row in rows):
-        axes.fill_between(middle, column(rows, "low"), column(rows, "high"), color=colour, alpha=0.2, linewidth=0.0)
+        axes.fill_between(
+            middle,
+            column(rows, "low"),
+            column(rows, "high"),
+            color=colour,
+            alpha=0.2,
+            linewidth=0.0,
+        )

@@ -1,13 +1,15 @@
 """Do the regions of `imm` hold what they say, on flights that share no code with it?
 
-    python benchmarks/tracker_honesty.py [--flights 12] [--only "2 stages"] [--write docs/benchmarks]
+    python benchmarks/tracker_honesty.py [--flights 12] [--only "2 stages"] [--write
+    docs/benchmarks]
 
-Staged gravity turns of `foreign_flights` (SciPy) and class profiles of the target model `ballistic`, drawn with seeds
-that nothing was built on, each in a scene of its own: one or two SBIRS-GEO, default settings. At 25, 50, 75 and 95 % of
-the time from ignition to the last burnout, and 5 and 20 s after it: is the state in its 95 % ellipsoid, the impact in
-its 50 and 95 % regions, and how large are these? What are the energy scores of state and impact, and the log score of
-"missile"? And how large are errors beside the Cramér–Rao bound of an estimator
-that knows the law of the flights and has their parameters to find (`foreign_bound`)?
+Staged gravity turns of `foreign_flights` (SciPy) and class profiles of the target model
+`ballistic`, drawn with seeds that nothing was built on, each in a scene of its own: one or two
+SBIRS-GEO, default settings. At 25, 50, 75 and 95 % of the time from ignition to the last burnout,
+and 5 and 20 s after it: is the state in its 95 % ellipsoid, the impact in its 50 and 95 % regions,
+and how large are these? What are the energy scores of state and impact, and the log score of
+"missile"? And how large are errors beside the Cramér–Rao bound of an estimator that knows the law
+of the flights and has their parameters to find (`foreign_bound`)?
 """
 
 import argparse
@@ -36,7 +38,13 @@ from opir_core.geometry import eci_to_ecef
 
 #: Columns whose means end the lines of the CSV.
 PROPER = (
-    *("in_95_if_burn_known", "position_energy_m", "velocity_energy_m_s", "impact_energy_m", "missile_log_score"),
+    *(
+        "in_95_if_burn_known",
+        "position_energy_m",
+        "velocity_energy_m_s",
+        "impact_energy_m",
+        "missile_log_score",
+    ),
     "effective_samples",
 )
 BOUNDED = ("position", "velocity", "impact")
@@ -48,7 +56,9 @@ SPIN = np.array([0.0, 0.0, 7.292115e-5])
 
 
 class Line(NamedTuple):
-    """A line of the page: name, stages (0: class profiles), dark gaps, sensors, P_d and bias of the sensors."""
+    """A line of the page: name, stages (0: class profiles), dark gaps, sensors, P_d and bias of the
+    sensors.
+    """
 
     name: str
     stages: int
@@ -72,10 +82,11 @@ LINES = (
 
 
 class Law(NamedTuple):
-    """What an estimator that knows the law of flights has to find: parameters (p,), their prior, steps of differences.
+    """What an estimator that knows the law of flights has to find: parameters (p,), their prior,
+    steps of differences.
 
-    `states` returns states (m, n, 6) of parameters (m, p) at times (n,), `impacts` ECEF impacts (m, 3), `edges` the
-    times (m, k) at which they light or go dark.
+    `states` returns states (m, n, 6) of parameters (m, p) at times (n,), `impacts` ECEF impacts (m,
+    3), `edges` the times (m, k) at which they light or go dark.
     """
 
     parameters: np.ndarray
@@ -87,7 +98,9 @@ class Law(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """A target, its burnout since the scene's start, states at times (or None), impact, launch and law (or None)."""
+    """A target, its burnout since the scene's start, states at times (or None), impact, launch and
+    law (or None).
+    """
 
     target: dict[str, Any]
     burnout_s: float
@@ -122,7 +135,9 @@ class Row(NamedTuple):
 
 def foreign(line: Line, seed: int, folder: Path) -> Flight:
     """Return a flight of `foreign_flights`, its table written to a folder."""
-    flight = drawn_flight(line.stages, line.gaps, np.random.default_rng([7, line.stages, line.gaps, seed]))
+    flight = drawn_flight(
+        line.stages, line.gaps, np.random.default_rng([7, line.stages, line.gaps, seed])
+    )
     path = folder / "flight.csv"
     flight.write(path)
     kind = "SRBM" if flight.range_km < 1000.0 else "IRBM" if flight.range_km < 5500.0 else "ICBM"
@@ -155,7 +170,9 @@ def class_profile(seed: int) -> Flight:
     far = np.radians(rng.uniform(*reach))
     place = np.radians(latitude)
     sine = np.sin(place) * np.cos(far) + np.cos(place) * np.sin(far) * np.cos(azimuth)
-    east = np.arctan2(np.sin(azimuth) * np.sin(far) * np.cos(place), np.cos(far) - np.sin(place) * sine)
+    east = np.arctan2(
+        np.sin(azimuth) * np.sin(far) * np.cos(place), np.cos(far) - np.sin(place) * sine
+    )
     aim = {
         "lat_deg": float(np.degrees(np.arcsin(sine))),
         "lon_deg": float(longitude + np.degrees(east) + 540.0) % 360.0 - 180.0,
@@ -167,17 +184,23 @@ def class_profile(seed: int) -> Flight:
 
 def scene_of(line: Line, flight: Flight, seed: int, duration_s: float) -> opir.Scene:
     """Return the scene of a flight."""
-    slots = [(flight.longitude_deg + shift + 540.0) % 360.0 - 180.0 for shift in (-35.0, 30.0)][: line.sensors]
+    slots = [(flight.longitude_deg + shift + 540.0) % 360.0 - 180.0 for shift in (-35.0, 30.0)][
+        : line.sensors
+    ]
     sensor: dict[str, Any] = {"model": "SBIRS-GEO", "line_of_sight_bias_sigma_urad": line.bias_urad}
     if line.detection_probability is not None:
-        sensor["detection_probability"] = dict.fromkeys(("ICBM", "IRBM", "SRBM"), line.detection_probability)
+        sensor["detection_probability"] = dict.fromkeys(
+            ("ICBM", "IRBM", "SRBM"), line.detection_probability
+        )
     return opir.scene_from_mapping(
         {
             "scene": "honesty",
             "epoch": EPOCH,
             "duration_s": duration_s,
             "seed": 5000 + seed,
-            "sensors": [{**sensor, "id": f"S{slot:.2f}", "orbital_slot_deg": slot} for slot in slots],
+            "sensors": [
+                {**sensor, "id": f"S{slot:.2f}", "orbital_slot_deg": slot} for slot in slots
+            ],
             "targets": [flight.target],
             "tracker": "imm",
         }
@@ -190,13 +213,21 @@ def rows_of(line: Line, seed: int, folder: Path) -> Iterator[Row]:
     plan = opir.compile_plan(scene_of(line, flight, seed, 300.0))
     if not line.stages:
         flight = _known(flight, plan)
-    plan = opir.compile_plan(scene_of(line, flight, seed, float(np.ceil(flight.burnout_s + AFTER_S))))
+    plan = opir.compile_plan(
+        scene_of(line, flight, seed, float(np.ceil(flight.burnout_s + AFTER_S)))
+    )
     run = opir.run_of_plan(plan)
     tracks = run.tracks
     number, count = np.unique(tracks.track, return_counts=True)
     burn = flight.burnout_s - START_S
-    ends = [START_S + share * burn for share in (0.25, 0.5, 0.75, 0.95)] + [flight.burnout_s + s for s in (5.0, 20.0)]
-    bounds = bounds_of(flight, plan, run, np.round(ends)) if flight.law else np.full((len(ends), 3), np.nan)
+    ends = [START_S + share * burn for share in (0.25, 0.5, 0.75, 0.95)] + [
+        flight.burnout_s + s for s in (5.0, 20.0)
+    ]
+    bounds = (
+        bounds_of(flight, plan, run, np.round(ends))
+        if flight.law
+        else np.full((len(ends), 3), np.nan)
+    )
     for mark, when in enumerate(ends):
         here = np.flatnonzero(tracks.tick_s == np.round(when))
         if len(here):
@@ -208,7 +239,9 @@ def rows_of(line: Line, seed: int, folder: Path) -> Iterator[Row]:
 
 
 def bounds_of(flight: Flight, plan: opir.Plan, run: opir.Run, tick_s: np.ndarray) -> np.ndarray:
-    """Return bounds (ticks, 3) of the errors of position, velocity and impact, m and m/s, by the looks before ticks."""
+    """Return bounds (ticks, 3) of the errors of position, velocity and impact, m and m/s, by the
+    looks before ticks.
+    """
     law = flight.law
     assert law
     detections = run.detections.take(np.flatnonzero(run.truth.target == 0))
@@ -221,7 +254,12 @@ def bounds_of(flight: Flight, plan: opir.Plan, run: opir.Run, tick_s: np.ndarray
 
     def values(rows: np.ndarray) -> np.ndarray:
         states = law.states(rows, every)
-        parts = [states[:, : len(times), :3], states[:, len(times) :], law.impacts(rows), law.edges(rows)]
+        parts = [
+            states[:, : len(times), :3],
+            states[:, len(times) :],
+            law.impacts(rows),
+            law.edges(rows),
+        ]
         return np.concatenate([part.reshape(len(rows), -1) for part in parts], axis=1)
 
     slopes = central_slopes(values, law.parameters, law.step)
@@ -230,7 +268,9 @@ def bounds_of(flight: Flight, plan: opir.Plan, run: opir.Run, tick_s: np.ndarray
     size = len(law.parameters)
     place = law.states(law.parameters[None], times)[0, :, :3]
     turns = bias_turns(plan.sensors, detections.sensor, detections.sensor_ecef_m)
-    looks = DetectedLooks(times, place, detections.sensor_ecef_m, detections.line_of_sight_sigma_rad, turns)
+    looks = DetectedLooks(
+        times, place, detections.sensor_ecef_m, detections.line_of_sight_sigma_rad, turns
+    )
     # Light and dark show within the time between two looks.
     gap_s = (times[-1] - times[0]) / max(len(times) - 1, 1)
     known = KnownValues(law.edges(law.parameters[None])[0] + gap_s, by_edge * np.sqrt(12.0) / gap_s)
@@ -238,12 +278,18 @@ def bounds_of(flight: Flight, plan: opir.Plan, run: opir.Run, tick_s: np.ndarray
     state = bound_of(found, by_tick.reshape(count, 6, size))
     impact = bound_of(found, np.broadcast_to(by_impact, (count, 3, size)))
     variance = np.diagonal(state, axis1=1, axis2=2)
-    parts = [variance[:, :3].sum(axis=1), variance[:, 3:].sum(axis=1), np.trace(impact, axis1=1, axis2=2)]
+    parts = [
+        variance[:, :3].sum(axis=1),
+        variance[:, 3:].sum(axis=1),
+        np.trace(impact, axis1=1, axis2=2),
+    ]
     return np.sqrt(np.stack(parts, axis=1))
 
 
 def _known(flight: Flight, plan: opir.Plan) -> Flight:
-    """Return a class profile's flight with its truth, and what an estimator that knows the class has to find."""
+    """Return a class profile's flight with its truth, and what an estimator that knows the class
+    has to find.
+    """
     (truth,) = plan.targets.truth()
     impact = np.radians([truth["impact"]["lat_deg"], truth["impact"]["lon_deg"]])
     launch = flight.target["launch"]
@@ -263,7 +309,9 @@ def _known(flight: Flight, plan: opir.Plan) -> Flight:
         ]
         scene = {"scene": "law", "epoch": EPOCH, "duration_s": 300.0, "seed": 1, "targets": each}
         return opir.compile_plan(
-            opir.scene_from_mapping({**scene, "sensors": [{"constellation": "SBIRS-GEO"}], "tracker": "none"})
+            opir.scene_from_mapping(
+                {**scene, "sensors": [{"constellation": "SBIRS-GEO"}], "tracker": "none"}
+            )
         )
 
     def impacts(rows: np.ndarray) -> np.ndarray:
@@ -281,17 +329,23 @@ def _known(flight: Flight, plan: opir.Plan) -> Flight:
     )
     end_s = float(plan.targets.end_s[0])
     state = lambda s: states_of(plan, np.array([s]))[0, 0]  # noqa: E731
-    return flight._replace(burnout_s=end_s, state=state, impact=(float(impact[0]), float(impact[1])), law=law)
+    return flight._replace(
+        burnout_s=end_s, state=state, impact=(float(impact[0]), float(impact[1])), law=law
+    )
 
 
 def states_of(plan: opir.Plan, time_s: np.ndarray) -> np.ndarray:
-    """Return states (m, n, 6) of a plan's targets at times (n,): after burnout two-body motion, the scene's force."""
+    """Return states (m, n, 6) of a plan's targets at times (n,): after burnout two-body motion, the
+    scene's force.
+    """
     count = len(plan.targets.ids)
     size = len(time_s)
     target = np.repeat(np.arange(count, dtype=np.int32), size)
     when = np.tile(time_s, count)
     last = plan.targets.end_s[target] - 1e-3
-    found = true_states_ecef(plan, target, np.maximum(np.minimum(when, last), plan.targets.ignition_s[target]))
+    found = true_states_ecef(
+        plan, target, np.maximum(np.minimum(when, last), plan.targets.ignition_s[target])
+    )
     late = np.flatnonzero(when > last)
     if len(late):
         since = when[late] - last[late]
@@ -310,22 +364,39 @@ def _row(mark: int, flight: Flight, tracks: opir.Tracks, row: int, bound: np.nda
     reported = tracks.impact_regions[row]
     regions = {region.containment: region for region in main_regions(reported)}
     given = regions_given(reported, float(tracks.tick_s[row]) >= flight.burnout_s)
-    inside = [float(regions[share].contains(*flight.impact)) if regions else np.nan for share in (0.5, 0.95)]
+    inside = [
+        float(regions[share].contains(*flight.impact)) if regions else np.nan
+        for share in (0.5, 0.95)
+    ]
     area = [regions[share].area_km2 if regions else np.nan for share in (0.5, 0.95)]
     place = ecef(*tracks.impact[row, :2])
     true = ecef(*flight.impact)
     angle = np.arctan2(np.linalg.norm(np.cross(place, true)), place @ true)
     errors = np.array([np.linalg.norm(error[:3]), np.linalg.norm(error[3:]), RADIUS_M * angle])
-    known = [float(region.contains(*flight.impact)) for region in given if region.containment == 0.95]
+    known = [
+        float(region.contains(*flight.impact)) for region in given if region.containment == 0.95
+    ]
     scores = proper_scores(flight, tracks, row, error)
     ratios = (errors / bound).tolist()
     return Row(
-        mark, nees, *errors[:2].tolist(), *inside, *area, float(errors[2]), *ratios, *(known or [np.nan]), *scores
+        mark,
+        nees,
+        *errors[:2].tolist(),
+        *inside,
+        *area,
+        float(errors[2]),
+        *ratios,
+        *(known or [np.nan]),
+        *scores,
     )
 
 
-def proper_scores(flight: Flight, tracks: opir.Tracks, row: int, error: np.ndarray) -> tuple[float, ...]:
-    """Return energy scores of position, velocity and impact, m and m/s, log score of "missile", effective samples."""
+def proper_scores(
+    flight: Flight, tracks: opir.Tracks, row: int, error: np.ndarray
+) -> tuple[float, ...]:
+    """Return energy scores of position, velocity and impact, m and m/s, log score of "missile",
+    effective samples.
+    """
     one = tracks.take(np.array([row]))
     state = [
         float(energy_scores(error[None], one.state_covariance, one.state_sigmas, part)[0])
@@ -347,12 +418,18 @@ def table(line: Line, rows: list[Row]) -> Iterator[str]:
         known = [row for row in reported if np.isfinite(row.in_95)]
         state = containment(np.array([row.nees for row in reported]), 6, 0.95)
         half, most = (
-            proportion(int(sum(getattr(row, key) for row in known)), len(known)) for key in ("in_50", "in_95")
+            proportion(int(sum(getattr(row, key) for row in known)), len(known))
+            for key in ("in_50", "in_95")
         )
         speed = np.sqrt(np.mean([row.velocity_m_s**2 for row in reported]))
-        area = [np.median([getattr(row, key) for row in known]) for key in ("area_50_km2", "area_95_km2")]
+        area = [
+            np.median([getattr(row, key) for row in known])
+            for key in ("area_50_km2", "area_95_km2")
+        ]
         shares = ",".join(f"{100.0 * value:.1f}" for value in (*state, *half, *most))
-        ratios = ",".join(over_bound(getattr(row, f"{what}_over_bound") for row in reported) for what in BOUNDED)
+        ratios = ",".join(
+            over_bound(getattr(row, f"{what}_over_bound") for row in reported) for what in BOUNDED
+        )
         impact_km = 1e-3 * np.median([row.impact_m for row in known])
         sizes = f"{speed:.1f},{area[0]:.4g},{area[1]:.4g},{impact_km:.1f}"
         proper = ",".join(mean_of(getattr(row, key) for row in reported) for key in PROPER)
@@ -381,7 +458,9 @@ HEAD = (
 
 def main() -> None:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--flights", type=int, default=12)
     parser.add_argument("--only", help="lines whose names contain this")
     parser.add_argument("--write", type=Path, help="folder of the CSV")
@@ -390,11 +469,17 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for line in LINES:
             if options.only is None or options.only in line.name:
-                rows = [row for seed in range(options.flights) for row in rows_of(line, seed, Path(folder))]
+                rows = [
+                    row
+                    for seed in range(options.flights)
+                    for row in rows_of(line, seed, Path(folder))
+                ]
                 lines += list(table(line, rows))
                 print("\n".join(lines[-len(MARKS) :]), flush=True)
     if options.write:
-        (options.write / "tracker_honesty.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (options.write / "tracker_honesty.csv").write_text(
+            "\n".join(lines) + "\n", encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

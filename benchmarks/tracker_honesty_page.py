@@ -39,17 +39,27 @@ By `--flights {flights} --write docs/benchmarks`, then `tracker_honesty_page.py 
 
 
 #: The lines in the table of the page; the CSV file has all.
-SHOWN = ("1 stage", "3 stages with gaps", "class profiles", "2 stages with gaps: one sensor", "2 stages: biases of 3σ")
+SHOWN = (
+    "1 stage",
+    "3 stages with gaps",
+    "class profiles",
+    "2 stages with gaps: one sensor",
+    "2 stages: biases of 3σ",
+)
 
 
 def over_bound(rows: list[list[str]], head: list[str], name: str) -> str:
-    """Return the median error of velocity at 95 % of the burn over its bound, a dash where there is none."""
+    """Return the median error of velocity at 95 % of the burn over its bound, a dash where there is
+    none.
+    """
     row = next(row for row in rows if row[:2] == [name, "95 %"])
     return row[head.index("velocity_over_bound_median")] or "–"
 
 
 def least_share(marks: list[list[float]]) -> str:
-    """Return the least share of impacts in the 95 % region over the marks, with its 95 % interval."""
+    """Return the least share of impacts in the 95 % region over the marks, with its 95 %
+    interval.
+    """
     share, low, high = min(mark[8:11] for mark in marks)
     return f"{share:.0f} % [{low:.0f}–{high:.0f}]"
 
@@ -60,7 +70,10 @@ def main() -> None:
     with (folder / "tracker_honesty.csv").open(encoding="utf-8") as text:
         head, *rows = list(csv.reader(text))
     names = list(dict.fromkeys(row[0] for row in rows))
-    lines = {name: [[float(cell) for cell in row[2:16]] for row in rows if row[0] == name] for name in names}
+    lines = {
+        name: [[float(cell) for cell in row[2:16]] for row in rows if row[0] == name]
+        for name in names
+    }
     # Columns: flown, tracked, state (3), half (3), most (3), velocity, areas (2).
     table = [
         f"| {name} | {least_share(marks)} | {sum(mark[5] for mark in marks) / len(marks):.0f} %"
@@ -107,7 +120,13 @@ def draw(lines: dict[str, list[list[float]]], marks: list[str], folder: Path) ->
         axis.set_xticks(list(at), marks)
         axis.set_xlabel("share of the burn, and time after it")
         axis.grid(alpha=0.3)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=3,
+        frameon=False,
+        fontsize=8,
+    )
     figure.savefig(folder / "tracker_honesty.svg", metadata={"Date": None})
 
 

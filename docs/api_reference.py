@@ -66,13 +66,17 @@ Generated from the docstrings by `python docs/generate.py`.
 
 
 def api_pages() -> Mapping[str, str]:
-    """Return the pages of the public Python API by file name: an index, and one page for each package."""
+    """Return the pages of the public Python API by file name: an index, and one page for each
+    package.
+    """
     pages = {f"{short(package)}.md": section(package) for package in PUBLIC}
     return {"README.md": _HEAD.format(rows="\n".join(map(index_row, PUBLIC))), **pages}
 
 
 def short(package: str) -> str:
-    """Return the file name of a package's page: its name without `opir_core`, where that is not all of it."""
+    """Return the file name of a package's page: its name without `opir_core`, where that is not all
+    of it.
+    """
     return package.removeprefix("opir_core.").rpartition("opir_photons.")[2]
 
 
@@ -100,7 +104,10 @@ def entry(name: str, value: Any) -> str:
     """Return the entry of one name: its signature and its docstring."""
     if not (inspect.isclass(value) or inspect.isroutine(value)):
         text = re.sub(" at 0x[0-9a-f]+", "", repr(value))
-        return f"## {name}\n\nConstant, `{text if len(text) <= _LONGEST else f'{text[:_LONGEST]}…'}`.\n"
+        return (
+            f"## {name}\n\nConstant,"
+            f" `{text if len(text) <= _LONGEST else f'{text[:_LONGEST]}…'}`.\n"
+        )
     text = _EXAMPLE.sub(r"```pycon\n\g<0>\n```", inspect.cleandoc(value.__doc__ or ""))
     return f"## {name}\n\n```text\n{signature(name, value)}\n```\n\n{text}\n{members(value)}"
 
@@ -136,7 +143,9 @@ def _one_a_line(call: str) -> str:
 
 
 def members(value: Any) -> str:
-    """Return a list of the public methods and properties of a class, each with the first line of its docstring."""
+    """Return a list of the public methods and properties of a class, each with the first line of
+    its docstring.
+    """
     if not inspect.isclass(value):
         return ""
     rows = []
@@ -146,7 +155,9 @@ def members(value: Any) -> str:
         if name.startswith("_") or not inspect.isfunction(inner) or not inner.__doc__:
             continue
         call = name if hasattr(member, "fget") else f"{name}{arguments(inner)}"
-        rows.append(f"* `{call}`: {' '.join(inner.__doc__.partition(chr(10) + chr(10))[0].split())}")
+        rows.append(
+            f"* `{call}`: {' '.join(inner.__doc__.partition(chr(10) + chr(10))[0].split())}"
+        )
     return "\n" + "\n".join(rows) + "\n" if rows else ""
 
 

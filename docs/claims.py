@@ -1,4 +1,6 @@
-"""The page `reference/claims.md` from `claims.json`: what opir claims, and what each claim was held against."""
+"""The page `reference/claims.md` from `claims.json`: what opir claims, and what each claim was held
+against.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -25,11 +27,18 @@ Verdicts hold for defaults. What each part leaves out is on the page
 _HEAD = "| claim | figure | status | held against, or why not |\n|---|---|---|---|"
 
 #: The kinds of oracle, by the first word of a claim's `oracle`, as the page has them.
-_ORACLES = {"import": "{}", "data": "`tests/data/{}`", "support": "`{}`", "constants": "public figures"}
+_ORACLES = {
+    "import": "{}",
+    "data": "`tests/data/{}`",
+    "support": "`{}`",
+    "constants": "public figures",
+}
 
 
 def claims() -> Sequence[Mapping[str, str]]:
-    """Return the claims: area, claim, figure and status; test and oracle of validated ones, else why they are not."""
+    """Return the claims: area, claim, figure and status; test and oracle of validated ones, else
+    why they are not.
+    """
     rows: Sequence[Mapping[str, str]] = json.loads(CLAIMS.read_text(encoding="utf-8"))
     return rows
 
@@ -40,10 +49,13 @@ def claims_page() -> str:
     validated = sum(row["status"] == "VALIDATED" for row in rows)
     areas = dict.fromkeys(row["area"] for row in rows)
     tables = [
-        "\n".join([f"## {area}", "", _HEAD, *(_line(row) for row in rows if row["area"] == area)]) for area in areas
+        "\n".join([f"## {area}", "", _HEAD, *(_line(row) for row in rows if row["area"] == area)])
+        for area in areas
     ]
     share = 100 * validated // len(rows)
-    return _PAGE.format(total=len(rows), validated=validated, share=share, tables="\n\n".join(tables))
+    return _PAGE.format(
+        total=len(rows), validated=validated, share=share, tables="\n\n".join(tables)
+    )
 
 
 def _line(row: Mapping[str, str]) -> str:

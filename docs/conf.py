@@ -1,4 +1,6 @@
-"""The settings of the documentation site: `make site` builds it into `build/site`, a static folder."""
+"""The settings of the documentation site: `make site` builds it into `build/site`, a static
+folder.
+"""
 
 from importlib.metadata import version as version_of
 

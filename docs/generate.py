@@ -1,4 +1,6 @@
-"""Writes the generated pages of the documentation: `python docs/generate.py`; with `--check`, says which are stale."""
+"""Writes the generated pages of the documentation: `python docs/generate.py`; with `--check`, says
+which are stale.
+"""
 
 import io
 import os
@@ -64,7 +66,9 @@ def pages() -> Mapping[Path, str]:
         DOCS / "reference" / "paper-figures.md": figures_page(checks()),
         DOCS / "reference" / "claims.md": claims_page(),
         DOCS / "reference" / "http.md": reference_page(),
-        DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
+        DOCS
+        / "reference"
+        / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
     }
 
 
@@ -76,36 +80,78 @@ def scene_page() -> str:
         [
             "# The scene file",
             "",
-            "The keys of a scene, read strictly: an unknown or repeated key, an alias, a tag, a NaN or a number out of",
-            "its range is refused, all problems in one message, each with its path and line. `--set path=value`",
-            "sets any of them and goes through the same checks. What a component's block may hold is on the page of",
+            (
+                "The keys of a scene, read strictly: an unknown or repeated key, an alias, a tag, a NaN"
+                " or a number out of"
+            ),
+            (
+                "its range is refused, all problems in one message, each with its path and line. `--set"
+                " path=value`"
+            ),
+            (
+                "sets any of them and goes through the same checks. What a component's block may hold"
+                " is on the page of"
+            ),
             "[components](components.md).",
             "",
             HEAD,
             *rows(SceneFile),
             "",
-            "`forces` is what acts on targets between burnout and impact: `kepler`, or a list out of `j2`, `j3` and",
-            "`j4` (the zonal harmonics of EGM96) and `drag`: `[j2, drag]`. Aims, impacts and what trackers predict",
-            "are under these forces. The air turns with the Earth. A target's block may give a ballistic coefficient",
-            "of its own. Drag has settings, as in `[j2, {drag: {ballistic_coefficient_kg_m2: 2000}}]`:",
+            (
+                "`forces` is what acts on targets between burnout and impact: `kepler`, or a list out"
+                " of `j2`, `j3` and"
+            ),
+            (
+                "`j4` (the zonal harmonics of EGM96) and `drag`: `[j2, drag]`. Aims, impacts and what"
+                " trackers predict"
+            ),
+            (
+                "are under these forces. The air turns with the Earth. A target's block may give a"
+                " ballistic coefficient"
+            ),
+            (
+                "of its own. Drag has settings, as in `[j2, {drag: {ballistic_coefficient_kg_m2:"
+                " 2000}}]`:"
+            ),
             "",
             HEAD,
             *rows(SceneDrag),
             "",
-            "An item of `sensors` is `{constellation: NAME, ...}`, whose other keys apply to all its satellites,",
+            (
+                "An item of `sensors` is `{constellation: NAME, ...}`, whose other keys apply to all"
+                " its satellites,"
+            ),
             "`{model: NAME, fleet: {...}, ...}`, a sensor for each satellite of",
             "[a file](../how-to/import-flights.md#sensors-from-files) or of",
             "[a pattern](../how-to/map-coverage.md#a-constellation-by-its-pattern), or",
             "`{model: NAME, id: ID, ...}`. An item of `targets` is",
             "`{id: ID, type: CLASS, ...}`, where `type` is a",
-            "[target class](components.md#target-classes); without `model` it has the target model of its class. Its",
-            "`signature`, a name or a block of `model` and settings, says how brightly it radiates; without one it is",
-            "`plume`. An item of `sources` is `{id: ID, model: NAME, ...}`; its emitters are called ID-1, ID-2 and so",
-            "on. Signatures, atmosphere and background are built where the detection model looks at them; `constant`",
-            "does not. An item of `outputs` is a sink's name, or `{NAME: {...}}`. Wherever a component has presets,",
+            (
+                "[target class](components.md#target-classes); without `model` it has the target model"
+                " of its class. Its"
+            ),
+            (
+                "`signature`, a name or a block of `model` and settings, says how brightly it radiates;"
+                " without one it is"
+            ),
+            (
+                "`plume`. An item of `sources` is `{id: ID, model: NAME, ...}`; its emitters are called"
+                " ID-1, ID-2 and so"
+            ),
+            (
+                "on. Signatures, atmosphere and background are built where the detection model looks at"
+                " them; `constant`"
+            ),
+            (
+                "does not. An item of `outputs` is a sink's name, or `{NAME: {...}}`. Wherever a"
+                " component has presets,"
+            ),
             "`preset: NAME` starts from one.",
             "",
-            "The settings of `fleet`, which `opir-readers` reads: one of `file`, `walker` and `slots`, and filters:",
+            (
+                "The settings of `fleet`, which `opir-readers` reads: one of `file`, `walker` and"
+                " `slots`, and filters:"
+            ),
             "",
             HEAD,
             *rows(FleetConfig),
@@ -128,7 +174,10 @@ def commands_page() -> str:
 def helped(*words: str) -> str:
     """Return the help of `opir`, or of one of its commands."""
     text = io.StringIO()
-    settings = {"COLUMNS": "100", "OPIR_PLUGINS": "coverage,export,http,kafka,paper,readers,report,studies,testing"}
+    settings = {
+        "COLUMNS": "100",
+        "OPIR_PLUGINS": "coverage,export,http,kafka,paper,readers,report,studies,testing",
+    }
     with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
         opir([*words, "--help"])
     return "\n".join(line.rstrip() for line in text.getvalue().strip().splitlines())
@@ -140,7 +189,10 @@ def components_page() -> str:
     parts = [
         "# Components",
         "",
-        "What the core and the constellations beside it offer, by kind. Defaults whose source is *notional* are",
+        (
+            "What the core and the constellations beside it offer, by kind. Defaults whose source is"
+            " *notional* are"
+        ),
         "made up, plausible, and no real system's.",
     ]
     for hook, kind in CATALOGUE.items():
@@ -160,14 +212,22 @@ def placed(satellite: Mapping[str, Any]) -> str:
         return f"at {satellite['orbital_slot_deg']:g}°"
     ((kind, elements),) = satellite["orbit"].items()
     if kind == "walker":
-        return f"({elements['total']}/{elements['planes']}/{elements['phasing']}, no. {elements['satellite']})"
+        return (
+            f"({elements['total']}/{elements['planes']}/{elements['phasing']}, no."
+            f" {elements['satellite']})"
+        )
     return f"({kind}, " + ", ".join(f"{name}: {value:g}" for name, value in elements.items()) + ")"
 
 
 def entry(host: Host, hook: str, name: str) -> Iterator[str]:
     """Yield the lines of one component."""
     offered = host.component(hook, name)
-    yield from ("", f"### `{name}`", "", f"{offered.summary}. From `{host.provenance(hook, name).distribution}`.")
+    yield from (
+        "",
+        f"### `{name}`",
+        "",
+        f"{offered.summary}. From `{host.provenance(hook, name).distribution}`.",
+    )
     if isinstance(offered, Constellation):
         satellites = [f"{row['id']} {placed(row)}" for row in offered.satellites]
         few = satellites if len(satellites) <= _FEW else [*satellites[:2], "…", satellites[-1]]
@@ -188,15 +248,26 @@ def class_lines(kind: TargetClass) -> Iterator[str]:
     """Yield what is reported of a target class, what follows burnout, and its profiles."""
     settings = asdict(kind.after_burnout)
     resembled = "" if kind.resembles == kind.reported_type else f" It resembles {kind.resembles}."
-    yield f"Reported type: {kind.reported_type}.{resembled} After burnout: `{kind.after_burnout.model}`" + (
-        f" {shown(settings)}." if settings else "."
+    yield (
+        f"Reported type: {kind.reported_type}.{resembled} After burnout:"
+        f" `{kind.after_burnout.model}`" + (f" {shown(settings)}." if settings else ".")
     )
-    yield from ("", "| profile | burn time | burnout speed | range | peak | stages |", "|---|---|---|---|---|---|")
+    yield from (
+        "",
+        "| profile | burn time | burnout speed | range | peak | stages |",
+        "|---|---|---|---|---|---|",
+    )
     for profile in kind.profiles:
         limits = f"{profile.minimum_range_m / 1e3:g} to {profile.maximum_range_m / 1e3:g} km"
         plume = kind.plumes[profile.name]
         peaks = f"{shown(plume.peak_w_sr)} W/sr"
-        cells = (profile.name, f"{profile.burn_time_s:g} s", f"{profile.burnout_speed_m_s:g} m/s", limits, peaks)
+        cells = (
+            profile.name,
+            f"{profile.burn_time_s:g} s",
+            f"{profile.burnout_speed_m_s:g} m/s",
+            limits,
+            peaks,
+        )
         yield f"| {' | '.join(cells)} | {plume.stages} |"
 
 
@@ -211,7 +282,11 @@ def rows(config: type) -> Iterator[str]:
 def main() -> int:
     """Write the pages, or check them."""
     made = pages()
-    stale = [path for path, text in made.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
+    stale = [
+        path
+        for path, text in made.items()
+        if not path.exists() or path.read_text(encoding="utf-8") != text
+    ]
     for path in stale:
         print(f"{'stale' if '--check' in sys.argv else 'written'}: {path.relative_to(DOCS.parent)}")
         if "--check" not in sys.argv:

@@ -1,7 +1,9 @@
-"""The pages `explanation/what-is-modelled.md` and `explanation/what-is-left-out.md`, and the table of all defaults.
+"""The pages `explanation/what-is-modelled.md` and `explanation/what-is-left-out.md`, and the table
+of all defaults.
 
-The two pages list the same parts of the simulation. Defaults come from the components themselves: the page shows the
-headline settings of the sensors, `explanation/defaults.csv` has every default with its source.
+The two pages list the same parts of the simulation. Defaults come from the components themselves:
+the page shows the headline settings of the sensors, `explanation/defaults.csv` has every default
+with its source.
 """
 
 import csv
@@ -17,7 +19,9 @@ from opir_core.scene.scene import SceneDrag, SpoolConfig
 
 
 class Part(NamedTuple):
-    """One part of the simulation: computed, tabulated or notional; its model; what it omits and the error of that."""
+    """One part of the simulation: computed, tabulated or notional; its model; what it omits and the
+    error of that.
+    """
 
     subject: str
     how: str
@@ -37,35 +41,46 @@ PARTS = (
     Part(
         "Plume intensity in SWIR, MWIR and LWIR",
         "notional",
-        "gases: table of in-band radiant intensity by class (`plumes.json`), chosen within 0.1 to 1 % of jet power over"
+        "gases: table of in-band radiant intensity by class (`plumes.json`), chosen within 0.1 to 1"
+        " % of jet power over"
         " 4π; to these add the particles",
         "any real vehicle; differences within a class; flicker",
-        "No accuracy is claimed: the range that the table was chosen from spans a factor of 10. Set `scale` or"
+        "No accuracy is claimed: the range that the table was chosen from spans a factor of 10. Set"
+        " `scale` or"
         " `peak_w_sr` of the signature",
     ),
     Part(
         "Plume intensity in other bands, particles",
         "notional",
-        "gases: a grey continuum that carries all of LWIR, hot H₂O and CO₂ near 2.7, 4.3 and 6.3 µm. By"
-        " [propellant](radiometry.md#propellants) soot or alumina: a stated share of jet power with a stated spread",
-        "spectral lines; gas bands near 2.0 and 15 µm; soot of single engines; alumina that emits more in long waves",
-        "Kerosene: a factor of 3, held against GOES-16. Solid: a factor of 4. Signal too low in the omitted gas bands",
+        "gases: a grey continuum that carries all of LWIR, hot H₂O and CO₂ near 2.7, 4.3 and 6.3"
+        " µm. By"
+        " [propellant](radiometry.md#propellants) soot or alumina: a stated share of jet power with"
+        " a stated spread",
+        "spectral lines; gas bands near 2.0 and 15 µm; soot of single engines; alumina that emits"
+        " more in long waves",
+        "Kerosene: a factor of 3, held against GOES-16. Solid: a factor of 4. Signal too low in the"
+        " omitted gas bands",
     ),
     Part(
         "Plume against altitude, stage and aspect",
         "notional",
-        "gases: afterburning up to about 50 km, minimum at 70 to 90 km (Forden), recovery in vacuum; soot ends with"
-        " afterburning, alumina does not; stages of the flight, or equal shares of a single burn; projected area of a"
+        "gases: afterburning up to about 50 km, minimum at 70 to 90 km (Forden), recovery in"
+        " vacuum; soot ends with"
+        " afterburning, alumina does not; stages of the flight, or equal shares of a single burn;"
+        " projected area of a"
         " slender body",
-        "chemistry; plume structure; obscuration by the body; thrust tail-off; residual flame in gaps between stages",
+        "chemistry; plume structure; obscuration by the body; thrust tail-off; residual flame in"
+        " gaps between stages",
         "Not estimated. Plumes are fully bright up to the end of a burn, and dark in gaps at once",
     ),
     Part(
         "Bodies after burnout",
         "notional",
-        "grey body at one temperature that reflects sunlight as a diffuse sphere, with the Earth's umbra and penumbra"
+        "grey body at one temperature that reflects sunlight as a diffuse sphere, with the Earth's"
+        " umbra and penumbra"
         " ([the Sun](sun.md)), for sensors with `follows_bodies`",
-        "heating at re-entry; earthshine; shape, gloss and spin; albedo that differs from band to band",
+        "heating at re-entry; earthshine; shape, gloss and spin; albedo that differs from band to"
+        " band",
         "LWIR: earthshine adds at most about 10 % at emissivity 0.9. Re-entry: signal far too low",
     ),
     Part(
@@ -78,9 +93,11 @@ PARTS = (
     Part(
         "Sun glint",
         "computed",
-        "Cox and Munk slope statistics, Fresnel reflectance, the Sun as a black disc, the scene's atmosphere on the"
+        "Cox and Munk slope statistics, Fresnel reflectance, the Sun as a black disc, the scene's"
+        " atmosphere on the"
         " way down",
-        "wind direction; shadowing; whitecaps; refractive index by wavelength; in the background a map of land and sea,"
+        "wind direction; shadowing; whitecaps; refractive index by wavelength; in the background a"
+        " map of land and sea,"
         " and structure",
         "Not estimated. Too bright where the sensor is low above the sea's horizon",
     ),
@@ -94,19 +111,25 @@ PARTS = (
     Part(
         "Atmospheric transmittance",
         "tabulated",
-        "LOWTRAN7 band means for five climates, zenith to horizon. Interpolation error 0.003 at 360 places"
+        "LOWTRAN7 band means for five climates, zenith to horizon. Interpolation error 0.003 at 360"
+        " places"
         " ([benchmark](../benchmarks/atmosphere.md))",
-        "coincidence of hot gas lines with cold absorption lines; weather; change of trace gases since 1986",
-        "Lines: not estimated, transmittance too high for plumes. Gases: 30 % more CO₂ lowers a transmittance by at"
+        "coincidence of hot gas lines with cold absorption lines; weather; change of trace gases"
+        " since 1986",
+        "Lines: not estimated, transmittance too high for plumes. Gases: 30 % more CO₂ lowers a"
+        " transmittance by at"
         " most 0.10",
     ),
     Part(
         "Transmittance of limb paths",
         "tabulated",
-        "sensor below the target's horizon: LOWTRAN7 for targets up to 100 km, by the lowest height of the straight"
+        "sensor below the target's horizon: LOWTRAN7 for targets up to 100 km, by the lowest height"
+        " of the straight"
         " path, 2.5 km and above; below, as at 2.5 km. Error 0.008 at 360 places",
-        "refraction below 2.5 km, where rays can meet the ground; air below targets that are above 100 km",
-        "Not estimated. Transmittance too high in both cases; it is 1 for every target above 100 km",
+        "refraction below 2.5 km, where rays can meet the ground; air below targets that are above"
+        " 100 km",
+        "Not estimated. Transmittance too high in both cases; it is 1 for every target above 100"
+        " km",
     ),
     Part(
         "Cloud",
@@ -119,37 +142,47 @@ PARTS = (
     Part(
         "Background radiance of the Earth",
         "tabulated",
-        "LOWTRAN7 by night and by day, three kinds of cloud, a formula for opaque cloud; linear in the sines of"
+        "LOWTRAN7 by night and by day, three kinds of cloud, a formula for opaque cloud; linear in"
+        " the sines of"
         " elevation",
-        "albedo other than 0.1; twilight; daytime excess near 4.3 µm (non-LTE); radiance of the air beyond the limb, 0"
+        "albedo other than 0.1; twilight; daytime excess near 4.3 µm (non-LTE); radiance of the air"
+        " beyond the limb, 0"
         " here",
-        "4.3 µm by day: up to 10 K (DeSouza-Machado et al., 2007), 50 to 60 % of the radiance. The rest is not"
+        "4.3 µm by day: up to 10 K (DeSouza-Machado et al., 2007), 50 to 60 % of the radiance. The"
+        " rest is not"
         " estimated. It changes only the noise: photon noise as √L, clutter as L",
     ),
     Part(
         "Clutter",
         "notional",
-        "sensors with a `focal_plane`: power spectrum of cloud, surface and limb through filters and frame difference"
+        "sensors with a `focal_plane`: power spectrum of cloud, surface and limb through filters"
+        " and frame difference"
         " ([how](focal-plane.md)). Others: `clutter_residual`, a fixed share of the radiance",
-        "correlation between the looks at a target; foreshortening towards the limb; non-Gaussian tails; motion of"
+        "correlation between the looks at a target; foreshortening towards the limb; non-Gaussian"
+        " tails; motion of"
         " clouds; structure by place and season",
-        "Correlation: [how many looks count](focal-plane.md#from-look-to-look). Tails: false alarms of real clutter are"
+        "Correlation: [how many looks count](focal-plane.md#from-look-to-look). Tails: false alarms"
+        " of real clutter are"
         " more frequent and come in groups",
     ),
     Part(
         "Detection",
         "computed",
-        "Gaussian noise (NEI, photons, clutter) against a threshold; rules over bands; noise-only false alarms",
-        "without a `focal_plane`: point spread, saturation, image motion; always: blooming, the phase of a source on"
+        "Gaussian noise (NEI, photons, clutter) against a threshold; rules over bands; noise-only"
+        " false alarms",
+        "without a `focal_plane`: point spread, saturation, image motion; always: blooming, the"
+        " phase of a source on"
         " its pixel, its own photon noise",
         "With a `focal_plane`: P_d off by 0.01 in the median of 48 settings, by 0.10 at most"
-        " ([images](../benchmarks/focal_plane.md)). Without: source at the corner of four cells, up to three quarters"
+        " ([images](../benchmarks/focal_plane.md)). Without: source at the corner of four cells, up"
+        " to three quarters"
         " of the signal",
     ),
     Part(
         "Type from measured irradiance",
         "computed",
-        "Bayes' rule over simulated launches and hot sources, through the scene's atmosphere and sensors; priors and"
+        "Bayes' rule over simulated launches and hot sources, through the scene's atmosphere and"
+        " sensors; priors and"
         " spreads notional",
         "correlation between looks at one launch; signatures that a scene sets for its targets",
         "Probabilities of several looks must not be multiplied",
@@ -157,20 +190,27 @@ PARTS = (
     Part(
         "Boost and ballistic flight",
         "computed",
-        "notional class profiles or [gravity turns](gravity-turn.md) of notional stages on the rotating ellipsoid, then"
+        "notional class profiles or [gravity turns](gravity-turn.md) of notional stages on the"
+        " rotating ellipsoid, then"
         " a two-body arc (default), or J2 to J4 and drag (`forces`)",
-        "thrust, mass and staging of any vehicle; with the default `forces: kepler`, oblateness and drag",
-        "Impact from the same burnout state, median (largest). J2: ICBM 14 km (61 km), SRBM 0.7 km (2.8 km). Drag:"
+        "thrust, mass and staging of any vehicle; with the default `forces: kepler`, oblateness and"
+        " drag",
+        "Impact from the same burnout state, median (largest). J2: ICBM 14 km (61 km), SRBM 0.7 km"
+        " (2.8 km). Drag:"
         " SRBM 4 km (18 km), ICBM 0.7 km (3 km)",
     ),
     Part(
         "Glide, and insertion into orbit",
         "computed",
-        "HGV: equilibrium glide at a constant lift-to-drag ratio (Eggers, Allen and Neice, 1957) in an exponential"
-        " atmosphere, then free fall. SLV: one burn that ends in a circular orbit. Both on notional class profiles",
-        "HGV: the Earth's rotation during the glide; phugoid motion, manoeuvres, heating, the dive. SLV: coast phases,"
+        "HGV: equilibrium glide at a constant lift-to-drag ratio (Eggers, Allen and Neice, 1957) in"
+        " an exponential"
+        " atmosphere, then free fall. SLV: one burn that ends in a circular orbit. Both on notional"
+        " class profiles",
+        "HGV: the Earth's rotation during the glide; phugoid motion, manoeuvres, heating, the dive."
+        " SLV: coast phases,"
         " several burns, spent stages",
-        "Rotation, eastwards on the equator at 5 km/s: the glider carries 8 % of its weight less, so it glides farther;"
+        "Rotation, eastwards on the equator at 5 km/s: the glider carries 8 % of its weight less,"
+        " so it glides farther;"
         " the rest is not estimated",
     ),
     Part(
@@ -178,15 +218,19 @@ PARTS = (
         "computed",
         "two-body motion or SGP4",
         "two-body: oblateness, Moon and Sun. SGP4: UT1 and polar motion",
-        "Two-body: a few km in the first revolution of a low orbit, hundreds of m a day at geostationary distance."
+        "Two-body: a few km in the first revolution of a low orbit, hundreds of m a day at"
+        " geostationary distance."
         " [All figures](../reference/orbits.md)",
     ),
     Part(
         "Solar outages and eclipses",
         "computed",
-        "Sun to 0.001°, ellipsoid without air, umbra and penumbra; the exclusion angle is notional ([the Sun](sun.md))",
-        "stray light beyond the exclusion angle; refraction; the Moon; trackers do not know of outages",
-        "Edges in time: 0.2 s against astropy, and up to 0.9 s where UT1 differs from UTC. Air at the limb: not"
+        "Sun to 0.001°, ellipsoid without air, umbra and penumbra; the exclusion angle is notional"
+        " ([the Sun](sun.md))",
+        "stray light beyond the exclusion angle; refraction; the Moon; trackers do not know of"
+        " outages",
+        "Edges in time: 0.2 s against astropy, and up to 0.9 s where UT1 differs from UTC. Air at"
+        " the limb: not"
         " estimated",
     ),
     Part(
@@ -194,7 +238,8 @@ PARTS = (
         "computed",
         "straight line over WGS 84 with light time; Gaussian error and constant bias",
         "refraction",
-        "From geostationary distance, target on the ground: 5 µrad at 5° elevation, 1.6 µrad at 10°, 0.1 µrad at 40°",
+        "From geostationary distance, target on the ground: 5 µrad at 5° elevation, 1.6 µrad at"
+        " 10°, 0.1 µrad at 40°",
     ),
 )
 
@@ -265,8 +310,14 @@ def modelled_pages(host: Host) -> Mapping[str, str]:
         notional=sources.count("notional"),
         paper=sum("paper (2026)" in source for source in sources),
     )
-    left_out = LEFT_OUT.format(parts=_table((part.subject, part.left_out, part.error) for part in PARTS))
-    return {"what-is-modelled.md": modelled, "what-is-left-out.md": left_out, "defaults.csv": _csv(rows)}
+    left_out = LEFT_OUT.format(
+        parts=_table((part.subject, part.left_out, part.error) for part in PARTS)
+    )
+    return {
+        "what-is-modelled.md": modelled,
+        "what-is-left-out.md": left_out,
+        "defaults.csv": _csv(rows),
+    }
 
 
 def _defaults(host: Host) -> Iterator[tuple[str, str, str, str]]:
@@ -299,7 +350,9 @@ def _others() -> Mapping[str, type]:
 
 
 def _set(config: type) -> Iterator[FieldRow]:
-    """Yield the fields that have a value by default; fields below a block that is none by default have none."""
+    """Yield the fields that have a value by default; fields below a block that is none by default
+    have none.
+    """
     unset: list[str] = []
     for row in field_rows(config):
         if row.default is None and not row.is_required:
@@ -309,10 +362,14 @@ def _set(config: type) -> Iterator[FieldRow]:
 
 
 def _table(rows: Iterator[tuple[str, ...]]) -> str:
-    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows)
+    return "\n".join(
+        f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows
+    )
 
 
 def _csv(rows: list[tuple[str, str, str, str]]) -> str:
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([("component", "key", "default", "source"), *rows])
+    csv.writer(text, lineterminator="\n").writerows(
+        [("component", "key", "default", "source"), *rows]
+    )
     return text.getvalue()

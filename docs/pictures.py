@@ -1,4 +1,6 @@
-"""Writes the pictures of the README and the pages, most from the gallery's scripts: `python docs/pictures.py`."""
+"""Writes the pictures of the README and the pages, most from the gallery's scripts: `python
+docs/pictures.py`.
+"""
 
 import os
 import runpy
@@ -30,7 +32,9 @@ def main() -> None:
         pyplot.close("all")
         os.chdir(GALLERY)
         runpy.run_path(f"{script}.py", run_name="__main__")
-        pyplot.figure(number).savefig(DOCS / "images" / f"{name}.png", dpi=130, metadata={"Software": None})
+        pyplot.figure(number).savefig(
+            DOCS / "images" / f"{name}.png", dpi=130, metadata={"Software": None}
+        )
     write_frame_clips()
 
 
@@ -52,7 +56,9 @@ def draw_frame(axes: Sequence[Axes], made: Clip, number: int) -> None:
     for each, picture in zip(axes, (made.electrons[number], made.mask[number]), strict=True):
         each.imshow(picture, cmap="gray")
         each.set_axis_off()
-    axes[0].set_title(f"{made.time_s[number]:g} s, SNR {made.snr[number]:.2g}", fontsize=8, loc="left")
+    axes[0].set_title(
+        f"{made.time_s[number]:g} s, SNR {made.snr[number]:.2g}", fontsize=8, loc="left"
+    )
     axes[1].set_title("mask", fontsize=8, loc="left")
 
 

@@ -1,7 +1,7 @@
 """opir: a plugin-based simulator of overhead infrared (OPIR) missile-warning sensors.
 
-The names below are the public door; each is imported when it is first used, so `import opir_core` costs next to
-nothing.
+The names below are the public door; each is imported when it is first used, so `import opir_core`
+costs next to nothing.
 """
 
 from opir_core.doors import door

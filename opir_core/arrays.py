@@ -6,7 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BoolArray", "FloatArray", "IndexArray", "IntArray", "ObjectArray", "RowArray", "WordArray"]
+__all__ = [
+    "BoolArray",
+    "FloatArray",
+    "IndexArray",
+    "IntArray",
+    "ObjectArray",
+    "RowArray",
+    "WordArray",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -23,7 +31,8 @@ ByteArray = NDArray[np.uint8]
 #: Objects, as `ImpactRegion`s of tracks.
 ObjectArray = NDArray[np.object_]
 
-#: The number type of each array type. numpy does not promise what its own aliases are made of at run time.
+#: The number type of each array type. numpy does not promise what its own aliases are made of at
+#: run time.
 NUMBER_TYPES: Mapping[Any, type[np.generic]] = {
     FloatArray: np.float64,
     IntArray: np.int64,

@@ -12,7 +12,8 @@ __all__ = [
     "ZONAL_FORCES",
 ]
 
-#: Geocentric gravitational constant including the atmosphere, m³/s² (WGS 84, NIMA TR8350.2, 3rd ed., table 3.1).
+#: Geocentric gravitational constant including the atmosphere, m³/s² (WGS 84, NIMA TR8350.2, 3rd
+#: ed., table 3.1).
 EARTH_MU_M3_S2 = 3.986004418e14
 
 #: Semi-major axis of the WGS 84 ellipsoid, m (NIMA TR8350.2, table 3.1).

@@ -1,4 +1,6 @@
-"""Doors: the public names of a package, listed once in its stub (`__init__.pyi`), each imported at first use."""
+"""Doors: the public names of a package, listed once in its stub (`__init__.pyi`), each imported at
+first use.
+"""
 
 import re
 import sys
@@ -8,13 +10,14 @@ from typing import Any
 
 __all__ = ["door"]
 
-#: The imports of a stub: the module, and its names in parentheses or on the line. The library `lazy_loader` reads stubs
-#: too, but refuses imports from outside the package.
+#: The imports of a stub: the module, and its names in parentheses or on the line. The library
+#: `lazy_loader` reads stubs too, but refuses imports from outside the package.
 _IMPORT = re.compile(r"^from (\S+) import (?:\(([^)]*)\)|(.+))$", re.MULTILINE)
 
 
 def door(spec: Any) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Return `__getattr__`, `__dir__` and `__all__` of the package of a module spec, from the imports in its stub.
+    """Return `__getattr__`, `__dir__` and `__all__` of the package of a module spec, from the
+    imports in its stub.
 
     >>> from opir_core import geometry
     >>> "ecef_to_geodetic" in dir(geometry)

@@ -38,7 +38,11 @@ class OpirError(Exception):
     exit_code = 1
 
     def __init__(self, message: str = "") -> None:
-        super().__init__("".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in message))
+        super().__init__(
+            "".join(
+                char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in message
+            )
+        )
 
 
 @frozen
@@ -90,7 +94,9 @@ class SinkError(OpirError):
 
 def unwritable(what: str, path: Path, error: OSError) -> SinkError:
     """Return the error of a file that cannot be written."""
-    return SinkError(f"{what} {path} cannot be written: {reason_of(error)}; {way_to_write(error, path)}")
+    return SinkError(
+        f"{what} {path} cannot be written: {reason_of(error)}; {way_to_write(error, path)}"
+    )
 
 
 def reason_of(error: OSError) -> str:
@@ -101,12 +107,19 @@ def reason_of(error: OSError) -> str:
 def way_to_write(error: OSError, path: Path) -> str:
     """Return the remedy for a file that cannot be opened or written."""
     if isinstance(error, FileNotFoundError) and path.is_symlink():
-        return f"it is a link to {str(path.readlink())!r}, whose folder is not there; remove it or give another path"
+        return (
+            f"it is a link to {str(path.readlink())!r}, whose folder is not there; remove it or"
+            f" give another path"
+        )
     if isinstance(error, FileNotFoundError):
         return f"create the folder {str(path.parent)!r} or give another path"
     if isinstance(error, IsADirectoryError):
         return "give the path of a file in it"
-    return "make room, or give a path on another disk" if error.errno == ENOSPC else "give a writable path"
+    return (
+        "make room, or give a path on another disk"
+        if error.errno == ENOSPC
+        else "give a writable path"
+    )
 
 
 def with_article(noun: str) -> str:
@@ -125,14 +138,22 @@ def kind_of(value: object) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return `; the nearest is 'X'`, or "" where no known name is similar. Letter case is ignored."""
+    """Return `; the nearest is 'X'`, or "" where no known name is similar. Letter case is
+    ignored.
+    """
     matches = nearest_names(name, known)
     return f"; the nearest is {matches[0]!r}" if matches else ""
 
 
-def nearest_names(name: str, known: Iterable[str], *, most: int = 3, cutoff: float = 0.5) -> list[str]:
-    """Return the known names that are most similar to a name, the best first. Letter case is ignored."""
+def nearest_names(
+    name: str, known: Iterable[str], *, most: int = 3, cutoff: float = 0.5
+) -> list[str]:
+    """Return the known names that are most similar to a name, the best first. Letter case is
+    ignored.
+    """
     from difflib import get_close_matches
 
     spelt = {candidate.casefold(): candidate for candidate in sorted(known, reverse=True)}
-    return [spelt[match] for match in get_close_matches(name.casefold(), spelt, n=most, cutoff=cutoff)]
+    return [
+        spelt[match] for match in get_close_matches(name.casefold(), spelt, n=most, cutoff=cutoff)
+    ]

@@ -1,4 +1,6 @@
-"""Settings of all tests: profiles of hypothesis, time limits, worker processes, and a line on what was left out."""
+"""Settings of all tests: profiles of hypothesis, time limits, worker processes, and a line on what
+was left out.
+"""
 
 import os
 from collections.abc import Callable, Sequence
@@ -12,12 +14,15 @@ from hypothesis import HealthCheck, Phase, settings
 
 FULL_EXAMPLES = 100
 SHARED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True}
-# The same examples at each run, so that a change is judged by what it changes; `explore` draws new ones.
+# The same examples at each run, so that a change is judged by what it changes; `explore` draws new
+# ones.
 settings.register_profile("quick", max_examples=15, derandomize=True, **SHARED)
 settings.register_profile("full", max_examples=FULL_EXAMPLES, derandomize=True, **SHARED)
 settings.register_profile("explore", max_examples=10 * FULL_EXAMPLES, **SHARED)
 # For mutants: that a property fails is enough, a small example would take its time.
-settings.register_profile("unshrunk", settings.get_profile("quick"), phases=[Phase.explicit, Phase.generate])
+settings.register_profile(
+    "unshrunk", settings.get_profile("quick"), phases=[Phase.explicit, Phase.generate]
+)
 settings.load_profile("quick")
 
 SLOW_TIME_LIMIT_S = 600
@@ -26,8 +31,8 @@ MOST_WORKERS = 4
 #: Key of the number of slow tests left out, in the configuration and in a worker's answer.
 LEFT_OUT = pytest.StashKey[int]()
 LEFT_OUT_NAME = "slow_tests_left_out"
-#: Keys of the files left out because a library that they import is not installed, and of those libraries, each in the
-#: configuration and in a worker's answer.
+#: Keys of the files left out because a library that they import is not installed, and of those
+#: libraries, each in the configuration and in a worker's answer.
 FILES = pytest.StashKey[list[str]]()
 ABSENT = pytest.StashKey[list[str]]()
 #: Key of the predicate that is true for the slow tests to be run, by their ids.
@@ -59,8 +64,12 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests that need other libraries; give long tests more time, and leave out those of other thirds."""
-    with_peers = {path for path in {item.path for item in items} if peer_libraries.imported_by(path)}
+    """Mark the tests that need other libraries; give long tests more time, and leave out those of
+    other thirds.
+    """
+    with_peers = {
+        path for path in {item.path for item in items} if peer_libraries.imported_by(path)
+    }
     # Properties with all examples are slow too.
     slow = {"slow", "hypothesis"} if settings().max_examples >= FULL_EXAMPLES else {"slow"}
     is_chosen = config.stash[IS_CHOSEN]
@@ -80,10 +89,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Return the worker processes of `-n auto`: one more than cores for all tests, none if the command names tests."""
+    """Return the worker processes of `-n auto`: one more than cores for all tests, none if the
+    command names tests.
+    """
     if config.option.collectonly or any(arguments_of(config)):
         return 0
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     return min(cores + 1, MOST_WORKERS)
 
 
@@ -117,7 +130,11 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     if files := set(config.stash.get(FILES, [])):
         names = ", ".join(sorted(set(config.stash[ABSENT])))
         what = "file of tests was" if len(files) == 1 else "files of tests were"
-        terminalreporter.line(f"{len(files)} {what} left out, without {names}: pip install '.[peers]'.")
+        terminalreporter.line(
+            f"{len(files)} {what} left out, without {names}: pip install '.[peers]'."
+        )
     if count := config.stash.get(LEFT_OUT, 0):
         tests = "slow test was" if count == 1 else "slow tests were"
-        terminalreporter.line(f'{count} {tests} left out. Run them: pytest -m slow. Run all: pytest -m "" or make ci.')
+        terminalreporter.line(
+            f'{count} {tests} left out. Run them: pytest -m slow. Run all: pytest -m "" or make ci.'
+        )

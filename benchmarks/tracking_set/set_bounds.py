@@ -1,9 +1,11 @@
-"""Bounds of the tracking set: what no tracker can beat in the mean, and what one reaches that does not know the law.
+"""Bounds of the tracking set: what no tracker can beat in the mean, and what one reaches that does
+not know the law.
 
-The first is the posterior Cramér–Rao bound (van Trees) of the flight's parameters: it knows that flights are those of
-`set_flights`, with which laws of their parameters, and which detection is whose; light and dark are known to within
-the time between two detections, uniformly. The second, with an unknown thrust whose rate is a random walk, is
-`opir_scoring.bound.free_bound`. Both have the sensors' biases as unknowns.
+The first is the posterior Cramér–Rao bound (van Trees) of the flight's parameters: it knows that
+flights are those of `set_flights`, with which laws of their parameters, and which detection is
+whose; light and dark are known to within the time between two detections, uniformly. The second,
+with an unknown thrust whose rate is a random walk, is `opir_scoring.bound.free_bound`. Both have
+the sensors' biases as unknowns.
 """
 
 import sys
@@ -22,7 +24,8 @@ from set_sights import Sights, Truth, horizon_axes
 
 #: Step of the flights whose differences are the slopes, s.
 FLIGHT_STEP_S = 1.0
-#: Steps of the central differences, as shares of the standard deviations of the laws, and in metres for the launch.
+#: Steps of the central differences, as shares of the standard deviations of the laws, and in metres
+#: for the launch.
 STEP_SHARE = 1e-4
 STEP_M = 10.0
 STEP_S = 1e-3
@@ -31,8 +34,8 @@ STEP_S = 1e-3
 class Bounds(NamedTuple):
     """Bounds at the scored ticks (k,) of a launch: RMS errors of position, m, and velocity, m/s.
 
-    `log_det` is the logarithm of the determinant of the first bound's covariance (6 by 6), `energy_m` the energy score
-    of position that an estimate with this covariance expects.
+    `log_det` is the logarithm of the determinant of the first bound's covariance (6 by 6),
+    `energy_m` the energy score of position that an estimate with this covariance expects.
     """
 
     tick_s: np.ndarray
@@ -55,7 +58,9 @@ def bounds_of(scene: SetScene, truth: Truth, sights: Sights, number: int) -> Bou
     times = np.concatenate([looks.look_s, tick_s])
     prior = prior_sigma(launch.stages, launch.has_gaps)
     slope = _slopes(launch, prior, times)
-    known = parameter_bound(tick_s, looks, slope[: len(mine), :3], prior, _edges(launch, prior, looks.look_s))
+    known = parameter_bound(
+        tick_s, looks, slope[: len(mine), :3], prior, _edges(launch, prior, looks.look_s)
+    )
     covariance = bound_of(known, slope[len(mine) :])
     free = position_and_velocity(free_bound(tick_s, looks))
     drawn = energy_scores(np.zeros((len(tick_s), 3)), 2.0 * covariance[:, :3, :3])
@@ -63,7 +68,8 @@ def bounds_of(scene: SetScene, truth: Truth, sights: Sights, number: int) -> Bou
         tick_s,
         *position_and_velocity(covariance),
         np.linalg.slogdet(covariance)[1],
-        # E|X - X'|/2 of X, X' ~ N(0, B): with the truth at the mean of N(0, 2 B) the score is (1 - 1/√2) E|X - X'|.
+        # E|X - X'|/2 of X, X' ~ N(0, B): with the truth at the mean of N(0, 2 B) the score is (1 -
+        # 1/√2) E|X - X'|.
         drawn / (2.0 - np.sqrt(2.0)),
         *free,
     )
@@ -84,7 +90,9 @@ def _steps(prior: np.ndarray) -> np.ndarray:
 
 
 def _edges(launch: Launch, prior: np.ndarray, look_s: np.ndarray) -> KnownValues:
-    """Return the times at which a launch lights or goes dark as values that become known one detection later."""
+    """Return the times at which a launch lights or goes dark as values that become known one
+    detection later.
+    """
     gap_s = (look_s[-1] - look_s[0]) / max(len(look_s) - 1, 1)
 
     def edges(row: np.ndarray) -> np.ndarray:
@@ -93,12 +101,16 @@ def _edges(launch: Launch, prior: np.ndarray, look_s: np.ndarray) -> KnownValues
         return both.ravel() if launch.has_gaps else np.array([both[0, 0], both[-1, 1]])
 
     step = _steps(prior)
-    slope = np.stack([(edges(launch.row + d) - edges(launch.row - d)) for d in np.diag(step)], axis=1) / (2.0 * step)
+    slope = np.stack(
+        [(edges(launch.row + d) - edges(launch.row - d)) for d in np.diag(step)], axis=1
+    ) / (2.0 * step)
     return KnownValues(edges(launch.row) + gap_s, slope * np.sqrt(12.0) / gap_s)
 
 
 def _looks(scene: SetScene, sights: Sights, rows: np.ndarray) -> DetectedLooks:
-    """Return the looks that detected a launch, with the noise and the biases that they truly have."""
+    """Return the looks that detected a launch, with the noise and the biases that they truly
+    have.
+    """
     wide = efficient_sigma(scene.case.wide_share)
     sigma = np.array([sensor.sigma_rad for sensor in scene.sensors])[sights.sensor[rows]] * wide
     place = sights.sensor_m[rows]
@@ -106,18 +118,27 @@ def _looks(scene: SetScene, sights: Sights, rows: np.ndarray) -> DetectedLooks:
     turns = np.zeros((len(rows), 2 * len(bias) if bias.any() else 0, 3))
     for number, axes in enumerate(horizon_axes(place)):
         if bias.any():
-            turns[np.arange(len(rows)), 2 * sights.sensor[rows] + number] = axes * bias[sights.sensor[rows], None]
+            turns[np.arange(len(rows)), 2 * sights.sensor[rows] + number] = (
+                axes * bias[sights.sensor[rows], None]
+            )
     return DetectedLooks(sights.time_s[rows], sights.target_m[rows], place, sigma, turns)
 
 
 def efficient_sigma(wide_share: float) -> float:
-    """Return the standard deviation with the Fisher information of the mixture of both noises, 1 for no wide one.
+    """Return the standard deviation with the Fisher information of the mixture of both noises, 1
+    for no wide one.
 
-    Of a two-dimensional error with density p the information per axis is half the integral of |grad p|² / p.
+    Of a two-dimensional error with density p the information per axis is half the integral of |grad
+    p|² / p.
     """
     radius = np.linspace(0.0, 12.0 * WIDE, 20_001)
     parts = ((1.0 - wide_share, 1.0), (wide_share, WIDE))
-    density = sum(share / (2.0 * np.pi * s**2) * np.exp(-0.5 * (radius / s) ** 2) for share, s in parts)
-    slope = sum(-radius / s**2 * share / (2.0 * np.pi * s**2) * np.exp(-0.5 * (radius / s) ** 2) for share, s in parts)
+    density = sum(
+        share / (2.0 * np.pi * s**2) * np.exp(-0.5 * (radius / s) ** 2) for share, s in parts
+    )
+    slope = sum(
+        -radius / s**2 * share / (2.0 * np.pi * s**2) * np.exp(-0.5 * (radius / s) ** 2)
+        for share, s in parts
+    )
     inner = np.divide(slope**2, density, out=np.zeros_like(radius), where=density > 1e-300)
     return float(1.0 / np.sqrt(0.5 * np.trapezoid(inner * 2.0 * np.pi * radius, radius)))

@@ -1,6 +1,7 @@
 """Cases of the tracking set: what is launched, who looks, and what is wrong with the looks.
 
-A scene is a case with a seed. All random numbers of a scene come from one Philox stream of case and seed.
+A scene is a case with a seed. All random numbers of a scene come from one Philox stream of case and
+seed.
 """
 
 from collections.abc import Mapping
@@ -21,8 +22,8 @@ METRES_PER_RADIAN = 6371e3
 class Sensor(NamedTuple):
     """A sensor in a circular orbit, and what is published of it.
 
-    Its looks come every `period_s` from `phase_s`. `sigma_rad` and `bias_sigma_rad` are as stated, per axis;
-    `true_bias_sigma_rad` is the one that is drawn from.
+    Its looks come every `period_s` from `phase_s`. `sigma_rad` and `bias_sigma_rad` are as stated,
+    per axis; `true_bias_sigma_rad` is the one that is drawn from.
     """
 
     altitude_m: float
@@ -53,9 +54,9 @@ class Sensor(NamedTuple):
 class Case(NamedTuple):
     """What the scenes of a case have in common.
 
-    `launches` maps numbers of stages to numbers of launches; these lie within `spread_km` of the middle; those of a
-    salvo are of one vehicle. `orbits` has one letter a sensor, G or L. Of the looks a share `wide_share` has
-    `WIDE` times the stated noise.
+    `launches` maps numbers of stages to numbers of launches; these lie within `spread_km` of the
+    middle; those of a salvo are of one vehicle. `orbits` has one letter a sensor, G or L. Of the
+    looks a share `wide_share` has `WIDE` times the stated noise.
     """
 
     question: str
@@ -85,10 +86,20 @@ CASES: Mapping[str, Case] = {
     "gaps": Case("three stages, dark between them for 4 to 15 s", {3: 1}, has_gaps=True),
     "one-sensor": Case("two stages, one sensor: no triangulation", {2: 1}, orbits="G"),
     "slow-scanners": Case("two stages, a look every 10 s", {2: 1}, period_s=10.0),
-    "low-orbits": Case("two stages, three sensors in low orbit", {2: 1}, orbits="LLL", sigma_urad=60.0),
+    "low-orbits": Case(
+        "two stages, three sensors in low orbit", {2: 1}, orbits="LLL", sigma_urad=60.0
+    ),
     "high-and-low": Case("two stages, a sensor in high and one in low orbit", {2: 1}, orbits="GL"),
-    "salvo-10km": Case("six launches of one vehicle within 10 km", {1: 6}, spread_km=5.0, is_salvo=True),
-    "salvo-1km": Case("six launches of one vehicle within 1 km", {2: 6}, spread_km=0.5, is_salvo=True, period_s=2.0),
+    "salvo-10km": Case(
+        "six launches of one vehicle within 10 km", {1: 6}, spread_km=5.0, is_salvo=True
+    ),
+    "salvo-1km": Case(
+        "six launches of one vehicle within 1 km",
+        {2: 6},
+        spread_km=0.5,
+        is_salvo=True,
+        period_s=2.0,
+    ),
     "clutter": Case(
         "three launches, 5 000 clutter detections a look and steradian",
         {1: 1, 2: 1, 3: 1},
@@ -98,9 +109,14 @@ CASES: Mapping[str, Case] = {
     ),
     "bias-stated": Case("three launches, a bias of 60 µrad, stated", {1: 1, 2: 2}, bias_urad=60.0),
     "bias-unstated": Case(
-        "three launches, a bias of 60 µrad, not stated", {1: 1, 2: 2}, bias_urad=60.0, is_bias_stated=False
+        "three launches, a bias of 60 µrad, not stated",
+        {1: 1, 2: 2},
+        bias_urad=60.0,
+        is_bias_stated=False,
     ),
-    "wrong-noise": Case("three launches, 30 % of looks with 3 × the stated noise", {1: 2, 2: 1}, wide_share=0.3),
+    "wrong-noise": Case(
+        "three launches, 30 % of looks with 3 × the stated noise", {1: 2, 2: 1}, wide_share=0.3
+    ),
     "raid": Case(
         "nine launches in 30 s, three sensors, clutter",
         {1: 4, 2: 3, 3: 2},
@@ -122,7 +138,9 @@ class Launch(NamedTuple):
 
 
 class SetScene(NamedTuple):
-    """A scene of the set: sensors, launches, the middle of the launches (rad), and the stream of its looks."""
+    """A scene of the set: sensors, launches, the middle of the launches (rad), and the stream of
+    its looks.
+    """
 
     name: str
     case: Case
@@ -137,12 +155,18 @@ def scene_of(name: str, seed: int) -> SetScene:
     case = CASES[name]
     rng = np.random.Generator(np.random.Philox(key=[list(CASES).index(name) + 1, seed]))
     middle = float(np.arcsin(rng.uniform(-0.8, 0.8))), float(rng.uniform(-np.pi, np.pi))
-    sensors = tuple(_sensor(case, kind, number, middle, rng) for number, kind in enumerate(case.orbits))
+    sensors = tuple(
+        _sensor(case, kind, number, middle, rng) for number, kind in enumerate(case.orbits)
+    )
     return SetScene(f"{name}-{seed}", case, sensors, _launches(case, middle, rng), middle, rng)
 
 
-def _launches(case: Case, middle: tuple[float, float], rng: np.random.Generator) -> tuple[Launch, ...]:
-    """Return the launches of a scene: at random places, in a salvo of one vehicle at much the same time."""
+def _launches(
+    case: Case, middle: tuple[float, float], rng: np.random.Generator
+) -> tuple[Launch, ...]:
+    """Return the launches of a scene: at random places, in a salvo of one vehicle at much the same
+    time.
+    """
     found: list[Launch] = []
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     for stages, count in case.launches.items():
@@ -154,12 +178,18 @@ def _launches(case: Case, middle: tuple[float, float], rng: np.random.Generator)
                 azimuth = rng.uniform(0.0, 2.0 * np.pi)
             delay_s = rng.uniform(0.0, max(case.interval_s, 5.0))
             row = vehicle.copy()
-            row[:4] = *place, azimuth + (rng.uniform(-0.1, 0.1) if case.is_salvo else 0.0), IGNITION_S + delay_s
+            row[:4] = (
+                *place,
+                azimuth + (rng.uniform(-0.1, 0.1) if case.is_salvo else 0.0),
+                IGNITION_S + delay_s,
+            )
             found.append(Launch(stages, case.has_gaps, np.round(row, 9)))
     return tuple(found)
 
 
-def _vehicle(stages: int, has_gaps: bool, place: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+def _vehicle(
+    stages: int, has_gaps: bool, place: tuple[float, float], rng: np.random.Generator
+) -> np.ndarray:
     """Return the parameters of a drawn vehicle that flies from a place, whichever way."""
     while True:
         row = drawn_vehicle(stages, has_gaps, rng)
@@ -168,7 +198,9 @@ def _vehicle(stages: int, has_gaps: bool, place: tuple[float, float], rng: np.ra
             return row
 
 
-def _place(middle: tuple[float, float], spread_km: float, rng: np.random.Generator) -> tuple[float, float]:
+def _place(
+    middle: tuple[float, float], spread_km: float, rng: np.random.Generator
+) -> tuple[float, float]:
     """Return a random point within a distance from the middle, on a sphere."""
     away = 1e3 * spread_km * np.sqrt(rng.uniform()) / METRES_PER_RADIAN
     turn = rng.uniform(0.0, 2.0 * np.pi)
@@ -176,8 +208,12 @@ def _place(middle: tuple[float, float], spread_km: float, rng: np.random.Generat
     return float(latitude), float(middle[1] + away * np.sin(turn) / np.cos(middle[0]))
 
 
-def _sensor(case: Case, kind: str, number: int, middle: tuple[float, float], rng: np.random.Generator) -> Sensor:
-    """Return a sensor that sees the middle: over the equator on alternate sides of it, or passing it in low orbit."""
+def _sensor(
+    case: Case, kind: str, number: int, middle: tuple[float, float], rng: np.random.Generator
+) -> Sensor:
+    """Return a sensor that sees the middle: over the equator on alternate sides of it, or passing
+    it in low orbit.
+    """
     phase_s = float(np.round(rng.uniform(0.0, case.period_s), 3))
     side = (-1.0) ** number * rng.uniform(0.35, 0.75) * (number < 2)
     if kind == "G":
@@ -200,7 +236,9 @@ def _sensor(case: Case, kind: str, number: int, middle: tuple[float, float], rng
 def _passing_orbit(
     middle: tuple[float, float], number: int, rng: np.random.Generator
 ) -> tuple[float, float, float, float]:
-    """Return a low orbit's altitude, inclination, node and argument: near the middle 100 s after the epoch."""
+    """Return a low orbit's altitude, inclination, node and argument: near the middle 100 s after
+    the epoch.
+    """
     away = rng.uniform(0.1, 0.2)
     bearing = rng.uniform(0.0, 0.6) + 2.1 * number
     latitude = middle[0] + away * np.cos(bearing)

@@ -1,8 +1,8 @@
 """Files of the tracking set: CSV tables, the same as Parquet, and `set.json`, which describes them.
 
-CSV and JSON are the same bytes on every machine but for ties of rounding; their SHA-256 digests are in `set.json`, and
-those of the published set in `digests.json` beside this file. Parquet has the same rows; its bytes depend on the
-version of the library that writes it.
+CSV and JSON are the same bytes on every machine but for ties of rounding; their SHA-256 digests are
+in `set.json`, and those of the published set in `digests.json` beside this file. Parquet has the
+same rows; its bytes depend on the version of the library that writes it.
 """
 
 import csv
@@ -29,12 +29,30 @@ CUTOFF_OF_BOUND = 10.0
 STATE = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 COLUMNS = {
     "lines_of_sight": (
-        *("scene", "detection", "time_utc", "time_s", "sensor", "sensor_x_m", "sensor_y_m", "sensor_z_m"),
+        *(
+            "scene",
+            "detection",
+            "time_utc",
+            "time_s",
+            "sensor",
+            "sensor_x_m",
+            "sensor_y_m",
+            "sensor_z_m",
+        ),
         *("direction_x", "direction_y", "direction_z", "sigma_urad"),
     ),
     "truth": ("scene", "launch", "time_s", *STATE, "is_burning", "is_scored"),
     "origins": ("scene", "detection", "launch"),
-    "launches": ("scene", "launch", "stages", "ignition_s", "burnout_s", "lat_deg", "lon_deg", "azimuth_deg"),
+    "launches": (
+        "scene",
+        "launch",
+        "stages",
+        "ignition_s",
+        "burnout_s",
+        "lat_deg",
+        "lon_deg",
+        "azimuth_deg",
+    ),
     "bounds": (
         *("scene", "launch", "time_s", "position_m", "velocity_m_s", "log_det", "energy_m"),
         *("free_position_m", "free_velocity_m_s"),
@@ -75,13 +93,18 @@ def made(name: str, seed: int) -> Made:
         for row, owner in enumerate(sights.launch.tolist())
     ]
     rows["launches"] = [list(_launch_row(scene.name, *each)) for each in enumerate(scene.launches)]
-    rows["bounds"] = [row for number, own in enumerate(bounds) for row in _bound_rows(scene, number, own)]
+    rows["bounds"] = [
+        row for number, own in enumerate(bounds) for row in _bound_rows(scene, number, own)
+    ]
     return Made(rows, _description(scene, name, seed, truth, bounds))
 
 
 def observed_rows(scene: SetScene, truth: Truth, sights: Sights) -> dict[str, list[list[str]]]:
     """Return the rows of lines of sight and of truth."""
-    return {"lines_of_sight": list(_sight_rows(scene, sights)), "truth": list(_truth_rows(scene, truth))}
+    return {
+        "lines_of_sight": list(_sight_rows(scene, sights)),
+        "truth": list(_truth_rows(scene, truth)),
+    }
 
 
 def _launch_name(number: int) -> str:
@@ -103,7 +126,9 @@ def _sight_rows(scene: SetScene, sights: Sights) -> Iterator[list[str]]:
 
 def utc(time_s: float) -> str:
     """Return a time since the epoch as text in UTC, to the microsecond."""
-    return (EPOCH + timedelta(microseconds=round(1e6 * time_s))).isoformat(timespec="microseconds") + "Z"
+    return (EPOCH + timedelta(microseconds=round(1e6 * time_s))).isoformat(
+        timespec="microseconds"
+    ) + "Z"
 
 
 def _truth_rows(scene: SetScene, truth: Truth) -> Iterator[list[str]]:
@@ -124,17 +149,30 @@ def _truth_rows(scene: SetScene, truth: Truth) -> Iterator[list[str]]:
 
 def _launch_row(scene: str, number: int, launch: Launch) -> Iterator[str]:
     both = burns(launch.row, launch.stages)
-    yield from (scene, _launch_name(number), str(launch.stages), f"{both[0, 0]:.6f}", f"{both[-1, 1]:.6f}")
+    yield from (
+        scene,
+        _launch_name(number),
+        str(launch.stages),
+        f"{both[0, 0]:.6f}",
+        f"{both[-1, 1]:.6f}",
+    )
     yield from (f"{np.degrees(angle):.7f}" for angle in launch.row[:3])
 
 
 def _bound_rows(scene: SetScene, number: int, bounds: Bounds) -> Iterator[list[str]]:
     for time_s, *values in zip(*(column.tolist() for column in bounds), strict=True):
         # To four digits: linear algebra differs by machine in the last ones of sixteen.
-        yield [scene.name, _launch_name(number), f"{time_s:g}", *(f"{value:.4g}" for value in values)]
+        yield [
+            scene.name,
+            _launch_name(number),
+            f"{time_s:g}",
+            *(f"{value:.4g}" for value in values),
+        ]
 
 
-def _description(scene: SetScene, name: str, seed: int, truth: Truth, bounds: Sequence[Bounds]) -> dict[str, Any]:
+def _description(
+    scene: SetScene, name: str, seed: int, truth: Truth, bounds: Sequence[Bounds]
+) -> dict[str, Any]:
     bound_m = float(np.median(np.concatenate([own.position_m for own in bounds])))
     middle = middle_m(scene)
     return {
@@ -187,10 +225,17 @@ def write_set(
         "scenes": [scene.description for scene in scenes],
         "digests": digests,
     }
-    (folder / "set.json").write_text(json.dumps(description, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    readme = README.format(version=VERSION, scenes=len(scenes), cases=len(cases), epoch=EPOCH.isoformat())
+    (folder / "set.json").write_text(
+        json.dumps(description, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+    readme = README.format(
+        version=VERSION, scenes=len(scenes), cases=len(cases), epoch=EPOCH.isoformat()
+    )
     (folder / "README.md").write_text(readme, encoding="utf-8")
-    return {"tables": digests, "scenes": {scene.description["scene"]: scene_digest(scene.rows) for scene in scenes}}
+    return {
+        "tables": digests,
+        "scenes": {scene.description["scene"]: scene_digest(scene.rows) for scene in scenes},
+    }
 
 
 def digest(text: bytes) -> str:

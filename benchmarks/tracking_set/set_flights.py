@@ -1,8 +1,10 @@
-"""Boosts of the tracking set: guided ascents with drag, integrated here in steps of Runge and Kutta.
+"""Boosts of the tracking set: guided ascents with drag, integrated here in steps of Runge and
+Kutta.
 
-Point masses of notional parameters: constant thrust and mass flow, so thrust over mass grows through a stage; a
-vertical rise, a pitch-over, then thrust along the velocity relative to the rotating Earth, in upper stages off it by a
-constant angle of steering; an exponential atmosphere, central gravity, WGS 84. Only NumPy is used, nothing of opir.
+Point masses of notional parameters: constant thrust and mass flow, so thrust over mass grows
+through a stage; a vertical rise, a pitch-over, then thrust along the velocity relative to the
+rotating Earth, in upper stages off it by a constant angle of steering; an exponential atmosphere,
+central gravity, WGS 84. Only NumPy is used, nothing of opir.
 """
 
 from collections.abc import Iterator
@@ -20,7 +22,8 @@ STEP_S = 0.5
 SEA_LEVEL_KG_M3 = 1.225
 SCALE_HEIGHT_M = 7500.0
 
-#: Uniform laws of the parameters: of rise, kick and drag, and of each first and later stage by the number of stages.
+#: Uniform laws of the parameters: of rise, kick and drag, and of each first and later stage by the
+#: number of stages.
 RISE_S = (4.0, 10.0)
 KICK_RAD = (0.07, 0.42)
 DRAG_M2_KG = (5e-5, 3e-4)
@@ -32,7 +35,8 @@ STEER_RAD = (-0.14, 0.14)
 #: Least and greatest dark time between stages, s.
 GAP_S = (4.0, 15.0)
 
-#: What a flight must reach at the last burnout: height, m, angle of climb, rad, and at most this speed, m/s.
+#: What a flight must reach at the last burnout: height, m, angle of climb, rad, and at most this
+#: speed, m/s.
 LEAST_HEIGHT_M = 20e3
 LEAST_CLIMB_RAD = 0.1
 MOST_SPEED_M_S = 7300.0
@@ -43,14 +47,20 @@ PLACE = 7
 
 
 class Paths(NamedTuple):
-    """Flights (f,): times (f, k) of steps, s, and ECEF states (f, k, 6), m and m/s relative to the Earth."""
+    """Flights (f,): times (f, k) of steps, s, and ECEF states (f, k, 6), m and m/s relative to the
+    Earth.
+    """
 
     time_s: np.ndarray
     state: np.ndarray
 
     def states(self, time_s: np.ndarray) -> np.ndarray:
-        """Return the states (f, n, 6) at times (n,): cubic Hermite interpolation of position and its slope."""
-        return np.array([_interpolated(*row, time_s) for row in zip(self.time_s, self.state, strict=True)])
+        """Return the states (f, n, 6) at times (n,): cubic Hermite interpolation of position and
+        its slope.
+        """
+        return np.array(
+            [_interpolated(*row, time_s) for row in zip(self.time_s, self.state, strict=True)]
+        )
 
 
 def _interpolated(times: np.ndarray, states: np.ndarray, time_s: np.ndarray) -> np.ndarray:
@@ -69,7 +79,9 @@ def _interpolated(times: np.ndarray, states: np.ndarray, time_s: np.ndarray) -> 
 
 
 class Leg(NamedTuple):
-    """Part of flights (f,) between two times; in the dark `first` is 0. `steer` and the pitch-over are angles, rad."""
+    """Part of flights (f,) between two times; in the dark `first` is 0. `steer` and the pitch-over
+    are angles, rad.
+    """
 
     start_s: np.ndarray
     end_s: np.ndarray
@@ -106,7 +118,9 @@ def drawn_vehicle(stages: int, has_gaps: bool, rng: np.random.Generator) -> np.n
 
 
 def prior_sigma(stages: int, has_gaps: bool) -> np.ndarray:
-    """Return the standard deviations (p,) of the laws of parameters; launch and ignition are as good as unknown."""
+    """Return the standard deviations (p,) of the laws of parameters; launch and ignition are as
+    good as unknown.
+    """
     later = stages - 1
     laws = [(-0.2, 0.2), (-0.2, 0.2), (-np.pi, np.pi), (-1e3, 1e3), RISE_S, KICK_RAD, DRAG_M2_KG]
     laws += [BURN_S[stages]] * stages + [FIRST_M_S2] + [LATER_M_S2] * later + [GROWTH] * stages
@@ -131,7 +145,9 @@ def ecef(latitude: np.ndarray, longitude: np.ndarray) -> np.ndarray:
     return np.stack([flat * np.cos(longitude), flat * np.sin(longitude), high], axis=1)
 
 
-def directions(latitude: np.ndarray, longitude: np.ndarray, azimuth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def directions(
+    latitude: np.ndarray, longitude: np.ndarray, azimuth: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return up (f, 3), and the horizontal directions (f, 3) of azimuths, at points (f,)."""
     level = np.cos(latitude)
     up = np.stack([level * np.cos(longitude), level * np.sin(longitude), np.sin(latitude)], axis=1)
@@ -141,7 +157,9 @@ def directions(latitude: np.ndarray, longitude: np.ndarray, azimuth: np.ndarray)
 
 
 def flown(rows: np.ndarray, stages: int, until_s: float, step_s: float = STEP_S) -> Paths:
-    """Return flights with parameters (f, p), up to a time after their last burnouts, in steps of at most `step_s`."""
+    """Return flights with parameters (f, p), up to a time after their last burnouts, in steps of at
+    most `step_s`.
+    """
     up, ahead = directions(rows[:, 0], rows[:, 1], rows[:, 2])
     state = np.concatenate([ecef(rows[:, 0], rows[:, 1]), np.zeros((len(rows), 3))], axis=1)
     times = [rows[:, 3]]
@@ -157,7 +175,9 @@ def flown(rows: np.ndarray, stages: int, until_s: float, step_s: float = STEP_S)
 
 
 def _legs(rows: np.ndarray, stages: int, until_s: float) -> Iterator[Leg]:
-    """Yield the legs of flights: rise, pitch-over, the rest of the burns, the dark times and the free flight."""
+    """Yield the legs of flights: rise, pitch-over, the rest of the burns, the dark times and the
+    free flight.
+    """
     parts = np.split(rows[:, PLACE:], np.cumsum([stages, stages, stages, stages - 1]), axis=1)
     burn, first, growth, later_steer, gap = parts
     steer = np.concatenate([np.zeros((len(rows), 1)), later_steer], axis=1)
@@ -179,7 +199,13 @@ def _legs(rows: np.ndarray, stages: int, until_s: float) -> Iterator[Leg]:
 
 
 def _stepped(
-    now: np.ndarray, step: np.ndarray, state: np.ndarray, leg: Leg, rows: np.ndarray, up: np.ndarray, ahead: np.ndarray
+    now: np.ndarray,
+    step: np.ndarray,
+    state: np.ndarray,
+    leg: Leg,
+    rows: np.ndarray,
+    up: np.ndarray,
+    ahead: np.ndarray,
 ) -> np.ndarray:
     """Return states (f, 6) one step later, by the classical method of Runge and Kutta."""
     long = step[:, None]
@@ -191,7 +217,12 @@ def _stepped(
 
 
 def rates(
-    now: np.ndarray, state: np.ndarray, leg: Leg, rows: np.ndarray, up: np.ndarray, ahead: np.ndarray
+    now: np.ndarray,
+    state: np.ndarray,
+    leg: Leg,
+    rows: np.ndarray,
+    up: np.ndarray,
+    ahead: np.ndarray,
 ) -> np.ndarray:
     """Return the rates (f, 6) of states (f, 6) in the rotating frame."""
     place = state[:, :3]
@@ -199,13 +230,25 @@ def rates(
     x, y, z = place.T
     u, v, _ = speed.T
     radius = np.sqrt(np.sum(place * place, axis=1))
-    turning = np.stack([2.0 * SPIN * v + SPIN**2 * x, SPIN**2 * y - 2.0 * SPIN * u, np.zeros(len(state))], axis=1)
+    turning = np.stack(
+        [2.0 * SPIN * v + SPIN**2 * x, SPIN**2 * y - 2.0 * SPIN * u, np.zeros(len(state))], axis=1
+    )
     height = radius - RADIUS_M * (1.0 - FLATTENING * (z / radius) ** 2)
     pace = np.sqrt(np.sum(speed * speed, axis=1))
-    drag = 0.5 * SEA_LEVEL_KG_M3 * np.exp(-np.maximum(height, 0.0) / SCALE_HEIGHT_M) * rows[:, 6] * pace
-    size = leg.first / (1.0 - (1.0 - 1.0 / leg.growth) * np.clip((now - leg.ignition_s) / leg.burn_s, 0.0, 1.0))
+    drag = (
+        0.5
+        * SEA_LEVEL_KG_M3
+        * np.exp(-np.maximum(height, 0.0) / SCALE_HEIGHT_M)
+        * rows[:, 6]
+        * pace
+    )
+    size = leg.first / (
+        1.0 - (1.0 - 1.0 / leg.growth) * np.clip((now - leg.ignition_s) / leg.burn_s, 0.0, 1.0)
+    )
     pull = turning - MU * place / radius[:, None] ** 3 - drag[:, None] * speed
-    pull += size[:, None] * _thrust_axis(now, place / radius[:, None], speed, pace, leg, rows, up, ahead)
+    pull += size[:, None] * _thrust_axis(
+        now, place / radius[:, None], speed, pace, leg, rows, up, ahead
+    )
     return np.concatenate([speed, pull], axis=1)
 
 
@@ -235,7 +278,9 @@ def _thrust_axis(
 
 
 def is_fit(row: np.ndarray, stages: int) -> bool:
-    """Return whether a flight stays above the ground while it burns, and what it is at its last burnout."""
+    """Return whether a flight stays above the ground while it burns, and what it is at its last
+    burnout.
+    """
     end_s = float(burns(row, stages)[-1, 1])
     if end_s - row[3] > MOST_BURN_S:
         return False
@@ -245,5 +290,8 @@ def is_fit(row: np.ndarray, stages: int) -> bool:
     speed = np.sqrt(np.sum(state[-1, 3:] ** 2))
     climb = np.arcsin(np.sum(state[-1, :3] * state[-1, 3:]) / (radius[-1] * speed))
     return bool(
-        height.min() > -30.0 and height[-1] > LEAST_HEIGHT_M and climb > LEAST_CLIMB_RAD and speed < MOST_SPEED_M_S
+        height.min() > -30.0
+        and height[-1] > LEAST_HEIGHT_M
+        and climb > LEAST_CLIMB_RAD
+        and speed < MOST_SPEED_M_S
     )

@@ -1,9 +1,10 @@
 """Lines of sight of the tracking set: who looks when, what is detected, with which error.
 
-A look of a sensor falls at `phase_s` plus whole periods and covers everything above its horizon. A burning target is
-detected with probability P_d, a dark one never. The error of a direction is normal, isotropic across the line; light
-takes no time. A bias turns all directions of a sensor by two constant small angles, about east and north at the sensor.
-Clutter is uniform in solid angle within a cone about the middle of the launches.
+A look of a sensor falls at `phase_s` plus whole periods and covers everything above its horizon. A
+burning target is detected with probability P_d, a dark one never. The error of a direction is
+normal, isotropic across the line; light takes no time. A bias turns all directions of a sensor by
+two constant small angles, about east and north at the sensor. Clutter is uniform in solid angle
+within a cone about the middle of the launches.
 """
 
 from typing import NamedTuple
@@ -20,7 +21,8 @@ TICK_S = 5.0
 
 
 class Sights(NamedTuple):
-    """Detections (n,) by time, then sensor: ECEF positions of sensor and target and directions (n, 3).
+    """Detections (n,) by time, then sensor: ECEF positions of sensor and target and directions (n,
+    3).
 
     `launch` is -1 for clutter, whose target position is nan.
     """
@@ -34,7 +36,9 @@ class Sights(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """Flights of a scene: paths, burns (s) of each launch, ticks (k,), and which are scored (launches, k)."""
+    """Flights of a scene: paths, burns (s) of each launch, ticks (k,), and which are scored
+    (launches, k).
+    """
 
     paths: tuple[Paths, ...]
     burns_s: tuple[np.ndarray, ...]
@@ -62,7 +66,9 @@ def observed(scene: SetScene) -> tuple[Truth, Sights]:
     order = np.lexsort((every.direction[:, 0], every.sensor, every.time_s))
     sights = Sights(*(column[order] for column in every))
     tick_s = np.arange(TICK_S, until_s + 1e-6, TICK_S)
-    scored = np.array([_scored(sights.time_s[sights.launch == k], row, tick_s) for k, row in enumerate(burning)])
+    scored = np.array(
+        [_scored(sights.time_s[sights.launch == k], row, tick_s) for k, row in enumerate(burning)]
+    )
     return Truth(paths, burning, tick_s, scored), sights
 
 
@@ -90,7 +96,9 @@ def _sights_of(
     target = []
     for row, (path, burns_s) in enumerate(zip(paths, burning, strict=True)):
         position = path.states(time_s)[0, :, :3]
-        is_hot = np.any((time_s[:, None] >= burns_s[:, 0]) & (time_s[:, None] < burns_s[:, 1]), axis=1)
+        is_hot = np.any(
+            (time_s[:, None] >= burns_s[:, 0]) & (time_s[:, None] < burns_s[:, 1]), axis=1
+        )
         is_above = np.sum(position * (place - position), axis=1) > 0.0
         is_seen = rng.uniform(size=len(time_s)) < sensor.detection_probability
         rows = np.flatnonzero(is_hot & is_above & is_seen)
@@ -132,14 +140,18 @@ def horizon_axes(place_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def turned(direction: np.ndarray, place_m: np.ndarray, bias_rad: np.ndarray) -> np.ndarray:
-    """Return directions (n, 3) of sensors at positions (n, 3), turned by angles (2,) about east and north there."""
+    """Return directions (n, 3) of sensors at positions (n, 3), turned by angles (2,) about east and
+    north there.
+    """
     east, north = horizon_axes(place_m)
     moved = direction + np.cross(bias_rad[0] * east + bias_rad[1] * north, direction)
     return moved / np.sqrt(np.sum(moved * moved, axis=1, keepdims=True))
 
 
 def clutter_half_angle_rad(scene: SetScene, sensor: Sensor) -> float:
-    """Return the half angle of the cone that a sensor has clutter in, from its position at the epoch."""
+    """Return the half angle of the cone that a sensor has clutter in, from its position at the
+    epoch.
+    """
     away = middle_m(scene) - sensor.position_m(np.zeros(1))[0]
     return float(np.arctan(1e3 * CLUTTER_KM / np.sqrt(np.sum(away * away))))
 

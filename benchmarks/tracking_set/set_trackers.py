@@ -1,6 +1,8 @@
-"""Trackers of opir on the tracking set: a scene with the set's sensors, and the set's detections instead of its own.
+"""Trackers of opir on the tracking set: a scene with the set's sensors, and the set's detections
+instead of its own.
 
-A tracker knows what `set.json` says: sensors, noise, bias, P_d and the density of clutter. Nothing is tuned to it.
+A tracker knows what `set.json` says: sensors, noise, bias, P_d and the density of clutter. Nothing
+is tuned to it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,12 +24,26 @@ TRACKERS = {
     LMB: lambda scene: "none",
 }
 COVARIANCE = tuple(f"c{row}{column}" for row in range(1, 7) for column in range(row, 7))
-HEADER = ("scene", "track", "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", *COVARIANCE, "probability")
+HEADER = (
+    "scene",
+    "track",
+    "time_s",
+    "x_m",
+    "y_m",
+    "z_m",
+    "vx_m_s",
+    "vy_m_s",
+    "vz_m_s",
+    *COVARIANCE,
+    "probability",
+)
 _NS = 1_000_000_000
 
 
 def stone_soup(scene: Mapping[str, Any], association: str) -> dict[str, Any]:
-    """Return the settings of Stone Soup's tracker: P_d and the density of clutter as the set states them."""
+    """Return the settings of Stone Soup's tracker: P_d and the density of clutter as the set states
+    them.
+    """
     sensor = scene["sensors"][0]
     density = max(sensor["clutter_per_look"] / solid_angle(sensor["clutter_half_angle_rad"]), 1.0)
     return {
@@ -44,7 +60,9 @@ def solid_angle(half_angle_rad: float) -> float:
 
 
 def opir_scene(description: Mapping[str, Any], epoch: str, tracker: Any) -> opir.Scene:
-    """Return a scene of opir with the set's sensors, and one launch, which the tracker never sees."""
+    """Return a scene of opir with the set's sensors, and one launch, which the tracker never
+    sees.
+    """
     sensors = [
         {
             "model": "generic-scanner",
@@ -61,7 +79,9 @@ def opir_scene(description: Mapping[str, Any], epoch: str, tracker: Any) -> opir
             "line_of_sight_sigma_urad": sensor["sigma_urad"],
             "line_of_sight_bias_sigma_urad": sensor["bias_sigma_urad"],
             "field_of_regard_half_angle_deg": 8.7 if sensor["altitude_m"] > 3e7 else 60.0,
-            "detection_probability": dict.fromkeys(("ICBM", "IRBM", "SRBM"), sensor["detection_probability"]),
+            "detection_probability": dict.fromkeys(
+                ("ICBM", "IRBM", "SRBM"), sensor["detection_probability"]
+            ),
         }
         for sensor in description["sensors"]
     ]
@@ -100,7 +120,9 @@ def detections_of(rows: Sequence[Mapping[str, str]], description: Mapping[str, A
     )
     names = [sensor["sensor"] for sensor in description["sensors"]]
     sensor = np.array([names.index(row["sensor"]) for row in rows], dtype=np.int32)
-    phase, period = (np.array([each[key] for each in description["sensors"]]) for key in ("phase_s", "period_s"))
+    phase, period = (
+        np.array([each[key] for each in description["sensors"]]) for key in ("phase_s", "period_s")
+    )
     direction = np.stack(lines[3:], axis=1)
     return Detections(
         time_ns=np.round(time_s * _NS).astype(np.int64),
@@ -122,7 +144,9 @@ def detections_of(rows: Sequence[Mapping[str, str]], description: Mapping[str, A
     )
 
 
-def tracks_of(description: Mapping[str, Any], epoch: str, detections: Detections, name: str) -> Tracks:
+def tracks_of(
+    description: Mapping[str, Any], epoch: str, detections: Detections, name: str
+) -> Tracks:
     """Return the tracks of a tracker on a scene, at every tick of its own."""
     plan = opir.compile_plan(opir_scene(description, epoch, TRACKERS[name](description)))
     if name == LMB:
@@ -130,7 +154,9 @@ def tracks_of(description: Mapping[str, Any], epoch: str, detections: Detections
 
         sensor = description["sensors"][0]
         density = sensor["clutter_per_look"] / solid_angle(sensor["clutter_half_angle_rad"])
-        tracker = LmbTracker(context_of(plan, description), sensor["detection_probability"], density)
+        tracker = LmbTracker(
+            context_of(plan, description), sensor["detection_probability"], density
+        )
         return stepped(tracker, description["end_s"], detections)
     choice = plan.scene.tracker
     tracker = plan.host.component(choice.hook, choice.name, choice.path).build(
@@ -164,7 +190,9 @@ def stepped(tracker: Tracker, end_s: float, detections: Detections) -> Tracks:
 
 
 def rows_of(scene: str, tracks: Tracks, tick_s: float) -> list[list[str]]:
-    """Return the rows of tracks at the set's ticks, as `HEADER` names them; P(launch) is 1 where unknown."""
+    """Return the rows of tracks at the set's ticks, as `HEADER` names them; P(launch) is 1 where
+    unknown.
+    """
     at = np.flatnonzero(np.abs(tracks.tick_s / tick_s - np.round(tracks.tick_s / tick_s)) < 1e-6)
     at = at[np.isfinite(tracks.state[at]).all(axis=1)]
     upper = np.triu_indices(6)

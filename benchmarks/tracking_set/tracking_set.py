@@ -1,11 +1,13 @@
-"""A published benchmark set of boost-phase tracking by line of sight: make it, and score trackers on it.
+"""A published benchmark set of boost-phase tracking by line of sight: make it, and score trackers
+on it.
 
     python benchmarks/tracking_set/tracking_set.py --generate FOLDER     # the set anew, the same bytes
     python benchmarks/tracking_set/tracking_set.py --write docs/benchmarks
 
-`--generate` writes the scenes, flights, lines of sight and bounds (CSV, JSON and Parquet, CC0) and compares them with
-the committed digests; `--seeds 1 3 5` makes others to tune on. Without it the set is made in a temporary folder, the
-trackers of opir, Stone Soup's and a labelled multi-Bernoulli filter run on it, and `opir score` judges all alike.
+`--generate` writes the scenes, flights, lines of sight and bounds (CSV, JSON and Parquet, CC0) and
+compares them with the committed digests; `--seeds 1 3 5` makes others to tune on. Without it the
+set is made in a temporary folder, the trackers of opir, Stone Soup's and a labelled multi-Bernoulli
+filter run on it, and `opir score` judges all alike.
 """
 
 import argparse
@@ -39,11 +41,18 @@ TIMES = "processor_s.json"
 
 
 def differences(digests: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Return the scenes and tables whose digests are not the committed ones, of those that have any."""
+    """Return the scenes and tables whose digests are not the committed ones, of those that have
+    any.
+    """
     kept = json.loads(DIGESTS.read_text(encoding="utf-8"))
     whole = len(digests["scenes"]) == len(kept["scenes"])
     names = ("scenes", "tables") if whole else ("scenes",)
-    return [name for part in names for name, digest in digests[part].items() if kept[part].get(name, digest) != digest]
+    return [
+        name
+        for part in names
+        for name, digest in digests[part].items()
+        if kept[part].get(name, digest) != digest
+    ]
 
 
 def run(folder: Path, names: Sequence[str]) -> None:
@@ -56,7 +65,9 @@ def run(folder: Path, names: Sequence[str]) -> None:
         with timed(folder, name):
             rows = []
             for scene in description["scenes"]:
-                tracks = tracks_of(scene, description["epoch"], detections_of(seen[scene["scene"]], scene), name)
+                tracks = tracks_of(
+                    scene, description["epoch"], detections_of(seen[scene["scene"]], scene), name
+                )
                 rows += rows_of(scene["scene"], tracks, description["tick_s"])
         (folder / tracks_file(name)).write_bytes(table_text(HEADER, rows))
 
@@ -68,7 +79,9 @@ def timed(folder: Path, name: str) -> Iterator[None]:
     began = time.process_time()
     yield
     spent = time.process_time() - began
-    (folder / TIMES).write_text(json.dumps({**times_of(folder), name: spent}, indent=1) + "\n", encoding="utf-8")
+    (folder / TIMES).write_text(
+        json.dumps({**times_of(folder), name: spent}, indent=1) + "\n", encoding="utf-8"
+    )
     sys.stdout.write(f"{name}: {spent:.0f} s of processor time\n")
 
 
@@ -98,7 +111,10 @@ def results(folder: Path) -> Iterator[dict[str, str]]:
                 "cutoff_least_m": f"{low:g}",
                 "cutoff_most_m": f"{high:g}",
                 "held_95": f"{held['value']:.4f}",
-                **{f"held_95_{end}95": f"{x:.4f}" for end, x in zip(("low", "high"), held["interval_95"], strict=True)},
+                **{
+                    f"held_95_{end}95": f"{x:.4f}"
+                    for end, x in zip(("low", "high"), held["interval_95"], strict=True)
+                },
                 "processor_s": f"{spent[name]:.0f}" if case == "all" else "",
                 "version": version_of(name),
             }
@@ -106,7 +122,11 @@ def results(folder: Path) -> Iterator[dict[str, str]]:
 
 def version_of(name: str) -> str:
     """Return the version of what a tracker comes from."""
-    return f"Stone Soup {version('stonesoup')}" if name.startswith("Stone Soup") else f"opir {version('opir-core')}"
+    return (
+        f"Stone Soup {version('stonesoup')}"
+        if name.startswith("Stone Soup")
+        else f"opir {version('opir-core')}"
+    )
 
 
 def scored(arguments: argparse.Namespace) -> list[dict[str, str]]:
@@ -122,7 +142,13 @@ def scored(arguments: argparse.Namespace) -> list[dict[str, str]]:
         with timed(place, "scores"):
             rows = list(results(place))
         rest = {name: value for name, value in times_of(place).items() if name in ("set", "scores")}
-    return [*rows, *({"tracker": name, "case": "all", "processor_s": f"{value:.0f}"} for name, value in rest.items())]
+    return [
+        *rows,
+        *(
+            {"tracker": name, "case": "all", "processor_s": f"{value:.0f}"}
+            for name, value in rest.items()
+        ),
+    ]
 
 
 def generated(folder: Path, arguments: argparse.Namespace) -> bool:
@@ -130,14 +156,18 @@ def generated(folder: Path, arguments: argparse.Namespace) -> bool:
     with timed(folder, "set"):
         digests: Any = write_set(folder, arguments.cases, arguments.seeds)
     if arguments.keep_digests:
-        DIGESTS.write_text(json.dumps({"version": VERSION, **digests}, indent=1) + "\n", encoding="utf-8")
+        DIGESTS.write_text(
+            json.dumps({"version": VERSION, **digests}, indent=1) + "\n", encoding="utf-8"
+        )
     return report(digests)
 
 
 def report(digests: Mapping[str, Mapping[str, str]]) -> bool:
     """Say whether the set is the published one; return it."""
     wrong = differences(digests)
-    words = f"differs from version {VERSION}: {', '.join(wrong)}" if wrong else f"as version {VERSION}"
+    words = (
+        f"differs from version {VERSION}: {', '.join(wrong)}" if wrong else f"as version {VERSION}"
+    )
     sys.stdout.write(f"{len(digests['scenes'])} scenes, {words}\n")
     return not wrong
 
@@ -148,17 +178,37 @@ def filled(rows: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--generate", type=Path, metavar="FOLDER", help="write the set into this folder, and no more")
-    parser.add_argument("--keep-digests", action="store_true", help="commit the digests of what is written")
-    parser.add_argument("--set", type=Path, metavar="FOLDER", help="a set that was written before; tracks go there too")
-    parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES), metavar="CASE")
-    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS), help="odd ones are free to tune on")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--generate",
+        type=Path,
+        metavar="FOLDER",
+        help="write the set into this folder, and no more",
+    )
+    parser.add_argument(
+        "--keep-digests", action="store_true", help="commit the digests of what is written"
+    )
+    parser.add_argument(
+        "--set",
+        type=Path,
+        metavar="FOLDER",
+        help="a set that was written before; tracks go there too",
+    )
+    parser.add_argument(
+        "--cases", nargs="+", default=list(CASES), choices=list(CASES), metavar="CASE"
+    )
+    parser.add_argument(
+        "--seeds", nargs="+", type=int, default=list(SEEDS), help="odd ones are free to tune on"
+    )
     parser.add_argument(
         "--trackers",
         nargs="*",
         metavar="TRACKER",
-        help="run these alone (of " + "; ".join(TRACKERS) + "); all with tracks in the folder of the set are scored",
+        help="run these alone (of "
+        + "; ".join(TRACKERS)
+        + "); all with tracks in the folder of the set are scored",
     )
     parser.add_argument("--write", type=Path, help="folder for the page and the data")
     parser.add_argument("--from-csv", type=Path, help="folder with the data of an earlier run")
@@ -166,9 +216,13 @@ def main() -> int:
     if arguments.generate:
         return 0 if generated(arguments.generate, arguments) else 1
     folder = arguments.from_csv or arguments.write
-    rows = read_csv(folder / "tracking_set.csv") if arguments.from_csv else filled(scored(arguments))
+    rows = (
+        read_csv(folder / "tracking_set.csv") if arguments.from_csv else filled(scored(arguments))
+    )
     if folder is None:
-        csv.writer(sys.stdout, lineterminator="\n").writerows([list(rows[0]), *(row.values() for row in rows)])
+        csv.writer(sys.stdout, lineterminator="\n").writerows(
+            [list(rows[0]), *(row.values() for row in rows)]
+        )
     else:
         write_csv(folder / "tracking_set.csv", rows)
         (folder / "tracking_set.md").write_text(page(rows), encoding="utf-8")

@@ -7,7 +7,8 @@ from result_files import Row, markdown_table, number
 from set_cases import CASES, SEEDS
 from set_files import CUTOFF_OF_BOUND, VERSION
 
-#: The share of states in their 95 % ellipsoids above which a tracker counts as consistent on the page.
+#: The share of states in their 95 % ellipsoids above which a tracker counts as consistent on the
+#: page.
 HELD = 0.9
 
 
@@ -96,7 +97,16 @@ A full run takes {spent:.0f} s of processor time: {times(rows)}. All figures: [t
 
 
 HEAD = (
-    *("tracker", "covered, %", "false", "missed", "GOSPA/c", "error /bound", "energy /bound", "log"),
+    *(
+        "tracker",
+        "covered, %",
+        "false",
+        "missed",
+        "GOSPA/c",
+        "error /bound",
+        "energy /bound",
+        "log",
+    ),
     *("NEES/6", "held, %"),
 )
 
@@ -108,7 +118,10 @@ def overall(row: Row) -> list[str]:
         f"{100.0 * number(row['covered']):.0f}",
         *(row[name] for name in ("false_tracks", "missed_launches")),
         f"{number(row['gospa_over_cutoff']):.2f}",
-        *(plain(row[name]) for name in ("error_over_bound", "energy_over_bound", "log_score_above_bound")),
+        *(
+            plain(row[name])
+            for name in ("error_over_bound", "energy_over_bound", "log_score_above_bound")
+        ),
         plain(row["nees_over_6_median"]),
         f"{100.0 * number(row['held_95']):.0f} [{low:.0f}, {high:.0f}]",
     ]
@@ -117,14 +130,24 @@ def overall(row: Row) -> list[str]:
 def verdict(whole: dict[str, Row]) -> str:
     """Return which trackers have the least GOSPA and energy score, and which are consistent."""
     gospa, energy = (
-        min(whole, key=lambda name: number(whole[name][key])) for key in ("gospa_over_cutoff", "energy_over_bound")
+        min(whole, key=lambda name: number(whole[name][key]))
+        for key in ("gospa_over_cutoff", "energy_over_bound")
     )
     held = [name for name, row in whole.items() if number(row["held_95"]) >= HELD]
-    both = f"{gospa} has the least GOSPA/c{' and' if gospa == energy else f', {energy}'} the least energy score"
-    words = f"{', '.join(held)} hold" if len(held) > 1 else f"only {held[0]} holds" if held else "none holds"
-    return f"{both}; {words} at least {HELD:.0%} of the states in 95 % ellipsoids.".replace("%", " %").replace(
-        "  ", " "
+    both = (
+        f"{gospa} has the least GOSPA/c{' and' if gospa == energy else f', {energy}'} the least"
+        f" energy score"
     )
+    words = (
+        f"{', '.join(held)} hold"
+        if len(held) > 1
+        else f"only {held[0]} holds"
+        if held
+        else "none holds"
+    )
+    return f"{both}; {words} at least {HELD:.0%} of the states in 95 % ellipsoids.".replace(
+        "%", " %"
+    ).replace("  ", " ")
 
 
 def cutoff(row: Row) -> str:
@@ -135,7 +158,9 @@ def cutoff(row: Row) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a number with two digits after the point below 10, one below 100, none above; a dash for none."""
+    """Return a number with two digits after the point below 10, one below 100, none above; a dash
+    for none.
+    """
     value = number(text)
     if not isfinite(value):
         return "–" if isnan(value) else "∞"
@@ -154,4 +179,6 @@ def versions(whole: dict[str, Row]) -> str:
 
 def times(rows: Sequence[Row]) -> str:
     """Return the processor times of the parts of a run."""
-    return ", ".join(f"{row['tracker']} {number(row['processor_s']):.0f} s" for row in rows if row["processor_s"])
+    return ", ".join(
+        f"{row['tracker']} {number(row['processor_s']):.0f} s" for row in rows if row["processor_s"]
+    )

@@ -3,11 +3,12 @@
     python benchmarks/work_precision/atmosphere.py [--looks 1000000] [--repeat 7] [--every 1]
         [--write FOLDER] [--from-csv FOLDER]
 
-All climates, bands and spectra of the shipped table, or every N-th of them. Errors are differences of transmittance:
-at the table's own points, at each inner height and zenith angle omitted in turn, and from LOWTRAN7 itself at random
-places between the points (`tests/data/lowtran7_between.csv`, and below the horizon `lowtran7_below.csv`, by
-`docs/design/lowtran_table.py`). Times are processor time of one core, medians. `--write` puts the page and, where
-matplotlib is installed, a plot into a folder.
+All climates, bands and spectra of the shipped table, or every N-th of them. Errors are differences
+of transmittance: at the table's own points, at each inner height and zenith angle omitted in turn,
+and from LOWTRAN7 itself at random places between the points (`tests/data/lowtran7_between.csv`, and
+below the horizon `lowtran7_below.csv`, by `docs/design/lowtran_table.py`). Times are processor time
+of one core, medians. `--write` puts the page and, where matplotlib is installed, a plot into a
+folder.
 """
 
 import argparse
@@ -43,7 +44,12 @@ BELOW = "lowtran7_below.csv"
 SHAPES = ((8, 26), (16, 51), (32, 101), (63, 201), (125, 401), (249, 801))
 
 #: The interpolations in the table of the page; the CSV file has all.
-SHOWN = ("bilinear in ln τ over height and air mass", "grid 32 x 101", "grid 125 x 401", "grid 249 x 801")
+SHOWN = (
+    "bilinear in ln τ over height and air mass",
+    "grid 32 x 101",
+    "grid 125 x 401",
+    "grid 249 x 801",
+)
 
 PAGE = """# Atmospheric transmittance: error and run time
 
@@ -92,7 +98,10 @@ def bilinear(nodes: NodeTable) -> Model:
     masses = shell_air_mass(np.cos(nodes.zenith_rad))
 
     def model(height: np.ndarray, sine: np.ndarray) -> np.ndarray:
-        (row, up), (column, across) = placed(nodes.height_m, height), placed(masses, shell_air_mass(sine))
+        (row, up), (column, across) = (
+            placed(nodes.height_m, height),
+            placed(masses, shell_air_mass(sine)),
+        )
         lower = depth[row, column] * (1.0 - across) + depth[row, column + 1] * across
         upper = depth[row + 1, column] * (1.0 - across) + depth[row + 1, column + 1] * across
         return np.exp(-(lower * (1.0 - up) + upper * up))
@@ -144,7 +153,9 @@ def error_at(model: Model, nodes: NodeTable, rows: slice, columns: slice) -> flo
 
 def worst_out(way: Way, chosen: list[NodeTable], kind: str) -> float:
     """Return the largest error at points left out of their tables."""
-    return max(float(errors.error.max()) for nodes in chosen for errors in left_out(way, nodes, kind))
+    return max(
+        float(errors.error.max()) for nodes in chosen for errors in left_out(way, nodes, kind)
+    )
 
 
 @cache
@@ -158,10 +169,14 @@ def own_values(file: str) -> dict[tuple[str, str], list[dict[str, str]]]:
 
 
 def own_error(way: Way, file: str, every: int) -> float:
-    """Return the largest difference from LOWTRAN7 between the table's points, for every n-th climate."""
+    """Return the largest difference from LOWTRAN7 between the table's points, for every n-th
+    climate.
+    """
     worst = 0.0
     for sky, rows in list(own_values(file).items())[::every]:
-        height, zenith = (np.array([float(row[name]) for row in rows]) for name in ("h_km", "zen_deg"))
+        height, zenith = (
+            np.array([float(row[name]) for row in rows]) for name in ("h_km", "zen_deg")
+        )
         for name, nodes in node_tables(*sky, "flat").items():
             found = way(nodes)(height * 1e3, np.cos(np.radians(zenith)))
             worst = max(worst, float(np.abs(found - [float(row[name]) for row in rows]).max()))
@@ -182,7 +197,10 @@ def from_curves(name: str, count: int) -> float:
     fine = (4 * (shape[0] - 1) + 1, 4 * (shape[1] - 1) + 1)
     where = looks(count)
     hardest = [nodes for nodes in tables() if nodes.band.name in {"SWIR", "MWIR_N", "LWIR"}][:6]
-    return max(float(np.abs(gridded(shape)(nodes)(*where) - gridded(fine)(nodes)(*where)).max()) for nodes in hardest)
+    return max(
+        float(np.abs(gridded(shape)(nodes)(*where) - gridded(fine)(nodes)(*where)).max())
+        for nodes in hardest
+    )
 
 
 def measured(name: str, options: argparse.Namespace) -> Row:
@@ -221,7 +239,8 @@ def table(rows: list[Row]) -> str:
     """Return the rows on the page as a Markdown table."""
     head = "| interpolation | between | limb | ns per look | kB per band |\n|---|---|---|---|---|"
     lines = [
-        f"| {r.way} | {r.between:.3g} | {shown(r.below)} | {r.nanoseconds:.0f} | {r.kilobytes:.0f} |"
+        f"| {r.way} | {r.between:.3g} | {shown(r.below)} | {r.nanoseconds:.0f} | {r.kilobytes:.0f}"
+        f" |"
         for r in rows
         if r.way in SHOWN
     ]
@@ -252,17 +271,26 @@ def write_plot(rows: list[Row], path: Path) -> None:
 
     figure, axis = plt.subplots(figsize=(7, 4), constrained_layout=True)
     for column, label in (("at_points", "at the table's points"), ("between", "between them")):
-        axis.plot([r.nanoseconds for r in rows], [getattr(r, column) for r in rows], "o", label=label)
+        axis.plot(
+            [r.nanoseconds for r in rows], [getattr(r, column) for r in rows], "o", label=label
+        )
     for row in rows:
         axis.annotate(row.way, (row.nanoseconds, row.at_points), fontsize=6)
-    axis.set(yscale="log", xlabel="time per look, ns", ylabel="largest error of transmittance", xlim=(0, None))
+    axis.set(
+        yscale="log",
+        xlabel="time per look, ns",
+        ylabel="largest error of transmittance",
+        xlim=(0, None),
+    )
     axis.legend()
     figure.savefig(path, metadata={"Date": None})
 
 
 def main() -> None:
     """Measure and print; write where asked."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--looks", type=int, default=1_000_000)
     parser.add_argument("--repeat", type=int, default=7)
     parser.add_argument("--every", type=int, default=1, help="every N-th of the tables")
@@ -277,8 +305,12 @@ def main() -> None:
     if options.write:
         chosen = tables()[:: options.every]
         space_ns = f"{above_the_air(options.looks, options.repeat):.1f}"
-        write_csv(options.write / "atmosphere.csv", rows, {"tables": len(chosen), "space_ns": space_ns})
-        write_csv(options.write / "atmosphere_omitted.csv", list(regions(gridded(GRID_SHAPE), chosen)))
+        write_csv(
+            options.write / "atmosphere.csv", rows, {"tables": len(chosen), "space_ns": space_ns}
+        )
+        write_csv(
+            options.write / "atmosphere_omitted.csv", list(regions(gridded(GRID_SHAPE), chosen))
+        )
         redraw(options.write)
 
 

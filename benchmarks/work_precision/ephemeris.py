@@ -3,11 +3,12 @@
     python benchmarks/work_precision/ephemeris.py [--targets 1000] [--points 1000000] [--repeat 7]
         [--write docs/benchmarks] [--from-csv docs/benchmarks]
 
-Flights of all five classes, from ignition to burnout and on to impact. Errors are the largest over a million random
-points, against the boost's own series and two-body propagation. Positions are evaluated for targets x 1000 times in one
-call, in order (as a grid) and shuffled (each point another target and time). Times are processor time of one core,
-medians. `--write` puts the page, its data as a CSV file and, where matplotlib is installed, a plot into a folder;
-`--from-csv` draws page and plot again from the CSV file in a folder.
+Flights of all five classes, from ignition to burnout and on to impact. Errors are the largest over
+a million random points, against the boost's own series and two-body propagation. Positions are
+evaluated for targets x 1000 times in one call, in order (as a grid) and shuffled (each point
+another target and time). Times are processor time of one core, medians. `--write` puts the page,
+its data as a CSV file and, where matplotlib is installed, a plot into a folder; `--from-csv` draws
+page and plot again from the CSV file in a folder.
 """
 
 import argparse
@@ -61,19 +62,30 @@ def flights(count: int) -> Aim:
     rng = np.random.default_rng(1)
     classes = list(boost_profiles().values())
     profiles = [classes[row % len(classes)] for row in range(count)]
-    range_m = np.array([rng.uniform(1.001 * p.minimum_range_m, 0.999 * p.maximum_range_m) for p in profiles])
+    range_m = np.array(
+        [rng.uniform(1.001 * p.minimum_range_m, 0.999 * p.maximum_range_m) for p in profiles]
+    )
     latitude = np.arcsin(rng.uniform(-1, 1, count))
     longitude = rng.uniform(-np.pi, np.pi, count)
     there = geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m)
-    return aim(Geodetic(latitude, longitude, 0.0), Geodetic(*there, 0.0), rng.uniform(0.0, 600.0, count), profiles)
+    return aim(
+        Geodetic(latitude, longitude, 0.0),
+        Geodetic(*there, 0.0),
+        rng.uniform(0.0, 600.0, count),
+        profiles,
+    )
 
 
 def exact_m(flight: Aim, target: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     """Return positions without an ephemeris."""
     boost, _ = flight.path.state(target, time_s)
     free_s = np.maximum(time_s - flight.burnout_s[target], 0.0)
-    coast, _ = propagate_kepler(flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target], free_s)
-    return np.where((time_s <= flight.burnout_s[target])[:, None], boost, eci_to_ecef(coast, time_s))
+    coast, _ = propagate_kepler(
+        flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target], free_s
+    )
+    return np.where(
+        (time_s <= flight.burnout_s[target])[:, None], boost, eci_to_ecef(coast, time_s)
+    )
 
 
 def largest_error_m(ephemeris: Ephemeris, flight: Aim, points: int) -> float:
@@ -85,7 +97,9 @@ def largest_error_m(ephemeris: Ephemeris, flight: Aim, points: int) -> float:
         share = rng.random(points // 10)
         share = np.where(rng.random(len(share)) < 0.5, share, share**4)
         times = ephemeris.start_s[target] + share * (ephemeris.end_s - ephemeris.start_s)[target]
-        error = np.linalg.norm(ephemeris.position_m(target, times) - exact_m(flight, target, times), axis=1)
+        error = np.linalg.norm(
+            ephemeris.position_m(target, times) - exact_m(flight, target, times), axis=1
+        )
         worst = max(worst, float(error.max()))
     return worst
 
@@ -107,7 +121,11 @@ def vars_of(holder: object) -> list[object]:
 
 
 def measured(
-    span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, tolerance_m: float, options: argparse.Namespace
+    span: str,
+    build: Callable[[Aim, float], Ephemeris],
+    flight: Aim,
+    tolerance_m: float,
+    options: argparse.Namespace,
 ) -> Row:
     """Return the table's line for one span and tolerance."""
     ephemeris = build(flight, tolerance_m)
@@ -117,7 +135,8 @@ def measured(
     target = np.repeat(np.arange(count), TIMES)
     share = np.tile(np.linspace(0.0, 1.0, TIMES), count)
     times = np.minimum(
-        ephemeris.start_s[target] + share * (ephemeris.end_s - ephemeris.start_s)[target], ephemeris.end_s[target]
+        ephemeris.start_s[target] + share * (ephemeris.end_s - ephemeris.start_s)[target],
+        ephemeris.end_s[target],
     )
     order = rng.permutation(len(target))
     mixed = target[order]
@@ -139,7 +158,8 @@ def measured(
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table."""
     head = (
-        "| span | tolerance, m | largest error, m | kB per target | build, µs per target | in order, ns per point"
+        "| span | tolerance, m | largest error, m | kB per target | build, µs per target | in"
+        " order, ns per point"
         " | shuffled, ns |\n|---|---|---|---|---|---|---|"
     )
     lines = [
@@ -156,8 +176,10 @@ def answer(rows: list[Row]) -> str:
     share = max(row.error_m / row.tolerance_m for row in rows)
     row = next(row for row in rows if (row.span, row.tolerance_m) == ("flight", 0.01))
     return (
-        f"Its error is at most {share:.2f} times the tolerance. At the default of 1 cm a whole flight takes"
-        f" {row.build_us:.0f} µs and {row.kilobytes:.0f} kB to build, and {row.ordered_ns:.0f} ns per position."
+        f"Its error is at most {share:.2f} times the tolerance. At the default of 1 cm a whole"
+        f" flight takes"
+        f" {row.build_us:.0f} µs and {row.kilobytes:.0f} kB to build, and {row.ordered_ns:.0f} ns"
+        f" per position."
     )
 
 
@@ -179,7 +201,10 @@ def write_plot(rows: list[Row], path: Path) -> None:
         for span, marker in (("boost", "o-"), ("flight", "s-")):
             of_span = [row for row in rows if row.span == span]
             axis.plot(
-                [row.tolerance_m for row in of_span], [getattr(row, column) for row in of_span], marker, label=span
+                [row.tolerance_m for row in of_span],
+                [getattr(row, column) for row in of_span],
+                marker,
+                label=span,
             )
         axis.set(xscale="log", xlabel="tolerance, m", ylabel=label, ylim=(0, None))
         axis.invert_xaxis()
@@ -189,7 +214,9 @@ def write_plot(rows: list[Row], path: Path) -> None:
 
 def main() -> None:
     """Measure and print; write where asked."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--targets", type=int, default=1000)
     parser.add_argument("--points", type=int, default=1_000_000, help="random points of the errors")
     parser.add_argument("--repeat", type=int, default=7)
@@ -200,9 +227,14 @@ def main() -> None:
         redraw(options.from_csv)
         return
     flight = flights(options.targets)
-    spans = {"boost": lambda f, tolerance: boost_ephemeris(f.path, tolerance), "flight": flight_ephemeris}
+    spans = {
+        "boost": lambda f, tolerance: boost_ephemeris(f.path, tolerance),
+        "flight": flight_ephemeris,
+    }
     rows = [
-        measured(span, build, flight, tolerance, options) for span, build in spans.items() for tolerance in TOLERANCES_M
+        measured(span, build, flight, tolerance, options)
+        for span, build in spans.items()
+        for tolerance in TOLERANCES_M
     ]
     print(table(rows))
     if options.write:

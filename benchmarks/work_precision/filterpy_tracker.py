@@ -1,4 +1,6 @@
-"""FilterPy's extended Kalman filter on a boost, as its users would put it together, behind opir's tracker protocol."""
+"""FilterPy's extended Kalman filter on a boost, as its users would put it together, behind opir's
+tracker protocol.
+"""
 
 from typing import Any
 
@@ -17,7 +19,9 @@ START_SIGMA = np.repeat([2e3, 500.0, 30.0], 3)
 
 
 class FilterPyTracker:
-    """One target whose detections are all there are: nearly constant acceleration, inertial, one update a look."""
+    """One target whose detections are all there are: nearly constant acceleration, inertial, one
+    update a look.
+    """
 
     def __init__(self, cadence_s: float = 1.0) -> None:
         self.cadence_s: float | None = cadence_s
@@ -45,18 +49,24 @@ class FilterPyTracker:
 
         first = rays.take(np.unique(rays.sensor, return_index=True)[1])
         group = np.zeros(len(first), dtype=np.int64)
-        place = triangulated(group, 1, first.origin_ecef_m, first.direction_ecef, first.sigma_rad).position_m
+        place = triangulated(
+            group, 1, first.origin_ecef_m, first.direction_ecef, first.sigma_rad
+        ).position_m
         self._time_s = float(first.time_s.min())
         inertial = earth_rotated(place, np.full(1, self._time_s))[0]
         self._filter = ExtendedKalmanFilter(9, 2)
-        self._filter.x = np.concatenate([inertial, np.cross([0.0, 0.0, 7.292115e-5], inertial), np.zeros(3)])
+        self._filter.x = np.concatenate(
+            [inertial, np.cross([0.0, 0.0, 7.292115e-5], inertial), np.zeros(3)]
+        )
         self._filter.P = np.diag(START_SIGMA**2)
 
     def _predict(self, time_s: float) -> None:
         step = time_s - self._time_s
         self._time_s = time_s
         powers = np.array([[1.0, step, step**2 / 2.0], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
-        gain = np.array([abs(step) ** 2.5 / np.sqrt(20.0), abs(step) ** 1.5 / np.sqrt(3.0), abs(step) ** 0.5])
+        gain = np.array(
+            [abs(step) ** 2.5 / np.sqrt(20.0), abs(step) ** 1.5 / np.sqrt(3.0), abs(step) ** 0.5]
+        )
         self._filter.F = np.kron(powers, np.eye(3))
         self._filter.Q = NOISE**2 * np.kron(np.outer(gain, gain), np.eye(3))
         self._filter.predict()
@@ -83,7 +93,9 @@ class FilterPyTracker:
 
     def _tracks(self, tick_s: float) -> Tracks:
         unknown = np.full((1, 6, 6), np.nan)
-        state, covariance = earth_fixed(self._filter.x[None, :6], self._filter.P[None, :6, :6], tick_s)
+        state, covariance = earth_fixed(
+            self._filter.x[None, :6], self._filter.P[None, :6, :6], tick_s
+        )
         return Tracks(
             tick_s=np.full(1, tick_s),
             track=np.zeros(1, dtype=np.int64),

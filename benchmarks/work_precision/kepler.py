@@ -1,12 +1,13 @@
-"""Two-body propagation: time per state and largest error by class of arc, beside the libraries that are installed.
+"""Two-body propagation: time per state and largest error by class of arc, beside the libraries that
+are installed.
 
-    python benchmarks/work_precision/kepler.py [--states 100000] [--checked 60] [--repeat 9] [--write FOLDER]
-        [--libraries opir heyoka pykep boinor]
+    python benchmarks/work_precision/kepler.py [--states 100000] [--checked 60] [--repeat 9]
+        [--write FOLDER] [--libraries opir heyoka pykep boinor]
 
-Every library gets the same states, in a process of its own, one thread; medians of the CPU time of interleaved runs.
-Errors are against mpmath with 50 digits; the floor is the effect of rounding the inputs to the nearest double
-(condition number × 1.1e-16 × distance). Peers are optional: heyoka, pykep, boinor with numba. `--write` puts the
-tables into FOLDER/kepler.md.
+Every library gets the same states, in a process of its own, one thread; medians of the CPU time of
+interleaved runs. Errors are against mpmath with 50 digits; the floor is the effect of rounding the
+inputs to the nearest double (condition number × 1.1e-16 × distance). Peers are optional: heyoka,
+pykep, boinor with numba. `--write` puts the tables into FOLDER/kepler.md.
 """
 
 import argparse
@@ -38,7 +39,9 @@ def worst_error(library: Library, states: States, ends: list[list[mpmath.mpf]]) 
 
 
 def nanoseconds(libraries: dict[str, Library], states: States, repeat: int) -> dict[str, float]:
-    """Return the median time per state of each, in interleaved rounds, so that the machine's load affects all alike."""
+    """Return the median time per state of each, in interleaved rounds, so that the machine's load
+    affects all alike.
+    """
     taken: dict[str, list[float]] = {name: [] for name in libraries}
     for turn in range(repeat + 1):
         for name, library in libraries.items():
@@ -73,13 +76,17 @@ def measured(states: int, checked: int, repeat: int, chosen: Collection[str]) ->
         few = kind(np.random.default_rng(2), checked)
         ends, floor = references(few)
         floors.append(f"{floor.max():.0e}")
-        errors[kind] = {name: worst_error(library, few, ends) for name, library in libraries.items()}
+        errors[kind] = {
+            name: worst_error(library, few, ends) for name, library in libraries.items()
+        }
     error.append(["*floor: rounding of the inputs*", *floors])
     error += [[name, *(errors[kind][name] for kind in CLASSES)] for name in libraries]
     for library in libraries.values():
         library.close()
     return PAGE_TEXT.format(
-        speed="; ".join(f"{name} {spread([times[kind][name] for kind in CLASSES])}" for name in libraries),
+        speed="; ".join(
+            f"{name} {spread([times[kind][name] for kind in CLASSES])}" for name in libraries
+        ),
         error=table(error),
         states=states,
         checked=checked,
@@ -111,7 +118,9 @@ def main() -> None:
     parser.add_argument("--checked", type=int, default=60)
     parser.add_argument("--repeat", type=int, default=9)
     parser.add_argument("--libraries", nargs="+", choices=NAMES, default=NAMES)
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/kepler.md")
+    parser.add_argument(
+        "--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/kepler.md"
+    )
     given = parser.parse_args()
     mpmath.mp.dps = 60
     page = measured(given.states, given.checked, given.repeat, given.libraries)

@@ -1,4 +1,6 @@
-"""Two-body arcs to 50 digits, and what rounding their inputs does by itself. Callers set mpmath's digits."""
+"""Two-body arcs to 50 digits, and what rounding their inputs does by itself. Callers set mpmath's
+digits.
+"""
 
 import mpmath
 import numpy as np
@@ -8,17 +10,30 @@ from opir_core.constants import EARTH_MU_M3_S2 as MU
 
 
 def universal_functions(beta: mpmath.mpf, s: mpmath.mpf) -> tuple[mpmath.mpf, ...]:
-    """Return the universal functions G0 to G3 of the universal anomaly s; beta is twice the binding energy."""
+    """Return the universal functions G0 to G3 of the universal anomaly s; beta is twice the binding
+    energy.
+    """
     z = beta * s * s
     if abs(z) < 1e-12:
-        return 1 - z / 2, s * (1 - z / 6), s * s * (0.5 - z / 24 + z * z / 720), s**3 * (1 - z / 20 + z * z / 840) / 6
+        return (
+            1 - z / 2,
+            s * (1 - z / 6),
+            s * s * (0.5 - z / 24 + z * z / 720),
+            s**3 * (1 - z / 20 + z * z / 840) / 6,
+        )
     k = mpmath.sqrt(abs(beta))
-    c, d = (mpmath.cos(k * s), mpmath.sin(k * s)) if beta > 0 else (mpmath.cosh(k * s), mpmath.sinh(k * s))
+    c, d = (
+        (mpmath.cos(k * s), mpmath.sin(k * s))
+        if beta > 0
+        else (mpmath.cosh(k * s), mpmath.sinh(k * s))
+    )
     return c, d / k, (1 - c) / beta, (s - d / k) / beta
 
 
 def exact_position(state: list[mpmath.mpf]) -> list[mpmath.mpf]:
-    """Return the end position of (x, y, z, vx, vy, vz, duration, mu) to 50 digits, by universal variables."""
+    """Return the end position of (x, y, z, vx, vy, vz, duration, mu) to 50 digits, by universal
+    variables.
+    """
     position = state[:3]
     velocity = state[3:6]
     duration = state[6]
@@ -45,7 +60,11 @@ def exact_position(state: list[mpmath.mpf]) -> list[mpmath.mpf]:
     for _ in range(2000):
         excess, slope = late(s)
         low, high = (s, high) if sense * excess < 0 else (low, s)
-        good = slope > 0 and min(low, high) < s - excess / slope < max(low, high) and abs(excess) < before / 2
+        good = (
+            slope > 0
+            and min(low, high) < s - excess / slope < max(low, high)
+            and abs(excess) < before / 2
+        )
         moved = s - excess / slope if good else (low + high) / 2
         before = abs(excess) if good else mpmath.inf
         if abs(moved - s) <= abs(s) * mpmath.mpf(10) ** -50:

@@ -22,7 +22,9 @@ Propagator = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np
 
 
 def by_heyoka() -> Propagator:
-    """Return heyoka's compiled function: Kepler's equation of the difference of eccentric anomalies, ellipses only."""
+    """Return heyoka's compiled function: Kepler's equation of the difference of eccentric
+    anomalies, ellipses only.
+    """
     import heyoka as hy
 
     x, y, z, u, v, w, t = hy.make_vars("x", "y", "z", "u", "v", "w", "t")
@@ -43,7 +45,9 @@ def by_heyoka() -> Propagator:
     outputs = [f * p + g * q for p, q in pairs] + [df * p + dg * q for p, q in pairs]
     compiled = hy.cfunc(outputs, [x, y, z, u, v, w, t])
 
-    def propagate(position: np.ndarray, velocity: np.ndarray, duration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def propagate(
+        position: np.ndarray, velocity: np.ndarray, duration: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         columns = np.ascontiguousarray(np.column_stack([position, velocity, duration]).T)
         end = compiled(columns)
         return end[:3].T, end[3:].T
@@ -53,14 +57,18 @@ def by_heyoka() -> Propagator:
 
 def by_pykep() -> Propagator:
     """Return pykep's Lagrangian propagation, one call a state."""
-    # pykep 3.0.1's wheel lacks the data files of its trajectory gym, without which it does not import.
+    # pykep 3.0.1's wheel lacks the data files of its trajectory gym, without which it does not
+    # import.
     sys.modules.setdefault("pykep.trajopt.gym", types.ModuleType("pykep.trajopt.gym"))
     import pykep
 
-    def propagate(position: np.ndarray, velocity: np.ndarray, duration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def propagate(
+        position: np.ndarray, velocity: np.ndarray, duration: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         states = np.stack([position, velocity], axis=1)
         ends = [
-            pykep.propagate_lagrangian(rv, tof, MU, False) for rv, tof in zip(states, duration.tolist(), strict=True)
+            pykep.propagate_lagrangian(rv, tof, MU, False)
+            for rv, tof in zip(states, duration.tolist(), strict=True)
         ]
         end = np.array(ends)
         return end[:, 0], end[:, 1]
@@ -98,7 +106,9 @@ def by_boinor(kernel_name: str) -> Propagator:
         for i in range(duration.size):
             end[0, i], end[1, i] = single(position[i], velocity[i], duration[i])
 
-    def propagate(position: np.ndarray, velocity: np.ndarray, duration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def propagate(
+        position: np.ndarray, velocity: np.ndarray, duration: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         end = np.full((2, duration.size, 3), np.nan)
         loop(position / 1e3, velocity / 1e3, duration, end)
         return end[0] * 1e3, end[1] * 1e3
@@ -128,7 +138,9 @@ NAMES = tuple(dict.fromkeys(name_of(label) for label in LIBRARIES))
 
 
 def serve(label: str, pipe: Connection) -> None:
-    """Answer states with end positions and the time taken, in a process of its own: heyoka and pykep bear no other."""
+    """Answer states with end positions and the time taken, in a process of its own: heyoka and
+    pykep bear no other.
+    """
     warnings.simplefilter("ignore")
     distribution, make = LIBRARIES[label]
     try:
@@ -149,7 +161,9 @@ def serve(label: str, pipe: Connection) -> None:
 
 
 class Library:
-    """A propagator in its own process; calling it returns end positions (none if it raised) and seconds."""
+    """A propagator in its own process; calling it returns end positions (none if it raised) and
+    seconds.
+    """
 
     def __init__(self, label: str) -> None:
         context = multiprocessing.get_context("spawn")

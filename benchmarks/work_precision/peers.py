@@ -9,8 +9,12 @@ MODULES = {"Stone Soup": "stonesoup", "FilterPy": "filterpy"}
 
 
 def is_installed(name: str) -> bool:
-    """Return whether a line of a table can be measured: opir's always, a peer's where it is installed."""
-    return all(find_spec(module) is not None for peer, module in MODULES.items() if name.startswith(peer))
+    """Return whether a line of a table can be measured: opir's always, a peer's where it is
+    installed.
+    """
+    return all(
+        find_spec(module) is not None for peer, module in MODULES.items() if name.startswith(peer)
+    )
 
 
 def installed(names: Iterable[str]) -> list[str]:
@@ -18,7 +22,10 @@ def installed(names: Iterable[str]) -> list[str]:
     given = list(names)
     for peer in absent(name for name in given if is_installed(name)):
         if any(name.startswith(peer) for name in given):
-            print(f"{peer}: left out, not installed (the extra `benchmarks` brings it)", file=sys.stderr)
+            print(
+                f"{peer}: left out, not installed (the extra `benchmarks` brings it)",
+                file=sys.stderr,
+            )
     return [name for name in given if is_installed(name)]
 
 
@@ -29,7 +36,9 @@ def absent(names: Iterable[str]) -> list[str]:
 
 
 def left_out(rows: Iterable[Mapping[str, str]]) -> str:
-    """Return a sentence for a page about the peers that its rows are without, empty if they have all."""
+    """Return a sentence for a page about the peers that its rows are without, empty if they have
+    all.
+    """
     missing = absent(row["tracker"] for row in rows)
     return f"\nLeft out, because not installed: {' and '.join(missing)}.\n" if missing else ""
 

@@ -1,14 +1,18 @@
-"""Interpolated probabilities of detection: run time against error, beside every look evaluated and beside a constant.
+"""Interpolated probabilities of detection: run time against error, beside every look evaluated and
+beside a constant.
 
-    python benchmarks/work_precision/probability.py [--every 20] [--looks 20000] [--repeat 3] [--thin 1]
-        [--tolerances 1e-2 1e-3 1e-4 1e-6 1e-8] [--chains NAME ...] [--write FOLDER] [--from-csv FOLDER]
+    python benchmarks/work_precision/probability.py [--every 20] [--looks 20000] [--repeat 3]
+        [--thin 1] [--tolerances 1e-2 1e-3 1e-4 1e-6 1e-8] [--chains NAME ...] [--write FOLDER]
+        [--from-csv FOLDER]
 
-The launches of examples/raid_100.yaml, all three constellations. The table of tolerances has some of the launches;
-errors are those of random looks against the exact ones. Detections are those of one seed: with the same random numbers
-a look changes only where its number lies between both probabilities. The table of chains has all hundred launches
-(`--thin N`: every N-th of them) at the default tolerance, and medians; times are processor time of one core: of the
-engine, of `simulate`, and of the whole process `opir run`. `--write` puts the page, its data as CSV files and, where
-matplotlib is installed, a plot into a folder; `--from-csv` draws page and plot again from the CSV files in a folder.
+The launches of examples/raid_100.yaml, all three constellations. The table of tolerances has some
+of the launches; errors are those of random looks against the exact ones. Detections are those of
+one seed: with the same random numbers a look changes only where its number lies between both
+probabilities. The table of chains has all hundred launches (`--thin N`: every N-th of them) at the
+default tolerance, and medians; times are processor time of one core: of the engine, of `simulate`,
+and of the whole process `opir run`. `--write` puts the page, its data as CSV files and, where
+matplotlib is installed, a plot into a folder; `--from-csv` draws page and plot again from the CSV
+files in a folder.
 """
 
 import argparse
@@ -43,7 +47,8 @@ CHAINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 }
 TOLERANCES = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8]
 
-#: Runs of the engine, and of `simulate`, to each whole process: they are short, and machines are noisy.
+#: Runs of the engine, and of `simulate`, to each whole process: they are short, and machines are
+#: noisy.
 _COLUMNS = 5
 _RUNS = 3
 
@@ -89,7 +94,9 @@ class Chain(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One chain at one tolerance, 0 for every look: evaluated looks, errors of P_d, detections, time per look."""
+    """One chain at one tolerance, 0 for every look: evaluated looks, errors of P_d, detections,
+    time per look.
+    """
 
     chain: str
     tolerance: float
@@ -108,11 +115,19 @@ def example() -> dict[str, Any]:
     return found
 
 
-def raid(every: int, detection: Any, sky: dict[str, Any], path: Path | None = None) -> dict[str, Any]:
+def raid(
+    every: int, detection: Any, sky: dict[str, Any], path: Path | None = None
+) -> dict[str, Any]:
     """Return the scene with every n-th of its launches, as plain values."""
     scene = example()
     outputs = [] if path is None else [{"jsonl": {"path": str(path)}}]
-    return {**scene, "targets": scene["targets"][::every], "detection": detection, "outputs": outputs, **sky}
+    return {
+        **scene,
+        "targets": scene["targets"][::every],
+        "detection": detection,
+        "outputs": outputs,
+        **sky,
+    }
 
 
 def planned(every: int, detection: Any, sky: dict[str, Any]) -> Plan:
@@ -139,7 +154,9 @@ def exact_probability(plan: Plan, looks: Looks, rows: np.ndarray) -> np.ndarray:
     parts = []
     for block in blocks(len(rows)):
         row = rows[block]
-        parts.append(plan.detection.probability(geometry.exposures(looks.pair[row], looks.scan[row])))
+        parts.append(
+            plan.detection.probability(geometry.exposures(looks.pair[row], looks.scan[row]))
+        )
     return np.concatenate(parts)
 
 
@@ -148,12 +165,18 @@ def measured(chain: str, options: argparse.Namespace) -> list[Row]:
     settings, sky = CHAINS[chain]
     exact = planned(options.every, {"model": "snr", "exact": True, **settings}, sky)
     looks = Looks.between(exact.pairs, 0, exact.end_ns)
-    rows = np.sort(np.random.default_rng(1).choice(len(looks.pair), min(options.looks, len(looks.pair)), replace=False))
+    rows = np.sort(
+        np.random.default_rng(1).choice(
+            len(looks.pair), min(options.looks, len(looks.pair)), replace=False
+        )
+    )
     true = exact_probability(exact, looks, rows)
     known = found(exact)
     lines = []
     for tolerance in options.tolerances:
-        plan = planned(options.every, {"model": "snr", "probability_tolerance": tolerance, **settings}, sky)
+        plan = planned(
+            options.every, {"model": "snr", "probability_tolerance": tolerance, **settings}, sky
+        )
         knots = interpolant_of(plan, plan.look_geometry())
         assert knots is not None
         off = np.abs(knots.over(looks).probability()[rows] - true)
@@ -163,15 +186,27 @@ def measured(chain: str, options: argparse.Namespace) -> list[Row]:
         nanoseconds = 1e9 * spent_s / len(looks.pair)
         lines.append(
             Row(
-                chain, tolerance, knots.at.shape[1], float(off.max()), float(off.mean()), len(own), changed, nanoseconds
+                chain,
+                tolerance,
+                knots.at.shape[1],
+                float(off.max()),
+                float(off.mean()),
+                len(own),
+                changed,
+                nanoseconds,
             )
         )
     spent_s = median_s(lambda: drained(exact), 1)
-    return [*lines, Row(chain, 0.0, len(looks.pair), 0.0, 0.0, len(known), 0, 1e9 * spent_s / len(looks.pair))]
+    return [
+        *lines,
+        Row(chain, 0.0, len(looks.pair), 0.0, 0.0, len(known), 0, 1e9 * spent_s / len(looks.pair)),
+    ]
 
 
 def median_s(action: Callable[[], object], repeat: int) -> float:
-    """Return the median processor time of an action, after one call that is not counted unless it is the only one."""
+    """Return the median processor time of an action, after one call that is not counted unless it
+    is the only one.
+    """
     times = []
     for _ in range(repeat + (repeat > 1)):
         start = time.process_time()
@@ -187,7 +222,9 @@ def scene_parts(chain: str) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def chain_times(repeat: int, every: int, names: Sequence[str]) -> tuple[list[Chain], int]:
-    """Return the run times of every n-th of the hundred launches by chain, and the number of looks."""
+    """Return the run times of every n-th of the hundred launches by chain, and the number of
+    looks.
+    """
     chains = {"constant": ("constant", {}), **{name: scene_parts(name) for name in names}}
     plans = {name: planned(every, *parts) for name, parts in chains.items()}
     scenes = {name: opir.scene_from_mapping(raid(every, *parts)) for name, parts in chains.items()}
@@ -201,7 +238,10 @@ def chain_times(repeat: int, every: int, names: Sequence[str]) -> tuple[list[Cha
         drained(plan)
     # Chains are run in turn, so that changes of the machine's load affect all of them.
     rounds = [[{name: way(name) for name in chains} for _ in range(times)] for times, way in ways]
-    of = {name: [statistics.median(turn[name] for turn in turns) for turns in rounds] for name in chains}
+    of = {
+        name: [statistics.median(turn[name] for turn in turns) for turns in rounds]
+        for name in chains
+    }
     base = of["constant"]
     found = [
         Chain(name, *(value for s, b in zip(own, base, strict=True) for value in (s, s / b)))
@@ -212,8 +252,14 @@ def chain_times(repeat: int, every: int, names: Sequence[str]) -> tuple[list[Cha
 
 def chains_table(found: list[Chain]) -> str:
     """Return the run times and ratios by chain."""
-    lines = ["| chain | engine, s | ratio | `simulate`, s | ratio | `opir run`, s | ratio |", "|---" * 7 + "|"]
-    lines += [f"| {row.chain} | " + " | ".join(f"{value:.2f}" for value in row[1:]) + " |" for row in found]
+    lines = [
+        "| chain | engine, s | ratio | `simulate`, s | ratio | `opir run`, s | ratio |",
+        "|---" * 7 + "|",
+    ]
+    lines += [
+        f"| {row.chain} | " + " | ".join(f"{value:.2f}" for value in row[1:]) + " |"
+        for row in found
+    ]
     return "\n".join(lines)
 
 
@@ -224,7 +270,8 @@ def verdict(found: list[Chain]) -> str:
     listed = ", ".join(f"{names[way]} {ratio:.2f}" for way, ratio in worst.items())
     over = [names[way] for way, ratio in worst.items() if ratio > _BAR]
     return (
-        f"The largest ratios: {listed}. " + (f"{', '.join(over)} misses it." if over else "All meet it.").capitalize()
+        f"The largest ratios: {listed}. "
+        + (f"{', '.join(over)} misses it." if over else "All meet it.").capitalize()
     )
 
 
@@ -235,9 +282,16 @@ def process_s(scene: dict[str, Any]) -> float:
         path.write_text(yaml.safe_dump(scene), encoding="utf-8")
         before = os.times()
         command = [sys.executable, "-m", "opir_core", "run", str(path)]
-        subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.run(
+            command, cwd=folder, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         after = os.times()
-        return after.children_user + after.children_system - before.children_user - before.children_system
+        return (
+            after.children_user
+            + after.children_system
+            - before.children_user
+            - before.children_system
+        )
 
 
 def headline(rows: list[Row]) -> str:
@@ -281,11 +335,15 @@ def write_plot(rows: list[Row], constant_ns: float, path: Path) -> None:
 
 def main() -> None:
     """Measure and print; write where asked."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--every", type=int, default=20)
     parser.add_argument("--looks", type=int, default=20_000)
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--thin", type=int, default=1, help="every N-th of the launches for whole runs")
+    parser.add_argument(
+        "--thin", type=int, default=1, help="every N-th of the launches for whole runs"
+    )
     parser.add_argument("--tolerances", type=float, nargs="+", default=TOLERANCES)
     parser.add_argument("--chains", nargs="+", choices=tuple(CHAINS), default=tuple(CHAINS))
     parser.add_argument("--write", type=Path)
@@ -297,7 +355,9 @@ def main() -> None:
     found, looks = chain_times(options.repeat, options.thin, options.chains)
     print(chains_table(found), verdict(found), sep="\n\n")
     constant = planned(options.every, "constant", {})
-    constant_ns = 1e9 * median_s(lambda: drained(constant), options.repeat) / int(constant.pairs.looks.sum())
+    constant_ns = (
+        1e9 * median_s(lambda: drained(constant), options.repeat) / int(constant.pairs.looks.sum())
+    )
     rows = [row for chain in options.chains for row in measured(chain, options)]
     print(headline(rows))
     if options.write:

@@ -1,16 +1,19 @@
-"""Numerical propagation: error at impact against time an arc, for opir, SciPy's DOP853 and LSODA, and heyoka.
+"""Numerical propagation: error at impact against time an arc, for opir, SciPy's DOP853 and LSODA,
+and heyoka.
 
-    python benchmarks/work_precision/propagation.py [--arcs 1000] [--repeat 7] [--write docs/benchmarks]
-        [--from-csv docs/benchmarks]
+    python benchmarks/work_precision/propagation.py [--arcs 1000] [--repeat 7] [--write
+        docs/benchmarks] [--from-csv docs/benchmarks]
 
-Ballistic arcs of about half an hour, all over the Earth, from above the atmosphere to the ground. Two problems: the
-point mass with J2, and the same with drag in an exponential atmosphere that rotates with the Earth. The error is the
-largest distance from the reference at the time of impact, over all arcs propagated. Tolerances are in metres at impact
-for opir, relative per step for the others, scaled by 7000 km and 7 km/s. All tools integrate the same forces; SciPy and
-heyoka choose their own steps and, with drag, also run with a largest step. The reference is heyoka at its tightest
-tolerance with a largest step, or, where heyoka is not installed, opir at 1e-8 m. Times are processor time of one core,
-medians. `--write` puts the page, its data as a CSV file and, where matplotlib is installed, a plot into a folder;
-`--from-csv` draws page and plot again from the CSV file in a folder.
+Ballistic arcs of about half an hour, all over the Earth, from above the atmosphere to the ground.
+Two problems: the point mass with J2, and the same with drag in an exponential atmosphere that
+rotates with the Earth. The error is the largest distance from the reference at the time of impact,
+over all arcs propagated. Tolerances are in metres at impact for opir, relative per step for the
+others, scaled by 7000 km and 7 km/s. All tools integrate the same forces; SciPy and heyoka choose
+their own steps and, with drag, also run with a largest step. The reference is heyoka at its
+tightest tolerance with a largest step, or, where heyoka is not installed, opir at 1e-8 m. Times are
+processor time of one core, medians. `--write` puts the page, its data as a CSV file and, where
+matplotlib is installed, a plot into a folder; `--from-csv` draws page and plot again from the CSV
+file in a folder.
 """
 
 import argparse
@@ -22,7 +25,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from propagation_peers import SCALE_HEIGHT_M, SEA_LEVEL_KG_M3, Problem, heyoka_batch, heyoka_single, solved
+from propagation_peers import (
+    SCALE_HEIGHT_M,
+    SEA_LEVEL_KG_M3,
+    Problem,
+    heyoka_batch,
+    heyoka_single,
+    solved,
+)
 from results_csv import read_csv, write_csv
 
 from opir_core.flight import Drag, Forces, impact, propagate
@@ -33,7 +43,8 @@ RELATIVE = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 
 AIR = ExponentialAtmosphere(SEA_LEVEL_KG_M3, SCALE_HEIGHT_M)
 
-#: How many arcs a tool that takes one at a time is given, and the longest step with drag where steps are bounded, s.
+#: How many arcs a tool that takes one at a time is given, and the longest step with drag where
+#: steps are bounded, s.
 SINGLES = 12
 BOUND_S = 2.0
 
@@ -110,7 +121,9 @@ def some(problem: Problem, part: slice) -> Problem:
 
 
 def seconds(actions: Sequence[Callable[[], Any]], repeat: int) -> list[float]:
-    """Return the median processor times of actions, done in turn, so that a slow spell meets all alike."""
+    """Return the median processor times of actions, done in turn, so that a slow spell meets all
+    alike.
+    """
     times: list[list[float]] = [[] for _ in actions]
     for _ in range(repeat):
         for action, taken in zip(actions, times, strict=True):
@@ -147,8 +160,13 @@ def ours(problem: Problem, reference: np.ndarray, repeat: int) -> list[Row]:
     """Measure opir: all arcs in one call, and one arc a call."""
     singles = [some(problem, slice(index, index + 1)) for index in range(SINGLES)]
     rows = []
-    for tool, parts in ((f"opir, batch of {len(problem.duration)}", [problem]), ("opir, one arc", singles)):
-        runs = [Run(tool, f"{asked:g} m", partial(propagated, parts, asked)) for asked in TOLERANCES_M]
+    for tool, parts in (
+        (f"opir, batch of {len(problem.duration)}", [problem]),
+        ("opir, one arc", singles),
+    ):
+        runs = [
+            Run(tool, f"{asked:g} m", partial(propagated, parts, asked)) for asked in TOLERANCES_M
+        ]
         rows += measured(runs, problem, reference, repeat)
     return rows
 
@@ -156,7 +174,10 @@ def ours(problem: Problem, reference: np.ndarray, repeat: int) -> list[Row]:
 def propagated(parts: list[Problem], tolerance_m: float) -> np.ndarray:
     """Return positions at impact by opir, one call a part."""
     return np.concatenate(
-        [propagate(p.position, p.velocity, p.duration, p.forces, tolerance_m=tolerance_m)[0] for p in parts]
+        [
+            propagate(p.position, p.velocity, p.duration, p.forces, tolerance_m=tolerance_m)[0]
+            for p in parts
+        ]
     )
 
 
@@ -168,7 +189,11 @@ def scipys(problem: Problem, reference: np.ndarray, repeat: int) -> list[Row]:
         for bound in bounds(problem):
             asked = RELATIVE[2::3] if np.isfinite(bound) else RELATIVE
             runs = [
-                Run(f"SciPy {method}{bounded(bound)}", f"{each:g}", partial(solved, part, method, bound, each))
+                Run(
+                    f"SciPy {method}{bounded(bound)}",
+                    f"{each:g}",
+                    partial(solved, part, method, bound, each),
+                )
                 for each in asked
             ]
             rows += measured(runs, problem, reference, repeat if np.isinf(bound) else 1)
@@ -195,7 +220,10 @@ def heyokas(heyoka: Any, problem: Problem, reference: np.ndarray, repeat: int) -
     ):
         for bound in bounds(problem):
             asked = (*RELATIVE[::2], 1e-15) if np.isinf(bound) else (*RELATIVE[2::3], 1e-15)
-            runs = [Run(tool + bounded(bound), f"{each:g}", maker(heyoka, arcs, each, bound)) for each in asked]
+            runs = [
+                Run(tool + bounded(bound), f"{each:g}", maker(heyoka, arcs, each, bound))
+                for each in asked
+            ]
             rows += measured(runs, problem, reference, repeat if np.isinf(bound) else 1)
     return rows
 
@@ -203,7 +231,9 @@ def heyokas(heyoka: Any, problem: Problem, reference: np.ndarray, repeat: int) -
 def reference_of(heyoka: Any, problem: Problem) -> np.ndarray:
     """Return positions at impact as exact as can be had."""
     if heyoka is None:
-        return propagate(problem.position, problem.velocity, problem.duration, problem.forces, tolerance_m=1e-8)[0]
+        return propagate(
+            problem.position, problem.velocity, problem.duration, problem.forces, tolerance_m=1e-8
+        )[0]
     bound = np.inf if problem.beta is None else BOUND_S
     return heyoka_batch(heyoka, problem, 1e-18, bound)()
 
@@ -217,7 +247,9 @@ def imported(name: str) -> Any:
 
 
 def multiply_ns() -> float:
-    """Return the time a plain numpy multiplication takes an element, as a measure of how busy the machine is."""
+    """Return the time a plain numpy multiplication takes an element, as a measure of how busy the
+    machine is.
+    """
     a = np.ones(32768)
 
     def many() -> None:
@@ -257,24 +289,37 @@ def micro(value: float) -> str:
 def findings(rows: list[Row]) -> str:
     """Return the main results as a list."""
     own = [row for row in rows if row.tool.startswith("opir")]
-    share = max(row.error_m / float(row.asked.split()[0]) for row in own if not row.asked.startswith("1e-07"))
+    share = max(
+        row.error_m / float(row.asked.split()[0])
+        for row in own
+        if not row.asked.startswith("1e-07")
+    )
     batch = [row for row in own if "batch" in row.tool and row.asked == "0.0001 m"]
     times = " and ".join(f"{micro(row.us_an_arc)} µs per arc with {row.problem}" for row in batch)
     lines = [
-        f"- opir's error at impact is at most {share:.1f} times its tolerance, for tolerances down to 1e-6 m.",
+        (
+            f"- opir's error at impact is at most {share:.1f} times its tolerance, for tolerances down"
+            f" to 1e-6 m."
+        ),
         f"- A batch at a tolerance of 1e-4 m takes {times}.",
     ]
     fastest = [
-        min((r for r in rows if r.problem == name and r.error_m <= COMPARED_M), key=lambda row: row.us_an_arc)
+        min(
+            (r for r in rows if r.problem == name and r.error_m <= COMPARED_M),
+            key=lambda row: row.us_an_arc,
+        )
         for name in dict.fromkeys(row.problem for row in rows)
     ]
     winners = " and ".join(f"{r.tool} with {r.problem} ({micro(r.us_an_arc)} µs)" for r in fastest)
     lines.append(f"- The fastest for an error of at most 1 mm: {winners}.")
-    unbounded = [row for row in rows if row.tool.startswith("heyoka, batch") and row.problem == "J2 and drag"]
+    unbounded = [
+        row for row in rows if row.tool.startswith("heyoka, batch") and row.problem == "J2 and drag"
+    ]
     blind = min((row.error_m for row in unbounded if "largest step" not in row.tool), default=None)
     if blind is not None:
         lines.append(
-            "- A Taylor integrator needs a largest step with drag: without one it steps over the atmosphere. At every"
+            "- A Taylor integrator needs a largest step with drag: without one it steps over the"
+            " atmosphere. At every"
             f" tolerance it is {blind / 1e3:.0f} km off or more, and reports success."
         )
     return "\n".join(lines)
@@ -289,10 +334,16 @@ def write_plot(rows: list[Row], path: Path) -> None:
     from matplotlib import pyplot as plt
 
     names = list(dict.fromkeys(row.problem for row in rows))
-    figure, axes = plt.subplots(1, len(names), figsize=(11, 5.6), constrained_layout=True, sharey=True)
+    figure, axes = plt.subplots(
+        1, len(names), figsize=(11, 5.6), constrained_layout=True, sharey=True
+    )
     for axis, name in zip(np.atleast_1d(axes), names, strict=True):
         for tool in dict.fromkeys(row.tool for row in rows if row.problem == name):
-            points = [(row.us_an_arc, row.error_m) for row in rows if row.problem == name and row.tool == tool]
+            points = [
+                (row.us_an_arc, row.error_m)
+                for row in rows
+                if row.problem == name and row.tool == tool
+            ]
             style = "o-" if tool.startswith("opir") else ("s:" if "largest step" in tool else "^--")
             axis.plot(*zip(*points, strict=True), style, markersize=4, label=tool)
         axis.set(xscale="log", yscale="log", title=name, xlabel="processor time per arc, µs")
@@ -304,7 +355,9 @@ def write_plot(rows: list[Row], path: Path) -> None:
 
 def main() -> None:
     """Measure and print; write where asked."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--arcs", type=int, default=1000)
     parser.add_argument("--repeat", type=int, default=7)
     parser.add_argument("--write", type=Path)
@@ -331,7 +384,9 @@ def main() -> None:
             "longest": f"{minutes.max():.0f}",
             "singles": SINGLES,
             "bound": f"{BOUND_S:g}",
-            "reference": f"heyoka at 1e-18, with drag steps of at most {BOUND_S:g} s" if heyoka else "opir at 1e-8 m",
+            "reference": f"heyoka at 1e-18, with drag steps of at most {BOUND_S:g} s"
+            if heyoka
+            else "opir at 1e-8 m",
             "multiply_ns": f"{multiply_ns():.2f}",
         }
         write_csv(options.write / "propagation.csv", rows, facts)

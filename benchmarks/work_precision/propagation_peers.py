@@ -6,7 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
+from opir_core.constants import (
+    EARTH_ECCENTRICITY_SQUARED,
+    EARTH_EQUATORIAL_RADIUS_M,
+    EARTH_ROTATION_RAD_S,
+)
 from opir_core.flight import Forces
 from opir_core.flight.forces import ZonalField
 
@@ -31,7 +35,9 @@ class Problem(NamedTuple):
 
 
 def scalar_rates(beta: float | None) -> Callable[[float, Sequence[float]], list[float]]:
-    """Return the right side in plain Python, the fastest there is for one arc at a time without compiling."""
+    """Return the right side in plain Python, the fastest there is for one arc at a time without
+    compiling.
+    """
     mu = FIELD.mu_m3_s2
     oblateness = 1.5 * FIELD.j2 * FIELD.radius_m**2
     e2 = EARTH_ECCENTRICITY_SQUARED
@@ -69,7 +75,12 @@ def solved(part: Problem, method: str, bound: float, relative: float) -> np.ndar
     from scipy.integrate import solve_ivp
 
     ends = []
-    options = {"method": method, "rtol": max(relative, 3e-14), "atol": relative * SCALE, "max_step": bound}
+    options = {
+        "method": method,
+        "rtol": max(relative, 3e-14),
+        "atol": relative * SCALE,
+        "max_step": bound,
+    }
     for index, duration in enumerate(part.duration):
         rates = scalar_rates(None if part.beta is None else float(part.beta[index]))
         start = np.concatenate([part.position[index], part.velocity[index]])
@@ -103,12 +114,16 @@ def symbolic_system(heyoka: Any, with_drag: bool) -> list[Any]:
     return list(zip((x, y, z, vx, vy, vz), [vx, vy, vz, *acceleration], strict=True))
 
 
-def heyoka_batch(heyoka: Any, problem: Problem, tolerance: float, bound: float) -> Callable[[], np.ndarray]:
+def heyoka_batch(
+    heyoka: Any, problem: Problem, tolerance: float, bound: float
+) -> Callable[[], np.ndarray]:
     """Return a run of heyoka's batch integrator, eight arcs at a time, compiled already."""
     lanes = 8
     system = symbolic_system(heyoka, problem.beta is not None)
     parameters = {} if problem.beta is None else {"pars": np.ones((1, lanes))}
-    integrator = heyoka.taylor_adaptive_batch(system, np.zeros((6, lanes)), tol=tolerance, **parameters)
+    integrator = heyoka.taylor_adaptive_batch(
+        system, np.zeros((6, lanes)), tol=tolerance, **parameters
+    )
     states = np.concatenate([problem.position, problem.velocity], axis=1).T
     count = len(problem.duration)
 
@@ -128,10 +143,14 @@ def heyoka_batch(heyoka: Any, problem: Problem, tolerance: float, bound: float) 
     return run
 
 
-def heyoka_single(heyoka: Any, problem: Problem, tolerance: float, bound: float) -> Callable[[], np.ndarray]:
+def heyoka_single(
+    heyoka: Any, problem: Problem, tolerance: float, bound: float
+) -> Callable[[], np.ndarray]:
     """Return a run of heyoka's ordinary integrator, compiled already."""
     system = symbolic_system(heyoka, problem.beta is not None)
-    integrator = heyoka.taylor_adaptive(system, [0.0] * 6, tol=tolerance, pars=[] if problem.beta is None else [1.0])
+    integrator = heyoka.taylor_adaptive(
+        system, [0.0] * 6, tol=tolerance, pars=[] if problem.beta is None else [1.0]
+    )
     states = np.concatenate([problem.position, problem.velocity], axis=1)
 
     def run() -> np.ndarray:

@@ -1,4 +1,6 @@
-"""How work-precision benchmarks take times: of one core, medians, beside a plain multiplication for scale."""
+"""How work-precision benchmarks take times: of one core, medians, beside a plain multiplication for
+scale.
+"""
 
 import statistics
 import time
@@ -18,7 +20,9 @@ def median_s(action: Callable[[], object], repeat: int) -> float:
 
 
 def multiply_ns() -> float:
-    """Return the time a plain numpy multiplication takes an element, as a measure of how busy the machine is."""
+    """Return the time a plain numpy multiplication takes an element, as a measure of how busy the
+    machine is.
+    """
     a = np.ones(32768)
 
     def many() -> None:

@@ -1,11 +1,14 @@
-"""Tracking: run time against error over the bound, for `imm` at several cadences, Stone Soup and FilterPy.
+"""Tracking: run time against error over the bound, for `imm` at several cadences, Stone Soup and
+FilterPy.
 
-    python benchmarks/work_precision/tracking.py [--runs 100] [--peer-runs 4] [--raid-seconds 20] [--write FOLDER]
-    python benchmarks/work_precision/tracking.py --from-csv docs/benchmarks/tracking.csv
+    python benchmarks/work_precision/tracking.py [--runs 100] [--peer-runs 4] [--raid-seconds 20]
+    [--write FOLDER] python benchmarks/work_precision/tracking.py --from-csv
+    docs/benchmarks/tracking.csv
 
-The same detections for all, in one run. One target: two geostationary sensors at 10° E and 100° E, 10 looks a second
-each, 20 µrad, 300 s of free flight. A hundred targets: P_d 0.9, 20 clutter points a frame, tracks started from noisy
-truth, spread over 2000 km or crowded in 100 km. Processor time of one core. Peers that are not installed are left out.
+The same detections for all, in one run. One target: two geostationary sensors at 10° E and 100° E,
+10 looks a second each, 20 µrad, 300 s of free flight. A hundred targets: P_d 0.9, 20 clutter points
+a frame, tracks started from noisy truth, spread over 2000 km or crowded in 100 km. Processor time
+of one core. Peers that are not installed are left out.
 """
 
 import argparse
@@ -65,12 +68,16 @@ def coasted(case: Problem, cadence_s: float, burning: float = 0.0) -> tuple[np.n
         filter_ = evolve(filter_, boost_s=150.0, coast_s=1000.0)
     bank = first_bank(case.prior, burning)
     everything = known_sights(case.rays, case.target)
-    cuts = np.searchsorted(case.rays.time_s, np.arange(1, round(case.seconds / cadence_s) + 1) * cadence_s + 1e-9)
+    cuts = np.searchsorted(
+        case.rays.time_s, np.arange(1, round(case.seconds / cadence_s) + 1) * cadence_s + 1e-9
+    )
     start = time.process_time()
     before = 0
     for number, cut in enumerate(cuts, start=1):
         bank = filter_.predicted(bank, cadence_s)
-        bank = filter_.updated(bank, number * cadence_s, everything.take(slice(before, cut)), cadence_s)
+        bank = filter_.updated(
+            bank, number * cadence_s, everything.take(slice(before, cut)), cadence_s
+        )
         before = cut
     taken = time.process_time() - start
     return filter_.moments(bank)[0][:, :3], taken
@@ -79,7 +86,13 @@ def coasted(case: Problem, cadence_s: float, burning: float = 0.0) -> tuple[np.n
 def part_of(case: Problem, targets: int) -> Problem:
     """Return the problem of the first targets alone."""
     rows = np.flatnonzero((case.target >= 0) & (case.target < targets))
-    return Problem(case.rays.take(rows), case.target[rows], case.start[:targets], case.prior[:targets], case.seconds)
+    return Problem(
+        case.rays.take(rows),
+        case.target[rows],
+        case.start[:targets],
+        case.prior[:targets],
+        case.seconds,
+    )
 
 
 def single_of(case: Problem, target: int) -> Problem:
@@ -96,7 +109,9 @@ def single_of(case: Problem, target: int) -> Problem:
 
 def rmse_m(found: np.ndarray, case: Problem) -> float:
     """Return the root of the mean squared distance to the truth at the end."""
-    return float(np.sqrt(np.mean(np.sum((found - case.truth(float(case.seconds))[:, :3]) ** 2, axis=1))))
+    return float(
+        np.sqrt(np.mean(np.sum((found - case.truth(float(case.seconds))[:, :3]) ** 2, axis=1)))
+    )
 
 
 def single_lines(case: Problem, peer_runs: int) -> Iterator[Line]:
@@ -118,7 +133,12 @@ def single_lines(case: Problem, peer_runs: int) -> Iterator[Line]:
     both = rmse_m(coasted(case, 1.0, 0.5)[0], case) / bound
     yield Line("imm, boost and coast, 1 s", micro(1.0, 0.5), both, len(case.start))
     few = part_of(case, peer_runs)
-    yield Line("imm, coast, 1 s, same runs", micro(1.0), rmse_m(coasted(few, 1.0)[0], few) / bound, peer_runs)
+    yield Line(
+        "imm, coast, 1 s, same runs",
+        micro(1.0),
+        rmse_m(coasted(few, 1.0)[0], few) / bound,
+        peer_runs,
+    )
     ways: dict[str, Callable[[Problem], tuple[np.ndarray, float]]] = {
         "FilterPy EKF, two-body": peers.filterpy_filter,
         "Stone Soup EKF, two-body": lambda one: peers.stone_soup_filter(one, False),
@@ -128,15 +148,30 @@ def single_lines(case: Problem, peer_runs: int) -> Iterator[Line]:
         way = ways[name]
         reports = [way(single_of(case, target)) for target in range(peer_runs)]
         found = np.stack([state[:3] for state, _ in reports])
-        yield Line(name, 1e6 * min(taken for _, taken in reports) / looks, rmse_m(found, few) / bound, peer_runs)
+        yield Line(
+            name,
+            1e6 * min(taken for _, taken in reports) / looks,
+            rmse_m(found, few) / bound,
+            peer_runs,
+        )
 
 
 def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, np.ndarray]], float]:
-    """Return `imm`'s positions at the end of each slice, association unknown, and the seconds taken."""
-    sensors = tuple(stub_sensor(name, slot, detection_probability={"ICBM": CHANCE}) for name, slot in _SLOTS)
-    config = ImmConfig(motion="coast", coast_noise_m_s=0.0, false_alarms_per_sr=_density(case), **settings)
+    """Return `imm`'s positions at the end of each slice, association unknown, and the seconds
+    taken.
+    """
+    sensors = tuple(
+        stub_sensor(name, slot, detection_probability={"ICBM": CHANCE}) for name, slot in _SLOTS
+    )
+    config = ImmConfig(
+        motion="coast", coast_noise_m_s=0.0, false_alarms_per_sr=_density(case), **settings
+    )
     context = TrackerContext(
-        sensors=sensors, epoch_us=0, duration_s=float(case.seconds), forces="kepler", light_time=False
+        sensors=sensors,
+        epoch_us=0,
+        duration_s=float(case.seconds),
+        forces="kepler",
+        light_time=False,
     )
     tracking = ImmTracking.of(config, context)
     slice_s = config.slice_s
@@ -151,7 +186,13 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
         before = cut
         start = time.process_time()
         ahead = predict(tracking.models, now, end, rays)
-        now = update(tracking.models, now, ahead, associate(tracking.models, now, ahead), np.full(len(rays), -1))
+        now = update(
+            tracking.models,
+            now,
+            ahead,
+            associate(tracking.models, now, ahead),
+            np.full(len(rays), -1),
+        )
         taken += time.process_time() - start
         reports.append((end, tracking.models.filter.moments(now.estimates)[0][:, :3]))
     return reports, taken
@@ -166,22 +207,30 @@ def begun(tracking: ImmTracking, case: Problem) -> TrackerState:
     roster = evolve(TrackTable.fresh(number, 0.0, len(_SLOTS)), first_s=first_s, seen_s=first_s)
     prior = tracking.models.groups.prior
     motion = MotionStatistics.fresh(bank.likelier_position_m, 0.0, first_s, prior)
-    return evolve(tracking.start(), estimates=bank, table=roster, motion=motion, next_number=len(bank))
+    return evolve(
+        tracking.start(), estimates=bank, table=roster, motion=motion, next_number=len(bank)
+    )
 
 
 _SLOTS = (("WEST", 10.0), ("EAST", 100.0))
 
 
 def _density(case: Problem) -> float:
-    """Return clutter points a scan and sr, of the square they are drawn in as the first sensor sees it."""
+    """Return clutter points a scan and sr, of the square they are drawn in as the first sensor sees
+    it.
+    """
     width = 1.5 * np.ptp(case.start[:, :3] - case.start[:, :3].mean(axis=0), axis=0).max()
-    return float(CLUTTER / (width / np.linalg.norm(case.start[:, :3].mean(axis=0) - SENSORS_M[0])) ** 2)
+    return float(
+        CLUTTER / (width / np.linalg.norm(case.start[:, :3].mean(axis=0) - SENSORS_M[0])) ** 2
+    )
 
 
 def mean_gospa_m(case: Problem, reports: list[tuple[float, np.ndarray]]) -> float:
     """Return the GOSPA a target, over the last half of what was reported."""
     late = reports[len(reports) // 2 :]
-    scores = [gospa(found, case.truth(when)[:, :3], cutoff=CUTOFF_M).distance for when, found in late]
+    scores = [
+        gospa(found, case.truth(when)[:, :3], cutoff=CUTOFF_M).distance for when, found in late
+    ]
     return float(np.mean(scores) / np.sqrt(len(case.start)))
 
 
@@ -225,7 +274,9 @@ def raid_lines(case: Problem, first: bool, joint_peer: bool) -> Iterator[tuple[s
 
 
 def raid_lines_of(cases: list[Problem], joint_peer: bool) -> RaidLines:
-    """Return, by name, ms a frame and GOSPA a target for each seed of one scene of a hundred targets."""
+    """Return, by name, ms a frame and GOSPA a target for each seed of one scene of a hundred
+    targets.
+    """
     found: RaidLines = {}
     for number, case in enumerate(cases):
         for name, taken, score in raid_lines(case, number == 0, joint_peer):
@@ -235,7 +286,9 @@ def raid_lines_of(cases: list[Problem], joint_peer: bool) -> RaidLines:
 
 def chosen_runs() -> argparse.Namespace:
     """Return what the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--peer-runs", type=int, default=4)
     parser.add_argument("--seconds", type=int, default=300)
@@ -245,7 +298,9 @@ def chosen_runs() -> argparse.Namespace:
     parser.add_argument("--scene-runs", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
-    parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing")
+    parser.add_argument(
+        "--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing"
+    )
     return parser.parse_args()
 
 
@@ -263,7 +318,10 @@ def main() -> None:
 
     def raids(half_width_m: float) -> list[Problem]:
         seeds = range(chosen.seed, chosen.seed + chosen.raid_seeds)
-        return [made(chosen.raid_targets, chosen.raid_seconds, seed, half_width_m, CHANCE, CLUTTER) for seed in seeds]
+        return [
+            made(chosen.raid_targets, chosen.raid_seconds, seed, half_width_m, CHANCE, CLUTTER)
+            for seed in seeds
+        ]
 
     scenes = {"spread": raid_lines_of(raids(1e6), False), "raid": raid_lines_of(raids(5e4), True)}
     rows += raid_rows(scenes, chosen.raid_seconds)

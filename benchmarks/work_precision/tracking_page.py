@@ -103,16 +103,32 @@ def raid_rows(scenes: dict[str, RaidLines], duration_s: int) -> list[dict[str, s
     """Return the rows of the CSV file of scenes of a hundred targets, by name."""
     rows = []
     for scene, found in scenes.items():
-        stone = next((lines[0][0] for name, lines in found.items() if name.startswith("Stone Soup")), None)
+        stone = next(
+            (lines[0][0] for name, lines in found.items() if name.startswith("Stone Soup")), None
+        )
         for name, lines in found.items():
             taken = float(np.median([line[0] for line in lines]))
             scores = [line[1] for line in lines]
             figures = {"gospa_per_target_m": f"{np.median(scores):.0f}"}
             if np.isfinite(taken):
-                figures |= {"time_per_frame_ms": f"{taken:.2f}", "speed_over_stone_soup": _ratio(stone, taken)}
+                figures |= {
+                    "time_per_frame_ms": f"{taken:.2f}",
+                    "speed_over_stone_soup": _ratio(stone, taken),
+                }
             if len(scores) > 1:
-                figures |= {"gospa_least_m": f"{min(scores):.0f}", "gospa_largest_m": f"{max(scores):.0f}"}
-            rows.append(_row(scene=scene, tracker=name, duration_s=str(duration_s), runs=str(len(lines)), **figures))
+                figures |= {
+                    "gospa_least_m": f"{min(scores):.0f}",
+                    "gospa_largest_m": f"{max(scores):.0f}",
+                }
+            rows.append(
+                _row(
+                    scene=scene,
+                    tracker=name,
+                    duration_s=str(duration_s),
+                    runs=str(len(lines)),
+                    **figures,
+                )
+            )
     return rows
 
 
@@ -121,7 +137,9 @@ def _row(**cells: str) -> dict[str, str]:
 
 
 def _ratio(reference: float | None, value: float) -> str:
-    return times_faster(reference, value, 0 if reference is not None and reference / value >= 0.995 else 2)
+    return times_faster(
+        reference, value, 0 if reference is not None and reference / value >= 0.995 else 2
+    )
 
 
 def write_page(source: Path) -> None:
@@ -132,7 +150,9 @@ def write_page(source: Path) -> None:
     shown = [row for row in raid if row["tracker"] == SHOWN]
     runs = int(single[0]["runs"])
     page = PAGE.format(
-        single_faster=next(row for row in single if row["tracker"] == "imm, coast, 1 s")["speed_over_stone_soup"],
+        single_faster=next(row for row in single if row["tracker"] == "imm, coast, 1 s")[
+            "speed_over_stone_soup"
+        ],
         spread_faster=shown[0]["speed_over_stone_soup"],
         raid_faster=shown[-1]["speed_over_stone_soup"],
         duration=single[0]["duration_s"],
@@ -142,7 +162,9 @@ def write_page(source: Path) -> None:
         peer_runs=single[-1]["runs"],
         bound=single[0]["bound_m"],
         seeds=raid[0]["runs"],
-        known=" and ".join(dict.fromkeys(row["gospa_per_target_m"] for row in raid if not row["time_per_frame_ms"])),
+        known=" and ".join(
+            dict.fromkeys(row["gospa_per_target_m"] for row in raid if not row["time_per_frame_ms"])
+        ),
         left_out=left_out(rows),
         single=markdown_table(
             ("tracker, cadence", "µs per detection", "faster than Stone Soup EKF", "RMSE / bound"),
@@ -158,7 +180,13 @@ def write_page(source: Path) -> None:
             ],
         ),
         raid=markdown_table(
-            ("scene", "association", "ms per frame", "faster than Stone Soup GNN", "GOSPA per target, m"),
+            (
+                "scene",
+                "association",
+                "ms per frame",
+                "faster than Stone Soup GNN",
+                "GOSPA per target, m",
+            ),
             [
                 (
                     row["scene"],
@@ -168,7 +196,8 @@ def write_page(source: Path) -> None:
                     _spread(row),
                 )
                 for row in raid
-                if row["time_per_frame_ms"] and (not row["tracker"].startswith("imm") or row["tracker"] == SHOWN)
+                if row["time_per_frame_ms"]
+                and (not row["tracker"].startswith("imm") or row["tracker"] == SHOWN)
             ],
         ),
     )
@@ -185,7 +214,9 @@ SHOWN = "imm, slices of 1.0 s"
 def _spread(row: Row) -> str:
     least = row["gospa_least_m"]
     largest = row["gospa_largest_m"]
-    return f"{row['gospa_per_target_m']} [{least}, {largest}]" if least else row["gospa_per_target_m"]
+    return (
+        f"{row['gospa_per_target_m']} [{least}, {largest}]" if least else row["gospa_per_target_m"]
+    )
 
 
 #: What a line's name has in it, its marker and colour, and its name in the legend.

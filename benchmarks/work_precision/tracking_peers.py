@@ -1,18 +1,30 @@
-"""Stone Soup and FilterPy on the problems of tracking.py, as their users would put them together."""
+"""Stone Soup and FilterPy on the problems of tracking.py, as their users would put them
+together.
+"""
 
 import datetime
 import time
 from typing import Any
 
 import numpy as np
-from tracking_problems import CHANCE, CLUTTER, KEPLER, PRIOR_M, PRIOR_M_S, SENSORS_M, SIGMA_RAD, Problem
+from tracking_problems import (
+    CHANCE,
+    CLUTTER,
+    KEPLER,
+    PRIOR_M,
+    PRIOR_M_S,
+    SENSORS_M,
+    SIGMA_RAD,
+    Problem,
+)
 
 from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import COAST, Motion
 from opir_core.geometry import ecef_to_eci
 
 EPOCH = datetime.datetime(2026, 4, 1)
-#: Farther from the expected angles than 4.5 standard deviations of the prior and the noise together, rad.
+#: Farther from the expected angles than 4.5 standard deviations of the prior and the noise
+#: together, rad.
 _FARTHEST_RAD = 2e-4
 PRIOR = np.diag(np.repeat([PRIOR_M, PRIOR_M_S], 3) ** 2)
 MOTION = Motion(COAST, 0.0, KEPLER)
@@ -29,11 +41,15 @@ def two_body(state: np.ndarray, step_s: float) -> np.ndarray:
     first = rate(state)
     second = rate(state + 0.5 * step_s * first)
     third = rate(state + 0.5 * step_s * second)
-    return state + step_s / 6.0 * (first + 2.0 * second + 2.0 * third + rate(state + step_s * third))
+    return state + step_s / 6.0 * (
+        first + 2.0 * second + 2.0 * third + rate(state + step_s * third)
+    )
 
 
 def stone_soup_parts() -> tuple[Any, Any]:
-    """Return the two-body transition model, and a function that makes a measurement model at a sensor's place."""
+    """Return the two-body transition model, and a function that makes a measurement model at a
+    sensor's place.
+    """
     from stonesoup.models.measurement.nonlinear import CartesianToElevationBearing
     from stonesoup.models.transition.base import TransitionModel
     from stonesoup.models.transition.nonlinear import GaussianTransitionModel
@@ -44,7 +60,9 @@ def stone_soup_parts() -> tuple[Any, Any]:
         def ndim_state(self) -> int:
             return 6
 
-        def function(self, state: Any, noise: Any = False, time_interval: Any = None, **_: Any) -> Any:
+        def function(
+            self, state: Any, noise: Any = False, time_interval: Any = None, **_: Any
+        ) -> Any:
             step_s = time_interval.total_seconds()
             columns = np.asarray(state.state_vector, dtype=float).reshape(6, -1)
             moved = np.stack([two_body(column, step_s) for column in columns.T], axis=1)
@@ -69,7 +87,9 @@ def stone_soup_parts() -> tuple[Any, Any]:
 
 
 def stone_soup_frames(case: Problem) -> list[tuple[Any, set[Any], list[Any]]]:
-    """Return each frame's time and detections; angles are elevation and bearing in the inertial axes."""
+    """Return each frame's time and detections; angles are elevation and bearing in the inertial
+    axes.
+    """
     from stonesoup.types.angle import Bearing, Elevation
     from stonesoup.types.array import StateVector
     from stonesoup.types.detection import Detection
@@ -108,12 +128,16 @@ def stone_soup_filter(case: Problem, unscented: bool) -> tuple[np.ndarray, float
     state: Any = GaussianState(case.prior[0], PRIOR, timestamp=EPOCH)
     start = time.process_time()
     for when, _, reports in frames:
-        state = updater.update(SingleHypothesis(predictor.predict(state, timestamp=when), reports[0]))
+        state = updater.update(
+            SingleHypothesis(predictor.predict(state, timestamp=when), reports[0])
+        )
     return np.asarray(state.state_vector, dtype=float).ravel(), time.process_time() - start
 
 
 def filterpy_filter(case: Problem) -> tuple[np.ndarray, float]:
-    """Return the state at the end of a single target's looks with FilterPy's EKF, and the seconds taken."""
+    """Return the state at the end of a single target's looks with FilterPy's EKF, and the seconds
+    taken.
+    """
     from filterpy.kalman import ExtendedKalmanFilter
 
     class TwoBody(ExtendedKalmanFilter):
@@ -136,11 +160,15 @@ def filterpy_filter(case: Problem) -> tuple[np.ndarray, float]:
         one.predict()
         before = when
 
-        def seen(state: np.ndarray, origin: np.ndarray = origin, frame: np.ndarray = frame) -> np.ndarray:
+        def seen(
+            state: np.ndarray, origin: np.ndarray = origin, frame: np.ndarray = frame
+        ) -> np.ndarray:
             local = frame @ (state[:3] - origin)
             return local[:2] / local[2]
 
-        def slope(state: np.ndarray, origin: np.ndarray = origin, frame: np.ndarray = frame) -> np.ndarray:
+        def slope(
+            state: np.ndarray, origin: np.ndarray = origin, frame: np.ndarray = frame
+        ) -> np.ndarray:
             local = frame @ (state[:3] - origin)
             part = (frame[:2] - (local[:2] / local[2])[:, None] * frame[2]) / local[2]
             return np.concatenate([part, np.zeros((2, 3))], axis=1)
@@ -160,15 +188,25 @@ def stone_soup_associator(way: str, predictor: Any, updater: Any, solid_angle_sr
     if way == "joint":
         density = CLUTTER / solid_angle_sr
         guess = PDAHypothesiser(
-            predictor, updater, clutter_spatial_density=density, prob_detect=CHANCE, prob_gate=0.9999
+            predictor,
+            updater,
+            clutter_spatial_density=density,
+            prob_detect=CHANCE,
+            prob_gate=0.9999,
         )
         return JPDAwithEHM2(guess)
     distance = DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=4.5)
-    return DetectionKDTreeGNN2D(hypothesiser=distance, predictor=predictor, updater=updater, max_distance=_FARTHEST_RAD)
+    return DetectionKDTreeGNN2D(
+        hypothesiser=distance, predictor=predictor, updater=updater, max_distance=_FARTHEST_RAD
+    )
 
 
-def stone_soup_raid(case: Problem, way: str, solid_angle_sr: float) -> tuple[list[tuple[float, np.ndarray]], float]:
-    """Return the positions at each frame's time, and the seconds taken, of `nearest` or `joint` association."""
+def stone_soup_raid(
+    case: Problem, way: str, solid_angle_sr: float
+) -> tuple[list[tuple[float, np.ndarray]], float]:
+    """Return the positions at each frame's time, and the seconds taken, of `nearest` or `joint`
+    association.
+    """
     from stonesoup.predictor.kalman import ExtendedKalmanPredictor
     from stonesoup.types.state import GaussianState
     from stonesoup.types.track import Track
@@ -186,9 +224,13 @@ def stone_soup_raid(case: Problem, way: str, solid_angle_sr: float) -> tuple[lis
         start = time.process_time()
         found = associator.associate(set(tracks), detections, when)
         for track in tracks:
-            track.append(blended(found[track], updater) if way == "joint" else single(found[track], updater))
+            track.append(
+                blended(found[track], updater) if way == "joint" else single(found[track], updater)
+            )
         seconds += time.process_time() - start
-        place = np.stack([np.asarray(track.state_vector[:3], dtype=float).ravel() for track in tracks])
+        place = np.stack(
+            [np.asarray(track.state_vector[:3], dtype=float).ravel() for track in tracks]
+        )
         reports.append(((when - EPOCH).total_seconds(), place))
     return reports, seconds
 
@@ -199,7 +241,9 @@ def single(hypothesis: Any, updater: Any) -> Any:
 
 
 def blended(hypotheses: Any, updater: Any) -> Any:
-    """Return the state after all hypotheses, by first and second moments, as in Stone Soup's own JPDA tutorial."""
+    """Return the state after all hypotheses, by first and second moments, as in Stone Soup's own
+    JPDA tutorial.
+    """
     from stonesoup.functions import gm_reduce_single
     from stonesoup.types.array import StateVectors
     from stonesoup.types.update import GaussianStateUpdate

@@ -1,4 +1,6 @@
-"""The problems of tracking.py: targets in free flight seen by two geostationary sensors, as columns of rays."""
+"""The problems of tracking.py: targets in free flight seen by two geostationary sensors, as columns
+of rays.
+"""
 
 from typing import NamedTuple
 
@@ -24,7 +26,9 @@ SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians(
 
 
 class Problem(NamedTuple):
-    """Rays in order of time, whose each is (-1 for clutter), the true states at time 0 and the noisy prior means."""
+    """Rays in order of time, whose each is (-1 for clutter), the true states at time 0 and the
+    noisy prior means.
+    """
 
     rays: LinesOfSight
     target: np.ndarray
@@ -38,14 +42,24 @@ class Problem(NamedTuple):
         return np.concatenate(propagate_kepler(self.start[:, :3], self.start[:, 3:], when), axis=1)
 
 
-def problem(targets: int, seconds: int, seed: int, half_width_m: float, chance: float, clutter: int) -> Problem:
+def problem(
+    targets: int, seconds: int, seed: int, half_width_m: float, chance: float, clutter: int
+) -> Problem:
     """Return targets about one place, in a square of twice the half width, on like paths."""
     rng = np.random.default_rng(seed)
     latitude, longitude = np.radians([35.0, 55.0])
-    up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
+    up = np.array(
+        [
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ]
+    )
     east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
     north = np.cross(up, east)
-    place = 6578137.0 * up + rng.uniform(-half_width_m, half_width_m, (targets, 2)) @ np.stack([east, north])
+    place = 6578137.0 * up + rng.uniform(-half_width_m, half_width_m, (targets, 2)) @ np.stack(
+        [east, north]
+    )
     speed = 3000.0 * up + 4500.0 * north + 30.0 * rng.normal(size=(targets, 3))
     start = np.concatenate([place, speed], axis=1)
     noise = rng.normal(size=start.shape) * np.repeat([PRIOR_M, PRIOR_M_S], 3)
@@ -57,16 +71,20 @@ def problem(targets: int, seconds: int, seed: int, half_width_m: float, chance: 
             seen = np.flatnonzero(rng.random(targets) < chance)
             when = np.full(targets, time_s)
             position = propagate_kepler(start[:, :3], start[:, 3:], when)[0]
-            stray = position.mean(axis=0) + 1.5 * rng.uniform(-half_width_m, half_width_m, (clutter, 2)) @ np.stack(
-                [east, north]
-            )
+            stray = position.mean(axis=0) + 1.5 * rng.uniform(
+                -half_width_m, half_width_m, (clutter, 2)
+            ) @ np.stack([east, north])
             points = np.concatenate([position[seen], stray])
             parts.append(frame(points, time_s, sensor, look, rng))
             whose.append(np.concatenate([seen, np.full(clutter, -1)]))
-    return Problem(LinesOfSight.concatenate(parts), np.concatenate(whose), start, start + noise, seconds)
+    return Problem(
+        LinesOfSight.concatenate(parts), np.concatenate(whose), start, start + noise, seconds
+    )
 
 
-def frame(points: np.ndarray, time_s: float, sensor: int, look: int, rng: np.random.Generator) -> LinesOfSight:
+def frame(
+    points: np.ndarray, time_s: float, sensor: int, look: int, rng: np.random.Generator
+) -> LinesOfSight:
     """Return what one sensor measures of points at one time."""
     count = len(points)
     apart = points - ecef_to_eci(SENSORS_M[sensor], time_s)
@@ -96,7 +114,9 @@ def first_bank(prior: np.ndarray, burning: float = 0.0) -> ModeEstimates:
     root = np.tile(np.diag(1.0 / sigma), (count, 1, 1))
     mean = np.concatenate([prior, np.zeros((count, 6))], axis=1)
     weight = np.tile([burning, 1.0 - burning], (count, 1))
-    return ModeEstimates(weight, mean, root, prior.copy(), root[:, :COAST, :COAST].copy(), np.ones((count, 3)))
+    return ModeEstimates(
+        weight, mean, root, prior.copy(), root[:, :COAST, :COAST].copy(), np.ones((count, 3))
+    )
 
 
 def known_sights(rays: LinesOfSight, track: np.ndarray) -> AngleMeasurements:
@@ -104,11 +124,14 @@ def known_sights(rays: LinesOfSight, track: np.ndarray) -> AngleMeasurements:
     origin = earth_rotated(rays.origin_ecef_m, rays.time_s)
     direction = earth_rotated(rays.direction_ecef, rays.time_s)
     whitener = np.eye(2) / rays.sigma_rad[:, None, None]
-    return AngleMeasurements(track, rays.time_s, origin, tangent_axes(direction), np.zeros((len(rays), 2)), whitener)
+    return AngleMeasurements(
+        track, rays.time_s, origin, tangent_axes(direction), np.zeros((len(rays), 2)), whitener
+    )
 
 
 def bound_m(case: Problem) -> np.ndarray:
-    """Return the Cramér-Rao bound (n,) on the position error at the end, all axes together, association known.
+    """Return the Cramér-Rao bound (n,) on the position error at the end, all axes together,
+    association known.
 
     Looks are linearised at the truth; the motion is free of noise.
     """

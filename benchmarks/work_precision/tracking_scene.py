@@ -1,11 +1,13 @@
-"""Every tracker on one scene: run time against error over the bound, of the core's trackers and of peers.
+"""Every tracker on one scene: run time against error over the bound, of the core's trackers and of
+peers.
 
-    python benchmarks/work_precision/tracking_scene.py [--runs 5] [--only TRACKER ...] [--write FOLDER]
-    python benchmarks/work_precision/tracking_scene.py --from-csv docs/benchmarks/tracking_scene.csv
+    python benchmarks/work_precision/tracking_scene.py [--runs 5] [--only TRACKER ...] [--write
+    FOLDER] python benchmarks/work_precision/tracking_scene.py --from-csv
+    docs/benchmarks/tracking_scene.csv
 
-The same detections for all, seed by seed, in one run. FilterPy is a filter and no tracker: it gets the true
-association. One ICBM in boost, two SBIRS-GEO. Processor time of one core, of the tracker alone. Peers that are not
-installed are left out. `tracking.py` runs it too.
+The same detections for all, seed by seed, in one run. FilterPy is a filter and no tracker: it gets
+the true association. One ICBM in boost, two SBIRS-GEO. Processor time of one core, of the tracker
+alone. Peers that are not installed are left out. `tracking.py` runs it too.
 """
 
 import argparse
@@ -33,7 +35,8 @@ from opir_core.planning.plan import Plan, compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 
-#: Errors count from here to the end, s since ignition: from when directions of both sensors tell the place.
+#: Errors count from here to the end, s since ignition: from when directions of both sensors tell
+#: the place.
 FROM_S = 40.0
 END_S = 120.0
 
@@ -65,13 +68,20 @@ TRACKERS = {
     "imm, 5 s": {"model": "imm", "cadence_s": 5.0, "slice_s": 5.0},
     "Stone Soup EKF, acceleration, 1 s": {"model": "stonesoup"},
     "Stone Soup EKF, jerk, 1 s": {"model": "stonesoup", "motion": "jerk", "noise": 0.3},
-    "Stone Soup UKF, jerk, 1 s": {"model": "stonesoup", "filter": "ukf", "motion": "jerk", "noise": 0.3},
+    "Stone Soup UKF, jerk, 1 s": {
+        "model": "stonesoup",
+        "filter": "ukf",
+        "motion": "jerk",
+        "noise": 0.3,
+    },
     "FilterPy EKF, acceleration, true association, 1 s": None,
 }
 
 
 class Ratios(NamedTuple):
-    """RMSE over the bound with the thrust known, and over that with the thrust unknown with its 95 % interval."""
+    """RMSE over the bound with the thrust known, and over that with the thrust unknown with its 95
+    % interval.
+    """
 
     known: float
     unknown: float
@@ -117,15 +127,26 @@ def line_of(name: str, runs: int) -> Line:
     every = every.take(late)
     run_of = run_of[late]
     position = ratios(every.position_m, every.position_bound_m, every.position_free_bound_m, run_of)
-    velocity = ratios(every.velocity_m_s, every.velocity_bound_m_s, every.velocity_free_bound_m_s, run_of)
-    return Line(name, 1e6 * seconds / detections, 1e6 * seconds / max(updates, 1), position, velocity, detections)
+    velocity = ratios(
+        every.velocity_m_s, every.velocity_bound_m_s, every.velocity_free_bound_m_s, run_of
+    )
+    return Line(
+        name,
+        1e6 * seconds / detections,
+        1e6 * seconds / max(updates, 1),
+        position,
+        velocity,
+        detections,
+    )
 
 
 def ratios(error: np.ndarray, known: np.ndarray, unknown: np.ndarray, run: np.ndarray) -> Ratios:
     """Return errors over bounds, with the interval over runs."""
     value, low, high = root_mean_square(error, run)
     bound = float(np.sqrt(np.mean(unknown**2)))
-    return Ratios(value / float(np.sqrt(np.mean(known**2))), value / bound, low / bound, high / bound)
+    return Ratios(
+        value / float(np.sqrt(np.mean(known**2))), value / bound, low / bound, high / bound
+    )
 
 
 def lines(runs: int, only: Sequence[str] = ()) -> Iterator[Line]:
@@ -139,11 +160,17 @@ def lines(runs: int, only: Sequence[str] = ()) -> Iterator[Line]:
 
 def csv_rows(found: list[Line], runs: int) -> list[dict[str, str]]:
     """Return the rows of the CSV file."""
-    stone = next((line.detection_us for line in found if line.name.startswith("Stone Soup EKF")), None)
+    stone = next(
+        (line.detection_us for line in found if line.name.startswith("Stone Soup EKF")), None
+    )
     rows = []
     for line in found:
         row = {"tracker": line.name, "runs": str(runs), "first_seed": str(SCENE["seed"])}
-        row |= {"duration_s": f"{END_S:g}", "errors_from_s": f"{FROM_S:g}", "detections": str(line.detections)}
+        row |= {
+            "duration_s": f"{END_S:g}",
+            "errors_from_s": f"{FROM_S:g}",
+            "detections": str(line.detections),
+        }
         row |= {
             "time_per_detection_us": f"{line.detection_us:.1f}",
             "time_per_track_update_us": f"{line.update_us:.0f}",
@@ -151,8 +178,14 @@ def csv_rows(found: list[Line], runs: int) -> list[dict[str, str]]:
         row["speed_over_stone_soup"] = times_faster(stone, line.detection_us, 1)
         for what, ratio in (("position", line.position), ("velocity", line.velocity)):
             unknown = f"{what}_rmse_over_bound_thrust_unknown"
-            row |= {f"{what}_rmse_over_bound_thrust_known": f"{ratio.known:.2f}", unknown: f"{ratio.unknown:.2f}"}
-            row |= {f"{unknown}_low95": f"{ratio.low:.2f}", f"{unknown}_high95": f"{ratio.high:.2f}"}
+            row |= {
+                f"{what}_rmse_over_bound_thrust_known": f"{ratio.known:.2f}",
+                unknown: f"{ratio.unknown:.2f}",
+            }
+            row |= {
+                f"{unknown}_low95": f"{ratio.low:.2f}",
+                f"{unknown}_high95": f"{ratio.high:.2f}",
+            }
         rows.append(row)
     return rows
 
@@ -169,11 +202,17 @@ def written(runs: int, folder: Path | None, only: Sequence[str] = ()) -> None:
 
 def main() -> None:
     """Run everything and write the results, or redraw page and plot from a CSV file."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--only", nargs="+", choices=tuple(TRACKERS), default=(), help="these trackers")
+    parser.add_argument(
+        "--only", nargs="+", choices=tuple(TRACKERS), default=(), help="these trackers"
+    )
     parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
-    parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing")
+    parser.add_argument(
+        "--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing"
+    )
     chosen = parser.parse_args()
     if chosen.from_csv:
         write_page(chosen.from_csv)

@@ -63,7 +63,9 @@ def write_page(source: Path) -> None:
     page = PAGE.format(
         left_out=left_out(rows),
         table=markdown_table(HEAD, [cells(row) for row in rows if row["tracker"] not in UNSHOWN]),
-        faster=next((row["speed_over_stone_soup"] for row in rows if row["tracker"] == "imm, 1 s"), "–"),
+        faster=next(
+            (row["speed_over_stone_soup"] for row in rows if row["tracker"] == "imm, 1 s"), "–"
+        ),
         detections=first["detections"],
         runs=runs,
         duration=first["duration_s"],
@@ -104,7 +106,9 @@ def plot(rows: list[dict[str, str]], path: Path) -> None:
             axes.set_ylabel(f"{what} RMSE / bound, thrust unknown")
             axes.set_xlabel("µs per detection")
             axes.grid(alpha=0.3)
-        figure.legend(*pair[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+        figure.legend(
+            *pair[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
+        )
 
 
 def draw(axes: Any, rows: list[dict[str, str]], name: str) -> None:
@@ -115,5 +119,9 @@ def draw(axes: Any, rows: list[dict[str, str]], name: str) -> None:
         mine = [row for row in rows if row["tracker"].startswith(begin)]
         for row, marker in zip(mine, markers, strict=False):
             place = number(row["time_per_detection_us"])
-            axes.plot((place, place), (number(row[f"{name}_low95"]), number(row[f"{name}_high95"])), color=colour)
+            axes.plot(
+                (place, place),
+                (number(row[f"{name}_low95"]), number(row[f"{name}_high95"])),
+                color=colour,
+            )
             axes.plot(place, number(row[name]), marker, color=colour, label=row["tracker"])

@@ -1,7 +1,7 @@
 """What finding plugins costs: reading metadata files directly, against asking `importlib.metadata`.
 
-Each way is timed in fresh interpreters that have imported what every run imports anyway; medians are printed. It
-settled why `opir_core/host/discovery.py` reads directories itself.
+Each way is timed in fresh interpreters that have imported what every run imports anyway; medians
+are printed. It settled why `opir_core/host/discovery.py` reads directories itself.
 """
 
 import json
@@ -15,10 +15,12 @@ BEFORE = "import sys, time; import numpy, pluggy, attrs, cattrs, yaml, msgspec, 
 
 WAYS = {
     "importlib.metadata": (
-        "from importlib.metadata import entry_points; entry_points(group='opir'); entry_points(group='opir.components')"
+        "from importlib.metadata import entry_points; entry_points(group='opir');"
+        " entry_points(group='opir.components')"
     ),
     "metadata files": (
-        "from opir_core.host.discovery import distributions_with; distributions_with(('opir', 'opir.components'))"
+        "from opir_core.host.discovery import distributions_with; distributions_with(('opir',"
+        " 'opir.components'))"
     ),
 }
 
@@ -37,4 +39,6 @@ def cost(way: str) -> tuple[float, int]:
 
 for name, way in WAYS.items():
     results = [cost(way) for _ in range(ROUNDS)]
-    print(f"{name}: {statistics.median(time for time, _ in results):.1f} ms, {results[0][1]} modules")
+    print(
+        f"{name}: {statistics.median(time for time, _ in results):.1f} ms, {results[0][1]} modules"
+    )

@@ -2,10 +2,10 @@
 
     python docs/design/gate_nodes.py
 
-Random rules of one and two gates, thresholds, slopes and signals, those on which the rules' edges lie foremost. A
-panel's width is its length over the scale on which its integrand bends, 1 / sqrt(1 + sum of squared slopes). Printed
-is, for each number of nodes, the width up to which no panel's integral is further than 1e-11 from that of 96 nodes:
-`WIDTHS` stays below.
+Random rules of one and two gates, thresholds, slopes and signals, those on which the rules' edges
+lie foremost. A panel's width is its length over the scale on which its integrand bends, 1 / sqrt(1
++ sum of squared slopes). Printed is, for each number of nodes, the width up to which no panel's
+integral is further than 1e-11 from that of 96 nodes: `WIDTHS` stays below.
 """
 
 import numpy as np
@@ -29,13 +29,17 @@ def random_rule(rng: np.random.Generator, others: int) -> RatioGates:
 
 def random_looks(rng: np.random.Generator, rule: RatioGates) -> tuple[np.ndarray, np.ndarray]:
     """Return signals and noise of looks, most of them on an edge of a gate."""
-    reference = rule.threshold + np.exp(rng.uniform(-2.0, 4.0, LOOKS)) - rng.uniform(0.0, 7.0, LOOKS)
+    reference = (
+        rule.threshold + np.exp(rng.uniform(-2.0, 4.0, LOOKS)) - rng.uniform(0.0, 7.0, LOOKS)
+    )
     noise = np.exp(rng.uniform(-1.0, 1.0, (LOOKS, len(rule.lower))))
     snr = np.tile(np.maximum(reference, 0.0)[:, None], len(rule.lower))
     for band in rule.others:
         steep = noise[:, 0] / noise[:, band]
         edges = [np.full(LOOKS, rule.coincidence), rule.lower[band] * steep * reference]
-        edges.append(rule.upper[band] * steep * reference if np.isfinite(rule.upper[band]) else edges[1])
+        edges.append(
+            rule.upper[band] * steep * reference if np.isfinite(rule.upper[band]) else edges[1]
+        )
         chosen = np.array(edges)[rng.integers(0, 3, LOOKS), np.arange(LOOKS)]
         snr[:, band] = np.maximum(chosen + rng.normal(0.0, 3.0, LOOKS), 0.0)
     return snr, noise
@@ -62,7 +66,9 @@ def main() -> None:
         panels = gate_integrals.panels_of(gate_integrals.looks_of(rule, snr, noise, near))
         exact = integrals(rule, panels, 96)
         widths.append(panels.width)
-        errors.append([np.abs(integrals(rule, panels, count) - exact) for count in gate_integrals.NODES])
+        errors.append(
+            [np.abs(integrals(rule, panels, count) - exact) for count in gate_integrals.NODES]
+        )
     width = np.concatenate(widths)
     error = np.concatenate(errors, axis=1)
     print(f"{len(width)} panels, the widest {width.max():.1f}")

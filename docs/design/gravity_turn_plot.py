@@ -1,4 +1,6 @@
-"""Height and speed against time of the preset stagings: the picture of the page `explanation/gravity-turn.md`."""
+"""Height and speed against time of the preset stagings: the picture of the page
+`explanation/gravity-turn.md`.
+"""
 
 from pathlib import Path
 
@@ -16,7 +18,14 @@ from matplotlib import pyplot  # noqa: E402
 PICTURE = Path(__file__).parents[1] / "explanation" / "gravity-turn.svg"
 
 #: Staging and range of each curve, km.
-SHOWN = {"SRBM": 300.0, "MRBM": 1300.0, "IRBM": 4000.0, "SLBM": 8000.0, "ICBM_solid": 10000.0, "ICBM_liquid": 10000.0}
+SHOWN = {
+    "SRBM": 300.0,
+    "MRBM": 1300.0,
+    "IRBM": 4000.0,
+    "SLBM": 8000.0,
+    "ICBM_solid": 10000.0,
+    "ICBM_liquid": 10000.0,
+}
 
 
 def main() -> None:
@@ -24,7 +33,9 @@ def main() -> None:
     count = len(SHOWN)
     latitude = np.full(count, np.radians(40.0))
     zero = np.zeros(count)
-    end = geodesic_direct(latitude, zero, np.full(count, 0.5 * np.pi), np.array(list(SHOWN.values())) * 1e3)
+    end = geodesic_direct(
+        latitude, zero, np.full(count, 0.5 * np.pi), np.array(list(SHOWN.values())) * 1e3
+    )
     aim = Geodetic(np.asarray(end.latitude_rad), np.asarray(end.longitude_rad), zero)
     chosen = [stagings()[name] for name in SHOWN]
     flights = staged_flights(Geodetic(latitude, zero, zero), aim, zero, chosen, zero, zero)
@@ -49,7 +60,11 @@ def curve(flights: StagedFlights, row: int) -> tuple[np.ndarray, np.ndarray, np.
     """Return times, heights and speeds of a boost."""
     time_s = np.linspace(0.0, float(flights.burnout_s[row]), 200)
     position, velocity = flights.state(np.full(200, row), time_s)
-    return time_s, ecef_to_geodetic(position).height_m / 1e3, np.sqrt((velocity**2).sum(axis=1)) / 1e3
+    return (
+        time_s,
+        ecef_to_geodetic(position).height_m / 1e3,
+        np.sqrt((velocity**2).sum(axis=1)) / 1e3,
+    )
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
-"""Iterated or unscented: how consistent is the first second of a track, by the way its looks are taken in?
+"""Iterated or unscented: how consistent is the first second of a track, by the way its looks are
+taken in?
 
     python docs/design/iterated_update.py [--runs 2000]
 
-A target known to 20 km, two or one sensors in geostationary or low places, one second of ten looks a sensor at 20 µrad.
-ANEES of the position (1 is right) and the share inside the 95 % region after one, two and four linearisations and after
-an unscented update of all looks at once. What it settled: from a geostationary place all are alike; from a low one only
-relinearising is consistent, twice is enough, and the unscented update fails as one linearisation does.
+A target known to 20 km, two or one sensors in geostationary or low places, one second of ten looks
+a sensor at 20 µrad. ANEES of the position (1 is right) and the share inside the 95 % region after
+one, two and four linearisations and after an unscented update of all looks at once. What it
+settled: from a geostationary place all are alike; from a low one only relinearising is consistent,
+twice is enough, and the unscented update fails as one linearisation does.
 """
 
 import argparse
@@ -34,20 +36,28 @@ REGION = 7.814727903251179
 Way = Callable[[np.ndarray, AngleMeasurements], tuple[np.ndarray, np.ndarray]]
 
 
-def sights_of(target: np.ndarray, sensors: np.ndarray, rng: np.random.Generator) -> AngleMeasurements:
+def sights_of(
+    target: np.ndarray, sensors: np.ndarray, rng: np.random.Generator
+) -> AngleMeasurements:
     """Return a second of looks at one target, at times up to 0."""
     time_s = np.repeat(-np.arange(LOOKS) / LOOKS, len(sensors))
     origin = np.tile(sensors, (LOOKS, 1))
     motion = Motion(COAST, 0.0, KEPLER)
-    place = taylor_positions(np.repeat(motion.taylor(target[None]), len(time_s), axis=0), taylor_weights(time_s))
+    place = taylor_positions(
+        np.repeat(motion.taylor(target[None]), len(time_s), axis=0), taylor_weights(time_s)
+    )
     apart = place - origin
     axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
     seen = SIGMA_RAD * rng.normal(size=(len(time_s), 2))
     whitener = np.tile(np.eye(2) / SIGMA_RAD, (len(time_s), 1, 1))
-    return AngleMeasurements(np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener)
+    return AngleMeasurements(
+        np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener
+    )
 
 
-def linearised(mean: np.ndarray, sights: AngleMeasurements, rounds: int) -> tuple[np.ndarray, np.ndarray]:
+def linearised(
+    mean: np.ndarray, sights: AngleMeasurements, rounds: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate after a number of linearisations."""
     motion = Motion(COAST, 0.0, KEPLER)
     point = mean[None]
@@ -62,10 +72,14 @@ def once_more(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the update linearised at a point."""
     weight = taylor_weights(sights.time_s)
-    residual, slope = sights.residuals(taylor_positions(np.repeat(motion.taylor(point), len(sights), axis=0), weight))
+    residual, slope = sights.residuals(
+        taylor_positions(np.repeat(motion.taylor(point), len(sights), axis=0), weight)
+    )
     rows = (slope[:, :, None, :] * weight[:, None, :2, None]).reshape(-1, COAST)
     whole = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)[None]
-    upper, step, _ = measurement_update(root, np.sum(root * (mean - point)[:, None, :], axis=2), whole)
+    upper, step, _ = measurement_update(
+        root, np.sum(root * (mean - point)[:, None, :], axis=2), whole
+    )
     return point + step, upper
 
 
@@ -81,7 +95,9 @@ def unscented(mean: np.ndarray, sights: AngleMeasurements) -> tuple[np.ndarray, 
     seen = []
     for point in points:
         path = np.repeat(motion.taylor(point[None]), len(sights), axis=0)
-        seen.append(-sights.residuals(taylor_positions(path, taylor_weights(sights.time_s)))[0].ravel())
+        seen.append(
+            -sights.residuals(taylor_positions(path, taylor_weights(sights.time_s)))[0].ravel()
+        )
     answers = np.array(seen)
     center = share @ answers
     spread = (answers - center).T @ ((answers - center) * share[:, None]) + np.eye(answers.shape[1])
@@ -93,7 +109,9 @@ def unscented(mean: np.ndarray, sights: AngleMeasurements) -> tuple[np.ndarray, 
 
 def main() -> None:
     """Print consistency by way of update and number of sensors."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=2000)
     runs = parser.parse_args().runs
     ways = {
@@ -109,7 +127,9 @@ def main() -> None:
 
 
 def consistency(way: Way, sensors: np.ndarray, runs: int) -> str:
-    """Return ANEES of the position, the share inside the 95 % region and how many covariances were not definite."""
+    """Return ANEES of the position, the share inside the 95 % region and how many covariances were
+    not definite.
+    """
     rng = np.random.default_rng(5)
     found = []
     failed = 0
@@ -120,7 +140,9 @@ def consistency(way: Way, sensors: np.ndarray, runs: int) -> str:
         failed += int(np.linalg.eigvalsh(covariance)[0] <= 0.0)
         found.append(error @ np.linalg.solve(covariance[:3, :3], error))
     nees = np.array(found)
-    return f"ANEES {nees.mean() / 3:9.3f}  in 95 %: {np.mean(nees < REGION):.3f}  indefinite: {failed}"
+    return (
+        f"ANEES {nees.mean() / 3:9.3f}  in 95 %: {np.mean(nees < REGION):.3f}  indefinite: {failed}"
+    )
 
 
 if __name__ == "__main__":

@@ -1,20 +1,28 @@
-"""How far a curve through five knots may be from a line with one bend that its knots do not show, of the tolerance.
+"""How far a curve through five knots may be from a line with one bend that its knots do not show,
+of the tolerance.
 
     python docs/design/knots_judged.py
 
 `opir_core.simulation.refinement` judges a piece by how far its second and fourth knots are off the
-parabola through the others, and the half of a piece by how far they are off the curve through the whole one's knots. A
-bend that is in no model may stand anywhere between the knots; it may be one of the slope, or of the curvature, or a
-jump. Printed is the largest true error, anywhere on the piece and over all places of the bend, as a share of the
-tolerance, of pieces that both terms just let pass (`THIRD_SHARE`, `FOURTH_SHARE`), and of halves whose new knots were
-just predicted (`MISSED_SHARE`).
+parabola through the others, and the half of a piece by how far they are off the curve through the
+whole one's knots. A bend that is in no model may stand anywhere between the knots; it may be one of
+the slope, or of the curvature, or a jump. Printed is the largest true error, anywhere on the piece
+and over all places of the bend, as a share of the tolerance, of pieces that both terms just let
+pass (`THIRD_SHARE`, `FOURTH_SHARE`), and of halves whose new knots were just predicted
+(`MISSED_SHARE`).
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from opir_core.simulation.refinement import FOURTH_SHARE, MISSED_SHARE, THIRD_SHARE, Curves, error_terms
+from opir_core.simulation.refinement import (
+    FOURTH_SHARE,
+    MISSED_SHARE,
+    THIRD_SHARE,
+    Curves,
+    error_terms,
+)
 
 LENGTH = 4000
 BENDS: dict[str, Callable[[np.ndarray, int], np.ndarray]] = {
@@ -41,13 +49,20 @@ def main() -> None:
             third, fourth = error_terms(half.astype(np.float64), values)
             judged.append(error / max(third[0] / THIRD_SHARE, fourth[0] / FOURTH_SHARE))
             missed.append(
-                error / np.abs(_through(whole, bent(whole, bend), new) - bent(new, bend)).max() * MISSED_SHARE
+                error
+                / np.abs(_through(whole, bent(whole, bend), new) - bent(new, bend)).max()
+                * MISSED_SHARE
             )
-        print(f"a bend of {name}: at most {max(judged):.2f} of the tolerance by its terms, {max(missed):.2f} predicted")
+        print(
+            f"a bend of {name}: at most {max(judged):.2f} of the tolerance by its terms,"
+            f" {max(missed):.2f} predicted"
+        )
 
 
 def _through(knots: np.ndarray, values: np.ndarray, scan: np.ndarray) -> np.ndarray:
-    return Curves.through(knots, values).at(np.zeros(1, dtype=np.int64), np.array([len(scan)]), scan)
+    return Curves.through(knots, values).at(
+        np.zeros(1, dtype=np.int64), np.array([len(scan)]), scan
+    )
 
 
 if __name__ == "__main__":

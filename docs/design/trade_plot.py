@@ -1,4 +1,5 @@
-"""The paper's trade study, one setting at a time: the picture and the table of the page `tutorials/trade-study.md`.
+"""The paper's trade study, one setting at a time: the picture and the table of the page
+`tutorials/trade-study.md`.
 
 opir sweep examples/studies/trade.yaml --out trade-study
 python docs/design/trade_plot.py trade-study/results.csv
@@ -39,7 +40,9 @@ def labels(rows: list[dict[str, str]]) -> list[str]:
     found = []
     for row in rows:
         changed = [(key, text) for key, text in SETTINGS if row[key] != first[key]]
-        values = [text.format(row[key] if key == "sensors" else float(row[key])) for key, text in changed]
+        values = [
+            text.format(row[key] if key == "sensors" else float(row[key])) for key, text in changed
+        ]
         found.append(", ".join(values) or "SBIRS-GEO, 1000 ms, P_d 0.9")
     return found
 
@@ -51,14 +54,23 @@ def main(source: Path) -> None:
     with source.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     cells: list[list[str]] = []
-    figure, axes = pyplot.subplots(1, len(PANELS), layout="constrained", figsize=(11.0, 3.2), sharey=True)
+    figure, axes = pyplot.subplots(
+        1, len(PANELS), layout="constrained", figsize=(11.0, 3.2), sharey=True
+    )
     for panel, (name, label, divisor, scale, digits) in zip(axes, PANELS, strict=True):
         own = [row for row in rows if row["figure"] == name]
         names = labels(own)
         cells = cells or [[each] for each in names]
         for index, row in enumerate(own):
             mean, low, high = (float(row[key]) / divisor for key in ("mean", "low_95", "high_95"))
-            panel.errorbar(mean, index, xerr=[[mean - low], [high - mean]], marker="o", capsize=3, color="#0072B2")
+            panel.errorbar(
+                mean,
+                index,
+                xerr=[[mean - low], [high - mean]],
+                marker="o",
+                capsize=3,
+                color="#0072B2",
+            )
             cells[index].append(f"{mean:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]")
         panel.axvline(float(own[0]["mean"]) / divisor, color="0.6", linewidth=0.8)
         panel.set(xlabel=label, xscale=scale)

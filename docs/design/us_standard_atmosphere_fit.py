@@ -1,14 +1,17 @@
-"""The density of the 1976 standard above 86 km as two polynomials: how they were found, and how well they fit.
+"""The density of the 1976 standard above 86 km as two polynomials: how they were found, and how
+well they fit.
 
-Below 86 km the standard is a formula. Above, it is a table of integrals over six gases; within 0.5 % two polynomials in
-ln rho are the same, and, unlike interpolation between the table's heights, have no kinks for an integrator to meet. It
-printed the coefficients in `opir_core/flight/atmosphere_density.py`.
+Below 86 km the standard is a formula. Above, it is a table of integrals over six gases; within 0.5
+% two polynomials in ln rho are the same, and, unlike interpolation between the table's heights,
+have no kinks for an integrator to meet. It printed the coefficients in
+`opir_core/flight/atmosphere_density.py`.
 """
 
 import numpy as np
 from numpy.polynomial import chebyshev, polynomial
 
-#: Geometric height, km, and density, kg/m³ (U.S. Standard Atmosphere, 1976, NASA-TM-X-74335, table I).
+#: Geometric height, km, and density, kg/m³ (U.S. Standard Atmosphere, 1976, NASA-TM-X-74335, table
+#: I).
 TABLE = {
     86: 6.958e-6,
     90: 3.416e-6,
@@ -38,8 +41,8 @@ TABLE = {
     1000: 3.561e-15,
 }
 
-#: Floor and top, km, the stretch 1/k of height above the floor, km, and the degree. Lower degrees fit worse, higher
-#: ones make waves in the scale height between the table's heights.
+#: Floor and top, km, the stretch 1/k of height above the floor, km, and the degree. Lower degrees
+#: fit worse, higher ones make waves in the scale height between the table's heights.
 LAYERS = ((86, 120, np.inf, 6), (120, 1000, 500.0, 9))
 
 #: The ends of a layer weigh this much, so that layers meet.

@@ -1,4 +1,5 @@
-"""What two geostationary sensors and the tracker `imm` say of six real ascents, while they burn and after.
+"""What two geostationary sensors and the tracker `imm` say of six real ascents, while they burn and
+after.
 
 python examples/ascents/what_opir_says.py [--seed 1] [FLIGHT …]
 """
@@ -26,7 +27,13 @@ def show(text: str) -> None:
 
 def scene(flight: str, seed: int) -> opir.Scene:
     """Return a scene of one ascent, seen by two slots of SBIRS-GEO once a second."""
-    target = {"id": flight, "model": "table", "type": "SLV", "file": str(HERE / f"{flight}.csv"), "start_s": START_S}
+    target = {
+        "id": flight,
+        "model": "table",
+        "type": "SLV",
+        "file": str(HERE / f"{flight}.csv"),
+        "start_s": START_S,
+    }
     sensors = [
         {"model": "SBIRS-GEO", "id": "WEST", "orbital_slot_deg": -130.0, "scan_period_ms": 1000},
         {"model": "SBIRS-GEO", "id": "EAST", "orbital_slot_deg": -40.0, "scan_period_ms": 1000},
@@ -46,7 +53,9 @@ def scene(flight: str, seed: int) -> opir.Scene:
 
 
 def answers(flight: str, seed: int) -> None:
-    """Print a line for each mark: the likeliest hypothesis, probabilities, and the error of the state."""
+    """Print a line for each mark: the likeliest hypothesis, probabilities, and the error of the
+    state.
+    """
     run = opir.simulate(scene(flight, seed))
     held = run.detections.track[(run.truth.target == 0) & (run.detections.track >= 0)]
     if not len(held):
@@ -64,7 +73,11 @@ def answers(flight: str, seed: int) -> None:
         truth = run.plan.targets.position_ecef_m(np.zeros(1, np.int32), mine.tick_s[[row]])[0]
         off_km = np.linalg.norm(mine.state[row, :3] - truth) * 1e-3
         what = f"{names[int(chance.argmax())]} {chance.max():.2f}"
-        sums = [mine.probability_launch[row], mine.probability_orbit[row], mine.probability_missile[row]]
+        sums = [
+            mine.probability_launch[row],
+            mine.probability_orbit[row],
+            mine.probability_missile[row],
+        ]
         numbers = " | ".join(f"{value:.2f}" for value in sums)
         show(f"| {flight} | {at_s - START_S:.0f} | {what} | {numbers} | {off_km:.2f} |")
 
@@ -75,7 +88,10 @@ def main() -> None:
     parser.add_argument("flights", nargs="*", default=FLIGHTS)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    show("| flight | s after lift-off | likeliest | P(launch) | P(orbit) | P(missile) | state off by, km |")
+    show(
+        "| flight | s after lift-off | likeliest | P(launch) | P(orbit) | P(missile) | state off"
+        " by, km |"
+    )
     show("|---|---|---|---|---|---|---|")
     for flight in arguments.flights:
         answers(flight, arguments.seed)

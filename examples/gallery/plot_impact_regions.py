@@ -2,8 +2,9 @@
 How a predicted impact region shrinks
 =====================================
 
-While the target burns, its impact may be nearly anywhere; after burnout the region is a few hundred kilometres wide.
-Left: the last regions of the ICBM with the true impact. Right: the area of the 95 % region, tick by tick.
+While the target burns, its impact may be nearly anywhere; after burnout the region is a few hundred
+kilometres wide. Left: the last regions of the ICBM with the true impact. Right: the area of the 95
+% region, tick by tick.
 """
 
 from matplotlib import pyplot

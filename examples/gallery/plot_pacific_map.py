@@ -2,9 +2,9 @@
 Three launches and where they will come down
 ============================================
 
-Ground tracks of three launches in the Pacific, thick while they burn, with the regions that the tracker ``imm``
-predicts to contain the impacts with 95 %. The projection is azimuthal equidistant about the launches, so the
-antimeridian and the poles are no exceptions.
+Ground tracks of three launches in the Pacific, thick while they burn, with the regions that the
+tracker ``imm`` predicts to contain the impacts with 95 %. The projection is azimuthal equidistant
+about the launches, so the antimeridian and the poles are no exceptions.
 """
 
 from matplotlib import pyplot

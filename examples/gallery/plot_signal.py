@@ -2,8 +2,9 @@
 Signal, probability and air along a boost
 =========================================
 
-Near the ground water vapour and carbon dioxide take most of the plume's light; above some 30 km next to nothing. The
-signal-to-noise ratio decides whether a look detects: DSP-1, in long waves before the sunlit Earth, sees nothing.
+Near the ground water vapour and carbon dioxide take most of the plume's light; above some 30 km
+next to nothing. The signal-to-noise ratio decides whether a look detects: DSP-1, in long waves
+before the sunlit Earth, sees nothing.
 """
 
 from matplotlib import pyplot

@@ -2,7 +2,8 @@
 What each sensor detects, and when
 ==================================
 
-A hundred launches within ten seconds. Each row is a sensor; its detections are stacked by type of target.
+A hundred launches within ten seconds. Each row is a sensor; its detections are stacked by type of
+target.
 """
 
 from matplotlib import pyplot

@@ -2,9 +2,9 @@
 How good the tracks are
 =======================
 
-The normalised estimation error squared (NEES) compares the error of a track with the covariance that it reports:
-divided by its six degrees of freedom, 1 is consistent. The second plot shows how sure detections and tracks are of the
-type.
+The normalised estimation error squared (NEES) compares the error of a track with the covariance
+that it reports: divided by its six degrees of freedom, 1 is consistent. The second plot shows how
+sure detections and tracks are of the type.
 """
 
 from matplotlib import pyplot

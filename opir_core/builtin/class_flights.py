@@ -1,4 +1,6 @@
-"""What the target models of classes share: their trajectories, choice of profiles, and plain values for the truth."""
+"""What the target models of classes share: their trajectories, choice of profiles, and plain values
+for the truth.
+"""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,10 +31,11 @@ EPHEMERIS_TOLERANCE_M = 0.01
 
 @define(eq=False, kw_only=True, repr=False)
 class ClassFlights(Trajectories):
-    """Targets of classes, from ignition to burnout or, where a sensor follows them, to the end of their flight.
+    """Targets of classes, from ignition to burnout or, where a sensor follows them, to the end of
+    their flight.
 
-    `coast` is the flight after burnout where a sensor follows it, else None; `final_s` (n,) its end; `turns_s` (n, k)
-    the times at which the direction of flight bends.
+    `coast` is the flight after burnout where a sensor follows it, else None; `final_s` (n,) its
+    end; `turns_s` (n, k) the times at which the direction of flight bends.
     """
 
     classes: tuple[TargetClass, ...]
@@ -62,21 +65,29 @@ class ClassFlights(Trajectories):
 
     @property
     def course_breakpoints_s(self) -> FloatArray:
-        """Scene times (n, k) at which the direction of flight bends: pitch-over, and after burnout."""
+        """Scene times (n, k) at which the direction of flight bends: pitch-over, and after
+        burnout.
+        """
         return self.turns_s
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of targets (m,) at scene times (m,), to 1 cm; nan outside ignition to `end_s`."""
+        """Return positions (m, 3) of targets (m,) at scene times (m,), to 1 cm; nan outside
+        ignition to `end_s`.
+        """
         if self.coast is None:
             return self.boost.position_m(target, time_s)
         late = time_s > self.burnout_s[target]
         boost = self.boost.position_m(target, np.where(late, np.nan, time_s))
-        return np.where(late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost)
+        return np.where(
+            late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost
+        )
 
 
 @define(eq=False, kw_only=True, repr=False)
 class AimedFlights(ClassFlights):
-    """Targets from ignition to burnout, or to impact, and what is known of their flight to the aim point."""
+    """Targets from ignition to burnout, or to impact, and what is known of their flight to the aim
+    point.
+    """
 
     flight: "Aim | GlideFlight"
     configs: "tuple[BallisticConfig | GlideConfig, ...]"
@@ -84,7 +95,8 @@ class AimedFlights(ClassFlights):
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target: what was asked for, burnout, what follows it, and impact.
 
-        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times are scene times.
+        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
+        are scene times.
         """
         flight = self.flight
         burnout = plain_states(flight.burnout_position_ecef_m, flight.burnout_velocity_ecef_m_s)
@@ -114,13 +126,17 @@ class AimedFlights(ClassFlights):
 def classes_of(
     configs: "Sequence[ClassConfig]", context: TargetContext, model: str, own: str = ""
 ) -> tuple[TargetClass, ...]:
-    """Return the classes of targets; raises `SceneError` for those that another model flies after burnout.
+    """Return the classes of targets; raises `SceneError` for those that another model flies after
+    burnout.
 
     `own` is the name of the target model where it is not that of its classes.
     """
     classes = tuple(context.target_class(config.type) for config in configs)
     problems = [
-        Problem(f"{path}.type", f"{kind.name} has the model {kind.after_burnout.model}, not {own or model}; omit model")
+        Problem(
+            f"{path}.type",
+            f"{kind.name} has the model {kind.after_burnout.model}, not {own or model}; omit model",
+        )
         for kind, path in zip(classes, context.paths, strict=True)
         if kind.after_burnout.model != model
     ]
@@ -156,7 +172,10 @@ def other_ranges(kind: TargetClass, chosen: BoostProfile) -> str:
 
 def geodetic_columns(places: Iterable[PlaceConfig]) -> Geodetic:
     """Return the columns of places in radians and metres."""
-    rows = [(math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m) for place in places]
+    rows = [
+        (math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m)
+        for place in places
+    ]
     return Geodetic(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
 
 
@@ -170,10 +189,25 @@ def plain_places(position_ecef_m: FloatArray) -> list[dict[str, float]]:
     where = ecef_to_geodetic(position_ecef_m)
     columns = (np.degrees(where.latitude_rad), np.degrees(where.longitude_rad), where.height_m)
     rows = zip(*(column.tolist() for column in columns), strict=True)
-    return [{"lat_deg": latitude, "lon_deg": longitude, "height_m": height} for latitude, longitude, height in rows]
+    return [
+        {"lat_deg": latitude, "lon_deg": longitude, "height_m": height}
+        for latitude, longitude, height in rows
+    ]
 
 
-def plain_states(position_ecef_m: FloatArray, velocity_ecef_m_s: FloatArray) -> list[Mapping[str, Any]]:
-    """Return states (n, 3) as plain places with position and velocity, which is relative to the rotating Earth."""
-    rows = zip(plain_places(position_ecef_m), position_ecef_m.tolist(), velocity_ecef_m_s.tolist(), strict=True)
-    return [{**place, "position_ecef_m": position, "velocity_ecef_m_s": velocity} for place, position, velocity in rows]
+def plain_states(
+    position_ecef_m: FloatArray, velocity_ecef_m_s: FloatArray
+) -> list[Mapping[str, Any]]:
+    """Return states (n, 3) as plain places with position and velocity, which is relative to the
+    rotating Earth.
+    """
+    rows = zip(
+        plain_places(position_ecef_m),
+        position_ecef_m.tolist(),
+        velocity_ecef_m_s.tolist(),
+        strict=True,
+    )
+    return [
+        {**place, "position_ecef_m": position, "velocity_ecef_m_s": velocity}
+        for place, position, velocity in rows
+    ]

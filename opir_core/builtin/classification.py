@@ -1,4 +1,6 @@
-"""Classifiers: `paper` draws from confusion matrices; `always` is right each time; `none` and `never` give UNKNOWN."""
+"""Classifiers: `paper` draws from confusion matrices; `always` is right each time; `none` and
+`never` give UNKNOWN.
+"""
 
 from collections.abc import Mapping
 
@@ -30,16 +32,18 @@ class PairClassifier(Classifier):
 class ConfusionClassifier(PairClassifier):
     """The reported type, drawn once for each sensor and target from the sensor's confusion matrix.
 
-    `thresholds` (reported types - 1, sensors · classes) are cumulative probabilities, 1 from the last type of any
-    probability on; a type is reported where the draw lies below its threshold and not below the one before.
-    `class_number` are the targets' classes, of which there are `classes`.
+    `thresholds` (reported types - 1, sensors · classes) are cumulative probabilities, 1 from the
+    last type of any probability on; a type is reported where the draw lies below its threshold and
+    not below the one before. `class_number` are the targets' classes, of which there are `classes`.
     """
 
     thresholds: FloatArray
     class_number: IndexArray
     classes: int
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> NDArray[np.uint8]:
+    def pair_type(
+        self, sensor: IndexArray, target: IndexArray, rng: RandomDraws
+    ) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`, the same for all detections of a pair."""
         drawn = rng.pair_uniforms("classification")[:, 0]
         row = sensor * self.classes + self.class_number[target]
@@ -51,11 +55,15 @@ class ConfusionClassifier(PairClassifier):
 
 @frozen(eq=False, repr=False)
 class TrueType(PairClassifier):
-    """The right type to report, each time: `type_code` are the codes of the targets' into `REPORTED_TYPES`."""
+    """The right type to report, each time: `type_code` are the codes of the targets' into
+    `REPORTED_TYPES`.
+    """
 
     type_code: NDArray[np.uint8]
 
-    def pair_type(self, _sensor: IndexArray, target: IndexArray, _rng: RandomDraws) -> NDArray[np.uint8]:
+    def pair_type(
+        self, _sensor: IndexArray, target: IndexArray, _rng: RandomDraws
+    ) -> NDArray[np.uint8]:
         """Return codes (n,) of the targets' types; what is no missile is UNKNOWN."""
         return self.type_code[target]
 
@@ -66,7 +74,9 @@ class NoClassifier(PairClassifier):
 
     uses_truth: bool = False
 
-    def pair_type(self, sensor: IndexArray, _target: IndexArray, _rng: RandomDraws) -> NDArray[np.uint8]:
+    def pair_type(
+        self, sensor: IndexArray, _target: IndexArray, _rng: RandomDraws
+    ) -> NDArray[np.uint8]:
         """Return the code of UNKNOWN (n,)."""
         return np.full(len(sensor), UNKNOWN_TYPE, dtype=np.uint8)
 
@@ -74,21 +84,28 @@ class NoClassifier(PairClassifier):
 def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Classifier:
     """Return the classifier `paper`; what is no target is always UNKNOWN.
 
-    Raises `ModelError` where neither the configuration nor the sensor says how a class that the scene launches is
-    reported, and where the configuration has a matrix for a sensor type that the scene has not.
+    Raises `ModelError` where neither the configuration nor the sensor says how a class that the
+    scene launches is reported, and where the configuration has a matrix for a sensor type that the
+    scene has not.
     """
     _refuse_unknowns(config, context)
     names, class_number = context.emitter_classes()
     thresholds = np.zeros((len(context.sensors), len(names), len(context.reported_types) - 1))
-    # What is no target is UNKNOWN: its draw lies above the thresholds of the types before, and below those after.
+    # What is no target is UNKNOWN: its draw lies above the thresholds of the types before, and
+    # below those after.
     thresholds[:, :, UNKNOWN_TYPE:] = 1.0
-    launched = [(place, context.target_class(name)) for place, name in enumerate(names) if name not in SOURCE_TYPES]
+    launched = [
+        (place, context.target_class(name))
+        for place, name in enumerate(names)
+        if name not in SOURCE_TYPES
+    ]
     for number, sensor in enumerate(context.sensors):
         matrix = {**sensor.confusion, **config.matrices.get(sensor.type, {})}
         for place, kind in launched:
             probability = _probabilities(_row(matrix, sensor, kind), context)
             cumulative = np.cumsum(probability)
-            # The sum may be 1 to rounding only; no draw may fall past the last type that has a probability.
+            # The sum may be 1 to rounding only; no draw may fall past the last type that has a
+            # probability.
             cumulative[np.flatnonzero(probability)[-1] :] = 1.0
             thresholds[number, place] = cumulative[:-1]
     columns = np.ascontiguousarray(thresholds.reshape(-1, thresholds.shape[-1]).T)
@@ -109,7 +126,9 @@ def _reportable(name: str, context: ModelContext) -> str:
 
 
 def _probabilities(row: Mapping[str, float], context: ModelContext) -> FloatArray:
-    """Return the probabilities (n,) of the reported types; a class that is not reported adds to its reported type."""
+    """Return the probabilities (n,) of the reported types; a class that is not reported adds to its
+    reported type.
+    """
     probability = np.zeros(len(context.reported_types))
     for name, chance in row.items():
         probability[context.reported_types.index(_reportable(name, context))] += chance
@@ -125,7 +144,8 @@ def _refuse_unknowns(config: ConfusionConfig, context: ModelContext) -> None:
     types = {sensor.type for sensor in context.sensors}
     for unknown in sorted(config.matrices.keys() - types):
         raise ModelError(
-            f"classification: matrices.{unknown} is for sensors of type {unknown}, and the scene has none"
+            f"classification: matrices.{unknown} is for sensors of type {unknown}, and the scene"
+            f" has none"
             f"{nearest(unknown, types)}; the scene's sensors are of type {', '.join(sorted(types))}"
         )
 
@@ -135,8 +155,10 @@ def _row(matrix: Confusion, sensor: Sensor, kind: TargetClass) -> Mapping[str, f
     target_type = kind.name
     if row is None:
         raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}) has no confusion matrix row for {target_type} targets: give"
-            f" {target_type} in its confusion, or under matrices.{sensor.type} of classification: paper, or choose"
+            f"sensor {sensor.id} ({sensor.type}) has no confusion matrix row for {target_type}"
+            f" targets: give"
+            f" {target_type} in its confusion, or under matrices.{sensor.type} of classification:"
+            f" paper, or choose"
             " classification: none"
         )
     complaint = confusion_complaint({target_type: row})
@@ -151,10 +173,11 @@ _COUNT_TERMS = np.log10(1.0 + np.arange(10))
 
 @frozen
 class WeightedConfidence(Confidence):
-    """C = w_b n_b/N_b + w_n min(1, log10(1 + n)) + w_g max(0, sin(theta)); opir-simulator paper (2026), section 4.3.
+    """C = w_b n_b/N_b + w_n min(1, log10(1 + n)) + w_g max(0, sin(theta)); opir-simulator paper
+    (2026), section 4.3.
 
-    The paper's count term is unbounded and its elevation term negative below the horizon; with the bounds above, C is
-    in [0, 1] for every input. The count term is 1 from nine detections on.
+    The paper's count term is unbounded and its elevation term negative below the horizon; with the
+    bounds above, C is in [0, 1] for every input. The count term is 1 from nine detections on.
     """
 
     band: float
@@ -162,10 +185,13 @@ class WeightedConfidence(Confidence):
     geometry: float
 
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
-        """Return confidences (n,) in [0, 1]; a term whose input is not finite or has no bands is 0."""
+        """Return confidences (n,) in [0, 1]; a term whose input is not finite or has no bands is
+        0.
+        """
         total: FloatArray = (
             self.band * _band_share(sightings)
-            + self.count * _COUNT_TERMS.take(np.clip(sightings.detection_count, 0, len(_COUNT_TERMS) - 1))
+            + self.count
+            * _COUNT_TERMS.take(np.clip(sightings.detection_count, 0, len(_COUNT_TERMS) - 1))
             + self.geometry * np.nan_to_num(np.maximum(sightings.elevation_sine, 0.0), nan=0.0)
         )
         return np.clip(total, 0.0, 1.0)

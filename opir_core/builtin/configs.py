@@ -15,7 +15,9 @@ WEIGHT_SUM_TOLERANCE = 1e-9
 
 TYPE_HELP = "target class: ICBM, IRBM, SRBM, MRBM, SLBM, HGV, SLV, or that of a plugin"
 
-PAPER_CONFIDENCE = "opir-simulator paper (2026), section 4.3, names the weights and not their values; notional"
+PAPER_CONFIDENCE = (
+    "opir-simulator paper (2026), section 4.3, names the weights and not their values; notional"
+)
 
 
 def _matrices_complaint(matrices: Mapping[str, Confusion]) -> str | None:
@@ -34,7 +36,8 @@ class ConstantConfig:
         default=1.0,
         minimum=0.0,
         maximum=1.0,
-        help="probability that each band confirms a detection, independently; if none does, the first confirms",
+        help="probability that each band confirms a detection, independently; if none does, the"
+        " first confirms",
     )
 
 
@@ -49,7 +52,8 @@ class ConfusionConfig:
         names_depth=1,
         inner_names=("UNKNOWN",),
         source="by default each sensor's own confusion matrix",
-        help="probabilities of each reported type, by sensor type and true target class; a row given here replaces the"
+        help="probabilities of each reported type, by sensor type and true target class; a row"
+        " given here replaces the"
         " sensor's own row",
     )
 
@@ -66,10 +70,18 @@ class WeightedConfig:
         help="weight of the fraction of bands that confirm",
     )
     count: float = number(
-        default=0.3, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the number of detections"
+        default=0.3,
+        minimum=0.0,
+        maximum=1.0,
+        source=PAPER_CONFIDENCE,
+        help="weight of the number of detections",
     )
     geometry: float = number(
-        default=0.3, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the sine of the elevation"
+        default=0.3,
+        minimum=0.0,
+        maximum=1.0,
+        source=PAPER_CONFIDENCE,
+        help="weight of the sine of the elevation",
     )
 
     def __attrs_post_init__(self) -> None:
@@ -93,10 +105,16 @@ def _scene_time(meaning: str, default: float | None = None) -> Any:
 class PlaceConfig:
     """A place on the Earth."""
 
-    lat_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude (WGS 84)")
+    lat_deg: float = number(
+        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude (WGS 84)"
+    )
     lon_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude")
     height_m: float = number(
-        default=0.0, unit="m", minimum=-500.0, maximum=9000.0, help="height above the WGS 84 ellipsoid"
+        default=0.0,
+        unit="m",
+        minimum=-500.0,
+        maximum=9000.0,
+        help="height above the WGS 84 ellipsoid",
     )
 
 
@@ -120,10 +138,15 @@ class BallisticConfig:
     launch: LaunchConfig = nested(help="launch point and time")
     aim: AimConfig = nested(help="aim point")
     profile: str | None = text(
-        default=None, help="boost profile; default: that of the target type for the range to the aim point"
+        default=None,
+        help="boost profile; default: that of the target type for the range to the aim point",
     )
     burn_time_s: float | None = number(
-        default=None, unit="s", minimum=10.0, maximum=1000.0, help="burn time; default: the profile's"
+        default=None,
+        unit="s",
+        minimum=10.0,
+        maximum=1000.0,
+        help="burn time; default: the profile's",
     )
     ballistic_coefficient_kg_m2: float | None = drag("in free flight")
 
@@ -133,7 +156,8 @@ class JsonlConfig:
     """The settings of the sink `jsonl`."""
 
     path: str = text(
-        help="file in an existing folder, overwritten (or appended to, with a spool); - is standard output",
+        help="file in an existing folder, overwritten (or appended to, with a spool); - is standard"
+        " output",
         default="events.jsonl",
     )
     encoder: str = text(help="event encoder of the lines", default="forge")

@@ -22,9 +22,9 @@ from opir_core.sensors.confusion_matrix import is_probability
 class ConstantDetection(DetectionProbability):
     """A probability of detection for each sensor and target class, the same for every look.
 
-    `probability_table` is (sensors, classes); `class_number` the targets' columns in it; `band_count` the sensors'
-    numbers of bands. Each band confirms a detection independently with probability `band_confirmation`; where none
-    would, the sensor's first band does.
+    `probability_table` is (sensors, classes); `class_number` the targets' columns in it;
+    `band_count` the sensors' numbers of bands. Each band confirms a detection independently with
+    probability `band_confirmation`; where none would, the sensor's first band does.
     """
 
     probability_table: FloatArray
@@ -45,13 +45,16 @@ class ConstantDetection(DetectionProbability):
     def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         """Return the bands that confirm; there is no SNR in this model, so it is nan."""
         counts = self.band_count[exposures.sensor]
-        bands = _all_bands(counts) if self.band_confirmation >= 1.0 else self._confirmed(counts, rng)
+        bands = (
+            _all_bands(counts) if self.band_confirmation >= 1.0 else self._confirmed(counts, rng)
+        )
         return Measured(bands, np.full(len(counts), np.nan))
 
     def _confirmed(self, counts: NDArray[np.uint8], rng: RandomDraws) -> NDArray[np.uint8]:
         """Return masks of the bands that confirm.
 
-        Sensors with equally many bands draw together, so that a row's numbers do not hang on what else is in the scene.
+        Sensors with equally many bands draw together, so that a row's numbers do not hang on what
+        else is in the scene.
         """
         bands = np.zeros(len(counts), dtype=np.uint8)
         for count in _present(counts[counts > 0]):
@@ -90,7 +93,9 @@ def _same_for_all(probability: float, context: ModelContext) -> DetectionProbabi
 
 
 def _present(codes: NDArray[np.uint8]) -> list[int]:
-    """Return the codes that occur, each once, ascending. (`np.unique` would import masked arrays for the same.)"""
+    """Return the codes that occur, each once, ascending. (`np.unique` would import masked arrays
+    for the same.)
+    """
     return np.flatnonzero(np.bincount(codes)).tolist()
 
 
@@ -98,7 +103,8 @@ def _refuse_sources(needed: Sequence[str]) -> None:
     unknown = [name for name in needed if name in SOURCE_TYPES]
     if unknown:
         raise ModelError(
-            f"detection: constant has no probability of detection for the source type {unknown[0]}: choose"
+            f"detection: constant has no probability of detection for the source type {unknown[0]}:"
+            f" choose"
             " a radiometric detection model (detection: snr), or omit the sources"
         )
 
@@ -115,12 +121,15 @@ def _probability(sensor: Sensor, kind: TargetClass) -> float:
     target_type = kind.name
     if probability is None:
         raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}) has no probability of detection for {target_type} targets: give"
-            f" {target_type} in its detection_probability, or choose a detection model other than constant"
+            f"sensor {sensor.id} ({sensor.type}) has no probability of detection for {target_type}"
+            f" targets: give"
+            f" {target_type} in its detection_probability, or choose a detection model other than"
+            f" constant"
         )
     if not is_probability(probability):
         raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}): the probability of detection {probability!r} for {target_type}"
+            f"sensor {sensor.id} ({sensor.type}): the probability of detection {probability!r} for"
+            f" {target_type}"
             " targets is not in [0, 1]"
         )
     return probability
@@ -129,7 +138,8 @@ def _probability(sensor: Sensor, kind: TargetClass) -> float:
 def _band_count(sensor: Sensor) -> int:
     if len(sensor.bands) > MAXIMUM_BANDS:
         raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}) has {len(sensor.bands)} bands; at most {MAXIMUM_BANDS} can confirm"
+            f"sensor {sensor.id} ({sensor.type}) has {len(sensor.bands)} bands; at most"
+            f" {MAXIMUM_BANDS} can confirm"
         )
     return len(sensor.bands)
 

@@ -1,4 +1,6 @@
-"""The target model `glide`: boost on a class profile, equilibrium glide, then free fall to the aim point."""
+"""The target model `glide`: boost on a class profile, equilibrium glide, then free fall to the aim
+point.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -34,23 +36,34 @@ class GlideTargets(AimedFlights):
         flight = self.flight
         release = plain_states(flight.release_position_ecef_m, flight.release_velocity_ecef_m_s)
         times = flight.release_s.tolist()
-        return [{"glide_end": {**state, "time_s": time_s}} for state, time_s in zip(release, times, strict=True)]
+        return [
+            {"glide_end": {**state, "time_s": time_s}}
+            for state, time_s in zip(release, times, strict=True)
+        ]
 
 
 def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Trajectories:
     """Return the trajectories of all targets of the model.
 
-    Raises `SceneError` with a problem for each target whose class does not glide, or whose aim point is out of reach.
+    Raises `SceneError` with a problem for each target whose class does not glide, or whose aim
+    point is out of reach.
     """
-    launch, aim_point = (geodetic_columns(getattr(config, place) for config in configs) for place in ("launch", "aim"))
+    launch, aim_point = (
+        geodetic_columns(getattr(config, place) for config in configs)
+        for place in ("launch", "aim")
+    )
     classes = classes_of(configs, context, EquilibriumGlide.model)
     ranges_m = surface_range_m(*launch[:2], *aim_point[:2]).tolist()
     profiles = tuple(kind.profile(range_m) for kind, range_m in zip(classes, ranges_m, strict=True))
     forces = forces_of_targets(configs, context)
-    flight = glide_flight(launch, aim_point, ignitions_s(configs), profiles, _shape(classes), forces=forces)
+    flight = glide_flight(
+        launch, aim_point, ignitions_s(configs), profiles, _shape(classes), forces=forces
+    )
     problems = [
         Problem(f"{path}.aim", complaint + other_ranges(kind, profile))
-        for path, complaint, kind, profile in zip(context.paths, flight.complaints, classes, profiles, strict=True)
+        for path, complaint, kind, profile in zip(
+            context.paths, flight.complaints, classes, profiles, strict=True
+        )
         if complaint
     ]
     if problems:
@@ -65,7 +78,9 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
         final_s=flight.impact_s,
         turns_s=turns_s,
         boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
-        coast=glide_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces) if context.free_flight else None,
+        coast=glide_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces)
+        if context.free_flight
+        else None,
         flight=flight,
         configs=tuple(configs),
     )
@@ -73,6 +88,10 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
 
 def _shape(classes: Sequence[TargetClass]) -> GlideShape:
     """Return the constants of the classes' glides."""
-    glides = [kind.after_burnout for kind in classes if isinstance(kind.after_burnout, EquilibriumGlide)]
-    columns = [(glide.lift_to_drag, glide.final_speed_m_s, glide.scale_height_m) for glide in glides]
+    glides = [
+        kind.after_burnout for kind in classes if isinstance(kind.after_burnout, EquilibriumGlide)
+    ]
+    columns = [
+        (glide.lift_to_drag, glide.final_speed_m_s, glide.scale_height_m) for glide in glides
+    ]
     return GlideShape(*np.array(columns, dtype=np.float64).reshape(-1, 3).T)

@@ -26,7 +26,13 @@ from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.forces import ForceModel
 from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.staged.flights import StagedFlights, staged_flights
-from opir_core.flight.staged.staging import Stage, Staging, staging_for, stagings, stagings_of_classes
+from opir_core.flight.staged.staging import (
+    Stage,
+    Staging,
+    staging_for,
+    stagings,
+    stagings_of_classes,
+)
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import Ballistic, TargetClass, core_profiles
@@ -34,7 +40,9 @@ from opir_core.scene.target_classes import Ballistic, TargetClass, core_profiles
 
 @define(eq=False, kw_only=True, repr=False)
 class GravityTurnTargets(ClassFlights):
-    """Targets from ignition to burnout, or to impact; `profiles` are the class profiles that stand for their plumes."""
+    """Targets from ignition to burnout, or to impact; `profiles` are the class profiles that stand
+    for their plumes.
+    """
 
     flights: StagedFlights
     configs: tuple[GravityTurnConfig, ...]
@@ -42,13 +50,16 @@ class GravityTurnTargets(ClassFlights):
 
     @property
     def burns_s(self) -> FloatArray:
-        """Scene times (n, k, 2) of ignition and burnout of each stage, nan where a target has fewer."""
+        """Scene times (n, k, 2) of ignition and burnout of each stage, nan where a target has
+        fewer.
+        """
         return self.flights.burns_s
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target: what was asked for, stages, gaps, burnout and impact.
 
-        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times are scene times.
+        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
+        are scene times.
         """
         flights = self.flights
         burnout = plain_states(flights.burnout_position_ecef_m, flights.burnout_velocity_ecef_m_s)
@@ -86,12 +97,18 @@ def _recorded_times(flights: StagedFlights, row: int) -> Mapping[str, Any]:
     }
 
 
-def gravity_turn_targets(configs: Sequence[GravityTurnConfig], context: TargetContext) -> Trajectories:
+def gravity_turn_targets(
+    configs: Sequence[GravityTurnConfig], context: TargetContext
+) -> Trajectories:
     """Return the trajectories of all targets of the model.
 
-    Raises `SceneError` with a problem for each target whose stages are impossible or do not reach its aim point.
+    Raises `SceneError` with a problem for each target whose stages are impossible or do not reach
+    its aim point.
     """
-    launch, aim_point = (geodetic_columns(getattr(config, place) for config in configs) for place in ("launch", "aim"))
+    launch, aim_point = (
+        geodetic_columns(getattr(config, place) for config in configs)
+        for place in ("launch", "aim")
+    )
     classes = classes_of(configs, context, Ballistic.model, "gravity-turn")
     range_m = surface_range_m(*launch[:2], *aim_point[:2])
     chosen = _stagings(configs, classes, range_m, context.paths)
@@ -130,18 +147,29 @@ def _coast(flights: StagedFlights, forces: ForceModel) -> Ephemeris:
 
 
 def _stagings(
-    configs: Sequence[GravityTurnConfig], classes: Sequence[TargetClass], range_m: FloatArray, paths: Sequence[str]
+    configs: Sequence[GravityTurnConfig],
+    classes: Sequence[TargetClass],
+    range_m: FloatArray,
+    paths: Sequence[str],
 ) -> tuple[Staging, ...]:
     """Return the staging of each target; raises `SceneError` for unknown and impossible ones."""
     problems = list[Problem]()
     chosen = list[Staging]()
-    for config, kind, distance_m, path in zip(configs, classes, range_m.tolist(), paths, strict=True):
+    for config, kind, distance_m, path in zip(
+        configs, classes, range_m.tolist(), paths, strict=True
+    ):
         presets = kind.own(stagings_of_classes()) or tuple(stagings().values())
         if config.staging is not None and config.staging not in stagings():
             known = ", ".join(stagings())
-            problems.append(Problem(f"{path}.staging", f"no staging {config.staging!r}; there are {known}"))
+            problems.append(
+                Problem(f"{path}.staging", f"no staging {config.staging!r}; there are {known}")
+            )
             continue
-        preset = staging_for(presets, distance_m) if config.staging is None else stagings()[config.staging]
+        preset = (
+            staging_for(presets, distance_m)
+            if config.staging is None
+            else stagings()[config.staging]
+        )
         staging = _with_settings(preset, config)
         fault = staging.fault()
         if fault:
@@ -163,7 +191,8 @@ def _with_settings(preset: Staging, config: GravityTurnConfig) -> Staging:
     if config.stages:
         own["name"] = "own"
         own["stages"] = tuple(
-            Stage(stage.burn_time_s, stage.ideal_speed_m_s, stage.growth, stage.gap_s) for stage in config.stages
+            Stage(stage.burn_time_s, stage.ideal_speed_m_s, stage.growth, stage.gap_s)
+            for stage in config.stages
         )
     return evolve(preset, **{name: value for name, value in own.items() if value is not None})
 
@@ -181,22 +210,37 @@ def _problems(
         if not flights.is_solved[row]:
             problems.append(_out_of_reach(config, staging, flights, row, float(range_m[row]), path))
         elif flights.cut_off_s[row] < flights.earliest_s[row]:
-            most_s = config.early_shutdown_s + float(flights.cut_off_s[row] - flights.earliest_s[row])
+            most_s = config.early_shutdown_s + float(
+                flights.cut_off_s[row] - flights.earliest_s[row]
+            )
             words = f"the last burn cannot be cut off so early; at most {most_s:.3g} s are possible"
             problems.append(Problem(f"{path}.early_shutdown_s", words))
     return problems
 
 
 def _out_of_reach(
-    config: GravityTurnConfig, staging: Staging, flights: StagedFlights, row: int, range_m: float, path: str
+    config: GravityTurnConfig,
+    staging: Staging,
+    flights: StagedFlights,
+    row: int,
+    range_m: float,
+    path: str,
 ) -> Problem:
     nearest_m = float(flights.nearest_m[row])
     farthest_m = float(flights.farthest_m[row])
     distance = f"the aim point is {range_m / 1e3:.0f} km from the launch point"
     stages = "the stages given" if config.stages else f"the stages of {staging.name}"
-    limits = f"{stages} fly about {nearest_m / 1e3:.0f} to {farthest_m / 1e3:.0f} km in its direction"
+    limits = (
+        f"{stages} fly about {nearest_m / 1e3:.0f} to {farthest_m / 1e3:.0f} km in its direction"
+    )
     if config.loft != 0.0 and nearest_m < range_m < farthest_m:
-        words = f"{distance}; no flight with a loft of {config.loft:g} was found, although {limits}; try one nearer 0"
+        words = (
+            f"{distance}; no flight with a loft of {config.loft:g} was found, although {limits};"
+            f" try one nearer 0"
+        )
         return Problem(f"{path}.loft", words)
     nearest = nearest_m if abs(range_m - nearest_m) < abs(range_m - farthest_m) else farthest_m
-    return Problem(f"{path}.aim", f"{distance}; {limits}; the nearest range in reach is about {nearest / 1e3:.0f} km")
+    return Problem(
+        f"{path}.aim",
+        f"{distance}; {limits}; the nearest range in reach is about {nearest / 1e3:.0f} km",
+    )

@@ -29,7 +29,9 @@ from opir_core.scene.target_classes import OrbitInsertion, TargetClass
 
 @define(eq=False, kw_only=True, repr=False)
 class OrbitTargets(ClassFlights):
-    """Targets from ignition to insertion into orbit, and in orbit for the time in which sensors follow them."""
+    """Targets from ignition to insertion into orbit, and in orbit for the time in which sensors
+    follow them.
+    """
 
     flight: Insertion
     configs: tuple[InsertionConfig, ...]
@@ -37,7 +39,8 @@ class OrbitTargets(ClassFlights):
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target: what was asked for, burnout, and the orbit at burnout.
 
-        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times are scene times.
+        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
+        are scene times.
         """
         flight = self.flight
         burnout = plain_states(flight.burnout_position_ecef_m, flight.burnout_velocity_ecef_m_s)
@@ -61,17 +64,23 @@ class OrbitTargets(ClassFlights):
 def orbit_targets(configs: Sequence[InsertionConfig], context: TargetContext) -> Trajectories:
     """Return the trajectories of all targets of the model.
 
-    Raises `SceneError` with a problem for each target whose class is not inserted into orbit, or whose orbit is out of
-    reach of its profile.
+    Raises `SceneError` with a problem for each target whose class is not inserted into orbit, or
+    whose orbit is out of reach of its profile.
     """
     classes = classes_of(configs, context, OrbitInsertion.model)
     profiles = tuple(kind.profiles[0] for kind in classes)
     azimuth_rad = np.radians([config.azimuth_deg for config in configs])
-    altitude_m = np.array([_altitude_m(config, kind) for config, kind in zip(configs, classes, strict=True)])
+    altitude_m = np.array(
+        [_altitude_m(config, kind) for config, kind in zip(configs, classes, strict=True)]
+    )
     launch = geodetic_columns(config.launch for config in configs)
     flight = insertion(launch, ignitions_s(configs), azimuth_rad, altitude_m, profiles)
     problems = [
-        Problem(path, f"no ascent of {profile.name} was found that ends in a circular orbit at {height / 1e3:g} km")
+        Problem(
+            path,
+            f"no ascent of {profile.name} was found that ends in a circular orbit at"
+            f" {height / 1e3:g} km",
+        )
         for path, profile, height, reached in zip(
             context.paths, profiles, altitude_m.tolist(), flight.converged.tolist(), strict=True
         )
@@ -81,7 +90,10 @@ def orbit_targets(configs: Sequence[InsertionConfig], context: TargetContext) ->
         raise SceneError(problems)
     final_s = flight.burnout_s + np.array([config.followed_s for config in configs])
     state = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
-    accuracy: Mapping[str, Any] = {"forces": forces_of_targets(configs, context), "tolerance_m": EPHEMERIS_TOLERANCE_M}
+    accuracy: Mapping[str, Any] = {
+        "forces": forces_of_targets(configs, context),
+        "tolerance_m": EPHEMERIS_TOLERANCE_M,
+    }
     return OrbitTargets(
         classes=classes,
         profiles=profiles,
@@ -91,7 +103,9 @@ def orbit_targets(configs: Sequence[InsertionConfig], context: TargetContext) ->
         final_s=final_s,
         turns_s=flight.path.breakpoints_s(),
         boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
-        coast=free_flight_ephemeris(flight.burnout_s, final_s, *state, **accuracy) if context.free_flight else None,
+        coast=free_flight_ephemeris(flight.burnout_s, final_s, *state, **accuracy)
+        if context.free_flight
+        else None,
         flight=flight,
         configs=tuple(configs),
     )
@@ -103,7 +117,9 @@ def _altitude_m(config: InsertionConfig, kind: TargetClass) -> float:
 
 
 def _orbits(flight: Insertion) -> list[dict[str, float]]:
-    """Return the orbits at burnout as plain values: semi-major axis by vis-viva, eccentricity and inclination."""
+    """Return the orbits at burnout as plain values: semi-major axis by vis-viva, eccentricity and
+    inclination.
+    """
     position = flight.burnout_position_eci_m
     velocity = flight.burnout_velocity_eci_m_s
     radius_m = np.sqrt(np.sum(position**2, axis=1))
@@ -114,5 +130,14 @@ def _orbits(flight: Insertion) -> list[dict[str, float]]:
     inclination_rad = np.arctan2(np.hypot(momentum[:, 0], momentum[:, 1]), momentum[:, 2])
     period_s = 2.0 * np.pi * np.sqrt(axis_m**3 / EARTH_MU_M3_S2)
     names = ("altitude_m", "semi_major_axis_m", "eccentricity", "inclination_deg", "period_s")
-    columns = (radius_m - EARTH_EQUATORIAL_RADIUS_M, axis_m, eccentricity, np.degrees(inclination_rad), period_s)
-    return [dict(zip(names, row, strict=True)) for row in zip(*(column.tolist() for column in columns), strict=True)]
+    columns = (
+        radius_m - EARTH_EQUATORIAL_RADIUS_M,
+        axis_m,
+        eccentricity,
+        np.degrees(inclination_rad),
+        period_s,
+    )
+    return [
+        dict(zip(names, row, strict=True))
+        for row in zip(*(column.tolist() for column in columns), strict=True)
+    ]

@@ -43,18 +43,29 @@ def built_by(module: str, function: str) -> Callable[..., Any]:
 
 
 def _encoder(name: str, summary: str, module: str, encoder: str, **options: bool) -> EventEncoder:
-    """Return an encoder of a module of `opir_core.output.events`, which is imported when the encoder is built."""
+    """Return an encoder of a module of `opir_core.output.events`, which is imported when the
+    encoder is built.
+    """
 
     def build(_config: Any, context: Any) -> Any:
-        return getattr(import_module(f"opir_core.output.events.{module}"), encoder)(context, **options)
+        return getattr(import_module(f"opir_core.output.events.{module}"), encoder)(
+            context, **options
+        )
 
     encodes_tracks = name == "tracks"
     schema = partial(schema_text, "track" if encodes_tracks else "detection")
-    return EventEncoder(name=name, summary=summary, build=build, encodes_tracks=encodes_tracks, schema=schema)
+    return EventEncoder(
+        name=name, summary=summary, build=build, encodes_tracks=encodes_tracks, schema=schema
+    )
 
 
 ENCODERS = (
-    _encoder("forge", "one flat JSON object per event, for the FORGE fusion pipeline", "forge", "ForgeEncoder"),
+    _encoder(
+        "forge",
+        "one flat JSON object per event, for the FORGE fusion pipeline",
+        "forge",
+        "ForgeEncoder",
+    ),
     _encoder(
         "forge-bands",
         "the event of forge, with the measured irradiance of each band",
@@ -90,7 +101,11 @@ SINKS = (
         config=MemoryConfig,
         build=built_by("sinks", "memory_sink"),
     ),
-    SinkModel(name="null", summary="discards events without encoding them", build=built_by("sinks", "null_sink")),
+    SinkModel(
+        name="null",
+        summary="discards events without encoding them",
+        build=built_by("sinks", "null_sink"),
+    ),
 )
 
 
@@ -103,8 +118,12 @@ def opir_detection_models() -> Iterable[DetectionModel]:
         config=ConstantConfig,
         build=built_by("detection", "constant_detection"),
     )
-    yield DetectionModel(name="always", summary="every look detects", build=built_by("detection", "always_detection"))
-    yield DetectionModel(name="never", summary="no look detects", build=built_by("detection", "never_detection"))
+    yield DetectionModel(
+        name="always", summary="every look detects", build=built_by("detection", "always_detection")
+    )
+    yield DetectionModel(
+        name="never", summary="no look detects", build=built_by("detection", "never_detection")
+    )
 
 
 @hookimpl
@@ -116,12 +135,20 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
         config=ConfusionConfig,
         build=built_by("classification", "confusion_classifier"),
     )
-    yield ClassifierModel(name="none", summary="every target is UNKNOWN", build=built_by("classification", "no_answer"))
     yield ClassifierModel(
-        name="always", summary="the true type, each time", build=built_by("classification", "true_type")
+        name="none",
+        summary="every target is UNKNOWN",
+        build=built_by("classification", "no_answer"),
     )
     yield ClassifierModel(
-        name="never", summary="every target is UNKNOWN, like none", build=built_by("classification", "no_answer")
+        name="always",
+        summary="the true type, each time",
+        build=built_by("classification", "true_type"),
+    )
+    yield ClassifierModel(
+        name="never",
+        summary="every target is UNKNOWN, like none",
+        build=built_by("classification", "no_answer"),
     )
 
 
@@ -130,12 +157,17 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
     """Yield `weighted`, `always` and `never`."""
     yield ConfidenceModel(
         name="weighted",
-        summary="weighted sum of confirming bands, number of detections and elevation (the paper's)",
+        summary="weighted sum of confirming bands, number of detections and elevation (the"
+        " paper's)",
         config=WeightedConfig,
         build=built_by("classification", "weighted_confidence"),
     )
-    yield ConfidenceModel(name="always", summary="confidence 1", build=built_by("classification", "full_confidence"))
-    yield ConfidenceModel(name="never", summary="confidence 0", build=built_by("classification", "no_confidence"))
+    yield ConfidenceModel(
+        name="always", summary="confidence 1", build=built_by("classification", "full_confidence")
+    )
+    yield ConfidenceModel(
+        name="never", summary="confidence 0", build=built_by("classification", "no_confidence")
+    )
 
 
 @hookimpl
@@ -149,7 +181,8 @@ def opir_target_models() -> Iterable[TargetModel]:
     """Yield `ballistic`."""
     yield TargetModel(
         name="ballistic",
-        summary="boost on a generic class profile, then free flight to the aim point under the scene's forces",
+        summary="boost on a generic class profile, then free flight to the aim point under the"
+        " scene's forces",
         config=BallisticConfig,
         build=built_by("targets", "ballistic_targets"),
     )
@@ -159,14 +192,20 @@ def opir_target_models() -> Iterable[TargetModel]:
 def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     """Yield `clear`."""
     yield AtmosphereModel(
-        name="clear", summary="transmittance 1, no clouds", build=built_by("empty_space", "clear_atmosphere")
+        name="clear",
+        summary="transmittance 1, no clouds",
+        build=built_by("empty_space", "clear_atmosphere"),
     )
 
 
 @hookimpl
 def opir_background_models() -> Iterable[BackgroundModel]:
     """Yield `none`."""
-    yield BackgroundModel(name="none", summary="no background radiance", build=built_by("empty_space", "no_background"))
+    yield BackgroundModel(
+        name="none",
+        summary="no background radiance",
+        build=built_by("empty_space", "no_background"),
+    )
 
 
 @hookimpl
@@ -185,7 +224,9 @@ def opir_sinks() -> Iterable[SinkModel]:
 def opir_renderers() -> Iterable[RendererModel]:
     """Yield `reference`."""
     yield RendererModel(
-        name="reference", summary="lines joined by numpy, whose bytes every renderer makes", build=_reference
+        name="reference",
+        summary="lines joined by numpy, whose bytes every renderer makes",
+        build=_reference,
     )
 
 

@@ -1,4 +1,6 @@
-"""Core's plugin of one sensor model that is no constellation's: for first scenes and tests; imported when named."""
+"""Core's plugin of one sensor model that is no constellation's: for first scenes and tests;
+imported when named.
+"""
 
 from collections.abc import Iterable
 from functools import partial

@@ -1,4 +1,6 @@
-"""The sinks `memory` and `null`, which write nothing, and `jsonl`: lines of a file or of standard output, at once."""
+"""The sinks `memory` and `null`, which write nothing, and `jsonl`: lines of a file or of standard
+output, at once.
+"""
 
 import json
 import os
@@ -17,14 +19,21 @@ from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import SinkContext
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Window
-from opir_core.output.events.encoder_input import detection_count, encoder_blocks, event_counter, only_encodable
+from opir_core.output.events.encoder_input import (
+    detection_count,
+    encoder_blocks,
+    event_counter,
+    only_encodable,
+)
 from opir_core.output.temporary_files import sync_path
 
 
 class MemorySink(Sink):
     """Keeps windows; encodes them on request."""
 
-    def __init__(self, make_encoder: Callable[[], Encoder], count: Callable[[Window], int] = detection_count) -> None:
+    def __init__(
+        self, make_encoder: Callable[[], Encoder], count: Callable[[Window], int] = detection_count
+    ) -> None:
         self._make_encoder = make_encoder
         self._count = count
         #: The windows in order; available after closing.
@@ -89,14 +98,17 @@ _UNSYNCED = 1 << 26
 class LineFile(Sink):
     """An open file of events, or standard output; an existing file is overwritten.
 
-    With `appends` the file keeps its lines, except an incomplete last line of a killed run. `written_at` is the
-    temporary file in which a batch run writes the lines.
+    With `appends` the file keeps its lines, except an incomplete last line of a killed run.
+    `written_at` is the temporary file in which a batch run writes the lines.
 
-    Nothing is buffered: `write` returns after the system has accepted all bytes, so a killed run leaves complete lines,
-    except possibly the last. When the disk is full, the file is truncated to its last complete line.
+    Nothing is buffered: `write` returns after the system has accepted all bytes, so a killed run
+    leaves complete lines, except possibly the last. When the disk is full, the file is truncated to
+    its last complete line.
     """
 
-    def __init__(self, path: str, encoder: Encoder, *, appends: bool = False, written_at: Path | None = None) -> None:
+    def __init__(
+        self, path: str, encoder: Encoder, *, appends: bool = False, written_at: Path | None = None
+    ) -> None:
         self._name = "standard output" if path == STANDARD_OUTPUT else path
         self._encoder = encoder
         self._count = event_counter(encoder)
@@ -106,14 +118,18 @@ class LineFile(Sink):
         #: Bytes of an incomplete line at the end of the file, which an error left there.
         self._incomplete = 0
         place = path if written_at is None else str(written_at)
-        self._descriptor = _standard_output() if path == STANDARD_OUTPUT else _opened(place, appends=appends)
+        self._descriptor = (
+            _standard_output() if path == STANDARD_OUTPUT else _opened(place, appends=appends)
+        )
 
     def write(self, window: Window) -> None:
         """Encode the window's events and write them."""
         self.write_encoded(window, self.encoded(window))
 
     def encoded(self, window: Window) -> Iterator[tuple[bytes, int, int]]:
-        """Yield the lines of a window's events in blocks, each with its numbers of events and of withheld ones."""
+        """Yield the lines of a window's events in blocks, each with its numbers of events and of
+        withheld ones.
+        """
         for block in encoder_blocks(window, self._encoder):
             kept = only_encodable(block, self._encoder)
             withheld = len(block.detections) - len(kept.detections)
@@ -167,22 +183,29 @@ class LineFile(Sink):
     def _remove_incomplete(self) -> None:
         """Remove an incomplete line from the end of the file; has no effect on a pipe."""
         if self._incomplete and stat.S_ISREG(os.fstat(self._descriptor).st_mode):
-            os.ftruncate(self._descriptor, os.lseek(self._descriptor, 0, os.SEEK_END) - self._incomplete)
+            os.ftruncate(
+                self._descriptor, os.lseek(self._descriptor, 0, os.SEEK_END) - self._incomplete
+            )
             os.lseek(self._descriptor, 0, os.SEEK_END)
         self._incomplete = 0
 
     def _failure(self, error: OSError) -> SinkError:
         return SinkError(
-            f"jsonl: {self._name}: {reason_of(error)}, after {self._delivered} events were delivered; {_way_out(error)}"
+            f"jsonl: {self._name}: {reason_of(error)}, after {self._delivered} events were"
+            f" delivered; {_way_out(error)}"
         )
 
 
 def _opened(path: str, *, appends: bool) -> int:
     if not path:
-        raise SinkError("jsonl: the path is empty; give the path of a file, or - for standard output")
+        raise SinkError(
+            "jsonl: the path is empty; give the path of a file, or - for standard output"
+        )
     opening = os.O_APPEND if appends else os.O_TRUNC
     try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666)
+        descriptor = os.open(
+            path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666
+        )
         if appends:
             _remove_damaged_lines(path, descriptor)
             with suppress(OSError):  # the name of a new file
@@ -191,14 +214,18 @@ def _opened(path: str, *, appends: bool) -> int:
         reason = f"{reason_of(error)}; {way_to_write(error, Path(path))}"
         raise SinkError(f"jsonl: {path}: cannot be opened: {reason}") from error
     except ValueError as error:  # a NUL, or half a surrogate pair
-        raise SinkError(f"jsonl: {path!r} is no path ({error}); give one that the system can name") from error
+        raise SinkError(
+            f"jsonl: {path!r} is no path ({error}); give one that the system can name"
+        ) from error
     return descriptor
 
 
 def _remove_damaged_lines(path: str, descriptor: int) -> None:
-    """Remove what a killed run or a power cut left damaged at the end of a file; the spool still has those events.
+    """Remove what a killed run or a power cut left damaged at the end of a file; the spool still
+    has those events.
 
-    A kill leaves an incomplete line; a power cut zeros, where bytes were lost that had not been synced.
+    A kill leaves an incomplete line; a power cut zeros, where bytes were lost that had not been
+    synced.
     """
     status = os.fstat(descriptor)
     if not stat.S_ISREG(status.st_mode):
@@ -217,7 +244,9 @@ def _standard_output() -> int:
         sys.stdout.flush()
         return os.dup(sys.stdout.fileno())
     except (OSError, ValueError, AttributeError) as error:
-        raise SinkError(f"jsonl: standard output is not open for bytes ({error}); give the path of a file") from error
+        raise SinkError(
+            f"jsonl: standard output is not open for bytes ({error}); give the path of a file"
+        ) from error
 
 
 def _written(descriptor: int, lines: memoryview) -> int:

@@ -1,4 +1,6 @@
-"""The core's plugin of its target classes, imported for scenes that name one; see `CORE_PLUGINS`."""
+"""The core's plugin of its target classes, imported for scenes that name one; see
+`CORE_PLUGINS`.
+"""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,6 @@
-"""The target models `gravity-turn`, `orbit` and `glide`: a plugin of their own, imported for scenes that name one."""
+"""The target models `gravity-turn`, `orbit` and `glide`: a plugin of their own, imported for scenes
+that name one.
+"""
 
 from collections.abc import Iterable
 from typing import Any
@@ -17,7 +19,11 @@ MOST_STAGES = 8
 
 
 def _stages_complaint(stages: tuple[Any, ...]) -> str | None:
-    return f"there are {len(stages)} stages; at most {MOST_STAGES} are possible" if len(stages) > MOST_STAGES else None
+    return (
+        f"there are {len(stages)} stages; at most {MOST_STAGES} are possible"
+        if len(stages) > MOST_STAGES
+        else None
+    )
 
 
 @frozen(kw_only=True)
@@ -27,7 +33,10 @@ class InsertionConfig:
     type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
     launch: LaunchConfig = nested(help="launch point and time")
     azimuth_deg: float = number(
-        unit="deg", minimum=0.0, below=360.0, help="launch azimuth over the rotating Earth, clockwise from true north"
+        unit="deg",
+        minimum=0.0,
+        below=360.0,
+        help="launch azimuth over the rotating Earth, clockwise from true north",
     )
     altitude_km: float | None = number(
         default=None,
@@ -68,12 +77,20 @@ class StageConfig:
         help="from ignition to the end of the tail-off; the last burn may end early",
     )
     ideal_speed_m_s: float = number(
-        unit="m/s", minimum=100.0, maximum=12_000.0, help="speed gained by the whole burn, without gravity and drag"
+        unit="m/s",
+        minimum=100.0,
+        maximum=12_000.0,
+        help="speed gained by the whole burn, without gravity and drag",
     )
     growth: float = number(
-        default=2.0, minimum=0.2, maximum=20.0, help="acceleration at the end of the burn over that at its start"
+        default=2.0,
+        minimum=0.2,
+        maximum=20.0,
+        help="acceleration at the end of the burn over that at its start",
     )
-    gap_s: float = number(default=0.0, unit="s", minimum=0.0, maximum=300.0, help="dark time before the next burn")
+    gap_s: float = number(
+        default=0.0, unit="s", minimum=0.0, maximum=300.0, help="dark time before the next burn"
+    )
 
 
 @frozen(kw_only=True)
@@ -84,16 +101,20 @@ class GravityTurnConfig:
     launch: LaunchConfig = nested(help="launch point and time")
     aim: AimConfig = nested(help="aim point")
     staging: str | None = text(
-        default=None, help="preset of stages; default: that of the target type for the range to the aim point"
+        default=None,
+        help="preset of stages; default: that of the target type for the range to the aim point",
     )
     stages: tuple[StageConfig, ...] = nested(
-        default=(), check=_stages_complaint, help="the burns, in order, instead of those of the preset"
+        default=(),
+        check=_stages_complaint,
+        help="the burns, in order, instead of those of the preset",
     )
     loft: float = number(
         default=0.0,
         minimum=-1.0,
         maximum=1.0,
-        help="0: minimum energy (the earliest cut-off of the last burn); 1: the steepest flight that the stages can fly"
+        help="0: minimum energy (the earliest cut-off of the last burn); 1: the steepest flight"
+        " that the stages can fly"
         " to the aim point, -1: the flattest; the kick is linear between these",
     )
     early_shutdown_s: float = number(
@@ -101,20 +122,30 @@ class GravityTurnConfig:
         unit="s",
         minimum=0.0,
         maximum=1000.0,
-        help="how much earlier than for the aim point the last burn is cut off; the target then falls short",
+        help="how much earlier than for the aim point the last burn is cut off; the target then"
+        " falls short",
     )
     vertical_rise_s: float | None = number(
-        default=None, unit="s", minimum=1.0, maximum=100.0, help="vertical flight; default: the preset's"
+        default=None,
+        unit="s",
+        minimum=1.0,
+        maximum=100.0,
+        help="vertical flight; default: the preset's",
     )
     pitch_over_s: float | None = number(
-        default=None, unit="s", minimum=1.0, maximum=200.0, help="duration of the pitch-over; default: the preset's"
+        default=None,
+        unit="s",
+        minimum=1.0,
+        maximum=200.0,
+        help="duration of the pitch-over; default: the preset's",
     )
     tail_off_s: float | None = number(
         default=None,
         unit="s",
         minimum=0.01,
         maximum=30.0,
-        help="time in which the thrust of each burn falls to zero, at its end; default: the preset's",
+        help="time in which the thrust of each burn falls to zero, at its end; default: the"
+        " preset's",
     )
     boost_ballistic_coefficient_kg_m2: float | None = number(
         default=None,
@@ -135,7 +166,8 @@ def opir_target_models() -> Iterable[TargetModel]:
     """Yield `gravity-turn`, `orbit` and `glide`."""
     yield TargetModel(
         name="gravity-turn",
-        summary="a gravity turn of one to several burns with dark gaps, aimed by kick and cut-off, then free flight",
+        summary="a gravity turn of one to several burns with dark gaps, aimed by kick and cut-off,"
+        " then free flight",
         config=GravityTurnConfig,
         build=built_by("gravity_turn_targets", "gravity_turn_targets"),
     )
@@ -147,7 +179,8 @@ def opir_target_models() -> Iterable[TargetModel]:
     )
     yield TargetModel(
         name="glide",
-        summary="boost on a class profile, equilibrium glide at a constant lift-to-drag ratio, and free fall",
+        summary="boost on a class profile, equilibrium glide at a constant lift-to-drag ratio, and"
+        " free fall",
         config=GlideConfig,
         build=built_by("glide_targets", "glide_targets"),
     )

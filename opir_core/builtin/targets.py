@@ -1,4 +1,6 @@
-"""The target model `ballistic`: boost on a generic class profile, then free flight to the aim point."""
+"""The target model `ballistic`: boost on a generic class profile, then free flight to the aim
+point.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,10 +25,13 @@ from opir_core.scene.target_classes import Ballistic, BoostProfile, TargetClass
 def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext) -> Trajectories:
     """Return the trajectories of all targets of the model.
 
-    Raises `SceneError` with a problem for each target whose class is not ballistic, whose profile is unknown or whose
-    aim point is out of reach.
+    Raises `SceneError` with a problem for each target whose class is not ballistic, whose profile
+    is unknown or whose aim point is out of reach.
     """
-    launch, aim_point = (geodetic_columns(getattr(config, place) for config in configs) for place in ("launch", "aim"))
+    launch, aim_point = (
+        geodetic_columns(getattr(config, place) for config in configs)
+        for place in ("launch", "aim")
+    )
     classes = classes_of(configs, context, Ballistic.model)
     unknown = _unknown_profiles(configs, classes)
     ranges_m = surface_range_m(*launch[:2], *aim_point[:2]).tolist()
@@ -48,13 +53,17 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
         final_s=flight.impact_s,
         turns_s=flight.path.breakpoints_s(),
         boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
-        coast=coast_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces) if context.free_flight else None,
+        coast=coast_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces)
+        if context.free_flight
+        else None,
         flight=flight,
         configs=tuple(configs),
     )
 
 
-def _unknown_profiles(configs: Sequence[BallisticConfig], classes: Sequence[TargetClass]) -> dict[int, str]:
+def _unknown_profiles(
+    configs: Sequence[BallisticConfig], classes: Sequence[TargetClass]
+) -> dict[int, str]:
     """Return, by row, what is wrong with the profiles that are named and do not exist."""
     complaints = {}
     for row, (config, kind) in enumerate(zip(configs, classes, strict=True)):
@@ -67,12 +76,16 @@ def _unknown_profiles(configs: Sequence[BallisticConfig], classes: Sequence[Targ
 
 
 def _named_profile(name: str, kind: TargetClass) -> BoostProfile:
-    """Return the profile of a name: one of the class, or of the core; `ValueError` if there is none."""
+    """Return the profile of a name: one of the class, or of the core; `ValueError` if there is
+    none.
+    """
     own = {profile.name: profile for profile in kind.profiles}
     return own[name] if name in own else boost_profile(name)
 
 
-def _profile(config: BallisticConfig, kind: TargetClass, range_m: float, is_unknown: bool) -> BoostProfile:
+def _profile(
+    config: BallisticConfig, kind: TargetClass, range_m: float, is_unknown: bool
+) -> BoostProfile:
     """Return the profile that a target flies; in the place of an unknown one, that of its class."""
     named = None if is_unknown else config.profile
     profile = kind.profile(range_m) if named is None else _named_profile(named, kind)
@@ -92,5 +105,7 @@ def _problems(
         if row in unknown:
             problems.append(Problem(f"{path}.profile", unknown[row]))
         elif complaint:
-            problems.append(Problem(f"{path}.aim", f"{complaint}{other_ranges(kind, profiles[row])}"))
+            problems.append(
+                Problem(f"{path}.aim", f"{complaint}{other_ranges(kind, profiles[row])}")
+            )
     return problems

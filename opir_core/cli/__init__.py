@@ -1,4 +1,6 @@
-"""The command line: what commands of plugins share with the core's: scenes, components, tables, progress."""
+"""The command line: what commands of plugins share with the core's: scenes, components, tables,
+progress.
+"""
 
 from opir_core.doors import door
 

@@ -1,6 +1,8 @@
-"""The answers of a run, a sentence per target: who saw it first, after how long, what it is, from where, to where.
+"""The answers of a run, a sentence per target: who saw it first, after how long, what it is, from
+where, to where.
 
-What is reported is the detections' and the tracker's; only the target's name and type are from the truth.
+What is reported is the detections' and the tracker's; only the target's name and type are from the
+truth.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,7 +27,8 @@ Row = Mapping[str, Any]
 
 
 def answers(summary: Row, most: int = _ANSWERED) -> list[str]:
-    """Return a sentence for each of the first targets of a run's summary, and the number of the others.
+    """Return a sentence for each of the first targets of a run's summary, and the number of the
+    others.
 
     Sentences about other hot sources that the tracker takes for launches follow.
     """
@@ -36,7 +39,11 @@ def answers(summary: Row, most: int = _ANSWERED) -> list[str]:
         lines.append(f"... and {len(targets) - most} more targets")
     taken = [row for row in summary["sources"] if _is_taken(tracks.get(row["track_id"]))]
     lines += [_sentence(row, "source", "taken for a launch", tracks) for row in taken[:most]]
-    return [*lines, f"... and {len(taken) - most} more sources taken for launches"] if len(taken) > most else lines
+    return (
+        [*lines, f"... and {len(taken) - most} more sources taken for launches"]
+        if len(taken) > most
+        else lines
+    )
 
 
 def _is_taken(track: Row | None) -> bool:
@@ -45,7 +52,9 @@ def _is_taken(track: Row | None) -> bool:
 
 
 def _sentence(row: Row, kind: str, seen: str, tracks: Mapping[int, Row]) -> str:
-    """Return the sentence of a target or source that begins with how it was `seen`; "" for one that was not."""
+    """Return the sentence of a target or source that begins with how it was `seen`; "" for one that
+    was not.
+    """
     name = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})"
     track = tracks.get(row["track_id"])
     if not seen:
@@ -63,44 +72,70 @@ def _seen(target: Row) -> str:
 
 
 def says_text(seen: Row, track: Row | None) -> str:
-    """Return what a target or source is by its tracker, else by its detections, or why it was not detected."""
+    """Return what a target or source is by its tracker, else by its detections, or why it was not
+    detected.
+    """
     likeliest = None if track is None else likeliest_text(track)
     if likeliest is not None:
         return f"tracker: {likeliest}"
     if seen["reported_type"] is None:
         return str(seen.get("undetected_because") or "-")
     confidence = probability_text(seen["highest_confidence"])
-    return f"detections: {seen['reported_type']}, confidence {'' if confidence[0] in '<>' else 'up to '}{confidence}"
+    return (
+        f"detections: {seen['reported_type']}, confidence"
+        f" {'' if confidence[0] in '<>' else 'up to '}{confidence}"
+    )
 
 
 def likeliest_text(track: Row) -> str | None:
-    """Return what a track is most probably, `ICBM 0.97`: its hypothesis, else its type; None without either."""
-    for name, chance in (("likeliest_hypothesis", "hypothesis_probability"), ("reported_type", "type_probability")):
+    """Return what a track is most probably, `ICBM 0.97`: its hypothesis, else its type; None
+    without either.
+    """
+    for name, chance in (
+        ("likeliest_hypothesis", "hypothesis_probability"),
+        ("reported_type", "type_probability"),
+    ):
         if track[name] is not None:
             return f"{track[name]} {probability_text(track[chance])}"
     return None
 
 
 def _is_probable(track: Row) -> bool:
-    """Return whether a track is probably a launch; without hypotheses its tracker knows launches alone."""
+    """Return whether a track is probably a launch; without hypotheses its tracker knows launches
+    alone.
+    """
     return track["probability_launch"] is None or track["probability_launch"] >= _PROBABLE
 
 
 def _flight(track: Row | None) -> Iterator[str]:
-    """Yield whether a probable launch comes down or reaches orbit, the likelier first, and from where to where."""
+    """Yield whether a probable launch comes down or reaches orbit, the likelier first, and from
+    where to where.
+    """
     if track is None or not _is_probable(track):
         return
     falls = track["probability_comes_down"]
     orbit = track["probability_orbit"] or 0.0
     both = ((falls or 0.0, "comes down"), (orbit, "reaches orbit"))
-    # A tracker without regions does not say what comes down; of its two answers one alone would mislead.
+    # A tracker without regions does not say what comes down; of its two answers one alone would
+    # mislead.
     least = _PROBABLE if falls is None else _MINOR
-    yield from (f"{words}: {probability_text(chance)}" for chance, words in sorted(both)[::-1] if chance >= least)
+    yield from (
+        f"{words}: {probability_text(chance)}"
+        for chance, words in sorted(both)[::-1]
+        if chance >= least
+    )
     law = ", the paper's law, without containment"
     points = (("from", track["launch"]), ("to", track["impact"]))
-    places = [f"{words} {place_text(point)}{spread_text(point, law)}" for words, point in points if point is not None]
+    places = [
+        f"{words} {place_text(point)}{spread_text(point, law)}"
+        for words, point in points
+        if point is not None
+    ]
     if falls is not None and falls < _PROBABLE:
-        yield from (f"should it come down, {place}" if place.startswith("to ") else place for place in places)
+        yield from (
+            f"should it come down, {place}" if place.startswith("to ") else place
+            for place in places
+        )
     elif places:
         yield " ".join(places)
 
@@ -108,16 +143,24 @@ def _flight(track: Row | None) -> Iterator[str]:
 def point_text(point: Row | None) -> str:
     """Return `34.73 N 120.57 W at 10.0 s (0.1 km)`, or `-` for a point that is not estimated.
 
-    The figure is the 95 % semi-major axis, the area of the 95 % region, or the σ of the paper's law.
+    The figure is the 95 % semi-major axis, the area of the 95 % region, or the σ of the paper's
+    law.
     """
-    return "-" if point is None else f"{place_text(point)} at {point['time_s']:.1f} s{spread_text(point, most=1)}"
+    return (
+        "-"
+        if point is None
+        else f"{place_text(point)} at {point['time_s']:.1f} s{spread_text(point, most=1)}"
+    )
 
 
 def place_text(point: Row) -> str:
     """Return latitude and longitude, `34.73 N 120.57 W`."""
     lat_deg = point["lat_deg"]
     lon_deg = point["lon_deg"]
-    return f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f} {'E' if lon_deg >= 0.0 else 'W'}"
+    return (
+        f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f}"
+        f" {'E' if lon_deg >= 0.0 else 'W'}"
+    )
 
 
 def spread_text(point: Row, law: str = "", most: int | None = None) -> str:
@@ -137,8 +180,12 @@ def _region_text(region: Row) -> str:
     short = float(f"{region['area_95_km2']:.2g}")
     samples = region["effective_samples"]
     area = grouped(round(short)) if short >= _WHOLE_KM2 else f"{short:g}"
-    presumed = _CONDITIONS.get(region["condition"], "").format(probability_text(region["probability"]))
-    return f"{presumed}95 % in {area} km2{', thin' if samples is not None and samples < _THIN else ''}"
+    presumed = _CONDITIONS.get(region["condition"], "").format(
+        probability_text(region["probability"])
+    )
+    return (
+        f"{presumed}95 % in {area} km2{', thin' if samples is not None and samples < _THIN else ''}"
+    )
 
 
 _SOURCE_HEAD = ("source", "type", "first detected by", "detections", "track", "reported")
@@ -152,8 +199,13 @@ Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 def reported_tables(summary: Row) -> Iterator[str]:
     """Yield the tables of hot sources that are no targets, and of tracks, as text."""
     for head, rows in (source_table(summary), track_table(summary)):
-        yield listed(head, rows, numbers=[place for place, name in enumerate(head) if name in _NUMBERS])
-    if any(row["impact"] is not None and row["impact"]["method"] == "paper" for row in summary["tracks"]):
+        yield listed(
+            head, rows, numbers=[place for place, name in enumerate(head) if name in _NUMBERS]
+        )
+    if any(
+        row["impact"] is not None and row["impact"]["method"] == "paper"
+        for row in summary["tracks"]
+    ):
         yield "sigma of an impact: the paper's law, without containment"
 
 
@@ -165,9 +217,15 @@ def source_table(summary: Row) -> Table:
 
 
 def track_table(summary: Row) -> Table:
-    """Return the table of tracks, probable launches first, with hypotheses if any track has them."""
+    """Return the table of tracks, probable launches first, with hypotheses if any track has
+    them.
+    """
     weighs = any(row["hypotheses"] is not None for row in summary["tracks"])
-    head = ("track", "likeliest", "P(launch)", *_WHERE, "end") if weighs else ("track", "type", *_WHERE)
+    head = (
+        ("track", "likeliest", "P(launch)", *_WHERE, "end")
+        if weighs
+        else ("track", "type", *_WHERE)
+    )
     rows = sorted(summary["tracks"], key=lambda row: not _is_probable(row))
     return head, [track_cells(row, weighs=weighs) for row in rows]
 

@@ -17,7 +17,9 @@ def completion_arguments(parser: argparse.ArgumentParser) -> None:
         'zsh:  eval "$(opir completion zsh)" in ~/.zshrc, after compinit\n'
         "fish: opir completion fish > ~/.config/fish/completions/opir.fish"
     )
-    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh", "powershell"), help="the shell")
+    parser.add_argument(
+        "shell", choices=("bash", "zsh", "fish", "tcsh", "powershell"), help="the shell"
+    )
 
 
 def completion(arguments: argparse.Namespace) -> int:
@@ -25,6 +27,8 @@ def completion(arguments: argparse.Namespace) -> int:
     try:
         shtab = import_module("shtab")
     except ImportError as error:
-        raise PluginError('opir completion needs shtab: pip install "opir-core[completion]"') from error
+        raise PluginError(
+            'opir completion needs shtab: pip install "opir-core[completion]"'
+        ) from error
     sys.stdout.write(shtab.complete(full_parser(), arguments.shell) + "\n")
     return 0

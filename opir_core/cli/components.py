@@ -37,7 +37,11 @@ def plugins_arguments(parser: argparse.ArgumentParser) -> None:
 def plugins(arguments: argparse.Namespace) -> int:
     """Print every plugin with its components."""
     rows = Host.discover().catalogue()
-    text = json.dumps([asdict(row) for row in rows], indent=2) if arguments.json else _plugins_text(rows)
+    text = (
+        json.dumps([asdict(row) for row in rows], indent=2)
+        if arguments.json
+        else _plugins_text(rows)
+    )
     sys.stdout.write(text + "\n")
     return 0
 
@@ -52,7 +56,11 @@ def describe(arguments: argparse.Namespace) -> int:
     """Print the settings of the component, for each kind that has the name."""
     components = components_named(Host.discover(), arguments.name, arguments.kind)
     descriptions = [described(owned.component, owned.owner) for owned in components]
-    text = json.dumps(descriptions, indent=2) if arguments.json else "\n\n".join(map(_component_text, descriptions))
+    text = (
+        json.dumps(descriptions, indent=2)
+        if arguments.json
+        else "\n\n".join(map(_component_text, descriptions))
+    )
     sys.stdout.write(text + "\n")
     return 0
 
@@ -60,7 +68,9 @@ def describe(arguments: argparse.Namespace) -> int:
 def add_component(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that name a component."""
     parser.add_argument("name", metavar="COMPONENT", help="the name of a component, as in scenes")
-    parser.add_argument("--kind", choices=sorted(HOOK_BY_KIND), help="only this kind, if several have the name")
+    parser.add_argument(
+        "--kind", choices=sorted(HOOK_BY_KIND), help="only this kind, if several have the name"
+    )
 
 
 def components_named(host: Host, name: str, kind: str | None = None) -> Sequence[OwnedComponent]:
@@ -87,17 +97,33 @@ def described(component: Offered, owner: Provenance) -> Mapping[str, Any]:
         "version": owner.version,
     }
     if isinstance(component, Constellation):
-        return {**head, "model": component.model, "satellites": [plain(row) for row in component.satellites]}
+        return {
+            **head,
+            "model": component.model,
+            "satellites": [plain(row) for row in component.satellites],
+        }
     if isinstance(component, TargetClass):
         after = {"after_burnout": {component.after_burnout.model: asdict(component.after_burnout)}}
-        return {**head, **{key: value for key, value in asdict(component).items() if key not in head}, **after}
+        return {
+            **head,
+            **{key: value for key, value in asdict(component).items() if key not in head},
+            **after,
+        }
     rows = [asdict(row) for row in field_rows(component.config)]
     presets = {name: plain(values) for name, values in component.presets.items()}
-    return {**head, "fields": rows, "presets": presets, "named_values": named_values(component.config)}
+    return {
+        **head,
+        "fields": rows,
+        "presets": presets,
+        "named_values": named_values(component.config),
+    }
 
 
 def _plugins_text(rows: Sequence[PluginRow]) -> str:
-    heads = [(row.plugin, row.distribution, row.version, row.requires_core or "-", row.state) for row in rows]
+    heads = [
+        (row.plugin, row.distribution, row.version, row.requires_core or "-", row.state)
+        for row in rows
+    ]
     listed = [
         (part.kind, part.name, row.plugin, _with_owners(part.summary, part.contested_by))
         for row in rows
@@ -114,7 +140,11 @@ def _plugins_text(rows: Sequence[PluginRow]) -> str:
 
 
 def _with_owners(summary: str, contested_by: Iterable[object]) -> str:
-    return f"{summary} (also offered by {', '.join(map(str, contested_by))})" if contested_by else summary
+    return (
+        f"{summary} (also offered by {', '.join(map(str, contested_by))})"
+        if contested_by
+        else summary
+    )
 
 
 def _owned(host: Host, hook: str, name: str) -> OwnedComponent:
@@ -123,7 +153,11 @@ def _owned(host: Host, hook: str, name: str) -> OwnedComponent:
 
 def _unknown(host: Host, name: str) -> str:
     close = nearest_names(name, {offered for hook in CATALOGUE for offered in host.names(hook)})
-    packages = [package for package, entries in PACKAGES.items() if any(name == _name(entry) for entry in entries)]
+    packages = [
+        package
+        for package, entries in PACKAGES.items()
+        if any(name == _name(entry) for entry in entries)
+    ]
     host.catalogue()
     lines = [
         f"no component is named {name!r}",
@@ -140,7 +174,10 @@ def _name(entry: str) -> str:
 
 
 def _component_text(row: Mapping[str, Any]) -> str:
-    head = f"{row['kind']} {row['name']}, of {row['distribution']} {row['version']} (plugin {row['plugin']})"
+    head = (
+        f"{row['kind']} {row['name']}, of {row['distribution']} {row['version']} (plugin"
+        f" {row['plugin']})"
+    )
     kinds = {"satellites": _satellites, "profiles": _profiles}
     described = next((text for key, text in kinds.items() if key in row), _settings)
     return "\n\n".join([f"{head}\n{row['summary']}", *described(row)])
@@ -161,13 +198,18 @@ def _profiles(row: Mapping[str, Any]) -> list[str]:
         )
         for one in row["profiles"]
     ]
-    resembled = "" if row["resembles"] == row["reported_type"] else f"; it resembles {row['resembles']}"
+    resembled = (
+        "" if row["resembles"] == row["reported_type"] else f"; it resembles {row['resembles']}"
+    )
     follows = f"after burnout: {after} {shown(settings) if settings else ''}".strip()
     return [f"reported type {row['reported_type']}{resembled}\n{follows}", table(heads, profiles)]
 
 
 def _satellites(row: Mapping[str, Any]) -> list[str]:
-    rows = [(one["id"], shown({key: value for key, value in one.items() if key != "id"})) for one in row["satellites"]]
+    rows = [
+        (one["id"], shown({key: value for key, value in one.items() if key != "id"}))
+        for one in row["satellites"]
+    ]
     return [table(("satellite", f"settings of the model {row['model']}"), rows)]
 
 
@@ -191,5 +233,7 @@ def _field(row: Mapping[str, Any]) -> str:
 
 
 def _origin(source: str) -> str:
-    """Return the source of a default; a source that begins with "no default" is a sentence of its own."""
+    """Return the source of a default; a source that begins with "no default" is a sentence of its
+    own.
+    """
     return source if source.startswith("no default") else f"default: {source}"

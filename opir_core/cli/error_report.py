@@ -8,7 +8,9 @@ from opir_core.host.error_messages import described_error
 
 
 def report(error: BaseException) -> int:
-    """Print an error as one message and return its exit code; what opir did not foresee is named with its line."""
+    """Print an error as one message and return its exit code; what opir did not foresee is named
+    with its line.
+    """
     if isinstance(error, OpirError):
         message = str(error)
         code = error.exit_code

@@ -41,7 +41,9 @@ def explain_arguments(parser: argparse.ArgumentParser) -> None:
 def explain(arguments: argparse.Namespace) -> int:
     """Compile the scene's plan and print it."""
     explanation = explained(_plan(arguments))
-    sys.stdout.write((json.dumps(explanation, indent=2) if arguments.json else _as_text(explanation)) + "\n")
+    sys.stdout.write(
+        (json.dumps(explanation, indent=2) if arguments.json else _as_text(explanation)) + "\n"
+    )
     return 0
 
 
@@ -51,37 +53,81 @@ def _plan(arguments: argparse.Namespace) -> Plan:
 
 
 def _as_text(plan: Mapping[str, Any]) -> str:
-    components = [(row["kind"], row["name"], f"{row['distribution']} {row['version']}") for row in plan["components"]]
+    components = [
+        (row["kind"], row["name"], f"{row['distribution']} {row['version']}")
+        for row in plan["components"]
+    ]
     pairs = [_pair_cells(row) for row in plan["pairs"]]
     skipped = [(row["sensor_id"], row["target_id"], row["reason"]) for row in plan["skipped"]]
     parts = [
-        f"{plan['scene']}: {grouped(plan['looks'])} looks of {len(pairs)} pairs; forces {', '.join(plan['forces'])}",
+        (
+            f"{plan['scene']}: {grouped(plan['looks'])} looks of {len(pairs)} pairs; forces"
+            f" {', '.join(plan['forces'])}"
+        ),
         table(("kind", "name", "from"), components),
-        table(("sensor", "target", "looks", "from s", "to s", "visible", "P_d"), pairs, numbers=(2, 3, 4, 6)),
+        table(
+            ("sensor", "target", "looks", "from s", "to s", "visible", "P_d"),
+            pairs,
+            numbers=(2, 3, 4, 6),
+        ),
     ]
     if plan["dark"]:
-        dark = [(row["target_id"], f"{row['start_s']:.3f}", f"{row['stop_s']:.3f}") for row in plan["dark"]]
+        dark = [
+            (row["target_id"], f"{row['start_s']:.3f}", f"{row['stop_s']:.3f}")
+            for row in plan["dark"]
+        ]
         parts.append(table(("target", "dark from s", "to s"), dark, numbers=(1, 2)))
     if skipped:
         parts.append(table(("sensor", "target", "skipped because"), skipped))
     if plan["outages"]:
         heads = ("sensor", "Sun too close from s", "to s", "towards", "of its field")
-        parts.append(table(heads, [_outage_cells(row) for row in plan["outages"]], numbers=(1, 2, 4)))
+        parts.append(
+            table(heads, [_outage_cells(row) for row in plan["outages"]], numbers=(1, 2, 4))
+        )
     if plan["eclipses"]:
         heads = ("sensor", "eclipsed from s", "umbra from s", "to s", "eclipsed to s")
-        parts.append(table(heads, [_eclipse_cells(row) for row in plan["eclipses"]], numbers=(1, 2, 3, 4)))
+        parts.append(
+            table(heads, [_eclipse_cells(row) for row in plan["eclipses"]], numbers=(1, 2, 3, 4))
+        )
     if plan["noise"]:
-        noise = [(row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_day']:.3g}") for row in plan["noise"]]
-        parts.append(table(("sensor", "false alarms of noise and clutter per scan", "per day"), noise, numbers=(1, 2)))
+        noise = [
+            (row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_day']:.3g}")
+            for row in plan["noise"]
+        ]
+        parts.append(
+            table(
+                ("sensor", "false alarms of noise and clutter per scan", "per day"),
+                noise,
+                numbers=(1, 2),
+            )
+        )
     if plan["focal_planes"]:
-        columns = ("sensor", "band", "NEI W/m2", "noise over NEI", "in one pixel", "saturation W/m2")
-        parts.append(table(columns, [_focal_plane_cells(row) for row in plan["focal_planes"]], numbers=(2, 3, 4, 5)))
+        columns = (
+            "sensor",
+            "band",
+            "NEI W/m2",
+            "noise over NEI",
+            "in one pixel",
+            "saturation W/m2",
+        )
+        parts.append(
+            table(
+                columns,
+                [_focal_plane_cells(row) for row in plan["focal_planes"]],
+                numbers=(2, 3, 4, 5),
+            )
+        )
     if any(row["mean_s"] for row in plan["reporting"]):
         parts.append(
-            table(("sensor", "reports after s", "σ s", "stages"), list(map(_reporting_cells, plan["reporting"])))
+            table(
+                ("sensor", "reports after s", "σ s", "stages"),
+                list(map(_reporting_cells, plan["reporting"])),
+            )
         )
     if plan["tracking"]["order"] == BY_REPORT:
-        parts.append(f"tracking in the order of report, {plan['tracking']['lag_s']:.3f} s after the ticks")
+        parts.append(
+            f"tracking in the order of report, {plan['tracking']['lag_s']:.3f} s after the ticks"
+        )
     parts += _assumed(plan["sensors_assumed"]) + _hypothesis_table(plan["hypotheses"])
     parts += map(expectation_text, plan["expected_launches"])
     parts += [
@@ -97,7 +143,10 @@ def _assumed(sensors: Sequence[str]) -> list[str]:
 
 
 def _hypothesis_table(groups: Sequence[Mapping[str, Any]]) -> list[str]:
-    headings = {"by_motion": "by its motion, to the tracker", "by_light": "by its light, to the classifier"}
+    headings = {
+        "by_motion": "by its motion, to the tracker",
+        "by_light": "by its light, to the classifier",
+    }
     used = [key for key in headings if any(row[key] for row in groups)]
     rows = [(", ".join(row["hypotheses"]), *(row[key] for key in used)) for row in groups]
     return [table(("it may be", *map(headings.__getitem__, used)), rows)] if rows else []
@@ -135,7 +184,16 @@ def _focal_plane_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _compass(azimuth_deg: float) -> str:
     """Return the nearest of eight points of the compass."""
-    points = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+    points = (
+        "north",
+        "north-east",
+        "east",
+        "south-east",
+        "south",
+        "south-west",
+        "west",
+        "north-west",
+    )
     return points[round(azimuth_deg / 45.0) % len(points)]
 
 
@@ -146,7 +204,11 @@ def _reporting_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _spread(stage: Mapping[str, Any]) -> str:
     """Return `35 ± 8.66`, or `35` for a constant latency."""
-    return f"{stage['mean_s']:g} ± {stage['sigma_s']:.3g}" if stage["sigma_s"] else f"{stage['mean_s']:g}"
+    return (
+        f"{stage['mean_s']:g} ± {stage['sigma_s']:.3g}"
+        if stage["sigma_s"]
+        else f"{stage['mean_s']:g}"
+    )
 
 
 def _pair_cells(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -1,6 +1,8 @@
-"""The command `opir`: parse the command line, run the command, report opir's own errors with an exit code.
+"""The command `opir`: parse the command line, run the command, report opir's own errors with an
+exit code.
 
-A command's module is imported only when the command is given, so `opir --version` costs little more than Python itself.
+A command's module is imported only when the command is given, so `opir --version` costs little more
+than Python itself.
 """
 
 import argparse
@@ -13,14 +15,17 @@ from typing import Any, NoReturn
 from opir_core._version import __version__
 from opir_core.cli.streams import open_streams
 
-#: The core's commands: the module of `opir_core.cli`, and the summary. For a command `new-plugin` the module has
-#: `new_plugin_arguments(parser)` and `new_plugin(arguments) -> exit code`.
+#: The core's commands: the module of `opir_core.cli`, and the summary. For a command `new-plugin`
+#: the module has `new_plugin_arguments(parser)` and `new_plugin(arguments) -> exit code`.
 COMMANDS = {
     "run": ("run", "simulate a scene; write events, truth, tracks and manifest"),
     "validate": ("explain", "check a scene without simulating it"),
     "explain": ("explain", "show what a scene computes, and what it skips and why"),
     "plugins": ("components", "list the installed plugins and their components"),
-    "describe": ("components", "show the settings of a component: units, ranges, defaults, sources"),
+    "describe": (
+        "components",
+        "show the settings of a component: units, ranges, defaults, sources",
+    ),
     "schema": ("schema", "print the JSON Schema of an event"),
     "completion": ("completion", "print a completion script for a shell"),
 }
@@ -41,8 +46,8 @@ exit codes:
 #: The option of every command that prints tracebacks.
 DEBUG = "--debug"
 
-#: Variables that set the threads of libraries of linear algebra. Our matrices are small: with a tracker several threads
-#: took 1.8 times the processor time and slowed a raid down by a sixth.
+#: Variables that set the threads of libraries of linear algebra. Our matrices are small: with a
+#: tracker several threads took 1.8 times the processor time and slowed a raid down by a sixth.
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 _INTERRUPTED = 130
@@ -70,8 +75,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BaseException as error:
         # argparse ends the program with SystemExit, and so may commands of plugins.
         is_meant = isinstance(error, SystemExit) and not (arguments is not None and is_core)
-        # With `--debug` also the tracebacks of plugins, whose exceptions are the causes of opir's own errors.
-        if is_meant or (is_debugged and not (hasattr(error, "exit_code") and error.__cause__ is None)):
+        # With `--debug` also the tracebacks of plugins, whose exceptions are the causes of opir's
+        # own errors.
+        if is_meant or (
+            is_debugged and not (hasattr(error, "exit_code") and error.__cause__ is None)
+        ):
             raise
         from opir_core.cli.error_report import report
 
@@ -93,11 +101,15 @@ def _parsed(words: Sequence[str]) -> tuple[argparse.Namespace, bool]:
 
 
 def _refuse(unknown: Sequence[str], command: argparse.ArgumentParser) -> NoReturn:
-    """End with the usage of the command, not that of all commands, and the option that is most like the unknown one."""
+    """End with the usage of the command, not that of all commands, and the option that is most like
+    the unknown one.
+    """
     from opir_core.errors import nearest
 
     options = [word for word in unknown if word.startswith("--")]
-    known = (option for action in command._actions for option in action.option_strings)  # argparse has no public list
+    known = (
+        option for action in command._actions for option in action.option_strings
+    )  # argparse has no public list
     hint = nearest(options[0].partition("=")[0], known) if options else ""
     command.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
 
@@ -112,7 +124,9 @@ def full_parser() -> argparse.ArgumentParser:
 
 
 def _empty_parser(names: Iterable[str]) -> tuple[argparse.ArgumentParser, Any]:
-    """Return a parser and its commands of these names: making one takes as long as importing a small module."""
+    """Return a parser and its commands of these names: making one takes as long as importing a
+    small module.
+    """
     parser = argparse.ArgumentParser(
         prog="opir",
         description="Simulate overhead infrared missile-warning sensors.",
@@ -130,7 +144,9 @@ def _empty_parser(names: Iterable[str]) -> tuple[argparse.ArgumentParser, Any]:
 
 
 def _formatter(prog: str) -> argparse.HelpFormatter:
-    """Return a formatter as wide as the terminal: without a width each parser would import `shutil` to ask for it."""
+    """Return a formatter as wide as the terminal: without a width each parser would import `shutil`
+    to ask for it.
+    """
     try:
         columns = int(os.environ.get("COLUMNS") or os.get_terminal_size().columns)
     except (OSError, ValueError):

@@ -1,6 +1,7 @@
 """`opir run`: simulate a scene; write events, truth, tracks and manifest; print the summary.
 
-The summary has the totals, a sentence per target, tables of sensors, targets and tracks, and the files written.
+The summary has the totals, a sentence per target, tables of sensors, targets and tracks, and the
+files written.
 """
 
 import argparse
@@ -40,19 +41,39 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the scene, its overrides, and the outputs."""
     add_scene_arguments(parser)
     where = parser.add_mutually_exclusive_group()
-    where_events = "write events here as JSON lines, or columns if PATH ends in .parquet (- for standard output)"
+    where_events = (
+        "write events here as JSON lines, or columns if PATH ends in .parquet (- for standard"
+        " output)"
+    )
     where.add_argument("-o", "--out", metavar="PATH", help=where_events)
-    where.add_argument("--sink", metavar="NAME", help="send events only to this sink, instead of the scene's outputs")
+    where.add_argument(
+        "--sink",
+        metavar="NAME",
+        help="send events only to this sink, instead of the scene's outputs",
+    )
     where_truth = (
-        "write the truth here, as columns if PATH ends in .parquet (default: beside the events, in their format)"
+        "write the truth here, as columns if PATH ends in .parquet (default: beside the events, in"
+        " their format)"
     )
     parser.add_argument("--truth", metavar="PATH", help=where_truth)
-    parser.add_argument("--tracks", metavar="PATH", help="write the tracks here (default: beside the events)")
-    parser.add_argument("--manifest", metavar="PATH", help="write the run manifest here (default: beside the events)")
     parser.add_argument(
-        "--workers", metavar="N", type=int, default=1, help="processes that compute the run; the files are the same"
+        "--tracks", metavar="PATH", help="write the tracks here (default: beside the events)"
     )
-    add_dead_after(parser, None, f"; a call of a sink fails its output alone (default {CALL_S:g} s)")
+    parser.add_argument(
+        "--manifest",
+        metavar="PATH",
+        help="write the run manifest here (default: beside the events)",
+    )
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        default=1,
+        help="processes that compute the run; the files are the same",
+    )
+    add_dead_after(
+        parser, None, f"; a call of a sink fails its output alone (default {CALL_S:g} s)"
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 
@@ -61,7 +82,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate the scene; what plugins print goes to standard error."""
     with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
         scene, outcome, files = _simulated(arguments)
-    written = {} if outcome.incomplete else {what: path for what, path in files.items() if path is not None}
+    written = (
+        {}
+        if outcome.incomplete
+        else {what: path for what, path in files.items() if path is not None}
+    )
     _print_summary(arguments, scene, outcome, written)
     outcome.raise_for_failures()
     return 0
@@ -70,11 +95,22 @@ def run(arguments: argparse.Namespace) -> int:
 def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[str, Path | None]]:
     """Return the scene, the outcome of its run, and the paths of its files."""
     host = Host.discover()
-    scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_output_to(_DEFAULT_OUT)}]",))
+    scene = scene_of(
+        arguments,
+        host,
+        first=_outputs(arguments),
+        otherwise=(f"outputs=[{_output_to(_DEFAULT_OUT)}]",),
+    )
     plan = plan_of(arguments, scene, host)
     events = _first_file(scene)
-    truth = _beside(events, arguments.truth, f".truth{PARQUET if events and has_columns(events) else '.jsonl'}")
-    tracks = None if plan.make_tracker().cadence_s is None else _beside(events, arguments.tracks, ".tracks.jsonl")
+    truth = _beside(
+        events, arguments.truth, f".truth{PARQUET if events and has_columns(events) else '.jsonl'}"
+    )
+    tracks = (
+        None
+        if plan.make_tracker().cadence_s is None
+        else _beside(events, arguments.tracks, ".tracks.jsonl")
+    )
     manifest = _beside(events, arguments.manifest, ".manifest.json")
     files = {"truth": truth, "tracks": tracks, "manifest": manifest}
     _require_own_paths(arguments, scene, files)
@@ -100,15 +136,21 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
 def _add_reasons(plan: Plan, summary: Mapping[str, Any]) -> None:
     """Add to the rows of targets and sources why they were never detected, None if they were."""
     number = {name: target for target, name in enumerate(plan.targets.ids)}
-    rows = [(row, row[f"{kind}_id"]) for kind in ("target", "source") for row in summary[f"{kind}s"]]
+    rows = [
+        (row, row[f"{kind}_id"]) for kind in ("target", "source") for row in summary[f"{kind}s"]
+    ]
     with PluginErrors(plan.host, plan.scene):
         for row, name in rows:
-            row["undetected_because"] = None if row["detections"] else undetected_text(plan, number[name])
+            row["undetected_because"] = (
+                None if row["detections"] else undetected_text(plan, number[name])
+            )
 
 
 @contextmanager
 def _ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end the run as Ctrl-C does, so that temporary files are removed, and then end the process."""
+    """Let SIGTERM end the run as Ctrl-C does, so that temporary files are removed, and then end the
+    process.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -131,7 +173,9 @@ def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
     """Return the override of `--out` or `--sink`."""
     if arguments.out is not None:
         return (f"outputs=[{_output_to(arguments.out)}]",)
-    return (f"outputs=[{{{json.dumps(arguments.sink)}: {{}}}}]",) if arguments.sink is not None else ()
+    return (
+        (f"outputs=[{{{json.dumps(arguments.sink)}: {{}}}}]",) if arguments.sink is not None else ()
+    )
 
 
 def _output_to(path: str) -> str:
@@ -141,8 +185,15 @@ def _output_to(path: str) -> str:
 
 
 def _first_file(scene: Scene) -> Path | None:
-    """Return the first file of events, of JSON lines if there is one, beside which the other files are written."""
-    files = [choice.config.path for name in _FILES_OF_EVENTS for choice in scene.outputs if choice.name == name]
+    """Return the first file of events, of JSON lines if there is one, beside which the other files
+    are written.
+    """
+    files = [
+        choice.config.path
+        for name in _FILES_OF_EVENTS
+        for choice in scene.outputs
+        if choice.name == name
+    ]
     named = next((Path(file) for file in files if file != _STANDARD_OUTPUT), None)
     if named is None or not named.name or (named.exists() and not named.is_file()):
         return None  # beside a device or a pipe there is no place for files
@@ -156,29 +207,49 @@ def _beside(events: Path | None, path: str | None, suffix: str) -> Path | None:
     return None if events is None else events.with_suffix(suffix)
 
 
-def _require_own_paths(arguments: argparse.Namespace, scene: Scene, files: Mapping[str, Path | None]) -> None:
-    """Reject paths that overwrite the scene or another file of the run, and tracks that are not computed."""
+def _require_own_paths(
+    arguments: argparse.Namespace, scene: Scene, files: Mapping[str, Path | None]
+) -> None:
+    """Reject paths that overwrite the scene or another file of the run, and tracks that are not
+    computed.
+    """
     problems = []
     if arguments.tracks is not None and files["tracks"] is None:
-        words = f"the tracker {scene.tracker.name} makes no tracks; omit this option, or set another with --tracker"
+        words = (
+            f"the tracker {scene.tracker.name} makes no tracks; omit this option, or set another"
+            f" with --tracker"
+        )
         problems.append(Problem("--tracks", words))
-    events = [Path(choice.config.path) for choice in scene.outputs if choice.name in _FILES_OF_EVENTS]
+    events = [
+        Path(choice.config.path) for choice in scene.outputs if choice.name in _FILES_OF_EVENTS
+    ]
     taken = {Path(arguments.scene).resolve(): "the scene"}
     for what, path in [*(("events", path) for path in events), *files.items()]:
         if path is None or (path.exists() and not path.is_file()):
             continue
         holder = taken.setdefault(path.resolve(), f"the {what}")
         if holder != f"the {what}":
-            problems.append(Problem("", f"the {what} would overwrite {path}, the path of {holder}; give another path"))
+            problems.append(
+                Problem(
+                    "",
+                    f"the {what} would overwrite {path}, the path of {holder}; give another path",
+                )
+            )
     if problems:
         raise SceneError(problems, source="command line")
 
 
-def _print_summary(arguments: argparse.Namespace, scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> None:
-    """Print the summary on standard output, or on standard error if standard output carries the events."""
+def _print_summary(
+    arguments: argparse.Namespace, scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]
+) -> None:
+    """Print the summary on standard output, or on standard error if standard output carries the
+    events.
+    """
     if arguments.quiet:
         return
-    takes_events = any(getattr(choice.config, "path", "") == _STANDARD_OUTPUT for choice in scene.outputs)
+    takes_events = any(
+        getattr(choice.config, "path", "") == _STANDARD_OUTPUT for choice in scene.outputs
+    )
     stream = sys.stderr if takes_events else sys.stdout
     text = as_json(outcome, files) if arguments.json else as_text(scene, outcome, files)
     stream.write(text + "\n")
@@ -187,18 +258,27 @@ def _print_summary(arguments: argparse.Namespace, scene: Scene, outcome: RunOutc
 def as_json(outcome: RunOutcome, files: Mapping[str, Path]) -> str:
     """Return the summary, the counts of each sink and the files as one JSON document."""
     outputs = {result.name: asdict(result) for result in outcome.report.sinks}
-    document = {**outcome.summary, "outputs": outputs, "files": {what: str(path) for what, path in files.items()}}
+    document = {
+        **outcome.summary,
+        "outputs": outputs,
+        "files": {what: str(path) for what, path in files.items()},
+    }
     return json.dumps(document, indent=2)
 
 
 def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str:
     """Return the summary as sentences and tables."""
-    from opir_core.cli.answer_lines import answers, reported_cells, reported_tables  # a quiet run has no answers
+    from opir_core.cli.answer_lines import (
+        answers,
+        reported_cells,
+        reported_tables,
+    )  # a quiet run has no answers
 
     counts = outcome.summary["counts"]
     is_delayed = any(row["reporting_mean_s"] for row in outcome.summary["sensors"])
     head = (
-        f"{scene.name}: {grouped(counts['detections'])} detections in {grouped(counts['looks'])} looks, "
+        f"{scene.name}: {grouped(counts['detections'])} detections in {grouped(counts['looks'])}"
+        f" looks, "
         f"{scene.duration_s:g} s, seed {scene.seed}"
     )
     parts = [
@@ -206,28 +286,48 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
         _health(outcome.summary),
-        _target_table(outcome.summary["targets"], reported_cells(outcome.summary), is_delayed=is_delayed),
+        _target_table(
+            outcome.summary["targets"], reported_cells(outcome.summary), is_delayed=is_delayed
+        ),
         *reported_tables(outcome.summary),
-        "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
+        "\n".join(
+            [*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]
+        ),
     ]
     return "\n\n".join(part for part in parts if part)
 
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")
-_TARGET_HEAD = ("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors", "reported")
+_TARGET_HEAD = (
+    "target",
+    "type",
+    "ignition s",
+    "latency s",
+    "first detected by",
+    "detections",
+    "sensors",
+    "reported",
+)
 
 
 def _sensor_table(summary: Mapping[str, Any]) -> str:
-    """Return the table of sensors; where there are other hot sources, with how many of them each detected."""
-    names = ("looks", "detections", "targets_detected", "sources_detected")[: 4 if summary["sources"] else 3]
+    """Return the table of sensors; where there are other hot sources, with how many of them each
+    detected.
+    """
+    names = ("looks", "detections", "targets_detected", "sources_detected")[
+        : 4 if summary["sources"] else 3
+    ]
     cells = [
-        (row["sensor_id"], row["sensor_type"], *(grouped(row[name]) for name in names)) for row in summary["sensors"]
+        (row["sensor_id"], row["sensor_type"], *(grouped(row[name]) for name in names))
+        for row in summary["sensors"]
     ]
     return table(_SENSOR_HEAD[: 2 + len(names)], cells, numbers=range(2, 2 + len(names)))
 
 
 def _health(summary: Mapping[str, Any]) -> str:
-    """Return a line for each sensor with detections: its biases, clock and noise, as far as the tracker knows them."""
+    """Return a line for each sensor with detections: its biases, clock and noise, as far as the
+    tracker knows them.
+    """
     rows = [row for row in summary["sensors"] if row["health"] and row["detections"]]
     return "\n".join(f"{row['sensor_id']}: {row['health']['text']}" for row in rows)
 
@@ -246,8 +346,12 @@ def _target_cells(row: Mapping[str, Any], says: str) -> tuple[str, ...]:
     )
 
 
-def _target_table(targets: Sequence[Mapping[str, Any]], says: Sequence[str], *, is_delayed: bool) -> str:
-    """Return the table of targets, with the latency up to the first report if some sensor's reports are late."""
+def _target_table(
+    targets: Sequence[Mapping[str, Any]], says: Sequence[str], *, is_delayed: bool
+) -> str:
+    """Return the table of targets, with the latency up to the first report if some sensor's reports
+    are late.
+    """
     cells = [list(_target_cells(row, text)) for row, text in zip(targets, says, strict=True)]
     head = list(_TARGET_HEAD)
     if not is_delayed:
@@ -262,7 +366,8 @@ def _target_table(targets: Sequence[Mapping[str, Any]], says: Sequence[str], *, 
 def _delivered(scene: Scene, outcome: RunOutcome) -> list[str]:
     places = {choice.path: getattr(choice.config, "path", choice.name) for choice in scene.outputs}
     return [
-        f"{places[sink.name]}: {grouped(sink.delivered)} events{_undelivered(sink)}" for sink in outcome.report.sinks
+        f"{places[sink.name]}: {grouped(sink.delivered)} events{_undelivered(sink)}"
+        for sink in outcome.report.sinks
     ]
 
 

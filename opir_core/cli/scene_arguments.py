@@ -35,13 +35,19 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="overrides",
-        help="override one value, e.g. sensors[0].scan_period_ms=50, or sensors[*]. for every item; repeatable",
+        help="override one value, e.g. sensors[0].scan_period_ms=50, or sensors[*]. for every item;"
+        " repeatable",
     )
 
 
-def add_dead_after(parser: argparse.ArgumentParser, default: float | None = DEAD_AFTER_S, more: str = "") -> None:
+def add_dead_after(
+    parser: argparse.ArgumentParser, default: float | None = DEAD_AFTER_S, more: str = ""
+) -> None:
     """Add the time after which the watchdog ends the command; `more` ends its help."""
-    words = f"end with exit code {STUCK} if one call of a component lasts S seconds (default {DEAD_AFTER_S:g} s){more}"
+    words = (
+        f"end with exit code {STUCK} if one call of a component lasts S seconds (default"
+        f" {DEAD_AFTER_S:g} s){more}"
+    )
     parser.add_argument("--dead-after", metavar="S", type=seconds, default=default, help=words)
 
 
@@ -53,18 +59,25 @@ def seconds(text: str) -> float:
 
 
 def scene_of(
-    arguments: argparse.Namespace, host: Host, *, first: Sequence[str] = (), otherwise: Sequence[str] = ()
+    arguments: argparse.Namespace,
+    host: Host,
+    *,
+    first: Sequence[str] = (),
+    otherwise: Sequence[str] = (),
 ) -> Scene:
     """Return the scene that the arguments name, with their overrides.
 
-    The overrides in `first` precede those of the user; `otherwise` applies to a scene without outputs.
+    The overrides in `first` precede those of the user; `otherwise` applies to a scene without
+    outputs.
     """
     given = [*first, *_shorthand(arguments)]
     with slow_notice(f"reading {arguments.scene}", is_shown=_is_shown(arguments)):
         scene = load_scene(arguments.scene, overrides=[*given, *arguments.overrides], host=host)
         if scene.outputs or not otherwise:
             return scene
-        return load_scene(arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host)
+        return load_scene(
+            arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host
+        )
 
 
 def _shorthand(arguments: argparse.Namespace) -> list[str]:
@@ -87,7 +100,9 @@ def check_of(arguments: argparse.Namespace, scene: Scene, host: Host) -> "Checke
     return _made(arguments, scene, "checking", lambda: check_scene(scene, host))
 
 
-def _made(arguments: argparse.Namespace, scene: Scene, doing: str, make: Callable[[], Made]) -> Made:
+def _made(
+    arguments: argparse.Namespace, scene: Scene, doing: str, make: Callable[[], Made]
+) -> Made:
     """Return the result of `make`, a step that may be slow; its errors name the scene's file."""
     size = f"{grouped(len(scene.sensors))} sensors and {grouped(len(scene.targets))} targets"
     try:
@@ -95,7 +110,9 @@ def _made(arguments: argparse.Namespace, scene: Scene, doing: str, make: Callabl
             return make()
     except SceneError as error:
         overrides = [*_shorthand(arguments), *arguments.overrides]
-        raise SceneError(placed(error.problems, arguments.scene, overrides), source=arguments.scene) from error
+        raise SceneError(
+            placed(error.problems, arguments.scene, overrides), source=arguments.scene
+        ) from error
 
 
 def _is_shown(arguments: argparse.Namespace) -> bool:

@@ -1,4 +1,6 @@
-"""`opir schema NAME`: the JSON Schema of an encoder (`detection` is that of `forge`, `track` that of `tracks`)."""
+"""`opir schema NAME`: the JSON Schema of an encoder (`detection` is that of `forge`, `track` that
+of `tracks`).
+"""
 
 import argparse
 import sys

@@ -1,12 +1,22 @@
-"""Standard streams that take any text: closed ones, consoles that are not UTF-8, characters that would act on these."""
+"""Standard streams that take any text: closed ones, consoles that are not UTF-8, characters that
+would act on these.
+"""
 
 import io
 import os
 import sys
 from typing import Any
 
-#: Characters that act instead of being shown: C1 controls, marks of direction (Unicode UAX 9), separators of lines.
-_ACTING = (*range(0x80, 0xA0), 0x061C, 0x200E, 0x200F, *range(0x2028, 0x202F), *range(0x2066, 0x206A))
+#: Characters that act instead of being shown: C1 controls, marks of direction (Unicode UAX 9),
+#: separators of lines.
+_ACTING = (
+    *range(0x80, 0xA0),
+    0x061C,
+    0x200E,
+    0x200F,
+    *range(0x2028, 0x202F),
+    *range(0x2066, 0x206A),
+)
 _ESCAPES = {code: f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" for code in _ACTING}
 
 #: The same, and the other controls but line feed and tab, for text that nobody coloured.
@@ -14,7 +24,9 @@ _ALL_ESCAPES = {**{code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32)
 
 
 class _Closed(io.TextIOBase):
-    """A standard stream that was closed: text is lost, as whoever closed it wants it; `fileno` is the closed one's."""
+    """A standard stream that was closed: text is lost, as whoever closed it wants it; `fileno` is
+    the closed one's.
+    """
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -38,10 +50,14 @@ def plain_text(text: str) -> str:
 def open_streams() -> None:
     """Make standard output and standard error take any text; closed ones become the null device.
 
-    What a console cannot show, and what would act on it, is written out as in Python (`\\u202e`). A closed standard
-    output cannot be written to, so that no event is lost in silence.
+    What a console cannot show, and what would act on it, is written out as in Python (`\\u202e`). A
+    closed standard output cannot be written to, so that no event is lost in silence.
     """
-    for descriptor, name, mode in ((0, "stdin", os.O_RDONLY), (1, "stdout", os.O_RDONLY), (2, "stderr", os.O_WRONLY)):
+    for descriptor, name, mode in (
+        (0, "stdin", os.O_RDONLY),
+        (1, "stdout", os.O_RDONLY),
+        (2, "stderr", os.O_WRONLY),
+    ):
         try:
             os.fstat(descriptor)
         except OSError:

@@ -1,4 +1,6 @@
-"""Text for terminals: tables, numbers and progress bars. Tables are the same on a terminal and in a file."""
+"""Text for terminals: tables, numbers and progress bars. Tables are the same on a terminal and in a
+file.
+"""
 
 import io
 import os
@@ -10,7 +12,9 @@ from time import monotonic
 from typing import Any
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Sequence[int] = ()) -> str:
+def table(
+    head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Sequence[int] = ()
+) -> str:
     """Return aligned columns with a head; the columns in `numbers` are aligned right."""
     cells = [[str(cell) for cell in row] for row in (head, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(head))]
@@ -38,7 +42,8 @@ _UNLIKELY = 0.005
 
 
 def probability_text(chance: float) -> str:
-    """Return a probability with two decimals, `> 0.99` and `< 0.01` in place of 1.00 and 0.00: nothing is certain.
+    """Return a probability with two decimals, `> 0.99` and `< 0.01` in place of 1.00 and 0.00:
+    nothing is certain.
 
     >>> from opir_core.cli import probability_text
     >>> [probability_text(chance) for chance in (0.97, 0.996, 0.00004)]
@@ -51,7 +56,9 @@ def probability_text(chance: float) -> str:
 
 @contextmanager
 def progress(total: float, *, is_shown: bool) -> Iterator[Callable[[str, float], None]]:
-    """Show progress bars on standard error, if `is_shown`; give the function that sets a bar by name."""
+    """Show progress bars on standard error, if `is_shown`; give the function that sets a bar by
+    name.
+    """
     if not is_shown:
         yield lambda _name, _completed: None
         return
@@ -98,7 +105,9 @@ def slow_notice(what: str, *, is_shown: bool) -> Iterator[None]:
 
 
 class _Diverted(io.TextIOBase):
-    """Standard output during a run: text goes to standard error, `fileno` is that of the true standard output."""
+    """Standard output during a run: text goes to standard error, `fileno` is that of the true
+    standard output.
+    """
 
     def __init__(self, descriptor: int | None) -> None:
         self._descriptor = descriptor
@@ -121,7 +130,9 @@ class _Diverted(io.TextIOBase):
 
 @contextmanager
 def prints_on_standard_error() -> Iterator[None]:
-    """Send what is printed, also by libraries in C, to standard error; only the sinks write to standard output."""
+    """Send what is printed, also by libraries in C, to standard error; only the sinks write to
+    standard output.
+    """
     outer = sys.stdout
     try:
         outer.flush()

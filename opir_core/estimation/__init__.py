@@ -1,4 +1,6 @@
-"""Estimation shared by the trackers and the bounds of scoring: square-root filters, motion models, tangent axes."""
+"""Estimation shared by the trackers and the bounds of scoring: square-root filters, motion models,
+tangent axes.
+"""
 
 from opir_core.doors import door
 

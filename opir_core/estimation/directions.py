@@ -4,14 +4,17 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 
-#: Row count below which a numpy reduction is faster than a sum column by column. Both give the same bits.
+#: Row count below which a numpy reduction is faster than a sum column by column. Both give the same
+#: bits.
 FEW_ROWS = 80
 
 
 def tangent_axes(direction: FloatArray) -> FloatArray:
-    """Return right-handed orthonormal axes (n, 3, 3) as rows, the third being the given unit vectors (n, 3).
+    """Return right-handed orthonormal axes (n, 3, 3) as rows, the third being the given unit
+    vectors (n, 3).
 
-    Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017): smooth except across z = 0.
+    Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017): smooth except across z =
+    0.
     """
     x, y, z = np.ascontiguousarray(direction.T)
     sign = np.copysign(1.0, z)

@@ -23,7 +23,8 @@ class Ellipse(NamedTuple):
 
 
 def sigmas(containment: float) -> float:
-    """Return the radius, in standard deviations, of the circle that holds a bivariate normal with this probability.
+    """Return the radius, in standard deviations, of the circle that holds a bivariate normal with
+    this probability.
 
     It is the square root of the chi-square quantile of two degrees of freedom, -2 ln(1 - p).
     """
@@ -31,7 +32,9 @@ def sigmas(containment: float) -> float:
 
 
 def _radii(containment: float, reported: FloatArray | None) -> FloatArray | float:
-    """Return the radii of ellipses in standard deviations: the reported ones (n, 3), or those of a normal."""
+    """Return the radii of ellipses in standard deviations: the reported ones (n, 3), or those of a
+    normal.
+    """
     normal = sigmas(containment)
     if reported is None:
         return normal
@@ -41,15 +44,19 @@ def _radii(containment: float, reported: FloatArray | None) -> FloatArray | floa
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def containment_ellipse(
-    covariance_m2: FloatArray, containment: float = CONTAINMENT, reported_sigmas: FloatArray | None = None
+    covariance_m2: FloatArray,
+    containment: float = CONTAINMENT,
+    reported_sigmas: FloatArray | None = None,
 ) -> Ellipse:
-    """Return the ellipses of east-north covariances (n, 2, 2), m², that hold the point with this probability.
+    """Return the ellipses of east-north covariances (n, 2, 2), m², that hold the point with this
+    probability.
 
-    Where the point is not normally distributed, `reported_sigmas` (n, 3) are the radii for `TRACK_CONTAINMENTS`, in
-    standard deviations; nan means normal. The ellipse is nan where the covariance is unknown or not one.
+    Where the point is not normally distributed, `reported_sigmas` (n, 3) are the radii for
+    `TRACK_CONTAINMENTS`, in standard deviations; nan means normal. The ellipse is nan where the
+    covariance is unknown or not one.
 
-    Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 3.7.4
-    (ellipsoids of probability); the axes are the eigenvectors, in closed form.
+    Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation,
+    section 3.7.4 (ellipsoids of probability); the axes are the eigenvectors, in closed form.
     """
     east = covariance_m2[:, 0, 0]
     north = covariance_m2[:, 1, 1]
@@ -58,11 +65,19 @@ def containment_ellipse(
     determinant = east * north - cross * cross
     # The smaller eigenvalue is the determinant over the larger: their difference would cancel.
     minor = np.where(major > 0.0, np.maximum(determinant, 0.0) / major, 0.0)
-    valid = (east >= 0.0) & (north >= 0.0) & (determinant >= -_ROUNDING * east * north) & np.isfinite(major * minor)
+    valid = (
+        (east >= 0.0)
+        & (north >= 0.0)
+        & (determinant >= -_ROUNDING * east * north)
+        & np.isfinite(major * minor)
+    )
     radius = _radii(containment, reported_sigmas)
     valid &= np.isfinite(radius * np.sqrt(major))
     bearing = np.mod(0.5 * np.pi - 0.5 * np.arctan2(2.0 * cross, east - north), np.pi)
     bearing = np.where(bearing < np.pi, bearing, 0.0)
     return Ellipse(
-        *(np.where(valid, axis, np.nan) for axis in (radius * np.sqrt(major), radius * np.sqrt(minor), bearing))
+        *(
+            np.where(valid, axis, np.nan)
+            for axis in (radius * np.sqrt(major), radius * np.sqrt(minor), bearing)
+        )
     )

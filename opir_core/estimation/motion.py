@@ -1,12 +1,13 @@
-"""Motion models between looks, in the inertial frame: boost with nearly constant jerk, and free flight.
+"""Motion models between looks, in the inertial frame: boost with nearly constant jerk, and free
+flight.
 
-A boost state (12) is position, velocity, specific force (all but gravity) and jerk; a coast state (6) is position and
-velocity. Gravity is that of the scene's forces. White noise drives the jerk in boost and the velocity in coast;
-`opir_trackers.filter.dynamics` adds drag to a free flight. Units m, s; the inertial frame is ECEF frozen at the scene
-epoch.
+A boost state (12) is position, velocity, specific force (all but gravity) and jerk; a coast state
+(6) is position and velocity. Gravity is that of the scene's forces. White noise drives the jerk in
+boost and the velocity in coast; `opir_trackers.filter.dynamics` adds drag to a free flight. Units
+m, s; the inertial frame is ECEF frozen at the scene epoch.
 
-The `_one` functions compute a single state with plain numbers: the same operations in the same order, so the same bits,
-without numpy's overhead per call.
+The `_one` functions compute a single state with plain numbers: the same operations in the same
+order, so the same bits, without numpy's overhead per call.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +35,17 @@ def gradient_of_one(place: Sequence[float], mu_m3_s2: float) -> list[float]:
     wx = x * factor
     wy = y * factor
     wz = z * factor
-    return [wx * x - scale, wx * y, wx * z, wy * x, wy * y - scale, wy * z, wz * x, wz * y, wz * z - scale]
+    return [
+        wx * x - scale,
+        wx * y,
+        wx * z,
+        wy * x,
+        wy * y - scale,
+        wy * z,
+        wz * x,
+        wz * y,
+        wz * z - scale,
+    ]
 
 
 def transition_of_one(place: Sequence[float], step: float, mu_m3_s2: float) -> list[float]:
@@ -53,12 +64,17 @@ def transition_of_one(place: Sequence[float], step: float, mu_m3_s2: float) -> l
         place_row[k] += 1.0
         speed_row[k] += step
         below += (step * x, step * y, step * z, *place_row)
-        above += [near + fourth * (x * p + y * q + z * r) for near, (p, q, r) in zip(place_row, columns, strict=True)]
+        above += [
+            near + fourth * (x * p + y * q + z * r)
+            for near, (p, q, r) in zip(place_row, columns, strict=True)
+        ]
         above += speed_row
     return above + below
 
 
-def stepped_one(state: Sequence[float], step: float, pull: GravityFunction, gravity: Sequence[float]) -> list[float]:
+def stepped_one(
+    state: Sequence[float], step: float, pull: GravityFunction, gravity: Sequence[float]
+) -> list[float]:
     """Return a state of 6, or of 12 with specific force and jerk, after one Nyström step.
 
     `gravity` is the value of `pull` at the start of the step.
@@ -95,8 +111,16 @@ def stepped_one(state: Sequence[float], step: float, pull: GravityFunction, grav
     cx, cy, cz, _ = pull(ex + fall * bx, ey + fall * by, ez + fall * bz)
     sixth = step * step / 6.0
     share = step / 6.0
-    place = [ex + sixth * (ax + 2.0 * bx), ey + sixth * (ay + 2.0 * by), ez + sixth * (az + 2.0 * bz)]
-    speed = [u + share * (ax + 4.0 * bx + cx), v + share * (ay + 4.0 * by + cy), w + share * (az + 4.0 * bz + cz)]
+    place = [
+        ex + sixth * (ax + 2.0 * bx),
+        ey + sixth * (ay + 2.0 * by),
+        ez + sixth * (az + 2.0 * bz),
+    ]
+    speed = [
+        u + share * (ax + 4.0 * bx + cx),
+        v + share * (ay + 4.0 * by + cy),
+        w + share * (az + 4.0 * bz + cz),
+    ]
     return [*place, *speed, *rest]
 
 
@@ -121,7 +145,11 @@ def taylor_of_one(state: Sequence[float], gravity: Sequence[float], mu_m3_s2: fl
     inward = (x * a + y * b + z * c + (u * u + v * v + w * w) - 5.0 * climb * share) / square
     near = 3.0 * inward
     along = 6.0 * share
-    bend = (scale * (near * x + along * u - a), scale * (near * y + along * v - b), scale * (near * z + along * w - c))
+    bend = (
+        scale * (near * x + along * u - a),
+        scale * (near * y + along * v - b),
+        scale * (near * z + along * w - c),
+    )
     return [x, y, z, u, v, w, a, b, c, *rate, *bend]
 
 
@@ -129,7 +157,8 @@ def taylor_of_one(state: Sequence[float], gravity: Sequence[float], mu_m3_s2: fl
 BOOST = 12
 COAST = 6
 
-#: State count up to which gravity is computed one by one: the same operations without numpy's overhead.
+#: State count up to which gravity is computed one by one: the same operations without numpy's
+#: overhead.
 FEW_STATES = 4
 
 #: Longest step, s: with mean motion n the error is (n h)⁵ r / 120 < 0.1 mm in low orbits.
@@ -142,8 +171,8 @@ _UNIT = np.eye(3)
 class Motion:
     """The motion model of one mode: state size and noise intensity.
 
-    `noise` is a standard deviation per √s in the unit of the last derivative of the state: m/s³ for boost, m/s for
-    coast.
+    `noise` is a standard deviation per √s in the unit of the last derivative of the state: m/s³ for
+    boost, m/s for coast.
     """
 
     #: States move alike however well they are known.
@@ -153,7 +182,10 @@ class Motion:
     noise: float
     forces: Forces
     field: Gravity = field(
-        default=Factory(lambda self: Gravity(self.forces.gravity, self.forces.zonal), takes_self=True), init=False
+        default=Factory(
+            lambda self: Gravity(self.forces.gravity, self.forces.zonal), takes_self=True
+        ),
+        init=False,
     )
 
     def gravity(self, position_m: FloatArray) -> FloatArray:
@@ -164,10 +196,14 @@ class Motion:
         return np.ascontiguousarray(self.field(np.ascontiguousarray(position_m.T)).T)
 
     def gradient(self, position_m: FloatArray) -> FloatArray:
-        """Return the gravity gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of it, is neglected."""
+        """Return the gravity gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of
+        it, is neglected.
+        """
         if len(position_m) <= FEW_STATES:
             mu = self.forces.gravity.mu_m3_s2
-            return np.array([gradient_of_one(row, mu) for row in position_m.tolist()]).reshape(-1, 3, 3)
+            return np.array([gradient_of_one(row, mu) for row in position_m.tolist()]).reshape(
+                -1, 3, 3
+            )
         square = dot(position_m, position_m)
         scale = self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square))
         weighed = position_m * (3.0 * scale / square)[:, None]
@@ -211,12 +247,15 @@ class Motion:
         return after
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, d, d) of steps (n,): an exponential series with constant gradient.
+        """Return the transition matrices (n, d, d) of steps (n,): an exponential series with
+        constant gradient.
 
         Only the position of the states (n, d), or the positions (n, 3), are used.
         """
         if len(state) == 1 and self.size == COAST:
-            numbers = transition_of_one(state[0, :3].tolist(), float(step_s[0]), self.forces.gravity.mu_m3_s2)
+            numbers = transition_of_one(
+                state[0, :3].tolist(), float(step_s[0]), self.forces.gravity.mu_m3_s2
+            )
             return np.array(numbers).reshape(1, COAST, COAST)
         gradient = self.gradient(state[:, :3])
         blocks = self.size // 3
@@ -229,7 +268,8 @@ class Motion:
         return matrix.reshape(len(step_s), self.size, self.size)
 
     def noise_root(self, step_s: FloatArray, state: FloatArray | None = None) -> FloatArray | None:
-        """Return L (n, d, d) with L Lᵀ the process-noise covariance of steps (n,); None without noise.
+        """Return L (n, d, d) with L Lᵀ the process-noise covariance of steps (n,); None without
+        noise.
 
         It does not depend on the states.
         """
@@ -258,28 +298,35 @@ class Motion:
         if self.size == BOOST:
             derivative[:, 2] += state[:, 6:9]
         fall = derivative[:, 2]
-        # The gradient times a vector u is scale (3 (r·u) r / r² - u); what it gains along the way, times the velocity,
-        # is 3 scale / r² (v² r + 2 (r·v) v - 5 (r·v)²/r² r).
+        # The gradient times a vector u is scale (3 (r·u) r / r² - u); what it gains along the way,
+        # times the velocity, is 3 scale / r² (v² r + 2 (r·v) v - 5 (r·v)²/r² r).
         climb = dot(position, velocity)
         share = climb / square
         derivative[:, 3] = scale * ((3.0 * share)[:, None] * position - velocity)
         if self.size == BOOST:
             derivative[:, 3] += state[:, 9:12]
         inward = (dot(position, fall) + dot(velocity, velocity) - 5.0 * climb * share) / square
-        derivative[:, 4] = scale * ((3.0 * inward)[:, None] * position + (6.0 * share)[:, None] * velocity - fall)
+        derivative[:, 4] = scale * (
+            (3.0 * inward)[:, None] * position + (6.0 * share)[:, None] * velocity - fall
+        )
         return derivative
 
-    def measurement_rows(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
-        """Return the whitened Jacobian (m, 2, d) by the state from that by the position (m, 2, 3), 1/m.
+    def measurement_rows(
+        self, slope: FloatArray, weight: FloatArray, state: FloatArray
+    ) -> FloatArray:
+        """Return the whitened Jacobian (m, 2, d) by the state from that by the position (m, 2, 3),
+        1/m.
 
-        `weight` (m, 5) are the Taylor weights of the look times; the bending of the path by the gravity gradient within
-        a slice is neglected.
+        `weight` (m, 5) are the Taylor weights of the look times; the bending of the path by the
+        gravity gradient within a slice is neglected.
         """
         rows: FloatArray = slope[:, :, None, :] * weight[:, None, : self.size // 3, None]
         return rows.reshape(len(slope), 2, self.size)
 
     def derivative_roots(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return covariance roots (n, 12, 12) of four position derivatives from those of states, (n, d, d)."""
+        """Return covariance roots (n, 12, 12) of four position derivatives from those of states,
+        (n, d, d).
+        """
         if self.size == BOOST:
             return side
         out = np.zeros((len(side), BOOST, BOOST))
@@ -294,13 +341,16 @@ def substeps(step_s: FloatArray, longest_s: float) -> int:
     return max(1, ceil(float(np.abs(step_s).max(initial=0.0)) / longest_s))
 
 
-#: Powers of time with which the unit matrix and the gradient enter the blocks of the exponential series; 5 for none.
+#: Powers of time with which the unit matrix and the gradient enter the blocks of the exponential
+#: series; 5 for none.
 _STRAIGHT = np.array([[0, 1, 2, 3], [5, 0, 1, 2], [5, 5, 0, 1], [5, 5, 5, 0]])
 _BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
 
 
 def _tables(step_s: FloatArray, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the parts of the transition matrices that depend on steps (n,) only; one row if all steps are equal."""
+    """Return the parts of the transition matrices that depend on steps (n,) only; one row if all
+    steps are equal.
+    """
     if len(step_s) == 1 or (len(step_s) and np.all(step_s == step_s[0])):
         return _tables_of_one(float(step_s[0]), blocks)
     power = np.concatenate([taylor_weights(step_s), np.zeros((len(step_s), 1))], axis=1)
@@ -315,12 +365,16 @@ def _tables_of_one(step_s: float, blocks: int) -> tuple[FloatArray, FloatArray, 
 
 
 def noise_roots(step_s: FloatArray, blocks: int) -> FloatArray:
-    """Return roots of the unit process-noise covariance of steps (n,); one row if all steps are equal."""
+    """Return roots of the unit process-noise covariance of steps (n,); one row if all steps are
+    equal.
+    """
     if len(step_s) == 1 or (len(step_s) and np.all(step_s == step_s[0])):
         return _noise_of_one(float(step_s[0]), blocks)
     scale = step_s[:, None] ** (np.arange(blocks - 1, -1, -1) + 0.5)
     small = scale[:, :, None] * integrator_noise(blocks)
-    return (small[:, :, None, :, None] * _UNIT[:, None, :]).reshape(len(step_s), 3 * blocks, 3 * blocks)
+    return (small[:, :, None, :, None] * _UNIT[:, None, :]).reshape(
+        len(step_s), 3 * blocks, 3 * blocks
+    )
 
 
 @lru_cache(maxsize=64)
@@ -340,12 +394,15 @@ def _read_only(array: FloatArray) -> FloatArray:
 
 
 def integrator_noise(blocks: int) -> FloatArray:
-    """Return the Cholesky factor of the covariance of a chain of integrators driven by unit noise for 1 s.
+    """Return the Cholesky factor of the covariance of a chain of integrators driven by unit noise
+    for 1 s.
 
     Its elements are 1 / (a! b! (a + b + 1)) for the a-th and b-th integrals.
     """
     powers = range(blocks - 1, -1, -1)
-    unit = np.array([[1.0 / (factorial(a) * factorial(b) * (a + b + 1)) for b in powers] for a in powers])
+    unit = np.array(
+        [[1.0 / (factorial(a) * factorial(b) * (a + b + 1)) for b in powers] for a in powers]
+    )
     return np.linalg.cholesky(unit)
 
 

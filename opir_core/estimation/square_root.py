@@ -1,8 +1,9 @@
 """Gaussian estimates in square-root information form, with orthogonal time updates.
 
-An estimate of dimension d is a mean and an upper triangular R with Rᵀ R = P⁻¹. Each update is a QR decomposition of a
-stacked array (Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977, chapters V and VI):
-covariances stay symmetric and positive definite, and no normal equations are formed. All functions work on stacks (n,
+An estimate of dimension d is a mean and an upper triangular R with Rᵀ R = P⁻¹. Each update is a QR
+decomposition of a stacked array (Bierman, "Factorization Methods for Discrete Sequential
+Estimation", 1977, chapters V and VI): covariances stay symmetric and positive definite, and no
+normal equations are formed. All functions work on stacks (n,
 ...), one estimate each.
 """
 
@@ -67,13 +68,16 @@ def gram(side: FloatArray) -> FloatArray:
 
 
 def time_update(root: FloatArray, back: FloatArray, noise: FloatArray | None) -> FloatArray:
-    """Return R after x → F x + L w, with `back` (n, d, d) = F⁻¹, `noise` (n, d, k) = L or None, w of unit variance."""
+    """Return R after x → F x + L w, with `back` (n, d, d) = F⁻¹, `noise` (n, d, k) = L or None, w
+    of unit variance.
+    """
     carried = root @ back
     if noise is None:
         return triangular(carried)
     count, size, width = noise.shape
     rows = np.zeros((count, size + width, width + size))
-    # The sign of the noise is of no account. Large rows come first: below small ones they cost these their digits.
+    # The sign of the noise is of no account. Large rows come first: below small ones they cost
+    # these their digits.
     np.matmul(carried, noise, out=rows[:, :size, :width])
     rows[:, :size, width:] = carried
     rows.reshape(count, -1)[:, size * (width + size) :: width + size + 1] = 1.0

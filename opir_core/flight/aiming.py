@@ -1,9 +1,11 @@
-"""Aiming: the launch azimuth and burnout speed of flights that reach their aim points on the rotating WGS 84 Earth.
+"""Aiming: the launch azimuth and burnout speed of flights that reach their aim points on the
+rotating WGS 84 Earth.
 
-The burnout flight path angle is that of the profile, shifted with range as for minimum-energy arcs, (pi - psi)/4 over a
-ground angle psi (Bate, Mueller and White, Fundamentals of Astrodynamics, 1971, section 6.2): longer ranges fly flatter.
-Azimuth and speed then follow by Newton's method, with the derivatives of two-body arcs under all forces, from a guess
-within a few percent of the range. Flights become ephemerides in ECEF, from ignition to impact.
+The burnout flight path angle is that of the profile, shifted with range as for minimum-energy arcs,
+(pi - psi)/4 over a ground angle psi (Bate, Mueller and White, Fundamentals of Astrodynamics, 1971,
+section 6.2): longer ranges fly flatter. Azimuth and speed then follow by Newton's method, with the
+derivatives of two-body arcs under all forces, from a guess within a few percent of the range.
+Flights become ephemerides in ECEF, from ignition to impact.
 """
 
 from collections.abc import Sequence
@@ -19,7 +21,13 @@ from opir_core.flight.boost import Ascent, BoostPath, LaunchSite, ascent, boost_
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.landing import AimedLanding, aimed_landing, corrected, polar_rad
-from opir_core.geometry import Geodetic, ecef_to_eci, ecef_to_eci_state, geodesic_inverse, geodetic_to_ecef
+from opir_core.geometry import (
+    Geodetic,
+    ecef_to_eci,
+    ecef_to_eci_state,
+    geodesic_inverse,
+    geodetic_to_ecef,
+)
 from opir_core.geometry.vectors import components, dot, length
 from opir_core.scene.target_classes import BoostProfile
 
@@ -29,7 +37,9 @@ if TYPE_CHECKING:
 
 @frozen(eq=False, repr=False)
 class LaunchSolution:
-    """Launches (n,) with the ECEF position (n, 3) and height (n,) of their aim points; `forces` None is two-body."""
+    """Launches (n,) with the ECEF position (n, 3) and height (n,) of their aim points; `forces`
+    None is two-body.
+    """
 
     site: LaunchSite
     course: Ascent
@@ -41,22 +51,32 @@ class LaunchSolution:
         """Return some of the launches."""
         forces = None if self.forces is None else self.forces.take(rows)
         return LaunchSolution(
-            self.site.take(rows), self.course.take(rows), self.aim_ecef_m[rows], self.aim_height_m[rows], forces
+            self.site.take(rows),
+            self.course.take(rows),
+            self.aim_ecef_m[rows],
+            self.aim_height_m[rows],
+            forces,
         )
 
     def in_two_body_motion(self) -> "LaunchSolution":
         """Return the same launches with two-body motion."""
         return self if self.forces is None else evolve(self, forces=None)
 
-    def burnout(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def burnout(
+        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
         plane = self.site.plane(azimuth_rad)
         height_m = self.course.burnout_height_m(speed_m_s)
         swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
         return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
 
-    def release(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and velocities, as `burnout` does, at which free flight begins: those at burnout."""
+    def release(
+        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities, as `burnout` does, at which free flight begins: those at
+        burnout.
+        """
         return self.burnout(azimuth_rad, speed_m_s)
 
     def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> AimedLanding:
@@ -64,12 +84,15 @@ class LaunchSolution:
         site = self.site
         aim_m = self.aim_ecef_m
         height_m = self.aim_height_m
-        return aimed_landing(site, aim_m, height_m, self.release(azimuth_rad, speed_m_s), self.forces)
+        return aimed_landing(
+            site, aim_m, height_m, self.release(azimuth_rad, speed_m_s), self.forces
+        )
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
 def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths (rad) and burnout speeds (m/s) of flights that hit the aim points to within the tolerance.
+    """Return azimuths (rad) and burnout speeds (m/s) of flights that hit the aim points to within
+    the tolerance.
 
     Without a solution, those of the nearest trial; trials without impact are nan.
     """
@@ -113,8 +136,9 @@ def _guess_in_rotation(
 ) -> tuple[FloatArray, FloatArray]:
     """Return better azimuths and burnout speeds, from a guess and its time of free flight.
 
-    The aim point is rotated by that time and hit in the inertial frame, from the burnout point and inertial flight path
-    angle of the guess; the velocity of the Earth's rotation is then subtracted.
+    The aim point is rotated by that time and hit in the inertial frame, from the burnout point and
+    inertial flight path angle of the guess; the velocity of the Earth's rotation is then
+    subtracted.
     """
     position, relative = shot.burnout(azimuth_rad, speed_m_s)
     _, inertial = ecef_to_eci_state(position, relative, 0.0)
@@ -125,19 +149,27 @@ def _guess_in_rotation(
     gamma = np.arctan2(dot(inertial, up), level_m_s)
     psi = np.arctan2(dot(aim, ahead), dot(aim, up))
     speed = hitting_speed_m_s(radius_m, length(*components(aim)), gamma, psi)[:, None]
-    wanted = speed * (np.sin(gamma)[:, None] * up + np.cos(gamma)[:, None] * ahead) - (inertial - relative)
+    wanted = speed * (np.sin(gamma)[:, None] * up + np.cos(gamma)[:, None] * ahead) - (
+        inertial - relative
+    )
     turn = np.arctan2(dot(np.cross(wanted, relative), up), dot(_level(wanted, up), relative))
     return azimuth_rad + turn, length(*components(wanted))
 
 
-def hitting_speed_m_s(start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatArray, psi_rad: FloatArray) -> FloatArray:
-    """Return the speed of a two-body arc from one radius, at a flight path angle, to another radius.
+def hitting_speed_m_s(
+    start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatArray, psi_rad: FloatArray
+) -> FloatArray:
+    """Return the speed of a two-body arc from one radius, at a flight path angle, to another
+    radius.
 
-    With the range angle psi, v² = (mu/r1) (1 - cos psi) / (cos gamma ((r1/r2) cos gamma - cos(gamma + psi))), written
-    without cancellation (Bate, Mueller and White, Fundamentals of Astrodynamics, 1971, section 6.2, for r1 = r2).
+    With the range angle psi, v² = (mu/r1) (1 - cos psi) / (cos gamma ((r1/r2) cos gamma - cos(gamma
+    + psi))), written without cancellation (Bate, Mueller and White, Fundamentals of Astrodynamics,
+    1971, section 6.2, for r1 = r2).
     """
     half_sine = np.sin(0.5 * psi_rad)
-    drop = (start_m - end_m) / end_m * np.cos(gamma_rad) + 2.0 * np.sin(gamma_rad + 0.5 * psi_rad) * half_sine
+    drop = (start_m - end_m) / end_m * np.cos(gamma_rad) + 2.0 * np.sin(
+        gamma_rad + 0.5 * psi_rad
+    ) * half_sine
     return half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
 
 
@@ -163,9 +195,10 @@ _LAMBERT_REACH_M = 1.59e7
 class Aim:
     """The flights of n targets from launch to aim point: columns (n,) and (n, 3).
 
-    `azimuth_rad` is the launch azimuth, clockwise from true north; burnout speed and flight path angle and the ECEF
-    velocity are relative to the Earth. ECI is ECEF frozen at scene epoch. `miss_m` is the distance of the impact from
-    the aim point. Where `converged` is False, `complaints` says why, and what depends on the solution is nan.
+    `azimuth_rad` is the launch azimuth, clockwise from true north; burnout speed and flight path
+    angle and the ECEF velocity are relative to the Earth. ECI is ECEF frozen at scene epoch.
+    `miss_m` is the distance of the impact from the aim point. Where `converged` is False,
+    `complaints` says why, and what depends on the solution is nan.
     """
 
     range_m: FloatArray
@@ -194,10 +227,12 @@ def aim(
     forces: "ForceModel" = "kepler",
     tolerance_m: float = 0.01,
 ) -> Aim:
-    """Return the flights of n targets, one profile each; launches, aim points and ignition times broadcast to (n,).
+    """Return the flights of n targets, one profile each; launches, aim points and ignition times
+    broadcast to (n,).
 
-    `forces` act from burnout to impact; a ballistic coefficient is one number, or one each (n,). Targets whose aim
-    point is outside the range of their profile, or is missed by more than the tolerance, are reported in `complaints`.
+    `forces` act from burnout to impact; a ballistic coefficient is one number, or one each (n,).
+    Targets whose aim point is outside the range of their profile, or is missed by more than the
+    tolerance, are reported in `complaints`.
     """
     n = len(profiles)
     launch, aim_point = (Geodetic(*(_column(v, n) for v in place)) for place in (launch, aim_point))
@@ -234,11 +269,15 @@ def aim(
 
 
 def surface_range_m(
-    latitude_1_rad: ArrayLike, longitude_1_rad: ArrayLike, latitude_2_rad: ArrayLike, longitude_2_rad: ArrayLike
+    latitude_1_rad: ArrayLike,
+    longitude_1_rad: ArrayLike,
+    latitude_2_rad: ArrayLike,
+    longitude_2_rad: ArrayLike,
 ) -> FloatArray:
     """Return the distance over the WGS 84 ellipsoid between two places, m, to 90 m.
 
-    Lambert's formula for long lines, first order in the flattening; beyond 15 900 km, where it fails, the geodesic.
+    Lambert's formula for long lines, first order in the flattening; beyond 15 900 km, where it
+    fails, the geodesic.
     """
     arguments = (latitude_1_rad, longitude_1_rad, latitude_2_rad, longitude_2_rad)
     places = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in arguments))
@@ -252,7 +291,9 @@ def surface_range_m(
 def _lambert_range_m(
     latitude_1: FloatArray, longitude_1: FloatArray, latitude_2: FloatArray, longitude_2: FloatArray
 ) -> FloatArray:
-    beta_1, beta_2 = (np.arctan((1.0 - EARTH_FLATTENING) * np.tan(v)) for v in (latitude_1, latitude_2))
+    beta_1, beta_2 = (
+        np.arctan((1.0 - EARTH_FLATTENING) * np.tan(v)) for v in (latitude_1, latitude_2)
+    )
     half_sum = 0.5 * (beta_1 + beta_2)
     half_difference = 0.5 * (beta_2 - beta_1)
     half_turn = 0.5 * (longitude_2 - longitude_1)
@@ -264,13 +305,20 @@ def _lambert_range_m(
     chord = sin_difference + spread * np.sin(half_turn) ** 2
     antichord = sin_sum + spread * np.cos(half_turn) ** 2
     angle = 2.0 * np.arctan2(np.sqrt(chord), np.sqrt(antichord))
-    x = (angle - np.sin(angle)) * sin_sum * cos_difference / np.where(antichord > 0.0, antichord, 1.0)
+    x = (
+        (angle - np.sin(angle))
+        * sin_sum
+        * cos_difference
+        / np.where(antichord > 0.0, antichord, 1.0)
+    )
     y = (angle + np.sin(angle)) * cos_sum * sin_difference / np.where(chord > 0.0, chord, 1.0)
     return EARTH_EQUATORIAL_RADIUS_M * (angle - 0.5 * EARTH_FLATTENING * (x + y))
 
 
 def forces_on(model: "ForceModel", n: int) -> "Forces | None":
-    """Return the forces on n targets; None, without importing numerical propagation, for two-body motion."""
+    """Return the forces on n targets; None, without importing numerical propagation, for two-body
+    motion.
+    """
     if model == "kepler":
         return None
     from opir_core.flight.forces import forces_of
@@ -279,7 +327,9 @@ def forces_on(model: "ForceModel", n: int) -> "Forces | None":
 
 
 def _flight_path_angle_rad(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> FloatArray:
-    """Return burnout flight path angles (n,): the profile's at its reference range, flatter beyond it."""
+    """Return burnout flight path angles (n,): the profile's at its reference range, flatter beyond
+    it.
+    """
     reference_rad = np.array([profile.burnout_flight_path_angle_rad for profile in profiles])
     reference_m = np.array([profile.reference_range_m for profile in profiles])
     return reference_rad + 0.25 * (reference_m - range_m) / _MEAN_RADIUS_M
@@ -292,14 +342,23 @@ def within_range_limits(range_m: FloatArray, profiles: Sequence[BoostProfile]) -
     return (range_m >= shortest) & (range_m <= longest)
 
 
-def range_complaints(range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray) -> tuple[str, ...]:
+def range_complaints(
+    range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray
+) -> tuple[str, ...]:
     """Return for each target the reason why it cannot reach its aim point, or an empty string."""
     within = within_range_limits(range_m, profiles)
     complaints = []
     for row, profile in enumerate(profiles):
         distance = f"the aim point is {range_m[row] / 1e3:.0f} km from the launch point"
-        limits = f"{profile.name} flies {profile.minimum_range_m / 1e3:g} to {profile.maximum_range_m / 1e3:g} km"
-        found = f"no flight of {profile.name} was found that comes down on it, although " if within[row] else ""
+        limits = (
+            f"{profile.name} flies {profile.minimum_range_m / 1e3:g} to"
+            f" {profile.maximum_range_m / 1e3:g} km"
+        )
+        found = (
+            f"no flight of {profile.name} was found that comes down on it, although "
+            if within[row]
+            else ""
+        )
         complaints.append("" if converged[row] else f"{distance}; {found}{limits}")
     return tuple(complaints)
 
@@ -309,18 +368,32 @@ def _column(values: ArrayLike, n: int) -> FloatArray:
 
 
 def boost_ephemeris(path: BoostPath, tolerance_m: float = 0.01) -> Ephemeris:
-    """Return the ECEF ephemeris of the boost of n targets, ignition to burnout, to a tolerance in m."""
-    return Ephemeris.build(path.state, path.ignition_s, path.burnout_s, path.breakpoints_s(), tolerance_m)
+    """Return the ECEF ephemeris of the boost of n targets, ignition to burnout, to a tolerance in
+    m.
+    """
+    return Ephemeris.build(
+        path.state, path.ignition_s, path.burnout_s, path.breakpoints_s(), tolerance_m
+    )
 
 
-def coast_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
-    """Return the ECEF ephemeris of the free flight of n targets, burnout to impact; `forces` as in `aim`."""
+def coast_ephemeris(
+    flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler"
+) -> Ephemeris:
+    """Return the ECEF ephemeris of the free flight of n targets, burnout to impact; `forces` as in
+    `aim`.
+    """
     states = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
-    return free_flight_ephemeris(flight.burnout_s, flight.impact_s, *states, forces=forces, tolerance_m=tolerance_m)
+    return free_flight_ephemeris(
+        flight.burnout_s, flight.impact_s, *states, forces=forces, tolerance_m=tolerance_m
+    )
 
 
-def flight_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
-    """Return the ECEF ephemeris of the flights of n targets, ignition to impact; arguments as in `coast_ephemeris`."""
+def flight_ephemeris(
+    flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler"
+) -> Ephemeris:
+    """Return the ECEF ephemeris of the flights of n targets, ignition to impact; arguments as in
+    `coast_ephemeris`.
+    """
     boost = boost_ephemeris(flight.path, tolerance_m)
     coast = coast_ephemeris(flight, tolerance_m, forces)
     return Ephemeris.joined([boost, coast])

@@ -1,8 +1,9 @@
 """Heights at which steps must end: the boundaries between layers of air, and the impact height.
 
-Each arc is in an interval of height. A step that would leave it is shortened to end on the boundary, where the arc
-changes to the next interval. So no step crosses a kink in the density of the air or skips the onset of drag, and an
-impact is located exactly. The crossing within a step is located well enough to end the next attempt there.
+Each arc is in an interval of height. A step that would leave it is shortened to end on the
+boundary, where the arc changes to the next interval. So no step crosses a kink in the density of
+the air or skips the onset of drag, and an impact is located exactly. The crossing within a step is
+located well enough to end the next attempt there.
 """
 
 from typing import NamedTuple
@@ -38,17 +39,22 @@ class Rise(NamedTuple):
         return value, self.first_rate + fraction * (2.0 * bend + fraction * (3.0 * twist))
 
     def turning_point(self) -> FloatArray:
-        """Return the fraction at which the cubic turns, where its rates differ in sign at the two ends."""
+        """Return the fraction at which the cubic turns, where its rates differ in sign at the two
+        ends.
+        """
         bend = 3.0 * (self.last - self.first) - 2.0 * self.first_rate - self.last_rate
         twist = self.first_rate + self.last_rate - 2.0 * (self.last - self.first)
         root = np.sqrt(bend * bend - 3.0 * twist * self.first_rate)
         return np.abs(self.first_rate) / (root - np.sign(self.first_rate) * bend)
 
 
-def crossing_fraction(rise: Rise, boundary: FloatArray, down: NDArray[np.bool_], end: FloatArray) -> FloatArray:
+def crossing_fraction(
+    rise: Rise, boundary: FloatArray, down: NDArray[np.bool_], end: FloatArray
+) -> FloatArray:
     """Return the fraction, up to `end`, at which the cubic goes down (or up) through the boundary.
 
-    Bisection, then Newton's method held to the bracket; `end` where the cubic stays short of the boundary.
+    Bisection, then Newton's method held to the bracket; `end` where the cubic stays short of the
+    boundary.
     """
     side = np.where(down, 1.0, -1.0)
     low = np.zeros_like(end)
@@ -72,7 +78,9 @@ def crossing_fraction(rise: Rise, boundary: FloatArray, down: NDArray[np.bool_],
 def state_within(
     start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities within steps at `index`, by the quintic through the states at both ends."""
+    """Return positions and velocities within steps at `index`, by the quintic through the states at
+    both ends.
+    """
     position, velocity, acceleration = (rows[:, index] for rows in start)
     end_position, end_velocity, end_acceleration = (rows[:, index] for rows in step[:3])
     length = h[index]
@@ -93,22 +101,27 @@ def state_within(
 def height_within(
     start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return heights, m, at a fraction of steps, and their rates times the length of the step, m, by the quintic."""
+    """Return heights, m, at a fraction of steps, and their rates times the length of the step, m,
+    by the quintic.
+    """
     position, velocity = state_within(start, step, h, index, fraction)
-    inverse_radius = 1.0 / np.sqrt(position[0] * position[0] + position[1] * position[1] + position[2] * position[2])
+    inverse_radius = 1.0 / np.sqrt(
+        position[0] * position[0] + position[1] * position[1] + position[2] * position[2]
+    )
     height, climb = height_and_climb(position, velocity, inverse_radius)
     return height, climb * h[index]
 
 
-#: An arc within this distance, m, is on a boundary: between layers that moves an impact by micrometres. At the impact
-#: height it must also be within this time, s.
+#: An arc within this distance, m, is on a boundary: between layers that moves an impact by
+#: micrometres. At the impact height it must also be within this time, s.
 _NEAR_M = 0.1
 _NEAR_S = 1e-4
 
 #: Steps this short, s, are not shortened further.
 _SHORTEST_S = 1e-3
 
-#: A start this close to the impact height, m, is on it, so that rounding does not decide whether it first rises.
+#: A start this close to the impact height, m, is on it, so that rounding does not decide whether it
+#: first rises.
 _ON_SURFACE_M = 1e-6
 
 #: Gravity in the bound of a step's change of height, m/s².
@@ -119,7 +132,9 @@ _STRETCH = 1.05
 
 
 class Seams(NamedTuple):
-    """Layers from the lowest up: their floors, m, and the bounds of steps in them, as in `AirLayers`."""
+    """Layers from the lowest up: their floors, m, and the bounds of steps in them, as in
+    `AirLayers`.
+    """
 
     floors_m: FloatArray
     strides_m: FloatArray
@@ -127,7 +142,9 @@ class Seams(NamedTuple):
 
 
 class GroundContact(NamedTuple):
-    """The arcs that changed to another layer, reached the impact height, or left the air model at its floor."""
+    """The arcs that changed to another layer, reached the impact height, or left the air model at
+    its floor.
+    """
 
     changed: BoolArray
     impact: BoolArray
@@ -135,7 +152,8 @@ class GroundContact(NamedTuple):
 
 
 class AltitudeEvents:
-    """The interval of height of each of n arcs, and the arc's place in it; rates are along the direction of travel.
+    """The interval of height of each of n arcs, and the arc's place in it; rates are along the
+    direction of travel.
 
     `target_m` is the impact height, -inf without one.
     """
@@ -164,23 +182,39 @@ class AltitudeEvents:
         for name in self._COLUMNS:
             setattr(self, name, getattr(self, name)[kept])
 
-    _COLUMNS = ("_target", "_direction", "_height", "_climb", "_bend", "layer", "_above", "_low", "_high")
+    _COLUMNS = (
+        "_target",
+        "_direction",
+        "_height",
+        "_climb",
+        "_bend",
+        "layer",
+        "_above",
+        "_low",
+        "_high",
+    )
 
     def lengths(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the longest steps, s, by accuracy and height, and equal steps that end on the boundary ahead.
+        """Return the longest steps, s, by accuracy and height, and equal steps that end on the
+        boundary ahead.
 
-        Within the first, height changes by at most the layer's stride. The second extrapolate the present motion.
+        Within the first, height changes by at most the layer's stride. The second extrapolate the
+        present motion.
         """
         above = np.maximum(self._height - self._seams.floors_m[self.layer], 0.0)
         stride = self._seams.strides_m[self.layer] + self._seams.stride_shares[self.layer] * above
         rate = np.abs(self._climb)
-        allowed = np.minimum(wanted, 2.0 * stride / (rate + np.sqrt(rate * rate + 2.0 * _FALL_M_S2 * stride)))
+        allowed = np.minimum(
+            wanted, 2.0 * stride / (rate + np.sqrt(rate * rate + 2.0 * _FALL_M_S2 * stride))
+        )
         ahead = self._time_to_boundary()
         count = np.ceil(ahead / (_STRETCH * allowed))
         return allowed, np.where(ahead < np.inf, ahead / np.maximum(count, 1.0), allowed)
 
     def _time_to_boundary(self) -> FloatArray:
-        """Return the times, s, to the boundary ahead along a parabola; infinite where it is not reached."""
+        """Return the times, s, to the boundary ahead along a parabola; infinite where it is not
+        reached.
+        """
         rate = np.abs(self._climb)
         away = np.where(self._climb < 0.0, self._height - self._low, self._high - self._height)
         bend = np.where(self._climb < 0.0, -self._bend, self._bend)
@@ -188,7 +222,9 @@ class AltitudeEvents:
         return np.where(time > 0.0, time, np.inf)
 
     def fall_time(self, radius_squared_m2: FloatArray, mu_m3_s2: float) -> FloatArray:
-        """Return approximate times of fall, s, to the impact height in the gravity at the present height."""
+        """Return approximate times of fall, s, to the impact height in the gravity at the present
+        height.
+        """
         gravity = mu_m3_s2 / radius_squared_m2
         drop = np.maximum(self._height - self._target, 0.0)
         return (self._climb + np.sqrt(self._climb * self._climb + 2.0 * gravity * drop)) / gravity
@@ -196,10 +232,14 @@ class AltitudeEvents:
     def shortened(
         self, start: StepStart, step: Step, h: FloatArray, candidate: BoolArray
     ) -> tuple[RowArray, FloatArray]:
-        """Return the candidates that step out of their interval, and the fraction of the step where they first do."""
+        """Return the candidates that step out of their interval, and the fraction of the step where
+        they first do.
+        """
         self._next_height, self._next_climb = self._height_and_climb(step.position, step.velocity)
         length = np.abs(h)
-        rise = Rise(self._height, self._next_height, self._climb * length, self._next_climb * length)
+        rise = Rise(
+            self._height, self._next_height, self._climb * length, self._next_climb * length
+        )
         down = rise.last < self._low - self._slack(self._next_climb)
         leaving = down | (rise.last > self._high + _NEAR_M)
         candidate = candidate & (length > _SHORTEST_S)
@@ -220,9 +260,17 @@ class AltitudeEvents:
         return index, self._crossing(start, step, h, rise, index, down[index], end)
 
     def _crossing(
-        self, start: StepStart, step: Step, h: FloatArray, rise: Rise, index: RowArray, down: BoolArray, end: FloatArray
+        self,
+        start: StepStart,
+        step: Step,
+        h: FloatArray,
+        rise: Rise,
+        index: RowArray,
+        down: BoolArray,
+        end: FloatArray,
     ) -> FloatArray:
-        """Return the fraction at which the boundary is crossed: on the cubic, then one Newton step on the quintic.
+        """Return the fraction at which the boundary is crossed: on the cubic, then one Newton step
+        on the quintic.
 
         Where that fails, half the first fraction: the next attempt starts closer to the boundary.
         """
@@ -240,7 +288,9 @@ class AltitudeEvents:
         return self.settle(accepted)
 
     def settle(self, moved: BoolArray) -> GroundContact:
-        """Move arcs on a boundary, or about to cross it, into the next interval; return the contacts."""
+        """Move arcs on a boundary, or about to cross it, into the next interval; return the
+        contacts.
+        """
         falling = self._climb < 0.0
         rising = self._climb > 0.0
         drop = self._height - self._low
@@ -251,17 +301,25 @@ class AltitudeEvents:
         sunk = down & ~impact & (self.layer == 0)
         changed = (down & ~impact & ~sunk) | up
         if changed.any():
-            self.layer += (up & (self._high == self._ceilings[self.layer])).astype(np.intp) - (down & changed)
+            self.layer += (up & (self._high == self._ceilings[self.layer])).astype(np.intp) - (
+                down & changed
+            )
             self._above |= up & (self._high == self._target)
             self._set_bounds()
         return GroundContact(changed, impact, sunk)
 
     def _will_cover(self, distance: FloatArray) -> BoolArray:
-        """Return whether the arcs will cover twice a distance, m, before they turn, in the present motion."""
+        """Return whether the arcs will cover twice a distance, m, before they turn, in the present
+        motion.
+        """
         return self._climb * self._climb >= 4.0 * np.abs(self._bend) * np.maximum(distance, 0.0)
 
-    def time_to_target(self, position: FloatArray, velocity: FloatArray, index: RowArray) -> FloatArray:
-        """Return the times, s, to the impact height of states (3, k) near it, of the arcs at `index`."""
+    def time_to_target(
+        self, position: FloatArray, velocity: FloatArray, index: RowArray
+    ) -> FloatArray:
+        """Return the times, s, to the impact height of states (3, k) near it, of the arcs at
+        `index`.
+        """
         height, climb = height_and_climb(position, velocity, _inverse_length(position))
         return (self._target[index] - height) / climb
 
@@ -273,18 +331,28 @@ class AltitudeEvents:
 
     def _slack(self, climb: FloatArray) -> FloatArray:
         """Return the distance to the boundary below, m, within which an arc counts as on it."""
-        return np.where(self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), _NEAR_M)
+        return np.where(
+            self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), _NEAR_M
+        )
 
-    def _height_and_climb(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _height_and_climb(
+        self, position: FloatArray, velocity: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         height, climb = height_and_climb(position, velocity, _inverse_length(position))
         return height, climb * self._direction
 
     def _curvature(self, start: StepStart, climb: FloatArray) -> FloatArray:
         """Return the second derivative of the radius, m/s², for that of the height."""
         position, velocity, acceleration = start
-        radial = position[0] * acceleration[0] + position[1] * acceleration[1] + position[2] * acceleration[2]
+        radial = (
+            position[0] * acceleration[0]
+            + position[1] * acceleration[1]
+            + position[2] * acceleration[2]
+        )
         squares = velocity * velocity
-        return (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(position)
+        return (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(
+            position
+        )
 
 
 def _inverse_length(rows: FloatArray) -> FloatArray:

@@ -1,13 +1,15 @@
 """Boosted flight of the generic target classes over the rotating WGS 84 Earth.
 
-Speed and flight path angle of a class profile are relative to the Earth, and to the sphere that osculates the ellipsoid
-in the launch azimuth at the launch point. The profiles, with their source, are in `opir_core/data/class_profiles.json`:
-notional kinematic templates for warning simulation, not any vehicle.
+Speed and flight path angle of a class profile are relative to the Earth, and to the sphere that
+osculates the ellipsoid in the launch azimuth at the launch point. The profiles, with their source,
+are in `opir_core/data/class_profiles.json`: notional kinematic templates for warning simulation,
+not any vehicle.
 
-With height h above a sphere of radius R and swept angle phi, h' = v sin(gamma) and phi' = v cos(gamma) / (R + h). After
-pitch-over the flight path angle varies as u^n, u = (t - tv)/(T - tv), with a fractional n. In x = u^(1/4) height and
-swept angle are so smooth that one Chebyshev series of degree 32 over the turn is exact to less than 1e-9 m for every
-profile. Series are integrated exactly (Trefethen, Approximation Theory and Approximation Practice, 2013, ch. 19).
+With height h above a sphere of radius R and swept angle phi, h' = v sin(gamma) and phi' = v
+cos(gamma) / (R + h). After pitch-over the flight path angle varies as u^n, u = (t - tv)/(T - tv),
+with a fractional n. In x = u^(1/4) height and swept angle are so smooth that one Chebyshev series
+of degree 32 over the turn is exact to less than 1e-9 m for every profile. Series are integrated
+exactly (Trefethen, Approximation Theory and Approximation Practice, 2013, ch. 19).
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +24,12 @@ from numpy.typing import ArrayLike
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
-from opir_core.scene.target_classes import Ballistic, BoostProfile, core_profiles, core_target_classes
+from opir_core.scene.target_classes import (
+    Ballistic,
+    BoostProfile,
+    core_profiles,
+    core_target_classes,
+)
 
 
 @cache
@@ -34,7 +41,9 @@ def boost_profiles() -> Mapping[str, BoostProfile]:
         for profile in kind.profiles
         if isinstance(kind.after_burnout, Ballistic)
     }
-    return MappingProxyType({name: profile for name, profile in core_profiles().items() if name in flown})
+    return MappingProxyType(
+        {name: profile for name, profile in core_profiles().items() if name in flown}
+    )
 
 
 def boost_profile(name: str) -> BoostProfile:
@@ -42,7 +51,9 @@ def boost_profile(name: str) -> BoostProfile:
     try:
         return boost_profiles()[name]
     except KeyError:
-        raise ValueError(f"no boost profile {name!r}; there are {', '.join(sorted(boost_profiles()))}") from None
+        raise ValueError(
+            f"no boost profile {name!r}; there are {', '.join(sorted(boost_profiles()))}"
+        ) from None
 
 
 #: Degree of the series in x; `docs/design/turn_series.py` compares other degrees and powers of u.
@@ -51,11 +62,13 @@ _DEGREE = 32
 
 @frozen(eq=False, repr=False)
 class Ascent:
-    """The ascents of n targets for unit burnout speed, given by profile and burnout flight path angle.
+    """The ascents of n targets for unit burnout speed, given by profile and burnout flight path
+    angle.
 
-    Columns (n,): `burn_time_s`, `pitch_start_s`, `speed_shape`, `pitch_exponent` as in the profile; `turn_rad` is the
-    burnout flight path angle from the vertical. At the 33 nodes of the turn (33, n): `climb_rate_s` and `sweep_rate_s`
-    are dh/dx and (R + h) dphi/dx over burnout speed, `climb_s` is height over burnout speed.
+    Columns (n,): `burn_time_s`, `pitch_start_s`, `speed_shape`, `pitch_exponent` as in the profile;
+    `turn_rad` is the burnout flight path angle from the vertical. At the 33 nodes of the turn (33,
+    n): `climb_rate_s` and `sweep_rate_s` are dh/dx and (R + h) dphi/dx over burnout speed,
+    `climb_s` is height over burnout speed.
     """
 
     burn_time_s: FloatArray
@@ -79,7 +92,9 @@ class Ascent:
         """Return the angle swept at burnout over spheres of that radius, (n,)."""
         flatness_s = radius_m / burnout_speed_m_s
         swept: FloatArray = np.zeros(np.shape(flatness_s))
-        for weight, rate_s, climb_s in zip(_integral_at_nodes()[-1], self.sweep_rate_s, self.climb_s, strict=True):
+        for weight, rate_s, climb_s in zip(
+            _integral_at_nodes()[-1], self.sweep_rate_s, self.climb_s, strict=True
+        ):
             swept += weight * (rate_s / (flatness_s + climb_s))
         return swept
 
@@ -90,23 +105,33 @@ class Ascent:
         return series
 
     def swept_series_rad(self, burnout_speed_m_s: FloatArray, radius_m: FloatArray) -> FloatArray:
-        """Return Chebyshev coefficients (34, n) of the angle swept during the turn over spheres of that radius."""
+        """Return Chebyshev coefficients (34, n) of the angle swept during the turn over spheres of
+        that radius.
+        """
         rate = self.sweep_rate_s / (radius_m / burnout_speed_m_s + self.climb_s)
         return _applied(_integral_series(), rate)
 
 
 def ascent(profiles: Sequence[BoostProfile], burnout_flight_path_angle_rad: ArrayLike) -> Ascent:
-    """Return the ascents of targets with these profiles, one per target, and burnout flight path angles (n,)."""
+    """Return the ascents of targets with these profiles, one per target, and burnout flight path
+    angles (n,).
+    """
     burn, start, k, n = (
         np.array([getattr(profile, name) for profile in profiles], dtype=np.float64)
         for name in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
     )
-    turn = 0.5 * np.pi - np.broadcast_to(np.asarray(burnout_flight_path_angle_rad, dtype=np.float64), burn.shape)
+    turn = 0.5 * np.pi - np.broadcast_to(
+        np.asarray(burnout_flight_path_angle_rad, dtype=np.float64), burn.shape
+    )
     return ascent_of_shape(burn, start, k, n, turn)
 
 
-def ascent_of_shape(burn: FloatArray, start: FloatArray, k: FloatArray, n: FloatArray, turn: FloatArray) -> Ascent:
-    """Return the ascents (n,) of these burn times, pitch starts, speed shapes, pitch exponents and turns."""
+def ascent_of_shape(
+    burn: FloatArray, start: FloatArray, k: FloatArray, n: FloatArray, turn: FloatArray
+) -> Ascent:
+    """Return the ascents (n,) of these burn times, pitch starts, speed shapes, pitch exponents and
+    turns.
+    """
     x = _nodes()[:, None]
     u = (x * x) * (x * x)
     pace_s = speed_ratio(start + (burn - start) * u, burn, k) * (4.0 * x * x * x) * (burn - start)
@@ -117,27 +142,41 @@ def ascent_of_shape(burn: FloatArray, start: FloatArray, k: FloatArray, n: Float
     return Ascent(burn, start, k, n, turn, climb_rate_s, sweep_rate_s, climb_s)
 
 
-def speed_ratio(elapsed_s: FloatArray, burn_time_s: FloatArray, speed_shape: FloatArray) -> FloatArray:
+def speed_ratio(
+    elapsed_s: FloatArray, burn_time_s: FloatArray, speed_shape: FloatArray
+) -> FloatArray:
     """Return speed over burnout speed, 0 at ignition to 1 at burnout."""
     return np.expm1(speed_shape * elapsed_s / burn_time_s) / np.expm1(speed_shape)
 
 
 def lean_rad(u: FloatArray, pitch_exponent: FloatArray, turn_rad: FloatArray) -> FloatArray:
-    """Return the angle of the velocity from the local vertical at fraction u of the turn, in [0, 1]."""
+    """Return the angle of the velocity from the local vertical at fraction u of the turn, in [0,
+    1].
+    """
     return turn_rad * np.sin(0.5 * np.pi * u**pitch_exponent)
 
 
-def vertical_climb_s(elapsed_s: FloatArray, burn_time_s: FloatArray, speed_shape: FloatArray) -> FloatArray:
-    """Return height over burnout speed in vertical flight: T (e^y - 1 - y) / (k (e^k - 1)), y = k t/T.
+def vertical_climb_s(
+    elapsed_s: FloatArray, burn_time_s: FloatArray, speed_shape: FloatArray
+) -> FloatArray:
+    """Return height over burnout speed in vertical flight: T (e^y - 1 - y) / (k (e^k - 1)), y = k
+    t/T.
 
     Without cancellation for small k, where it is t²/(2T).
     """
     share = elapsed_s / burn_time_s
-    return elapsed_s * share * _second_exponential(speed_shape * share) * (speed_shape / np.expm1(speed_shape))
+    return (
+        elapsed_s
+        * share
+        * _second_exponential(speed_shape * share)
+        * (speed_shape / np.expm1(speed_shape))
+    )
 
 
 def series_value(series: FloatArray, target: RowArray, x: FloatArray) -> FloatArray:
-    """Return Chebyshev series (K, n) of targets (m,) at x in [0, 1] (m,), by Clenshaw's recurrence."""
+    """Return Chebyshev series (K, n) of targets (m,) at x in [0, 1] (m,), by Clenshaw's
+    recurrence.
+    """
     double_y = 4.0 * x - 2.0
     later = np.zeros_like(double_y)
     latest = np.zeros_like(double_y)
@@ -164,7 +203,9 @@ def _nodes() -> FloatArray:
 
 @cache
 def _integral_series() -> FloatArray:
-    """Return the matrix (34, 33) from values at the nodes to Chebyshev coefficients of the integral from x = 0."""
+    """Return the matrix (34, 33) from values at the nodes to Chebyshev coefficients of the integral
+    from x = 0.
+    """
     node = np.arange(_DEGREE + 1)
     order = np.arange(_DEGREE + 1)[:, None]
     ends = np.where((node == 0) | (node == _DEGREE), 0.5, 1.0)
@@ -187,7 +228,9 @@ def _integral_at_nodes() -> FloatArray:
 
 
 def _applied(matrix: FloatArray, columns: FloatArray) -> FloatArray:
-    """Return matrix · columns, summed in an order that does not depend on the number of columns, unlike BLAS."""
+    """Return matrix · columns, summed in an order that does not depend on the number of columns,
+    unlike BLAS.
+    """
     total = np.zeros((len(matrix), *columns.shape[1:]))
     for weights, row in zip(matrix.T, columns, strict=True):
         total += weights[:, None] * row
@@ -196,7 +239,9 @@ def _applied(matrix: FloatArray, columns: FloatArray) -> FloatArray:
 
 @frozen(eq=False, repr=False)
 class LaunchPlane:
-    """The vertical plane of each of n launches: vectors (n, 3) in ECEF, and the radius (n,) of the circle in it."""
+    """The vertical plane of each of n launches: vectors (n, 3) in ECEF, and the radius (n,) of the
+    circle in it.
+    """
 
     launch_m: FloatArray
     up: FloatArray
@@ -204,12 +249,17 @@ class LaunchPlane:
     radius_m: FloatArray
 
     def state(
-        self, height_m: FloatArray, swept_rad: FloatArray, speed_m_s: FloatArray, lean_rad: FloatArray
+        self,
+        height_m: FloatArray,
+        swept_rad: FloatArray,
+        speed_m_s: FloatArray,
+        lean_rad: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return ECEF position and velocity relative to the Earth, (n, 3), from the course in the plane, (n,).
+        """Return ECEF position and velocity relative to the Earth, (n, 3), from the course in the
+        plane, (n,).
 
-        The position is launch + (h cos(phi) - 2 R sin²(phi/2)) up + (R + h) sin(phi) heading, without cancellation near
-        the ground.
+        The position is launch + (h cos(phi) - 2 R sin²(phi/2)) up + (R + h) sin(phi) heading,
+        without cancellation near the ground.
         """
         half = np.sin(0.5 * swept_rad)
         rise = height_m * np.cos(swept_rad) - 2.0 * self.radius_m * half * half
@@ -220,7 +270,9 @@ class LaunchPlane:
 
     def take(self, target: RowArray) -> "LaunchPlane":
         """Return the rows of some targets."""
-        return LaunchPlane(self.launch_m[target], self.up[target], self.heading[target], self.radius_m[target])
+        return LaunchPlane(
+            self.launch_m[target], self.up[target], self.heading[target], self.radius_m[target]
+        )
 
     def _combined(self, rise: FloatArray, along: FloatArray) -> FloatArray:
         return rise[:, None] * self.up + along[:, None] * self.heading
@@ -228,7 +280,9 @@ class LaunchPlane:
 
 @frozen(eq=False, repr=False)
 class LaunchSite:
-    """The sites of n launches: position (n, 3) and axes east, north, up (n, 3, 3) in ECEF, radii of curvature (n,)."""
+    """The sites of n launches: position (n, 3) and axes east, north, up (n, 3, 3) in ECEF, radii of
+    curvature (n,).
+    """
 
     launch_m: FloatArray
     axes: FloatArray
@@ -236,7 +290,9 @@ class LaunchSite:
     normal_radius_m: FloatArray
 
     def plane(self, azimuth_rad: FloatArray) -> LaunchPlane:
-        """Return the planes of launches with these azimuths (n,), clockwise from true north (Euler's radius)."""
+        """Return the planes of launches with these azimuths (n,), clockwise from true north
+        (Euler's radius).
+        """
         sine = np.sin(azimuth_rad)
         cosine = np.cos(azimuth_rad)
         curvature = cosine * cosine / self.meridian_radius_m + sine * sine / self.normal_radius_m
@@ -246,20 +302,31 @@ class LaunchSite:
     def take(self, target: RowArray) -> "LaunchSite":
         """Return the sites of some launches."""
         return LaunchSite(
-            *(v[target] for v in (self.launch_m, self.axes, self.meridian_radius_m, self.normal_radius_m))
+            *(
+                v[target]
+                for v in (self.launch_m, self.axes, self.meridian_radius_m, self.normal_radius_m)
+            )
         )
 
 
-def launch_site(latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike) -> LaunchSite:
-    """Return the launch sites at geodetic coordinates that broadcast to (n,); at a pole longitude orients the axes."""
-    columns = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (latitude_rad, longitude_rad, height_m)))
+def launch_site(
+    latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike
+) -> LaunchSite:
+    """Return the launch sites at geodetic coordinates that broadcast to (n,); at a pole longitude
+    orients the axes.
+    """
+    columns = np.broadcast_arrays(
+        *(np.asarray(v, dtype=np.float64) for v in (latitude_rad, longitude_rad, height_m))
+    )
     latitude, longitude, height = (np.atleast_1d(column).ravel() for column in columns)
     sine = np.sin(latitude)
     w = 1.0 - EARTH_ECCENTRICITY_SQUARED * sine * sine
     normal = EARTH_EQUATORIAL_RADIUS_M / np.sqrt(w)
     meridian = normal * (1.0 - EARTH_ECCENTRICITY_SQUARED) / w
     launch = geodetic_to_ecef(latitude, longitude, height)
-    return LaunchSite(launch, east_north_up_axes(latitude, longitude), meridian + height, normal + height)
+    return LaunchSite(
+        launch, east_north_up_axes(latitude, longitude), meridian + height, normal + height
+    )
 
 
 @frozen(eq=False)
@@ -275,7 +342,8 @@ class BoostPath:
     _swept_series_rad: FloatArray
 
     def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ECEF positions and velocities relative to the Earth (m, 3) of targets (m,) at times (m,).
+        """Return ECEF positions and velocities relative to the Earth (m, 3) of targets (m,) at
+        times (m,).
 
         Outside ignition to burnout both are nan.
         """
@@ -289,11 +357,15 @@ class BoostPath:
         x = np.sqrt(np.sqrt(u))
         swept = series_value(self._swept_series_rad, target, x)
         climb = np.where(
-            elapsed < start, vertical_climb_s(elapsed, burn, k), series_value(self._climb_series_s, target, x)
+            elapsed < start,
+            vertical_climb_s(elapsed, burn, k),
+            series_value(self._climb_series_s, target, x),
         )
         speed = np.where(burning, self.burnout_speed_m_s[target], np.nan)
         lean = lean_rad(u, course.pitch_exponent[target], course.turn_rad[target])
-        return self.plane.take(target).state(speed * climb, swept, speed * speed_ratio(elapsed, burn, k), lean)
+        return self.plane.take(target).state(
+            speed * climb, swept, speed * speed_ratio(elapsed, burn, k), lean
+        )
 
     def breakpoints_s(self) -> FloatArray:
         """Return the times (n, 1) of pitch-over, where the course is not smooth."""
@@ -301,11 +373,19 @@ class BoostPath:
 
 
 def boost_path(
-    site: LaunchSite, ignition_s: ArrayLike, azimuth_rad: FloatArray, burnout_speed_m_s: FloatArray, course: Ascent
+    site: LaunchSite,
+    ignition_s: ArrayLike,
+    azimuth_rad: FloatArray,
+    burnout_speed_m_s: FloatArray,
+    course: Ascent,
 ) -> BoostPath:
-    """Return the paths of n launches, with azimuths and burnout speeds relative to the Earth (n,)."""
+    """Return the paths of n launches, with azimuths and burnout speeds relative to the Earth
+    (n,).
+    """
     plane = site.plane(azimuth_rad)
     ignition = np.broadcast_to(np.asarray(ignition_s, dtype=np.float64), azimuth_rad.shape)
     swept_series = course.swept_series_rad(burnout_speed_m_s, plane.radius_m)
     burnout = ignition + course.burn_time_s
-    return BoostPath(ignition, burnout, burnout_speed_m_s, plane, course, course.climb_series_s(), swept_series)
+    return BoostPath(
+        ignition, burnout, burnout_speed_m_s, plane, course, course.climb_series_s(), swept_series
+    )

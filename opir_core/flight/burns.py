@@ -1,4 +1,6 @@
-"""Burns of targets and the dark gaps between them, as columns of intervals (n, k, 2), nan where a target has fewer."""
+"""Burns of targets and the dark gaps between them, as columns of intervals (n, k, 2), nan where a
+target has fewer.
+"""
 
 from collections.abc import Sequence
 
@@ -13,7 +15,9 @@ def one_burn_s(ignition_s: FloatArray, burnout_s: FloatArray) -> FloatArray:
 
 
 def dark_gaps_s(burns_s: FloatArray) -> FloatArray:
-    """Return the dark gaps (n, k, 2) between burns; nan where there are fewer, k = 0 if no target has one."""
+    """Return the dark gaps (n, k, 2) between burns; nan where there are fewer, k = 0 if no target
+    has one.
+    """
     gaps = np.stack([burns_s[:, :-1, 1], burns_s[:, 1:, 0]], axis=-1)
     # A burn that follows at once leaves no gap.
     gaps[~(gaps[..., 1] > gaps[..., 0])] = np.nan
@@ -31,7 +35,10 @@ def in_gap(gaps_s: FloatArray, target: IndexArray, time_s: FloatArray) -> BoolAr
 def joined_burns_s(parts: Sequence[FloatArray]) -> FloatArray:
     """Return the burns of the targets of all parts, in order, filled up with nan."""
     most = max(part.shape[1] for part in parts)
-    filled = [np.pad(part, ((0, 0), (0, most - part.shape[1]), (0, 0)), constant_values=np.nan) for part in parts]
+    filled = [
+        np.pad(part, ((0, 0), (0, most - part.shape[1]), (0, 0)), constant_values=np.nan)
+        for part in parts
+    ]
     return np.concatenate(filled)
 
 

@@ -1,10 +1,12 @@
-"""Impacts of two-body arcs: the first descent through the WGS 84 ellipsoid, or a surface of constant height above it.
+"""Impacts of two-body arcs: the first descent through the WGS 84 ellipsoid, or a surface of
+constant height above it.
 
-The Earth rotates about the axis of its ellipsoid, so the ellipsoid is fixed in an inertial frame. The arc is cut with
-the two spheres that enclose the surface, in closed form; between those cuts a steep arc meets the surface once. For
-arcs along the surface all cuts with the ellipsoid are computed: with T the half-angle tangent along a conic, its point
-is a quadratic in T over 1 + alpha T², so the cuts are the roots of a quartic. Its real and nearly real roots are where
-the height can change sign. Newton's method within the bracket then solves for the geodetic height.
+The Earth rotates about the axis of its ellipsoid, so the ellipsoid is fixed in an inertial frame.
+The arc is cut with the two spheres that enclose the surface, in closed form; between those cuts a
+steep arc meets the surface once. For arcs along the surface all cuts with the ellipsoid are
+computed: with T the half-angle tangent along a conic, its point is a quadratic in T over 1 + alpha
+T², so the cuts are the roots of a quartic. Its real and nearly real roots are where the height can
+change sign. Newton's method within the bracket then solves for the geodetic height.
 """
 
 from typing import NamedTuple
@@ -13,7 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2, EARTH_POLAR_RADIUS_M
+from opir_core.constants import (
+    EARTH_EQUATORIAL_RADIUS_M,
+    EARTH_FLATTENING,
+    EARTH_MU_M3_S2,
+    EARTH_POLAR_RADIUS_M,
+)
 from opir_core.flight.kepler import flat_states
 from opir_core.flight.universal_anomaly import cross, dot, length, universal_functions
 from opir_core.geometry.ellipsoid import height_along_normal, normal_at_foot
@@ -23,7 +30,9 @@ _SERIES = 1e-6
 
 
 class ConicArcs(NamedTuple):
-    """Arcs from states at universal anomaly 0, in units of each start (its distance and mu are 1); vectors (3, n)."""
+    """Arcs from states at universal anomaly 0, in units of each start (its distance and mu are 1);
+    vectors (3, n).
+    """
 
     position: FloatArray
     velocity: FloatArray
@@ -42,7 +51,9 @@ class ConicArcs(NamedTuple):
     def times_and_positions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return times since the start, s, and positions (3, n), m."""
         _, g1, g2, g3 = universal_functions(self.alpha, s)
-        positions = ((1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity) * self.length_m
+        positions = (
+            (1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity
+        ) * self.length_m
         return (g1 + self.sigma * g2 + g3) * self.second_s, positions
 
     def heights_m(self, s: FloatArray) -> FloatArray:
@@ -52,11 +63,15 @@ class ConicArcs(NamedTuple):
     def heights_and_slopes(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return geodetic heights, m, and their derivatives in the anomaly."""
         g0, g1, g2, _ = universal_functions(self.alpha, s)
-        x, y, z = ((1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity) * self.length_m
+        x, y, z = (
+            (1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity
+        ) * self.length_m
         rates = ((g0 + self.sigma * g1) * self.velocity - g1 * self.position) * self.length_m
         rho = np.sqrt(x * x + y * y)
         sine, cosine = normal_at_foot(rho, z, EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M)
-        heights = height_along_normal(rho, z, sine, cosine, EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M)
+        heights = height_along_normal(
+            rho, z, sine, cosine, EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
+        )
         outward = (x * rates[0] + y * rates[1]) / np.where(rho > 0.0, rho, 1.0)
         return heights, cosine * outward + sine * rates[2]
 
@@ -72,8 +87,9 @@ class ConicArcs(NamedTuple):
     def first_descent(self, radius: FloatArray) -> FloatArray:
         """Return the first anomaly >= 0 of descent through a distance; `nan` without one.
 
-        The half-angle tangent T of the way there satisfies T (sigma + sigma_end) = r_end - r_start, or equally
-        T (alpha (r_start + r_end) - 2) = sigma_start - sigma_end; the form without cancellation is used.
+        The half-angle tangent T of the way there satisfies T (sigma + sigma_end) = r_end - r_start,
+        or equally T (alpha (r_start + r_end) - 2) = sigma_start - sigma_end; the form without
+        cancellation is used.
         """
         end = -np.sqrt(self.radial_squared(radius))
         rising = self.sigma > 0.0
@@ -82,7 +98,8 @@ class ConicArcs(NamedTuple):
         return self.anomalies(over, under)
 
     def anomalies(self, over: FloatArray, under: FloatArray) -> FloatArray:
-        """Return the anomaly in [0, a turn) whose half-angle tangent G1(s/2) / G0(s/2) is over / under.
+        """Return the anomaly in [0, a turn) whose half-angle tangent G1(s/2) / G0(s/2) is over /
+        under.
 
         `nan` where an open arc has none ahead.
         """
@@ -108,30 +125,40 @@ def conic_arcs(position_m: FloatArray, velocity_m_s: FloatArray, mu_m3_s2: float
     velocity = velocity / speed
     momentum = length(cross(position, velocity))
     alpha = 2.0 - dot(velocity, velocity)
-    return ConicArcs(position, velocity, dot(position, velocity), alpha, momentum, distance, distance / speed)
+    return ConicArcs(
+        position, velocity, dot(position, velocity), alpha, momentum, distance, distance / speed
+    )
 
 
-#: Angles with tangent T at which the quartic is sampled. It is expressed in the tangent of the angle from that of the
-#: largest sample, and so has no root at infinity.
+#: Angles with tangent T at which the quartic is sampled. It is expressed in the tangent of the
+#: angle from that of the largest sample, and so has no root at infinity.
 _ANGLES = np.pi / 5.0 * np.arange(5)
 _FROM_INFINITY = _ANGLES - 0.5 * np.pi
 _COEFFICIENTS = np.linalg.inv(
-    np.stack([np.sin(_FROM_INFINITY) ** k * np.cos(_FROM_INFINITY) ** (4 - k) for k in range(5)], axis=1)
+    np.stack(
+        [np.sin(_FROM_INFINITY) ** k * np.cos(_FROM_INFINITY) ** (4 - k) for k in range(5)], axis=1
+    )
 )
 
 #: A start on the surface is itself a root: roots within this anomaly of the start are ignored.
 _START = 1e-6
 
 
-def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return anomalies that bracket the first descent of each arc through the surface; `nan` without one.
+def grazing_brackets(
+    arcs: ConicArcs, height_m: FloatArray, on_surface_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return anomalies that bracket the first descent of each arc through the surface; `nan`
+    without one.
 
     Both are 0 where the start is on the surface, to `on_surface_m`, and the arc descends.
     """
     start = arcs.heights_m(np.zeros_like(height_m)) - height_m
     on_surface = np.abs(start) <= on_surface_m
     probes = _probes(arcs, _cuts(arcs, height_m), on_surface)
-    outside = arcs.at(np.arange(probes.size) % start.size).heights_m(probes.ravel()).reshape(probes.shape) > height_m
+    outside = (
+        arcs.at(np.arange(probes.size) % start.size).heights_m(probes.ravel()).reshape(probes.shape)
+        > height_m
+    )
     outside[0] = start > on_surface_m
     falls = outside[:-1] & ~outside[1:]
     first = np.argmax(falls, axis=0)
@@ -142,7 +169,9 @@ def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float)
 
 
 def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatArray:
-    """Return rows of increasing anomalies: the start, the cuts, the end of the turn (or beyond), and the midpoints."""
+    """Return rows of increasing anomalies: the start, the cuts, the end of the turn (or beyond),
+    and the midpoints.
+    """
     turn = arcs.turns()
     near_start = on_surface & ((cuts < _START) | (cuts > turn - _START))
     cuts = np.sort(np.where(near_start, np.nan, cuts), axis=0)
@@ -156,12 +185,17 @@ def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatAr
 
 
 def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
-    """Return the anomalies (4, n) of the cuts, or nearest approaches, of each arc with the ellipsoid of that height."""
+    """Return the anomalies (4, n) of the cuts, or nearest approaches, of each arc with the
+    ellipsoid of that height.
+    """
     samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
     largest = np.argmax(np.abs(samples), axis=0)
     column = np.arange(height_m.size)
     turned = np.stack([samples[(largest + k) % 5, column] for k in range(5)])
-    coefficients = [sum(factor * sample for factor, sample in zip(row, turned, strict=True)) for row in _COEFFICIENTS]
+    coefficients = [
+        sum(factor * sample for factor, sample in zip(row, turned, strict=True))
+        for row in _COEFFICIENTS
+    ]
     companions = np.zeros((height_m.size, 4, 4))
     companions[:, (1, 2, 3), (0, 1, 2)] = 1.0
     for k in range(4):
@@ -177,14 +211,17 @@ def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -
     """Return the quartic in homogeneous T = sine / cosine: positive outside the ellipsoid."""
     c2 = cosine * cosine
     s2 = sine * sine
-    x, y, z = (c2 + (arcs.alpha - 2.0) * s2) * arcs.position + 2.0 * (cosine * sine + arcs.sigma * s2) * arcs.velocity
+    x, y, z = (c2 + (arcs.alpha - 2.0) * s2) * arcs.position + 2.0 * (
+        cosine * sine + arcs.sigma * s2
+    ) * arcs.velocity
     equatorial = (EARTH_EQUATORIAL_RADIUS_M + height_m) / arcs.length_m
     polar = (EARTH_POLAR_RADIUS_M + height_m) / arcs.length_m
     scale = c2 + arcs.alpha * s2
     return (x * x + y * y) / (equatorial * equatorial) + z * z / (polar * polar) - scale * scale
 
 
-#: A start this close to the surface, m, is on it, so that rounding does not decide whether it falls.
+#: A start this close to the surface, m, is on it, so that rounding does not decide whether it
+#: falls.
 ON_SURFACE_M = 1e-6
 
 #: Margin of the spheres to the surface, m, so that the bracket encloses a crossing on a sphere.
@@ -204,18 +241,22 @@ _LAST_HALVING = 4.0 * float(np.finfo(float).eps)
 
 
 def kepler_impact(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike = 0.0, mu_m3_s2: float = EARTH_MU_M3_S2
+    position_m: ArrayLike,
+    velocity_m_s: ArrayLike,
+    height_m: ArrayLike = 0.0,
+    mu_m3_s2: float = EARTH_MU_M3_S2,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the times to impact, s, and the impact points, m (ECI), of two-body arcs.
 
-    Position and velocity (..., 3) are in an inertial frame about the Earth's centre with z along its axis, such as ECEF
-    frozen at scene epoch; leading axes broadcast with `height_m`. The impact is the first descent through the surface
-    of geodetic height `height_m` above the WGS 84 ellipsoid, to 1e-6 m. A start below the surface that descends has
-    come down: time 0, at the start. One that ascends, as from a launch site below the ellipsoid, must first rise
-    through the surface. A start within 1e-6 m of the surface is on it.
+    Position and velocity (..., 3) are in an inertial frame about the Earth's centre with z along
+    its axis, such as ECEF frozen at scene epoch; leading axes broadcast with `height_m`. The impact
+    is the first descent through the surface of geodetic height `height_m` above the WGS 84
+    ellipsoid, to 1e-6 m. A start below the surface that descends has come down: time 0, at the
+    start. One that ascends, as from a launch site below the ellipsoid, must first rise through the
+    surface. A start within 1e-6 m of the surface is on it.
 
-    `nan` without a descent (pericentre above the surface, apocentre below it, escape), where an input is not finite,
-    and for heights below -6 000 km.
+    `nan` without a descent (pericentre above the surface, apocentre below it, escape), where an
+    input is not finite, and for heights below -6 000 km.
     """
     position, velocity, height, shape = flat_states(position_m, velocity_m_s, height_m)
     duration = np.empty(height.shape)
@@ -223,7 +264,9 @@ def kepler_impact(
     with np.errstate(all="ignore"):
         for first in range(0, height.size, _BLOCK):
             block = slice(first, first + _BLOCK)
-            duration[block], point[block] = _impacts(position[block], velocity[block], height[block], mu_m3_s2)
+            duration[block], point[block] = _impacts(
+                position[block], velocity[block], height[block], mu_m3_s2
+            )
     return duration.reshape(shape), point.reshape(*shape, 3)
 
 
@@ -233,7 +276,9 @@ def _impacts(
     """Return times (n,) and points (n, 3) of impact."""
     duration = np.full(height.shape, np.nan)
     point = np.full((height.size, 3), np.nan)
-    finite = np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & (height > -6.0e6)
+    finite = (
+        np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & (height > -6.0e6)
+    )
     (at,) = (finite & (height < np.inf) & (position != 0.0).any(axis=1)).nonzero()
     if not at.size:
         return duration, point
@@ -243,13 +288,17 @@ def _impacts(
     at = at[hit]
     if at.size:
         arcs = arcs.at(hit)
-        duration[at], places = arcs.times_and_positions(_descent(arcs, height[at], low[hit], high[hit]))
+        duration[at], places = arcs.times_and_positions(
+            _descent(arcs, height[at], low[hit], high[hit])
+        )
         point[at] = places.T
     return duration, point
 
 
 def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return anomalies that bracket the first descent of each arc through the surface; `nan` without one."""
+    """Return anomalies that bracket the first descent of each arc through the surface; `nan`
+    without one.
+    """
     outer = (EARTH_EQUATORIAL_RADIUS_M + _MARGIN_M + height) / arcs.length_m
     inner = (EARTH_POLAR_RADIUS_M - _MARGIN_M + height) / arcs.length_m
     at_outer = arcs.radial_squared(outer)
@@ -262,7 +311,9 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
     (grazing,) = (~steep & ((at_outer > 0.0) | (at_inner > 0.0) | turns_between)).nonzero()
     low[~steep] = np.nan
     if grazing.size:
-        low[grazing], high[grazing] = grazing_brackets(arcs.at(grazing), height[grazing], ON_SURFACE_M)
+        low[grazing], high[grazing] = grazing_brackets(
+            arcs.at(grazing), height[grazing], ON_SURFACE_M
+        )
     (deep,) = (outer > 1.0).nonzero()
     if deep.size:
         above, climb = arcs.at(deep).heights_and_slopes(np.zeros(deep.size))
@@ -277,7 +328,8 @@ def _steep_brackets(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the anomalies of the first descents through the two spheres.
 
-    A start that falls between them has yet to fall through the surface, or is on it: then the impact is immediate.
+    A start that falls between them has yet to fall through the surface, or is on it: then the
+    impact is immediate.
     """
     low = arcs.first_descent(outer)
     high = arcs.first_descent(inner)
@@ -290,7 +342,9 @@ def _steep_brackets(
 
 
 def _descent(arcs: ConicArcs, height: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return the anomaly within each bracket at which the height is reached, by Newton's method held to the bracket."""
+    """Return the anomaly within each bracket at which the height is reached, by Newton's method
+    held to the bracket.
+    """
     s = 0.5 * (low + high)
     still = low < high
     for _ in range(_MOST_STEPS):

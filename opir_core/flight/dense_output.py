@@ -1,4 +1,6 @@
-"""Dense output: states of many arcs at any time of their flight, from the steps of one integration."""
+"""Dense output: states of many arcs at any time of their flight, from the steps of one
+integration.
+"""
 
 import numpy as np
 from attrs import define, field, frozen
@@ -19,10 +21,12 @@ def dense_arcs(
     *,
     tolerance_m: ArrayLike = TOLERANCE_M,
 ) -> "DenseArcs":
-    """Return numerically integrated arcs with states at all times from 0 to the durations, s, of either sign.
+    """Return numerically integrated arcs with states at all times from 0 to the durations, s, of
+    either sign.
 
-    Arguments are those of `propagate`. Positions are within about `tolerance_m` everywhere: the tolerance of the steps
-    is 16 times tighter, because the polynomials are less accurate by that factor within a step than at its end.
+    Arguments are those of `propagate`. Positions are within about `tolerance_m` everywhere: the
+    tolerance of the steps is 16 times tighter, because the polynomials are less accurate by that
+    factor within a step than at its end.
     """
     forces = forces_of(forces)
     finer = np.asarray(tolerance_m, dtype=np.float64) / _FINER
@@ -46,9 +50,10 @@ _BLOCK = 512
 class DenseArcs:
     """Arcs as the polynomials of their steps, sorted by arc and then in the order of integration.
 
-    `first` (arcs + 1,) is the index of the first step of each arc; `begin_s` and `length_s` (steps,) are the start and
-    the signed length of each step; `states` (steps, 2, 3) are position and velocity at the start, and `terms`
-    (steps, 7, 2, 3) their dense output (`dop853.DenseOutput`).
+    `first` (arcs + 1,) is the index of the first step of each arc; `begin_s` and `length_s`
+    (steps,) are the start and the signed length of each step; `states` (steps, 2, 3) are position
+    and velocity at the start, and `terms` (steps, 7, 2, 3) their dense output
+    (`dop853.DenseOutput`).
     """
 
     first: RowArray
@@ -58,13 +63,17 @@ class DenseArcs:
     terms: FloatArray
 
     def state(self, arc: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return positions, m, and velocities, m/s, (..., 3), of arcs, by number, at times since their starts, s.
+        """Return positions, m, and velocities, m/s, (..., 3), of arcs, by number, at times since
+        their starts, s.
 
-        Numbers and times broadcast; numbers count through the leading axes of the starts in C order. `nan` outside the
-        duration of an arc, and where the arc has no state. `IndexError` for a number out of range.
+        Numbers and times broadcast; numbers count through the leading axes of the starts in C
+        order. `nan` outside the duration of an arc, and where the arc has no state. `IndexError`
+        for a number out of range.
         """
         count = self.first.size - 1
-        arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64))
+        arcs, time = np.broadcast_arrays(
+            np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64)
+        )
         if arcs.size and (int(arcs.min()) < 0 or int(arcs.max()) >= count):
             raise IndexError(f"arc numbers must be from 0 to {count - 1}")
         flat = np.full((arcs.size, 2, 3), np.nan)
@@ -102,10 +111,14 @@ class DenseArcs:
 
 @define(eq=False, repr=False)
 class StepRecorder:
-    """Records the accepted steps of integrations; `first_arc` is the number of the first arc of the current one."""
+    """Records the accepted steps of integrations; `first_arc` is the number of the first arc of the
+    current one.
+    """
 
     first_arc: int = 0
-    _kept: list[tuple[RowArray, FloatArray, FloatArray, FloatArray, FloatArray]] = field(factory=list)
+    _kept: list[tuple[RowArray, FloatArray, FloatArray, FloatArray, FloatArray]] = field(
+        factory=list
+    )
 
     def __call__(
         self,

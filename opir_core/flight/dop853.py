@@ -1,13 +1,14 @@
-"""DOP853: steps and dense output of second-order equations r'' = a(r, v), for many arcs at once or for one arc.
+"""DOP853: steps and dense output of second-order equations r'' = a(r, v), for many arcs at once or
+for one arc.
 
-Dormand and Prince's explicit Runge-Kutta method of order 8 with error estimates of orders 5 and 3 and dense output of
-order 7, by Hairer, Nørsett and Wanner (Solving Ordinary Differential Equations I, 2nd ed., II.5 and II.6; program
-DOP853). Applied to r' = v, v' = a(r, v), the stage positions are r + c h v + h² Σ (A·A) a_j: they need no stage
-velocities, and forces that do not depend on velocity need none at all, which halves the work. Rows of the tableau are
-sparse: pairs (stage, weight).
+Dormand and Prince's explicit Runge-Kutta method of order 8 with error estimates of orders 5 and 3
+and dense output of order 7, by Hairer, Nørsett and Wanner (Solving Ordinary Differential Equations
+I, 2nd ed., II.5 and II.6; program DOP853). Applied to r' = v, v' = a(r, v), the stage positions are
+r + c h v + h² Σ (A·A) a_j: they need no stage velocities, and forces that do not depend on velocity
+need none at all, which halves the work. Rows of the tableau are sparse: pairs (stage, weight).
 
-Up to 8 arcs are stepped one by one in Python floats, which is up to five times as fast as numpy there, with the same
-operations in the same order and so the same bits.
+Up to 8 arcs are stepped one by one in Python floats, which is up to five times as fast as numpy
+there, with the same operations in the same order and so the same bits.
 """
 
 from collections.abc import Mapping
@@ -25,7 +26,8 @@ Row = tuple[tuple[int, float], ...]
 STAGES = 12
 
 # fmt: off
-#: Times of the stages as fractions of the step; 12 is the end of the step, 13 to 15 serve the dense output only.
+#: Times of the stages as fractions of the step; 12 is the end of the step, 13 to 15 serve the dense
+#: output only.
 NODES = (
     0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726, 0.3333333333333333, 0.25,
     0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0, 1.0, 0.1, 0.2, 0.7777777777777778,
@@ -81,7 +83,8 @@ _DENSE: tuple[Mapping[int, float], ...] = (
 )
 # fmt: on
 
-#: Products of the tableau that vanish by its order conditions come out as roundings of this size at most.
+#: Products of the tableau that vanish by its order conditions come out as roundings of this size at
+#: most.
 _ZERO = 1e-11
 
 
@@ -90,13 +93,16 @@ def _row(weights: Mapping[int, float]) -> Row:
 
 
 def _after_velocity(weights: Mapping[int, float]) -> Row:
-    """Return the weights of the stage accelerations in a sum of stage velocities: `weights` times the tableau."""
+    """Return the weights of the stage accelerations in a sum of stage velocities: `weights` times
+    the tableau.
+    """
     stages = range(max(weights, default=0))
     sums = ((j, fsum(w * _VELOCITY[i].get(j, 0.0) for i, w in weights.items())) for j in stages)
     return tuple((j, w) for j, w in sums if abs(w) > _ZERO)
 
 
-#: Weights h·w of the accelerations in each stage's velocity, and h²·w in its position; entry 12 is the step's end.
+#: Weights h·w of the accelerations in each stage's velocity, and h²·w in its position; entry 12 is
+#: the step's end.
 VELOCITY_WEIGHTS = tuple(_row(weights) for weights in _VELOCITY)
 POSITION_WEIGHTS = tuple(_after_velocity(weights) for weights in _VELOCITY)
 
@@ -104,7 +110,8 @@ POSITION_WEIGHTS = tuple(_after_velocity(weights) for weights in _VELOCITY)
 ERROR_5 = _row(_ERROR_5)
 ERROR_3 = _row({j: w - _THIRD_ORDER.get(j, 0.0) for j, w in _VELOCITY[STAGES].items()})
 
-#: Weights of the accelerations in the four highest terms of the dense output: h·w for velocity, h²·w for position.
+#: Weights of the accelerations in the four highest terms of the dense output: h·w for velocity,
+#: h²·w for position.
 DENSE_VELOCITY = tuple(_row(weights) for weights in _DENSE)
 DENSE_POSITION = tuple(_after_velocity(weights) for weights in _DENSE)
 
@@ -113,7 +120,9 @@ Vector = tuple[float, float, float]
 
 
 class SingleStep(NamedTuple):
-    """Where a step ends, the accelerations at its stages by component, and the estimated error of velocity, m/s."""
+    """Where a step ends, the accelerations at its stages by component, and the estimated error of
+    velocity, m/s.
+    """
 
     position: Vector
     velocity: Vector
@@ -125,9 +134,16 @@ _LOST = SingleStep((nan,) * 3, (nan,) * 3, ([nan] * 13, [nan] * 13, [nan] * 13),
 
 
 def single_step(
-    acceleration: Alone, needs_velocity: bool, position: Vector, velocity: Vector, first: Vector, h: float
+    acceleration: Alone,
+    needs_velocity: bool,
+    position: Vector,
+    velocity: Vector,
+    first: Vector,
+    h: float,
 ) -> SingleStep:
-    """Return a step of length h, s, from a state and the acceleration there; all nan where it meets a singularity."""
+    """Return a step of length h, s, from a state and the acceleration there; all nan where it meets
+    a singularity.
+    """
     try:
         return _step(acceleration, needs_velocity, position, velocity, first, h)
     except (ZeroDivisionError, ValueError):
@@ -135,7 +151,12 @@ def single_step(
 
 
 def _step(
-    acceleration: Alone, needs_velocity: bool, position: Vector, velocity: Vector, first: Vector, h: float
+    acceleration: Alone,
+    needs_velocity: bool,
+    position: Vector,
+    velocity: Vector,
+    first: Vector,
+    h: float,
 ) -> SingleStep:
     stages = [first[0]], [first[1]], [first[2]]
     hh = h * h
@@ -145,7 +166,11 @@ def _step(
     for stage in range(1, STAGES + 1):
         node = NODES[stage]
         weights = POSITION_WEIGHTS[stage]
-        here = (drift[0] * node + position[0], drift[1] * node + position[1], drift[2] * node + position[2])
+        here = (
+            drift[0] * node + position[0],
+            drift[1] * node + position[1],
+            drift[2] * node + position[2],
+        )
         if weights:
             here = _moved(here, _sum(weights, stages), hh)
         if needs_velocity or stage == STAGES:
@@ -169,7 +194,11 @@ def _sum(weights: Row, stages: tuple[list[float], list[float], list[float]]) -> 
 
 
 def _moved(vector: Vector, change: Vector, factor: float) -> Vector:
-    return vector[0] + change[0] * factor, vector[1] + change[1] * factor, vector[2] + change[2] * factor
+    return (
+        vector[0] + change[0] * factor,
+        vector[1] + change[1] * factor,
+        vector[2] + change[2] * factor,
+    )
 
 
 def _single_velocity_error(stages: tuple[list[float], list[float], list[float]], h: float) -> float:
@@ -212,7 +241,9 @@ class StepStart(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Where the steps end, the estimated errors of the velocities there, m/s, and the accelerations at the stages."""
+    """Where the steps end, the estimated errors of the velocities there, m/s, and the accelerations
+    at the stages.
+    """
 
     position: FloatArray
     velocity: FloatArray
@@ -229,12 +260,15 @@ def stepped(right_side: Acceleration, start: StepStart, h: FloatArray) -> Step:
 
 
 def stepped_in_columns(right_side: ColumnAcceleration, start: StepStart, h: FloatArray) -> Step:
-    """Return the step as `stepped` does, always in columns; calls the right side at `NODES[1:STAGES + 1]`, in order."""
+    """Return the step as `stepped` does, always in columns; calls the right side at `NODES[1:STAGES
+    + 1]`, in order.
+    """
     stages = Stages(right_side, start, h, [start.acceleration])
     for stage in range(1, STAGES):
         stages.append(stage)
     position, velocity = stages.append(STAGES)
-    # Hairer, Nørsett and Wanner's blend of the estimates of order 5 and 3, e5²/sqrt(e5² + 0.01 e3²), m/s.
+    # Hairer, Nørsett and Wanner's blend of the estimates of order 5 and 3, e5²/sqrt(e5² + 0.01
+    # e3²), m/s.
     fifth = _square(stages.h_sum(ERROR_5))
     third = _square(stages.h_sum(ERROR_3))
     scale = np.sqrt(fifth + 0.01 * third)
@@ -249,7 +283,14 @@ _FEW = 8
 def _stepped_one_by_one(right_side: Acceleration, start: StepStart, h: FloatArray) -> Step:
     states = zip(*(rows.T.tolist() for rows in start), h.tolist(), strict=True)
     steps = [
-        single_step(right_side.alone(arc), right_side.needs_velocity, position, velocity, acceleration, length)
+        single_step(
+            right_side.alone(arc),
+            right_side.needs_velocity,
+            position,
+            velocity,
+            acceleration,
+            length,
+        )
         for arc, (position, velocity, acceleration, length) in enumerate(states)
     ]
     end, speed = (np.array([step[each] for step in steps]).T.copy() for each in (0, 1))
@@ -261,7 +302,11 @@ class Stages:
     """The accelerations at the stages of a step, each found from those before it."""
 
     def __init__(
-        self, right_side: ColumnAcceleration, start: StepStart, h: FloatArray, accelerations: list[FloatArray]
+        self,
+        right_side: ColumnAcceleration,
+        start: StepStart,
+        h: FloatArray,
+        accelerations: list[FloatArray],
     ) -> None:
         self.accelerations = accelerations
         self._right_side = right_side
@@ -272,7 +317,9 @@ class Stages:
         self._scratch = np.empty_like(start.position)
 
     def append(self, stage: int) -> tuple[FloatArray, FloatArray]:
-        """Add the acceleration at a stage; return the state there, without its velocity where forces do not need it."""
+        """Add the acceleration at a stage; return the state there, without its velocity where
+        forces do not need it.
+        """
         position = self._drift * NODES[stage]
         position += self._start.position
         if POSITION_WEIGHTS[stage]:
@@ -311,10 +358,12 @@ def _square(rows: FloatArray) -> FloatArray:
 
 
 class DenseOutput(NamedTuple):
-    """Positions and velocities in steps as polynomials: first values, and seven terms of shape (7, 3, n) each.
+    """Positions and velocities in steps as polynomials: first values, and seven terms of shape (7,
+    3, n) each.
 
-    With u the fraction of the step and w = 1 - u, a value is first + u (t0 + w (t1 + u (t2 + w (t3 + u (t4 + w (t5 +
-    u t6)))))) (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6).
+    With u the fraction of the step and w = 1 - u, a value is first + u (t0 + w (t1 + u (t2 + w (t3
+    + u (t4 + w (t5 + u t6)))))) (Hairer, Nørsett and Wanner, Solving Ordinary Differential
+    Equations I, 2nd ed., II.6).
     """
 
     position: FloatArray
@@ -332,7 +381,9 @@ class DenseOutput(NamedTuple):
 
 
 def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
-    """Return u (t0 + w (t1 + u (t2 + ...))), the change since the start of the step; terms are (7, ..., n)."""
+    """Return u (t0 + w (t1 + u (t2 + ...))), the change since the start of the step; terms are (7,
+    ..., n).
+    """
     rest = 1.0 - fraction
     value: FloatArray = terms[6] * fraction
     for order in (5, 4, 3, 2, 1, 0):
@@ -341,7 +392,9 @@ def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
     return value
 
 
-def dense_output(right_side: ColumnAcceleration, start: StepStart, step: Step, h: FloatArray) -> DenseOutput:
+def dense_output(
+    right_side: ColumnAcceleration, start: StepStart, step: Step, h: FloatArray
+) -> DenseOutput:
     """Return the dense output of steps, at the cost of three more accelerations each."""
     stages = Stages(right_side, start, h, list(step.stages))
     for stage in range(STAGES + 1, len(NODES)):

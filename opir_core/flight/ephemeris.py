@@ -1,8 +1,10 @@
-"""Trajectories and orbits as piecewise quintic polynomials: fitted once to a tolerance, evaluated in bulk.
+"""Trajectories and orbits as piecewise quintic polynomials: fitted once to a tolerance, evaluated
+in bulk.
 
-A segment interpolates position and velocity of the motion at its ends and its middle (Hermite), so that neighbours
-agree in both. Its error is estimated at six points between the nodes; a segment with too large an error is split.
-Evaluation is element by element: a result depends on its own target and time alone.
+A segment interpolates position and velocity of the motion at its ends and its middle (Hermite), so
+that neighbours agree in both. Its error is estimated at six points between the nodes; a segment
+with too large an error is split. Evaluation is element by element: a result depends on its own
+target and time alone.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,11 +21,13 @@ from opir_core.errors import ModelError
 #: Targets (m,) and times (m,) to positions and velocities (m, 3), element by element.
 Motion = Callable[[RowArray, FloatArray], tuple[FloatArray, FloatArray]]
 
-#: Points of error estimation: the extremes of (x³ - x)², the error of a smooth motion, and 0.71, where that of a motion
-#: with a power 3/2 at an end is largest; the true largest error is within 5 % of the largest there.
+#: Points of error estimation: the extremes of (x³ - x)², the error of a smooth motion, and 0.71,
+#: where that of a motion with a power 3/2 at an end is largest; the true largest error is within 5
+#: % of the largest there.
 _ERROR_NODES = np.array([-0.71, -(3.0**-0.5), -0.25, 0.25, 3.0**-0.5, 0.71])
 
-#: A segment is accepted if its estimated error is at most this share of the tolerance; a split aims for half of it.
+#: A segment is accepted if its estimated error is at most this share of the tolerance; a split aims
+#: for half of it.
 _MARGIN = 0.8
 
 #: Segments fitted in one call of the motion.
@@ -37,8 +41,8 @@ _ROUNDS = 40
 class HermiteSegments:
     """Polynomial segments of trajectories, sorted by target, then time.
 
-    Columns (s,): `target`, and the span `start_s` to `end_s`. Position is the sum of `coefficients[5 - k]` (6, 3, s)
-    times x^k, where x runs from -1 to 1 over the span.
+    Columns (s,): `target`, and the span `start_s` to `end_s`. Position is the sum of
+    `coefficients[5 - k]` (6, 3, s) times x^k, where x runs from -1 to 1 over the span.
     """
 
     target: RowArray
@@ -52,7 +56,10 @@ class HermiteSegments:
     def take(self, rows: RowArray) -> "HermiteSegments":
         """Return some of the segments."""
         return HermiteSegments(
-            self.target[rows], self.start_s[rows], self.end_s[rows], self.coefficients.take(rows, axis=-1)
+            self.target[rows],
+            self.start_s[rows],
+            self.end_s[rows],
+            self.coefficients.take(rows, axis=-1),
         )
 
 
@@ -70,7 +77,8 @@ def merged_segments(parts: Sequence[HermiteSegments]) -> HermiteSegments:
 def fitted_segments(
     motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray, tolerance_m: float
 ) -> HermiteSegments:
-    """Return segments that fit the motion of the targets over the spans (m,) to within the tolerance.
+    """Return segments that fit the motion of the targets over the spans (m,) to within the
+    tolerance.
 
     A motion that is not finite within a span, or too rough for the tolerance, is a `ModelError`.
     """
@@ -80,16 +88,25 @@ def fitted_segments(
         error_m = np.empty(len(target))
         for first in range(0, len(target), _FIT_BLOCK):
             rows = slice(first, first + _FIT_BLOCK)
-            coefficients[..., rows], error_m[rows] = _fit_block(motion, target[rows], start_s[rows], end_s[rows])
+            coefficients[..., rows], error_m[rows] = _fit_block(
+                motion, target[rows], start_s[rows], end_s[rows]
+            )
         fits = error_m <= _MARGIN * tolerance_m
-        done.append(HermiteSegments(target, start_s, end_s, coefficients).take(np.flatnonzero(fits)))
+        done.append(
+            HermiteSegments(target, start_s, end_s, coefficients).take(np.flatnonzero(fits))
+        )
         if fits.all():
             return merged_segments(done)
         # Split into 2 to 8 parts: a smooth motion's error has the sixth power of length.
-        parts = np.ceil((error_m[~fits] / (0.5 * tolerance_m)) ** (1.0 / 6.0)).clip(2, 8).astype(np.intp)
+        parts = (
+            np.ceil((error_m[~fits] / (0.5 * tolerance_m)) ** (1.0 / 6.0))
+            .clip(2, 8)
+            .astype(np.intp)
+        )
         target, start_s, end_s = _split(target[~fits], start_s[~fits], end_s[~fits], parts)
     raise ModelError(
-        f"the motion of target {target[0]} near {start_s[0]} s cannot be followed to within {tolerance_m} m"
+        f"the motion of target {target[0]} near {start_s[0]} s cannot be followed to within"
+        f" {tolerance_m} m"
     )
 
 
@@ -115,7 +132,10 @@ def _fit_block(
     finite = (np.isfinite(position) & np.isfinite(velocity)).all(axis=-1)
     if not finite.all():
         row = int(np.argmin(finite))
-        raise ModelError(f"the motion of target {target[row % len(target)]} is not finite at {times_s.flat[row]} s")
+        raise ModelError(
+            f"the motion of target {target[row % len(target)]} is not finite at {times_s.flat[row]}"
+            f" s"
+        )
     p = position.reshape(*times_s.shape, 3).transpose(0, 2, 1)
     d = velocity.reshape(*times_s.shape, 3)[:3].transpose(0, 2, 1) * half_s
     coefficients = _hermite_quintic(p[:3], d)
@@ -135,7 +155,9 @@ def horner(coefficients: FloatArray, x: float) -> FloatArray:
 
 
 def _hermite_quintic(p: FloatArray, d: FloatArray) -> FloatArray:
-    """Return coefficients of the quintic with values p and derivatives d (3, ...) at -1, 0 and 1."""
+    """Return coefficients of the quintic with values p and derivatives d (3, ...) at -1, 0 and
+    1.
+    """
     even = 0.5 * (p[2] + p[0]) - p[1]
     odd = 0.5 * (p[2] - p[0])
     even_slope = 0.5 * (d[2] - d[0])
@@ -151,10 +173,12 @@ _BLOCK = 65536
 #: Bins of the time lookup per segment.
 _BINS_PER_SEGMENT = 16
 
-#: Runs of equal indices at least this long, on average, are repeated rather than gathered; the values are the same.
+#: Runs of equal indices at least this long, on average, are repeated rather than gathered; the
+#: values are the same.
 _LONG_RUN = 4
 
-#: Breakpoints closer than this to another, or to an end, count as the same: an orbital velocity covers 8 um in it.
+#: Breakpoints closer than this to another, or to an end, count as the same: an orbital velocity
+#: covers 8 um in it.
 _ONE_BREAK_S = 1e-9
 
 #: From columns (..., s) over segments or targets to columns (..., m) over points.
@@ -163,18 +187,20 @@ _Spread = Callable[[Any], Any]
 
 @frozen(eq=False)
 class Ephemeris:
-    """Positions of n targets in their spans `start_s` to `end_s` (n,), to `tolerance_m`; nan outside.
+    """Positions of n targets in their spans `start_s` to `end_s` (n,), to `tolerance_m`; nan
+    outside.
 
-    The frame is that of the motion it was built from. Position and velocity are continuous within a span. Velocities
-    are the derivatives of those positions: at 1 cm, within 1 mm/s in free flight and 2 cm/s on a boost, but for the
-    second after pitch-over (0.6 m/s).
+    The frame is that of the motion it was built from. Position and velocity are continuous within a
+    span. Velocities are the derivatives of those positions: at 1 cm, within 1 mm/s in free flight
+    and 2 cm/s on a boost, but for the second after pitch-over (0.6 m/s).
     """
 
     start_s: FloatArray
     end_s: FloatArray
     tolerance_m: float
     segments: HermiteSegments
-    #: By target: start, end and lookup bins a second (3, n), and the first bin (n,); by bin: the first segment in it.
+    #: By target: start, end and lookup bins a second (3, n), and the first bin (n,); by bin: the
+    #: first segment in it.
     _spans: FloatArray
     _first_bin: RowArray
     _bin_segment: RowArray
@@ -195,20 +221,31 @@ class Ephemeris:
     ) -> "Ephemeris":
         """Return the ephemeris of a motion over spans (n,) of a length above zero.
 
-        `motion(target, time_s)` takes index and time columns (m,) and returns positions and velocities (m, 3), element
-        by element. `breakpoints_s` (n, k) are times at which it is not smooth; those outside a span are ignored.
-        `ModelError` for a motion that is not finite, or too rough for the tolerance.
+        `motion(target, time_s)` takes index and time columns (m,) and returns positions and
+        velocities (m, 3), element by element. `breakpoints_s` (n, k) are times at which it is not
+        smooth; those outside a span are ignored. `ModelError` for a motion that is not finite, or
+        too rough for the tolerance.
         """
-        start, end = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (start_s, end_s)))
+        start, end = np.broadcast_arrays(
+            *(np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (start_s, end_s))
+        )
         if not (np.isfinite(start) & np.isfinite(end) & (start < end)).all():
             raise ValueError("every span of an ephemeris must start before it ends")
         if not tolerance_m > 0.0:
-            raise ValueError(f"the tolerance of an ephemeris must be above zero, not {tolerance_m} m")
-        inner = np.empty((len(start), 0)) if breakpoints_s is None else np.asarray(breakpoints_s, dtype=np.float64)
+            raise ValueError(
+                f"the tolerance of an ephemeris must be above zero, not {tolerance_m} m"
+            )
+        inner = (
+            np.empty((len(start), 0))
+            if breakpoints_s is None
+            else np.asarray(breakpoints_s, dtype=np.float64)
+        )
         inner = np.clip(inner, start[:, None], end[:, None])
         cuts = np.sort(np.concatenate([start[:, None], inner, end[:, None]], axis=1), axis=1)
         _join_close(cuts)
-        cuts[:, 1:-1] = np.where(end[:, None] - cuts[:, 1:-1] < _ONE_BREAK_S, end[:, None], cuts[:, 1:-1])
+        cuts[:, 1:-1] = np.where(
+            end[:, None] - cuts[:, 1:-1] < _ONE_BREAK_S, end[:, None], cuts[:, 1:-1]
+        )
         target, gap = np.nonzero(cuts[:, :-1] < cuts[:, 1:])
         lower = cuts[target, gap]
         upper = cuts[target, gap + 1]
@@ -219,19 +256,30 @@ class Ephemeris:
         """Return the ephemeris of targets from consecutive parts of their spans."""
         for before, after in pairwise(parts):
             if not np.array_equal(before.end_s, after.start_s):
-                raise ValueError("each part of a joined ephemeris must start when the one before it ends")
-        return _indexed(merged_segments([part.segments for part in parts]), max(part.tolerance_m for part in parts))
+                raise ValueError(
+                    "each part of a joined ephemeris must start when the one before it ends"
+                )
+        return _indexed(
+            merged_segments([part.segments for part in parts]),
+            max(part.tolerance_m for part in parts),
+        )
 
     def position_m(self, target: ArrayLike, time_s: ArrayLike) -> FloatArray:
-        """Return positions (..., 3) of targets at times, which broadcast; nan outside a target's span."""
+        """Return positions (..., 3) of targets at times, which broadcast; nan outside a target's
+        span.
+        """
         return self._evaluated(target, time_s, (_position,))[0]
 
     def state(self, target: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return positions (..., 3), m, and velocities (..., 3), m/s, of targets at times, which broadcast."""
+        """Return positions (..., 3), m, and velocities (..., 3), m/s, of targets at times, which
+        broadcast.
+        """
         position, velocity = self._evaluated(target, time_s, (_position, _velocity))
         return position, velocity
 
-    def _evaluated(self, target: ArrayLike, time_s: ArrayLike, columns: "Sequence[_Column]") -> list[FloatArray]:
+    def _evaluated(
+        self, target: ArrayLike, time_s: ArrayLike, columns: "Sequence[_Column]"
+    ) -> list[FloatArray]:
         """Return one (..., 3) array for each of the columns, computed block by block."""
         rows, times = np.broadcast_arrays(np.asarray(target), np.asarray(time_s, dtype=np.float64))
         if rows.size and not (rows.min() >= 0 and rows.max() < len(self)):
@@ -249,7 +297,9 @@ class Ephemeris:
         return [array.reshape(*shape, 3) for array in out]
 
     def _located(self, target: RowArray, time_s: FloatArray) -> tuple[_Spread, FloatArray]:
-        """Return the function from segments to points, and times in segments: -1 to 1, nan outside the span."""
+        """Return the function from segments to points, and times in segments: -1 to 1, nan outside
+        the span.
+        """
         of_target = _spread(target)
         start_s, end_s, bins_per_s = of_target(self._spans)
         inside = (time_s >= start_s) & (time_s <= end_s)
@@ -263,7 +313,9 @@ class Ephemeris:
         return spread, x if everywhere else np.where(inside, x, np.nan)
 
     def _stepped(self, segment: RowArray, time_s: FloatArray) -> RowArray:
-        """Return the segments that contain the times, from the first segments in their lookup bins."""
+        """Return the segments that contain the times, from the first segments in their lookup
+        bins.
+        """
         late = (time_s >= self._next_s.take(segment)).nonzero()[0]
         while late.size:
             segment[late] += 1
@@ -272,7 +324,9 @@ class Ephemeris:
 
 
 def _join_close(cuts: FloatArray) -> None:
-    """Move each cut (n, k) but the last onto the one before it where they count as the same, from the first on."""
+    """Move each cut (n, k) but the last onto the one before it where they count as the same, from
+    the first on.
+    """
     step = np.diff(cuts[:, :-1], axis=1)
     rows = np.flatnonzero(((step > 0.0) & (step < _ONE_BREAK_S)).any(axis=1))
     moved = cuts[rows]
@@ -307,7 +361,9 @@ def _velocity(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArra
 
 
 def _spread(index: RowArray) -> _Spread:
-    """Return the function that takes columns at these indices; long runs of an index are repeated, not gathered."""
+    """Return the function that takes columns at these indices; long runs of an index are repeated,
+    not gathered.
+    """
     edges = (index[1:] != index[:-1]).nonzero()[0]
     if _LONG_RUN * (len(edges) + 1) > len(index):
         return lambda columns: columns.take(index, axis=-1)
@@ -320,7 +376,8 @@ def _spread(index: RowArray) -> _Spread:
 
 
 def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:
-    """Return the ephemeris of segments sorted by target and time, with the first segment in each lookup bin.
+    """Return the ephemeris of segments sorted by target and time, with the first segment in each
+    lookup bin.
 
     Bins are uniform; one more than fit into the span catches its very end.
     """
@@ -332,12 +389,18 @@ def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:
     bins_per_s = _BINS_PER_SEGMENT * count / (end_s - start_s)
     bins = _BINS_PER_SEGMENT * count + 1
     first_bin = np.cumsum(bins) - bins
-    earliest = np.ceil((segments.start_s - start_s[segments.target]) * bins_per_s[segments.target]).astype(np.intp)
+    earliest = np.ceil(
+        (segments.start_s - start_s[segments.target]) * bins_per_s[segments.target]
+    ).astype(np.intp)
     bin_segment = np.zeros(bins.sum(), dtype=np.intp)
     np.maximum.at(bin_segment, first_bin[segments.target] + earliest, np.arange(len(segments)))
     spans = np.stack([start_s, end_s, bins_per_s])
     next_s = segments.end_s.copy()
     next_s[last] = np.inf
-    scales = np.stack([0.5 * (segments.start_s + segments.end_s), 2.0 / (segments.end_s - segments.start_s)])
+    scales = np.stack(
+        [0.5 * (segments.start_s + segments.end_s), 2.0 / (segments.end_s - segments.start_s)]
+    )
     first_segment = np.maximum.accumulate(bin_segment)
-    return Ephemeris(start_s, end_s, tolerance_m, segments, spans, first_bin, first_segment, next_s, scales)
+    return Ephemeris(
+        start_s, end_s, tolerance_m, segments, spans, first_bin, first_segment, next_s, scales
+    )

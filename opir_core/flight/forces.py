@@ -1,4 +1,6 @@
-"""Force models of free flight: descriptions, light to import. The arithmetic is in `gravity_and_drag`."""
+"""Force models of free flight: descriptions, light to import. The arithmetic is in
+`gravity_and_drag`.
+"""
 
 from collections.abc import Iterable
 from typing import Literal
@@ -17,8 +19,8 @@ KEPLER: Literal["kepler"] = "kepler"
 class ZonalField:
     """A gravity field symmetric about the Earth's axis.
 
-    J_n = -√(2n+1) · C̄_n0, with C̄_n0 the normalised tide-free coefficients of EGM96 (NASA/TP-1998-206861) and its
-    reference radius; the gravitational constant is that of WGS 84.
+    J_n = -√(2n+1) · C̄_n0, with C̄_n0 the normalised tide-free coefficients of EGM96
+    (NASA/TP-1998-206861) and its reference radius; the gravitational constant is that of WGS 84.
     """
 
     mu_m3_s2: float = EARTH_MU_M3_S2
@@ -30,7 +32,8 @@ class ZonalField:
 
 @frozen
 class ExponentialAtmosphere:
-    """An atmosphere of density `density_kg_m3` at `base_height_m`, which falls by e with every `scale_height_m`.
+    """An atmosphere of density `density_kg_m3` at `base_height_m`, which falls by e with every
+    `scale_height_m`.
 
     Heights are geodetic, above the WGS 84 ellipsoid. Valid from 5 km below it upwards.
     """
@@ -43,7 +46,9 @@ class ExponentialAtmosphere:
     @scale_height_m.validator
     def _is_positive(self, attribute: object, value: float) -> None:
         if not 0.0 < value < np.inf:
-            raise ValueError(f"{getattr(attribute, 'name', 'value')} must be positive and finite, got {value!r}")
+            raise ValueError(
+                f"{getattr(attribute, 'name', 'value')} must be positive and finite, got {value!r}"
+            )
 
 
 #: The U.S. Standard Atmosphere of 1976, to 1000 km.
@@ -58,16 +63,20 @@ def _read_only(value: ArrayLike) -> NDArray[np.float64]:
 
 @frozen
 class Drag:
-    """Drag by air that rotates with the Earth: -rho |w| w / (2 beta), with w the velocity relative to the air.
+    """Drag by air that rotates with the Earth: -rho |w| w / (2 beta), with w the velocity relative
+    to the air.
 
-    `ballistic_coefficient_kg_m2` is beta = m/(C_d A), one number or an array that broadcasts against the leading axes
-    of the states. `air_rotation_rad_s` is the angular velocity of the air about the Earth's axis.
+    `ballistic_coefficient_kg_m2` is beta = m/(C_d A), one number or an array that broadcasts
+    against the leading axes of the states. `air_rotation_rad_s` is the angular velocity of the air
+    about the Earth's axis.
     """
 
     ballistic_coefficient_kg_m2: NDArray[np.float64] = field(
         converter=_read_only, eq=cmp_using(eq=np.array_equal), hash=False
     )
-    atmosphere: ExponentialAtmosphere | Literal["us_standard_1976"] = field(default=US_STANDARD_1976)
+    atmosphere: ExponentialAtmosphere | Literal["us_standard_1976"] = field(
+        default=US_STANDARD_1976
+    )
     air_rotation_rad_s: float = EARTH_ROTATION_RAD_S
 
     @ballistic_coefficient_kg_m2.validator
@@ -78,7 +87,10 @@ class Drag:
     @atmosphere.validator
     def _is_known(self, _attribute: object, value: object) -> None:
         if not isinstance(value, ExponentialAtmosphere) and value != US_STANDARD_1976:
-            raise ValueError(f"atmosphere must be {US_STANDARD_1976!r} or an ExponentialAtmosphere, got {value!r}")
+            raise ValueError(
+                f"atmosphere must be {US_STANDARD_1976!r} or an ExponentialAtmosphere, got"
+                f" {value!r}"
+            )
 
 
 def _names(value: Iterable[str]) -> tuple[str, ...]:
@@ -100,7 +112,9 @@ class Forces:
     def _are_known(self, _attribute: object, value: tuple[str, ...]) -> None:
         unknown = sorted(set(value) - set(ZONAL_FORCES))
         if unknown:
-            raise ValueError(f"unknown zonal harmonics {', '.join(unknown)}; known are {', '.join(ZONAL_FORCES)}")
+            raise ValueError(
+                f"unknown zonal harmonics {', '.join(unknown)}; known are {', '.join(ZONAL_FORCES)}"
+            )
 
     def with_ballistic_coefficients(self, value_kg_m2: ArrayLike) -> "Forces":
         """Return the forces with other ballistic coefficients, where there is drag."""
@@ -109,10 +123,14 @@ class Forces:
         return evolve(self, drag=evolve(self.drag, ballistic_coefficient_kg_m2=value_kg_m2))
 
     def broadcast(self, count: int) -> "Forces":
-        """Return the forces on `count` bodies; `ValueError` for another number of ballistic coefficients."""
+        """Return the forces on `count` bodies; `ValueError` for another number of ballistic
+        coefficients.
+        """
         if self.drag is None:
             return self
-        return self.with_ballistic_coefficients(np.broadcast_to(self.drag.ballistic_coefficient_kg_m2, (count,)))
+        return self.with_ballistic_coefficients(
+            np.broadcast_to(self.drag.ballistic_coefficient_kg_m2, (count,))
+        )
 
     def take(self, rows: NDArray[np.intp]) -> "Forces":
         """Return the forces on some of the bodies, after `broadcast`."""

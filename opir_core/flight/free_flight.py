@@ -1,4 +1,6 @@
-"""Ephemerides of free flight: two-body arcs, or arcs under more forces, from states at given times."""
+"""Ephemerides of free flight: two-body arcs, or arcs under more forces, from states at given
+times.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -25,7 +27,8 @@ def free_flight_ephemeris(
     forces: "ForceModel" = "kepler",
     tolerance_m: float = 0.01,
 ) -> Ephemeris:
-    """Return the ECEF ephemeris of n targets in free flight from states (n, 3) at times (n,) to later times (n,).
+    """Return the ECEF ephemeris of n targets in free flight from states (n, 3) at times (n,) to
+    later times (n,).
 
     ECI is ECEF frozen at scene epoch; `forces` as in `aim`.
     """
@@ -34,14 +37,19 @@ def free_flight_ephemeris(
     if is_kepler:
 
         def inertial(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-            return propagate_kepler(position_eci_m[target], velocity_eci_m_s[target], time_s - start_s[target])
+            return propagate_kepler(
+                position_eci_m[target], velocity_eci_m_s[target], time_s - start_s[target]
+            )
 
     else:
         from opir_core.flight.dense_output import dense_arcs
 
-        # Integrated once, to a hundredth of the tolerance, so that the motion is smooth for the fit.
+        # Integrated once, to a hundredth of the tolerance, so that the motion is smooth for the
+        # fit.
         duration_s = end_s - start_s + _BREATH_S
-        arcs = dense_arcs(position_eci_m, velocity_eci_m_s, duration_s, forces, tolerance_m=0.01 * tolerance_m)
+        arcs = dense_arcs(
+            position_eci_m, velocity_eci_m_s, duration_s, forces, tolerance_m=0.01 * tolerance_m
+        )
 
         def inertial(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
             return arcs.state(target, np.maximum(time_s - start_s[target], 0.0))

@@ -1,7 +1,8 @@
-"""Boost-glide flights: a boost on a class profile, equilibrium glide at a constant lift-to-drag ratio, and free fall.
+"""Boost-glide flights: a boost on a class profile, equilibrium glide at a constant lift-to-drag
+ratio, and free fall.
 
-In equilibrium glide lift balances weight less centrifugal force, m (g - v²/r), at a small flight path angle. With the
-lift-to-drag ratio E, gravity g and radius r constant, and v_c² = g r,
+In equilibrium glide lift balances weight less centrifugal force, m (g - v²/r), at a small flight
+path angle. With the lift-to-drag ratio E, gravity g and radius r constant, and v_c² = g r,
 
     v(t) = v_c tanh(a),  a = artanh(v_0/v_c) - g t/(E v_c),
     s = (E r/2) ln((1 - v²/v_c²) / (1 - v_0²/v_c²)) = E r ln(cosh(a_0)/cosh(a)),
@@ -10,11 +11,12 @@ and in an exponential atmosphere of scale height H, where the density follows fr
 
     h = h_0 + H ln((v²/(v_c² - v²)) / (v_0²/(v_c² - v_0²))) = h_0 + 2 H ln(sinh(a)/sinh(a_0))
 
-(Eggers, Allen and Neice, A comparative analysis of the performance of long-range hypervelocity vehicles, NACA TN 4046,
-1957; Vinh, Busemann and Culp, Hypersonic and Planetary Entry Flight Mechanics, 1980). g and r are those at burnout; the
-way goes along a great circle of geocentric directions over the WGS 84 ellipsoid, and speeds are relative to the Earth:
-its rotation acts on the free fall only. The boost ends in the direction in which the glide begins. At the final speed
-lift and drag end, and free flight under the scene's forces leads down to the aim point.
+(Eggers, Allen and Neice, A comparative analysis of the performance of long-range hypervelocity
+vehicles, NACA TN 4046, 1957; Vinh, Busemann and Culp, Hypersonic and Planetary Entry Flight
+Mechanics, 1980). g and r are those at burnout; the way goes along a great circle of geocentric
+directions over the WGS 84 ellipsoid, and speeds are relative to the Earth: its rotation acts on the
+free fall only. The boost ends in the direction in which the glide begins. At the final speed lift
+and drag end, and free flight under the scene's forces leads down to the aim point.
 """
 
 from collections.abc import Sequence
@@ -58,15 +60,19 @@ class GlideShape:
 
     def take(self, rows: RowArray) -> "GlideShape":
         """Return some of the glides."""
-        return GlideShape(self.lift_to_drag[rows], self.final_speed_m_s[rows], self.scale_height_m[rows])
+        return GlideShape(
+            self.lift_to_drag[rows], self.final_speed_m_s[rows], self.scale_height_m[rows]
+        )
 
 
 @frozen(eq=False, repr=False)
 class GlidePath:
-    """The equilibrium glides of n targets from their burnout: columns (n,), directions (n, 3) in ECEF.
+    """The equilibrium glides of n targets from their burnout: columns (n,), directions (n, 3) in
+    ECEF.
 
-    `up` is the geocentric direction at burnout, `ahead` that of flight at right angles to it; `height_m` the height
-    above the ellipsoid along `up`; `start` and `end` the parameters a at burnout and at the final speed.
+    `up` is the geocentric direction at burnout, `ahead` that of flight at right angles to it;
+    `height_m` the height above the ellipsoid along `up`; `start` and `end` the parameters a at
+    burnout and at the final speed.
     """
 
     shape: GlideShape
@@ -78,8 +84,12 @@ class GlidePath:
     end: FloatArray
 
     @staticmethod
-    def from_burnout(position_m: FloatArray, velocity_m_s: FloatArray, shape: GlideShape) -> "GlidePath":
-        """Return the glides from burnout states (n, 3), ECEF, the velocity relative to the Earth."""
+    def from_burnout(
+        position_m: FloatArray, velocity_m_s: FloatArray, shape: GlideShape
+    ) -> "GlidePath":
+        """Return the glides from burnout states (n, 3), ECEF, the velocity relative to the
+        Earth.
+        """
         radius_m = length(*components(position_m))
         up = position_m / radius_m[:, None]
         level = velocity_m_s - dot(velocity_m_s, up)[:, None] * up
@@ -112,11 +122,17 @@ class GlidePath:
 
     @property
     def final_height_m(self) -> FloatArray:
-        """Return the heights (n,) above the ellipsoid, along the geocentric direction, at the final speed."""
-        return self.height_m - 2.0 * self.shape.scale_height_m * np.log(np.sinh(self.start) / np.sinh(self.end))
+        """Return the heights (n,) above the ellipsoid, along the geocentric direction, at the final
+        speed.
+        """
+        return self.height_m - 2.0 * self.shape.scale_height_m * np.log(
+            np.sinh(self.start) / np.sinh(self.end)
+        )
 
     def state(self, since_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ECEF positions and velocities relative to the Earth (n, 3) at times (n,) since burnout."""
+        """Return ECEF positions and velocities relative to the Earth (n, 3) at times (n,) since
+        burnout.
+        """
         drag_free = 1.0 / self.time_scale_s
         a = self.start - since_s * drag_free
         swept = self.shape.lift_to_drag * np.log(np.cosh(self.start) / np.cosh(a))
@@ -127,7 +143,9 @@ class GlidePath:
         onward = cosine * self.ahead - sine * self.up
         ground_m = _ground_radius_m(outward)
         slope_m = _ground_slope_m(outward, onward)
-        height_m = self.height_m - 2.0 * self.shape.scale_height_m * np.log(np.sinh(self.start) / np.sinh(a))
+        height_m = self.height_m - 2.0 * self.shape.scale_height_m * np.log(
+            np.sinh(self.start) / np.sinh(a)
+        )
         climb_m_s = -2.0 * self.shape.scale_height_m * drag_free / np.tanh(a) + slope_m * rate
         radius_m = ground_m + height_m
         velocity = climb_m_s[:, None] * outward + (radius_m * rate)[:, None] * onward
@@ -140,7 +158,9 @@ class GlidePath:
 
 
 def _ground_radius_m(direction: FloatArray) -> FloatArray:
-    """Return the distances (n,) of the WGS 84 ellipsoid from the Earth's centre in unit directions (n, 3)."""
+    """Return the distances (n,) of the WGS 84 ellipsoid from the Earth's centre in unit directions
+    (n, 3).
+    """
     x, y, z = components(direction)
     a = EARTH_EQUATORIAL_RADIUS_M
     b = EARTH_POLAR_RADIUS_M
@@ -148,7 +168,9 @@ def _ground_radius_m(direction: FloatArray) -> FloatArray:
 
 
 def _ground_slope_m(direction: FloatArray, onward: FloatArray) -> FloatArray:
-    """Return the derivatives (n,) of `_ground_radius_m` in the angle from the direction onward, m/rad."""
+    """Return the derivatives (n,) of `_ground_radius_m` in the angle from the direction onward,
+    m/rad.
+    """
     a = EARTH_EQUATORIAL_RADIUS_M
     b = EARTH_POLAR_RADIUS_M
     x, y, z = components(direction * onward)
@@ -165,7 +187,12 @@ class GlideLaunch(LaunchSolution):
         """Return some of the launches."""
         plain = super().take(rows)
         return GlideLaunch(
-            plain.site, plain.course, plain.aim_ecef_m, plain.aim_height_m, plain.forces, self._shape.take(rows)
+            plain.site,
+            plain.course,
+            plain.aim_ecef_m,
+            plain.aim_height_m,
+            plain.forces,
+            self._shape.take(rows),
         )
 
     @property
@@ -174,7 +201,9 @@ class GlideLaunch(LaunchSolution):
         return self.shape
 
     def turned(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> "GlideLaunch":
-        """Return the launches with ascents that end in the direction in which their glides begin."""
+        """Return the launches with ascents that end in the direction in which their glides
+        begin.
+        """
         launch = self
         for _ in range(_TURN_STEPS):
             position, velocity = launch.burnout(azimuth_rad, speed_m_s)
@@ -182,7 +211,12 @@ class GlideLaunch(LaunchSolution):
             climb_m_s = dot(velocity, glide.up)
             turn_rad = launch.course.turn_rad + (climb_m_s - glide.climb_at_start_m_s()) / speed_m_s
             course = launch.course
-            columns = (course.burn_time_s, course.pitch_start_s, course.speed_shape, course.pitch_exponent)
+            columns = (
+                course.burn_time_s,
+                course.pitch_start_s,
+                course.speed_shape,
+                course.pitch_exponent,
+            )
             launch = evolve(launch, course=ascent_of_shape(*columns, turn_rad))
         return launch
 
@@ -190,8 +224,12 @@ class GlideLaunch(LaunchSolution):
         """Return the glides of launches whose ascents have turned."""
         return GlidePath.from_burnout(*self.burnout(azimuth_rad, speed_m_s), self._shape)
 
-    def release(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and velocities at the end of the glide, nan where it would end below the ground."""
+    def release(
+        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities at the end of the glide, nan where it would end below the
+        ground.
+        """
         glide = self.turned(azimuth_rad, speed_m_s).glide(azimuth_rad, speed_m_s)
         position, velocity = glide.state(glide.duration_s)
         flies = (glide.duration_s > 0.0) & (glide.final_height_m > 0.0)
@@ -200,11 +238,12 @@ class GlideLaunch(LaunchSolution):
 
 @frozen(eq=False, repr=False)
 class GlideFlight:
-    """The flights of n targets from launch over burnout and release, where free flight begins, to the aim point.
+    """The flights of n targets from launch over burnout and release, where free flight begins, to
+    the aim point.
 
-    Columns (n,) and (n, 3); burnout speed and ECEF velocities are relative to the Earth. `miss_m` is the distance of
-    the impact from the aim point. Where `converged` is False, `complaints` says why, and what depends on the solution
-    is nan.
+    Columns (n,) and (n, 3); burnout speed and ECEF velocities are relative to the Earth. `miss_m`
+    is the distance of the impact from the aim point. Where `converged` is False, `complaints` says
+    why, and what depends on the solution is nan.
     """
 
     azimuth_rad: FloatArray
@@ -224,7 +263,9 @@ class GlideFlight:
     glide: GlidePath
 
     def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ECEF positions and velocities (m, 3) of targets (m,) in their glides at times (m,)."""
+        """Return ECEF positions and velocities (m, 3) of targets (m,) in their glides at times
+        (m,).
+        """
         return self.glide.take(target).state(time_s - self.burnout_s[target])
 
 
@@ -241,8 +282,8 @@ def glide_flight(
 ) -> GlideFlight:
     """Return the boost-glide flights of n targets, one profile each; columns (n,).
 
-    `forces` act after the glide. Targets whose aim point is outside the range of their profile, or is missed by more
-    than the tolerance, are reported in `complaints`.
+    `forces` act after the glide. Targets whose aim point is outside the range of their profile, or
+    is missed by more than the tolerance, are reported in `complaints`.
     """
     n = len(profiles)
     aim_m = geodetic_to_ecef(*aim_point)
@@ -297,9 +338,19 @@ def _guess(shot: GlideLaunch) -> tuple[FloatArray, FloatArray]:
     return azimuth_rad, speed_m_s
 
 
-def glide_ephemeris(flight: GlideFlight, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
-    """Return the ECEF ephemeris of n targets from burnout to impact; `forces` as in `glide_flight`."""
-    glide = Ephemeris.build(flight.state, flight.burnout_s, flight.release_s, tolerance_m=tolerance_m)
-    state = ecef_to_eci_state(flight.release_position_ecef_m, flight.release_velocity_ecef_m_s, flight.release_s)
-    fall = free_flight_ephemeris(flight.release_s, flight.impact_s, *state, forces=forces, tolerance_m=tolerance_m)
+def glide_ephemeris(
+    flight: GlideFlight, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler"
+) -> Ephemeris:
+    """Return the ECEF ephemeris of n targets from burnout to impact; `forces` as in
+    `glide_flight`.
+    """
+    glide = Ephemeris.build(
+        flight.state, flight.burnout_s, flight.release_s, tolerance_m=tolerance_m
+    )
+    state = ecef_to_eci_state(
+        flight.release_position_ecef_m, flight.release_velocity_ecef_m_s, flight.release_s
+    )
+    fall = free_flight_ephemeris(
+        flight.release_s, flight.impact_s, *state, forces=forces, tolerance_m=tolerance_m
+    )
     return Ephemeris.joined([glide, fall])

@@ -1,7 +1,8 @@
-"""Accelerations by a zonal gravity field and by drag, over columns of arcs (3, n) and for the numbers of one arc.
+"""Accelerations by a zonal gravity field and by drag, over columns of arcs (3, n) and for the
+numbers of one arc.
 
-Drag needs the geodetic height above the WGS 84 ellipsoid, here in closed form. Each arc stays within one layer of the
-air during a step.
+Drag needs the geodetic height above the WGS 84 ellipsoid, here in closed form. Each arc stays
+within one layer of the air during a step.
 """
 
 from collections.abc import Callable
@@ -15,22 +16,26 @@ from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RAD
 from opir_core.flight.atmosphere_density import log_density, log_density_alone
 from opir_core.flight.forces import ZonalField
 
-#: The expansion is clamped at this a/r, so that the height stays negative and finite towards the centre.
+#: The expansion is clamped at this a/r, so that the height stays negative and finite towards the
+#: centre.
 _DEEPEST = 2.0
 
 
 def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
     """Return geodetic heights (n,), m, of positions (3, n), m, given their 1/r.
 
-    The foot's normal is taken along (x, y, z/k) with k = 1 - e² N/(N + h) expanded to second order in the flattening;
-    an error in the normal's direction enters the height squared. Within 2e-8 m from 5 km below the ellipsoid to
-    geostationary height; below the ellipsoid's evolute only the sign is meaningful.
+    The foot's normal is taken along (x, y, z/k) with k = 1 - e² N/(N + h) expanded to second order
+    in the flattening; an error in the normal's direction enters the height squared. Within 2e-8 m
+    from 5 km below the ellipsoid to geostationary height; below the ellipsoid's evolute only the
+    sign is meaningful.
     """
     return _height_and_normal(position, inverse_radius)[0]
 
 
 def height_alone_m(x: float, y: float, z: float, inverse_radius: float) -> float:
-    """Return the height, m, of one position, with the operations of `height_m` in the same order."""
+    """Return the height, m, of one position, with the operations of `height_m` in the same
+    order.
+    """
     e2 = EARTH_ECCENTRICITY_SQUARED
     ratio = min(EARTH_EQUATORIAL_RADIUS_M * inverse_radius, _DEEPEST)
     sine = z * inverse_radius
@@ -54,7 +59,9 @@ def height_and_climb(
     return height, climb
 
 
-def height_and_up(position: FloatArray, inverse_radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+def height_and_up(
+    position: FloatArray, inverse_radius: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return heights (n,), m, and the directions (3, n) in which they grow, to 1e-7 rad."""
     height, stretched_z, inverse_norm = _height_and_normal(position, inverse_radius)
     up = position.copy()
@@ -63,7 +70,9 @@ def height_and_up(position: FloatArray, inverse_radius: FloatArray) -> tuple[Flo
     return height, up
 
 
-def _height_and_normal(position: FloatArray, inverse_radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _height_and_normal(
+    position: FloatArray, inverse_radius: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     x, y, z = position
     # k = 1 - e² q (1 + e² s² (1/2 - q)), with q = a/r and s = z/r.
     ratio = EARTH_EQUATORIAL_RADIUS_M * inverse_radius
@@ -102,10 +111,11 @@ Alone = Callable[[float, float, float, float, float, float], tuple[float, float,
 
 
 class Gravity:
-    """The acceleration -mu/r² { r̂ [1 - Σ J_n (R/r)^n P'_{n+1}(s)] + ẑ Σ J_n (R/r)^n P'_n(s) }, with s = z/r.
+    """The acceleration -mu/r² { r̂ [1 - Σ J_n (R/r)^n P'_{n+1}(s)] + ẑ Σ J_n (R/r)^n P'_n(s) },
+    with s = z/r.
 
-    This is the gradient of mu/r [1 - Σ J_n (R/r)^n P_n(s)] (Montenbruck and Gill, Satellite Orbits, 3.2), simplified
-    with (n+1) P_n + s P'_n = P'_{n+1}. Singular at the Earth's centre.
+    This is the gradient of mu/r [1 - Σ J_n (R/r)^n P_n(s)] (Montenbruck and Gill, Satellite Orbits,
+    3.2), simplified with (n+1) P_n + s P'_n = P'_{n+1}. Singular at the Earth's centre.
     """
 
     needs_velocity = False
@@ -139,16 +149,24 @@ class Gravity:
         return acceleration, inverse_radius
 
     def alone(self, arc: int = 0) -> Alone:
-        """Return the acceleration as a function of one arc's numbers: the same operations in the same order."""
+        """Return the acceleration as a function of one arc's numbers: the same operations in the
+        same order.
+        """
         with_inverse_radius = self.alone_with_inverse_radius
 
-        def acceleration(x: float, y: float, z: float, *_velocity: float) -> tuple[float, float, float]:
+        def acceleration(
+            x: float, y: float, z: float, *_velocity: float
+        ) -> tuple[float, float, float]:
             return with_inverse_radius(x, y, z)[:3]
 
         return acceleration
 
-    def alone_with_inverse_radius(self, x: float, y: float, z: float) -> tuple[float, float, float, float]:
-        """Return the acceleration, m/s², and 1/r, 1/m, at one position; raise ZeroDivisionError at the centre."""
+    def alone_with_inverse_radius(
+        self, x: float, y: float, z: float
+    ) -> tuple[float, float, float, float]:
+        """Return the acceleration, m/s², and 1/r, 1/m, at one position; raise ZeroDivisionError at
+        the centre.
+        """
         inverse_square = 1.0 / (x * x + y * y + z * z)
         inverse_radius = sqrt(inverse_square)
         ss = z * z * inverse_square
@@ -167,7 +185,9 @@ class Gravity:
         radial *= attraction
         return x * radial, y * radial, z * radial + axial * attraction, inverse_radius
 
-    def _harmonics(self, inverse_square: FloatArray, z: FloatArray, ss: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _harmonics(
+        self, inverse_square: FloatArray, z: FloatArray, ss: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return 1 - Σ J_n (R/r)^n P'_{n+1}(s) and r Σ J_n (R/r)^n P'_n(s), given 1/r² and s²."""
         weight = inverse_square * self._j2
         radial = ss * -7.5
@@ -188,9 +208,11 @@ class Gravity:
 
 
 class GravityAndDrag:
-    """The zonal field, and -rho |w| w / (2 beta) with w the velocity relative to air that turns about z.
+    """The zonal field, and -rho |w| w / (2 beta) with w the velocity relative to air that turns
+    about z.
 
-    `layer_parameters`, (13, n), are those of `AirLayers` for each arc; `log_half_inverse_beta` is ln(1/(2 beta)).
+    `layer_parameters`, (13, n), are those of `AirLayers` for each arc; `log_half_inverse_beta` is
+    ln(1/(2 beta)).
     """
 
     needs_velocity = True
@@ -225,13 +247,17 @@ class GravityAndDrag:
         return acceleration
 
     def alone(self, arc: int) -> Alone:
-        """Return the acceleration as a function of one arc's numbers: the same operations in the same order."""
+        """Return the acceleration as a function of one arc's numbers: the same operations in the
+        same order.
+        """
         gravity = self._gravity.alone_with_inverse_radius
         omega = self._rotation
         parameters = self._parameters[:, arc].tolist()
         logarithm = float(self._log_half_inverse_beta[arc])
 
-        def acceleration(x: float, y: float, z: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
+        def acceleration(
+            x: float, y: float, z: float, vx: float, vy: float, vz: float
+        ) -> tuple[float, float, float]:
             ax, ay, az, inverse_radius = gravity(x, y, z)
             height = height_alone_m(x, y, z, inverse_radius)
             wx = vx + omega * y

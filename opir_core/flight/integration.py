@@ -1,7 +1,8 @@
 """Integration of many arcs at once, each with its own adaptive steps.
 
-Arcs are columns. All arithmetic is element by element, and finished arcs are removed from the columns, so a result has
-the same bits alone and in any company. The arcs of a call are cut into blocks that fit a cache.
+Arcs are columns. All arithmetic is element by element, and finished arcs are removed from the
+columns, so a result has the same bits alone and in any company. The arcs of a call are cut into
+blocks that fit a cache.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,11 +21,13 @@ from opir_core.flight.dop853 import Acceleration, Step, StepStart, stepped
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import Gravity, GravityAndDrag, height_and_climb
 
-#: Bounds of the tolerance, m: a looser one saves next to nothing at order 8, a tighter one is below rounding.
+#: Bounds of the tolerance, m: a looser one saves next to nothing at order 8, a tighter one is below
+#: rounding.
 LOOSEST_TOLERANCE_M = 0.1
 TIGHTEST_TOLERANCE_M = 1e-8
 
-#: A step may use a share of the tolerance equal to its length, or at least this length, over that of the arc.
+#: A step may use a share of the tolerance equal to its length, or at least this length, over that
+#: of the arc.
 _SHORTEST_SHARE = 1.0 / 16.0
 _LONGEST_SHARE_S = 100.0
 
@@ -34,21 +37,23 @@ _FIRST_STEP = 0.25
 #: Ratio of estimated to true local errors, at worst, where drag changes fast.
 _CAUTION_IN_AIR = 0.5
 
-#: An error of velocity this small, relative to circular speed, is rounding, which no shorter step would reduce.
+#: An error of velocity this small, relative to circular speed, is rounding, which no shorter step
+#: would reduce.
 _ROUNDING = 4e-16
 
 #: The shortest time over which an error of velocity grows, in steps.
 _SHORTEST_GROWTH = 4.0
 
-#: The displacement of the impact by an error of velocity, over that error times the time of fall; and the shortest time
-#: of fall, s.
+#: The displacement of the impact by an error of velocity, over that error times the time of fall;
+#: and the shortest time of fall, s.
 _OBLIQUITY = 2.5
 _SHORTEST_FALL_S = 10.0
 
 _SAFETY = 0.9
 _GROWTH = (0.2, 6.0)
 
-#: Attempts at a step before an arc counts as not converged, and the shortest step over the time flown.
+#: Attempts at a step before an arc counts as not converged, and the shortest step over the time
+#: flown.
 _MOST_ATTEMPTS = 200_000
 _SHORTEST_STEP = 1e-14
 
@@ -76,13 +81,17 @@ class ArcEnds:
     @classmethod
     def of(cls, count: int) -> "ArcEnds":
         """Return the ends of arcs under way."""
-        elapsed, position, velocity = (np.full(shape, np.nan) for shape in ((count,), (3, count), (3, count)))
+        elapsed, position, velocity = (
+            np.full(shape, np.nan) for shape in ((count,), (3, count), (3, count))
+        )
         return cls(elapsed, position, velocity, np.zeros(count, np.int8))
 
 
-#: Called with every set of steps: numbers of the arcs, times and lengths of the steps, their starts, the steps, which
-#: were accepted, and the acceleration, for dense output.
-Recorder = Callable[[RowArray, FloatArray, FloatArray, StepStart, Step, BoolArray, Acceleration], None]
+#: Called with every set of steps: numbers of the arcs, times and lengths of the steps, their
+#: starts, the steps, which were accepted, and the acceleration, for dense output.
+Recorder = Callable[
+    [RowArray, FloatArray, FloatArray, StepStart, Step, BoolArray, Acceleration], None
+]
 
 
 class System(Protocol):
@@ -92,7 +101,9 @@ class System(Protocol):
     has_air: bool
 
     def acceleration(self, arcs: RowArray, layer: RowArray | None) -> Acceleration:
-        """Return the acceleration of the arcs of these numbers, each in its layer of the air, or without air."""
+        """Return the acceleration of the arcs of these numbers, each in its layer of the air, or
+        without air.
+        """
         ...
 
 
@@ -133,7 +144,9 @@ class Integration:
         return self._ends
 
     def _begin(self) -> None:
-        self._acceleration = self._system.acceleration(self._index, None)(self._position, self._velocity)
+        self._acceleration = self._system.acceleration(self._index, None)(
+            self._position, self._velocity
+        )
         landing = None if self._levels is None else self._levels.begin(self._state())
         self._acceleration = self._right_side()(self._position, self._velocity)
         radius = np.sqrt(_square(self._position))
@@ -142,12 +155,16 @@ class Integration:
         self._rounding = _ROUNDING * circular_speed
         self._horizon = self._time_left()
         outcome = self._outcome(self._duration == 0.0, landing)
-        finite = np.isfinite(self._duration) & np.isfinite(self._position + self._velocity).all(axis=0)
+        finite = np.isfinite(self._duration) & np.isfinite(self._position + self._velocity).all(
+            axis=0
+        )
         outcome[~finite] = IntegrationResult.NOT_FINITE
         self._drop(outcome)
 
     def _attempt(self) -> None:
-        """Try one step of every arc; accept those that are accurate enough and stay within their layer."""
+        """Try one step of every arc; accept those that are accurate enough and stay within their
+        layer.
+        """
         start = self._state()
         remaining = np.abs(self._duration - self._elapsed)
         wanted = self._natural
@@ -159,13 +176,20 @@ class Integration:
         h = np.copysign(length, self._duration)
         right_side = self._right_side()
         step = stepped(right_side, start, h)
-        share = np.maximum(length, np.minimum(self._horizon * _SHORTEST_SHARE, _LONGEST_SHARE_S)) / self._horizon
+        share = (
+            np.maximum(length, np.minimum(self._horizon * _SHORTEST_SHARE, _LONGEST_SHARE_S))
+            / self._horizon
+        )
         growth = np.maximum(self._time_left(), _SHORTEST_GROWTH * length)
         ratio = step.velocity_error / np.maximum(self._tolerance * share / growth, self._rounding)
         accepted = ratio <= 1.0
         self._planned[:] = np.inf
-        self._natural = length * np.fmax(np.minimum(_SAFETY / _eighth_root(ratio), _GROWTH[1]), _GROWTH[0])
-        np.copyto(self._natural, np.maximum(self._natural, wanted), where=accepted & (length < wanted))
+        self._natural = length * np.fmax(
+            np.minimum(_SAFETY / _eighth_root(ratio), _GROWTH[1]), _GROWTH[0]
+        )
+        np.copyto(
+            self._natural, np.maximum(self._natural, wanted), where=accepted & (length < wanted)
+        )
         if self._levels is not None:
             over, fraction = self._levels.shortened(start, step, h, accepted)
             accepted[over] = False
@@ -185,15 +209,21 @@ class Integration:
         if landing is not None and self._system.has_air and landing.changed.any():
             changed = np.flatnonzero(landing.changed)
             right_side = self._right_side(changed)
-            self._acceleration[:, changed] = right_side(self._position[:, changed], self._velocity[:, changed])
+            self._acceleration[:, changed] = right_side(
+                self._position[:, changed], self._velocity[:, changed]
+            )
         self._drop(self._outcome(last, landing))
 
     def _state(self) -> StepStart:
         return StepStart(self._position, self._velocity, self._acceleration)
 
     def _outcome(self, last: BoolArray, landing: GroundContact | None) -> NDArray[np.int8]:
-        outcome = np.where(last, IntegrationResult.REACHED_END, IntegrationResult.UNDER_WAY).astype(np.int8)
-        stuck = ~(self._natural > _SHORTEST_STEP * (1.0 + np.abs(self._elapsed))) | ~np.isfinite(self._acceleration[0])
+        outcome = np.where(last, IntegrationResult.REACHED_END, IntegrationResult.UNDER_WAY).astype(
+            np.int8
+        )
+        stuck = ~(self._natural > _SHORTEST_STEP * (1.0 + np.abs(self._elapsed))) | ~np.isfinite(
+            self._acceleration[0]
+        )
         outcome[stuck & ~last] = IntegrationResult.NOT_CONVERGED
         if landing is not None:
             outcome[landing.sunk] = IntegrationResult.BELOW_AIR
@@ -217,7 +247,16 @@ class Integration:
         if self._levels is not None:
             self._levels.keep(kept)
 
-    _COLUMNS = ("_index", "_duration", "_tolerance", "_elapsed", "_planned", "_natural", "_horizon", "_rounding")
+    _COLUMNS = (
+        "_index",
+        "_duration",
+        "_tolerance",
+        "_elapsed",
+        "_planned",
+        "_natural",
+        "_horizon",
+        "_rounding",
+    )
 
     def _write(self, done: RowArray) -> None:
         arcs = self._index[done]
@@ -226,7 +265,9 @@ class Integration:
         self._ends.velocity[:, arcs] = self._velocity[:, done]
 
     def _write_impacts(self, done: RowArray) -> None:
-        """Record the impacts of arcs that are next to the impact height, moved there along their parabolas."""
+        """Record the impacts of arcs that are next to the impact height, moved there along their
+        parabolas.
+        """
         if not done.size or self._levels is None:
             return
         position, velocity, acceleration = (
@@ -243,7 +284,9 @@ class Integration:
         self._ends.velocity[:, arcs] = velocity + late * acceleration
 
     def _time_left(self) -> FloatArray:
-        """Return the time over which an error of velocity grows into one of position: to the end or the impact."""
+        """Return the time over which an error of velocity grows into one of position: to the end or
+        the impact.
+        """
         remaining = np.abs(self._duration - self._elapsed)
         if self._levels is None or not self._levels.has_target:
             return remaining
@@ -254,7 +297,9 @@ class Integration:
         layer = None if self._levels is None else self._levels.layer
         if which is None:
             return self._system.acceleration(self._index, layer)
-        return self._system.acceleration(self._index[which], None if layer is None else layer[which])
+        return self._system.acceleration(
+            self._index[which], None if layer is None else layer[which]
+        )
 
 
 def _square(rows: FloatArray) -> FloatArray:
@@ -291,7 +336,9 @@ class ArcColumns(NamedTuple):
         """Return some of the arcs, as copies."""
         position = self.position[:, part].copy()
         velocity = self.velocity[:, part].copy()
-        return ArcColumns(self.shape, position, velocity, *(column[part].copy() for column in self[3:]))
+        return ArcColumns(
+            self.shape, position, velocity, *(column[part].copy() for column in self[3:])
+        )
 
 
 def columns_of(
@@ -304,19 +351,38 @@ def columns_of(
 ) -> ArcColumns:
     """Return the arguments of a call, broadcast and flattened.
 
-    `ValueError` where a state is not a vector of three, shapes do not fit or a tolerance is not positive.
+    `ValueError` where a state is not a vector of three, shapes do not fit or a tolerance is not
+    positive.
     """
     vectors = [np.asarray(vector, dtype=np.float64) for vector in (position_m, velocity_m_s)]
     if any(vector.ndim == 0 or vector.shape[-1] != 3 for vector in vectors):
-        raise ValueError(f"states need a last axis of 3, got shapes {vectors[0].shape} and {vectors[1].shape}")
+        raise ValueError(
+            f"states need a last axis of 3, got shapes {vectors[0].shape} and {vectors[1].shape}"
+        )
     beta = 1.0 if forces.drag is None else forces.drag.ballistic_coefficient_kg_m2
-    scalars = [np.asarray(scalar, dtype=np.float64) for scalar in (duration_s, tolerance_m, beta, height_m)]
+    scalars = [
+        np.asarray(scalar, dtype=np.float64) for scalar in (duration_s, tolerance_m, beta, height_m)
+    ]
     if not bool(np.all(scalars[1] > 0.0)):
         raise ValueError("tolerance_m must be positive")
-    shape = np.broadcast_shapes(*(vector.shape[:-1] for vector in vectors), *(scalar.shape for scalar in scalars))
-    position, velocity = (np.broadcast_to(vector, (*shape, 3)).reshape(-1, 3).T for vector in vectors)
-    duration, tolerance, beta, height = (np.broadcast_to(scalar, shape).reshape(-1) for scalar in scalars)
-    return ArcColumns(shape, position, velocity, np.where(np.isnan(height), np.nan, duration), tolerance, beta, height)
+    shape = np.broadcast_shapes(
+        *(vector.shape[:-1] for vector in vectors), *(scalar.shape for scalar in scalars)
+    )
+    position, velocity = (
+        np.broadcast_to(vector, (*shape, 3)).reshape(-1, 3).T for vector in vectors
+    )
+    duration, tolerance, beta, height = (
+        np.broadcast_to(scalar, shape).reshape(-1) for scalar in scalars
+    )
+    return ArcColumns(
+        shape,
+        position,
+        velocity,
+        np.where(np.isnan(height), np.nan, duration),
+        tolerance,
+        beta,
+        height,
+    )
 
 
 def come_down(columns: ArcColumns) -> RowArray:
@@ -337,7 +403,12 @@ def integrations(
         block = columns.block(part)
         system = BlockSystem(forces, block.ballistic_coefficient)
         states = block.position, block.velocity
-        yield part, Integration(system, states, block.duration, block.tolerance, system.levels(block), recorder)
+        yield (
+            part,
+            Integration(
+                system, states, block.duration, block.tolerance, system.levels(block), recorder
+            ),
+        )
 
 
 class BlockSystem:
@@ -357,7 +428,9 @@ class BlockSystem:
         if not self.has_air or layer is None:
             return self._gravity
         parameters = np.take(self._air.parameters, layer, axis=1)
-        return GravityAndDrag(self._gravity, parameters, self._log_half_inverse_beta[arcs], self._rotation)
+        return GravityAndDrag(
+            self._gravity, parameters, self._log_half_inverse_beta[arcs], self._rotation
+        )
 
     def levels(self, block: ArcColumns) -> AltitudeEvents | None:
         """Return the heights at which steps must end, or None without air and impact height."""

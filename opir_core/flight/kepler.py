@@ -1,13 +1,15 @@
-"""Two-body propagation of position and velocity: every conic, forward and back, any number of turns.
+"""Two-body propagation of position and velocity: every conic, forward and back, any number of
+turns.
 
-Each state is scaled by its own distance and circular speed, solved for its universal anomaly (`universal_anomaly`) and
-propagated by Lagrange's f and g (Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9; Battin, An
-Introduction to the Mathematics and Methods of Astrodynamics, revised ed. 1999, §4.5).
+Each state is scaled by its own distance and circular speed, solved for its universal anomaly
+(`universal_anomaly`) and propagated by Lagrange's f and g (Danby, Fundamentals of Celestial
+Mechanics, 2nd ed. 1988, §6.9; Battin, An Introduction to the Mathematics and Methods of
+Astrodynamics, revised ed. 1999, §4.5).
 
-From a distant start on an incoming hyperbola Kepler's equation is a difference of exponentials: solving it loses
-(r / a e)² where the problem only loses r / a e. Such arcs are solved from their pericentre, where all terms have one
-sign. The end point then follows from the pericentre too, except while the arc is still far out on its way in: there
-the start is the better reference.
+From a distant start on an incoming hyperbola Kepler's equation is a difference of exponentials:
+solving it loses (r / a e)² where the problem only loses r / a e. Such arcs are solved from their
+pericentre, where all terms have one sign. The end point then follows from the pericentre too,
+except while the arc is still far out on its way in: there the start is the better reference.
 """
 
 from collections.abc import Callable
@@ -34,7 +36,9 @@ _MOST_TURNS = 2.0**50
 
 
 class ArcStart(NamedTuple):
-    """Starts of arcs: columns of the state, and the arc in units of the start's distance and circular speed."""
+    """Starts of arcs: columns of the state, and the arc in units of the start's distance and
+    circular speed.
+    """
 
     x: FloatArray
     y: FloatArray
@@ -53,13 +57,17 @@ class ArcStart(NamedTuple):
         return UniversalArcs(np.ones_like(self.sigma), self.sigma, self.alpha, self.time)
 
     def is_inbound_hyperbola(self) -> BoolArray:
-        """Return the arcs that come in on a hyperbola from beyond 3 a e and cover about half of the way in."""
+        """Return the arcs that come in on a hyperbola from beyond 3 a e and cover about half of the
+        way in.
+        """
         x = -self.alpha
         eccentricity_squared = 1.0 + x * (2.0 + x - self.sigma * self.sigma)
         return (x > 1.0) & (self.time * self.sigma < -0.5) & (x * x > 9.0 * eccentricity_squared)
 
     def scales(self) -> tuple[FloatArray, FloatArray]:
-        """Return the distance of each start, m, and the signed factor from its velocity to circular speeds."""
+        """Return the distance of each start, m, and the signed factor from its velocity to circular
+        speeds.
+        """
         distance = np.sqrt(self.x * self.x + self.y * self.y + self.z * self.z)
         return distance, self.back / (distance * self.rate)
 
@@ -72,7 +80,9 @@ class ArcStart(NamedTuple):
         return ArcStart(*(column[index] for column in self))
 
 
-def start_of(position_m: FloatArray, velocity_m_s: FloatArray, duration_s: FloatArray, mu_m3_s2: float) -> ArcStart:
+def start_of(
+    position_m: FloatArray, velocity_m_s: FloatArray, duration_s: FloatArray, mu_m3_s2: float
+) -> ArcStart:
     """Return the starts of arcs from states (n, 3), for durations (n,)."""
     x, y, z = (position_m[:, axis].copy() for axis in range(3))
     vx, vy, vz = (velocity_m_s[:, axis].copy() for axis in range(3))
@@ -87,7 +97,9 @@ def start_of(position_m: FloatArray, velocity_m_s: FloatArray, duration_s: Float
 
 
 def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
-    """Return the time less the nearest whole turns of closed orbits: at most half a period, of either sign."""
+    """Return the time less the nearest whole turns of closed orbits: at most half a period, of
+    either sign.
+    """
     per_time = np.abs(alpha) * np.sqrt(np.abs(alpha)) * (0.5 / pi)
     turns = np.rint(time * per_time)
     turns[alpha <= 0.0] = 0.0
@@ -97,12 +109,15 @@ def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
     return np.where(np.abs(turns) > _MOST_TURNS, np.nan, time - whole)
 
 
-#: Within this many a e of the centre on the way in, the pericentre is as good a reference as the start.
+#: Within this many a e of the centre on the way in, the pericentre is as good a reference as the
+#: start.
 _NEAR = 3.0
 
 
 class Flybys(NamedTuple):
-    """Incoming hyperbolas by their pericentre; units of each start (distance and mu are 1), vectors (3, n)."""
+    """Incoming hyperbolas by their pericentre; units of each start (distance and mu are 1), vectors
+    (3, n).
+    """
 
     position: FloatArray
     velocity: FloatArray
@@ -117,7 +132,9 @@ class Flybys(NamedTuple):
 
     def arcs(self) -> UniversalArcs[np.float64]:
         """Return the arguments of Kepler's equation, from the pericentre, without sign."""
-        return UniversalArcs(self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later))
+        return UniversalArcs(
+            self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later)
+        )
 
     def states(self, solution: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities, (3, n), at the solved anomalies."""
@@ -131,7 +148,9 @@ class Flybys(NamedTuple):
             position[:, at], velocity[:, at] = self._on_the_way_in(at, s[at], r[at])
         return position, velocity
 
-    def _on_the_way_in(self, at: NDArray[np.intp], s: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _on_the_way_in(
+        self, at: NDArray[np.intp], s: FloatArray, r: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities of some arcs from their starts, by Lagrange's f and g."""
         _, g1, g2, g3 = universal_functions(self.alpha[at], self.approach[at] - s)
         position = self.position[:, at]
@@ -140,10 +159,13 @@ class Flybys(NamedTuple):
         return moved, (1.0 - g2 / r) * velocity - g1 / r * position
 
 
-def flybys(position: FloatArray, velocity: FloatArray, alpha: FloatArray, time: FloatArray) -> Flybys:
+def flybys(
+    position: FloatArray, velocity: FloatArray, alpha: FloatArray, time: FloatArray
+) -> Flybys:
     """Return the incoming hyperbolas (`alpha` < 0) from these states (3, n), for `time` >= 0.
 
-    The vector to the pericentre is v × h - r / |r|: with cross products it keeps its accuracy on nearly straight lines.
+    The vector to the pericentre is v × h - r / |r|: with cross products it keeps its accuracy on
+    nearly straight lines.
     """
     momentum = cross(position, velocity)
     momentum_squared = dot(momentum, momentum)
@@ -155,7 +177,18 @@ def flybys(position: FloatArray, velocity: FloatArray, alpha: FloatArray, time: 
     later = time - (rise - approach) / (k * k * k)
     pericentre = momentum_squared / (1.0 + eccentricity)
     sideways = cross(momentum, ahead)
-    return Flybys(position, velocity, alpha, time, eccentricity, pericentre, ahead, sideways, approach / k, later)
+    return Flybys(
+        position,
+        velocity,
+        alpha,
+        time,
+        eccentricity,
+        pericentre,
+        ahead,
+        sideways,
+        approach / k,
+        later,
+    )
 
 
 Solver = Callable[[UniversalArcs[np.float64]], tuple[FloatArray, BoolArray]]
@@ -176,24 +209,31 @@ class KeplerStatus(IntEnum):
 
 
 def propagate_kepler(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, duration_s: ArrayLike, mu_m3_s2: float = EARTH_MU_M3_S2
+    position_m: ArrayLike,
+    velocity_m_s: ArrayLike,
+    duration_s: ArrayLike,
+    mu_m3_s2: float = EARTH_MU_M3_S2,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return position, m, and velocity, m/s, after `duration_s` on the two-body arc through the given state.
+    """Return position, m, and velocity, m/s, after `duration_s` on the two-body arc through the
+    given state.
 
-    Position and velocity have shape (..., 3), in any inertial frame centred on the attracting body; leading axes
-    broadcast with the shape of `duration_s`, which may be negative. `mu_m3_s2` is one positive number. Ellipses over
-    any number of turns, parabolas, hyperbolas and straight lines; a straight line through the centre is reflected, the
-    limit of thin ellipses.
+    Position and velocity have shape (..., 3), in any inertial frame centred on the attracting body;
+    leading axes broadcast with the shape of `duration_s`, which may be negative. `mu_m3_s2` is one
+    positive number. Ellipses over any number of turns, parabolas, hyperbolas and straight lines; a
+    straight line through the centre is reflected, the limit of thin ellipses.
 
-    The relative error of the position is below 1e-12, or below ten times the effect of rounding each input to double
-    precision. Where there is no result it is `nan`, for the reason that `kepler_status` returns. An element has the
-    same bits alone and in any batch.
+    The relative error of the position is below 1e-12, or below ten times the effect of rounding
+    each input to double precision. Where there is no result it is `nan`, for the reason that
+    `kepler_status` returns. An element has the same bits alone and in any batch.
     """
     return _propagated(position_m, velocity_m_s, duration_s, mu_m3_s2)[:2]
 
 
 def kepler_status(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, duration_s: ArrayLike, mu_m3_s2: float = EARTH_MU_M3_S2
+    position_m: ArrayLike,
+    velocity_m_s: ArrayLike,
+    duration_s: ArrayLike,
+    mu_m3_s2: float = EARTH_MU_M3_S2,
 ) -> NDArray[np.int8]:
     """Return the `KeplerStatus` of each result of `propagate_kepler` for the same arguments."""
     return _propagated(position_m, velocity_m_s, duration_s, mu_m3_s2)[2]
@@ -213,11 +253,15 @@ def _propagated(
 def flat_states(
     first: ArrayLike, second: ArrayLike, scalar: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[int, ...]]:
-    """Return two vectors (n, 3) and a number (n,) of each element, broadcast together, and their common shape."""
+    """Return two vectors (n, 3) and a number (n,) of each element, broadcast together, and their
+    common shape.
+    """
     one, two, number = (np.asarray(x, dtype=np.float64) for x in (first, second, scalar))
     for vectors in (one, two):
         if vectors.ndim == 0 or vectors.shape[-1] != 3:
-            raise ValueError(f"expected vectors with a last axis of 3 (x, y, z), got shape {vectors.shape}")
+            raise ValueError(
+                f"expected vectors with a last axis of 3 (x, y, z), got shape {vectors.shape}"
+            )
     shape = np.broadcast_shapes(one.shape[:-1], two.shape[:-1], number.shape)
     one, two = (x if x.shape[:-1] == shape else np.broadcast_to(x, (*shape, 3)) for x in (one, two))
     return one.reshape(-1, 3), two.reshape(-1, 3), np.broadcast_to(number, shape).reshape(-1), shape
@@ -226,7 +270,9 @@ def flat_states(
 def _in_blocks(
     position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
 ) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return the end states (2, n, 3) and their status: a fast pass in blocks, then the remaining states together."""
+    """Return the end states (2, n, 3) and their status: a fast pass in blocks, then the remaining
+    states together.
+    """
     end = np.empty((2, duration.size, 3))
     left = [np.empty(0, np.intp)]
     for first in range(0, duration.size, _BLOCK):
@@ -240,7 +286,9 @@ def _in_blocks(
     at = np.concatenate(left)
     for first in range(0, at.size, _BLOCK):
         part = at[first : first + _BLOCK]
-        end[:, part], status[part] = _propagated_bracketed(position[part], velocity[part], duration[part], mu)
+        end[:, part], status[part] = _propagated_bracketed(
+            position[part], velocity[part], duration[part], mu
+        )
     return end, status
 
 
@@ -259,10 +307,18 @@ def _propagated_bracketed(
 
 
 def _reasons(
-    position: FloatArray, velocity: FloatArray, duration: FloatArray, start: ArcStart, end: FloatArray
+    position: FloatArray,
+    velocity: FloatArray,
+    duration: FloatArray,
+    start: ArcStart,
+    end: FloatArray,
 ) -> NDArray[np.int8]:
     """Return the status of each element: the first that applies."""
-    finite = np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & np.isfinite(duration)
+    finite = (
+        np.isfinite(position).all(axis=1)
+        & np.isfinite(velocity).all(axis=1)
+        & np.isfinite(duration)
+    )
     first_that_applies = {
         KeplerStatus.OK: np.isfinite(end[0, :, 0]),
         KeplerStatus.NOT_FINITE: ~finite,
@@ -275,7 +331,9 @@ def _reasons(
 
 
 def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArray:
-    """Write position and velocity at the end of each arc into `end` (2, n, 3); return the arcs without a solution."""
+    """Write position and velocity at the end of each arc into `end` (2, n, 3); return the arcs
+    without a solution.
+    """
     arcs = start.arcs()
     at = np.flatnonzero(start.is_inbound_hyperbola())
     if not at.size:
@@ -284,7 +342,9 @@ def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArr
         return left
     part = start.at(at)
     distance, to_speed = part.scales()
-    by = flybys(np.stack(part[:3]) / distance, np.stack(part[3:6]) * to_speed, part.alpha, part.time)
+    by = flybys(
+        np.stack(part[:3]) / distance, np.stack(part[3:6]) * to_speed, part.alpha, part.time
+    )
     arcs = UniversalArcs(*(column.copy() for column in arcs))
     for column, some in zip(arcs, by.arcs(), strict=True):
         column[at] = some
@@ -297,7 +357,9 @@ def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArr
 
 
 def _move(start: ArcStart, solution: FloatArray, end: FloatArray) -> None:
-    """Write position and velocity after the solved anomaly into `end`, (2, n, 3), by Lagrange's f and g."""
+    """Write position and velocity after the solved anomaly into `end`, (2, n, 3), by Lagrange's f
+    and g.
+    """
     x, y, z, vx, vy, vz, rate, back, sigma, _, _ = start
     _, g0, g1, g2 = solution
     ahead = g0 + sigma * g1

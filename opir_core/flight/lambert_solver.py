@@ -1,10 +1,12 @@
-"""Lambert's problem: the two-body arc from one point to another in a given time, less than one turn.
+"""Lambert's problem: the two-body arc from one point to another in a given time, less than one
+turn.
 
-In Izzo's form (Celestial Mechanics and Dynamical Astronomy 121, 2015, 1-15) a transfer is two numbers: the time in
-units of sqrt(s³ / 2 mu), and lam = ±sqrt(1 - c/s), with chord c and semi-perimeter s, negative the long way round. The
-unknown x is below 1 on ellipses, 1 on the parabola and above on hyperbolas. Here w = 1 + x is solved for, and every
-difference that can cancel is replaced by c/s over the matching sum, so that a hop of a metre and a vertical throw are
-as accurate as a quarter of the globe.
+In Izzo's form (Celestial Mechanics and Dynamical Astronomy 121, 2015, 1-15) a transfer is two
+numbers: the time in units of sqrt(s³ / 2 mu), and lam = ±sqrt(1 - c/s), with chord c and
+semi-perimeter s, negative the long way round. The unknown x is below 1 on ellipses, 1 on the
+parabola and above on hyperbolas. Here w = 1 + x is solved for, and every difference that can cancel
+is replaced by c/s over the matching sum, so that a hop of a metre and a vertical throw are as
+accurate as a quarter of the globe.
 """
 
 from math import isfinite
@@ -31,13 +33,17 @@ _LEAST = -50.0
 _MOST = 300.0
 
 #: Terms (3)_n / (5/2)_n of the series of F(3, 1; 5/2; S), for Q near the parabola.
-_SERIES = tuple(float(term) for term in np.cumprod([1.0, *((3.0 + n) / (2.5 + n) for n in range(8))]))
+_SERIES = tuple(
+    float(term) for term in np.cumprod([1.0, *((3.0 + n) / (2.5 + n) for n in range(8))])
+)
 _NEAR_PARABOLA = 1e-2
 _AT_PARABOLA = 1e-30
 
 
 class Transfer(NamedTuple):
-    """Shapes of transfers: `lam`, and chord = c/s = 1 - lam², which is lost to rounding in a `lam` near ±1."""
+    """Shapes of transfers: `lam`, and chord = c/s = 1 - lam², which is lost to rounding in a `lam`
+    near ±1.
+    """
 
     lam: FloatArray
     chord: FloatArray
@@ -89,7 +95,9 @@ def solved_w(transfer: Transfer, time: FloatArray) -> FloatArray:
 def y_and_differences(
     transfer: Transfer, w: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return y, y - x, y + x, y - lam x and y + lam x, where y² = chord + lam² x², without cancellation."""
+    """Return y, y - x, y + x, y - lam x and y + lam x, where y² = chord + lam² x², without
+    cancellation.
+    """
     lam, chord = transfer
     x = w - 1.0
     open_ = w * (2.0 - w)
@@ -106,14 +114,17 @@ def y_and_differences(
 def _time_and_slope(transfer: Transfer, w: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the time of flight and d log time / d log w.
 
-    time = (eta³ Q + 4 lam eta) / 2 with eta = y - lam x and Q = 4/3 F(3, 1; 5/2; S) (Izzo 2015, after Battin),
-    where S = (1 - lam - x eta) / 2 = sin²(u/2) makes Q = (2u - sin 2u) / sin³ u, hyperbolic for negative S.
+    time = (eta³ Q + 4 lam eta) / 2 with eta = y - lam x and Q = 4/3 F(3, 1; 5/2; S) (Izzo 2015,
+    after Battin), where S = (1 - lam - x eta) / 2 = sin²(u/2) makes Q = (2u - sin 2u) / sin³ u,
+    hyperbolic for negative S.
     """
     y, less_x, plus_x, eta, _ = y_and_differences(transfer, w)
     lam = transfer.lam
     s = 0.5 * eta * less_x / transfer.one_plus_lam()
     backward = (w < 1.0) & (lam > 0.0)
-    ratio = np.where(backward, w * (2.0 - w) * (1.0 + lam) / less_x, plus_x / transfer.one_less_lam())
+    ratio = np.where(
+        backward, w * (2.0 - w) * (1.0 + lam) / less_x, plus_x / transfer.one_less_lam()
+    )
     q, q_slope = _q_and_slope(s, 0.5 * eta * ratio)
     time = 0.5 * eta * (eta * eta * q + 4.0 * lam)
     slope = -0.5 * eta / y * (3.0 * lam * eta * eta * q + 0.5 * eta**4 * q_slope + 4.0 * lam * lam)
@@ -123,8 +134,11 @@ def _time_and_slope(transfer: Transfer, w: FloatArray) -> tuple[FloatArray, Floa
     return time, slope * w / time
 
 
-def _fast_long_way(lam: FloatArray, w: FloatArray, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the time of flight and its slope in w on hyperbolas the long way round, where Q and lam cancel.
+def _fast_long_way(
+    lam: FloatArray, w: FloatArray, y: FloatArray, eta: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the time of flight and its slope in w on hyperbolas the long way round, where Q and
+    lam cancel.
 
     The form of Lancaster and Blanchard (NASA TN D-5368, 1969).
     """
@@ -143,7 +157,9 @@ def _q_and_slope(s: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArra
     u = 2.0 * np.where(bound, np.arctan2(np.sqrt(size), np.sqrt(rest)), np.arcsinh(np.sqrt(size)))
     sine_squared = 4.0 * size * rest
     twice_less_sine = universal_functions(sign, 2.0 * u)[3]
-    q = np.where(size > _AT_PARABOLA, twice_less_sine / (sine_squared * np.sqrt(sine_squared)), 4.0 / 3.0)
+    q = np.where(
+        size > _AT_PARABOLA, twice_less_sine / (sine_squared * np.sqrt(sine_squared)), 4.0 / 3.0
+    )
     slope = sign * 2.0 * (4.0 - 3.0 * q * (rest - s)) / sine_squared
     total = np.zeros_like(s)
     for n in range(len(_SERIES) - 1, 0, -1):
@@ -161,17 +177,19 @@ def lambert(
     mu_m3_s2: float = EARTH_MU_M3_S2,
     way: Way = "short",
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the velocities, m/s, at both ends of the arc from one position to the other in `duration_s`.
+    """Return the velocities, m/s, at both ends of the arc from one position to the other in
+    `duration_s`.
 
-    Positions have shape (..., 3), in an inertial frame centred on the attracting body; leading axes broadcast with the
-    shape of `duration_s`. `way` is "short" (by less than half a turn), "long" (by more), or round the z axis,
-    "prograde" (counter-clockwise seen from +z) or "retrograde"; in a plane that contains the z axis, prograde is the
-    short way. Two points on one ray from the centre, or a point and itself, are joined by the straight line, up and
-    down again for times long enough.
+    Positions have shape (..., 3), in an inertial frame centred on the attracting body; leading axes
+    broadcast with the shape of `duration_s`. `way` is "short" (by less than half a turn), "long"
+    (by more), or round the z axis, "prograde" (counter-clockwise seen from +z) or "retrograde"; in
+    a plane that contains the z axis, prograde is the short way. Two points on one ray from the
+    centre, or a point and itself, are joined by the straight line, up and down again for times long
+    enough.
 
-    `nan` where no unique arc exists: opposite points and the long way between points on one ray, which define no plane;
-    times not above zero; a point in the centre; inputs that are not finite. Source: Izzo (2015), rearranged against
-    cancellation.
+    `nan` where no unique arc exists: opposite points and the long way between points on one ray,
+    which define no plane; times not above zero; a point in the centre; inputs that are not finite.
+    Source: Izzo (2015), rearranged against cancellation.
     """
     if way not in get_args(Way):
         raise ValueError(f"way must be one of {', '.join(get_args(Way))}, got {way!r}")
@@ -232,7 +250,8 @@ def _normal_and_sense(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the unit vector about which the arc turns, and 1 for the short way, -1 for the long.
 
-    Points on one ray have no normal: it is zero for the short way, where none is needed, and otherwise nan.
+    Points on one ray have no normal: it is zero for the short way, where none is needed, and
+    otherwise nan.
     """
     nearer = np.where(dot(across, across) < dot(along, along), across, along)
     normal = cross(first, nearer)
@@ -243,7 +262,9 @@ def _normal_and_sense(
     on_one_ray = (size == 0.0) & (dot(across, across) < dot(along, along)) & (sense > 0.0)
     normal = sense * normal / size
     up = first / length(first)
-    for _ in range(2):  # between points that are almost opposite the product is noise, most of it along `first`
+    for _ in range(
+        2
+    ):  # between points that are almost opposite the product is noise, most of it along `first`
         normal = normal - dot(normal, up) * up
         normal = normal / length(normal)
     return np.where(on_one_ray, 0.0, normal), sense

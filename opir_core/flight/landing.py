@@ -1,4 +1,6 @@
-"""Impacts of trial flights relative to their aim points, and Newton's method for the two unknowns of a launch."""
+"""Impacts of trial flights relative to their aim points, and Newton's method for the two unknowns
+of a launch.
+"""
 
 from typing import TYPE_CHECKING, Protocol, Self
 
@@ -22,8 +24,9 @@ _IMPACT_TOLERANCE_M = 1e-3
 class AimedLanding:
     """Impacts of trial flights: columns (n,) and (n, 3).
 
-    The miss is split along and across the great circle to the aim point, by polar angles about the launch point: each
-    of the two unknowns then mostly changes its own coordinate. `duration_s` is from the release to impact.
+    The miss is split along and across the great circle to the aim point, by polar angles about the
+    launch point: each of the two unknowns then mostly changes its own coordinate. `duration_s` is
+    from the release to impact.
     """
 
     along_m: FloatArray
@@ -44,7 +47,8 @@ def aimed_landing(
     release: tuple[FloatArray, FloatArray],
     forces: "Forces | None",
 ) -> AimedLanding:
-    """Return the impacts of free flights from a release: positions and velocities over the Earth (n, 3), ECEF.
+    """Return the impacts of free flights from a release: positions and velocities over the Earth
+    (n, 3), ECEF.
 
     The inertial frame is ECEF frozen at the release; `forces` None is two-body motion.
     """
@@ -86,7 +90,9 @@ def polar_rad(site: LaunchSite, point_ecef_m: FloatArray) -> tuple[FloatArray, F
 
 
 class Shots(Protocol):
-    """Launches with two unknowns: the azimuth, and a positive one that sets the range (speed, or time of cut-off)."""
+    """Launches with two unknowns: the azimuth, and a positive one that sets the range (speed, or
+    time of cut-off).
+    """
 
     def take(self, rows: RowArray) -> Self:
         """Return some of the launches."""
@@ -108,12 +114,20 @@ _LARGEST_STEP = 0.2
 
 
 def corrected(
-    shot: Shots, azimuth_rad: FloatArray, reach: FloatArray, tolerance_m: float, iterations: int = _ITERATIONS
+    shot: Shots,
+    azimuth_rad: FloatArray,
+    reach: FloatArray,
+    tolerance_m: float,
+    iterations: int = _ITERATIONS,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the unknowns after Newton's method for each target; a step that does not reduce the miss is halved."""
+    """Return the unknowns after Newton's method for each target; a step that does not reduce the
+    miss is halved.
+    """
     start = shot.landing(azimuth_rad, reach)
     # Rows: azimuth, reach, along, across, miss, share of Newton's step to take.
-    now = np.stack([azimuth_rad, reach, start.along_m, start.across_m, start.miss_m, np.ones_like(azimuth_rad)])
+    now = np.stack(
+        [azimuth_rad, reach, start.along_m, start.across_m, start.miss_m, np.ones_like(azimuth_rad)]
+    )
     for _ in range(iterations):
         rows = np.flatnonzero(now[4] > tolerance_m)
         if not rows.size:
@@ -132,7 +146,11 @@ def corrected(
 
 
 def _newton_step(
-    shot: Shots, azimuth_rad: FloatArray, reach: FloatArray, along_m: FloatArray, across_m: FloatArray
+    shot: Shots,
+    azimuth_rad: FloatArray,
+    reach: FloatArray,
+    along_m: FloatArray,
+    across_m: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the corrections of azimuth, rad, and of reach, as a share of it, of bounded size."""
     count = len(azimuth_rad)
@@ -140,7 +158,8 @@ def _newton_step(
     reaches = np.concatenate([reach, reach, reach * (1.0 + _STEP)])
     landings = shot.take(np.tile(np.arange(count), 3)).landing(azimuths, reaches)
     (along_by_turn, along_by_gain), (across_by_turn, across_by_gain) = (
-        column.reshape(3, count)[1:] - column[:count] for column in (landings.along_m, landings.across_m)
+        column.reshape(3, count)[1:] - column[:count]
+        for column in (landings.along_m, landings.across_m)
     )
     determinant = along_by_gain * across_by_turn - along_by_turn * across_by_gain
     turn = _STEP * (across_by_gain * along_m - along_by_gain * across_m) / determinant

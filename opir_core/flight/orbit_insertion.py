@@ -1,9 +1,10 @@
 """Orbit insertion: boosts on a class profile that end in a circular orbit.
 
-At burnout the radius is that of the orbit, the velocity is at right angles to it, and the speed in the inertial frame
-is that of the circular orbit, v² = mu/r (vis-viva with a = r; Bate, Mueller and White, Fundamentals of Astrodynamics,
-1971, sections 1.6 and 1.8). Burnout speed relative to the Earth, burnout flight path angle and the pitch exponent of
-the profile follow from these three conditions by Newton's method, target by target.
+At burnout the radius is that of the orbit, the velocity is at right angles to it, and the speed in
+the inertial frame is that of the circular orbit, v² = mu/r (vis-viva with a = r; Bate, Mueller and
+White, Fundamentals of Astrodynamics, 1971, sections 1.6 and 1.8). Burnout speed relative to the
+Earth, burnout flight path angle and the pitch exponent of the profile follow from these three
+conditions by Newton's method, target by target.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,8 @@ _STEP = 1e-6
 #: The largest correction at once, of the unknowns' natural scale.
 _LARGEST_STEP = 0.2
 
-#: The largest error of an insertion: of the radius as a share of it, and of velocities as shares of the orbit's speed.
+#: The largest error of an insertion: of the radius as a share of it, and of velocities as shares of
+#: the orbit's speed.
 _TOLERANCE = 1e-10
 
 
@@ -33,8 +35,9 @@ _TOLERANCE = 1e-10
 class Insertion:
     """The flights of n targets into circular orbits: columns (n,) and (n, 3).
 
-    Burnout speed and the ECEF velocity are relative to the Earth; ECI is ECEF frozen at scene epoch. Where `converged`
-    is False no ascent of the profile reaches the orbit, and the states are those of the last trial.
+    Burnout speed and the ECEF velocity are relative to the Earth; ECI is ECEF frozen at scene
+    epoch. Where `converged` is False no ascent of the profile reaches the orbit, and the states are
+    those of the last trial.
     """
 
     burnout_speed_m_s: FloatArray
@@ -50,7 +53,9 @@ class Insertion:
 
 @frozen(eq=False, repr=False)
 class _Ascents:
-    """Launches (n,) with their burn times, pitch starts and speed shapes, and the radius of the orbit."""
+    """Launches (n,) with their burn times, pitch starts and speed shapes, and the radius of the
+    orbit.
+    """
 
     site: LaunchSite
     azimuth_rad: FloatArray
@@ -60,10 +65,11 @@ class _Ascents:
     radius_m: FloatArray
 
     def errors(self, unknowns: FloatArray) -> FloatArray:
-        """Return the errors (3, n) of trials (3, n): radius, radial speed and inertial speed, as shares.
+        """Return the errors (3, n) of trials (3, n): radius, radial speed and inertial speed, as
+        shares.
 
-        The unknowns are the logarithms of burnout speed, m/s, and of the pitch exponent, and the turn from the
-        vertical, rad.
+        The unknowns are the logarithms of burnout speed, m/s, and of the pitch exponent, and the
+        turn from the vertical, rad.
         """
         speed_m_s = np.exp(unknowns[0])
         exponent = np.exp(unknowns[1])
@@ -72,12 +78,20 @@ class _Ascents:
         plane = self.site.plane(self.azimuth_rad)
         height_m = course.burnout_height_m(speed_m_s)
         swept_rad = course.burnout_swept_rad(speed_m_s, plane.radius_m)
-        position, velocity = ecef_to_eci_state(*plane.state(height_m, swept_rad, speed_m_s, turn_rad), 0.0)
+        position, velocity = ecef_to_eci_state(
+            *plane.state(height_m, swept_rad, speed_m_s, turn_rad), 0.0
+        )
         radius_m = length(*components(position))
         orbital_m_s = np.sqrt(EARTH_MU_M3_S2 / self.radius_m)
         radial_m_s = np.sum(position * velocity, axis=1) / radius_m
         inertial_m_s = length(*components(velocity))
-        return np.stack([radius_m / self.radius_m - 1.0, radial_m_s / orbital_m_s, inertial_m_s / orbital_m_s - 1.0])
+        return np.stack(
+            [
+                radius_m / self.radius_m - 1.0,
+                radial_m_s / orbital_m_s,
+                inertial_m_s / orbital_m_s - 1.0,
+            ]
+        )
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
@@ -90,8 +104,8 @@ def insertion(
 ) -> Insertion:
     """Return the flights of n targets, one profile each, into circular orbits; columns (n,).
 
-    `azimuth_rad` is the launch azimuth over the rotating Earth, clockwise from true north; `altitude_m` that of the
-    orbit above the equatorial radius.
+    `azimuth_rad` is the launch azimuth over the rotating Earth, clockwise from true north;
+    `altitude_m` that of the orbit above the equatorial radius.
     """
     burn, start, shape, exponent = (
         np.array([getattr(profile, name) for profile in profiles], dtype=np.float64)
@@ -114,14 +128,21 @@ def insertion(
 
 
 def _solved(ascents: _Ascents, unknowns: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the unknowns (3, n) after Newton's method for each target, and which have converged."""
+    """Return the unknowns (3, n) after Newton's method for each target, and which have
+    converged.
+    """
     errors = ascents.errors(unknowns)
     for _ in range(_ITERATIONS):
         is_open = ~(np.abs(errors).max(axis=0) <= _TOLERANCE)
         if not is_open.any():
             break
         # Each unknown of order one: a logarithm or an angle.
-        slopes = np.stack([(ascents.errors(unknowns + _STEP * one[:, None]) - errors) / _STEP for one in np.eye(3)])
+        slopes = np.stack(
+            [
+                (ascents.errors(unknowns + _STEP * one[:, None]) - errors) / _STEP
+                for one in np.eye(3)
+            ]
+        )
         step = _step(slopes, errors)
         unknowns = np.where(is_open, unknowns - step, unknowns)
         errors = ascents.errors(unknowns)
@@ -135,10 +156,17 @@ def _step(slopes: FloatArray, errors: FloatArray) -> FloatArray:
     """
     a, b, c = slopes
     determinant = _triple(a, b, c)
-    step = np.stack([_triple(errors, b, c), _triple(a, errors, c), _triple(a, b, errors)]) / determinant
+    step = (
+        np.stack([_triple(errors, b, c), _triple(a, errors, c), _triple(a, b, errors)])
+        / determinant
+    )
     return step * (_LARGEST_STEP / np.maximum(np.abs(step).max(axis=0), _LARGEST_STEP))
 
 
 def _triple(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """Return the determinants (n,) of the matrices with columns a, b and c, (3, n)."""
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    return (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )

@@ -23,24 +23,29 @@ def propagate(
     *,
     tolerance_m: ArrayLike = TOLERANCE_M,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return positions, m, and velocities, m/s, both (..., 3), after the durations, s, of either sign.
+    """Return positions, m, and velocities, m/s, both (..., 3), after the durations, s, of either
+    sign.
 
-    States are inertial, in the axes of ECEF at the epoch: z is the Earth's axis. Leading axes of states, durations,
-    tolerances and the ballistic coefficient broadcast. `forces` is a `Forces` or "kepler" (closed form).
+    States are inertial, in the axes of ECEF at the epoch: z is the Earth's axis. Leading axes of
+    states, durations, tolerances and the ballistic coefficient broadcast. `forces` is a `Forces` or
+    "kepler" (closed form).
 
-    Every arc has its own adaptive steps of DOP853. The estimated error of position at the end is at most about
-    `tolerance_m`: the sum of local errors of velocity times the time left. Below 1e-7 m rounding dominates; above 0.1 m
-    counts as 0.1 m. With drag, steps end at the boundaries of atmospheric layers and are bounded in height, so the
-    onset of drag is not missed at any tolerance. An arc has the same bits in any company.
+    Every arc has its own adaptive steps of DOP853. The estimated error of position at the end is at
+    most about `tolerance_m`: the sum of local errors of velocity times the time left. Below 1e-7 m
+    rounding dominates; above 0.1 m counts as 0.1 m. With drag, steps end at the boundaries of
+    atmospheric layers and are bounded in height, so the onset of drag is not missed at any
+    tolerance. An arc has the same bits in any company.
 
-    The surface of the Earth does not stop an arc: use `impact`. `nan` where the start or duration is not finite, where
-    an arc with drag is more than 5 km below the ellipsoid at any time (no air model), and where an arc falls into the
-    Earth's centre.
+    The surface of the Earth does not stop an arc: use `impact`. `nan` where the start or duration
+    is not finite, where an arc with drag is more than 5 km below the ellipsoid at any time (no air
+    model), and where an arc falls into the Earth's centre.
     """
     forces = forces_of(forces)
     if forces.is_kepler:
         return propagate_kepler(position_m, velocity_m_s, duration_s, forces.gravity.mu_m3_s2)
-    columns, _, integrations = _integrated(position_m, velocity_m_s, duration_s, tolerance_m, forces)
+    columns, _, integrations = _integrated(
+        position_m, velocity_m_s, duration_s, tolerance_m, forces
+    )
     position = np.empty((columns.duration.size, 3))
     velocity = np.empty((columns.duration.size, 3))
     for part, integration in integrations:
@@ -51,7 +56,8 @@ def propagate(
 
 
 def _integrated(*arguments: Any) -> Any:
-    """Return the columns of arcs, the rows of those that have come down, and the integrations of their blocks.
+    """Return the columns of arcs, the rows of those that have come down, and the integrations of
+    their blocks.
 
     Two-body arcs never import these.
     """
@@ -78,7 +84,9 @@ class ImpactReason(IntEnum):
 
 
 class ImpactStates(NamedTuple):
-    """Times to impact (...), s, states there in ECI (..., 3), m and m/s, and an `ImpactReason` (...) each."""
+    """Times to impact (...), s, states there in ECI (..., 3), m and m/s, and an `ImpactReason`
+    (...) each.
+    """
 
     duration_s: FloatArray
     position_m: FloatArray
@@ -95,11 +103,15 @@ def impact(
     within_s: ArrayLike = WITHIN_S,
     tolerance_m: ArrayLike = TOLERANCE_M,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return times to impact (...), s, and points of impact (..., 3), m, in ECI, as `impact_states_eci` does."""
+    """Return times to impact (...), s, and points of impact (..., 3), m, in ECI, as
+    `impact_states_eci` does.
+    """
     forces = forces_of(forces)
     if forces.is_kepler:
         return _kepler_points(position_m, velocity_m_s, height_m, within_s, forces)
-    states = impact_states_eci(position_m, velocity_m_s, height_m, forces, within_s=within_s, tolerance_m=tolerance_m)
+    states = impact_states_eci(
+        position_m, velocity_m_s, height_m, forces, within_s=within_s, tolerance_m=tolerance_m
+    )
     return states.duration_s, states.position_m
 
 
@@ -112,24 +124,29 @@ def impact_states_eci(
     within_s: ArrayLike = WITHIN_S,
     tolerance_m: ArrayLike = TOLERANCE_M,
 ) -> ImpactStates:
-    """Return times and states of the first descents of arcs through the height `height_m` above the WGS 84 ellipsoid.
+    """Return times and states of the first descents of arcs through the height `height_m` above the
+    WGS 84 ellipsoid.
 
     States are inertial, in the axes of ECEF at the start, and so is the point of impact:
-    `opir_core.geometry.eci_to_ecef` of it and its `duration_s` is the place on the ground, hundreds of kilometres
-    further west. Leading axes broadcast. A start below the height that descends has come down: time 0, at the start.
-    One that ascends, as from a launch site below the ellipsoid, must first rise through the height. The step that
-    crosses the height is shortened until it ends within 1e-4 s of it; the rest is a parabola, exact to 1e-9 m.
-    `tolerance_m` is as in `propagate`, for the impact point of arcs that descend at 15° or more, and proportionally
-    larger below.
+    `opir_core.geometry.eci_to_ecef` of it and its `duration_s` is the place on the ground, hundreds
+    of kilometres further west. Leading axes broadcast. A start below the height that descends has
+    come down: time 0, at the start. One that ascends, as from a launch site below the ellipsoid,
+    must first rise through the height. The step that crosses the height is shortened until it ends
+    within 1e-4 s of it; the rest is a parabola, exact to 1e-9 m. `tolerance_m` is as in
+    `propagate`, for the impact point of arcs that descend at 15° or more, and proportionally larger
+    below.
 
-    `nan`, with its `reason`, without a descent within `within_s`, and where `propagate` returns none.
+    `nan`, with its `reason`, without a descent within `within_s`, and where `propagate` returns
+    none.
     """
     forces = forces_of(forces)
     if forces.is_kepler:
         return _kepler_impacts(position_m, velocity_m_s, height_m, within_s, forces)
     height = np.asarray(height_m, dtype=np.float64)
     height = np.where(np.isneginf(height), np.nan, height)
-    columns, here, integrations = _integrated(position_m, velocity_m_s, within_s, tolerance_m, forces, height)
+    columns, here, integrations = _integrated(
+        position_m, velocity_m_s, within_s, tolerance_m, forces, height
+    )
     count = columns.duration.size
     shape = columns.shape
     duration = np.empty(count)
@@ -141,7 +158,9 @@ def impact_states_eci(
         reason[part] = _REASONS[ends.outcome]
         hit = reason[part] == ImpactReason.IMPACT
         duration[part] = np.where(hit, ends.elapsed, np.nan)
-        position[part], velocity[part] = (np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity))
+        position[part], velocity[part] = (
+            np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity)
+        )
     duration[here] = 0.0
     reason[here] = ImpactReason.IMPACT
     position[here] = columns.position[:, here].T
@@ -165,21 +184,39 @@ _REASONS = np.array(
 
 
 def _kepler_impacts(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike, within_s: ArrayLike, forces: Forces
+    position_m: ArrayLike,
+    velocity_m_s: ArrayLike,
+    height_m: ArrayLike,
+    within_s: ArrayLike,
+    forces: Forces,
 ) -> ImpactStates:
     duration, point = _kepler_points(position_m, velocity_m_s, height_m, within_s, forces)
     velocity = propagate_kepler(position_m, velocity_m_s, duration, forces.gravity.mu_m3_s2)[1]
-    inputs = (np.asarray(each, dtype=np.float64).sum(axis=-1) for each in (position_m, velocity_m_s))
-    finite = np.isfinite(sum(inputs) + np.asarray(height_m, dtype=np.float64) + np.asarray(within_s, dtype=np.float64))
+    inputs = (
+        np.asarray(each, dtype=np.float64).sum(axis=-1) for each in (position_m, velocity_m_s)
+    )
+    finite = np.isfinite(
+        sum(inputs)
+        + np.asarray(height_m, dtype=np.float64)
+        + np.asarray(within_s, dtype=np.float64)
+    )
     hit = ~np.isnan(duration)
-    reason = np.where(hit, ImpactReason.IMPACT, np.where(finite, ImpactReason.NO_DESCENT, ImpactReason.NOT_FINITE))
+    reason = np.where(
+        hit, ImpactReason.IMPACT, np.where(finite, ImpactReason.NO_DESCENT, ImpactReason.NOT_FINITE)
+    )
     return ImpactStates(duration, point, velocity, reason.astype(np.int8))
 
 
 def _kepler_points(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike, within_s: ArrayLike, forces: Forces
+    position_m: ArrayLike,
+    velocity_m_s: ArrayLike,
+    height_m: ArrayLike,
+    within_s: ArrayLike,
+    forces: Forces,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return times to impact (...) and points of impact (..., 3) of two-body arcs, `nan` for longer times."""
+    """Return times to impact (...) and points of impact (..., 3) of two-body arcs, `nan` for longer
+    times.
+    """
     duration, point = kepler_impact(position_m, velocity_m_s, height_m, forces.gravity.mu_m3_s2)
     soon = duration <= np.asarray(within_s, dtype=np.float64)
     return np.where(soon, duration, np.nan), np.where(soon[..., np.newaxis], point, np.nan)

@@ -1,16 +1,18 @@
 """The universal anomaly at a given time: Kepler's equation solved for arrays of any conics at once.
 
-With alpha the reciprocal of the semi-major axis and s the universal anomaly (ds = dt / r, mu = 1), the universal
-functions are G_n = s^n c_n(alpha s²) with Stumpff's c_n: G0 = cos x, G1 = sin x, G2 = 1 - cos x, G3 = x - sin x with
-x = sqrt(alpha) s, each over the n-th power of sqrt(alpha), and hyperbolic for negative alpha (Stiefel and Scheifele,
-Linear and Regular Celestial Mechanics, 1971, §11; Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9).
+With alpha the reciprocal of the semi-major axis and s the universal anomaly (ds = dt / r, mu = 1),
+the universal functions are G_n = s^n c_n(alpha s²) with Stumpff's c_n: G0 = cos x, G1 = sin x, G2 =
+1 - cos x, G3 = x - sin x with x = sqrt(alpha) s, each over the n-th power of sqrt(alpha), and
+hyperbolic for negative alpha (Stiefel and Scheifele, Linear and Regular Celestial Mechanics, 1971,
+§11; Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9).
 
-An arc is given by its distance rho, sigma = r·v and alpha at the start. Kepler's equation is t = rho G1 + sigma G2 +
-G3. Its derivatives in s are the distance r = rho G0 + sigma G1 + G2 >= 0, r' = sigma G0 + (1 - alpha rho) G1 and
-r'' = 1 - alpha r: time rises monotonically with s.
+An arc is given by its distance rho, sigma = r·v and alpha at the start. Kepler's equation is t =
+rho G1 + sigma G2 + G3. Its derivatives in s are the distance r = rho G0 + sigma G1 + G2 >= 0, r' =
+sigma G0 + (1 - alpha rho) G1 and r'' = 1 - alpha r: time rises monotonically with s.
 
-A guess to about six digits in single precision (half the bytes, twice the speed) is corrected once in double
-(`solve_fast`); `solve_bracketed` solves the others inside a bracket. An element has the same bits in any company.
+A guess to about six digits in single precision (half the bytes, twice the speed) is corrected once
+in double (`solve_fast`); `solve_bracketed` solves the others inside a bracket. An element has the
+same bits in any company.
 """
 
 from math import factorial
@@ -29,7 +31,9 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return vector products (3, n)."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def length(a: FloatArray) -> FloatArray:
@@ -42,24 +46,32 @@ Real = TypeVar("Real", bound=np.floating[Any])
 
 Functions: TypeAlias = tuple[NDArray[Real], NDArray[Real], NDArray[Real], NDArray[Real]]
 
-#: The largest |alpha s²| for which three halvings of s suffice for the series: over a turn of an ellipse.
+#: The largest |alpha s²| for which three halvings of s suffice for the series: over a turn of an
+#: ellipse.
 _HALVINGS = 3
 _REACH = 60.0
 
 #: Halvings beyond: up to |sqrt(alpha) s| = 120, and to 3 900, beyond the range of doubles.
 _MORE_HALVINGS = (7, 12)
 
-#: Taylor coefficients of c2 and c3 in -alpha h². For |alpha h²| <= 60 / 64 the first term left out is below 5e-17 of
-#: the sum in double precision, below 5e-7 in single, which only serves for guesses.
-_DOUBLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 9), (3, 8)))
-_SINGLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 5), (3, 4)))
+#: Taylor coefficients of c2 and c3 in -alpha h². For |alpha h²| <= 60 / 64 the first term left out
+#: is below 5e-17 of the sum in double precision, below 5e-7 in single, which only serves for
+#: guesses.
+_DOUBLE = tuple(
+    tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 9), (3, 8))
+)
+_SINGLE = tuple(
+    tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 5), (3, 4))
+)
 
 
 def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Real]:
-    """Return G0, G1, G2, G3 at universal anomaly `s` for conics of reciprocal semi-major axis `alpha`.
+    """Return G0, G1, G2, G3 at universal anomaly `s` for conics of reciprocal semi-major axis
+    `alpha`.
 
-    One-dimensional arrays of one length and precision, in units with mu = 1. The error is a few units in the last place
-    of each function's largest term; overflow is inf or nan. Only + - * are used: the same bits on every platform.
+    One-dimensional arrays of one length and precision, in units with mu = 1. The error is a few
+    units in the last place of each function's largest term; overflow is inf or nan. Only + - * are
+    used: the same bits on every platform.
     """
     functions = _by_doubling(alpha, s, _HALVINGS)
     z = np.abs(alpha * s)
@@ -130,13 +142,17 @@ class UniversalArcs(NamedTuple, Generic[Real]):
 
     def at(self, index: NDArray[np.intp]) -> "UniversalArcs[Real]":
         """Return the arcs at these indices."""
-        return UniversalArcs(self.rho[index], self.sigma[index], self.alpha[index], self.time[index])
+        return UniversalArcs(
+            self.rho[index], self.sigma[index], self.alpha[index], self.time[index]
+        )
 
 
 def derivatives(
     arcs: UniversalArcs[Real], functions: Functions[Real]
 ) -> tuple[NDArray[Real], NDArray[Real], NDArray[Real]]:
-    """Return the time at the anomaly less the time of the arc, and its first two derivatives, r and r'."""
+    """Return the time at the anomaly less the time of the arc, and its first two derivatives, r and
+    r'.
+    """
     g0, g1, g2, g3 = functions
     rho, sigma, alpha, time = arcs
     excess = rho * g1
@@ -154,7 +170,9 @@ def derivatives(
 
 
 def laguerre_step(arcs: UniversalArcs[Real], functions: Functions[Real]) -> NDArray[Real]:
-    """Return Laguerre's step towards the anomaly, for degree 5 (Conway, Celestial Mechanics 39, 1986, 199-211)."""
+    """Return Laguerre's step towards the anomaly, for degree 5 (Conway, Celestial Mechanics 39,
+    1986, 199-211).
+    """
     step, r, slope = derivatives(arcs, functions)
     step /= r
     slope /= r
@@ -172,10 +190,14 @@ def laguerre_step(arcs: UniversalArcs[Real], functions: Functions[Real]) -> NDAr
 def excess_and_noise(
     arcs: UniversalArcs[np.float64], functions: Functions[np.float64]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the time at the anomaly less the time of the arc, and the rounding error of the difference."""
+    """Return the time at the anomaly less the time of the arc, and the rounding error of the
+    difference.
+    """
     _, g1, g2, g3 = functions
     excess = arcs.rho * g1 + arcs.sigma * g2 + g3 - arcs.time
-    return excess, 2.0 * _EPSILON * (arcs.rho * np.abs(g1) + np.abs(arcs.sigma) * g2 + g3 + arcs.time)
+    return excess, 2.0 * _EPSILON * (
+        arcs.rho * np.abs(g1) + np.abs(arcs.sigma) * g2 + g3 + arcs.time
+    )
 
 
 Singles = NDArray[np.float32]
@@ -189,7 +211,9 @@ _EXPONENTIAL = 1.0
 
 
 def coarse_anomaly(arcs: UniversalArcs[np.float64]) -> FloatArray:
-    """Return the anomaly at the end of each arc, by Laguerre's steps from a first guess; 0 where that overflows."""
+    """Return the anomaly at the end of each arc, by Laguerre's steps from a first guess; 0 where
+    that overflows.
+    """
     single = UniversalArcs(*(column.astype(np.float32) for column in arcs))
     s = _first_guess(single)
     for _ in range(_STEPS):
@@ -200,7 +224,9 @@ def coarse_anomaly(arcs: UniversalArcs[np.float64]) -> FloatArray:
 
 
 def _first_guess(arcs: UniversalArcs[np.float32]) -> Singles:
-    """Return a guess between the limits s = t / rho and s³ = 6 t; logarithmic far out on hyperbolas."""
+    """Return a guess between the limits s = t / rho and s³ = 6 t; logarithmic far out on
+    hyperbolas.
+    """
     rho, sigma, alpha, time = arcs
     # The cube root to 4 %: a third of the exponent, by way of the bits of the number.
     bits: NDArray[Any] = (time * time * _SIXTH).view(np.int32).astype(np.float32)
@@ -231,18 +257,22 @@ def _logarithm(x: Singles) -> Singles:
 _BRACKETED_STEPS = 2500
 
 
-#: Square of the largest step, over the scale on which r changes, for which the last correction is exact to rounding.
+#: Square of the largest step, over the scale on which r changes, for which the last correction is
+#: exact to rounding.
 _SMALL_SQUARED = 1e-8
 
 
 def solve_fast(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
-    """Return rows s, G0, G1, G2 at the end of each arc, and where they are not exact: arcs close past the centre."""
+    """Return rows s, G0, G1, G2 at the end of each arc, and where they are not exact: arcs close
+    past the centre.
+    """
     s = coarse_anomaly(arcs)
     return _corrected(arcs, s, universal_functions(arcs.alpha, s))
 
 
 def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
-    """Return rows s, G0, G1, G2 at the end of each arc, and where there is no solution: there they are `nan`.
+    """Return rows s, G0, G1, G2 at the end of each arc, and where there is no solution: there they
+    are `nan`.
 
     Laguerre's steps inside a bracket, with bisection where they do not converge.
     """
@@ -258,7 +288,9 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
         high = np.where(excess < 0.0, high, s)
         found, left = _corrected(arcs, s, functions)
         found[:, left] = np.stack([s, *functions[:3]])[:, left]
-        left &= ~((np.abs(excess) <= noise) & (noise < np.inf) | (high - low <= 2.0 * _EPSILON * high))
+        left &= ~(
+            (np.abs(excess) <= noise) & (noise < np.inf) | (high - low <= 2.0 * _EPSILON * high)
+        )
         solution[:, where[~left]] = found[:, ~left]
         at = np.flatnonzero(left)
         if not at.size:
@@ -276,13 +308,17 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
 def _next(
     low: FloatArray, high: FloatArray, excess: FloatArray, allowed: FloatArray, trial: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the next anomaly and the excess allowed there: the trial while the excess halves, else the midpoint."""
+    """Return the next anomaly and the excess allowed there: the trial while the excess halves, else
+    the midpoint.
+    """
     helps = (trial > low) & (trial < high) & (excess <= allowed)
     return np.where(helps, trial, 0.5 * (low + high)), np.where(helps, 0.5 * excess, np.inf)
 
 
 def _bracket(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, FloatArray]:
-    """Return bounds of the anomaly: one turn of a closed orbit, else doubled until they enclose the time."""
+    """Return bounds of the anomaly: one turn of a closed orbit, else doubled until they enclose the
+    time.
+    """
     closed = arcs.alpha > 0.0
     turn = (2.0 + 1e-6) * np.pi / np.sqrt(np.where(closed, arcs.alpha, 1.0))
     high = np.where(closed, turn, arcs.time / (arcs.rho + np.cbrt(arcs.time * arcs.time / 6.0)))
@@ -299,7 +335,9 @@ def _bracket(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, FloatArray]:
 def _corrected(
     arcs: UniversalArcs[np.float64], s: FloatArray, functions: Functions[np.float64]
 ) -> tuple[FloatArray, BoolArray]:
-    """Return rows s, G0, G1, G2 after a correction of fourth order, and where it was too large to be exact."""
+    """Return rows s, G0, G1, G2 after a correction of fourth order, and where it was too large to
+    be exact.
+    """
     excess, r, slope = derivatives(arcs, functions)
     np.negative(excess, out=excess)
     bend = arcs.alpha * r
@@ -322,7 +360,9 @@ def _corrected(
     return _moved(arcs.alpha, s, functions, step), left
 
 
-def _moved(alpha: FloatArray, s: FloatArray, functions: Functions[np.float64], step: FloatArray) -> FloatArray:
+def _moved(
+    alpha: FloatArray, s: FloatArray, functions: Functions[np.float64], step: FloatArray
+) -> FloatArray:
     """Return rows s, G0, G1, G2 a small step further, by the addition theorems."""
     g0, g1, g2, _ = functions
     square = step * step

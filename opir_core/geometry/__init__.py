@@ -1,4 +1,5 @@
-"""Geometry of sensors, targets, the Earth and the Sun: arrays in, arrays out, the last axis x, y, z.
+"""Geometry of sensors, targets, the Earth and the Sun: arrays in, arrays out, the last axis x, y,
+z.
 
 Functions of the Sun and of sidereal time are imported when they are first used.
 """

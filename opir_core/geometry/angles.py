@@ -1,8 +1,8 @@
 """Azimuth, elevation and range of targets seen from observers, and lines of sight.
 
-One convention throughout (docs/reference/angles.md): local axes are geodetic east, north and up *at the observer*;
-azimuth is clockwise from true north, elevation above the local horizontal. A sensor in orbit sees the Earth at negative
-elevations, and the point below it at -90 degrees.
+One convention throughout (docs/reference/angles.md): local axes are geodetic east, north and up *at
+the observer*; azimuth is clockwise from true north, elevation above the local horizontal. A sensor
+in orbit sees the Earth at negative elevations, and the point below it at -90 degrees.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,8 @@ from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84, normal_at_foot
 from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
-#: Half the spacing of doubles at 2 pi: an azimuth closer to a full turn would round to it, so it is 0.
+#: Half the spacing of doubles at 2 pi: an azimuth closer to a full turn would round to it, so it is
+#: 0.
 _LESS_THAN_ROUNDING = 4.5e-16
 
 _Vector = tuple[FloatArray, FloatArray, FloatArray]
@@ -22,7 +23,9 @@ _Rows = tuple[_Vector, _Vector, _Vector]
 
 
 class AzimuthElevationRange(NamedTuple):
-    """Azimuth in [0, 2 pi) clockwise from true north, rad; elevation in [-pi/2, pi/2], rad; range, m."""
+    """Azimuth in [0, 2 pi) clockwise from true north, rad; elevation in [-pi/2, pi/2], rad; range,
+    m.
+    """
 
     azimuth_rad: FloatArray
     elevation_rad: FloatArray
@@ -31,35 +34,47 @@ class AzimuthElevationRange(NamedTuple):
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> FloatArray:
-    """Return the local axes (..., 3, 3) at geodetic latitudes and longitudes, rad: rows east, north and up, in ECEF."""
+    """Return the local axes (..., 3, 3) at geodetic latitudes and longitudes, rad: rows east, north
+    and up, in ECEF.
+    """
     latitude = floats(latitude_rad)
     longitude = floats(longitude_rad)
-    return _stacked(_rows_at(np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)))
+    return _stacked(
+        _rows_at(np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude))
+    )
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def local_axes(position_ecef_m: ArrayLike) -> FloatArray:
-    """Return the local axes (..., 3, 3) at ECEF positions (..., 3), m: rows east, north and up, in ECEF.
+    """Return the local axes (..., 3, 3) at ECEF positions (..., 3), m: rows east, north and up, in
+    ECEF.
 
-    The axes of `east_north_up_axes` at the geodetic coordinates, without angles. On the Earth's axis longitude is 0.
+    The axes of `east_north_up_axes` at the geodetic coordinates, without angles. On the Earth's
+    axis longitude is 0.
     """
     return _stacked(_rows_under(position_ecef_m))
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def azimuth_elevation_range(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> AzimuthElevationRange:
-    """Return azimuth and elevation (rad) and range (m) of targets seen from observers, both ECEF (..., 3), m.
+def azimuth_elevation_range(
+    observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike
+) -> AzimuthElevationRange:
+    """Return azimuth and elevation (rad) and range (m) of targets seen from observers, both ECEF
+    (..., 3), m.
 
-    Straight above or below the observer azimuth is undefined: 0 or rounding. Where target and observer coincide,
-    azimuth and elevation are `nan` and range is 0. Not finite: `nan`. Fixed observers are cheapest with shape (3,) or
-    (n, 1, 3), broadcast.
+    Straight above or below the observer azimuth is undefined: 0 or rounding. Where target and
+    observer coincide, azimuth and elevation are `nan` and range is 0. Not finite: `nan`. Fixed
+    observers are cheapest with shape (3,) or (n, 1, 3), broadcast.
     """
     return _angles(_offset(observer_ecef_m, target_ecef_m), _rows_under(observer_ecef_m))
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def azimuth_elevation_range_in_axes(offset_ecef_m: ArrayLike, axes: ArrayLike) -> AzimuthElevationRange:
-    """Return azimuth and elevation (rad) and range (m) of target minus observer (..., 3), m, in given axes (..., 3, 3).
+def azimuth_elevation_range_in_axes(
+    offset_ecef_m: ArrayLike, axes: ArrayLike
+) -> AzimuthElevationRange:
+    """Return azimuth and elevation (rad) and range (m) of target minus observer (..., 3), m, in
+    given axes (..., 3, 3).
 
     With `axes` from `local_axes(observer)` the results have the bits of `azimuth_elevation_range`.
     """
@@ -68,7 +83,8 @@ def azimuth_elevation_range_in_axes(offset_ecef_m: ArrayLike, axes: ArrayLike) -
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
-    """Return the elevation of targets above the geodetic horizontal of observers, both ECEF (..., 3), m; rad.
+    """Return the elevation of targets above the geodetic horizontal of observers, both ECEF (...,
+    3), m; rad.
 
     The bits of `azimuth_elevation_range`; `nan` where the two coincide or are not finite.
     """
@@ -79,11 +95,13 @@ def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
-    """Return the angle at sensors between the Earth's centre and targets, both ECEF (..., 3), m; rad, in [0, pi].
+    """Return the angle at sensors between the Earth's centre and targets, both ECEF (..., 3), m;
+    rad, in [0, pi].
 
-    Accurate to rounding (1e-15 rad), near 0 and pi too. `nan` where a direction does not exist: the sensor at the
-    centre or at the target. The direction to the centre is not the geodetic vertical: off the equator the two differ by
-    up to 0.19 degrees near the ground, by less in proportion to the distance from the centre.
+    Accurate to rounding (1e-15 rad), near 0 and pi too. `nan` where a direction does not exist: the
+    sensor at the centre or at the target. The direction to the centre is not the geodetic vertical:
+    off the equator the two differ by up to 0.19 degrees near the ground, by less in proportion to
+    the distance from the centre.
     """
     sx, sy, sz = components(sensor_ecef_m)
     tx, ty, tz = components(target_ecef_m)
@@ -92,11 +110,15 @@ def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
     dz = tz - sz
     across = length(sy * dz - sz * dy, sz * dx - sx * dz, sx * dy - sy * dx)
     towards_centre = -(sx * dx + sy * dy + sz * dz)
-    return select((across > 0.0) | (towards_centre != 0.0), np.arctan2(across, towards_centre), np.nan)
+    return select(
+        (across > 0.0) | (towards_centre != 0.0), np.arctan2(across, towards_centre), np.nan
+    )
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def line_of_sight(observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> FloatArray:
+def line_of_sight(
+    observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike
+) -> FloatArray:
     """Return ECEF unit vectors (..., 3) from observers (ECEF, m) at azimuth and elevation, rad.
 
     The inverse of `azimuth_elevation_range`.
@@ -108,7 +130,9 @@ def line_of_sight(observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_
     rise = np.sin(elevation)
     eastward = np.sin(azimuth) * level
     northward = np.cos(azimuth) * level
-    x, y, z = (eastward * e + northward * n + rise * u for e, n, u in zip(east, north, up, strict=True))
+    x, y, z = (
+        eastward * e + northward * n + rise * u for e, n, u in zip(east, north, up, strict=True)
+    )
     return vector(x, y, z)
 
 
@@ -142,7 +166,9 @@ def _rows_under(position_ecef_m: ArrayLike) -> _Rows:
     """Return east, north and up at positions."""
     x, y, z = components(position_ecef_m)
     rho = np.sqrt(x * x + y * y)
-    sin_latitude, cos_latitude = normal_at_foot(rho, z, WGS84.equatorial_radius_m, WGS84.polar_radius_m)
+    sin_latitude, cos_latitude = normal_at_foot(
+        rho, z, WGS84.equatorial_radius_m, WGS84.polar_radius_m
+    )
     on_axis = rho < NEVER_ZERO
     divisor = rho + NEVER_ZERO
     sin_longitude = select(on_axis, 0.0, y / divisor)
@@ -151,7 +177,10 @@ def _rows_under(position_ecef_m: ArrayLike) -> _Rows:
 
 
 def _rows_at(
-    sin_latitude: FloatArray, cos_latitude: FloatArray, sin_longitude: FloatArray, cos_longitude: FloatArray
+    sin_latitude: FloatArray,
+    cos_latitude: FloatArray,
+    sin_longitude: FloatArray,
+    cos_longitude: FloatArray,
 ) -> _Rows:
     """Return east, north and up at a latitude and longitude."""
     east = -sin_longitude, cos_longitude, np.zeros(())

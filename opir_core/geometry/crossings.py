@@ -1,7 +1,8 @@
 """Times at which smooth functions of time change sign: sampled, then found by bisection.
 
-A function that dips through zero and back between two samples is caught where it has an extremum near zero there: a
-golden-section search finds the extremum, and with it both crossings. Of two such dips in one step, one may be lost.
+A function that dips through zero and back between two samples is caught where it has an extremum
+near zero there: a golden-section search finds the extremum, and with it both crossings. Of two such
+dips in one step, one may be lost.
 """
 
 from collections.abc import Callable
@@ -11,7 +12,8 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 
-#: A function of rows (k,) and times (k,), s, with values (k,): the row says which of several functions is meant.
+#: A function of rows (k,) and times (k,), s, with values (k,): the row says which of several
+#: functions is meant.
 RowFunction = Callable[[IntArray, FloatArray], FloatArray]
 
 #: The share of a bracket that a step of the golden-section search leaves.
@@ -19,7 +21,9 @@ _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 class Crossings(NamedTuple):
-    """Zero crossings, sorted by row, then time: row, time, s, and whether the function rises, each (k,)."""
+    """Zero crossings, sorted by row, then time: row, time, s, and whether the function rises, each
+    (k,).
+    """
 
     row: IntArray
     time_s: FloatArray
@@ -45,20 +49,31 @@ class _Brackets(NamedTuple):
 
 
 def zero_crossings(
-    function: RowFunction, start_s: FloatArray, stop_s: FloatArray, *, step_s: float, tolerance_s: float = 1e-3
+    function: RowFunction,
+    start_s: FloatArray,
+    stop_s: FloatArray,
+    *,
+    step_s: float,
+    tolerance_s: float = 1e-3,
 ) -> Crossings:
-    """Return where functions (n,) of time change sign between start and stop (n,), s, to within `tolerance_s`.
+    """Return where functions (n,) of time change sign between start and stop (n,), s, to within
+    `tolerance_s`.
 
-    Samples are at most `step_s` apart. Zero counts as positive; nan has no sign: there is no crossing beside it.
+    Samples are at most `step_s` apart. Zero counts as positive; nan has no sign: there is no
+    crossing beside it.
     """
     if not len(start_s):
         return Crossings(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.bool_))
     samples = _samples(function, start_s, stop_s, step_s)
-    crossing = samples.take(~_has_one_sign(samples) & np.isfinite(samples.at_start + samples.at_stop))
+    crossing = samples.take(
+        ~_has_one_sign(samples) & np.isfinite(samples.at_start + samples.at_stop)
+    )
     brackets = _Brackets.joined([crossing, *_around_extrema(function, samples, tolerance_s)])
     time_s = _bisected(function, brackets, tolerance_s)
     order = np.lexsort((time_s, brackets.row))
-    return Crossings(brackets.row[order], time_s[order], (brackets.at_stop > brackets.at_start)[order])
+    return Crossings(
+        brackets.row[order], time_s[order], (brackets.at_stop > brackets.at_start)[order]
+    )
 
 
 def intervals_below(
@@ -69,14 +84,17 @@ def intervals_below(
     step_s: float,
     tolerance_s: float = 1e-3,
 ) -> FloatArray:
-    """Return the intervals (k, 2) of [start, stop] in which a function of time is negative, in order.
+    """Return the intervals (k, 2) of [start, stop] in which a function of time is negative, in
+    order.
 
     Step and tolerance are those of `zero_crossings`.
     """
     if stop_s <= start_s:
         return np.empty((0, 2))
     ends = np.array([start_s]), np.array([stop_s])
-    found = zero_crossings(lambda _, time_s: function(time_s), *ends, step_s=step_s, tolerance_s=tolerance_s)
+    found = zero_crossings(
+        lambda _, time_s: function(time_s), *ends, step_s=step_s, tolerance_s=tolerance_s
+    )
     edges = np.concatenate([ends[0], found.time_s, ends[1]])
     # Between two crossings the sign is that of the middle.
     is_below = function(0.5 * (edges[:-1] + edges[1:])) < 0.0
@@ -86,7 +104,9 @@ def intervals_below(
     return np.stack([edges[starts], edges[stops]], axis=1)
 
 
-def _samples(function: RowFunction, start_s: FloatArray, stop_s: FloatArray, step_s: float) -> _Brackets:
+def _samples(
+    function: RowFunction, start_s: FloatArray, stop_s: FloatArray, step_s: float
+) -> _Brackets:
     """Return the steps of all rows, in order, with the function at their ends."""
     rows = len(start_s)
     steps = max(2, int(np.ceil(np.max(stop_s - start_s, initial=0.0) / step_s)))
@@ -98,12 +118,17 @@ def _samples(function: RowFunction, start_s: FloatArray, stop_s: FloatArray, ste
     return _Brackets(np.repeat(np.arange(rows), steps), *(column.ravel() for column in ends))
 
 
-def _around_extrema(function: RowFunction, samples: _Brackets, tolerance_s: float) -> list[_Brackets]:
-    """Return the brackets of crossings in pairs, before and after an extremum between samples of one sign."""
+def _around_extrema(
+    function: RowFunction, samples: _Brackets, tolerance_s: float
+) -> list[_Brackets]:
+    """Return the brackets of crossings in pairs, before and after an extremum between samples of
+    one sign.
+    """
     doubles = _nearest_to_zero(samples)
     if not len(doubles.row):
         return []
-    # With one sign all along, the extremum of |f| that may lie beyond zero is the least of sign · f.
+    # With one sign all along, the extremum of |f| that may lie beyond zero is the least of sign ·
+    # f.
     sign = np.where(doubles.at_start < 0.0, -1.0, 1.0)
     low = doubles.start_s
     high = doubles.stop_s
@@ -132,9 +157,11 @@ def _around_extrema(function: RowFunction, samples: _Brackets, tolerance_s: floa
 
 
 def _nearest_to_zero(samples: _Brackets) -> _Brackets:
-    """Return the intervals of one or two steps with an extremum that may lie beyond zero, all of one sign.
+    """Return the intervals of one or two steps with an extremum that may lie beyond zero, all of
+    one sign.
 
-    The extremum of a parabola or of a corner is at most as far from the nearest sample as that is from its neighbours.
+    The extremum of a parabola or of a corner is at most as far from the nearest sample as that is
+    from its neighbours.
     """
     last = np.flatnonzero(np.diff(samples.row, append=-1) != 0)
     first = np.concatenate([[0], last[:-1] + 1])
@@ -143,15 +170,22 @@ def _nearest_to_zero(samples: _Brackets) -> _Brackets:
     next_size = np.abs(samples.at_stop)
     rise = np.abs(next_size - size)
     # At the ends of a row the extremum is beside the outermost sample, in one step.
-    early = (size[first] <= next_size[first]) & (size[first] <= np.maximum(rise[first], rise[first + 1]))
-    late = (next_size[last] <= size[last]) & (next_size[last] <= np.maximum(rise[last], rise[last - 1]))
+    early = (size[first] <= next_size[first]) & (
+        size[first] <= np.maximum(rise[first], rise[first + 1])
+    )
+    late = (next_size[last] <= size[last]) & (
+        next_size[last] <= np.maximum(rise[last], rise[last - 1])
+    )
     outer = np.concatenate([first[early], last[late]])
     single = samples.take(outer[one_sign[outer]])
     left = np.delete(np.arange(len(size)), last)
     right = left + 1
-    # Of two equal samples beside a dip only one is its nearest; in the first step that is the outermost.
+    # Of two equal samples beside a dip only one is its nearest; in the first step that is the
+    # outermost.
     is_equal_nearest = np.isin(left, first, invert=True) & (next_size[left] == size[left])
-    lowest = ((next_size[left] < size[left]) | is_equal_nearest) & (next_size[left] < next_size[right])
+    lowest = ((next_size[left] < size[left]) | is_equal_nearest) & (
+        next_size[left] < next_size[right]
+    )
     near = next_size[left] <= np.maximum(rise[left], rise[right])
     both = left[one_sign[left] & one_sign[right] & lowest & near]
     double = _Brackets(
@@ -183,6 +217,10 @@ def _has_one_sign(brackets: _Brackets) -> BoolArray:
 
 
 def _iterations(width_s: FloatArray, tolerance_s: float, share: float) -> int:
-    """Return how often an interval is reduced to a share of itself until it is as short as the tolerance."""
+    """Return how often an interval is reduced to a share of itself until it is as short as the
+    tolerance.
+    """
     widest = float(np.max(width_s, initial=0.0))
-    return 0 if widest <= tolerance_s else int(np.ceil(np.log(tolerance_s / widest) / np.log(share)))
+    return (
+        0 if widest <= tolerance_s else int(np.ceil(np.log(tolerance_s / widest) / np.log(share)))
+    )

@@ -1,8 +1,9 @@
 """Frames and time: ECEF to ECI and back, Julian dates, and Greenwich sidereal time.
 
-ECI is ECEF frozen at the scene epoch: the frames coincide at `time_s` = 0 and differ by one rotation about z. Epochs
-are `numpy.datetime64` in UTC (arrays, or text without a zone). UTC is used for UT1, from which it differs by at most
-0.9 s: 6.6e-5 rad of Earth rotation. Leap seconds are not counted: a day has 86 400 s, as in `numpy`. Not a time: `nan`.
+ECI is ECEF frozen at the scene epoch: the frames coincide at `time_s` = 0 and differ by one
+rotation about z. Epochs are `numpy.datetime64` in UTC (arrays, or text without a zone). UTC is used
+for UT1, from which it differs by at most 0.9 s: 6.6e-5 rad of Earth rotation. Leap seconds are not
+counted: a day has 86 400 s, as in `numpy`. Not a time: `nan`.
 """
 
 import numpy as np
@@ -39,14 +40,18 @@ def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
-    """Return Greenwich mean sidereal time of 1982, rad, in [0, 2 pi), `time_s` seconds after an epoch.
+    """Return Greenwich mean sidereal time of 1982, rad, in [0, 2 pi), `time_s` seconds after an
+    epoch.
 
-    Source: Aoki et al., Astron. Astrophys. 105 (1982), 359-361; Vallado, section 3.5. Day and second are separate, so
-    that the rounding error is below 1e-12 rad.
+    Source: Aoki et al., Astron. Astrophys. 105 (1982), 359-361; Vallado, section 3.5. Day and
+    second are separate, so that the rounding error is below 1e-12 rad.
     """
     day, second = day_and_second(epoch, time_s)
-    centuries = ((day + (UNIX_JULIAN_DATE - J2000_JULIAN_DATE)) + second / SECONDS_PER_DAY) / DAYS_PER_CENTURY
-    # The leading term of the formula, 876600 h per century, is the rotation by the day: whole days of it drop out.
+    centuries = (
+        (day + (UNIX_JULIAN_DATE - J2000_JULIAN_DATE)) + second / SECONDS_PER_DAY
+    ) / DAYS_PER_CENTURY
+    # The leading term of the formula, 876600 h per century, is the rotation by the day: whole days
+    # of it drop out.
     drift = (8640184.812866 + (0.093104 - 6.2e-6 * centuries) * centuries) * centuries
     seconds = 67310.54841 - 43200.0 + second + drift
     angle = np.mod(seconds * (np.pi / 43200.0), 2.0 * np.pi)
@@ -78,7 +83,9 @@ def eci_to_ecef(position_m: ArrayLike, time_s: ArrayLike) -> FloatArray:
 def ecef_to_eci_state(
     position_m: ArrayLike, velocity_m_s: ArrayLike, time_s: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return position (m) and velocity (m/s) in ECI of a state given in ECEF: v + omega x r, rotated."""
+    """Return position (m) and velocity (m/s) in ECI of a state given in ECEF: v + omega x r,
+    rotated.
+    """
     position, velocity = np.broadcast_arrays(floats(position_m), floats(velocity_m_s))
     x, y, _ = components(position)
     vx, vy, vz = components(velocity)
@@ -90,8 +97,12 @@ def ecef_to_eci_state(
 def eci_to_ecef_state(
     position_m: ArrayLike, velocity_m_s: ArrayLike, time_s: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return position (m) and velocity (m/s) relative to the rotating Earth of a state given in ECI."""
-    inertial_position, inertial_velocity = np.broadcast_arrays(floats(position_m), floats(velocity_m_s))
+    """Return position (m) and velocity (m/s) relative to the rotating Earth of a state given in
+    ECI.
+    """
+    inertial_position, inertial_velocity = np.broadcast_arrays(
+        floats(position_m), floats(velocity_m_s)
+    )
     position = eci_to_ecef(inertial_position, time_s)
     x, y, _ = components(position)
     vx, vy, vz = components(eci_to_ecef(inertial_velocity, time_s))

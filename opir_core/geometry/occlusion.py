@@ -1,8 +1,10 @@
-"""Lines of sight and the Earth: occlusion, the least height of a segment, and intersections with the ellipsoid.
+"""Lines of sight and the Earth: occlusion, the least height of a segment, and intersections with
+the ellipsoid.
 
-Height above the ellipsoid is the signed distance to a convex body, so along a straight line it falls, then rises: its
-minimum is at an end or where the line is level. Seen along the line the ellipsoid is an ellipse, and the height of a
-line that misses it is the distance of the line from that ellipse, in closed form.
+Height above the ellipsoid is the signed distance to a convex body, so along a straight line it
+falls, then rises: its minimum is at an end or where the line is level. Seen along the line the
+ellipsoid is an ellipse, and the height of a line that misses it is the distance of the line from
+that ellipse, in closed form.
 """
 
 from typing import NamedTuple
@@ -17,7 +19,8 @@ from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, s
 _A = WGS84.equatorial_radius_m
 _B = WGS84.polar_radius_m
 
-#: The search ends when no point of the segment can be lower than the lowest so far by more than this, m.
+#: The search ends when no point of the segment can be lower than the lowest so far by more than
+#: this, m.
 _NEGLIGIBLE_M = 1e-9
 
 #: Every other step halves the bracket: steps enough to exhaust a double's digits.
@@ -34,7 +37,9 @@ class Normal(NamedTuple):
 
 
 def normal(x: FloatArray, y: FloatArray, z: FloatArray) -> Normal:
-    """Return the upward normal at the foot of points, and their height above the WGS 84 ellipsoid."""
+    """Return the upward normal at the foot of points, and their height above the WGS 84
+    ellipsoid.
+    """
     rho = np.sqrt(x * x + y * y)
     sine, cosine = normal_at_foot(rho, z, _A, _B)
     share = cosine / (rho + NEVER_ZERO)
@@ -43,11 +48,13 @@ def normal(x: FloatArray, y: FloatArray, z: FloatArray) -> Normal:
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def least_height_inside_m(observer_ecef_m: FloatArray, target_ecef_m: FloatArray) -> FloatArray:
-    """Return the least height, m, along segments (n, 3) that fall from the observer and rise to the target.
+    """Return the least height, m, along segments (n, 3) that fall from the observer and rise to the
+    target.
 
-    The slope grows monotonically along a segment. Its zero is bracketed by false position and bisection in turn, for
-    the slope jumps where the segment crosses the equatorial disc of radius a e² about the centre. Height is above its
-    tangents, so the smaller slope times the bracket bounds the remaining improvement.
+    The slope grows monotonically along a segment. Its zero is bracketed by false position and
+    bisection in turn, for the slope jumps where the segment crosses the equatorial disc of radius a
+    e² about the centre. Height is above its tangents, so the smaller slope times the bracket bounds
+    the remaining improvement.
     """
     count = len(observer_ecef_m)
     low = np.zeros(count)
@@ -79,8 +86,12 @@ def least_height_inside_m(observer_ecef_m: FloatArray, target_ecef_m: FloatArray
     return least
 
 
-def _slope(observer: FloatArray, target: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the change of height with the share of the segment covered, and the height there, m."""
+def _slope(
+    observer: FloatArray, target: FloatArray, share: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the change of height with the share of the segment covered, and the height there,
+    m.
+    """
     ox, oy, oz = components(observer)
     tx, ty, tz = components(target)
     dx = tx - ox
@@ -94,16 +105,19 @@ def _slope(observer: FloatArray, target: FloatArray, share: FloatArray) -> tuple
 def intersection_with_ellipsoid(
     origin_ecef_m: ArrayLike, direction: ArrayLike, height_m: ArrayLike = 0.0
 ) -> FloatArray:
-    """Return the first points (..., 3), m, at which rays meet the ellipsoid with both semi-axes longer by `height_m`.
+    """Return the first points (..., 3), m, at which rays meet the ellipsoid with both semi-axes
+    longer by `height_m`.
 
-    Origins in ECEF (..., 3), m; directions in ECEF (..., 3), of any length but 0. From inside it is the point where the
-    ray leaves. `nan` for a miss, a ray that points away, a direction of length 0, a height without an ellipsoid, and
-    anything not finite. An origin on the ellipsoid counts as inside or outside by rounding.
+    Origins in ECEF (..., 3), m; directions in ECEF (..., 3), of any length but 0. From inside it is
+    the point where the ray leaves. `nan` for a miss, a ray that points away, a direction of length
+    0, a height without an ellipsoid, and anything not finite. An origin on the ellipsoid counts as
+    inside or outside by rounding.
 
-    The longer ellipsoid differs from the surface of constant height by at most 0.3 m at 100 km. Errors along the ray
-    are rounding: 2e-9 m from a low orbit and 2e-8 m from a geostationary one, divided by the sine of the angle between
-    ray and ground. Source: the ray and the unit sphere, after each axis is divided by its semi-axis, with the
-    discriminant from the cross product, which does not cancel for grazing rays.
+    The longer ellipsoid differs from the surface of constant height by at most 0.3 m at 100 km.
+    Errors along the ray are rounding: 2e-9 m from a low orbit and 2e-8 m from a geostationary one,
+    divided by the sine of the angle between ray and ground. Source: the ray and the unit sphere,
+    after each axis is divided by its semi-axis, with the discriminant from the cross product, which
+    does not cancel for grazing rays.
     """
     height = floats(height_m)
     a = WGS84.equatorial_radius_m + height
@@ -129,7 +143,9 @@ def intersection_with_ellipsoid(
 
 
 class _Dip(NamedTuple):
-    """Whether segments are level between their ends, the height of their lines there, and of the lower end, m."""
+    """Whether segments are level between their ends, the height of their lines there, and of the
+    lower end, m.
+    """
 
     is_between: NDArray[np.bool_]
     line_height: FloatArray
@@ -140,12 +156,13 @@ class _Dip(NamedTuple):
 def grazing_height_m(
     observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, *, exact_above_m: float = -np.inf
 ) -> FloatArray:
-    """Return the least height above the WGS 84 ellipsoid of the segments between two ECEF points (..., 3), m.
+    """Return the least height above the WGS 84 ellipsoid of the segments between two ECEF points
+    (..., 3), m.
 
-    Ends count: without a minimum between them it is the height of the lower end. Negative
-    where the segment runs through the Earth. Exact up to rounding: 5e-9 m near the Earth, 3e-8 m with an end at
-    geostationary distance. Not finite: `nan`. A height below `exact_above_m` may be replaced by an upper bound that is
-    below it too, which costs no search.
+    Ends count: without a minimum between them it is the height of the lower end. Negative where the
+    segment runs through the Earth. Exact up to rounding: 5e-9 m near the Earth, 3e-8 m with an end
+    at geostationary distance. Not finite: `nan`. A height below `exact_above_m` may be replaced by
+    an upper bound that is below it too, which costs no search.
     """
     dip = _dip(observer_ecef_m, target_ecef_m)
     height = select(dip.is_between, np.minimum(dip.line_height, dip.end_height), dip.end_height)
@@ -164,9 +181,9 @@ def is_occluded(
 ) -> NDArray[np.bool_]:
     """Return whether the segment between two ECEF points (..., 3), m, has a minimum below a height.
 
-    The minimum is between the ends, less than `grazing_height_m` above the WGS 84 ellipsoid. Ends do not occlude: a
-    target on the ground, or below the margin, is visible from above its horizon. Points that are not finite are
-    occluded.
+    The minimum is between the ends, less than `grazing_height_m` above the WGS 84 ellipsoid. Ends
+    do not occlude: a target on the ground, or below the margin, is visible from above its horizon.
+    Points that are not finite are occluded.
     """
     margin = floats(grazing_height_m)
     dip = _dip(observer_ecef_m, target_ecef_m)
@@ -178,7 +195,8 @@ def is_occluded(
 def closest_to_centre_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the least distance of segments (..., 3) from the Earth's centre, m.
 
-    Their height there is at most this minus the polar radius, for the sphere of that radius lies in the ellipsoid.
+    Their height there is at most this minus the polar radius, for the sphere of that radius lies in
+    the ellipsoid.
     """
     ox, oy, oz = components(observer_ecef_m)
     tx, ty, tz = components(target_ecef_m)
@@ -206,16 +224,21 @@ def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
     px = select(near, tx, ox)
     py = select(near, ty, oy)
     pz = select(near, tz, oz)
-    return _Dip(falls & rises, _line_height(px, py, pz, dx, dy, dz), np.minimum(observer.height, target.height))
+    return _Dip(
+        falls & rises,
+        _line_height(px, py, pz, dx, dy, dz),
+        np.minimum(observer.height, target.height),
+    )
 
 
 def _line_height(
     px: FloatArray, py: FloatArray, pz: FloatArray, dx: FloatArray, dy: FloatArray, dz: FloatArray
 ) -> FloatArray:
-    """Return the distances, m, of infinite lines from the ellipse that is the ellipsoid seen along them.
+    """Return the distances, m, of infinite lines from the ellipse that is the ellipsoid seen along
+    them.
 
-    Minus infinity for a line through the ellipsoid. The axes of the view are the horizontal across the line and the
-    remainder of z.
+    Minus infinity for a line through the ellipsoid. The axes of the view are the horizontal across
+    the line and the remainder of z.
     """
     level = np.sqrt(dx * dx + dy * dy)
     distance = length(dx, dy, dz)
@@ -235,7 +258,10 @@ def _line_height(
 
 
 def _with_depths(
-    height: FloatArray, observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, searched: NDArray[np.bool_]
+    height: FloatArray,
+    observer_ecef_m: ArrayLike,
+    target_ecef_m: ArrayLike,
+    searched: NDArray[np.bool_],
 ) -> FloatArray:
     """Return heights, with a search for the segments that run through the Earth."""
     if not np.any(searched):

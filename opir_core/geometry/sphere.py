@@ -1,8 +1,9 @@
 """A round Earth: great circles, and the azimuthal equidistant map about a point.
 
-Regions on the ground are drawn and tested on this map: directions and distances from its centre are true, so poles and
-the 180th meridian are no exceptions. Source: Snyder, "Map Projections: A Working Manual", USGS Professional Paper 1395
-(1987), chapter 25. The radius is the equatorial one; on the ellipsoid distances differ by up to 0.6 %.
+Regions on the ground are drawn and tested on this map: directions and distances from its centre are
+true, so poles and the 180th meridian are no exceptions. Source: Snyder, "Map Projections: A Working
+Manual", USGS Professional Paper 1395 (1987), chapter 25. The radius is the equatorial one; on the
+ellipsoid distances differ by up to 0.6 %.
 """
 
 from math import atan2, cos, sin
@@ -27,7 +28,8 @@ def unit_vectors(place: FloatArray) -> FloatArray:
 
 
 def great_circle_m(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return great-circle distances (n,), m, between places (n, 2 or more), latitude and longitude first, rad.
+    """Return great-circle distances (n,), m, between places (n, 2 or more), latitude and longitude
+    first, rad.
 
     From the haversine and its complement: exact to rounding from short distances to antipodes.
     """
@@ -42,7 +44,8 @@ def great_circle_m(one: FloatArray, other: FloatArray) -> FloatArray:
 class AzimuthalEquidistant:
     """The map about a centre: points (n, 2) are east and north, m.
 
-    `axes` (3, 3) are the unit vectors of east, north and up at the centre; at a pole, those of longitude 0.
+    `axes` (3, 3) are the unit vectors of east, north and up at the centre; at a pole, those of
+    longitude 0.
     """
 
     axes: FloatArray
@@ -54,7 +57,9 @@ class AzimuthalEquidistant:
         longitude = atan2(y, x)
         east = -sin(longitude)
         ahead = cos(longitude)
-        return cls(np.array([[east, ahead, 0.0], [-z * ahead, z * east, x * ahead - y * east], [x, y, z]]))
+        return cls(
+            np.array([[east, ahead, 0.0], [-z * ahead, z * east, x * ahead - y * east], [x, y, z]])
+        )
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -80,6 +85,10 @@ class AzimuthalEquidistant:
         """Return latitudes and longitudes (n, 2), rad, of points (n, 2), m."""
         far_m = np.sqrt(np.add.reduce(point * point, axis=1))
         angle = far_m / EARTH_EQUATORIAL_RADIUS_M
-        ratio = np.where(far_m > 1e-6, np.sin(angle) / np.maximum(far_m, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M)
-        x, y, z = self.axes[:2].T @ (point * ratio[:, None]).T + self.axes[2, :, None] * np.cos(angle)
+        ratio = np.where(
+            far_m > 1e-6, np.sin(angle) / np.maximum(far_m, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M
+        )
+        x, y, z = self.axes[:2].T @ (point * ratio[:, None]).T + self.axes[2, :, None] * np.cos(
+            angle
+        )
         return np.array([np.arctan2(z, np.sqrt(x * x + y * y)), np.arctan2(y, x)]).T

@@ -32,21 +32,24 @@ SUN_RADIUS_M = 6.957e8
 #: Step of the Sun's position in ECI, s, linear between: an error of at most 1e-7 rad.
 _SUN_STEP_S = 3600.0
 
-#: Dynamical time minus UTC, s: 32.184 s and the 37 leap seconds in force since 2017 (IERS Bulletin C).
+#: Dynamical time minus UTC, s: 32.184 s and the 37 leap seconds in force since 2017 (IERS Bulletin
+#: C).
 _DYNAMICAL_TIME_AHEAD_S = 69.184
 
-#: The constant of aberration, rad (20.49552 arcseconds, IAU 1976), by which the Sun lags behind its place.
+#: The constant of aberration, rad (20.49552 arcseconds, IAU 1976), by which the Sun lags behind its
+#: place.
 _ABERRATION_RAD = np.radians(20.49552 / 3600.0)
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_of_date_m(julian_date: ArrayLike) -> FloatArray:
-    """Return the geocentric apparent position of the Sun (..., 3), m, in the mean equator and equinox of date.
+    """Return the geocentric apparent position of the Sun (..., 3), m, in the mean equator and
+    equinox of date.
 
-    From 1970 to 2099 its direction is good to 0.001 degrees and its distance to 1.1e-4 of itself, against the theory of
-    the Earth's motion in ERFA. Julian dates are UTC; dynamical time is taken 69.184 s ahead of it, as since 2017.
-    Sources: longitude as in opir_core/geometry/sun_series.py, distance Vallado, Fundamentals of Astrodynamics and
-    Applications, algorithm 29.
+    From 1970 to 2099 its direction is good to 0.001 degrees and its distance to 1.1e-4 of itself,
+    against the theory of the Earth's motion in ERFA. Julian dates are UTC; dynamical time is taken
+    69.184 s ahead of it, as since 2017. Sources: longitude as in opir_core/geometry/sun_series.py,
+    distance Vallado, Fundamentals of Astrodynamics and Applications, algorithm 29.
     """
     centuries = _dynamical_centuries(floats(julian_date) - J2000_JULIAN_DATE, 0.0)
     return _position_m(centuries, np.zeros(()), np.zeros(()))
@@ -54,28 +57,34 @@ def sun_position_of_date_m(julian_date: ArrayLike) -> FloatArray:
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
-    """Return the position of the Sun (..., 3) in ECEF, m, `time_s` seconds after an epoch (`numpy.datetime64`, UTC).
+    """Return the position of the Sun (..., 3) in ECEF, m, `time_s` seconds after an epoch
+    (`numpy.datetime64`, UTC).
 
-    With the nutation of the Earth's axis; from 1970 to 2099 good to 0.001 degrees, beside the 0.004 degrees by which
-    the Earth's rotation may differ where UTC stands in for UT1 (`gmst_rad`).
+    With the nutation of the Earth's axis; from 1970 to 2099 good to 0.001 degrees, beside the 0.004
+    degrees by which the Earth's rotation may differ where UTC stands in for UT1 (`gmst_rad`).
     """
     day, second = day_and_second(epoch, time_s)
     centuries = _dynamical_centuries(day + (UNIX_JULIAN_DATE - J2000_JULIAN_DATE), second)
     in_longitude, in_obliquity = nutation_rad(centuries)
     x, y, z = components(_position_m(centuries, in_longitude, in_obliquity))
     # Apparent sidereal time: mean, and the equation of the equinoxes.
-    angle = gmst_rad(epoch, time_s) + in_longitude * np.cos(_obliquity_rad(centuries) + in_obliquity)
+    angle = gmst_rad(epoch, time_s) + in_longitude * np.cos(
+        _obliquity_rad(centuries) + in_obliquity
+    )
     cosine = np.cos(angle)
     sine = np.sin(angle)
     return vector(cosine * x + sine * y, cosine * y - sine * x, z)
 
 
 def _dynamical_centuries(day: FloatArray, second: FloatArray | float) -> FloatArray:
-    """Return Julian centuries of dynamical time since J2000.0, from days since then and seconds of UTC.
+    """Return Julian centuries of dynamical time since J2000.0, from days since then and seconds of
+    UTC.
 
     Apart, for one double holds a Julian date to 4e-5 s: 8e-12 rad of the Sun's direction.
     """
-    return np.asarray((day + (second + _DYNAMICAL_TIME_AHEAD_S) / SECONDS_PER_DAY) / DAYS_PER_CENTURY)
+    return np.asarray(
+        (day + (second + _DYNAMICAL_TIME_AHEAD_S) / SECONDS_PER_DAY) / DAYS_PER_CENTURY
+    )
 
 
 def _obliquity_rad(centuries: FloatArray) -> FloatArray:
@@ -83,7 +92,9 @@ def _obliquity_rad(centuries: FloatArray) -> FloatArray:
     return np.radians(23.43929111 - 0.0130041667 * centuries)
 
 
-def _position_m(centuries: FloatArray, in_longitude: FloatArray, in_obliquity: FloatArray) -> FloatArray:
+def _position_m(
+    centuries: FloatArray, in_longitude: FloatArray, in_obliquity: FloatArray
+) -> FloatArray:
     """Return apparent positions of the Sun, with nutations, rad."""
     anomaly = np.radians(357.5277233 + 35999.05034 * centuries)
     radius_au = 1.000140612 - 0.016708617 * np.cos(anomaly) - 0.000139589 * np.cos(2.0 * anomaly)
@@ -91,12 +102,15 @@ def _position_m(centuries: FloatArray, in_longitude: FloatArray, in_obliquity: F
     obliquity = _obliquity_rad(centuries) + in_obliquity
     distance = ASTRONOMICAL_UNIT_M * radius_au
     aside = distance * np.sin(longitude)
-    return vector(distance * np.cos(longitude), aside * np.cos(obliquity), aside * np.sin(obliquity))
+    return vector(
+        distance * np.cos(longitude), aside * np.cos(obliquity), aside * np.sin(obliquity)
+    )
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_eci_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
-    """Return the position of the Sun (..., 3), m, in ECI, `time_s` seconds after an epoch (`numpy.datetime64`, UTC).
+    """Return the position of the Sun (..., 3), m, in ECI, `time_s` seconds after an epoch
+    (`numpy.datetime64`, UTC).
 
     ECI is ECEF frozen at that epoch, as everywhere in opir; for the equator and equinox of date see
     `sun_position_of_date_m`.
@@ -105,7 +119,9 @@ def sun_position_eci_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
 
 
 def sun_ecef_m(time_s: FloatArray, epoch_us: int) -> FloatArray:
-    """Return the Sun's positions (n, 3) in ECEF at scene times (n,), m: `sun_position_ecef_m` within 1e-7 rad."""
+    """Return the Sun's positions (n, 3) in ECEF at scene times (n,), m: `sun_position_ecef_m`
+    within 1e-7 rad.
+    """
     if not len(time_s):
         return np.empty((0, 3))
     hour = np.floor(time_s / _SUN_STEP_S)
@@ -118,12 +134,16 @@ def sun_ecef_m(time_s: FloatArray, epoch_us: int) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _sun_knots_eci_m(epoch_us: int, first: float, behind: float) -> FloatArray:
-    """Return the Sun's positions (k, 3) in ECI at the steps from the first to the one before `behind`."""
+    """Return the Sun's positions (k, 3) in ECI at the steps from the first to the one before
+    `behind`.
+    """
     return sun_position_eci_m(np.datetime64(epoch_us, "us"), np.arange(first, behind) * _SUN_STEP_S)
 
 
 class _Discs(NamedTuple):
-    """The Sun and the Earth as seen from a point: their angular radii and the angle between their centres, rad."""
+    """The Sun and the Earth as seen from a point: their angular radii and the angle between their
+    centres, rad.
+    """
 
     sun: FloatArray
     earth: FloatArray
@@ -132,17 +152,21 @@ class _Discs(NamedTuple):
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatArray:
-    """Return the share of the Sun's disc in view of positions (..., 3), in [0, 1]; both in one Earth-centred frame, m.
+    """Return the share of the Sun's disc in view of positions (..., 3), in [0, 1]; both in one
+    Earth-centred frame, m.
 
-    1 in full light, 0 in the umbra, between in the penumbra: the overlap of two discs (Montenbruck and Gill, Satellite
-    Orbits, section 3.4.2), without refraction and limb darkening. A stretch along z makes the ellipsoid a sphere; the
-    discs touch as they do without it, and between contacts the share is good to 0.001. A point below the ellipsoid has
-    the horizon of one on it; `nan` at the Earth's centre, and where an input is not finite.
+    1 in full light, 0 in the umbra, between in the penumbra: the overlap of two discs (Montenbruck
+    and Gill, Satellite Orbits, section 3.4.2), without refraction and limb darkening. A stretch
+    along z makes the ellipsoid a sphere; the discs touch as they do without it, and between
+    contacts the share is good to 0.001. A point below the ellipsoid has the horizon of one on it;
+    `nan` at the Earth's centre, and where an input is not finite.
     """
     sun, earth, separation = _discs(position_m, sun_position_m)
     chord = (separation * separation + (sun - earth) * (sun + earth)) / (2.0 * separation)
     half = np.sqrt(np.maximum(0.0, (sun - chord) * (sun + chord)))
-    lens = sun * sun * np.arctan2(half, chord) + earth * earth * np.arctan2(half, separation - chord)
+    lens = sun * sun * np.arctan2(half, chord) + earth * earth * np.arctan2(
+        half, separation - chord
+    )
     shown = 1.0 - (lens - separation * half) / (np.pi * sun * sun)
     ring = 1.0 - np.square(np.minimum(1.0, earth / sun))
     shown = select(separation <= np.abs(earth - sun), ring, np.clip(shown, 0.0, 1.0))
@@ -151,15 +175,19 @@ def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatAr
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> NDArray[np.bool_]:
-    """Return whether positions (..., 3) are outside the umbra: any part of the Sun's disc is in view.
+    """Return whether positions (..., 3) are outside the umbra: any part of the Sun's disc is in
+    view.
 
-    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`. What is `nan` there is not sunlit.
+    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`. What is `nan` there is not
+    sunlit.
     """
     return shadow_margins_rad(position_m, sun_position_m).umbra > 0.0
 
 
 class ShadowMargins(NamedTuple):
-    """Angles (...), rad, by which the Sun is clear of the Earth: negative in the penumbra, and in the umbra."""
+    """Angles (...), rad, by which the Sun is clear of the Earth: negative in the penumbra, and in
+    the umbra.
+    """
 
     penumbra: FloatArray
     umbra: FloatArray
@@ -167,10 +195,12 @@ class ShadowMargins(NamedTuple):
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def shadow_margins_rad(position_m: ArrayLike, sun_position_m: ArrayLike) -> ShadowMargins:
-    """Return how far the Sun is from touching the Earth's disc, and from being behind it, at positions (..., 3).
+    """Return how far the Sun is from touching the Earth's disc, and from being behind it, at
+    positions (..., 3).
 
-    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`: their gap is negative from the first contact on,
-    the part of the Sun beyond the Earth from the second. The penumbra includes the umbra.
+    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`: their gap is negative from
+    the first contact on, the part of the Sun beyond the Earth from the second. The penumbra
+    includes the umbra.
     """
     sun, earth, separation = _discs(position_m, sun_position_m)
     return ShadowMargins(separation - (earth + sun), separation - (earth - sun))
@@ -179,7 +209,8 @@ def shadow_margins_rad(position_m: ArrayLike, sun_position_m: ArrayLike) -> Shad
 def _discs(position_m: ArrayLike, sun_position_m: ArrayLike) -> _Discs:
     """Return the discs of Sun and Earth, after the stretch along z that makes the Earth a sphere.
 
-    The stretched Sun is longer along z; its radius is that towards the Earth's centre, where the discs touch.
+    The stretched Sun is longer along z; its radius is that towards the Earth's centre, where the
+    discs touch.
     """
     stretch = WGS84.equatorial_radius_m / WGS84.polar_radius_m
     x, y, z = components(position_m)

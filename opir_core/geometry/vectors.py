@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import FloatArray
 
-#: Lengths below it, m, count as zero: their squares would underflow. Added to a divisor it makes 0/0 zero and changes
-#: no other quotient.
+#: Lengths below it, m, count as zero: their squares would underflow. Added to a divisor it makes
+#: 0/0 zero and changes no other quotient.
 NEVER_ZERO = 1e-150
 
-#: 2**27 + 1: multiplying by it cuts a double into two halves whose products are exact (Veltkamp, 1968).
+#: 2**27 + 1: multiplying by it cuts a double into two halves whose products are exact (Veltkamp,
+#: 1968).
 _SPLITTER = 134217729.0
 
 
@@ -23,10 +24,14 @@ def floats(values: ArrayLike) -> FloatArray:
 
 
 def components(vectors: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return x, y and z of an (..., 3) array, each of shape (...), as views where the array is float64."""
+    """Return x, y and z of an (..., 3) array, each of shape (...), as views where the array is
+    float64.
+    """
     array = floats(vectors)
     if array.ndim == 0 or array.shape[-1] != 3:
-        raise ValueError(f"expected vectors with a last axis of 3 (x, y, z), got shape {array.shape}")
+        raise ValueError(
+            f"expected vectors with a last axis of 3 (x, y, z), got shape {array.shape}"
+        )
     return array[..., 0], array[..., 1], array[..., 2]
 
 
@@ -40,12 +45,16 @@ def vector(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> FloatArray:
 
 
 def select(condition: NDArray[np.bool_], yes: ArrayLike, no: ArrayLike) -> FloatArray:
-    """Return `yes` where the condition holds, else `no`; a scalar of scalars, unlike `numpy.where`."""
+    """Return `yes` where the condition holds, else `no`; a scalar of scalars, unlike
+    `numpy.where`.
+    """
     return np.where(condition, yes, no)[()]
 
 
 def length(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-    """Return the Euclidean length of vectors given by their components, to one unit in the last place."""
+    """Return the Euclidean length of vectors given by their components, to one unit in the last
+    place.
+    """
     return np.sqrt(x * x + y * y + z * z)
 
 
@@ -56,7 +65,9 @@ def dot(one: ArrayLike, other: ArrayLike) -> FloatArray:
 
 
 def angle_between_rad(one: ArrayLike, other: ArrayLike) -> FloatArray:
-    """Return the angles (...) between vectors (..., 3), rad, in [0, pi]; accurate to rounding near 0 and pi too."""
+    """Return the angles (...) between vectors (..., 3), rad, in [0, pi]; accurate to rounding near
+    0 and pi too.
+    """
     (ax, ay, az), (bx, by, bz) = components(one), components(other)
     across = length(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     return np.arctan2(across, ax * bx + ay * by + az * bz)
@@ -65,7 +76,9 @@ def angle_between_rad(one: ArrayLike, other: ArrayLike) -> FloatArray:
 def lengths_and_remainders(
     x: FloatArray, y: FloatArray, z: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the lengths of (x, y) and (x, y, z), each followed by its rounding error; their sum is exact to 1e-30."""
+    """Return the lengths of (x, y) and (x, y, z), each followed by its rounding error; their sum is
+    exact to 1e-30.
+    """
     xx, x_error = _exact_square(x)
     yy, y_error = _exact_square(y)
     zz, z_error = _exact_square(z)
@@ -87,7 +100,9 @@ def _root_and_remainder(
 
 
 def _exact_square(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rounded square and its rounding error, exactly (Dekker, Numer. Math. 18, 1971, 224-242)."""
+    """Return the rounded square and its rounding error, exactly (Dekker, Numer. Math. 18, 1971,
+    224-242).
+    """
     high = _SPLITTER * x
     high = high - (high - x)
     low = x - high
@@ -96,7 +111,9 @@ def _exact_square(x: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def exact_sum(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rounded sum and its rounding error, exactly (Knuth, The Art of Computer Programming 2, 4.2.2)."""
+    """Return the rounded sum and its rounding error, exactly (Knuth, The Art of Computer
+    Programming 2, 4.2.2).
+    """
     total = x + y
     part = total - x
     return total, (x - (total - part)) + (y - part)

@@ -1,4 +1,6 @@
-"""The host: hooks, components, discovery, resolution, and the boundary around what plugins raise."""
+"""The host: hooks, components, discovery, resolution, and the boundary around what plugins
+raise.
+"""
 
 from opir_core.doors import door
 

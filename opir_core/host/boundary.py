@@ -1,6 +1,8 @@
-"""The boundary between the core and plugins: whatever a component raises or returns wrongly is one `ModelError`.
+"""The boundary between the core and plugins: whatever a component raises or returns wrongly is one
+`ModelError`.
 
-The message names the component with its owner and version, the method, the line, and the command that tests it.
+The message names the component with its owner and version, the method, the line, and the command
+that tests it.
 """
 
 import sys
@@ -19,7 +21,9 @@ from opir_core.scene.scene import Choice, Scene
 
 
 class InvalidOutput(ModelError):  # noqa: N818 - `PluginErrors` adds the owner
-    """What a component returned is invalid; `key` is that of the component in the scene, `detection` for instance."""
+    """What a component returned is invalid; `key` is that of the component in the scene,
+    `detection` for instance.
+    """
 
     def __init__(self, key: str, method: str, words: str) -> None:
         self.key = key
@@ -42,11 +46,15 @@ def check_hint(name: str) -> str:
 
 def is_interruption(error: BaseException) -> bool:
     """Return whether an exception is the user's Ctrl-C, which only the main thread gets."""
-    return isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread()
+    return (
+        isinstance(error, KeyboardInterrupt)
+        and threading.current_thread() is threading.main_thread()
+    )
 
 
-#: The calls of components that have not returned, by thread, the innermost last: a function that returns the name, and
-#: when the call began or the last call in it returned, in seconds of the monotonic clock.
+#: The calls of components that have not returned, by thread, the innermost last: a function that
+#: returns the name, and when the call began or the last call in it returned, in seconds of the
+#: monotonic clock.
 _CALLS: dict[int, list[tuple[Callable[[], str], float]]] = {}
 
 
@@ -69,26 +77,37 @@ def still_at_work() -> None:
 
 
 def overdue_call(thread: int | None, after_s: float) -> str:
-    """Return the call of a component that a thread has been in for longer than `after_s`, with its line; "" if none."""
-    latest = _CALLS.get(thread or 0, [])[-1:]  # a copy: the thread goes on, and its list may be empty at the next step
+    """Return the call of a component that a thread has been in for longer than `after_s`, with its
+    line; "" if none.
+    """
+    latest = _CALLS.get(thread or 0, [])[
+        -1:
+    ]  # a copy: the thread goes on, and its list may be empty at the next step
     duration_s = time.monotonic() - latest[0][1] if latest else 0.0
     if duration_s <= after_s:
         return ""
     place = place_of_thread(thread)
-    return f"{latest[0][0]()} has not returned for {duration_s:.1f} s{f': in {place}' if place else ''}"
+    return (
+        f"{latest[0][0]()} has not returned for {duration_s:.1f}"
+        f" s{f': in {place}' if place else ''}"
+    )
 
 
 def place_of_thread(thread: int | None) -> str:
-    """Return the line that a thread executes, preferably the plugin's; "" if the thread has ended."""
+    """Return the line that a thread executes, preferably the plugin's; "" if the thread has
+    ended.
+    """
     frame = sys._current_frames().get(thread) if thread is not None else None
     return "" if frame is None else place_of_frame(frame)
 
 
 @frozen(eq=False, repr=False)
 class PluginErrors:
-    """A context in which components of a scene are called: their errors leave it as `ModelError`, with the owner.
+    """A context in which components of a scene are called: their errors leave it as `ModelError`,
+    with the owner.
 
-    opir's own errors and Ctrl-C pass; so does what no plugin has raised, which is an internal error.
+    opir's own errors and Ctrl-C pass; so does what no plugin has raised, which is an internal
+    error.
     """
 
     host: Host
@@ -99,7 +118,10 @@ class PluginErrors:
         _begin(lambda: f"a component of the scene {self.scene.name}")
 
     def __exit__(
-        self, _kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
+        self,
+        _kind: type[BaseException] | None,
+        error: BaseException | None,
+        _trace: TracebackType | None,
     ) -> None:
         """Raise the `ModelError` for what has been raised."""
         _end()
@@ -115,24 +137,37 @@ class PluginErrors:
             raise ModelError(text) from error
 
     def _owner(self, choice: Choice) -> str:
-        """Return the owner of a component; its path if the program put a part of its own into the plan."""
+        """Return the owner of a component; its path if the program put a part of its own into the
+        plan.
+        """
         try:
             return owner_text(self.host, choice)
         except (OpirError, ValueError):
             return choice.path
 
     def _blamed(self, error: BaseException) -> str:
-        """Return the message about an exception with the component in whose code it was raised; "" for the core's."""
+        """Return the message about an exception with the component in whose code it was raised; ""
+        for the core's.
+        """
         chosen = dict(self._roots())
         for frame in _frames(error):
-            choice = chosen.get(_root(frame.f_globals.get("__name__", ""))) if is_of_plugin(frame) else None
+            choice = (
+                chosen.get(_root(frame.f_globals.get("__name__", "")))
+                if is_of_plugin(frame)
+                else None
+            )
             if choice is not None:
                 method = frame.f_code.co_name
-                return f"{self._owner(choice)}: {method} raised {described_error(error)}; {check_hint(choice.name)}"
+                return (
+                    f"{self._owner(choice)}: {method} raised {described_error(error)};"
+                    f" {check_hint(choice.name)}"
+                )
         return ""
 
     def _roots(self) -> Iterator[tuple[str, Choice]]:
-        """Yield the packages of the scene's components; of several in a package the first of the scene comes last."""
+        """Yield the packages of the scene's components; of several in a package the first of the
+        scene comes last.
+        """
         for choice in reversed(self.scene.choices):
             try:
                 component: Any = self.host.component(choice.hook, choice.name)
@@ -143,7 +178,9 @@ class PluginErrors:
 
 
 def blamed_call(owner: Callable[[], str], hint: str, method: str, call: Callable[[], Any]) -> Any:
-    """Call a component; re-raise its exceptions as `ModelError` (opir's own errors and KeyboardInterrupt pass)."""
+    """Call a component; re-raise its exceptions as `ModelError` (opir's own errors and
+    KeyboardInterrupt pass).
+    """
     _begin(lambda: f"{owner()}: {method}")
     try:
         return call()

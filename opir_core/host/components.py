@@ -1,8 +1,8 @@
 """Components: named, typed descriptions of what a plugin offers, and their owners.
 
-A component has the name that a scene chooses it by (`name`), one line of description (`summary`), the configuration
-class of its block (`config`) and the function that makes the working part (`build`). Nothing heavy is imported before
-`build`.
+A component has the name that a scene chooses it by (`name`), one line of description (`summary`),
+the configuration class of its block (`config`) and the function that makes the working part
+(`build`). Nothing heavy is imported before `build`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +18,8 @@ from opir_core.scene.target_classes import TargetClass
 class Provenance:
     """The owner of a component: a plugin's short name and its distribution.
 
-    `distribution` and `version` are "" for a plugin object that was registered by the running program.
+    `distribution` and `version` are "" for a plugin object that was registered by the running
+    program.
     """
 
     plugin: str
@@ -54,9 +55,10 @@ class NoConfig:
 class Component:
     """A component that a scene can choose.
 
-    A kind without fields of its own is a plain subclass: attrs would build its methods anew in each process.
-    `build(config, context)` returns the working part, of the contract that each kind names. `presets` are named sets of
-    configuration values: a block with `preset: NAME` starts from them instead of the defaults.
+    A kind without fields of its own is a plain subclass: attrs would build its methods anew in each
+    process. `build(config, context)` returns the working part, of the contract that each kind
+    names. `presets` are named sets of configuration values: a block with `preset: NAME` starts from
+    them instead of the defaults.
 
     >>> @frozen
     ... class MistConfig:
@@ -93,7 +95,8 @@ class SensorModel(Component):
 class DetectionModel(Component):
     """`build(config, context) -> DetectionProbability`: exposures to probability of detection.
 
-    `classifier` is the name of the classifier that a scene with this model has if it names none; "" is `paper`.
+    `classifier` is the name of the classifier that a scene with this model has if it names none; ""
+    is `paper`.
     """
 
     hook = "opir_detection_models"
@@ -103,7 +106,9 @@ class DetectionModel(Component):
 
 
 class ConfidenceModel(Component):
-    """`build(config, context) -> Confidence`: detections and their history to a confidence in [0, 1]."""
+    """`build(config, context) -> Confidence`: detections and their history to a confidence in [0,
+    1].
+    """
 
     hook = "opir_confidence_models"
     kind = "confidence model"
@@ -131,14 +136,18 @@ class TargetModel(Component):
 
 
 class SignatureModel(Component):
-    """`build(configs, context) -> Signatures`: the radiant intensity of all targets of the model."""
+    """`build(configs, context) -> Signatures`: the radiant intensity of all targets of the
+    model.
+    """
 
     hook = "opir_signature_models"
     kind = "signature model"
 
 
 class SourceModel(Component):
-    """`build(config, context) -> Sources`: emitters other than targets, any number from one block."""
+    """`build(config, context) -> Sources`: emitters other than targets, any number from one
+    block.
+    """
 
     hook = "opir_source_models"
     kind = "source model"
@@ -162,8 +171,9 @@ class BackgroundModel(Component):
 class EventEncoder(Component):
     """`build(config, context) -> Encoder`: detections to message bytes.
 
-    With `encodes_tracks`, which its encoder has too, an output's events are tracks, one per track and tick.
-    `schema()` returns the JSON Schema (draft 2020-12) of a message as text; `opir schema NAME` prints it.
+    With `encodes_tracks`, which its encoder has too, an output's events are tracks, one per track
+    and tick. `schema()` returns the JSON Schema (draft 2020-12) of a message as text; `opir schema
+    NAME` prints it.
     """
 
     hook = "opir_event_encoders"
@@ -177,28 +187,31 @@ class EventEncoder(Component):
 class SinkModel(Component):
     """`build(config, context) -> Sink`: writes events.
 
-    `read(path)` yields the events of a file that the sink wrote, each a mapping with the keys of the encoder `forge`;
-    with it, `opir_core.load_run`, `opir score` and `opir report` read runs whose events are in such a file. Raises
-    `OSError` or `ValueError` if the file is another.
+    `read(path)` yields the events of a file that the sink wrote, each a mapping with the keys of
+    the encoder `forge`; with it, `opir_core.load_run`, `opir score` and `opir report` read runs
+    whose events are in such a file. Raises `OSError` or `ValueError` if the file is another.
 
-    The sink `parquet` also has the truth of runs as columns. `open_truth(path, place, target_ids, records)` opens the
-    file `place`, which becomes `path` (its name in errors), and returns a context with `write(window)`; `records` are
-    those of sensors and targets. `read_truth(path)` yields its records as a truth file of lines has them, and raises as
-    `read` does.
+    The sink `parquet` also has the truth of runs as columns. `open_truth(path, place, target_ids,
+    records)` opens the file `place`, which becomes `path` (its name in errors), and returns a
+    context with `write(window)`; `records` are those of sensors and targets. `read_truth(path)`
+    yields its records as a truth file of lines has them, and raises as `read` does.
     """
 
     hook = "opir_sinks"
     kind = "sink"
 
     read: Callable[[Path], Iterable[Mapping[str, Any]]] | None = None
-    open_truth: Callable[[Path, Path, Sequence[str], Sequence[Mapping[str, Any]]], Any] | None = None
+    open_truth: Callable[[Path, Path, Sequence[str], Sequence[Mapping[str, Any]]], Any] | None = (
+        None
+    )
     read_truth: Callable[[Path], Iterable[Mapping[str, Any]]] | None = None
 
 
 class RendererModel(Component):
     """`build(config, context) -> Renderer`: lines of events and truth, joined from columns.
 
-    `build` raises `ImportError` if the renderer cannot be used on this machine; then another one is chosen.
+    `build` raises `ImportError` if the renderer cannot be used on this machine; then another one is
+    chosen.
     """
 
     hook = "opir_renderers"
@@ -209,11 +222,12 @@ class RendererModel(Component):
 class FileReader(Component):
     """`build(config, context) -> StateTable`, or what else `yields` names: the content of a file.
 
-    `recognises(text)` returns whether a file is of the format, from its text alone. `yields` is one of `FILE_CONTENTS`:
-    of trajectories a `StateTable`, of orbits a list of mappings by the keywords of an OMM, of detections by the keys of
-    an event. `example` is a small file of the format, for the documentation and the conformance tests.
-    `orbit(path, satellite, epoch_us, readers)` and `fleet`, of one reader, are the orbit of a sensor from any file and
-    a class of settings whose `satellites(epoch_us, readers)` are the `id` and `orbit` of each satellite of a file.
+    `recognises(text)` returns whether a file is of the format, from its text alone. `yields` is one
+    of `FILE_CONTENTS`: of trajectories a `StateTable`, of orbits a list of mappings by the keywords
+    of an OMM, of detections by the keys of an event. `example` is a small file of the format, for
+    the documentation and the conformance tests. `orbit(path, satellite, epoch_us, readers)` and
+    `fleet`, of one reader, are the orbit of a sensor from any file and a class of settings whose
+    `satellites(epoch_us, readers)` are the `id` and `orbit` of each satellite of a file.
     """
 
     hook = "opir_readers"
@@ -256,7 +270,9 @@ class RunView(Component):
 
 @frozen(kw_only=True)
 class Constellation:
-    """A named constellation: the sensor model of its satellites, and the settings (with an `id`) of each satellite."""
+    """A named constellation: the sensor model of its satellites, and the settings (with an `id`) of
+    each satellite.
+    """
 
     hook: ClassVar[str] = "opir_constellations"
     kind: ClassVar[str] = "constellation"

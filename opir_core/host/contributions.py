@@ -1,7 +1,9 @@
-"""The contributions of a plugin: its hooks are checked against the specifications, and each is called once.
+"""The contributions of a plugin: its hooks are checked against the specifications, and each is
+called once.
 
-An error in a plugin is an `InvalidPlugin` with the reason. It affects only that plugin, because every plugin is
-registered with a pluggy manager of its own and its hooks are never called together with those of another.
+An error in a plugin is an `InvalidPlugin` with the reason. It affects only that plugin, because
+every plugin is registered with a pluggy manager of its own and its hooks are never called together
+with those of another.
 """
 
 import inspect
@@ -46,22 +48,31 @@ class Contributions:
 
 
 def contributions_of(plugin: object) -> Contributions:
-    """Return the contributions of a plugin (a module or object with hook implementations); raises `InvalidPlugin`."""
+    """Return the contributions of a plugin (a module or object with hook implementations); raises
+    `InvalidPlugin`.
+    """
     implementations = _implementations(plugin)
     components: dict[Offer, Offered] = {}
     for hook, kind in CATALOGUE.items():
         for implementation in implementations.get(hook, ()):
             for component in _yielded(implementation, hook):
                 if not isinstance(component, kind):
-                    raise InvalidPlugin(f"{hook} yielded {kind_of(component)} instead of {with_article(kind.__name__)}")
+                    raise InvalidPlugin(
+                        f"{hook} yielded {kind_of(component)} instead of"
+                        f" {with_article(kind.__name__)}"
+                    )
                 fault = _fault_in(component)
                 if fault:
                     raise InvalidPlugin(f"{hook} yielded {with_article(kind.kind)} {fault}")
                 if (hook, component.name) in components:
-                    raise InvalidPlugin(f"{hook} yielded two {plural(kind.kind)} named {component.name!r}")
+                    raise InvalidPlugin(
+                        f"{hook} yielded two {plural(kind.kind)} named {component.name!r}"
+                    )
                 components[hook, component.name] = component
     commands = implementations.get(COMMAND_HOOK, ())
-    return Contributions(components, tuple(partial(_add_commands, implementation) for implementation in commands))
+    return Contributions(
+        components, tuple(partial(_add_commands, implementation) for implementation in commands)
+    )
 
 
 def _implementations(plugin: object) -> dict[str, Sequence[pluggy.HookImpl]]:
@@ -73,10 +84,14 @@ def _implementations(plugin: object) -> dict[str, Sequence[pluggy.HookImpl]]:
     try:
         manager.register(plugin, name="plugin")
     except pluggy.PluginValidationError as error:
-        raise InvalidPlugin("; ".join(_faults_in_signatures(manager, plugin)) or str(error)) from error
+        raise InvalidPlugin(
+            "; ".join(_faults_in_signatures(manager, plugin)) or str(error)
+        ) from error
     callers = manager.get_hookcallers(plugin) or []
     if not callers:
-        raise InvalidPlugin("offers nothing: none of its functions is marked with @hookimpl from opir_core.plugin")
+        raise InvalidPlugin(
+            "offers nothing: none of its functions is marked with @hookimpl from opir_core.plugin"
+        )
     return {caller.name: caller.get_hookimpls() for caller in callers}
 
 
@@ -93,7 +108,9 @@ def _faults_in_marks(manager: pluggy.PluginManager, plugin: object) -> Iterable[
 
 
 def _marked(manager: pluggy.PluginManager, plugin: object) -> dict[str, Mapping[str, Any] | None]:
-    """Return the options of each hook implementation; None for a function that has a hook's name without the mark."""
+    """Return the options of each hook implementation; None for a function that has a hook's name
+    without the mark.
+    """
     options_by_name: dict[str, Mapping[str, Any] | None] = {}
     for name in dir(plugin):
         options = manager.parse_hookimpl_opts(plugin, name)
@@ -112,7 +129,11 @@ def _faults_in_signatures(manager: pluggy.PluginManager, plugin: object) -> Iter
         spec: Any = getattr(manager.hook, hook).spec
         parameters = inspect.signature(getattr(plugin, name)).parameters.values()
         positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-        required = [item.name for item in parameters if item.kind in positional and item.default is item.empty]
+        required = [
+            item.name
+            for item in parameters
+            if item.kind in positional and item.default is item.empty
+        ]
         if set(required).difference(spec.argnames):
             yield f"{name} takes ({', '.join(required)}), but {hook} is called with ({', '.join(spec.argnames)})"
 
@@ -120,13 +141,18 @@ def _faults_in_signatures(manager: pluggy.PluginManager, plugin: object) -> Iter
 def _yielded(implementation: pluggy.HookImpl, hook: str) -> list[Any]:
     try:
         product = implementation.function()
-        items = list(islice(product, MAXIMUM_COMPONENTS + 1)) if isinstance(product, Iterable) else None
+        items = (
+            list(islice(product, MAXIMUM_COMPONENTS + 1)) if isinstance(product, Iterable) else None
+        )
     except (Exception, SystemExit) as error:
         raise InvalidPlugin(f"{hook} raised {described_error(error)}") from error
     if items is None:
         if inspect.iscoroutine(product):
             product.close()
-        raise InvalidPlugin(f"{hook} returned {kind_of(product)} instead of an iterable of {CATALOGUE[hook].__name__}")
+        raise InvalidPlugin(
+            f"{hook} returned {kind_of(product)} instead of an iterable of"
+            f" {CATALOGUE[hook].__name__}"
+        )
     if len(items) > MAXIMUM_COMPONENTS:
         raise InvalidPlugin(f"{hook} yields more than {MAXIMUM_COMPONENTS} components")
     return items
@@ -150,7 +176,11 @@ def _fault_in(component: Offered) -> str:
 def _fault_of_kind(component: Offered) -> str:
     if isinstance(component, TargetClass):
         return component.fault()
-    return _fault_in_fleet(component) if isinstance(component, Constellation) else _fault_in_parts(component)
+    return (
+        _fault_in_fleet(component)
+        if isinstance(component, Constellation)
+        else _fault_in_parts(component)
+    )
 
 
 def _fault_in_parts(component: Component) -> str:
@@ -173,7 +203,9 @@ def _fault_in_fleet(constellation: Constellation) -> str:
     satellites: Any = constellation.satellites
     if not isinstance(model, str) or not model:
         return f"with the model {one_line(repr(model))}, not the name of a sensor model"
-    if not isinstance(satellites, Sequence) or not all(isinstance(satellite, Mapping) for satellite in satellites):
+    if not isinstance(satellites, Sequence) or not all(
+        isinstance(satellite, Mapping) for satellite in satellites
+    ):
         return "with satellites that are not a sequence of mappings"
     ids = [satellite.get("id") for satellite in satellites]
     if not ids:

@@ -1,17 +1,19 @@
-"""Discovery: which plugins are installed and which components they list. No plugin is imported here.
+"""Discovery: which plugins are installed and which components they list. No plugin is imported
+here.
 
-A distribution names its plugin modules in the entry-point group `opir` (`dsp = "opir_dsp.plugin"`). In the group
-`opir.components` it may list its components by hook and name (`"sensor_models.DSP" = "opir_dsp.plugin"`): then the
-plugin is imported only when one of them is requested.
+A distribution names its plugin modules in the entry-point group `opir` (`dsp = "opir_dsp.plugin"`).
+In the group `opir.components` it may list its components by hook and name (`"sensor_models.DSP" =
+"opir_dsp.plugin"`): then the plugin is imported only when one of them is requested.
 
-The versions of opir-core that a plugin requires are those of its dependency (`dependencies = ["opir-core>=0.1,<0.2"]`,
-PEP 440). pip checks them at installation. The host checks them again, because opir-core may have been replaced since,
-and rejects the plugin without importing it. Only release numbers are compared; a clause that cannot be read is ignored,
-for rejecting it is the installer's task.
+The versions of opir-core that a plugin requires are those of its dependency (`dependencies =
+["opir-core>=0.1,<0.2"]`, PEP 440). pip checks them at installation. The host checks them again,
+because opir-core may have been replaced since, and rejects the plugin without importing it. Only
+release numbers are compared; a clause that cannot be read is ignored, for rejecting it is the
+installer's task.
 
-The metadata files are read directly: importing and querying `importlib.metadata` costs several times as much (measured
-in `docs/design/discovery_cost.py`). It is used only for what is not a directory: archives, eggs, and finders other than
-Python's own.
+The metadata files are read directly: importing and querying `importlib.metadata` costs several
+times as much (measured in `docs/design/discovery_cost.py`). It is used only for what is not a
+directory: archives, eggs, and finders other than Python's own.
 """
 
 import re
@@ -29,12 +31,15 @@ from attrs import frozen
 from opir_core._version import __version__
 from opir_core.host.components import CATALOGUE, Provenance
 
-_CORE = re.compile(r"opir[-_.]+core\s*(?:\[[^]]*\])?\s*\(?((?:[~=!<>][^;@()]*)?)\)?\s*(?:;(.*))?", re.IGNORECASE)
+_CORE = re.compile(
+    r"opir[-_.]+core\s*(?:\[[^]]*\])?\s*\(?((?:[~=!<>][^;@()]*)?)\)?\s*(?:;(.*))?", re.IGNORECASE
+)
 _CLAUSE = re.compile(r"(~=|==|!=|<=|>=|<|>)\s*v?(\d+(?:\.\d+)*)(\.\*)?")
 
 
 def core_specifier(requirements: Iterable[str]) -> str:
-    """Return the specifier of opir-core among requirements (the values of `Requires-Dist`), `>=0.1,<0.2`; "" for none.
+    """Return the specifier of opir-core among requirements (the values of `Requires-Dist`),
+    `>=0.1,<0.2`; "" for none.
 
     Requirements of extras do not count.
     """
@@ -49,11 +54,14 @@ def core_specifier(requirements: Iterable[str]) -> str:
 
 
 def error_of_requirement(specifier: str, distribution: str, core_version: str) -> str:
-    """Return why a plugin that requires `specifier` cannot be used with this core, or "" where it can."""
+    """Return why a plugin that requires `specifier` cannot be used with this core, or "" where it
+    can.
+    """
     if all(_admits(clause, core_version) for clause in specifier.split(",")):
         return ""
     return (
-        f"requires opir-core {specifier}, and opir-core {core_version} is installed; install an opir-core in that"
+        f"requires opir-core {specifier}, and opir-core {core_version} is installed; install an"
+        f" opir-core in that"
         f" range, or a release of {distribution} for opir-core {core_version}"
     )
 
@@ -67,8 +75,14 @@ def _admits(clause: str, version: str) -> bool:
     is_prefix = bool(match[3])
     installed = _release(version)
     if operator == "~=":
-        return _padded(installed, bound) >= _padded(bound, installed) and _starts(installed, bound[:-1])
-    is_equal = _starts(installed, bound) if is_prefix else _padded(installed, bound) == _padded(bound, installed)
+        return _padded(installed, bound) >= _padded(bound, installed) and _starts(
+            installed, bound[:-1]
+        )
+    is_equal = (
+        _starts(installed, bound)
+        if is_prefix
+        else _padded(installed, bound) == _padded(bound, installed)
+    )
     if operator in ("==", "!="):
         return is_equal == (operator == "==")
     is_less = _padded(installed, bound) < _padded(bound, installed)
@@ -100,8 +114,8 @@ _Reader = Callable[[str], str]
 class Distribution:
     """An installed distribution.
 
-    `requires_core` is the specifier of its dependency on opir-core, "" for none. Entry points are (name, value) pairs
-    by group, in the order of the file.
+    `requires_core` is the specifier of its dependency on opir-core, "" for none. Entry points are
+    (name, value) pairs by group, in the order of the file.
     """
 
     name: str
@@ -113,8 +127,8 @@ class Distribution:
 def distributions_with(groups: Collection[str]) -> list[Distribution]:
     """Return the distributions that have entry points in any of the groups, sorted by name.
 
-    Of several with one name (for example an editable install and a checkout on `PYTHONPATH`) the first on `sys.path`
-    counts, as for imports.
+    Of several with one name (for example an editable install and a checkout on `PYTHONPATH`) the
+    first on `sys.path` counts, as for imports.
     """
     found: dict[str, Distribution] = {}
     for folder_name, read in _readers():
@@ -133,14 +147,20 @@ def _readers() -> Iterator[tuple[str, _Reader]]:
             yield from _readers_by_importlib(path=[entry])
         else:
             yield from _readers_in_directory(Path(entry))
-    if any(hasattr(finder, "find_distributions") for finder in sys.meta_path if finder is not PathFinder):
+    if any(
+        hasattr(finder, "find_distributions")
+        for finder in sys.meta_path
+        if finder is not PathFinder
+    ):
         # Finders of other packages may find again what lies in folders that are read already.
         yield from _readers_by_importlib(known={Path(entry).resolve() for entry in sys.path})
 
 
 def _readers_in_directory(directory: Path) -> Iterator[tuple[str, _Reader]]:
     try:
-        names = sorted(path.name for path in directory.iterdir() if path.name.endswith(_METADATA_FOLDERS))
+        names = sorted(
+            path.name for path in directory.iterdir() if path.name.endswith(_METADATA_FOLDERS)
+        )
     except OSError:
         return
     for name in names:
@@ -154,7 +174,9 @@ def _content(folder: Path, file_name: str) -> str:
         return ""
 
 
-def _readers_by_importlib(known: Collection[Path] = (), **where: Any) -> Iterator[tuple[str, _Reader]]:
+def _readers_by_importlib(
+    known: Collection[Path] = (), **where: Any
+) -> Iterator[tuple[str, _Reader]]:
     from importlib import metadata
 
     for distribution in metadata.distributions(**where):
@@ -182,7 +204,9 @@ def _sections(text: str) -> dict[str, list[tuple[str, str]]]:
 
 
 def _headers(read: _Reader, folder_name: str) -> tuple[str, str, str]:
-    """Return name, version and required versions of opir-core; the folder's name stands in for missing headers."""
+    """Return name, version and required versions of opir-core; the folder's name stands in for
+    missing headers.
+    """
     text = next(filter(None, map(read, _METADATA_FILES)), "")
     headers: dict[str, list[str]] = {}
     for line in text.partition("\n\n")[0].splitlines():
@@ -191,7 +215,11 @@ def _headers(read: _Reader, folder_name: str) -> tuple[str, str, str]:
             headers.setdefault(key.lower(), []).append(value.strip())
     stem_name, _, stem_version = folder_name.rpartition(".")[0].partition("-")
     name, version = (headers.get(key, [""])[-1] for key in ("name", "version"))
-    return name or stem_name, version or stem_version, core_specifier(headers.get("requires-dist", ()))
+    return (
+        name or stem_name,
+        version or stem_version,
+        core_specifier(headers.get("requires-dist", ())),
+    )
 
 
 PLUGIN_GROUP = "opir"
@@ -205,32 +233,44 @@ Offer = tuple[str, str]
 Entry = tuple[str, str]
 
 #: The hooks by their names in the group `opir.components`.
-HOOK_OF_KIND: Mapping[str, str] = {**{hook.removeprefix("opir_"): hook for hook in CATALOGUE}, "commands": COMMAND_HOOK}
+HOOK_OF_KIND: Mapping[str, str] = {
+    **{hook.removeprefix("opir_"): hook for hook in CATALOGUE},
+    "commands": COMMAND_HOOK,
+}
 
-#: The core's own plugins, which no allow-list excludes: the module and, where it is imported on demand, its components.
+#: The core's own plugins, which no allow-list excludes: the module and, where it is imported on
+#: demand, its components.
 CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
     "target-models": (
         "opir_core.builtin.target_models",
         frozenset(("opir_target_models", name) for name in ("gravity-turn", "orbit", "glide")),
     ),
-    "scanner": ("opir_core.builtin.scanner", frozenset({("opir_sensor_models", "generic-scanner")})),
+    "scanner": (
+        "opir_core.builtin.scanner",
+        frozenset({("opir_sensor_models", "generic-scanner")}),
+    ),
     "target-classes": (
         "opir_core.builtin.target_classes",
-        frozenset(("opir_target_classes", name) for name in ("ICBM", "IRBM", "SRBM", "MRBM", "SLBM", "HGV", "SLV")),
+        frozenset(
+            ("opir_target_classes", name)
+            for name in ("ICBM", "IRBM", "SRBM", "MRBM", "SLBM", "HGV", "SLV")
+        ),
     ),
 }
 
-_VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\w+)*))?\s*(?:\[.*\])?")
+_VALUE = re.compile(
+    r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\w+)*))?\s*(?:\[.*\])?"
+)
 
 
 @frozen(eq=False, kw_only=True, repr=False)
 class Source:
     """A plugin, from its metadata.
 
-    `advertised` are the components that it lists, None where it lists none and has to be imported to know them.
-    `requires_core` is the specifier of its dependency on opir-core, "" for none. `fault` is the error in the metadata,
-    "" for none.
+    `advertised` are the components that it lists, None where it lists none and has to be imported
+    to know them. `requires_core` is the specifier of its dependency on opir-core, "" for none.
+    `fault` is the error in the metadata, "" for none.
     """
 
     provenance: Provenance
@@ -244,8 +284,8 @@ class Source:
 class Selection:
     """The installed plugins, divided by an allow-list.
 
-    `unknown` are names on the list that no distribution provides. `rule` is the list's name in messages, "" without
-    one.
+    `unknown` are names on the list that no distribution provides. `rule` is the list's name in
+    messages, "" without one.
     """
 
     allowed: Sequence[Source]
@@ -258,7 +298,9 @@ def core_sources() -> list[Source]:
     """Return the core's own plugins."""
     return [
         Source(
-            provenance=Provenance(name, "opir-core", __version__), load=partial(_imported, module), advertised=offers
+            provenance=Provenance(name, "opir-core", __version__),
+            load=partial(_imported, module),
+            advertised=offers,
         )
         for name, (module, offers) in CORE_PLUGINS.items()
     ]
@@ -267,19 +309,25 @@ def core_sources() -> list[Source]:
 def installed_sources() -> list[Source]:
     """Return the plugins of all installed distributions, sorted by distribution and name.
 
-    An entry of `opir.components` that belongs to none of a distribution's plugins is an error of each of them.
+    An entry of `opir.components` that belongs to none of a distribution's plugins is an error of
+    each of them.
     """
     sources = []
     for distribution in distributions_with((PLUGIN_GROUP, COMPONENT_GROUP)):
         plugins = sorted(set(distribution.entry_points.get(PLUGIN_GROUP, ())))
         adverts = sorted(set(distribution.entry_points.get(COMPONENT_GROUP, ())))
         faults = _faults(plugins, adverts)
-        sources += [_source(distribution, name, value, adverts, faults) for name, value in plugins or [("", "")]]
+        sources += [
+            _source(distribution, name, value, adverts, faults)
+            for name, value in plugins or [("", "")]
+        ]
     return sources
 
 
 def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str) -> Selection:
-    """Return the sources divided by the allowed names (None allows all); the core's own plugins are always allowed."""
+    """Return the sources divided by the allowed names (None allows all); the core's own plugins are
+    always allowed.
+    """
     known = list(sources)
     if allowed is None:
         return Selection(known)
@@ -294,7 +342,11 @@ def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str
 
 
 def _source(
-    distribution: Distribution, name: str, value: str, adverts: Sequence[Entry], faults: Sequence[str]
+    distribution: Distribution,
+    name: str,
+    value: str,
+    adverts: Sequence[Entry],
+    faults: Sequence[str],
 ) -> Source:
     offers = frozenset(_offer(entry) for entry, target in adverts if target == value or not name)
     taken = f"the plugin name {name!r} belongs to opir-core" if name in CORE_PLUGINS else ""
@@ -315,7 +367,10 @@ def _faults(plugins: Sequence[Entry], adverts: Sequence[Entry]) -> list[str]:
     words = "which is not one of its entry points in group opir"
     return [
         *(f"advertises {entry} for {value!r}, {words}" for entry, value in undeclared),
-        *(f"advertises {entry}, which is not a kind of component and a name" for entry in unreadable),
+        *(
+            f"advertises {entry}, which is not a kind of component and a name"
+            for entry in unreadable
+        ),
     ]
 
 

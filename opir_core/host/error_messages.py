@@ -1,4 +1,6 @@
-"""The messages about a component that is missing, has several owners or whose plugin failed, each with the remedy."""
+"""The messages about a component that is missing, has several owners or whose plugin failed, each
+with the remedy.
+"""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import PurePath
@@ -16,8 +18,8 @@ _CORE = PurePath(__file__).parent.parent
 _LIBRARIES = frozenset({"numpy", "scipy"})
 _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 
-#: The packages of this project and what they advertise, for messages about what is not installed. A test compares this
-#: table with the packages' metadata.
+#: The packages of this project and what they advertise, for messages about what is not installed. A
+#: test compares this table with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-coverage": ("commands.coverage", "commands.physics", "metrics.coverage"),
     "opir-dask": ("executors.dask",),
@@ -25,7 +27,13 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-export": (
         "commands.export",
         *("event_encoders.forge-c2", "event_encoders.udl"),
-        *("exporters.arrow", "exporters.csv", "exporters.czml", "exporters.geojson", "exporters.kml"),
+        *(
+            "exporters.arrow",
+            "exporters.csv",
+            "exporters.czml",
+            "exporters.geojson",
+            "exporters.kml",
+        ),
         *("exporters.oem", "exporters.parquet", "exporters.tdm", "sinks.parquet"),
         *("run_views.pandas", "run_views.polars", "run_views.tables"),
     ),
@@ -45,13 +53,32 @@ PACKAGES: Mapping[str, Sequence[str]] = {
         "detection_models.snr",
         *("sensor_models.AHI", "sensor_models.GOES-ABI"),
         "signature_models.plume",
-        *("source_models.bolides", "source_models.fires", "source_models.flares", "source_models.glints"),
+        *(
+            "source_models.bolides",
+            "source_models.fires",
+            "source_models.flares",
+            "source_models.glints",
+        ),
     ),
     "opir-readers": (
         *("commands.import", "commands.track", "target_models.ascent", "target_models.table"),
         *("readers.csv", "readers.events", "readers.gpx"),
-        *("readers.kml", "readers.oem", "readers.oem-xml", "readers.omm", "readers.openrocket", "readers.rasaero"),
-        *("readers.rocketpy", "readers.sights", "readers.sp3", "readers.stk", "readers.tdm", "readers.tle"),
+        *(
+            "readers.kml",
+            "readers.oem",
+            "readers.oem-xml",
+            "readers.omm",
+            "readers.openrocket",
+            "readers.rasaero",
+        ),
+        *(
+            "readers.rocketpy",
+            "readers.sights",
+            "readers.sp3",
+            "readers.stk",
+            "readers.tdm",
+            "readers.tle",
+        ),
         "readers.webcast",
     ),
     "opir-render": ("renderers.compiled",),
@@ -62,7 +89,12 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-studies": (
         *("commands.compare", "commands.optimise", "commands.sweep", "commands.tune"),
         *("executors.processes", "executors.serial"),
-        *("metrics.accuracy", "metrics.detection_by_time", "metrics.false_events", "metrics.impact_region"),
+        *(
+            "metrics.accuracy",
+            "metrics.detection_by_time",
+            "metrics.false_events",
+            "metrics.impact_region",
+        ),
         *("metrics.latency", "metrics.launch_error", "metrics.tracks", "metrics.warning_time"),
     ),
     "opir-testing": ("commands.check", "commands.new-plugin"),
@@ -75,7 +107,9 @@ Claims = Mapping[Offer, Sequence[Provenance]]
 
 @frozen
 class Search:
-    """A request for a component: the hook, the name and its path in the scene ("" outside a scene)."""
+    """A request for a component: the hook, the name and its path in the scene ("" outside a
+    scene).
+    """
 
     hook: str
     name: str
@@ -97,15 +131,25 @@ class Search:
         return f"{self.path}: " if self.path else ""
 
 
-def missing(search: Search, claims: Claims, failures: Iterable[PluginFailure], selection: Selection) -> str:
-    """Return the message about a name that no usable plugin offers: similar and installed names, failures, remedy."""
+def missing(
+    search: Search, claims: Claims, failures: Iterable[PluginFailure], selection: Selection
+) -> str:
+    """Return the message about a name that no usable plugin offers: similar and installed names,
+    failures, remedy.
+    """
     kind = search.kind
     name = search.name
-    installed = {offered: owners for (hook, offered), owners in sorted(claims.items()) if hook == search.hook}
+    installed = {
+        offered: owners for (hook, offered), owners in sorted(claims.items()) if hook == search.hook
+    }
     close = nearest_names(name, installed)
     lines = [
         f"{search.prefix}no {kind} is named {name!r}",
-        *([f"nearest: {_listed({offered: installed[offered] for offered in close})}"] if close else []),
+        *(
+            [f"nearest: {_listed({offered: installed[offered] for offered in close})}"]
+            if close
+            else []
+        ),
         *installable(search),
         f"{plural(kind)} installed: {_listed(installed) or 'none'}",
         *_of_other_kinds(search, claims),
@@ -143,7 +187,8 @@ def contested(search: Search, owners: Collection[Provenance]) -> str:
 def unusable(search: Search, failure: PluginFailure) -> str:
     """Return the message about a name whose only owner failed."""
     return (
-        f"{search.prefix}the {search.kind} {search.name!r} cannot be used, because its plugin failed\n"
+        f"{search.prefix}the {search.kind} {search.name!r} cannot be used, because its plugin"
+        f" failed\n"
         f"  failed: {failure}"
     )
 
@@ -151,7 +196,10 @@ def unusable(search: Search, failure: PluginFailure) -> str:
 def unknown_plugin(name: str, selection: Selection) -> str:
     """Return the message about a name on the allow-list that no distribution provides."""
     known = {source.provenance.plugin for source in (*selection.allowed, *selection.hidden)}
-    return f"{selection.rule} names {name!r}, but no installed distribution has such a plugin{nearest(name, known)}"
+    return (
+        f"{selection.rule} names {name!r}, but no installed distribution has such a"
+        f" plugin{nearest(name, known)}"
+    )
 
 
 def _left_out(search: Search, selection: Selection) -> Iterable[str]:
@@ -172,7 +220,9 @@ def _of_other_kinds(search: Search, claims: Claims) -> Iterable[str]:
 
 
 def _listed(owners_by_name: Mapping[str, Sequence[Provenance]]) -> str:
-    return ", ".join(f"{name} of {' and '.join(map(str, owners))}" for name, owners in owners_by_name.items())
+    return ", ".join(
+        f"{name} of {' and '.join(map(str, owners))}" for name, owners in owners_by_name.items()
+    )
 
 
 def _way_out(owners: Sequence[Provenance]) -> str:
@@ -183,11 +233,16 @@ def _way_out(owners: Sequence[Provenance]) -> str:
     if len(plugins) < len(owners):
         return "uninstall all of them but one"
     without = " or ".join(sorted(plugins - set(CORE_PLUGINS)))
-    return f"uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without {without}"
+    return (
+        f"uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without"
+        f" {without}"
+    )
 
 
 def described_error(error: BaseException) -> str:
-    """Return an exception as one line: its class, its message, and the line of the plugin that raised it."""
+    """Return an exception as one line: its class, its message, and the line of the plugin that
+    raised it.
+    """
     try:
         words = one_line(str(error))
     except Exception:
@@ -198,12 +253,16 @@ def described_error(error: BaseException) -> str:
 
 def one_line(text: str) -> str:
     """Return a text in one line, cut after 300 characters, with control characters escaped."""
-    line = "".join(char if char.isprintable() else repr(char)[1:-1] for char in " ".join(text.split()))
+    line = "".join(
+        char if char.isprintable() else repr(char)[1:-1] for char in " ".join(text.split())
+    )
     return line if len(line) <= _LONGEST_WORDS else f"{line[:_LONGEST_WORDS]}…"
 
 
 def place_of_frame(frame: FrameType) -> str:
-    """Return the line that a thread executes, from its innermost frame, chosen as for a raised exception."""
+    """Return the line that a thread executes, from its innermost frame, chosen as for a raised
+    exception.
+    """
     lines = []
     outer: FrameType | None = frame
     while outer is not None:
@@ -223,16 +282,23 @@ def _place(error: BaseException) -> str:
 
 
 def is_of_plugin(frame: FrameType) -> bool:
-    """Return whether a frame is of a package outside the core, Python's own library, numpy and scipy."""
+    """Return whether a frame is of a package outside the core, Python's own library, numpy and
+    scipy.
+    """
     path = PurePath(frame.f_code.co_filename)
     root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-    if not _LIBRARIES.isdisjoint(path.parent.parts) or str(path).startswith("<frozen ") or root in stdlib_module_names:
+    if (
+        not _LIBRARIES.isdisjoint(path.parent.parts)
+        or str(path).startswith("<frozen ")
+        or root in stdlib_module_names
+    ):
         return False
     return not path.is_relative_to(_CORE)
 
 
 def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
-    """Return the innermost line of the first package outside the core, else the innermost line of the core.
+    """Return the innermost line of the first package outside the core, else the innermost line of
+    the core.
 
     Lines of the host, of Python's own library, of numpy and scipy do not count.
     """
@@ -244,7 +310,11 @@ def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
         line = f"{'/'.join(path.parts[-2:])}, line {number}"
         folder = path.parent.parts
         root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if not _LIBRARIES.isdisjoint(folder) or str(path).startswith("<frozen ") or root in stdlib_module_names:
+        if (
+            not _LIBRARIES.isdisjoint(folder)
+            or str(path).startswith("<frozen ")
+            or root in stdlib_module_names
+        ):
             continue
         if any(folder[-len(own) :] == own for own in _MACHINERY):
             continue

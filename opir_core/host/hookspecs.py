@@ -1,14 +1,16 @@
 """The hooks a plugin may implement.
 
-Catalogue hooks (plural names) describe. The host calls each at most once, when a scene, `opir plugins` or `opir
-describe` first needs to know what is offered; never while a simulation runs, and not at all for a plugin that
-`OPIR_PLUGINS` leaves out or that nothing asked for. A hook takes no arguments and returns an iterable, which the host
-exhausts at once; what it yields is sorted by name, so the order of installation, of entry points and of yielding has no
-effect. Two owners of one name are refused, with both named. `tryfirst`, `trylast`, wrappers and `firstresult` have no
-meaning here and are refused.
+Catalogue hooks (plural names) describe. The host calls each at most once, when a scene, `opir
+plugins` or `opir describe` first needs to know what is offered; never while a simulation runs, and
+not at all for a plugin that `OPIR_PLUGINS` leaves out or that nothing asked for. A hook takes no
+arguments and returns an iterable, which the host exhausts at once; what it yields is sorted by
+name, so the order of installation, of entry points and of yielding has no effect. Two owners of one
+name are refused, with both named. `tryfirst`, `trylast`, wrappers and `firstresult` have no meaning
+here and are refused.
 
-A hook must not import anything heavy, touch the network, the clock or global random state, or print. An exception from
-a hook is reported against the plugin that raised it and costs only that plugin's components.
+A hook must not import anything heavy, touch the network, the clock or global random state, or
+print. An exception from a hook is reported against the plugin that raised it and costs only that
+plugin's components.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ class CatalogueHooks:
     def opir_constellations(self) -> Iterable[c.Constellation]:  # type: ignore[empty-body]
         """Yield named fleets: satellites, their orbits and the sensor model they carry.
 
-        A scene chooses one with `constellation: NAME`. The model named need not come from the same plugin.
+        A scene chooses one with `constellation: NAME`. The model named need not come from the same
+        plugin.
 
         >>> from opir_core.plugin import Constellation, Host, hookimpl
         >>> SATELLITES = [{"id": f"PAIR-{slot}", "orbital_slot_deg": slot} for slot in (10.0, 40.0)]
@@ -68,7 +71,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_detection_models(self) -> Iterable[c.DetectionModel]:  # type: ignore[empty-body]
-        """Yield detection models: exposures to probability of detection. A scene chooses one with `detection: NAME`.
+        """Yield detection models: exposures to probability of detection. A scene chooses one with
+        `detection: NAME`.
 
         >>> import numpy as np
         >>> from opir_core.plugin import DetectionModel, DetectionProbability, Host, Measured, hookimpl
@@ -87,7 +91,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_confidence_models(self) -> Iterable[c.ConfidenceModel]:  # type: ignore[empty-body]
-        """Yield confidence models: detections and their history to confidence. Chosen with `confidence: NAME`.
+        """Yield confidence models: detections and their history to confidence. Chosen with
+        `confidence: NAME`.
 
         >>> import numpy as np
         >>> from opir_core.plugin import Confidence, ConfidenceModel, Host, hookimpl
@@ -104,7 +109,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_classifiers(self) -> Iterable[c.ClassifierModel]:  # type: ignore[empty-body]
-        """Yield classifiers: measurements to the reported target type. Chosen with `classification: NAME`.
+        """Yield classifiers: measurements to the reported target type. Chosen with `classification:
+        NAME`.
 
         >>> import numpy as np
         >>> from opir_core.plugin import REPORTED_TYPES, Classifier, ClassifierModel, Host, hookimpl
@@ -143,7 +149,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_target_models(self) -> Iterable[c.TargetModel]:  # type: ignore[empty-body]
-        """Yield target models: launches to trajectories and plumes. Chosen with `model: NAME` in a target's block.
+        """Yield target models: launches to trajectories and plumes. Chosen with `model: NAME` in a
+        target's block.
 
         >>> from attrs import frozen
         >>> from opir_core.plugin import Host, TargetModel, hookimpl, number
@@ -163,7 +170,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_target_classes(self) -> Iterable[TargetClass]:  # type: ignore[empty-body]
-        """Yield target classes: boost profiles, what follows burnout, plumes. Chosen with `type: NAME` in a target.
+        """Yield target classes: boost profiles, what follows burnout, plumes. Chosen with `type:
+        NAME` in a target.
 
         >>> from opir_core.plugin import BoostProfile, Host, Plume, TargetClass, hookimpl
         >>> SOUNDING = BoostProfile("sounding", 40.0, 5.0, 1.0, 1.0, 2000.0, 1.2, reference_range_m=3e5)
@@ -179,7 +187,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_signature_models(self) -> Iterable[c.SignatureModel]:  # type: ignore[empty-body]
-        """Yield signature models: how brightly targets radiate. Chosen with `signature: NAME` in a target's block.
+        """Yield signature models: how brightly targets radiate. Chosen with `signature: NAME` in a
+        target's block.
 
         >>> import numpy as np
         >>> from opir_core.plugin import Host, SignatureModel, Signatures, hookimpl
@@ -196,7 +205,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_source_models(self) -> Iterable[c.SourceModel]:  # type: ignore[empty-body]
-        """Yield source models: emitters that are no targets. Chosen with `model: NAME` in a block of `sources`.
+        """Yield source models: emitters that are no targets. Chosen with `model: NAME` in a block
+        of `sources`.
 
         >>> from opir_core.plugin import Host, SourceModel, Sources, hookimpl
         >>> class NoFires(Sources):
@@ -247,7 +257,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_event_encoders(self) -> Iterable[c.EventEncoder]:  # type: ignore[empty-body]
-        """Yield event encoders: detections to message bytes. Chosen with `encoder: NAME` in an output's block.
+        """Yield event encoders: detections to message bytes. Chosen with `encoder: NAME` in an
+        output's block.
 
         >>> from opir_core.plugin import Encoder, EventEncoder, Host, hookimpl
         >>> class Times(Encoder):
@@ -285,13 +296,15 @@ class CatalogueHooks:
     def opir_renderers(self) -> Iterable[c.RendererModel]:  # type: ignore[empty-body]
         """Yield renderers: columns to the lines of events and truth. All make the same bytes.
 
-        The environment variable `OPIR_RENDERER` names one; by default it is `compiled` if that is installed and works,
-        else `reference`.
-        `render(count, columns)` returns `count` lines. A column is text common to all lines (`bytes`), or has
-        `plain()`, which returns a tuple of its kind and its values:
+        The environment variable `OPIR_RENDERER` names one; by default it is `compiled` if that is
+        installed and works, else `reference`. `render(count, columns)` returns `count` lines. A
+        column is text common to all lines (`bytes`), or has `plain()`, which returns a tuple of its
+        kind and its values:
 
-        * `("looked", texts, row)`: the text of each line by its row (n,); row None: `texts` (n,) are those of the lines
-        * `("decimal", values, decimals)`: numbers (n,), rounded, as the shortest text of the double; nan, inf: `null`
+        * `("looked", texts, row)`: the text of each line by its row (n,); row None: `texts` (n,)
+          are those of the lines
+        * `("decimal", values, decimals)`: numbers (n,), rounded, as the shortest text of the
+          double; nan, inf: `null`
         * `("ids", words)`: UUIDs from two 64-bit words (n, 2), the most significant first
         * `("times", unix_us)`: UTC (n,), µs since 1970-01-01, as `2026-04-01T12:00:00.050000Z`
 
@@ -308,10 +321,11 @@ class CatalogueHooks:
 
     @hookspec
     def opir_readers(self) -> Iterable[c.FileReader]:  # type: ignore[empty-body]
-        """Yield readers: files of other programs to flights or orbits. A file is read by whoever recognises it.
+        """Yield readers: files of other programs to flights or orbits. A file is read by whoever
+        recognises it.
 
-        A scene may name one with `format: NAME` in the block of a target of the model `table`; `opir import FILE` shows
-        what a reader makes of a file.
+        A scene may name one with `format: NAME` in the block of a target of the model `table`;
+        `opir import FILE` shows what a reader makes of a file.
 
         >>> import numpy as np
         >>> from opir_core.plugin import FileReader, Host, StateTable, hookimpl
@@ -351,7 +365,8 @@ class CatalogueHooks:
 
     @hookspec
     def opir_executors(self) -> Iterable[c.ExecutorModel]:  # type: ignore[empty-body]
-        """Yield executors: where the runs of a study are made. A study chooses one with `executor: NAME`.
+        """Yield executors: where the runs of a study are made. A study chooses one with `executor:
+        NAME`.
 
         >>> from opir_core.plugin import Executor, ExecutorModel, Host, hookimpl
         >>> class Patient(Executor):
@@ -387,11 +402,13 @@ class CatalogueHooks:
 
     @hookspec
     def opir_run_views(self) -> Iterable[c.RunView]:  # type: ignore[empty-body]
-        """Yield run views: a finished run in another form, tables or plots for instance. `run.view(NAME)` returns one.
+        """Yield run views: a finished run in another form, tables or plots for instance.
+        `run.view(NAME)` returns one.
 
-        `build(run)` gets an `opir_core.Run` and changes nothing of it. `run.plot`, `run.tables()`, `run.to_pandas()`
-        and `run.to_polars()` return the views `plot`, `tables`, `pandas` and `polars`; a notebook shows the view `map`,
-        an element of HTML or SVG as text. An allow-list of the host that the run was made with also applies to views.
+        `build(run)` gets an `opir_core.Run` and changes nothing of it. `run.plot`, `run.tables()`,
+        `run.to_pandas()` and `run.to_polars()` return the views `plot`, `tables`, `pandas` and
+        `polars`; a notebook shows the view `map`, an element of HTML or SVG as text. An allow-list
+        of the host that the run was made with also applies to views.
 
         >>> from opir_core.plugin import Host, RunView, hookimpl
         >>> class Plugin:
@@ -412,9 +429,10 @@ class ExtensionHooks:
     def opir_add_commands(self, commands: Any) -> None:
         """Add commands to the `opir` command line.
 
-        `commands` is argparse's object of subparsers. Called when the command line is asked for a command that the core
-        does not have, or for its help; not when a core command runs. A parser added must set `run` as a default:
-        `parser.set_defaults(run=function)`, where `function(arguments) -> int` returns the exit code.
+        `commands` is argparse's object of subparsers. Called when the command line is asked for a
+        command that the core does not have, or for its help; not when a core command runs. A parser
+        added must set `run` as a default: `parser.set_defaults(run=function)`, where
+        `function(arguments) -> int` returns the exit code.
 
         >>> import argparse
         >>> from opir_core.plugin import hookimpl

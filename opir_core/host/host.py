@@ -1,8 +1,8 @@
 """The host: the plugins, their components and the owner of each.
 
-Discovery is tolerant: a broken plugin is one warning and one row in the catalogue. Resolution is strict: a requested
-component that cannot be used is a `PluginError` with the owner and the remedy. The order of installation has no effect,
-and there is no global host.
+Discovery is tolerant: a broken plugin is one warning and one row in the catalogue. Resolution is
+strict: a requested component that cannot be used is a `PluginError` with the owner and the remedy.
+The order of installation has no effect, and there is no global host.
 """
 
 import os
@@ -39,9 +39,10 @@ class Host:
     def discover(cls, allowed: Iterable[str] | EllipsisType | None = ...) -> Self:
         """Return a host of the core's own plugins and the installed ones; none is imported yet.
 
-        `allowed` are short names of plugins (`["dsp", "kafka"]`; an empty list allows none, None allows all). By
-        default the environment variable `OPIR_PLUGINS=dsp,kafka` gives them: empty allows none, unset allows all. A
-        name that is not installed is logged as a warning and listed in the catalogue.
+        `allowed` are short names of plugins (`["dsp", "kafka"]`; an empty list allows none, None
+        allows all). By default the environment variable `OPIR_PLUGINS=dsp,kafka` gives them: empty
+        allows none, unset allows all. A name that is not installed is logged as a warning and
+        listed in the catalogue.
         """
         rule = "the allow-list"
         if isinstance(allowed, EllipsisType):
@@ -55,7 +56,9 @@ class Host:
 
     @classmethod
     def of(cls, *plugins: object) -> Self:
-        """Return a host of the core's own plugins and the given plugin objects (modules or instances) only."""
+        """Return a host of the core's own plugins and the given plugin objects (modules or
+        instances) only.
+        """
         host = cls(Selection(core_sources()))
         for plugin in plugins:
             host.register(plugin)
@@ -85,8 +88,8 @@ class Host:
     def component(self, hook: Any, name: str, path: str = "") -> Any:
         """Return the component of a name; `path` is the path in the scene that names it.
 
-        `hook` is a catalogue hook's name or the class of its components. Raises `PluginError` if no plugin offers the
-        name, if several do, or if its plugin failed.
+        `hook` is a catalogue hook's name or the class of its components. Raises `PluginError` if no
+        plugin offers the name, if several do, or if its plugin failed.
         """
         search = Search(_hook_name(hook), name, path)
         source, contributions = self._resolved(search)
@@ -99,12 +102,16 @@ class Host:
         return source.provenance
 
     def names(self, hook: Hook) -> list[str]:
-        """Return the names offered under a hook, sorted; plugins that advertise their names are not imported."""
+        """Return the names offered under a hook, sorted; plugins that advertise their names are not
+        imported.
+        """
         wanted = _hook_name(hook)
         return sorted({name for offered, name in self.registry.claims() if offered == wanted})
 
     def readers(self) -> list[FileReader]:
-        """Return the readers of files that can be used, sorted by name; one whose plugin fails costs itself."""
+        """Return the readers of files that can be used, sorted by name; one whose plugin fails
+        costs itself.
+        """
         found = []
         for name in self.names(FileReader.hook):
             with suppress(PluginError):
@@ -131,11 +138,15 @@ class Host:
     def _resolved(self, search: Search) -> tuple[Source, Contributions]:
         claimants = self.registry.claimants(search.offer)
         if len(claimants) > 1:
-            raise PluginError(error_messages.contested(search, [source.provenance for source in claimants]))
+            raise PluginError(
+                error_messages.contested(search, [source.provenance for source in claimants])
+            )
         if not claimants:
             self.registry.load_all()
             known = self.registry.claims()
-            raise PluginError(error_messages.missing(search, known, self.failures, self.registry.selection))
+            raise PluginError(
+                error_messages.missing(search, known, self.failures, self.registry.selection)
+            )
         outcome = self.registry.load(claimants[0])
         if isinstance(outcome, PluginFailure):
             raise PluginError(error_messages.unusable(search, outcome))
@@ -152,4 +163,8 @@ def _hook_name(hook: Hook) -> str:
 def _free_name(plugin: object, taken: Container[str]) -> str:
     name = getattr(plugin, "__name__", type(plugin).__name__)
     numbered = (f"{name}-{number}" for number in count(2))
-    return name if name not in taken else next(candidate for candidate in numbered if candidate not in taken)
+    return (
+        name
+        if name not in taken
+        else next(candidate for candidate in numbered if candidate not in taken)
+    )

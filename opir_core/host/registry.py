@@ -26,9 +26,10 @@ class ComponentRow:
 class PluginRow:
     """One plugin in a catalogue.
 
-    `state` is "ready", "failed" (`failure` is the reason), "hidden" (excluded by the allow-list, not imported) or
-    "unknown" (on the allow-list, but not installed). `requires_core` is the specifier of the versions of opir-core that
-    the plugin requires, "" for none. `commands` are those advertised.
+    `state` is "ready", "failed" (`failure` is the reason), "hidden" (excluded by the allow-list,
+    not imported) or "unknown" (on the allow-list, but not installed). `requires_core` is the
+    specifier of the versions of opir-core that the plugin requires, "" for none. `commands` are
+    those advertised.
     """
 
     distribution: str
@@ -57,13 +58,21 @@ class Registry:
     @property
     def failures(self) -> tuple[PluginFailure, ...]:
         """Return the failures of the loaded plugins, sorted."""
-        return tuple(sorted(outcome for outcome in self._outcomes.values() if isinstance(outcome, PluginFailure)))
+        return tuple(
+            sorted(
+                outcome for outcome in self._outcomes.values() if isinstance(outcome, PluginFailure)
+            )
+        )
 
     @property
     def ready(self) -> tuple[Provenance, ...]:
         """Return the plugins that were loaded and did not fail, sorted."""
         outcomes = self._outcomes.items()
-        return tuple(sorted(source.provenance for source, each in outcomes if isinstance(each, Contributions)))
+        return tuple(
+            sorted(
+                source.provenance for source, each in outcomes if isinstance(each, Contributions)
+            )
+        )
 
     def add(self, source: Source, contributions: Contributions) -> None:
         """Add a plugin with its contributions."""
@@ -89,18 +98,24 @@ class Registry:
             self.load(source)
 
     def claimants(self, offer: Offer) -> tuple[Source, ...]:
-        """Return the plugins that advertise or offer a name; plugins that advertise nothing are loaded."""
+        """Return the plugins that advertise or offer a name; plugins that advertise nothing are
+        loaded.
+        """
         return tuple(source for source in self._sources if offer in self.claims_of(source))
 
     def claims_of(self, source: Source) -> Iterable[Offer]:
-        """Return the names that a plugin advertises or, if it advertises none, those that it offers."""
+        """Return the names that a plugin advertises or, if it advertises none, those that it
+        offers.
+        """
         if source.advertised is not None:
             return source.advertised
         outcome = self.load(source)
         return outcome.components if isinstance(outcome, Contributions) else ()
 
     def claims(self) -> dict[Offer, list[Provenance]]:
-        """Return every name that a plugin that has not failed advertises or offers, with its owners."""
+        """Return every name that a plugin that has not failed advertises or offers, with its
+        owners.
+        """
         owners: dict[Offer, list[Provenance]] = {}
         for source in self._sources:
             offers = self.claims_of(source)
@@ -110,13 +125,18 @@ class Registry:
         return owners
 
     def rows(self) -> list[PluginRow]:
-        """Load every plugin and return a row for each, sorted by name, then the hidden and the unknown ones."""
+        """Load every plugin and return a row for each, sorted by name, then the hidden and the
+        unknown ones.
+        """
         self.load_all()
         owners = self.claims()
         selection = self.selection
         return [
             *(self._row_of(source, owners) for source in self._sources),
-            *(_row(source.provenance, "hidden", source.requires_core) for source in selection.hidden),
+            *(
+                _row(source.provenance, "hidden", source.requires_core)
+                for source in selection.hidden
+            ),
             *(
                 _row(Provenance(name, "", ""), "unknown", failure=unknown_plugin(name, selection))
                 for name in selection.unknown
@@ -138,7 +158,9 @@ class Registry:
             )
             for (hook, name), component in sorted(outcome.components.items())
         )
-        commands = tuple(sorted(name for hook, name in source.advertised or () if hook == COMMAND_HOOK))
+        commands = tuple(
+            sorted(name for hook, name in source.advertised or () if hook == COMMAND_HOOK)
+        )
         return _row(owner, "ready", source.requires_core, components=components, commands=commands)
 
 
@@ -196,7 +218,8 @@ def _require_advertised(source: Source, contributions: Contributions) -> None:
         differences.append(f"has {COMMAND_HOOK} and advertises no command")
     if differences:
         raise InvalidPlugin(
-            f"its entry points in group opir.components differ from what it offers: {'; '.join(differences)}"
+            f"its entry points in group opir.components differ from what it offers:"
+            f" {'; '.join(differences)}"
         )
 
 

@@ -1,4 +1,6 @@
-"""The watchdog: a thread that notices what does not return, for commands, workers and services alike."""
+"""The watchdog: a thread that notices what does not return, for commands, workers and services
+alike.
+"""
 
 import math
 import os
@@ -20,7 +22,8 @@ STUCK = 6
 DEAD_AFTER_S = 600.0
 #: Longest interval, s, between two checks.
 CHECK_S = 0.5
-#: A check that is late by more than this, s, shows that the process was paused: stopped, or its machine suspended.
+#: A check that is late by more than this, s, shows that the process was paused: stopped, or its
+#: machine suspended.
 PAUSED_S = 2.0
 
 
@@ -28,9 +31,10 @@ PAUSED_S = 2.0
 class Watchdog:
     """A thread that asks for the reason why something is stuck, and reports the first one.
 
-    `reason` returns "" while all is well; then `on_well` is called. `on_stuck` is called with the reason, in the
-    watchdog's thread, which ends; None only stops the calls of `on_well`. It watches its own beat first: after a pause
-    of the process nothing is called stuck before it had `dead_after_s` again, except what is `final`, a failure.
+    `reason` returns "" while all is well; then `on_well` is called. `on_stuck` is called with the
+    reason, in the watchdog's thread, which ends; None only stops the calls of `on_well`. It watches
+    its own beat first: after a pause of the process nothing is called stuck before it had
+    `dead_after_s` again, except what is `final`, a failure.
     """
 
     reason: Callable[[], str]
@@ -73,17 +77,22 @@ class Watchdog:
                 return
 
 
-#: The limits that are set, s, the last in force; processes inherit them that are copied from this one.
+#: The limits that are set, s, the last in force; processes inherit them that are copied from this
+#: one.
 _SET: list[float] = []
 
 
 def limit_in_force(otherwise_s: float = DEAD_AFTER_S) -> float:
-    """Return the time, s, that a call of a component may last: as `--dead-after` says, or else `otherwise_s`."""
+    """Return the time, s, that a call of a component may last: as `--dead-after` says, or else
+    `otherwise_s`.
+    """
     return _SET[-1] if _SET else otherwise_s
 
 
 @contextmanager
-def ended_if_stuck(dead_after_s: float | None = None, on_stuck: Callable[[str], None] | None = None) -> Iterator[None]:
+def ended_if_stuck(
+    dead_after_s: float | None = None, on_stuck: Callable[[str], None] | None = None
+) -> Iterator[None]:
     """End this process if a component that this thread calls does not return within `dead_after_s`.
 
     By default the limit is that in force; `on_stuck` is called with the reason instead.
@@ -102,21 +111,29 @@ def ended_if_stuck(dead_after_s: float | None = None, on_stuck: Callable[[str], 
 
 
 def _end_process(reason: str) -> None:
-    """Print the reason and end this process with `STUCK`, without waiting for its threads: one may never return."""
+    """Print the reason and end this process with `STUCK`, without waiting for its threads: one may
+    never return.
+    """
     sys.stderr.write(f"opir: {reason}; the watchdog ends this process with exit code {STUCK}\n")
     sys.stderr.flush()
     os._exit(STUCK)
 
 
 class OverdueError(Exception):
-    """A call in another thread that does not return; its text is the line that the thread executes."""
+    """A call in another thread that does not return; its text is the line that the thread
+    executes.
+    """
 
 
 class CallThread:
-    """A thread for calls that may not return; it is left behind then, and ends after its last call."""
+    """A thread for calls that may not return; it is left behind then, and ends after its last
+    call.
+    """
 
     def __init__(self) -> None:
-        self._calls = queue.SimpleQueue[tuple[Callable[[], Any], list[Any], threading.Event, bool]]()
+        self._calls = queue.SimpleQueue[
+            tuple[Callable[[], Any], list[Any], threading.Event, bool]
+        ]()
         self._thread = threading.Thread(target=self._work, name="opir-call", daemon=True)
         self._thread.start()
 

@@ -1,4 +1,6 @@
-"""Records of columns: numpy arrays of one length that are indexed, concatenated and filled together."""
+"""Records of columns: numpy arrays of one length that are indexed, concatenated and filled
+together.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
@@ -24,7 +26,10 @@ def _kinds(record: Any) -> tuple[Any, ...]:
     unknown = [name for name in names_of(record) if hints[name] not in NUMBER_TYPES]
     if unknown:
         columns = ", ".join(f"{record.__name__}.{name}" for name in unknown)
-        raise TypeError(f"annotate {columns} with an array type of opir_core.arrays, for the number type of no rows")
+        raise TypeError(
+            f"annotate {columns} with an array type of opir_core.arrays, for the number type of no"
+            f" rows"
+        )
     return tuple(NUMBER_TYPES[hints[name]] for name in names_of(record))
 
 
@@ -35,7 +40,8 @@ _kinds_of: Callable[[Any], tuple[Any, ...]] = cache(_kinds)
 
 
 class Columns:
-    """A record of columns; the first attribute gives its length, and any may be None. Records have `repr=False`.
+    """A record of columns; the first attribute gives its length, and any may be None. Records have
+    `repr=False`.
 
     A column that is the array of the first one stays so: `take` and `concatenate` copy it once.
     """
@@ -47,7 +53,9 @@ class Columns:
         return len(getattr(self, names_of(type(self))[0]))
 
     def __repr__(self) -> str:
-        """Return the number of rows and the columns, with the shape of a row where it is not one number."""
+        """Return the number of rows and the columns, with the shape of a row where it is not one
+        number.
+        """
         columns = {name: getattr(self, name) for name in names_of(type(self))}
         names = [
             f"{name}{list(column.shape[1:]) if np.ndim(column) > 1 else ''}"
@@ -65,16 +73,25 @@ class Columns:
             # For columns of vectors `take` is several times as fast as an index.
             of_first = None if first is None else first.take(rows, axis=0)
             taken = [
-                of_first if column is first else None if column is None else column.take(rows, axis=0)
+                of_first
+                if column is first
+                else None
+                if column is None
+                else column.take(rows, axis=0)
                 for column in columns
             ]
         else:
             of_first = None if first is None else first[rows]
-            taken = [of_first if column is first else None if column is None else column[rows] for column in columns]
+            taken = [
+                of_first if column is first else None if column is None else column[rows]
+                for column in columns
+            ]
         return type(self)(*taken)
 
     def part(self, rows: Any) -> Self:
-        """Return some of the rows, by distinct sorted indices; the record itself if these are all rows."""
+        """Return some of the rows, by distinct sorted indices; the record itself if these are all
+        rows.
+        """
         return self if len(rows) == len(self) else self.take(rows)
 
     def freeze(self) -> Self:
@@ -101,7 +118,9 @@ class Columns:
         of_first = np.concatenate(first)
         return cls(
             *[
-                of_first if column[0] is first[0] and all(map(is_, column, first)) else np.concatenate(column)
+                of_first
+                if column[0] is first[0] and all(map(is_, column, first))
+                else np.concatenate(column)
                 for column in columns
             ]
         )
@@ -110,16 +129,21 @@ class Columns:
     def empty(cls) -> Self:
         """Return the record without rows."""
         columns = zip(names_of(cls), _kinds_of(cls), strict=True)
-        return cls(*(np.empty((0, *cls.row_shapes.get(name, ())), dtype=kind) for name, kind in columns))
+        return cls(
+            *(np.empty((0, *cls.row_shapes.get(name, ())), dtype=kind) for name, kind in columns)
+        )
 
 
 class Filling(Generic[_Filled]):
-    """A record of a known number of rows, filled part by part, each copied while it is in the processor's cache.
+    """A record of a known number of rows, filled part by part, each copied while it is in the
+    processor's cache.
 
     Columns that are complete already are `given`; they are not copied.
     """
 
-    def __init__(self, record: type[_Filled], rows: int, given: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, record: type[_Filled], rows: int, given: Mapping[str, Any] | None = None
+    ) -> None:
         self._record = record
         self._rows = rows
         self._given = {} if given is None else given
@@ -138,7 +162,9 @@ class Filling(Generic[_Filled]):
 
     def record(self) -> _Filled:
         """Return the filled record."""
-        return self._record(**self._columns, **self._given) if self._columns else self._record.empty()
+        return (
+            self._record(**self._columns, **self._given) if self._columns else self._record.empty()
+        )
 
     def _blank(self, column: Any) -> Any:
         return None if column is None else np.empty((self._rows, *column.shape[1:]), column.dtype)

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 @frozen(kw_only=True)
 class SensorContext:
-    """The context of a sensor model; `readers` returns the readers of files that plugins offer (`FileReader`)."""
+    """The context of a sensor model; `readers` returns the readers of files that plugins offer
+    (`FileReader`).
+    """
 
     id: str
     epoch_us: int
@@ -33,11 +35,12 @@ class SensorContext:
 class TargetContext:
     """The context of a target model: the ids and scene paths of its targets, one per configuration.
 
-    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, with the default ballistic coefficient of
-    targets. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01, `duration_s` its length. With
-    `free_flight` a sensor follows targets after burnout: the model returns `FreeFlight` trajectories if it can.
-    `target_class` returns the target class of a name; by default the core's. `readers` returns the readers of files
-    that plugins offer (`FileReader`).
+    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, with the default ballistic
+    coefficient of targets. `epoch_us` is the scene's zero of time, microseconds of UTC since
+    1970-01-01, `duration_s` its length. With `free_flight` a sensor follows targets after burnout:
+    the model returns `FreeFlight` trajectories if it can. `target_class` returns the target class
+    of a name; by default the core's. `readers` returns the readers of files that plugins offer
+    (`FileReader`).
     """
 
     ids: tuple[str, ...]
@@ -52,8 +55,8 @@ class TargetContext:
 
 @frozen(eq=False)
 class Surroundings:
-    """What a model of light is built from: the scene with its choices, the host that has their components, and what is
-    built already. An `opir_core.Plan` has these attributes too.
+    """What a model of light is built from: the scene with its choices, the host that has their
+    components, and what is built already. An `opir_core.Plan` has these attributes too.
     """
 
     scene: Any
@@ -65,17 +68,20 @@ class Surroundings:
 
 @frozen(kw_only=True)
 class ModelContext:
-    """The context of detection models; with the built `detection` of classifiers; with the `classifier` of confidence
-    models.
+    """The context of detection models; with the built `detection` of classifiers; with the
+    `classifier` of confidence models.
 
-    Of the `surroundings` a model of light builds its environment. `class_names` are the target classes of launches and
-    the types of other hot sources, by default those of `target_type_code`; `target_class` returns the target class of a
-    name, by default the core's. `reported_types` are the names of the types that may be reported, of which
-    `REPORTED_TYPES` are the first. `hypotheses` are what a hot object may be.
+    Of the `surroundings` a model of light builds its environment. `class_names` are the target
+    classes of launches and the types of other hot sources, by default those of `target_type_code`;
+    `target_class` returns the target class of a name, by default the core's. `reported_types` are
+    the names of the types that may be reported, of which `REPORTED_TYPES` are the first.
+    `hypotheses` are what a hot object may be.
     """
 
     sensors: tuple[Sensor, ...]
-    target_type_code: NDArray[np.uint8] = field(eq=False)  #: into `EMITTER_TYPES`: launches, then other hot sources
+    target_type_code: NDArray[np.uint8] = field(
+        eq=False
+    )  #: into `EMITTER_TYPES`: launches, then other hot sources
     surroundings: Surroundings | None = field(default=None, eq=False)
     detection: DetectionProbability | None = field(default=None, eq=False)
     classifier: Classifier | None = field(default=None, eq=False)
@@ -85,8 +91,12 @@ class ModelContext:
     hypotheses: tuple[Hypothesis, ...] = field(factory=core_hypotheses, eq=False)
 
     def emitter_classes(self) -> tuple[tuple[str, ...], IndexArray]:
-        """Return the distinct classes of the emitters, in order of occurrence, and the number (n,) of each one's."""
-        names = self.class_names or tuple(EMITTER_TYPES[code] for code in self.target_type_code.tolist())
+        """Return the distinct classes of the emitters, in order of occurrence, and the number (n,)
+        of each one's.
+        """
+        names = self.class_names or tuple(
+            EMITTER_TYPES[code] for code in self.target_type_code.tolist()
+        )
         number = {name: place for place, name in enumerate(dict.fromkeys(names))}
         return tuple(number), np.array([number[name] for name in names], dtype=np.int32)
 
@@ -95,9 +105,10 @@ class ModelContext:
 class TrackerContext:
     """The context of a tracker; it has no targets.
 
-    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light is instantaneous.
-    `hypotheses` are what a hot object may be, in the order of `Tracks.hypothesis_probability`. `false_alarms_per_scan`
-    (sensors,) is the mean number of false alarms in a scan of the whole field of regard, None where it is unknown.
+    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light
+    is instantaneous. `hypotheses` are what a hot object may be, in the order of
+    `Tracks.hypothesis_probability`. `false_alarms_per_scan` (sensors,) is the mean number of false
+    alarms in a scan of the whole field of regard, None where it is unknown.
     """
 
     sensors: tuple[Sensor, ...]
@@ -124,8 +135,9 @@ class RendererContext:
 class EncoderContext:
     """The context of an encoder; `reported_types` are the names of the detections' codes.
 
-    `hypotheses` are the names of what a hot object may be, in the order of `Tracks.hypothesis_probability`. `render`
-    joins lines from columns for the core's encoders; None is the reference.
+    `hypotheses` are the names of what a hot object may be, in the order of
+    `Tracks.hypothesis_probability`. `render` joins lines from columns for the core's encoders; None
+    is the reference.
     """
 
     sensors: tuple[Sensor, ...]
@@ -141,13 +153,17 @@ def detection_count(window: Window) -> int:
 
 
 class FilePlacement(Protocol):
-    """Tells sinks of a batch run where to write: the files of a run are put in place together, once it is whole."""
+    """Tells sinks of a batch run where to write: the files of a run are put in place together, once
+    it is whole.
+    """
 
     def __call__(self, path: str | Path, *, only_appends: bool = False) -> Path:
-        """Return the path of an existing, empty, temporary file to open and write; it must not be replaced by another.
+        """Return the path of an existing, empty, temporary file to open and write; it must not be
+        replaced by another.
 
-        The path itself if it is no regular file. `only_appends` promises that written bytes do not change, so that they
-        can be hashed while the run goes on. Raises `SinkError` if another run writes the same file.
+        The path itself if it is no regular file. `only_appends` promises that written bytes do not
+        change, so that they can be hashed while the run goes on. Raises `SinkError` if another run
+        writes the same file.
         """
 
 
@@ -159,11 +175,12 @@ def _in_place(path: str | Path, *, only_appends: bool = False) -> Path:
 class SinkContext:
     """The context of a sink.
 
-    `make_encoder` builds the encoder of the output's block (`encoder: NAME`) and imports what it needs. `resumes` is
-    true if a spool may hold events of an earlier run: the sink must append to its output, not overwrite it. `count`
-    returns the number of a window's events in that encoder: of its detections, or of its tracks. `stage` returns where
-    to write a file that the sink makes anew; in a live run, the path itself. `origin` are the sensors, the epoch and
-    the reported types of the run, for sinks that write columns and not the messages of an encoder.
+    `make_encoder` builds the encoder of the output's block (`encoder: NAME`) and imports what it
+    needs. `resumes` is true if a spool may hold events of an earlier run: the sink must append to
+    its output, not overwrite it. `count` returns the number of a window's events in that encoder:
+    of its detections, or of its tracks. `stage` returns where to write a file that the sink makes
+    anew; in a live run, the path itself. `origin` are the sensors, the epoch and the reported types
+    of the run, for sinks that write columns and not the messages of an encoder.
     """
 
     make_encoder: Callable[[], Encoder]

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 else:
 
     class optional:  # noqa: N801 - a decorator
-        """A property with a default, which a subclass or an instance may replace by a plain attribute."""
+        """A property with a default, which a subclass or an instance may replace by a plain
+        attribute.
+        """
 
         def __init__(self, fget: Callable[[Any], Any]) -> None:
             self.fget = fget
@@ -24,7 +26,9 @@ else:
             return self if part is None else self.fget(part)
 
     class required(optional):  # noqa: N801 - a decorator
-        """A property that a subclass or an instance must replace, by a plain attribute or a property."""
+        """A property that a subclass or an instance must replace, by a plain attribute or a
+        property.
+        """
 
         def __get__(self, part: Any, _owner: Any = None) -> Any:
             if part is None:
@@ -33,19 +37,25 @@ else:
 
 
 class PluginPart(ABC):  # noqa: B024 - its subclasses have the abstract methods
-    """What the part that a component builds must have: required members, and optional ones with defaults."""
+    """What the part that a component builds must have: required members, and optional ones with
+    defaults.
+    """
 
     @classmethod
     def adopt(cls, part: Any, owner: Callable[[], str] | None = None) -> Self:
-        """Return a part as one of this class; what one of another class does not define has the default.
+        """Return a part as one of this class; what one of another class does not define has the
+        default.
 
-        Raises `ModelError`, which begins with what `owner` returns, if a required member is missing.
+        Raises `ModelError`, which begins with what `owner` returns, if a required member is
+        missing.
         """
         missing = [name for name in _required(cls) if not hasattr(part, name)]
         if missing:
             raise ModelError(
-                f"{f'{owner()}: ' if owner else ''}build made {kind_of(part)} without {', '.join(missing)};"
-                f" derive its class from opir_core.plugin.{cls.__name__}, which says what is required"
+                f"{f'{owner()}: ' if owner else ''}build made {kind_of(part)} without"
+                f" {', '.join(missing)};"
+                f" derive its class from opir_core.plugin.{cls.__name__}, which says what is"
+                f" required"
             )
         return part if isinstance(part, cls) else _adopter(cls)(part)
 
@@ -70,7 +80,9 @@ class _Adopted:
         try:
             return getattr(part, name)
         except AttributeError:
-            if inspect.getattr_static(part, name, None) is not None:  # a property of the part has failed
+            if (
+                inspect.getattr_static(part, name, None) is not None
+            ):  # a property of the part has failed
                 raise
             return object.__getattribute__(self, name)
 
@@ -88,5 +100,7 @@ def _adopter(contract: Any) -> Any:
 
 @cache
 def _required(contract: Any) -> list[str]:
-    values = (name for name, member in inspect.getmembers_static(contract) if isinstance(member, required))
+    values = (
+        name for name, member in inspect.getmembers_static(contract) if isinstance(member, required)
+    )
     return sorted({*contract.__abstractmethods__, *values})

@@ -8,20 +8,23 @@ from attrs import frozen
 from opir_core.arrays import FloatArray
 from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
 
-#: What an impact region presumes: that the target comes down; that its burn is over and it comes down; that it burns
-#: again and comes down then.
+#: What an impact region presumes: that the target comes down; that its burn is over and it comes
+#: down; that it burns again and comes down then.
 IMPACT_CONDITIONS = ("comes down", "burn over", "relights")
 
 
 @frozen(eq=False)
 class ImpactRegion:
-    """A highest-density region of an impact: the smallest area that contains it with probability `containment`.
+    """A highest-density region of an impact: the smallest area that contains it with probability
+    `containment`.
 
-    `polygons` are tuples of closed rings: the outer one, then holes. A ring is an array (k, 2) of latitude_rad and
-    longitude_rad, the last point equal to the first. A region may have several polygons.
+    `polygons` are tuples of closed rings: the outer one, then holes. A ring is an array (k, 2) of
+    latitude_rad and longitude_rad, the last point equal to the first. A region may have several
+    polygons.
 
-    Edges are straight in the azimuthal equidistant projection about `centre`, latitude_rad and longitude_rad; by
-    default about the mean of the corners. It matters to regions as wide as continents.
+    Edges are straight in the azimuthal equidistant projection about `centre`, latitude_rad and
+    longitude_rad; by default about the mean of the corners. It matters to regions as wide as
+    continents.
     """
 
     containment: float
@@ -45,17 +48,22 @@ class ImpactRegion:
         return self.containment, self.area_km2, polygons, self.centre, *presumed
 
     def chart(self) -> AzimuthalEquidistant:
-        """Return the map in which the edges are straight; a region without polygons needs a `centre`."""
+        """Return the map in which the edges are straight; a region without polygons needs a
+        `centre`.
+        """
         if self.centre is not None:
             return AzimuthalEquidistant.about(unit_vectors(np.array([self.centre]))[0])
         rings = [ring for polygon in self.polygons for ring in polygon]
-        return AzimuthalEquidistant.about(np.add.reduce([unit_vectors(ring).mean(axis=0) for ring in rings]))
+        return AzimuthalEquidistant.about(
+            np.add.reduce([unit_vectors(ring).mean(axis=0) for ring in rings])
+        )
 
     def contains(self, latitude_rad: float, longitude_rad: float) -> bool:
         """Return whether a point lies in the region.
 
-        Rings and point are projected by directions and distances from the centre of the region (azimuthal
-        equidistant), so poles and the 180th meridian are no exceptions; a point is inside an odd number of rings.
+        Rings and point are projected by directions and distances from the centre of the region
+        (azimuthal equidistant), so poles and the 180th meridian are no exceptions; a point is
+        inside an odd number of rings.
         """
         rings = [ring for polygon in self.polygons for ring in polygon]
         if not rings:

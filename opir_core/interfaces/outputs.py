@@ -1,7 +1,7 @@
 """The contracts of outputs: sinks, transports and event encoders.
 
-Each is one base class: the abstract methods are required, the others have defaults. A part that has the methods and
-another base class works too (`PluginPart.adopt`).
+Each is one base class: the abstract methods are required, the others have defaults. A part that has
+the methods and another base class works too (`PluginPart.adopt`).
 """
 
 from abc import abstractmethod
@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 
 @frozen
 class Delivery:
-    """Delivery counts of a sink: delivered + spooled + dropped + withheld = events written + recovered.
+    """Delivery counts of a sink: delivered + spooled + dropped + withheld = events written +
+    recovered.
 
-    `spooled` wait in a spool; `withheld` have no message in the encoder; `recovered` are events of an earlier run that
-    were still in the spool. `complaint` is the reason of a failed delivery.
+    `spooled` wait in a spool; `withheld` have no message in the encoder; `recovered` are events of
+    an earlier run that were still in the spool. `complaint` is the reason of a failed delivery.
     """
 
     delivered: int
@@ -57,21 +58,28 @@ class Sink(PluginPart):
 
     @abstractmethod
     def close(self) -> Delivery:
-        """Release all resources and return the delivery counts; called once, also after a failure."""
+        """Release all resources and return the delivery counts; called once, also after a
+        failure.
+        """
 
     def sync(self) -> None:
-        """Make what was written outlast a power cut: then its events leave a spool; callable from any thread."""
+        """Make what was written outlast a power cut: then its events leave a spool; callable from
+        any thread.
+        """
         return
 
     def delivery_so_far(self) -> Delivery | None:
-        """Return the counts of an open sink, None to count what is written as delivered; callable from any thread.
+        """Return the counts of an open sink, None to count what is written as delivered; callable
+        from any thread.
 
         `spooled` are all events that are not delivered yet.
         """
         return None
 
     def close_by(self, deadline_s: float) -> None:
-        """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any thread."""
+        """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any
+        thread.
+        """
         return
 
     @optional
@@ -81,17 +89,23 @@ class Sink(PluginPart):
 
     @optional
     def outlives_the_process(self) -> bool | None:
-        """Whether the next run finds what is left in the sink's buffer at closing; None for a sink without a buffer."""
+        """Whether the next run finds what is left in the sink's buffer at closing; None for a sink
+        without a buffer.
+        """
         return None
 
     @optional
     def parked(self) -> str | None:
-        """Why the destination refuses the events that the sink keeps for it, or None; callable from any thread."""
+        """Why the destination refuses the events that the sink keeps for it, or None; callable from
+        any thread.
+        """
         return None
 
     @optional
     def trouble(self) -> str | None:
-        """Why nothing gets through at the moment; None while all is well; callable from any thread."""
+        """Why nothing gets through at the moment; None while all is well; callable from any
+        thread.
+        """
         return None
 
     @optional
@@ -105,7 +119,9 @@ class Sink(PluginPart):
 
 
 class PartlySentError(Exception):
-    """In the future of a batch at closing: `rows`, in order, are not acknowledged, and the others are."""
+    """In the future of a batch at closing: `rows`, in order, are not acknowledged, and the others
+    are.
+    """
 
     def __init__(self, rows: Sequence[int]) -> None:
         super().__init__(f"{len(rows)} events are not acknowledged")
@@ -115,8 +131,9 @@ class PartlySentError(Exception):
 class Transport(PluginPart):
     """Sends encoded events and acknowledges them later: a sink's `build` may return one.
 
-    The core makes a sink of it: it encodes, queues in memory or in a spool, and calls the transport from a thread of
-    its own, a few megabytes ahead of the acknowledgements. A transport retries by itself while it is open.
+    The core makes a sink of it: it encodes, queues in memory or in a spool, and calls the transport
+    from a thread of its own, a few megabytes ahead of the acknowledgements. A transport retries by
+    itself while it is open.
 
     >>> from concurrent.futures import Future
     >>> class Mailbox(Transport):
@@ -137,17 +154,21 @@ class Transport(PluginPart):
 
     @abstractmethod
     def send(self, batch: Batch) -> "Future[None]":
-        """Send events without blocking; those of one key arrive in the order in which they were given.
+        """Send events without blocking; those of one key arrive in the order in which they were
+        given.
 
-        The future is done once every event is acknowledged. A `SinkError` in it is final: a sink without a
-        spool has failed; one with a spool is parked, and sends the batch again later (see `retry`).
+        The future is done once every event is acknowledged. A `SinkError` in it is final: a sink
+        without a spool has failed; one with a spool is parked, and sends the batch again later (see
+        `retry`).
         """
 
     @abstractmethod
     def close(self, wait_s: float) -> None:
-        """Release all resources within `wait_s` seconds; futures that are not done by then are cancelled.
+        """Release all resources within `wait_s` seconds; futures that are not done by then are
+        cancelled.
 
-        The future of a batch that is acknowledged in part may have a `PartlySentError`: only its rest is sent again.
+        The future of a batch that is acknowledged in part may have a `PartlySentError`: only its
+        rest is sent again.
         """
 
     @optional
@@ -162,7 +183,9 @@ class Transport(PluginPart):
 
     @optional
     def acknowledged(self) -> int:
-        """The number of events that were acknowledged so far, in batches that are not whole too: the progress."""
+        """The number of events that were acknowledged so far, in batches that are not whole too:
+        the progress.
+        """
         return 0
 
     def retry(self) -> None:
@@ -196,11 +219,14 @@ class Encoder(PluginPart):
 
     @abstractmethod
     def encode(self, window: Window) -> bytes:
-        """Return the window's detections, or tracks, as messages, each ended by a newline and none containing one."""
+        """Return the window's detections, or tracks, as messages, each ended by a newline and none
+        containing one.
+        """
 
     @optional
     def encodes_tracks(self) -> bool:
-        """Whether messages are the rows of `window.tracks`, and the event counts of outputs are of tracks.
+        """Whether messages are the rows of `window.tracks`, and the event counts of outputs are of
+        tracks.
 
         Outputs pass such an encoder every window with tracks, with detections or without.
         """
@@ -212,7 +238,9 @@ class Encoder(PluginPart):
 
 
 def sink_or_transport(made: Any, owner: Callable[[], str] | None = None) -> Sink | Transport:
-    """Return what a sink's `build` made, as the one or the other; raises `ModelError` for neither."""
+    """Return what a sink's `build` made, as the one or the other; raises `ModelError` for
+    neither.
+    """
     if isinstance(made, Transport) or (hasattr(made, "send") and hasattr(made, "trouble")):
         return Transport.adopt(made, owner)
     return Sink.adopt(made, owner)

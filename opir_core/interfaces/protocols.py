@@ -1,11 +1,12 @@
 """The contracts of components: arrays in, arrays out.
 
-A component's `build` returns one of these. The result of a row must not depend on the other rows of a call: the engine
-may pass any slice of a run, and the bytes of the events must be the same.
+A component's `build` returns one of these. The result of a row must not depend on the other rows of
+a call: the engine may pass any slice of a run, and the bytes of the events must be the same.
 
 The contexts of `build` are in `opir_core.interfaces.contexts`, the contracts of outputs in
 `opir_core.interfaces.outputs`, those of signature, source, atmosphere and background models in
-`opir_core.interfaces.radiometric_models`, imported only for scenes with a radiometric detection model.
+`opir_core.interfaces.radiometric_models`, imported only for scenes with a radiometric detection
+model.
 """
 
 from abc import abstractmethod
@@ -38,16 +39,18 @@ class Band:
 class Radiometer:
     """Radiometric properties of a sensor, by band in the order of its `bands`.
 
-    `nei_w_m2` are noise-equivalent irradiances per look, nan where they follow from the focal plane; `ifov_rad` is the
-    angle across a resolution cell; `collection_m2_s` the product of aperture area, efficiency and integration time,
-    which gives photons from irradiance. A look detects above `threshold` standard deviations of its noise. For rules
-    over several bands it is that of the band `reference`, and `coincidence` that of the others; `ratios` bound their
-    intensity over that of the reference band at the source, and `ratio_tolerance` is how far noise may carry a
-    measurement beyond these bounds, in standard deviations. `confirmation` are the detections M that a sensor needs in
-    N successive scans to report the last, within the distance that a source moves at `confirmation_speed_m_s`.
+    `nei_w_m2` are noise-equivalent irradiances per look, nan where they follow from the focal
+    plane; `ifov_rad` is the angle across a resolution cell; `collection_m2_s` the product of
+    aperture area, efficiency and integration time, which gives photons from irradiance. A look
+    detects above `threshold` standard deviations of its noise. For rules over several bands it is
+    that of the band `reference`, and `coincidence` that of the others; `ratios` bound their
+    intensity over that of the reference band at the source, and `ratio_tolerance` is how far noise
+    may carry a measurement beyond these bounds, in standard deviations. `confirmation` are the
+    detections M that a sensor needs in N successive scans to report the last, within the distance
+    that a source moves at `confirmation_speed_m_s`.
 
-    With `focal_planes`, by band, noise, clutter, saturation and the accuracy of lines of sight follow from them, in
-    pixels of `ifov_rad`.
+    With `focal_planes`, by band, noise, clutter, saturation and the accuracy of lines of sight
+    follow from them, in pixels of `ifov_rad`.
     """
 
     nei_w_m2: tuple[float, ...]
@@ -99,10 +102,15 @@ class ScanPattern(Protocol):
 
     @property
     def period_ns(self) -> int:
-        """Time between two looks at one target, ns: a positive integer, so that look times are exact."""
+        """Time between two looks at one target, ns: a positive integer, so that look times are
+        exact.
+        """
 
-    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
-        """Return offsets (n,) in [0, period) of the looks at targets (n, 3); scan k looks at phase + k · period.
+    def phase_ns(
+        self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float
+    ) -> IntArray:
+        """Return offsets (n,) in [0, period) of the looks at targets (n, 3); scan k looks at phase
+        + k · period.
 
         `uniform` is a random number of the sensor in [0, 1), for patterns with a random start.
         """
@@ -124,18 +132,19 @@ class ReportingStage:
 class Sensor:
     """A sensor, built by a sensor model from a scene's block.
 
-    `detection_probability` is P_d per look, by target type, for models with constant P_d; `confusion` gives, by true
-    type, the probabilities of each reported type, or is empty. `minimum_elevation_rad` is the least elevation of the
-    sensor above the target's horizon, -pi/2 for no limit. `settings` are the complete settings of the sensor's block,
-    for `opir explain` and the manifest.
+    `detection_probability` is P_d per look, by target type, for models with constant P_d;
+    `confusion` gives, by true type, the probabilities of each reported type, or is empty.
+    `minimum_elevation_rad` is the least elevation of the sensor above the target's horizon, -pi/2
+    for no limit. `settings` are the complete settings of the sensor's block, for `opir explain` and
+    the manifest.
 
-    A sensor cannot look within `solar_exclusion_rad` of the Sun's centre while any part of the Sun is in view of the
-    satellite; 0 for no limit.
+    A sensor cannot look within `solar_exclusion_rad` of the Sun's centre while any part of the Sun
+    is in view of the satellite; 0 for no limit.
 
     `line_of_sight_sigma_rad` is the standard deviation of single lines of sight, per axis,
-    `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run. A sensor that
-    `follows_bodies` observes targets after burnout, up to impact. The report of a scan follows its looks by the sum of
-    the latencies of `reporting`; without stages, at once.
+    `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run. A
+    sensor that `follows_bodies` observes targets after burnout, up to impact. The report of a scan
+    follows its looks by the sum of the latencies of `reporting`; without stages, at once.
     """
 
     id: str
@@ -178,7 +187,9 @@ class Trajectories(PluginPart):
 
     @required
     def type_code(self) -> ByteArray:
-        """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class resembles."""
+        """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class
+        resembles.
+        """
         raise NotImplementedError
 
     @required
@@ -193,7 +204,9 @@ class Trajectories(PluginPart):
 
     @abstractmethod
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of targets (m,) at scene times (m,); nan before ignition and after the end."""
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan before ignition and
+        after the end.
+        """
 
     @abstractmethod
     def truth(self) -> Sequence[Mapping[str, Any]]:
@@ -201,30 +214,40 @@ class Trajectories(PluginPart):
 
     @optional
     def end_s(self) -> FloatArray:
-        """Scene times up to which positions are known, (n,) s: impact, or burnout if no sensor follows targets."""
+        """Scene times up to which positions are known, (n,) s: impact, or burnout if no sensor
+        follows targets.
+        """
         return self.burnout_s
 
     @optional
     def warnings(self) -> Sequence[Problem]:
-        """What of the settings, or of the files they name, may be an error, each with its path in the scene."""
+        """What of the settings, or of the files they name, may be an error, each with its path in
+        the scene.
+        """
         return ()
 
     @optional
     def class_names(self) -> Sequence[str]:
-        """Names of the target classes, one per target; the missile types, unless the classes are finer."""
+        """Names of the target classes, one per target; the missile types, unless the classes are
+        finer.
+        """
         return [EMITTER_TYPES[code] for code in self.type_code.tolist()]
 
     @optional
     def burns_s(self) -> FloatArray:
-        """Scene times (n, k, 2) of ignition and burnout of each burn, in order; nan where a target has fewer.
+        """Scene times (n, k, 2) of ignition and burnout of each burn, in order; nan where a target
+        has fewer.
 
-        The first begins at `ignition_s`, the last ends at `burnout_s`. Between burns plumes are dark, as after burnout.
+        The first begins at `ignition_s`, the last ends at `burnout_s`. Between burns plumes are
+        dark, as after burnout.
         """
         return one_burn_s(self.ignition_s, self.burnout_s)
 
     @optional
     def course_breakpoints_s(self) -> FloatArray | None:
-        """Scene times (n, k) at which the direction of flight jumps or bends, s; nan where there are fewer."""
+        """Scene times (n, k) at which the direction of flight jumps or bends, s; nan where there
+        are fewer.
+        """
         return None
 
     @optional
@@ -234,7 +257,8 @@ class Trajectories(PluginPart):
 
 
 class RandomDraws(Protocol):
-    """Random numbers for a batch of rows, each from the stream of its (sensor, target, purpose), addressed by scan.
+    """Random numbers for a batch of rows, each from the stream of its (sensor, target, purpose),
+    addressed by scan.
 
     The numbers of a row depend on the seed, the two ids, the purpose and the scan alone.
 
@@ -258,7 +282,9 @@ class RandomDraws(Protocol):
         """Return (rows, count) standard normal numbers, fresh for each scan."""
 
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
-        """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
+        """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a
+        target.
+        """
 
     def take(self, rows: Any) -> "RandomDraws":
         """Return the random draws of some of the rows."""
@@ -266,7 +292,9 @@ class RandomDraws(Protocol):
 
 @frozen(eq=False, repr=False)
 class Measured(Columns):
-    """Measurements of looks that detected, as in `Detections`; None for the sensor's own sigma, or if not measured."""
+    """Measurements of looks that detected, as in `Detections`; None for the sensor's own sigma, or
+    if not measured.
+    """
 
     bands: ByteArray
     snr: FloatArray
@@ -279,10 +307,10 @@ class Measured(Columns):
 class Response(Columns):
     """Expected measurements of looks: the quantile of P_d, and each band's signal and noise.
 
-    `probit` (n,) is the standard normal quantile of P_d, None where the engine has it already; `snr` (n, B) the
-    expected signals over `noise_w_m2` (n, B), the standard deviations of the noise at the aperture; 0 and 1 beyond a
-    sensor's own bands. `elevation_sine` (n,) is of the sensor's elevation above the target's horizon; None if the model
-    does not need it to measure.
+    `probit` (n,) is the standard normal quantile of P_d, None where the engine has it already;
+    `snr` (n, B) the expected signals over `noise_w_m2` (n, B), the standard deviations of the noise
+    at the aperture; 0 and 1 beyond a sensor's own bands. `elevation_sine` (n,) is of the sensor's
+    elevation above the target's horizon; None if the model does not need it to measure.
     """
 
     probit: FloatArray | None
@@ -299,10 +327,12 @@ class Response(Columns):
 
 
 class DetectionProbability(PluginPart):
-    """Exposures to probability of detection; by default every look on its own, without signals or false alarms.
+    """Exposures to probability of detection; by default every look on its own, without signals or
+    false alarms.
 
-    A model with signals defines `response` and `measure_response`: if it has a `probability_tolerance` too, the engine
-    interpolates its P_d between looks. One with false alarms defines `rate_per_scan`, `words` and `measure_noise`.
+    A model with signals defines `response` and `measure_response`: if it has a
+    `probability_tolerance` too, the engine interpolates its P_d between looks. One with false
+    alarms defines `rate_per_scan`, `words` and `measure_noise`.
 
     >>> class Sure(DetectionProbability):
     ...     def probability(self, exposures):
@@ -338,30 +368,45 @@ class DetectionProbability(PluginPart):
 
     @optional
     def probability_tolerance(self) -> float | None:
-        """Largest error of a P_d that is interpolated between looks, or None to evaluate every look."""
+        """Largest error of a P_d that is interpolated between looks, or None to evaluate every
+        look.
+        """
         return None
 
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response | None:
-        """Return the expected measurements of looks, with P_d to within `slack`; None for a model without signals."""
+        """Return the expected measurements of looks, with P_d to within `slack`; None for a model
+        without signals.
+        """
         return None
 
     def measure_response(
-        self, response: Response, sensor: IndexArray, rng: RandomDraws, probability: FloatArray | None = None
+        self,
+        response: Response,
+        sensor: IndexArray,
+        rng: RandomDraws,
+        probability: FloatArray | None = None,
     ) -> Measured:
-        """Return the measurements of looks that detected; `probability` (n,) replaces a probit of None."""
+        """Return the measurements of looks that detected; `probability` (n,) replaces a probit of
+        None.
+        """
         raise NotImplementedError
 
     def breakpoints_s(self) -> FloatArray | None:
-        """Return the scene times (targets, k) at the target when any of its signals may jump or bend; nan for none."""
+        """Return the scene times (targets, k) at the target when any of its signals may jump or
+        bend; nan for none.
+        """
         return None
 
     def transmittance(self, exposures: Exposures, band: Band) -> FloatArray | None:
-        """Return the transmittances (n,) in a band between the targets and the sensors of looks, None if unknown."""
+        """Return the transmittances (n,) in a band between the targets and the sensors of looks,
+        None if unknown.
+        """
         return None
 
     @optional
     def confirmation(self) -> IntArray | None:
-        """The needed detections M and the successive scans N among which these must be, (sensors, 2); None for 1 of 1.
+        """The needed detections M and the successive scans N among which these must be, (sensors,
+        2); None for 1 of 1.
 
         The false alarms of a model with confirmation are the confirmed ones.
         """
@@ -369,7 +414,9 @@ class DetectionProbability(PluginPart):
 
     @optional
     def rate_per_scan(self) -> FloatArray | None:
-        """Mean number (sensors,) of reported false alarms in one scan of the whole field of regard; None for none."""
+        """Mean number (sensors,) of reported false alarms in one scan of the whole field of regard;
+        None for none.
+        """
         return None
 
     @optional
@@ -383,7 +430,8 @@ class DetectionProbability(PluginPart):
 
 
 class Classifier(PluginPart):
-    """Measurements to the reported target type; with `log_posterior`, also to type probabilities that tracks revise.
+    """Measurements to the reported target type; with `log_posterior`, also to type probabilities
+    that tracks revise.
 
     >>> class Undecided(Classifier):
     ...     def reported_type(self, sightings, rng):
@@ -392,8 +440,12 @@ class Classifier(PluginPart):
     array([0, 0], dtype=uint8)
     """
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> ByteArray | None:
-        """Return codes (n,) of all detections of the pairs, or None if they vary; rows are pairs."""
+    def pair_type(
+        self, sensor: IndexArray, target: IndexArray, rng: RandomDraws
+    ) -> ByteArray | None:
+        """Return codes (n,) of all detections of the pairs, or None if they vary; rows are
+        pairs.
+        """
         return None
 
     @abstractmethod
@@ -402,16 +454,20 @@ class Classifier(PluginPart):
 
     @optional
     def uses_truth(self) -> bool:
-        """Whether what is reported may depend on the targets' true types; with other targets it is built anew."""
+        """Whether what is reported may depend on the targets' true types; with other targets it is
+        built anew.
+        """
         return True
 
     def expected_launches(self, duration_s: float) -> float | None:
-        """Return the mean number of launches that it expects in a time, or None for one without such a prior."""
+        """Return the mean number of launches that it expects in a time, or None for one without
+        such a prior.
+        """
         return None
 
     def log_posterior(self, sightings: ClassifierInputs) -> FloatArray | None:
-        """Return ln P (n, 4) over `REPORTED_TYPES`, or (n, H) over the context's `hypotheses` with an `over_types`, or
-        None for a classifier without probabilities.
+        """Return ln P (n, 4) over `REPORTED_TYPES`, or (n, H) over the context's `hypotheses` with
+        an `over_types`, or None for a classifier without probabilities.
         """
         return None
 
@@ -472,27 +528,38 @@ class Tracker(PluginPart):
 
     @abstractmethod
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, by the tracks of the last tick; changes no state."""
+        """Return track numbers (n,), -1 for none, by the tracks of the last tick; changes no
+        state.
+        """
 
     @abstractmethod
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Process the detections since the last tick; return the estimates at this one, sorted by track."""
+        """Process the detections since the last tick; return the estimates at this one, sorted by
+        track.
+        """
 
     def is_idle(self) -> bool:
-        """Return whether it follows and awaits nothing: steps without detections return no tracks and may be left out.
+        """Return whether it follows and awaits nothing: steps without detections return no tracks
+        and may be left out.
 
         A step may then pass over any time.
         """
         return False
 
     def expected_launches(self, duration_s: float) -> float | None:
-        """Return the mean number of launches that it expects in a time, or None for one without such a prior."""
+        """Return the mean number of launches that it expects in a time, or None for one without
+        such a prior.
+        """
         return None
 
     def sensor_health(self) -> SensorHealth | None:
-        """Return what it has found of the sensors up to the last tick, or None for one that judges none."""
+        """Return what it has found of the sensors up to the last tick, or None for one that judges
+        none.
+        """
         return None
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
-        """Use new settings of the sensors, as many in the same order; a running scene may change them."""
+        """Use new settings of the sensors, as many in the same order; a running scene may change
+        them.
+        """
         return

@@ -1,8 +1,9 @@
-"""Contracts of signature, source, atmosphere and background models, their contexts, and the columns they work on.
+"""Contracts of signature, source, atmosphere and background models, their contexts, and the columns
+they work on.
 
-`band` is an index into the `bands` of the context of a model: the distinct bands of the scene's sensors. A model that
-does not support one of them raises `ModelError` when it is built. Results are finite and element by element: they do
-not depend on how rows are grouped into calls.
+`band` is an index into the `bands` of the context of a model: the distinct bands of the scene's
+sensors. A model that does not support one of them raises `ModelError` when it is built. Results are
+finite and element by element: they do not depend on how rows are grouped into calls.
 """
 
 from abc import abstractmethod
@@ -22,13 +23,18 @@ from opir_core.scene.target_classes import Plume
 
 @frozen(eq=False, repr=False)
 class Paths(Columns):
-    """Paths of light from targets to sensors, one row each; the arguments of `Transmittance.transmittance`.
+    """Paths of light from targets to sensors, one row each; the arguments of
+    `Transmittance.transmittance`.
 
-    `height_m` is the target's height above the WGS 84 ellipsoid; `elevation_sine` that of the sensor above the target's
-    horizon; `target_ecef_m` and `sensor_ecef_m` are positions (n, 3), m; `time_s` is scene time.
+    `height_m` is the target's height above the WGS 84 ellipsoid; `elevation_sine` that of the
+    sensor above the target's horizon; `target_ecef_m` and `sensor_ecef_m` are positions (n, 3), m;
+    `time_s` is scene time.
     """
 
-    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {"target_ecef_m": (3,), "sensor_ecef_m": (3,)}
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
+        "target_ecef_m": (3,),
+        "sensor_ecef_m": (3,),
+    }
 
     height_m: FloatArray
     elevation_sine: FloatArray
@@ -41,11 +47,12 @@ class Paths(Columns):
 class Views(Columns):
     """Views along lines of sight, one row each; the arguments of `Background.radiance_w_m2_sr`.
 
-    `point_ecef_m` (n, 3) is where the line of sight meets the WGS 84 ellipsoid or, where it misses it, the point of the
-    line that comes nearest to it. `height_m` is that point's height: 0 on the Earth, the tangent height beyond the limb
-    (inf where the line only leads away from the Earth). `elevation_sine` is of the sensor above the point's horizon, 0
-    beyond the limb; `sun_elevation_sine` of the Sun above it; `time_s` is scene time. `line_of_sight_ecef` (n, 3) are
-    unit vectors from the sensor, nan where the maker of the record does not know them.
+    `point_ecef_m` (n, 3) is where the line of sight meets the WGS 84 ellipsoid or, where it misses
+    it, the point of the line that comes nearest to it. `height_m` is that point's height: 0 on the
+    Earth, the tangent height beyond the limb (inf where the line only leads away from the Earth).
+    `elevation_sine` is of the sensor above the point's horizon, 0 beyond the limb;
+    `sun_elevation_sine` of the Sun above it; `time_s` is scene time. `line_of_sight_ecef` (n, 3)
+    are unit vectors from the sensor, nan where the maker of the record does not know them.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {"point_ecef_m": (3,)}
@@ -61,7 +68,8 @@ class Views(Columns):
 
 
 class Signatures(PluginPart):
-    """Radiant intensities of the targets of one model; rows are those of the context (or the `Sources`).
+    """Radiant intensities of the targets of one model; rows are those of the context (or the
+    `Sources`).
 
     >>> class Torch(Signatures):
     ...     def intensity_w_sr(self, band, target, time_since_ignition_s, altitude_m, aspect_rad):
@@ -82,9 +90,10 @@ class Signatures(PluginPart):
     ) -> FloatArray:
         """Return radiant intensities (n,) in a band, W/sr, at the source: without the atmosphere.
 
-        `altitude_m` is height above the WGS 84 ellipsoid; `aspect_rad` is the angle, in [0, pi], that `aspect_rad()`
-        gives, or that between the direction of flight and the direction to the sensor: 0 is nose-on, pi/2 broadside.
-        In a dark gap between burns the engine asks for a time just after burnout.
+        `altitude_m` is height above the WGS 84 ellipsoid; `aspect_rad` is the angle, in [0, pi],
+        that `aspect_rad()` gives, or that between the direction of flight and the direction to the
+        sensor: 0 is nose-on, pi/2 broadside. In a dark gap between burns the engine asks for a time
+        just after burnout.
         """
 
     def intensities_w_sr(
@@ -95,29 +104,42 @@ class Signatures(PluginPart):
         altitude_m: FloatArray,
         aspect_rad: FloatArray,
     ) -> FloatArray:
-        """Return those of several bands (bands, n); to define where all at once cost less than one after the other."""
+        """Return those of several bands (bands, n); to define where all at once cost less than one
+        after the other.
+        """
         columns = (target, time_since_ignition_s, altitude_m, aspect_rad)
         return _stacked([self.intensity_w_sr(band, *columns) for band in bands])
 
-    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
-        """Return the angles (n,) that `intensity_w_sr` takes at scene times, by unit vectors (n, 3) to the sensors.
+    def aspect_rad(
+        self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray
+    ) -> FloatArray | None:
+        """Return the angles (n,) that `intensity_w_sr` takes at scene times, by unit vectors (n, 3)
+        to the sensors.
 
-        None where that angle is measured from the direction of flight (of the velocity in ECEF), as for plumes.
+        None where that angle is measured from the direction of flight (of the velocity in ECEF), as
+        for plumes.
         """
         return None
 
     @optional
     def time_breakpoints_s(self) -> FloatArray | None:
-        """Times since ignition (targets, k) at which intensities jump or bend, s; nan where there are fewer."""
+        """Times since ignition (targets, k) at which intensities jump or bend, s; nan where there
+        are fewer.
+        """
         return None
 
     @optional
     def altitude_breakpoints_m(self) -> FloatArray | None:
-        """Altitudes (targets, k) at which they do while the plume burns, m; nan where there are fewer."""
+        """Altitudes (targets, k) at which they do while the plume burns, m; nan where there are
+        fewer.
+        """
         return None
 
-    def reflecting_area_m2(self, target: IndexArray, time_since_ignition_s: FloatArray) -> FloatArray:
-        """Return albedo times cross-section (n,), m², of diffuse spheres; 0 where no sunlight is reflected.
+    def reflecting_area_m2(
+        self, target: IndexArray, time_since_ignition_s: FloatArray
+    ) -> FloatArray:
+        """Return albedo times cross-section (n,), m², of diffuse spheres; 0 where no sunlight is
+        reflected.
 
         The engine adds the reflected light. Only targets that sensors follow after burnout reflect.
         """
@@ -125,11 +147,12 @@ class Signatures(PluginPart):
 
 
 class Sources(PluginPart):
-    """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
+    """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares,
+    glints, bolides.
 
     The engine adds them to the targets as further rows; `trajectories.type_code` are codes into
-    `opir_core.plugin.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine, which may begin
-    before the scene does.
+    `opir_core.plugin.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine,
+    which may begin before the scene does.
 
     >>> class NoFires(Sources):
     ...     ids = ()
@@ -166,19 +189,27 @@ class Transmittance(PluginPart):
 
     @abstractmethod
     def transmittance(self, band: int, path: Paths) -> FloatArray:
-        """Return in-band transmittances (n,) in [0, 1] from target to sensor; 1 for targets above the atmosphere."""
+        """Return in-band transmittances (n,) in [0, 1] from target to sensor; 1 for targets above
+        the atmosphere.
+        """
 
     def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
-        """Return those of several bands (bands, n); to define where all at once cost less than one after the other."""
+        """Return those of several bands (bands, n); to define where all at once cost less than one
+        after the other.
+        """
         return _stacked([self.transmittance(band, path) for band in bands])
 
     def cloud_top_m(self, point_ecef_m: FloatArray) -> FloatArray:
-        """Return the heights (n,) of the tops of opaque clouds over points (n, 3), m; -inf where there is none."""
+        """Return the heights (n,) of the tops of opaque clouds over points (n, 3), m; -inf where
+        there is none.
+        """
         return np.full(len(point_ecef_m), -np.inf)
 
     @optional
     def uses_seed(self) -> bool:
-        """Whether the built atmosphere depends on the scene's seed; replicates of a run share one that does not."""
+        """Whether the built atmosphere depends on the scene's seed; replicates of a run share one
+        that does not.
+        """
         return True
 
     @optional
@@ -194,7 +225,9 @@ class Transmittance(PluginPart):
 
 @frozen
 class Structure:
-    """The power spectrum of a background's structure: flat up to 1/`scale_m`, then falling as k^-`exponent`."""
+    """The power spectrum of a background's structure: flat up to 1/`scale_m`, then falling as
+    k^-`exponent`.
+    """
 
     scale_m: float
     exponent: float
@@ -203,7 +236,8 @@ class Structure:
 class Background(PluginPart):
     """The radiance behind a target.
 
-    With `structures` and `structured_radiances_w_m2_sr` sensors with a focal plane see its structure as clutter.
+    With `structures` and `structured_radiances_w_m2_sr` sensors with a focal plane see its
+    structure as clutter.
 
     >>> class Grey(Background):
     ...     def radiance_w_m2_sr(self, band, view):
@@ -221,14 +255,19 @@ class Background(PluginPart):
 
     @abstractmethod
     def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
-        """Return the standard deviations (n,) of the radiance left after the subtraction of the background.
+        """Return the standard deviations (n,) of the radiance left after the subtraction of the
+        background.
 
-        Over a pixel of solid angle ω at range R it equals a source of standard deviation clutter · ω · R², W/sr, or an
-        irradiance of clutter · ω at the aperture, W/m².
+        Over a pixel of solid angle ω at range R it equals a source of standard deviation clutter ·
+        ω · R², W/sr, or an irradiance of clutter · ω at the aperture, W/m².
         """
 
-    def radiances_and_clutter_w_m2_sr(self, bands: Sequence[int], view: Views) -> tuple[FloatArray, FloatArray]:
-        """Return both of several bands (bands, n); to define where all at once cost less than one after the other."""
+    def radiances_and_clutter_w_m2_sr(
+        self, bands: Sequence[int], view: Views
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return both of several bands (bands, n); to define where all at once cost less than one
+        after the other.
+        """
         radiance = [self.radiance_w_m2_sr(band, view) for band in bands]
         return _stacked(radiance), _stacked([self.clutter_w_m2_sr(band, view) for band in bands])
 
@@ -240,7 +279,9 @@ class Background(PluginPart):
     def structured_radiances_w_m2_sr(
         self, bands: Sequence[int], view: Views
     ) -> tuple[FloatArray, FloatArray, IndexArray]:
-        """Return radiances and the standard deviations of their structure (bands, n), and its number (n,)."""
+        """Return radiances and the standard deviations of their structure (bands, n), and its
+        number (n,).
+        """
         raise NotImplementedError
 
 
@@ -248,10 +289,11 @@ class Background(PluginPart):
 class SignatureContext:
     """What a signature model is built with, row by row with its configurations.
 
-    `paths` are the scene paths of the targets; `types` their target classes; `profiles` the class profile of each, as
-    the target model's `truth` names it, or "" where it names none; `burn_time_s` (n,) from ignition to burnout;
-    `plumes` the default plumes of classes and profiles, or () for those of the core's classes. `burns_s` (n, k, 2) are
-    ignition and burnout of each burn since the first ignition, nan where a target has fewer.
+    `paths` are the scene paths of the targets; `types` their target classes; `profiles` the class
+    profile of each, as the target model's `truth` names it, or "" where it names none;
+    `burn_time_s` (n,) from ignition to burnout; `plumes` the default plumes of classes and
+    profiles, or () for those of the core's classes. `burns_s` (n, k, 2) are ignition and burnout of
+    each burn since the first ignition, nan where a target has fewer.
     """
 
     bands: tuple[Band, ...]
@@ -264,17 +306,19 @@ class SignatureContext:
     burns_s: FloatArray = field(
         eq=False,
         default=Factory(
-            lambda context: one_burn_s(np.zeros(len(context.burn_time_s)), context.burn_time_s), takes_self=True
+            lambda context: one_burn_s(np.zeros(len(context.burn_time_s)), context.burn_time_s),
+            takes_self=True,
         ),
     )
 
 
 @frozen(kw_only=True)
 class SourceContext:
-    """What a source model is built with: the block's id and scene path, and the scene's bands, epoch, length, seed.
+    """What a source model is built with: the block's id and scene path, and the scene's bands,
+    epoch, length, seed.
 
-    `make_atmosphere` returns the scene's atmosphere, through which sunlight comes down to what mirrors it; without it
-    that light is whole.
+    `make_atmosphere` returns the scene's atmosphere, through which sunlight comes down to what
+    mirrors it; without it that light is whole.
     """
 
     bands: tuple[Band, ...]
@@ -297,7 +341,9 @@ class AtmosphereContext:
 
 @frozen(kw_only=True)
 class BackgroundContext:
-    """What a background model is built with; `make_atmosphere` returns the scene's, whose clouds it may look at."""
+    """What a background model is built with; `make_atmosphere` returns the scene's, whose clouds it
+    may look at.
+    """
 
     bands: tuple[Band, ...]
     path: str
@@ -306,5 +352,7 @@ class BackgroundContext:
 
 
 def _stacked(columns: Sequence[FloatArray]) -> FloatArray:
-    """Return columns (n,) of bands as (bands, n); one object for each that has no shape in common with the others."""
+    """Return columns (n,) of bands as (bands, n); one object for each that has no shape in common
+    with the others.
+    """
     return np.array(columns, dtype=None if len(set(map(np.shape, columns))) <= 1 else object)

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 class Exposures(Columns):
     """Looks at radiating, visible targets: the input of detection models; one row per look.
 
-    `sensor` and `target` are indices into the plan's sensors and targets. Geometry columns are empty for models without
-    `needs_geometry`: `range_m` from sensor to target, `elevation_sine` of the sensor
-    above the target's horizon, `target_ecef_m` the target at the time of emission, `sensor_ecef_m` the sensor at the
-    time of the look.
+    `sensor` and `target` are indices into the plan's sensors and targets. Geometry columns are
+    empty for models without `needs_geometry`: `range_m` from sensor to target, `elevation_sine` of
+    the sensor above the target's horizon, `target_ecef_m` the target at the time of emission,
+    `sensor_ecef_m` the sensor at the time of the look.
     """
 
     time_s: FloatArray
@@ -48,11 +48,12 @@ class Exposures(Columns):
 class ClassifierInputs(Columns):
     """Looks that detected: the input of classifiers and confidence models; one row per detection.
 
-    `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of the sensor's elevation
-    above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is the number of
-    detections of this target by this sensor so far, this one included; `snr` is nan if the detection model has none;
-    `band_irradiance_w_m2` (n, B) is as in `Detections`, and `band_noise_w_m2` its standard deviation, undefined beyond
-    the sensor's own bands, (n, 0) if the detection model has none or the classifier goes by pairs.
+    `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of
+    the sensor's elevation above the target's horizon; `band_count` of `band_total` bands confirm;
+    `detection_count` is the number of detections of this target by this sensor so far, this one
+    included; `snr` is nan if the detection model has none; `band_irradiance_w_m2` (n, B) is as in
+    `Detections`, and `band_noise_w_m2` its standard deviation, undefined beyond the sensor's own
+    bands, (n, 0) if the detection model has none or the classifier goes by pairs.
     """
 
     time_s: FloatArray
@@ -66,7 +67,9 @@ class ClassifierInputs(Columns):
     detection_count: IndexArray
     snr: FloatArray
     band_irradiance_w_m2: FloatArray
-    band_noise_w_m2: FloatArray = field(default=Factory(lambda rows: np.empty((len(rows.time_s), 0)), takes_self=True))
+    band_noise_w_m2: FloatArray = field(
+        default=Factory(lambda rows: np.empty((len(rows.time_s), 0)), takes_self=True)
+    )
 
     @property
     def elevation_rad(self) -> FloatArray:
@@ -76,25 +79,30 @@ class ClassifierInputs(Columns):
 
 @frozen(eq=False, repr=False)
 class Detections(Columns):
-    """Reports of sensors; one row per detection, sorted by report, then time, sensor and look. They contain no truth.
+    """Reports of sensors; one row per detection, sorted by report, then time, sensor and look. They
+    contain no truth.
 
-    `time_ns` is the scene time of the look, `reported_ns` that of its report, both exact; they are the same array if no
-    sensor has a reporting latency. `sensor` is an index into the run's sensors; `scan` counts the sensor's scans from
-    the scene's epoch; `detection_id` (n, 2) holds the two 64-bit halves of a UUID; `reported_type` is a code into
-    `REPORTED_TYPES`; `bands` a bit mask over the sensor's bands; `detection_count` the number of detections of this
-    object by this sensor so far; `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object;
-    `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan if the model has none; `track` is the track's number or
-    -1; `estimate` the row of the window's `estimates` that holds the track's state at the last tick before the
-    detection, or -1. If the scene tracks in the order of report, it is the last tick available before the report.
+    `time_ns` is the scene time of the look, `reported_ns` that of its report, both exact; they are
+    the same array if no sensor has a reporting latency. `sensor` is an index into the run's
+    sensors; `scan` counts the sensor's scans from the scene's epoch; `detection_id` (n, 2) holds
+    the two 64-bit halves of a UUID; `reported_type` is a code into `REPORTED_TYPES`; `bands` a bit
+    mask over the sensor's bands; `detection_count` the number of detections of this object by this
+    sensor so far; `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object;
+    `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan if the model has none; `track` is the
+    track's number or -1; `estimate` the row of the window's `estimates` that holds the track's
+    state at the last tick before the detection, or -1. If the scene tracks in the order of report,
+    it is the last tick available before the report.
 
-    `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis across it, without
-    the bias common to all lines of sight of a sensor. `band_irradiance_w_m2` (n, B) is measured at the aperture, nan
-    beyond the sensor's own bands; B is the largest number of bands of the run's sensors, or 0 if the detection model
-    measures no irradiance or there are no rows. `type_log_probability` (n, 4) is over `REPORTED_TYPES`, (n, 0) if the
-    classifier has no probabilities; `hypothesis_log_probability` (n, H) is over the scene's hypotheses, (n, 0) if it
+    `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis
+    across it, without the bias common to all lines of sight of a sensor. `band_irradiance_w_m2` (n,
+    B) is measured at the aperture, nan beyond the sensor's own bands; B is the largest number of
+    bands of the run's sensors, or 0 if the detection model measures no irradiance or there are no
+    rows. `type_log_probability` (n, 4) is over `REPORTED_TYPES`, (n, 0) if the classifier has no
+    probabilities; `hypothesis_log_probability` (n, H) is over the scene's hypotheses, (n, 0) if it
     has none of them.
 
-    `time_s`, `azimuth_rad` and `elevation_rad` are computed at each access; for both angles call `angles()` once.
+    `time_s`, `azimuth_rad` and `elevation_rad` are computed at each access; for both angles call
+    `angles()` once.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
@@ -136,7 +144,9 @@ class Detections(Columns):
 
     @property
     def type_probability(self) -> FloatArray:
-        """Return the probabilities (n, 4) over `REPORTED_TYPES`, or (n, 0); computed at each call."""
+        """Return the probabilities (n, 4) over `REPORTED_TYPES`, or (n, 0); computed at each
+        call.
+        """
         return np.exp(self.type_log_probability)
 
     @property
@@ -155,10 +165,11 @@ class Detections(Columns):
         return self.angles().elevation_rad
 
     def angles(self) -> "AzimuthElevation":
-        """Return the measured lines of sight as azimuth in [0, 2 pi) and elevation, (n,) rad; computed at each call.
+        """Return the measured lines of sight as azimuth in [0, 2 pi) and elevation, (n,) rad;
+        computed at each call.
 
-        Azimuth is clockwise from true north, elevation above the geodetic horizontal, both at the sensor; nan if the
-        direction or the sensor's position is.
+        Azimuth is clockwise from true north, elevation above the geodetic horizontal, both at the
+        sensor; nan if the direction or the sensor's position is.
         """
         from opir_core.interfaces.viewpoints import Viewpoints
 
@@ -169,9 +180,10 @@ class Detections(Columns):
 class DetectionTruth(Columns):
     """The truth of `Detections`, row by row: kept separate, and never encoded into an event.
 
-    `target` is an index into the run's targets, or -1 for a false alarm; `emission_time_s` the emission time of the
-    light; `range_m` the true distance; `target_elevation_sine` the sine of the sensor's elevation above the target's
-    horizon; `probability` P_d of the look. For false alarms these are nan.
+    `target` is an index into the run's targets, or -1 for a false alarm; `emission_time_s` the
+    emission time of the light; `range_m` the true distance; `target_elevation_sine` the sine of the
+    sensor's elevation above the target's horizon; `probability` P_d of the look. For false alarms
+    these are nan.
     """
 
     target: IndexArray
@@ -189,12 +201,12 @@ class DetectionTruth(Columns):
 #: Probabilities of the containment ellipsoids and ellipses of states and impacts in tracks.
 TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 
-#: How an impact was predicted: from the posterior of the track, or by the paper's empirical law, whose sigma contains
-#: the impact with no stated probability.
+#: How an impact was predicted: from the posterior of the track, or by the paper's empirical law,
+#: whose sigma contains the impact with no stated probability.
 IMPACT_METHODS = ("posterior", "paper")
 
-#: How a track ended, in its last row: not yet; its target came down; it stays in orbit, and nothing new can come; it
-#: was lost.
+#: How a track ended, in its last row: not yet; its target came down; it stays in orbit, and nothing
+#: new can come; it was lost.
 TRACK_ENDS = ("", "impact", "orbit", "lost")
 
 
@@ -202,24 +214,27 @@ TRACK_ENDS = ("", "impact", "orbit", "lost")
 class Tracks(Columns):
     """Estimates of a tracker, one row per track and tick, sorted by tick, then track.
 
-    `tick_s` is the time for which an estimate is valid, `available_s` the time at which it became available: the same
-    unless reports are late. Unknown quantities are nan. `launch` and `impact` (n, 3) are latitude_rad, longitude_rad
-    and time_s; `launch_covariance` and `impact_covariance` (n, 3, 3) are over east, north (m) and time (s); `state`
-    (n, 6) is ECEF position and velocity at the tick, `state_covariance` (n, 6, 6) its covariance; `burnout` (n, 7) is
-    ECEF position and velocity at the end of the burn and its time_s, with `burnout_covariance` (n, 7, 7);
-    `type_probability` (n, 4) is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the ellipses that
-    contain the impact with the probabilities `TRACK_CONTAINMENTS`, in standard deviations of its covariance, and
-    `state_sigmas` (n, 3) those of the ellipsoids that contain the state; nan for those of a normal distribution.
+    `tick_s` is the time for which an estimate is valid, `available_s` the time at which it became
+    available: the same unless reports are late. Unknown quantities are nan. `launch` and `impact`
+    (n, 3) are latitude_rad, longitude_rad and time_s; `launch_covariance` and `impact_covariance`
+    (n, 3, 3) are over east, north (m) and time (s); `state` (n, 6) is ECEF position and velocity at
+    the tick, `state_covariance` (n, 6, 6) its covariance; `burnout` (n, 7) is ECEF position and
+    velocity at the end of the burn and its time_s, with `burnout_covariance` (n, 7, 7);
+    `type_probability` (n, 4) is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the
+    ellipses that contain the impact with the probabilities `TRACK_CONTAINMENTS`, in standard
+    deviations of its covariance, and `state_sigmas` (n, 3) those of the ellipsoids that contain the
+    state; nan for those of a normal distribution.
 
-    `impact_regions` (n,) are tuples of `ImpactRegion`: for each condition, the most probable first, one for each
-    probability of `TRACK_CONTAINMENTS`; empty where unknown; rows may share a tuple. `probability_burning` (n,) is that
-    of a burn at the tick, `probability_relights` (n,) that of no burn now and another one later. `impact_method` (n,)
-    are codes into `IMPACT_METHODS`.
+    `impact_regions` (n,) are tuples of `ImpactRegion`: for each condition, the most probable first,
+    one for each probability of `TRACK_CONTAINMENTS`; empty where unknown; rows may share a tuple.
+    `probability_burning` (n,) is that of a burn at the tick, `probability_relights` (n,) that of no
+    burn now and another one later. `impact_method` (n,) are codes into `IMPACT_METHODS`.
 
-    `hypothesis_probability` (n, H) is over the scene's hypotheses, (n, 0) if the tracker weighs none. Sums over some of
-    them are `probability_missile` (n,), of what comes down ballistically, and `probability_orbit`, of what stays in
-    orbit. `probability_launch` is that of anything that was launched: of the target classes, and of what none of these
-    is but was launched. `end` (n,) are codes into `TRACK_ENDS`.
+    `hypothesis_probability` (n, H) is over the scene's hypotheses, (n, 0) if the tracker weighs
+    none. Sums over some of them are `probability_missile` (n,), of what comes down ballistically,
+    and `probability_orbit`, of what stays in orbit. `probability_launch` is that of anything that
+    was launched: of the target classes, and of what none of these is but was launched. `end` (n,)
+    are codes into `TRACK_ENDS`.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
@@ -247,30 +262,52 @@ class Tracks(Columns):
     impact_covariance: FloatArray
     type_probability: FloatArray
     burnout: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7), takes_self=True))
-    burnout_covariance: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7, 7), takes_self=True))
-    impact_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
-    state_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
+    burnout_covariance: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows, 7, 7), takes_self=True)
+    )
+    impact_sigmas: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows, 3), takes_self=True)
+    )
+    state_sigmas: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows, 3), takes_self=True)
+    )
     available_s: FloatArray = field(default=Factory(lambda rows: rows.tick_s, takes_self=True))
-    impact_regions: ObjectArray = field(default=Factory(lambda rows: _no_regions(rows), takes_self=True))
-    probability_burning: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
-    probability_relights: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
+    impact_regions: ObjectArray = field(
+        default=Factory(lambda rows: _no_regions(rows), takes_self=True)
+    )
+    probability_burning: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows), takes_self=True)
+    )
+    probability_relights: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows), takes_self=True)
+    )
     impact_method: ByteArray = field(
         default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True)
     )
-    hypothesis_probability: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 0), takes_self=True))
-    probability_launch: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
-    probability_missile: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
-    probability_orbit: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
-    end: ByteArray = field(default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True))
+    hypothesis_probability: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows, 0), takes_self=True)
+    )
+    probability_launch: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows), takes_self=True)
+    )
+    probability_missile: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows), takes_self=True)
+    )
+    probability_orbit: FloatArray = field(
+        default=Factory(lambda rows: _unknown(rows), takes_self=True)
+    )
+    end: ByteArray = field(
+        default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True)
+    )
 
 
 @frozen(eq=False, repr=False)
 class Window:
     """The results of a slice of scene time [start_s, end_s).
 
-    `detections` are those reported in the window, `truth` has their rows; `tracks` are the rows of the ticks in the
-    window; `estimates` those to which `detections.estimate` refers. `health` is what the tracker has found of the
-    sensors, if it says so.
+    `detections` are those reported in the window, `truth` has their rows; `tracks` are the rows of
+    the ticks in the window; `estimates` those to which `detections.estimate` refers. `health` is
+    what the tracker has found of the sensors, if it says so.
     """
 
     start_s: float
@@ -284,7 +321,10 @@ class Window:
 
     def __repr__(self) -> str:
         """Return the window in one line."""
-        of = f"{self.looks} looks, {len(self.detections)} detections, {len(self.tracks)} rows of tracks"
+        of = (
+            f"{self.looks} looks, {len(self.detections)} detections, {len(self.tracks)} rows of"
+            f" tracks"
+        )
         return f"<Window from {self.start_s:g} to {self.end_s:g} s: {of}>"
 
 
@@ -292,8 +332,9 @@ class Window:
 class Batch:
     """Encoded events in the order of their times.
 
-    `body` holds the messages, each ended by a newline; `keys` the sensors' ids, or of track messages the tracks'
-    numbers, and `key_of` (n,) the index of each event's key. `content_type` and `schema_version` are the encoder's.
+    `body` holds the messages, each ended by a newline; `keys` the sensors' ids, or of track
+    messages the tracks' numbers, and `key_of` (n,) the index of each event's key. `content_type`
+    and `schema_version` are the encoder's.
     """
 
     body: bytes
@@ -313,7 +354,11 @@ class Batch:
     def take(self, rows: Sequence[int]) -> "Batch":
         """Return some of the events."""
         messages = self.messages()
-        return evolve(self, body=b"".join(messages[row] + b"\n" for row in rows), key_of=self.key_of[list(rows)])
+        return evolve(
+            self,
+            body=b"".join(messages[row] + b"\n" for row in rows),
+            key_of=self.key_of[list(rows)],
+        )
 
 
 def _no_regions(tracks: Tracks) -> ObjectArray:

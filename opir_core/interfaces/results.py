@@ -1,4 +1,5 @@
-"""The protocols of components that work on finished runs: metrics, exporters, and the executors of studies.
+"""The protocols of components that work on finished runs: metrics, exporters, and the executors of
+studies.
 
 A run is an `opir_core.Run`; a metric or an exporter changes nothing of it.
 """
@@ -24,8 +25,8 @@ class ExporterContext:
 class ExecutorContext:
     """The context of an executor.
 
-    `workers` is the number of workers that the user asks for, None for the executor's default. A worker ends if one
-    call of a component lasts `dead_after_s`.
+    `workers` is the number of workers that the user asks for, None for the executor's default. A
+    worker ends if one call of a component lasts `dead_after_s`.
     """
 
     workers: int | None = None
@@ -49,7 +50,8 @@ class Metric(Protocol):
         """Return the names of the figures with their units, "" for none."""
 
     def values(self, run: Any) -> Mapping[str, float]:
-        """Return the figures of an `opir_core.Run`, with the keys of `units`; nan for what the run does not have.
+        """Return the figures of an `opir_core.Run`, with the keys of `units`; nan for what the run
+        does not have.
 
         The figures depend on the run alone.
         """
@@ -68,11 +70,13 @@ class Executor(Protocol):
     [(0, 1), (1, 2)]
     """
 
-    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def results(
+        self, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         """Yield the index and the result of each task once, in any order, as they end.
 
-        Function, tasks and results can be pickled. An exception of the function is raised here. A task whose worker
-        dies is run again.
+        Function, tasks and results can be pickled. An exception of the function is raised here. A
+        task whose worker dies is run again.
         """
 
     def close(self) -> None:

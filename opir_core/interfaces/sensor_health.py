@@ -13,10 +13,11 @@ from opir_core.arrays import FloatArray
 class SensorHealth:
     """Estimates of each sensor (s,) with their standard deviations; nan where nothing is known.
 
-    `bias_rad` (s, 2) is the line-of-sight bias: how far a line of sight to nadir is moved towards east and north.
-    `clock_s` (s,) is the offset of the clock, `noise_scale` (s,) its noise in units of the stated one.
-    `innovations` (s,) is the mean square of normalised innovations, per angle, 1 for sensors that are as stated, and
-    `outlier_share` (s,) the share of looks far off their target. `text` has a sentence for each sensor.
+    `bias_rad` (s, 2) is the line-of-sight bias: how far a line of sight to nadir is moved towards
+    east and north. `clock_s` (s,) is the offset of the clock, `noise_scale` (s,) its noise in units
+    of the stated one. `innovations` (s,) is the mean square of normalised innovations, per angle, 1
+    for sensors that are as stated, and `outlier_share` (s,) the share of looks far off their
+    target. `text` has a sentence for each sensor.
 
     >>> one = np.ones(1)
     >>> SensorHealth.of({"noise_scale": 1.1 * one}, ("noise 1.1 × stated",)).documents()[0]["noise_scale"]
@@ -35,9 +36,14 @@ class SensorHealth:
 
     @classmethod
     def of(cls, known: dict[str, FloatArray], text: tuple[str, ...]) -> "SensorHealth":
-        """Return what is known of sensors (s,), by field, with a sentence for each; the rest is nan."""
+        """Return what is known of sensors (s,), by field, with a sentence for each; the rest is
+        nan.
+        """
         shapes = {name: (len(text), *((2,) if "bias" in name else ())) for name in _NUMBERS}
-        return cls(**{name: known.get(name, np.full(shape, np.nan)) for name, shape in shapes.items()}, text=text)
+        return cls(
+            **{name: known.get(name, np.full(shape, np.nan)) for name, shape in shapes.items()},
+            text=text,
+        )
 
     def documents(self) -> list[dict[str, Any]]:
         """Return one mapping for each sensor, of plain values; None where nothing is known."""

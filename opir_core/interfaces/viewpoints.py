@@ -21,7 +21,9 @@ class AzimuthElevation(NamedTuple):
 
 @frozen(eq=False)
 class Viewpoints:
-    """The distinct sensor positions (m, 3) of detections, ECEF, m, and each row's index (n,) into them."""
+    """The distinct sensor positions (m, 3) of detections, ECEF, m, and each row's index (n,) into
+    them.
+    """
 
     position_ecef_m: FloatArray
     of_row: IntArray
@@ -44,7 +46,8 @@ class Viewpoints:
     def angles(self, line_of_sight_ecef: FloatArray) -> AzimuthElevation:
         """Return azimuth and elevation of directions (n, 3), ECEF, seen from the rows' viewpoints.
 
-        The axes are computed once per viewpoint. Without a direction or a position the angles are nan.
+        The axes are computed once per viewpoint. Without a direction or a position the angles are
+        nan.
         """
         of_viewpoint = local_axes(self.position_ecef_m).reshape(-1, 9)
         columns = np.ascontiguousarray(of_viewpoint.T).take(self.of_row, axis=1)

@@ -1,4 +1,6 @@
-"""Live runs: a scene paced by the clock in its own thread, with launches and changed settings between two windows."""
+"""Live runs: a scene paced by the clock in its own thread, with launches and changed settings
+between two windows.
+"""
 
 from opir_core.doors import door
 

@@ -1,7 +1,8 @@
-"""Changes of a running scene: checked as a whole in the thread that asks, applied by the thread of the run.
+"""Changes of a running scene: checked as a whole in the thread that asks, applied by the thread of
+the run.
 
-Only one change is prepared at a time. Others wait for their turn, for a limited time. Looks and random numbers of the
-targets that stay do not change.
+Only one change is prepared at a time. Others wait for their turn, for a limited time. Looks and
+random numbers of the targets that stay do not change.
 """
 
 import queue
@@ -37,7 +38,9 @@ def with_added_targets(plan: Plan, added: Plan) -> Plan:
     ours = plan.sightlines
     theirs = added.sightlines
     lines = Sightlines(
-        first_point=np.concatenate([ours.first_point, theirs.first_point + len(ours.travel_s)])[order],
+        first_point=np.concatenate([ours.first_point, theirs.first_point + len(ours.travel_s)])[
+            order
+        ],
         travel_s=np.concatenate([ours.travel_s, theirs.travel_s]),
         elevation_sine=np.concatenate([ours.elevation_sine, theirs.elevation_sine]),
         sight=np.concatenate([ours.sight, theirs.sight]),
@@ -72,12 +75,16 @@ def without_finished_targets(plan: Plan, time_ns: int) -> Plan:
     lines = plan.sightlines.over_looks(pairs, rows)
     pairs = evolve(pairs, target=number[pairs.target].astype(np.int32))
     ids = {plan.targets.ids[row] for row in kept.tolist()}
-    scene = evolve(plan.scene, targets=tuple(target for target in plan.scene.targets if target.id in ids))
+    scene = evolve(
+        plan.scene, targets=tuple(target for target in plan.scene.targets if target.id in ids)
+    )
     return with_targets(evolve(plan, scene=scene), _kept_targets(plan.targets, kept), pairs, lines)
 
 
 def is_active(plan: Plan, time_ns: int) -> BoolArray:
-    """Return which targets (n,) are not launched yet, or are still looked at by a sensor, at a time."""
+    """Return which targets (n,) are not launched yet, or are still looked at by a sensor, at a
+    time.
+    """
     stays: BoolArray = plan.targets.ignition_s * 1e9 >= time_ns
     going = (plan.pairs.looks > 0) & ~plan.pairs.is_over(time_ns)
     stays[plan.pairs.target[going]] = True
@@ -104,16 +111,24 @@ def _kept_targets(targets: Targets, kept: IntArray) -> Targets:
 def scan_generations(plan: Plan, former: Plan) -> tuple[int, ...]:
     """Return the generation of each sensor's scans: one more if the scan times have changed.
 
-    Scans of a new generation are numbered anew and must not share random numbers or ids with earlier ones. Both plans
-    have the same sensors and targets.
+    Scans of a new generation are numbered anew and must not share random numbers or ids with
+    earlier ones. Both plans have the same sensors and targets.
     """
-    differs = (plan.pairs.period_ns != former.pairs.period_ns) | (plan.pairs.phase_ns != former.pairs.phase_ns)
+    differs = (plan.pairs.period_ns != former.pairs.period_ns) | (
+        plan.pairs.phase_ns != former.pairs.phase_ns
+    )
     sensors: IndexArray = plan.pairs.sensor[differs]
     moved = set(sensors.tolist())
     sensors_now = enumerate(zip(plan.sensors, former.sensors, strict=True))
-    moved |= {row for row, (now, before) in sensors_now if now.scan.period_ns != before.scan.period_ns}
+    moved |= {
+        row for row, (now, before) in sensors_now if now.scan.period_ns != before.scan.period_ns
+    }
     numbers = former.scan_generations or (0,) * len(plan.sensors)
-    return tuple(number + (row in moved) for row, number in enumerate(numbers)) if moved else former.scan_generations
+    return (
+        tuple(number + (row in moved) for row, number in enumerate(numbers))
+        if moved
+        else former.scan_generations
+    )
 
 
 #: Time, s, that a change may wait in all: for its turn and for the run to apply it.
@@ -142,7 +157,9 @@ _FIXED = {
 
 
 class RefusedError(OpirError):
-    """A change that the run cannot apply: it has ended, too many changes wait, or its time is past."""
+    """A change that the run cannot apply: it has ended, too many changes wait, or its time is
+    past.
+    """
 
 
 class BusyError(RefusedError):
@@ -165,8 +182,8 @@ class RestartError(OpirError):
 class Change:
     """An engine with a change, ready to replace the engine of a lap.
 
-    `not_after_ns` is the latest time of the lap at which it may, `reopened` the outputs that change, `base` the scene
-    of the laps to come.
+    `not_after_ns` is the latest time of the lap at which it may, `reopened` the outputs that
+    change, `base` the scene of the laps to come.
     """
 
     engine: Engine
@@ -207,7 +224,8 @@ class ChangeQueue:
     def apply(self, change: Change, give_up_s: float) -> int:
         """Queue a change and return the cycle at whose start the run applied it.
 
-        A change not begun by `give_up_s` is withdrawn. Raises `BusyError` then, `RefusedError` if the run stops.
+        A change not begun by `give_up_s` is withdrawn. Raises `BusyError` then, `RefusedError` if
+        the run stops.
         """
         answer: Future[int] = Future()
         self._queue.put_nowait((change, answer))
@@ -237,13 +255,16 @@ def wait_until(is_met: Callable[[], bool], stopping: threading.Event, give_up_s:
 def launch_change(plan: Plan, block: Mapping[str, Any], time_ns: int, lap: int) -> Change:
     """Return the change that adds a target to a plan at a time.
 
-    `block` has the layout of a scene's targets. Raises `SceneError`, `PluginError` or `ModelError` as a scene with this
-    target does.
+    `block` has the layout of a scene's targets. Raises `SceneError`, `PluginError` or `ModelError`
+    as a scene with this target does.
     """
     scene = plan.scene
     duplicate = next((target for target in scene.targets if target.id == block.get("id")), None)
     if duplicate is not None:
-        raise SceneError([Problem("targets[0].id", f"{duplicate.id} is the id of another target")], source="launch")
+        raise SceneError(
+            [Problem("targets[0].id", f"{duplicate.id} is the id of another target")],
+            source="launch",
+        )
     mapping = {**scene_mapping(scene), "targets": [dict(block)], "outputs": []}
     read = scene_from_mapping(mapping, host=plan.host, source="launch")
     require_plausible(read, evolve(scene, targets=(), outputs=()), "launch")
@@ -256,20 +277,27 @@ def launch_change(plan: Plan, block: Mapping[str, Any], time_ns: int, lap: int) 
 
 
 def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first: Scene) -> Change:
-    """Return the change of a plan's settings; `mapping` is that of a scene, without targets and sources.
+    """Return the change of a plan's settings; `mapping` is that of a scene, without targets and
+    sources.
 
-    `first` is the scene of the first lap, whose epoch and seed are in the mapping. Raises `SceneError` with all errors
-    of the mapping, and `RestartError` with all settings that cannot change while the scene runs.
+    `first` is the scene of the first lap, whose epoch and seed are in the mapping. Raises
+    `SceneError` with all errors of the mapping, and `RestartError` with all settings that cannot
+    change while the scene runs.
     """
     former = evolve(plan.scene, epoch_us=first.epoch_us, seed=first.seed)
     ours = scene_mapping(former)
-    whole: dict[str, Any] = {**mapping, **{key: ours[key] for key in ("targets", "sources") if key in ours}}
+    whole: dict[str, Any] = {
+        **mapping,
+        **{key: ours[key] for key in ("targets", "sources") if key in ours},
+    }
     read = scene_from_mapping(whole, host=plan.host, source="settings")
     problems = _restart_problems(former, read)
     if problems:
         raise RestartError(problems)
     require_plausible(read, former, "settings")
-    compiled = compile_plan(evolve(read, epoch_us=plan.scene.epoch_us, seed=plan.scene.seed), plan.host)
+    compiled = compile_plan(
+        evolve(read, epoch_us=plan.scene.epoch_us, seed=plan.scene.seed), plan.host
+    )
     generations = scan_generations(compiled, plan)
     changed = evolve(compiled, scan_generations=generations)
     base = evolve(read, targets=first.targets)
@@ -279,22 +307,31 @@ def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first: Sce
 
 
 def require_plausible(scene: Scene, former: Scene, source: str) -> None:
-    """Raise `SceneError` for implausible values that the former scene does not have, unless the scene allows them."""
+    """Raise `SceneError` for implausible values that the former scene does not have, unless the
+    scene allows them.
+    """
     known = implausible_values(former)
     new = [problem for problem in implausible_values(scene) if problem not in known]
     if new and not scene.allow_implausible:
-        raise SceneError([Problem(one.path, f"{one.message}; {REMEDY}") for one in new], source=source)
+        raise SceneError(
+            [Problem(one.path, f"{one.message}; {REMEDY}") for one in new], source=source
+        )
 
 
 def _restart_problems(former: Scene, scene: Scene) -> list[Problem]:
     ours = scene_mapping(former)
     theirs = scene_mapping(scene)
-    problems = [Problem(key, reason) for key, reason in _FIXED.items() if ours.get(key) != theirs.get(key)]
+    problems = [
+        Problem(key, reason) for key, reason in _FIXED.items() if ours.get(key) != theirs.get(key)
+    ]
     names = [(sensor.id, sensor.constellation, sensor.model.name) for sensor in former.sensors]
     if names != [(sensor.id, sensor.constellation, sensor.model.name) for sensor in scene.sensors]:
         return [*problems, Problem("sensors", f"{_RESTART}: other sensors, or in another order")]
     problems += [
-        Problem(f"{now.model.path}.{key}", f"{_RESTART} (sensor {now.id}): outputs are open for sensors as they are")
+        Problem(
+            f"{now.model.path}.{key}",
+            f"{_RESTART} (sensor {now.id}): outputs are open for sensors as they are",
+        )
         for before, now in zip(former.sensors, scene.sensors, strict=True)
         for key in ("bands", "orbit", "orbital_slot_deg")
         if getattr(before.model.config, key, None) != getattr(now.model.config, key, None)
@@ -306,13 +343,20 @@ def _output_problems(former: Scene, scene: Scene) -> list[Problem]:
     if [output.name for output in former.outputs] != [output.name for output in scene.outputs]:
         return [Problem("outputs", f"{_RESTART}: other outputs, or in another order")]
     return [
-        Problem(now.path, f"{_RESTART}: opened anew it would overwrite {now.config.path!r}; give another path")
+        Problem(
+            now.path,
+            f"{_RESTART}: opened anew it would overwrite {now.config.path!r}; give another path",
+        )
         for before, now in zip(former.outputs, scene.outputs, strict=True)
-        if now != before and getattr(now.config, "path", None) and now.config.path == before.config.path
+        if now != before
+        and getattr(now.config, "path", None)
+        and now.config.path == before.config.path
     ]
 
 
 def plan_of_lap(base: Scene, host: Host, lap: int, lap_us: int) -> Plan:
-    """Return the plan of a lap: the scene with its epoch `lap` durations later, and `lap` added to its seed."""
+    """Return the plan of a lap: the scene with its epoch `lap` durations later, and `lap` added to
+    its seed.
+    """
     scene = evolve(base, epoch_us=base.epoch_us + lap * lap_us, seed=(base.seed + lap) % 2**63)
     return compile_plan(scene, host)

@@ -1,4 +1,5 @@
-"""The pace of a live run, and looped scenes: each lap is a run of its own, scene time continues from lap to lap.
+"""The pace of a live run, and looped scenes: each lap is a run of its own, scene time continues
+from lap to lap.
 
 Scene time counts from the scene's epoch; the plan of a lap counts from its own.
 """
@@ -22,15 +23,16 @@ from opir_core.scene.scene import BY_REPORT, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.shifting import shifted
 
-#: Interval, s, after which another thread releases the interpreter to the run; Python's default is 5 ms.
+#: Interval, s, after which another thread releases the interpreter to the run; Python's default is
+#: 5 ms.
 SWITCH_S = 0.001
 
 
 def limit_pauses() -> None:
     """Prepare this process for a live run; call it between construction and start of the run.
 
-    All objects alive now live as long as the run. They are excluded from garbage collection, which would otherwise
-    traverse them every 15 s, for about 20 ms.
+    All objects alive now live as long as the run. They are excluded from garbage collection, which
+    would otherwise traverse them every 15 s, for about 20 ms.
     """
     gc.collect()
     gc.freeze()
@@ -50,8 +52,9 @@ _LOAD_NS = 2_000_000_000
 class Pace:
     """Scene time against the monotonic clock, which is independent of changes of the wall clock.
 
-    `speed` is scene time per real time, None for unpaced; `cycle_ns` the real time of a cycle. `load` is the work of
-    the last seconds over the real time that it may take: above 1 the run falls behind; `least_load` the least so far.
+    `speed` is scene time per real time, None for unpaced; `cycle_ns` the real time of a cycle.
+    `load` is the work of the last seconds over the real time that it may take: above 1 the run
+    falls behind; `least_load` the least so far.
     """
 
     def __init__(self, speed: float | None, cycle_ns: int) -> None:
@@ -80,7 +83,9 @@ class Pace:
         return self._step_ns * max(1, min(owed, _CATCHING_UP))
 
     def late_ns(self, scene_ns: int) -> int:
-        """Return the time since a scene time was due, ns; negative before it is due; 0 if unpaced."""
+        """Return the time since a scene time was due, ns; negative before it is due; 0 if
+        unpaced.
+        """
         if self.speed is None:
             return 0
         return time.monotonic_ns() - self._start_ns - int(scene_ns / self.speed)
@@ -95,7 +100,9 @@ class Pace:
                 self.least_load = self.load
 
     def load_with(self, targets: int) -> float:
-        """Return the load with one target more than some: all but the least load is taken to be theirs."""
+        """Return the load with one target more than some: all but the least load is taken to be
+        theirs.
+        """
         return self.least_load + (self.load - self.least_load) * (targets + 1) / max(targets, 1)
 
     def slip(self, late_ns: int) -> None:
@@ -103,7 +110,9 @@ class Pace:
         self._start_ns += max(late_ns, 0)
 
     def wait(self, scene_ns: int, stopping: threading.Event) -> bool:
-        """Wait until a scene time is due; return whether to continue: False if `stopping` is set."""
+        """Wait until a scene time is due; return whether to continue: False if `stopping` is
+        set.
+        """
         ahead_ns = -self.late_ns(scene_ns)
         if ahead_ns > 0:
             return not stopping.wait(ahead_ns * 1e-9)
@@ -136,7 +145,10 @@ class RunPosition:
         return self.engine.time_ns + self.offset.time_ns
 
 
-_NO_LOOP = "a looped scene cannot track in the order of report; set observation, or run the scene without --loop"
+_NO_LOOP = (
+    "a looped scene cannot track in the order of report; set observation, or run the scene without"
+    " --loop"
+)
 
 
 class LapPlans:
@@ -144,7 +156,9 @@ class LapPlans:
 
     def __init__(self, base: Scene, host: Host, lap_ns: int) -> None:
         if lap_ns % 1000:
-            raise SceneError([Problem("duration_s", "the duration of a looped scene must be whole microseconds")])
+            raise SceneError(
+                [Problem("duration_s", "the duration of a looped scene must be whole microseconds")]
+            )
         if base.tracking_order == BY_REPORT:
             raise SceneError([Problem("tracking_order", _NO_LOOP)])
         self.lap_ns = lap_ns
@@ -158,7 +172,9 @@ class LapPlans:
         plan: Future[Plan] = Future()
         self._next = lap, plan
         # A daemon thread does not keep the process from ending.
-        threading.Thread(target=self._compile, args=(self._base, lap, plan), name="opir-lap", daemon=True).start()
+        threading.Thread(
+            target=self._compile, args=(self._base, lap, plan), name="opir-lap", daemon=True
+        ).start()
 
     def plan(self, lap: int) -> Plan:
         """Return the plan of a lap, as last prepared."""
@@ -179,7 +195,9 @@ _NS = 1_000_000_000
 
 @frozen
 class Launched:
-    """An added launch: target id, scene time of ignition, s, and the first cycle that may detect it."""
+    """An added launch: target id, scene time of ignition, s, and the first cycle that may detect
+    it.
+    """
 
     target_id: str
     time_s: float
@@ -189,10 +207,11 @@ class Launched:
 def launch_in_lap(
     block: Mapping[str, Any], target_id: str, position: RunPosition, earliest_ns: int
 ) -> tuple[dict[str, Any], bool]:
-    """Return a launch's block with an id and a time of the lap, and whether the time was chosen here.
+    """Return a launch's block with an id and a time of the lap, and whether the time was chosen
+    here.
 
-    A block without an id gets `target_id`; one without a time gets `earliest_ns` of the lap, rounded up to a
-    millisecond. Raises `PastError` for a time before the lap.
+    A block without an id gets `target_id`; one without a time gets `earliest_ns` of the lap,
+    rounded up to a millisecond. Raises `PastError` for a time before the lap.
     """
     whole = {"id": target_id, **block}
     before_ns = position.offset.time_ns
@@ -211,4 +230,6 @@ def launch_in_lap(
 
 def past_error(time_ns: int) -> PastError:
     """Return the error of a launch that is too late at a scene time."""
-    return PastError(f"launch.time_s is past: scene time is {time_ns / _NS:.3f} s; leave it out to launch now")
+    return PastError(
+        f"launch.time_s is past: scene time is {time_ns / _NS:.3f} s; leave it out to launch now"
+    )

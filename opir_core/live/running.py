@@ -1,4 +1,6 @@
-"""Live runs: a scene paced by the clock, in a thread of its own, with changes applied between two windows."""
+"""Live runs: a scene paced by the clock, in a thread of its own, with changes applied between two
+windows.
+"""
 
 import math
 import threading
@@ -25,7 +27,15 @@ from opir_core.live.changes import (
     settings_change,
     wait_until,
 )
-from opir_core.live.loops import LapOffset, LapPlans, Launched, Pace, RunPosition, launch_in_lap, past_error
+from opir_core.live.loops import (
+    LapOffset,
+    LapPlans,
+    Launched,
+    Pace,
+    RunPosition,
+    launch_in_lap,
+    past_error,
+)
 from opir_core.live.progress import Progress, RunningCall, progress_of
 from opir_core.live.status import Counts, LiveStatus
 from opir_core.output.delivery import counter_of, opened_sink
@@ -53,17 +63,19 @@ class LiveWindow:
 
 _NS = 1_000_000_000
 
-#: Largest share of real time that a run may take with a further target: the rest is for its launch, which is compiled
-#: in another thread, and for targets that are not burning yet.
+#: Largest share of real time that a run may take with a further target: the rest is for its launch,
+#: which is compiled in another thread, and for targets that are not burning yet.
 _MOST_LOAD = 0.9
 
 
 @frozen(kw_only=True)
 class LiveSettings:
-    """Settings of a live run: scene time per real time (None: unpaced), real time of a cycle, looping.
+    """Settings of a live run: scene time per real time (None: unpaced), real time of a cycle,
+    looping.
 
-    A run is unready if no cycle ends for `unready_after_s`, and stuck after `dead_after_s`. One that is more than
-    `late_after_s` late is unready and refuses launches and settings; with `slows` its scene takes longer instead.
+    A run is unready if no cycle ends for `unready_after_s`, and stuck after `dead_after_s`. One
+    that is more than `late_after_s` late is unready and refuses launches and settings; with `slows`
+    its scene takes longer instead.
     """
 
     speed: float | None = 1.0
@@ -91,7 +103,8 @@ class LiveRun:
         self.settings = settings
         #: Called with each window by the thread of the run; must not block.
         self.on_window = on_window
-        #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always belong together.
+        #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always
+        #: belong together.
         plan = evolve(compile_plan(scene, host), on_tracker_error=self._end_tracker)
         self._pace = Pace(settings.speed, settings.cycle_ns)
         plan.workload.require_cycle(self._pace.cycle_ns)
@@ -123,7 +136,9 @@ class LiveRun:
                 is_spooled = choice.spool is not None
                 made = opened_sink(plan, choice)
                 count = counter_of(plan, choice)
-                sinks.append(SinkThread(choice.path, choice.name, made, is_spooled=is_spooled, count=count))
+                sinks.append(
+                    SinkThread(choice.path, choice.name, made, is_spooled=is_spooled, count=count)
+                )
         except BaseException:
             for sink in sinks:
                 sink.close(time.monotonic() + 1.0)
@@ -161,14 +176,17 @@ class LiveRun:
         return self.status()
 
     def retry_output(self, output: str) -> bool:
-        """Let a parked output try again at once, by its path or the name of its sink; return whether it was parked.
+        """Let a parked output try again at once, by its path or the name of its sink; return
+        whether it was parked.
 
         Raises `SceneError` if there is no such output, or several.
         """
         named = [sink for sink in self._sinks if output in (sink.path, sink.name)]
         if len(named) != 1:
             known = ", ".join(sink.path for sink in self._sinks) or "none"
-            problem = Problem("", f"there is no one output {output!r}; give the path of one of these: {known}")
+            problem = Problem(
+                "", f"there is no one output {output!r}; give the path of one of these: {known}"
+            )
             raise SceneError([problem], source="outputs")
         return named[0].retry()
 
@@ -220,14 +238,17 @@ class LiveRun:
         )
 
     def progress(self) -> Progress:
-        """Return the age of the last finished cycle, and the calls that take too long; never waits."""
+        """Return the age of the last finished cycle, and the calls that take too long; never
+        waits.
+        """
         age_s = self._cycle_age_s()
         settings = self.settings
         calls = [RunningCall("no cycle has ended", age_s, self._thread.ident)] if age_s else []
         late = [self._lateness()] if self._is_late else []
         late += [f"the tracker has ended: {self._tracker_error}"] if self._tracker_error else []
         calls += [
-            RunningCall(f"the sink {sink.path} has not returned", sink.busy_s, sink.thread) for sink in self._sinks
+            RunningCall(f"the sink {sink.path} has not returned", sink.busy_s, sink.thread)
+            for sink in self._sinks
         ]
         dead_after_s = max(settings.dead_after_s, self._longest_wait_s())
         found = progress_of(calls, age_s, settings.unready_after_s, dead_after_s)
@@ -241,11 +262,16 @@ class LiveRun:
         return f"the run is {self._counts.late_s:.1f} s late"
 
     def _require_pace(self, targets: int = 0) -> None:
-        """Raise `BusyError` if the run is late, or if one more than some targets would make it so."""
+        """Raise `BusyError` if the run is late, or if one more than some targets would make it
+        so.
+        """
         if self._is_late:
             raise BusyError(f"{self._lateness()}; try again later")
         if targets and not self.settings.slows and self._pace.load_with(targets) > _MOST_LOAD:
-            words = f"the run takes {self._pace.load:.0%} of real time with {number_of('target', targets)}"
+            words = (
+                f"the run takes {self._pace.load:.0%} of real time with"
+                f" {number_of('target', targets)}"
+            )
             raise BusyError(f"{words}: one more would make it late; try again later")
 
     def _cycle_age_s(self) -> float:
@@ -253,56 +279,77 @@ class LiveRun:
         return max(0.0, time.monotonic() - self._beat_s) if self._state == "running" else 0.0
 
     def _longest_wait_s(self) -> float:
-        """Return the time, s, for which a full spool may hold the run, with a margin: such a run is not stuck."""
+        """Return the time, s, for which a full spool may hold the run, with a margin: such a run is
+        not stuck.
+        """
         spools = [choice.spool for choice in self.plan.scene.outputs if choice.spool is not None]
         waits_s = [spool.wait_s for spool in spools if spool.when_full == WAIT]
         return max(waits_s) + 10.0 if waits_s else 0.0
 
     def settings_mapping(self) -> dict[str, Any]:
-        """Return the present settings of the scene as plain data: its mapping without targets and sources."""
-        settings = scene_mapping(evolve(self.plan.scene, epoch_us=self.scene.epoch_us, seed=self.scene.seed))
+        """Return the present settings of the scene as plain data: its mapping without targets and
+        sources.
+        """
+        settings = scene_mapping(
+            evolve(self.plan.scene, epoch_us=self.scene.epoch_us, seed=self.scene.seed)
+        )
         return {key: value for key, value in settings.items() if key not in ("targets", "sources")}
 
     def launch(self, block: Mapping[str, Any]) -> Launched:
-        """Add a target; `block` has the layout of a scene's targets, `id` and `launch.time_s` are optional.
+        """Add a target; `block` has the layout of a scene's targets, `id` and `launch.time_s` are
+        optional.
 
-        `time_s` counts from the scene's epoch; by default it is the earliest possible. Raises `SceneError`,
-        `PluginError` or `ModelError` for an invalid block, `RefusedError` if the run cannot add the target.
+        `time_s` counts from the scene's epoch; by default it is the earliest possible. Raises
+        `SceneError`, `PluginError` or `ModelError` for an invalid block, `RefusedError` if the run
+        cannot add the target.
         """
         with self._changes.lock() as give_up_s:
             targets = self.status().targets
             self._require_pace(targets)
             if targets >= self.settings.maximum_targets:
-                raise BusyError(f"the run has {self.settings.maximum_targets} targets, its maximum; try again later")
+                raise BusyError(
+                    f"the run has {self.settings.maximum_targets} targets, its maximum; try again"
+                    f" later"
+                )
             self._launch_count += 1
             lead_ns = 3 * self._pace.step_ns(self.time_ns)
             while time.monotonic() < give_up_s:
                 position = self._position
                 asked_ns = self.time_ns
                 earliest_ns = position.engine.time_ns + lead_ns
-                whole, is_chosen = launch_in_lap(block, f"live-{self._launch_count}", position, earliest_ns)
+                whole, is_chosen = launch_in_lap(
+                    block, f"live-{self._launch_count}", position, earliest_ns
+                )
                 duration_s = position.engine.plan.scene.duration_s
                 if is_chosen and whole["launch"]["time_s"] >= duration_s:
                     self._await_lap_after(position.lap, give_up_s)
                     continue
-                change = launch_change(position.engine.plan, whole, position.engine.time_ns, position.lap)
+                change = launch_change(
+                    position.engine.plan, whole, position.engine.time_ns, position.lap
+                )
                 try:
                     cycle = self._applied(change, give_up_s)
                 except PastError:
                     if not is_chosen:
                         raise
                     # Half a lap at most: with a longer lead, a lap may never have time for it.
-                    lead_ns = min(2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * _NS) // 2)
+                    lead_ns = min(
+                        2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * _NS) // 2
+                    )
                 else:
-                    return Launched(whole["id"], whole["launch"]["time_s"] + position.offset.time_ns / _NS, cycle)
+                    return Launched(
+                        whole["id"],
+                        whole["launch"]["time_s"] + position.offset.time_ns / _NS,
+                        cycle,
+                    )
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")
 
     def configure(self, mapping: Mapping[str, Any]) -> int:
         """Change the scene's settings, all or none, at the start of a cycle; return the cycle.
 
-        `mapping` has the layout of `settings_mapping`. Raises `SceneError`, `PluginError` or `ModelError` for an
-        invalid mapping, `RestartError` for settings that a running scene cannot change, `RefusedError` if the run has
-        ended.
+        `mapping` has the layout of `settings_mapping`. Raises `SceneError`, `PluginError` or
+        `ModelError` for an invalid mapping, `RestartError` for settings that a running scene cannot
+        change, `RefusedError` if the run has ended.
         """
         with self._changes.lock() as give_up_s:
             self._require_pace()
@@ -316,17 +363,27 @@ class LiveRun:
             raise BusyError("the run's laps are too short to change it")
 
     def _await_lap_after(self, lap: int, give_up_s: float) -> None:
-        """Wait for the lap after one that is nearly over; raises `RefusedError` if there is none."""
+        """Wait for the lap after one that is nearly over; raises `RefusedError` if there is
+        none.
+        """
         if self._lap_plans is None:
-            raise RefusedError("the scene ends before the launch: start it again, or start it with --loop")
-        if not wait_until(lambda: self._position.lap != lap or self._state != "running", self._stopping, give_up_s):
+            raise RefusedError(
+                "the scene ends before the launch: start it again, or start it with --loop"
+            )
+        if not wait_until(
+            lambda: self._position.lap != lap or self._state != "running", self._stopping, give_up_s
+        ):
             raise BusyError("the run waits for a sink; try again")
 
     def _applied(self, change: Change, give_up_s: float) -> int:
-        """Return the cycle at whose start a change was applied; raises `SceneError` if cycles had too much work."""
+        """Return the cycle at whose start a change was applied; raises `SceneError` if cycles had
+        too much work.
+        """
         change.engine.plan.workload.require_cycle(self._pace.cycle_ns)
         if self._state != "running":
-            raise RefusedError(f"the run has {self._state}: start it again, or start it with --loop")
+            raise RefusedError(
+                f"the run has {self._state}: start it again, or start it with --loop"
+            )
         return self._changes.apply(change, give_up_s)
 
     def _work(self) -> None:
@@ -334,7 +391,9 @@ class LiveRun:
             while not self._stopping.is_set() and self._cycle():
                 pass
             self._state = "stopped" if self._stopping.is_set() else "ended"
-        except BaseException as error:  # also SystemExit of a plugin; reported by status, health and exit code
+        except (
+            BaseException
+        ) as error:  # also SystemExit of a plugin; reported by status, health and exit code
             self._error = str(error) if isinstance(error, OpirError) else described_error(error)
             self._state = "failed"
         for _, answer in self._changes.pending():
@@ -375,11 +434,15 @@ class LiveRun:
         position = self._position
         if self._is_over:
             return self._counts.time_ns + self._pace.step_ns(self._counts.time_ns)
-        edge_ns = min(position.engine.time_ns + self._pace.step_ns(position.time_ns), self.plan.end_ns)
+        edge_ns = min(
+            position.engine.time_ns + self._pace.step_ns(position.time_ns), self.plan.end_ns
+        )
         return edge_ns + position.offset.time_ns
 
     def _slices_ns(self, due_ns: int) -> Sequence[int]:
-        """Return the ends of the windows of a cycle: one, unless it has more looks than fit into a window."""
+        """Return the ends of the windows of a cycle: one, unless it has more looks than fit into a
+        window.
+        """
         start_ns = self.time_ns
         if self._is_over:
             return (due_ns,)
@@ -390,14 +453,18 @@ class LiveRun:
         return [start_ns + (due_ns - start_ns) * number // count for number in range(1, count + 1)]
 
     def _observed(self, due_ns: int) -> Window:
-        """Return the window of observations up to a scene time; after the scene's end there are none."""
+        """Return the window of observations up to a scene time; after the scene's end there are
+        none.
+        """
         position = self._position
         if self._is_over:
             return quiet_window(self._counts.time_ns, due_ns)
         return position.offset.shifted(position.engine.advance(due_ns - position.offset.time_ns))
 
     def _write(self, window: Window) -> None:
-        """Write a window to the sinks, first to those with a spool: no event is visible before it is safe from loss."""
+        """Write a window to the sinks, first to those with a spool: no event is visible before it
+        is safe from loss.
+        """
         sinks = [sink for sink in self._sinks if sink.has_events(window)]
         for sink in sinks:
             if sink.is_spooled:
@@ -415,7 +482,9 @@ class LiveRun:
         lap = self._position.lap + 1
         plan = evolve(lap_plans.plan(lap), on_tracker_error=self._end_tracker)
         self._tracker_error = None
-        self._position = RunPosition(Engine(plan), lap, LapOffset(lap * lap_plans.lap_ns, self._tracks))
+        self._position = RunPosition(
+            Engine(plan), lap, LapOffset(lap * lap_plans.lap_ns, self._tracks)
+        )
         self._launch_count += len(plan.targets.ids)
         self._reports.use(plan)
         lap_plans.prepare(lap + 1)
@@ -424,7 +493,9 @@ class LiveRun:
         """Apply the changes queued since the last window."""
         for change, answer in self._changes.pending():
             position = self._position
-            is_late = change.not_after_ns is not None and change.not_after_ns < position.engine.time_ns
+            is_late = (
+                change.not_after_ns is not None and change.not_after_ns < position.engine.time_ns
+            )
             if is_late or change.lap != position.lap:
                 answer.set_exception(past_error(self.time_ns))
                 continue
@@ -446,4 +517,8 @@ class LiveRun:
             sink = next(sink for sink in self._sinks if sink.path == choice.path)
             plan = change.engine.plan
             is_spooled = choice.spool is not None
-            sink.replace(partial(opened_sink, plan, choice), is_spooled=is_spooled, count=counter_of(plan, choice))
+            sink.replace(
+                partial(opened_sink, plan, choice),
+                is_spooled=is_spooled,
+                count=counter_of(plan, choice),
+            )

@@ -90,7 +90,9 @@ class Counts:
         np.maximum.at(self.last_ns, detections.sensor, detections.time_ns)
 
     def ended(self, time_ns: int, late_s: float, allowed_s: float) -> None:
-        """Count a cycle up to scene time `time_ns` and its lateness; over `allowed_s` it missed its deadline."""
+        """Count a cycle up to scene time `time_ns` and its lateness; over `allowed_s` it missed its
+        deadline.
+        """
         self.time_ns = time_ns
         self.cycle += 1
         self.late_s = max(late_s, 0.0)
@@ -102,7 +104,13 @@ class Counts:
     def sensors(self, plan: Plan) -> tuple[SensorStatus, ...]:
         """Return the status of each sensor."""
         health = self.health.documents() if self.health else [None] * len(plan.sensors)
-        rows = zip(plan.sensors, self.detections_by_sensor.tolist(), self.last_ns.tolist(), health, strict=True)
+        rows = zip(
+            plan.sensors,
+            self.detections_by_sensor.tolist(),
+            self.last_ns.tolist(),
+            health,
+            strict=True,
+        )
         return tuple(
             SensorStatus(sensor.id, sensor.type, count, last * 1e-9 if last >= 0 else None, found)
             for sensor, count, last, found in rows

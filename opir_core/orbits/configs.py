@@ -1,7 +1,7 @@
 """The `orbit:` block of a sensor: one of several kinds of orbit, named by its key.
 
-All elements hold at the scene epoch, for which nodes may be given by their longitude on the Earth (`lon_asc_node_deg`)
-or by their right ascension (`raan_deg`). Nothing heavy is imported here.
+All elements hold at the scene epoch, for which nodes may be given by their longitude on the Earth
+(`lon_asc_node_deg`) or by their right ascension (`raan_deg`). Nothing heavy is imported here.
 """
 
 import math
@@ -11,7 +11,11 @@ from typing import Any
 from attrs import fields_dict, frozen
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.orbits.elements import CRITICAL_INCLINATION_RAD, synchronous_semi_major_axis_m, walker_complaint
+from opir_core.orbits.elements import (
+    CRITICAL_INCLINATION_RAD,
+    synchronous_semi_major_axis_m,
+    walker_complaint,
+)
 from opir_core.orbits.mean_elements import omm_complaint, tle_complaint
 from opir_core.scene.fields import nested, number, text
 
@@ -27,7 +31,13 @@ def _longitude(text_of_help: str) -> Any:
 
 
 def _inclination(**default: Any) -> Any:
-    return number(unit="deg", minimum=0.0, maximum=180.0, help="angle from the equator to the orbit's plane", **default)
+    return number(
+        unit="deg",
+        minimum=0.0,
+        maximum=180.0,
+        help="angle from the equator to the orbit's plane",
+        **default,
+    )
 
 
 def _eccentricity(**default: Any) -> Any:
@@ -36,13 +46,17 @@ def _eccentricity(**default: Any) -> Any:
 
 def _altitude() -> Any:
     return number(
-        unit="km", above=0.0, maximum=400_000.0, help="height above the Earth's equatorial radius, 6378.137 km"
+        unit="km",
+        above=0.0,
+        maximum=400_000.0,
+        help="height above the Earth's equatorial radius, 6378.137 km",
     )
 
 
 def _node_longitude() -> Any:
     return _angle(
-        "east longitude, at the scene epoch, of the ascending node: where the orbit's plane crosses the equator"
+        "east longitude, at the scene epoch, of the ascending node: where the orbit's plane crosses"
+        " the equator"
         " northwards; or give raan_deg",
         default=None,
     )
@@ -50,7 +64,8 @@ def _node_longitude() -> Any:
 
 def _right_ascension() -> Any:
     return _angle(
-        "right ascension of the ascending node, from the mean equinox of date (as in TEME); or give lon_asc_node_deg",
+        "right ascension of the ascending node, from the mean equinox of date (as in TEME); or give"
+        " lon_asc_node_deg",
         default=None,
     )
 
@@ -67,14 +82,19 @@ def _choice_complaint(config: Any, *names: str) -> str | None:
     given = [name for name in names if getattr(config, name) is not None]
     if len(given) == 1:
         return None
-    return f"{' and '.join(given)} exclude each other" if given else f"give one of {', '.join(names)}"
+    return (
+        f"{' and '.join(given)} exclude each other" if given else f"give one of {', '.join(names)}"
+    )
 
 
 def _perigee_complaint(semi_major_axis_km: float, eccentricity: float) -> str | None:
     perigee_km = semi_major_axis_km * (1.0 - eccentricity)
     if perigee_km > _RADIUS_KM:
         return None
-    return f"the perigee is {perigee_km:.1f} km from the Earth's centre, inside the Earth ({_RADIUS_KM} km)"
+    return (
+        f"the perigee is {perigee_km:.1f} km from the Earth's centre, inside the Earth"
+        f" ({_RADIUS_KM} km)"
+    )
 
 
 @frozen(kw_only=True)
@@ -86,7 +106,8 @@ class SlotConfig:
     eccentricity: float = _eccentricity(default=0.0)
     arg_perigee_deg: float = _angle("angle from the ascending node to the perigee")
     mean_arg_latitude_deg: float = _angle(
-        "argument of perigee plus mean anomaly at the scene epoch; 0: a circular orbit goes north over the slot then"
+        "argument of perigee plus mean anomaly at the scene epoch; 0: a circular orbit goes north"
+        " over the slot then"
     )
 
     def __attrs_post_init__(self) -> None:
@@ -98,15 +119,23 @@ class KeplerConfig:
     """Any closed orbit, by its Kepler elements at the scene epoch."""
 
     semi_major_axis_km: float = number(
-        unit="km", above=_RADIUS_KM, maximum=400_000.0, plausible=(6500.0, 400_000.0), help="semi-major axis"
+        unit="km",
+        above=_RADIUS_KM,
+        maximum=400_000.0,
+        plausible=(6500.0, 400_000.0),
+        help="semi-major axis",
     )
     eccentricity: float = _eccentricity()
     inclination_deg: float = _inclination()
     lon_asc_node_deg: float | None = _node_longitude()
     raan_deg: float | None = _right_ascension()
     arg_perigee_deg: float = _angle("angle from the ascending node to the perigee")
-    mean_anomaly_deg: float | None = _angle("mean anomaly at the scene epoch; or give true_anomaly_deg", default=None)
-    true_anomaly_deg: float | None = _angle("true anomaly at the scene epoch; or give mean_anomaly_deg", default=None)
+    mean_anomaly_deg: float | None = _angle(
+        "mean anomaly at the scene epoch; or give true_anomaly_deg", default=None
+    )
+    true_anomaly_deg: float | None = _angle(
+        "true anomaly at the scene epoch; or give mean_anomaly_deg", default=None
+    )
 
     def __attrs_post_init__(self) -> None:
         _require(
@@ -124,7 +153,9 @@ class CircularConfig:
     inclination_deg: float = _inclination()
     lon_asc_node_deg: float | None = _node_longitude()
     raan_deg: float | None = _right_ascension()
-    arg_latitude_deg: float = _angle("angle from the ascending node to the satellite at the scene epoch")
+    arg_latitude_deg: float = _angle(
+        "angle from the ascending node to the satellite at the scene epoch"
+    )
 
     def __attrs_post_init__(self) -> None:
         _require(_choice_complaint(self, "lon_asc_node_deg", "raan_deg"))
@@ -132,22 +163,34 @@ class CircularConfig:
 
 @frozen(kw_only=True)
 class WalkerConfig:
-    """One satellite of a Walker pattern of circular orbits; node and argument of latitude are the first satellite's."""
+    """One satellite of a Walker pattern of circular orbits; node and argument of latitude are the
+    first satellite's.
+    """
 
     total: int = number(minimum=1, maximum=100_000, help="satellites in the pattern")
-    planes: int = number(minimum=1, maximum=100_000, help="orbit planes, each with the same number of satellites")
+    planes: int = number(
+        minimum=1, maximum=100_000, help="orbit planes, each with the same number of satellites"
+    )
     phasing: int = number(
-        minimum=0, maximum=100_000, help="by how many units of 360/total deg a plane is ahead of the one before it"
+        minimum=0,
+        maximum=100_000,
+        help="by how many units of 360/total deg a plane is ahead of the one before it",
     )
     kind: str = text(
-        default="delta", choices=("delta", "star"), help="nodes spread over 360 deg (delta) or over 180 deg (star)"
+        default="delta",
+        choices=("delta", "star"),
+        help="nodes spread over 360 deg (delta) or over 180 deg (star)",
     )
-    satellite: int = number(minimum=1, maximum=100_000, help="number of the satellite, from 1, plane by plane")
+    satellite: int = number(
+        minimum=1, maximum=100_000, help="number of the satellite, from 1, plane by plane"
+    )
     altitude_km: float = _altitude()
     inclination_deg: float = _inclination()
     lon_asc_node_deg: float | None = _node_longitude()
     raan_deg: float | None = _right_ascension()
-    arg_latitude_deg: float = _angle("angle from the ascending node to the first satellite at the scene epoch")
+    arg_latitude_deg: float = _angle(
+        "angle from the ascending node to the first satellite at the scene epoch"
+    )
 
     def __attrs_post_init__(self) -> None:
         beyond = f"satellite: {self.satellite} is more than the {self.total} of the pattern"
@@ -160,20 +203,32 @@ class WalkerConfig:
 
 @frozen(kw_only=True)
 class MolniyaConfig:
-    """An orbit of half a day that dwells about its apogee; every other apogee is over the given longitude."""
+    """An orbit of half a day that dwells about its apogee; every other apogee is over the given
+    longitude.
+    """
 
-    apogee_lon_deg: float = _longitude("east longitude of the apogee that is passed at apogee_time_s")
+    apogee_lon_deg: float = _longitude(
+        "east longitude of the apogee that is passed at apogee_time_s"
+    )
     apogee_time_s: float = number(
-        default=0.0, unit="s", minimum=-1e6, maximum=1e6, help="scene time at which the apogee is passed"
+        default=0.0,
+        unit="s",
+        minimum=-1e6,
+        maximum=1e6,
+        help="scene time at which the apogee is passed",
     )
     eccentricity: float = _eccentricity(
-        default=0.74, source="notional; Molniya satellites: 0.71 to 0.74. The perigee is 528 km high"
+        default=0.74,
+        source="notional; Molniya satellites: 0.71 to 0.74. The perigee is 528 km high",
     )
     inclination_deg: float = _inclination(
         default=math.degrees(CRITICAL_INCLINATION_RAD),
-        source="the critical inclination, sin² i = 4/5, where the Earth's oblateness leaves the perigee where it is",
+        source="the critical inclination, sin² i = 4/5, where the Earth's oblateness leaves the"
+        " perigee where it is",
     )
-    arg_perigee_deg: float = _angle("angle from the ascending node to the perigee; 270: apogee in the north", 270.0)
+    arg_perigee_deg: float = _angle(
+        "angle from the ascending node to the perigee; 270: apogee in the north", 270.0
+    )
 
     @property
     def turns_a_day(self) -> float:
@@ -181,14 +236,20 @@ class MolniyaConfig:
         return 2.0
 
     def __attrs_post_init__(self) -> None:
-        _require(_perigee_complaint(synchronous_semi_major_axis_m(self.turns_a_day) * 1e-3, self.eccentricity))
+        _require(
+            _perigee_complaint(
+                synchronous_semi_major_axis_m(self.turns_a_day) * 1e-3, self.eccentricity
+            )
+        )
 
 
 @frozen(kw_only=True)
 class TundraConfig(MolniyaConfig):
     """An orbit of a day that dwells about its apogee, always over the given longitude."""
 
-    eccentricity: float = _eccentricity(default=0.27, source="notional, within the usual 0.2 to 0.3")
+    eccentricity: float = _eccentricity(
+        default=0.27, source="notional, within the usual 0.2 to 0.3"
+    )
 
     @property
     def turns_a_day(self) -> float:
@@ -201,7 +262,9 @@ class OmmFileConfig:
     """A file of orbits, and the satellite in it."""
 
     path: str = text(help="path of the file, relative to the working directory")
-    satellite: str | None = text(default=None, help="name, id or number of the satellite, where the file holds several")
+    satellite: str | None = text(
+        default=None, help="name, id or number of the satellite, where the file holds several"
+    )
 
 
 @frozen(kw_only=True)
@@ -212,17 +275,22 @@ class OrbitConfig:
     kepler: KeplerConfig | None = nested(default=None, help="Kepler elements")
     circular: CircularConfig | None = nested(default=None, help="a circular orbit")
     walker: WalkerConfig | None = nested(default=None, help="a satellite of a Walker pattern")
-    molniya: MolniyaConfig | None = nested(default=None, help="a highly elliptical orbit of half a day")
+    molniya: MolniyaConfig | None = nested(
+        default=None, help="a highly elliptical orbit of half a day"
+    )
     tundra: TundraConfig | None = nested(default=None, help="a highly elliptical orbit of a day")
     tle: tuple[str, str] | None = nested(
         default=None, check=tle_complaint, help="a two-line element set, for SGP4: [line 1, line 2]"
     )
     omm: Mapping[str, Any] | None = nested(
-        default=None, check=omm_complaint, help="an Orbit Mean-Elements Message, for SGP4, by its CCSDS keywords"
+        default=None,
+        check=omm_complaint,
+        help="an Orbit Mean-Elements Message, for SGP4, by its CCSDS keywords",
     )
     omm_file: OmmFileConfig | None = nested(default=None, help="a JSON file of OMM, for SGP4")
     file: OmmFileConfig | None = nested(
-        default=None, help="a file of elements or an ephemeris, with opir-readers: OMM, TLE, OEM, SP3, STK"
+        default=None,
+        help="a file of elements or an ephemeris, with opir-readers: OMM, TLE, OEM, SP3, STK",
     )
 
     def __attrs_post_init__(self) -> None:

@@ -1,7 +1,8 @@
-"""Kepler elements of a closed orbit about the Earth, in radians and metres; plain numbers, no arrays.
+"""Kepler elements of a closed orbit about the Earth, in radians and metres; plain numbers, no
+arrays.
 
-The elements are at the scene epoch, in ECI: ECEF frozen at that time. So the node is given by its longitude on the
-Earth, and the ground track does not depend on the date of the scene.
+The elements are at the scene epoch, in ECI: ECEF frozen at that time. So the node is given by its
+longitude on the Earth, and the ground track does not depend on the date of the scene.
 """
 
 import math
@@ -18,9 +19,10 @@ Vector = tuple[float, float, float]
 class Elements:
     """Kepler elements at the scene epoch.
 
-    `node_longitude_rad` is the east longitude, at the scene epoch, of the ascending node: where the orbit's plane
-    crosses the equator northwards, not where the satellite is. It is the right ascension of the node less the
-    sidereal time at Greenwich. `ValueError` for elements of an open orbit.
+    `node_longitude_rad` is the east longitude, at the scene epoch, of the ascending node: where the
+    orbit's plane crosses the equator northwards, not where the satellite is. It is the right
+    ascension of the node less the sidereal time at Greenwich. `ValueError` for elements of an open
+    orbit.
     """
 
     semi_major_axis_m: float
@@ -31,13 +33,22 @@ class Elements:
     mean_anomaly_rad: float
 
     def __attrs_post_init__(self) -> None:
-        angles = (self.inclination_rad, self.node_longitude_rad, self.argument_of_perigee_rad, self.mean_anomaly_rad)
+        angles = (
+            self.inclination_rad,
+            self.node_longitude_rad,
+            self.argument_of_perigee_rad,
+            self.mean_anomaly_rad,
+        )
         if not all(math.isfinite(angle) for angle in angles):
             raise ValueError("the angles of an orbit must be finite")
         if not 0.0 < self.semi_major_axis_m < math.inf:
-            raise ValueError(f"the semi-major axis must be above zero and finite, not {self.semi_major_axis_m} m")
+            raise ValueError(
+                f"the semi-major axis must be above zero and finite, not {self.semi_major_axis_m} m"
+            )
         if not 0.0 <= self.eccentricity < 1.0:
-            raise ValueError(f"the eccentricity of a closed orbit is in [0, 1), not {self.eccentricity}")
+            raise ValueError(
+                f"the eccentricity of a closed orbit is in [0, 1), not {self.eccentricity}"
+            )
 
     @property
     def mean_motion_rad_s(self) -> float:
@@ -73,9 +84,11 @@ class Elements:
 
 
 def perigee_axes(elements: Elements) -> tuple[Vector, Vector]:
-    """Return the unit vectors in the orbit's plane towards perigee and 90 degrees ahead of it, in ECI.
+    """Return the unit vectors in the orbit's plane towards perigee and 90 degrees ahead of it, in
+    ECI.
 
-    Source: Vallado, Fundamentals of Astrodynamics and Applications, section 2.6 (the perifocal frame).
+    Source: Vallado, Fundamentals of Astrodynamics and Applications, section 2.6 (the perifocal
+    frame).
     """
     cos_node = math.cos(elements.node_longitude_rad)
     sin_node = math.sin(elements.node_longitude_rad)
@@ -97,7 +110,9 @@ def perigee_axes(elements: Elements) -> tuple[Vector, Vector]:
 
 
 def mean_anomaly_rad(true_anomaly_rad: float, eccentricity: float) -> float:
-    """Return the mean anomaly, in [-pi, pi], at a true anomaly of a closed orbit (Vallado, section 2.2)."""
+    """Return the mean anomaly, in [-pi, pi], at a true anomaly of a closed orbit (Vallado, section
+    2.2).
+    """
     half_rad = 0.5 * math.remainder(true_anomaly_rad, 2.0 * math.pi)
     across = math.sqrt(1.0 - eccentricity) * math.sin(half_rad)
     ahead = math.sqrt(1.0 + eccentricity) * math.cos(half_rad)
@@ -110,13 +125,15 @@ def _scaled(direction: Vector, factor: float) -> Vector:
     return x * factor, y * factor, z * factor
 
 
-#: The inclination at which the Earth's oblateness does not turn the line of apsides: 4 - 5 sin² i = 0, so sin² i = 4/5
-#: (Vallado, Fundamentals of Astrodynamics and Applications, section 9.6).
+#: The inclination at which the Earth's oblateness does not turn the line of apsides: 4 - 5 sin² i =
+#: 0, so sin² i = 4/5 (Vallado, Fundamentals of Astrodynamics and Applications, section 9.6).
 CRITICAL_INCLINATION_RAD = math.asin(2.0 / math.sqrt(5.0))
 
 
 def synchronous_semi_major_axis_m(turns_a_day: float) -> float:
-    """Return the semi-major axis of an orbit from its number of turns, in ECI, in one rotation of the Earth."""
+    """Return the semi-major axis of an orbit from its number of turns, in ECI, in one rotation of
+    the Earth.
+    """
     return float((EARTH_MU_M3_S2 / (turns_a_day * EARTH_ROTATION_RAD_S) ** 2) ** (1.0 / 3.0))
 
 
@@ -128,10 +145,11 @@ def slot_elements(
     argument_of_perigee_rad: float = 0.0,
     mean_argument_of_latitude_rad: float = 0.0,
 ) -> Elements:
-    """Return a geosynchronous orbit about a slot: `longitude_rad` is the mean of the satellite's longitude.
+    """Return a geosynchronous orbit about a slot: `longitude_rad` is the mean of the satellite's
+    longitude.
 
-    The mean argument of latitude (argument of perigee plus mean anomaly) is that at the scene epoch; with 0, a circular
-    orbit crosses the equator northwards, over the slot, at that moment.
+    The mean argument of latitude (argument of perigee plus mean anomaly) is that at the scene
+    epoch; with 0, a circular orbit crosses the equator northwards, over the slot, at that moment.
     """
     return Elements(
         semi_major_axis_m=synchronous_semi_major_axis_m(1.0),
@@ -144,11 +162,15 @@ def slot_elements(
 
 
 def circular_elements(
-    altitude_m: float, inclination_rad: float, node_longitude_rad: float, argument_of_latitude_rad: float = 0.0
+    altitude_m: float,
+    inclination_rad: float,
+    node_longitude_rad: float,
+    argument_of_latitude_rad: float = 0.0,
 ) -> Elements:
     """Return a circular orbit of the given height above the Earth's equatorial radius.
 
-    The argument of latitude is the angle, at the scene epoch, from the ascending node to the satellite.
+    The argument of latitude is the angle, at the scene epoch, from the ascending node to the
+    satellite.
     """
     return Elements(
         semi_major_axis_m=EARTH_EQUATORIAL_RADIUS_M + altitude_m,
@@ -171,18 +193,22 @@ def highly_elliptical_elements(
 ) -> Elements:
     """Return an orbit that passes its apogee over a longitude at a scene time.
 
-    With two turns a day (Molniya) every other apogee is half a turn of the Earth away; with one (Tundra) all are over
-    the same longitude.
+    With two turns a day (Molniya) every other apogee is half a turn of the Earth away; with one
+    (Tundra) all are over the same longitude.
     """
     axis_m = synchronous_semi_major_axis_m(turns_a_day)
     apogee_rad = argument_of_perigee_rad + math.pi
-    from_node_rad = math.atan2(math.cos(inclination_rad) * math.sin(apogee_rad), math.cos(apogee_rad))
+    from_node_rad = math.atan2(
+        math.cos(inclination_rad) * math.sin(apogee_rad), math.cos(apogee_rad)
+    )
     mean_motion_rad_s = turns_a_day * EARTH_ROTATION_RAD_S
     return Elements(
         semi_major_axis_m=axis_m,
         eccentricity=eccentricity,
         inclination_rad=inclination_rad,
-        node_longitude_rad=apogee_longitude_rad + EARTH_ROTATION_RAD_S * apogee_time_s - from_node_rad,
+        node_longitude_rad=apogee_longitude_rad
+        + EARTH_ROTATION_RAD_S * apogee_time_s
+        - from_node_rad,
         argument_of_perigee_rad=argument_of_perigee_rad,
         mean_anomaly_rad=math.pi - mean_motion_rad_s * apogee_time_s,
     )
@@ -201,12 +227,13 @@ def walker_pattern(
 ) -> list[Elements]:
     """Return the circular orbits of a Walker pattern i: total / planes / phasing, plane by plane.
 
-    Nodes are spread over a whole turn (delta) or, with `star`, over half of one. Within a plane satellites are
-    evenly spread; from one plane to the next they are ahead by `phasing` units of 2 pi / total. A `ValueError` where
-    `planes` does not divide `total` or `phasing` is not in [0, planes).
+    Nodes are spread over a whole turn (delta) or, with `star`, over half of one. Within a plane
+    satellites are evenly spread; from one plane to the next they are ahead by `phasing` units of 2
+    pi / total. A `ValueError` where `planes` does not divide `total` or `phasing` is not in [0,
+    planes).
 
-    Source: Walker, J. Brit. Interplanetary Soc. 37 (1984), 559-572; Wertz and Larson, Space Mission Analysis and
-    Design, 3rd ed., section 7.6.
+    Source: Walker, J. Brit. Interplanetary Soc. 37 (1984), 559-572; Wertz and Larson, Space Mission
+    Analysis and Design, 3rd ed., section 7.6.
     """
     complaint = walker_complaint(total, planes, phasing)
     if complaint:
@@ -224,9 +251,15 @@ def walker_pattern(
 
 
 def _walker_places(total: int, planes: int, phasing: int) -> list[tuple[int, int]]:
-    """Return the plane of each satellite, and its place there: whole units of 2 pi / total, reduced to one turn."""
+    """Return the plane of each satellite, and its place there: whole units of 2 pi / total, reduced
+    to one turn.
+    """
     a_plane = total // planes
-    return [(plane, (place * planes + plane * phasing) % total) for plane in range(planes) for place in range(a_plane)]
+    return [
+        (plane, (place * planes + plane * phasing) % total)
+        for plane in range(planes)
+        for place in range(a_plane)
+    ]
 
 
 def walker_complaint(total: int, planes: int, phasing: int) -> str | None:

@@ -1,7 +1,9 @@
-"""Published mean elements for SGP4: what a two-line element set or an Orbit Mean-Elements Message must hold.
+"""Published mean elements for SGP4: what a two-line element set or an Orbit Mean-Elements Message
+must hold.
 
-Sources: Hoots and Roehrich, Spacetrack Report No. 3 (1980), for the columns of a TLE; CCSDS 502.0-B-3 (2023), section
-4, for the OMM. Both give mean elements in TEME, the frame of the true equator and mean equinox of the elements' epoch.
+Sources: Hoots and Roehrich, Spacetrack Report No. 3 (1980), for the columns of a TLE; CCSDS
+502.0-B-3 (2023), section 4, for the OMM. Both give mean elements in TEME, the frame of the true
+equator and mean equinox of the elements' epoch.
 """
 
 import math
@@ -21,7 +23,8 @@ OMM_NUMBERS = (
     "BSTAR",
 )
 
-#: What an OMM must say of itself, where it says anything, for SGP4 to be the theory its elements belong to.
+#: What an OMM must say of itself, where it says anything, for SGP4 to be the theory its elements
+#: belong to.
 _OMM_WORDS = {
     "CENTER_NAME": ("EARTH",),
     "REF_FRAME": ("TEME",),
@@ -29,7 +32,8 @@ _OMM_WORDS = {
     "MEAN_ELEMENT_THEORY": ("SGP4", "SGP/SGP4"),
 }
 
-#: The ephemeris type of SGP4-XP, in both formats: elements of another theory, which SGP4 would misread.
+#: The ephemeris type of SGP4-XP, in both formats: elements of another theory, which SGP4 would
+#: misread.
 _SGP4_XP = "4"
 
 #: The numbers of a TLE by line: what they are, the columns, counted from 0, and their form.
@@ -58,10 +62,12 @@ _TLE_LENGTH = 69
 #: More turns a day than any orbit above the ground has.
 _MOST_TURNS_A_DAY = 18.0
 
-#: A larger drag term, per Earth radius, than elements have: 1.2 on the day of a launch, hundreds where a sign is lost.
+#: A larger drag term, per Earth radius, than elements have: 1.2 on the day of a launch, hundreds
+#: where a sign is lost.
 _MOST_BSTAR = 10.0
 
-#: Elements farther from the scene than this, days, give a warning, for SGP4 errs by so much a day, km.
+#: Elements farther from the scene than this, days, give a warning, for SGP4 errs by so much a day,
+#: km.
 _OLD_DAYS = 14.0
 _ERROR_KM_DAY = (1.0, 3.0)
 
@@ -71,7 +77,9 @@ def tle_complaint(lines: tuple[str, str] | None) -> str | None:
     if lines is None:
         return None
     found = [
-        f"line {number + 1} {words}" for number, line in enumerate(lines) for words in _line_complaints(number, line)
+        f"line {number + 1} {words}"
+        for number, line in enumerate(lines)
+        for words in _line_complaints(number, line)
     ]
     if found:
         return "; ".join(found)
@@ -83,7 +91,9 @@ def tle_complaint(lines: tuple[str, str] | None) -> str | None:
 
 
 def omm_complaint(omm: Mapping[str, Any] | None) -> str | None:
-    """Return the errors in the keywords of an OMM, or None; keywords that SGP4 does not use are not checked."""
+    """Return the errors in the keywords of an OMM, or None; keywords that SGP4 does not use are not
+    checked.
+    """
     if omm is None:
         return None
     missing = [name for name in ("EPOCH", *OMM_NUMBERS) if name not in omm]
@@ -111,7 +121,9 @@ def omm_number(value: Any) -> float:
 
 
 def omm_epoch(value: Any) -> datetime:
-    """Return the epoch of an OMM, without a zone; UTC. Raises `ValueError` where it is no time in UTC."""
+    """Return the epoch of an OMM, without a zone; UTC. Raises `ValueError` where it is no time in
+    UTC.
+    """
     text = str(value).strip().removesuffix("Z")
     if text[4:5] == "-" and text[7:8].isdigit():  # a day of the year, 2026-091T12:00:00
         text = f"{datetime.strptime(text[:8], '%Y-%j'):%Y-%m-%d}{text[8:]}"
@@ -127,7 +139,9 @@ def omm_name(omm: Mapping[str, Any]) -> str:
 
 
 def age_warning(name: str, age_days: float) -> str | None:
-    """Return what the age of elements at the scene's epoch does to a position, None where it is too young to matter."""
+    """Return what the age of elements at the scene's epoch does to a position, None where it is too
+    young to matter.
+    """
     days = abs(age_days)
     if days <= _OLD_DAYS:
         return None
@@ -135,21 +149,31 @@ def age_warning(name: str, age_days: float) -> str | None:
     low, high = (days * error_km for error_km in _ERROR_KM_DAY)
     where = f"{low:.0f} to {high:.0f} km away" if high < 5000.0 else "anywhere along its orbit"
     return (
-        f"the elements of {name} are {age} {'older' if age_days > 0.0 else 'younger'} than the scene; SGP4 errs by 1 to"
-        f" 3 km a day, so the satellite may be {where}: take elements of the scene's days, or set the scene's epoch"
+        f"the elements of {name} are {age} {'older' if age_days > 0.0 else 'younger'} than the"
+        f" scene; SGP4 errs by 1 to"
+        f" 3 km a day, so the satellite may be {where}: take elements of the scene's days, or set"
+        f" the scene's epoch"
     )
 
 
 def _line_complaints(number: int, line: str) -> list[str]:
     if not line.isascii():
         foreign = next(character for character in line if not character.isascii())
-        return [f"has the character {foreign!r} (U+{ord(foreign):04X}), which no TLE has; copy it as plain text"]
+        return [
+            (
+                f"has the character {foreign!r} (U+{ord(foreign):04X}), which no TLE has; copy it as"
+                f" plain text"
+            )
+        ]
     if len(line) != _TLE_LENGTH:
         return [f"has {len(line)} characters, not the {_TLE_LENGTH} of a TLE"]
     if line[:2] != f"{number + 1} ":
         return [f"starts with {line[:2]!r}, not {number + 1} and a blank"]
     found = [words for field in _TLE_NUMBERS[number] if (words := _field_complaint(line, *field))]
-    total = sum(int(character) if character.isdigit() else character == "-" for character in line[:-1]) % 10
+    total = (
+        sum(int(character) if character.isdigit() else character == "-" for character in line[:-1])
+        % 10
+    )
     if line[-1] != str(total):
         found.append(f"has the checksum {line[-1]}, and its digits come to {total}")
     return found
@@ -161,16 +185,23 @@ def _field_complaint(line: str, name: str, first: int, end: int, form: str) -> s
         hint = f"; write {_as_power(text)}" if form == _POWER else ""
         return f"has no number for the {name} in columns {first + 1} to {end}: {text!r}{hint}"
     if name == "drag term B*" and abs(_power(text)) > _MOST_BSTAR:
-        return f"has the {name} {_power(text):g}, more than any satellite's ({_MOST_BSTAR:g}); is a sign lost?"
+        return (
+            f"has the {name} {_power(text):g}, more than any satellite's ({_MOST_BSTAR:g}); is a"
+            f" sign lost?"
+        )
     if name == "inclination" and not 0.0 <= float(text) <= 180.0:
         return f"has the inclination {float(text):g}, outside [0, 180] deg"
     if name == "mean motion" and not 0.0 < float(text) <= _MOST_TURNS_A_DAY:
-        return f"has the mean motion {float(text):g}, outside (0, {_MOST_TURNS_A_DAY:g}] turns a day"
+        return (
+            f"has the mean motion {float(text):g}, outside (0, {_MOST_TURNS_A_DAY:g}] turns a day"
+        )
     return ""
 
 
 def _power(text: str) -> float:
-    """Return the number of a field like ` 11606-4`: a sign, five digits after a decimal point, the power of ten."""
+    """Return the number of a field like ` 11606-4`: a sign, five digits after a decimal point, the
+    power of ten.
+    """
     return float(f"{text[0].strip()}.{text[1:6]}e{text[6:].replace(' ', '+')}")
 
 
@@ -185,7 +216,11 @@ def _as_power(text: str) -> str:
 
 def _number_complaints(omm: Mapping[str, Any]) -> list[str]:
     numbers = {name: omm_number(omm[name]) for name in OMM_NUMBERS}
-    found = [f"{name}: {omm[name]!r} is not a number" for name, number in numbers.items() if not math.isfinite(number)]
+    found = [
+        f"{name}: {omm[name]!r} is not a number"
+        for name, number in numbers.items()
+        if not math.isfinite(number)
+    ]
     motion, eccentricity, inclination = (numbers[name] for name in OMM_NUMBERS[:3])
     if math.isfinite(motion) and not 0.0 < motion <= _MOST_TURNS_A_DAY:
         found.append(f"MEAN_MOTION: {motion!r} is outside (0, {_MOST_TURNS_A_DAY:g}] turns a day")

@@ -1,6 +1,7 @@
 """Orbits of sensors in ECEF, and the orbit of an `orbit:` block: geostationary, two-body, or SGP4.
 
-Orbits that move over the ground are evaluated from polynomials, fitted once for each span of scene time.
+Orbits that move over the ground are evaluated from polynomials, fitted once for each span of scene
+time.
 """
 
 import json
@@ -47,29 +48,41 @@ class TwoBodyMotion:
     def state_eci(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions, m, and velocities, m/s, (n, 3) in ECI at scene times (n,)."""
         position, velocity = (np.array(vector) for vector in self.elements.perigee_state_eci())
-        return propagate_kepler(position, velocity, np.asarray(time_s) - self.elements.perigee_time_s)
+        return propagate_kepler(
+            position, velocity, np.asarray(time_s) - self.elements.perigee_time_s
+        )
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) in ECEF at scene times (n,)."""
         return eci_to_ecef(self.state_eci(time_s)[0], time_s)
 
     def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) in ECEF."""
+        """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) in
+        ECEF.
+        """
         return eci_to_ecef_state(*self.state_eci(time_s), time_s)
 
 
 @frozen
 class GeostationaryOrbit:
-    """An ideal geostationary slot: no inclination, no eccentricity, no drift, hence one point in ECEF."""
+    """An ideal geostationary slot: no inclination, no eccentricity, no drift, hence one point in
+    ECEF.
+    """
 
     #: East longitude of the slot.
     slot_deg: float
     is_stationary: bool = field(default=True, init=False)
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
-        """Return positions (n, 3) at scene times (n,): the same for all, as a read-only view of one row."""
+        """Return positions (n, 3) at scene times (n,): the same for all, as a read-only view of one
+        row.
+        """
         slot_rad = math.radians(self.slot_deg)
-        position = (GEOSTATIONARY_RADIUS_M * math.cos(slot_rad), GEOSTATIONARY_RADIUS_M * math.sin(slot_rad), 0.0)
+        position = (
+            GEOSTATIONARY_RADIUS_M * math.cos(slot_rad),
+            GEOSTATIONARY_RADIUS_M * math.sin(slot_rad),
+            0.0,
+        )
         return np.broadcast_to(np.array(position), (len(time_s), 3))
 
 
@@ -79,13 +92,15 @@ SPAN_S = 2048.0
 #: Spans in the cache; the oldest is dropped first, and refitted to the same bits.
 KEPT_SPANS = 64
 
-#: Initial segments of a span: enough for circular orbits above 300 km; fitting 16 takes as long as fitting one.
+#: Initial segments of a span: enough for circular orbits above 300 km; fitting 16 takes as long as
+#: fitting one.
 _SEGMENTS = 16
 
 #: The most samples of a motion for one span. Smooth ones need 150 to 1 000.
 _MOST_SAMPLES = 8192
 
-#: Times this far from the scene epoch (777 days) or farther have no position: numbers of spans have 16 bits.
+#: Times this far from the scene epoch (777 days) or farther have no position: numbers of spans have
+#: 16 bits.
 FARTHEST_S = 2.0**15 * SPAN_S
 
 
@@ -96,16 +111,18 @@ class EarthFixedMotion(Protocol):
         """Return positions (n, 3) at scene times (n,)."""
 
     def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) at scene times (n,)."""
+        """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) at scene
+        times (n,).
+        """
 
 
 @define(eq=False)
 class MovingOrbit:
     """The orbit of a satellite that moves in ECEF, to `tolerance_m`.
 
-    Spans begin at whole multiples of `SPAN_S` of scene time: a position depends on its own time alone. In a span
-    without a fit to the tolerance (SGP4 jumps where its theory changes, and ends where a satellite decays) the motion
-    itself is evaluated at each time.
+    Spans begin at whole multiples of `SPAN_S` of scene time: a position depends on its own time
+    alone. In a span without a fit to the tolerance (SGP4 jumps where its theory changes, and ends
+    where a satellite decays) the motion itself is evaluated at each time.
     """
 
     motion: EarthFixedMotion
@@ -116,7 +133,9 @@ class MovingOrbit:
     _spans: dict[int, Ephemeris | None] = field(factory=dict, init=False, repr=False)
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
-        """Return positions (n, 3) at scene times (n,); nan at times that are not finite, or `FARTHEST_S` from 0."""
+        """Return positions (n, 3) at scene times (n,); nan at times that are not finite, or
+        `FARTHEST_S` from 0.
+        """
         time = np.asarray(time_s, dtype=np.float64)
         span = np.floor(time / SPAN_S)
         if len(span) and abs(time[0]) < FARTHEST_S and (span == span[0]).all():
@@ -133,7 +152,11 @@ class MovingOrbit:
                 del self._spans[next(iter(self._spans))]
             self._spans[number] = self._fitted(number)
         ephemeris = self._spans[number]
-        return self.motion.position_ecef_m(time_s) if ephemeris is None else ephemeris.position_m(0, time_s)
+        return (
+            self.motion.position_ecef_m(time_s)
+            if ephemeris is None
+            else ephemeris.position_m(0, time_s)
+        )
 
     def _fitted(self, number: int) -> Ephemeris | None:
         """Return the polynomials of a span, or None where there are none to the tolerance."""
@@ -170,11 +193,12 @@ _OMM_NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
 def orbit_of(
     config: OrbitConfig, epoch_us: int, readers: Callable[[], Sequence[Any]] = tuple
 ) -> "GeostationaryOrbit | MovingOrbit":
-    """Return the orbit of a configuration, for scenes that start at an epoch, in microseconds of UTC since 1970.
+    """Return the orbit of a configuration, for scenes that start at an epoch, in microseconds of
+    UTC since 1970.
 
-    `readers` returns the readers of files. Raises `SceneError`, with paths in the sensor's block, for a file that
-    cannot be read and for a satellite that SGP4 cannot follow to the scene epoch, and `PluginError` where the package
-    sgp4 is needed and not installed.
+    `readers` returns the readers of files. Raises `SceneError`, with paths in the sensor's block,
+    for a file that cannot be read and for a satellite that SGP4 cannot follow to the scene epoch,
+    and `PluginError` where the package sgp4 is needed and not installed.
     """
     slot = config.slot
     if slot is not None and slot.inclination_deg == 0.0 and slot.eccentricity == 0.0:
@@ -182,22 +206,32 @@ def orbit_of(
     if config.file is not None:
         return _orbit_of_file(config.file, epoch_us, readers())
     elements = elements_of(config, epoch_us)
-    return _sgp4_orbit(config, epoch_us) if elements is None else MovingOrbit(TwoBodyMotion(elements))
+    return (
+        _sgp4_orbit(config, epoch_us) if elements is None else MovingOrbit(TwoBodyMotion(elements))
+    )
 
 
 def _orbit_of_file(config: OmmFileConfig, epoch_us: int, readers: Sequence[Any]) -> MovingOrbit:
     makers = [reader.orbit for reader in readers if reader.orbit is not None]
     if not makers:
-        raise PluginError("orbit.file: no installed plugin reads orbits from files; install opir-readers")
+        raise PluginError(
+            "orbit.file: no installed plugin reads orbits from files; install opir-readers"
+        )
     try:
         orbit: MovingOrbit = makers[0](config.path, config.satellite, epoch_us, readers)
     except BadFileError as error:
-        raise SceneError([Problem("orbit.file.path", f"{config.path}: {error}".replace(": : ", ": "))]) from error
+        raise SceneError(
+            [Problem("orbit.file.path", f"{config.path}: {error}".replace(": : ", ": "))]
+        ) from error
     return orbit
 
 
 def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> MovingOrbit:
-    from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_omm, satellite_of_tle  # of such orbits alone
+    from opir_core.orbits.sgp4_motion import (
+        Sgp4Motion,
+        satellite_of_omm,
+        satellite_of_tle,
+    )  # of such orbits alone
 
     kind = "tle" if config.tle is not None else "omm" if config.omm_file is None else "omm_file"
     if config.tle is not None:
@@ -246,7 +280,9 @@ def _kepler(config: KeplerConfig, epoch_us: int) -> Elements:
     if config.mean_anomaly_deg is not None:
         anomaly_rad = math.radians(config.mean_anomaly_deg)
     else:
-        anomaly_rad = mean_anomaly_rad(math.radians(config.true_anomaly_deg or 0.0), config.eccentricity)
+        anomaly_rad = mean_anomaly_rad(
+            math.radians(config.true_anomaly_deg or 0.0), config.eccentricity
+        )
     return Elements(
         semi_major_axis_m=config.semi_major_axis_km * 1e3,
         eccentricity=config.eccentricity,
@@ -282,7 +318,9 @@ def _highly_elliptical(config: MolniyaConfig) -> Elements:
     )
 
 
-def _node_longitude_rad(config: KeplerConfig | CircularConfig | WalkerConfig, epoch_us: int) -> float:
+def _node_longitude_rad(
+    config: KeplerConfig | CircularConfig | WalkerConfig, epoch_us: int
+) -> float:
     """Return the east longitude of the ascending node at the scene epoch."""
     if config.lon_asc_node_deg is not None:
         return math.radians(config.lon_asc_node_deg)
@@ -297,13 +335,21 @@ def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
         raise _refused(config, f"cannot be read: {error.strerror or error}") from error
     except ValueError as error:
         raise _refused(config, f"is not JSON: {error}") from error
-    messages = [message for message in (data if isinstance(data, list) else [data]) if isinstance(message, dict)]
+    messages = [
+        message
+        for message in (data if isinstance(data, list) else [data])
+        if isinstance(message, dict)
+    ]
     if config.satellite is not None:
-        messages = [m for m in messages if config.satellite in (str(m.get(name)) for name in _OMM_NAMES)]
+        messages = [
+            m for m in messages if config.satellite in (str(m.get(name)) for name in _OMM_NAMES)
+        ]
     if len(messages) != 1:
         which = "" if config.satellite is None else f" of {config.satellite}"
         hint = "; say which with satellite" if messages and not which else ""
-        raise _refused(config, f"holds {len(messages) or 'no'} OMM{which}; exactly one is needed{hint}")
+        raise _refused(
+            config, f"holds {len(messages) or 'no'} OMM{which}; exactly one is needed{hint}"
+        )
     if complaint := omm_complaint(messages[0]):
         raise _refused(config, complaint)
     return messages[0]

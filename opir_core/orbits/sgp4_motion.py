@@ -1,10 +1,11 @@
 """The motion of a satellite over the rotating Earth by SGP4, from its mean elements.
 
-SGP4 gives positions in TEME, the true equator and mean equinox of date. Turning them by Greenwich mean sidereal time of
-1982 gives the pseudo-Earth-fixed frame (Vallado, Crawford, Hujsak and Kelso, AIAA 2006-6753, appendix C), which stands
-in for ECEF: polar motion is ignored and UTC taken for UT1. The first is below 0.6 arcseconds, 20 m at the Earth's
-surface and 120 m at geostationary distance; the second below 0.9 s of the Earth's rotation, 420 m and 2.8 km. SGP4
-itself errs by about 1 km at the epoch of the elements and 1 to 3 km a day from there.
+SGP4 gives positions in TEME, the true equator and mean equinox of date. Turning them by Greenwich
+mean sidereal time of 1982 gives the pseudo-Earth-fixed frame (Vallado, Crawford, Hujsak and Kelso,
+AIAA 2006-6753, appendix C), which stands in for ECEF: polar motion is ignored and UTC taken for
+UT1. The first is below 0.6 arcseconds, 20 m at the Earth's surface and 120 m at geostationary
+distance; the second below 0.9 s of the Earth's rotation, 420 m and 2.8 km. SGP4 itself errs by
+about 1 km at the epoch of the elements and 1 to 3 km a day from there.
 """
 
 import math
@@ -30,8 +31,9 @@ _UNIX_JULIAN_DATE = 2440587.5
 #: The epoch from which SGP4 counts days.
 _DAY_ZERO = datetime(1949, 12, 31)
 
-#: Step of the finite differences for velocities, s: SGP4's own velocities differ from the rates of its positions by up
-#: to 4 m/s. Truncation (1e-7 m/s in a low orbit) and rounding (1e-6 m/s) are negligible.
+#: Step of the finite differences for velocities, s: SGP4's own velocities differ from the rates of
+#: its positions by up to 4 m/s. Truncation (1e-7 m/s in a low orbit) and rounding (1e-6 m/s) are
+#: negligible.
 _STEP_S = 4.0
 
 
@@ -69,14 +71,18 @@ class Sgp4Motion:
         """Return positions (n, 3) in TEME at scene times (n,)."""
         days, rest_us = divmod(self.epoch_us, _US_PER_DAY)
         fraction = (rest_us * 1e-6 + time_s) / 86400.0
-        code, position_km, _ = self.satellite.sgp4_array(np.full(len(time_s), _UNIX_JULIAN_DATE + days), fraction)
+        code, position_km, _ = self.satellite.sgp4_array(
+            np.full(len(time_s), _UNIX_JULIAN_DATE + days), fraction
+        )
         if code.any():
             row = int(np.argmax(code != 0))
             reason = _sgp4().SGP4_ERRORS[int(code[row])]
             raise ModelError(f"SGP4 has no position for {self.name} at {time_s[row]} s: {reason}")
         if not np.isfinite(position_km).all():
             row = int(np.argmin(np.isfinite(position_km).all(axis=1)))
-            raise ModelError(f"SGP4 gives no number for {self.name} at {time_s[row]} s; are its elements whole?")
+            raise ModelError(
+                f"SGP4 gives no number for {self.name} at {time_s[row]} s; are its elements whole?"
+            )
         return np.asarray(position_km * 1e3, dtype=np.float64)
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
@@ -88,14 +94,20 @@ class Sgp4Motion:
         return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)
 
     def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and their rates of change, m/s, (n, 3) in the pseudo-Earth-fixed frame."""
-        before, early, late, after = (self.position_ecef_m(time_s + k * _STEP_S) for k in (-2.0, -1.0, 1.0, 2.0))
+        """Return positions and their rates of change, m/s, (n, 3) in the pseudo-Earth-fixed
+        frame.
+        """
+        before, early, late, after = (
+            self.position_ecef_m(time_s + k * _STEP_S) for k in (-2.0, -1.0, 1.0, 2.0)
+        )
         velocity = (8.0 * (late - early) - (after - before)) / (12.0 * _STEP_S)
         return self.position_ecef_m(time_s), velocity
 
 
 def satellite_of_tle(lines: tuple[str, str]) -> "Satrec":
-    """Return the `Satrec` of a TLE; raises `PluginError` where the package sgp4 is not installed."""
+    """Return the `Satrec` of a TLE; raises `PluginError` where the package sgp4 is not
+    installed.
+    """
     sgp4 = _sgp4()
     return sgp4.Satrec.twoline2rv(lines[0], lines[1], sgp4.WGS72)
 
@@ -103,12 +115,18 @@ def satellite_of_tle(lines: tuple[str, str]) -> "Satrec":
 def satellite_of_omm(omm: Mapping[str, Any]) -> "Satrec":
     """Return the `Satrec` of an OMM; raises `PluginError` where the package sgp4 is not installed.
 
-    Units are those of the OMM (degrees, turns a day); SGP4 does not use the derivatives of the mean motion.
+    Units are those of the OMM (degrees, turns a day); SGP4 does not use the derivatives of the mean
+    motion.
     """
     sgp4 = _sgp4()
     numbers = {name: omm_number(omm[name]) for name in OMM_NUMBERS}
-    degrees = (numbers[name] for name in ("ARG_OF_PERICENTER", "INCLINATION", "MEAN_ANOMALY", "RA_OF_ASC_NODE"))
-    perigee_rad, inclination_rad, anomaly_rad, node_rad = (angle / 180.0 * np.pi for angle in degrees)
+    degrees = (
+        numbers[name]
+        for name in ("ARG_OF_PERICENTER", "INCLINATION", "MEAN_ANOMALY", "RA_OF_ASC_NODE")
+    )
+    perigee_rad, inclination_rad, anomaly_rad, node_rad = (
+        angle / 180.0 * np.pi for angle in degrees
+    )
     satellite = sgp4.Satrec()
     satellite.sgp4init(
         sgp4.WGS72,
@@ -133,4 +151,6 @@ def _sgp4() -> Any:
     try:
         return import_module("sgp4.api")
     except ImportError as error:
-        raise PluginError("an orbit from a TLE or an OMM needs the package sgp4: install opir-core[sgp4]") from error
+        raise PluginError(
+            "an orbit from a TLE or an OMM needs the package sgp4: install opir-core[sgp4]"
+        ) from error

@@ -1,7 +1,8 @@
-"""When satellites are in the Earth's shadow, and when the Sun keeps a sensor from looking at part of its field.
+"""When satellites are in the Earth's shadow, and when the Sun keeps a sensor from looking at part
+of its field.
 
-Times are found by sampling and bisection (`opir_core.geometry.crossings`), to a millisecond for the Sun and the
-orbit given.
+Times are found by sampling and bisection (`opir_core.geometry.crossings`), to a millisecond for the
+Sun and the orbit given.
 """
 
 from typing import NamedTuple
@@ -17,16 +18,17 @@ from opir_core.geometry.sun import shadow_margins_rad, sun_ecef_m
 from opir_core.geometry.vectors import components, dot, length, vector
 from opir_core.interfaces.protocols import Orbit, Sensor
 
-#: Longest step between samples, s. The Sun stands behind the Earth, or in a sensor's field, once in a revolution, which
-#: takes over an hour; events shorter than a step are found by their extremum.
+#: Longest step between samples, s. The Sun stands behind the Earth, or in a sensor's field, once in
+#: a revolution, which takes over an hour; events shorter than a step are found by their extremum.
 _STEP_S = 30.0
 
 
 class Eclipses(NamedTuple):
     """Eclipses of a satellite by the Earth, (n,) s of scene time, in order.
 
-    The penumbra lasts from `start_s` to `stop_s`, the umbra from `umbra_start_s` to `umbra_stop_s`, nan where the Sun
-    is never wholly hidden. Times beyond the interval asked for are cut to its ends.
+    The penumbra lasts from `start_s` to `stop_s`, the umbra from `umbra_start_s` to `umbra_stop_s`,
+    nan where the Sun is never wholly hidden. Times beyond the interval asked for are cut to its
+    ends.
     """
 
     start_s: FloatArray
@@ -38,9 +40,10 @@ class Eclipses(NamedTuple):
 class Outages(NamedTuple):
     """Intervals (n,) in which the Sun keeps a sensor from looking at part of its field of regard.
 
-    `start_s` and `stop_s` are scene times. `azimuth_rad` (n, 2) is the direction of the Sun about nadir, clockwise from
-    north over east, at start and stop; `nadir_angle_rad` (n,) the Sun's least angle from nadir, at `closest_s` (n,) to
-    within a sample; and `share` (n,) the part of the field of regard, by solid angle, that is lost then.
+    `start_s` and `stop_s` are scene times. `azimuth_rad` (n, 2) is the direction of the Sun about
+    nadir, clockwise from north over east, at start and stop; `nadir_angle_rad` (n,) the Sun's least
+    angle from nadir, at `closest_s` (n,) to within a sample; and `share` (n,) the part of the field
+    of regard, by solid angle, that is lost then.
     """
 
     start_s: FloatArray
@@ -54,13 +57,16 @@ class Outages(NamedTuple):
 def eclipse_intervals(orbit: Orbit, epoch: Epoch, start_s: float, stop_s: float) -> Eclipses:
     """Return the eclipses of a satellite by the Earth between two scene times, s.
 
-    `epoch` is the zero of scene time (`numpy.datetime64`, UTC). The Earth is the WGS 84 ellipsoid without air; shadows
-    are those of `opir_core.geometry.sunlit_fraction`. Source: Montenbruck and Gill, Satellite Orbits, section 3.4.
+    `epoch` is the zero of scene time (`numpy.datetime64`, UTC). The Earth is the WGS 84 ellipsoid
+    without air; shadows are those of `opir_core.geometry.sunlit_fraction`. Source: Montenbruck and
+    Gill, Satellite Orbits, section 3.4.
     """
     epoch_us = _microseconds(epoch)
 
     def penumbra(time_s: FloatArray) -> FloatArray:
-        return shadow_margins_rad(orbit.position_ecef_m(time_s), sun_ecef_m(time_s, epoch_us)).penumbra
+        return shadow_margins_rad(
+            orbit.position_ecef_m(time_s), sun_ecef_m(time_s, epoch_us)
+        ).penumbra
 
     def umbra(time_s: FloatArray) -> FloatArray:
         return shadow_margins_rad(orbit.position_ecef_m(time_s), sun_ecef_m(time_s, epoch_us)).umbra
@@ -74,10 +80,12 @@ def eclipse_intervals(orbit: Orbit, epoch: Epoch, start_s: float, stop_s: float)
 
 
 def outage_intervals(sensor: Sensor, epoch: Epoch, start_s: float, stop_s: float) -> Outages:
-    """Return when the Sun keeps a sensor from looking at part of its field of regard, between two scene times, s.
+    """Return when the Sun keeps a sensor from looking at part of its field of regard, between two
+    scene times, s.
 
-    That is while some direction of the field is within the solar exclusion angle of the Sun's centre and any part of
-    the Sun is in view of the satellite. `epoch` is the zero of scene time (`numpy.datetime64`, UTC).
+    That is while some direction of the field is within the solar exclusion angle of the Sun's
+    centre and any part of the Sun is in view of the satellite. `epoch` is the zero of scene time
+    (`numpy.datetime64`, UTC).
     """
     epoch_us = _microseconds(epoch)
     found = outage_times_s(sensor, epoch_us, start_s, stop_s)
@@ -99,7 +107,9 @@ def outage_times_s(
     reach_rad = sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
 
     def margin(time_s: FloatArray) -> FloatArray:
-        """Return a margin (n,), rad, negative while the Sun is near the field of regard and in view."""
+        """Return a margin (n,), rad, negative while the Sun is near the field of regard and in
+        view.
+        """
         position = sensor.orbit.position_ecef_m(time_s)
         sun = sun_ecef_m(time_s, epoch_us)
         near = nadir_angle_rad(position, sun) - reach_rad
@@ -111,19 +121,26 @@ def outage_times_s(
 
 
 def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLike) -> FloatArray:
-    """Return the solid angles (...), sr, common to two cones of directions, by half angles and the angle between axes.
+    """Return the solid angles (...), sr, common to two cones of directions, by half angles and the
+    angle between axes.
 
-    Arguments broadcast; half angles are above 0 and at most pi. Source: A. Tovchigrechko and I. A. Vakser, Protein
-    Science 10 (2001), 1572-1583.
+    Arguments broadcast; half angles are above 0 and at most pi. Source: A. Tovchigrechko and I. A.
+    Vakser, Protein Science 10 (2001), 1572-1583.
     """
-    one, other, apart = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in (one_rad, other_rad, apart_rad)))
+    one, other, apart = np.broadcast_arrays(
+        *(np.asarray(each, np.float64) for each in (one_rad, other_rad, apart_rad))
+    )
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         at_one = _arc(other, apart, one)
         at_other = _arc(one, apart, other)
-        common = 2.0 * (np.pi - _arc(apart, one, other) - at_one * np.cos(one) - at_other * np.cos(other))
+        common = 2.0 * (
+            np.pi - _arc(apart, one, other) - at_one * np.cos(one) - at_other * np.cos(other)
+        )
     smaller = 4.0 * np.pi * np.sin(0.5 * np.minimum(one, other)) ** 2
     whole = 4.0 * np.pi * (np.sin(0.5 * one) ** 2 + np.sin(0.5 * other) ** 2 - 1.0)
-    overlap = np.where(apart <= np.abs(one - other), smaller, np.where(apart >= one + other, 0.0, common))
+    overlap = np.where(
+        apart <= np.abs(one - other), smaller, np.where(apart >= one + other, 0.0, common)
+    )
     return np.where(apart >= 2.0 * np.pi - one - other, whole, overlap)
 
 
@@ -133,8 +150,12 @@ def _arc(opposite: FloatArray, side: FloatArray, other: FloatArray) -> FloatArra
     return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
-def _closest(sensor: Sensor, intervals_s: FloatArray, epoch_us: int) -> tuple[FloatArray, FloatArray]:
-    """Return when in each interval (n, 2) the Sun is nearest to nadir, to a sample, and its angle from nadir, rad."""
+def _closest(
+    sensor: Sensor, intervals_s: FloatArray, epoch_us: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return when in each interval (n, 2) the Sun is nearest to nadir, to a sample, and its angle
+    from nadir, rad.
+    """
     closest_s = np.empty(len(intervals_s))
     nearest = np.empty(len(intervals_s))
     for number, (start_s, stop_s) in enumerate(intervals_s.tolist()):
@@ -147,14 +168,19 @@ def _closest(sensor: Sensor, intervals_s: FloatArray, epoch_us: int) -> tuple[Fl
 
 
 def _sun_azimuth_rad(sensor: Sensor, time_s: FloatArray, epoch_us: int) -> FloatArray:
-    """Return the azimuths (n,) of the Sun about nadir, in [0, 2 pi), clockwise from north over east."""
+    """Return the azimuths (n,) of the Sun about nadir, in [0, 2 pi), clockwise from north over
+    east.
+    """
     x, y, z = components(sensor.orbit.position_ecef_m(time_s))
     sun = sun_ecef_m(time_s, epoch_us)
-    # East and north at the satellite, across the direction to the Earth's centre; over a pole, east is +y.
+    # East and north at the satellite, across the direction to the Earth's centre; over a pole, east
+    # is +y.
     level = np.hypot(x, y)
     over_pole = level == 0.0
     per_level = 1.0 / np.where(over_pole, 1.0, level)
-    east = vector(np.where(over_pole, 0.0, -y * per_level), np.where(over_pole, 1.0, x * per_level), 0.0 * z)
+    east = vector(
+        np.where(over_pole, 0.0, -y * per_level), np.where(over_pole, 1.0, x * per_level), 0.0 * z
+    )
     ex, ey, _ = components(east)
     per_radius = 1.0 / length(x, y, z)
     north = vector(-ey * z * per_radius, ex * z * per_radius, (x * ey - y * ex) * per_radius)

@@ -1,4 +1,5 @@
-"""Sinks and encoders of plugins behind the boundary: what they raise or return wrongly fails only the output.
+"""Sinks and encoders of plugins behind the boundary: what they raise or return wrongly fails only
+the output.
 
 So does a call of a sink that does not return, in a batch run.
 """
@@ -24,7 +25,9 @@ class CheckedPart:
 
     def _called(self, method: str, *given: Any) -> Any:
         try:
-            return blamed_call(self._owner, self._hint, method, lambda: getattr(self._part, method)(*given))
+            return blamed_call(
+                self._owner, self._hint, method, lambda: getattr(self._part, method)(*given)
+            )
         except SinkError:
             raise
         except OpirError as error:
@@ -42,10 +45,13 @@ def _of_part(name: str, words: str) -> Any:
 class CheckedSink(CheckedPart, Sink):
     """A sink of which every error is a `SinkError`: the other sinks continue.
 
-    `within_s` is how long `write` or `close` may last, each called in a thread of the sink; None if they have no limit.
+    `within_s` is how long `write` or `close` may last, each called in a thread of the sink; None if
+    they have no limit.
     """
 
-    def __init__(self, part: Any, owner: Callable[[], str], hint: str, within_s: float | None = None) -> None:
+    def __init__(
+        self, part: Any, owner: Callable[[], str], hint: str, within_s: float | None = None
+    ) -> None:
         super().__init__(part, owner, hint)
         self._within_s = within_s
         self._thread = CallThread() if within_s else None
@@ -71,20 +77,28 @@ class CheckedSink(CheckedPart, Sink):
         self._called("close_by", deadline_s)
 
     def _limited(self, method: str, *given: Any) -> Any:
-        """Return the result of a call; `SinkError` if it does not return in time, and at once for every later call."""
+        """Return the result of a call; `SinkError` if it does not return in time, and at once for
+        every later call.
+        """
         if self._thread is None or self._within_s is None:
             return self._called(method, *given)
         if self._stuck:
             raise SinkError(self._stuck)
         last = method == "close"
         try:
-            return self._thread.result(lambda: self._called(method, *given), self._within_s, is_last=last)
+            return self._thread.result(
+                lambda: self._called(method, *given), self._within_s, is_last=last
+            )
         except OverdueError as place:
-            self._stuck = f"{self._owner()}: {method} has not returned for {self._within_s:g} s: in {place}"
+            self._stuck = (
+                f"{self._owner()}: {method} has not returned for {self._within_s:g} s: in {place}"
+            )
             raise SinkError(self._stuck) from None
 
     waits = _of_part("waits", "How often `write` has waited.")
-    outlives_the_process = _of_part("outlives_the_process", "Whether the buffer outlives the process.")
+    outlives_the_process = _of_part(
+        "outlives_the_process", "Whether the buffer outlives the process."
+    )
     parked = _of_part("parked", "Why the destination refuses events.")
     trouble = _of_part("trouble", "Why nothing gets through.")
     attempts = _of_part("attempts", "Number of failed attempts.")
@@ -120,7 +134,10 @@ class CheckedEncoder(CheckedPart, Encoder):
             raise self._wrong(f"encode returned {kind_of(messages)}; bytes are required")
         lines = messages.count(b"\n")
         if lines != events or (messages and not messages.endswith(b"\n")):
-            raise self._wrong(f"encode returned {lines} lines for {events} events; each message ends with a newline")
+            raise self._wrong(
+                f"encode returned {lines} lines for {events} events; each message ends with a"
+                f" newline"
+            )
         return messages
 
     def encodable(self, window: Window) -> BoolArray | None:
@@ -129,5 +146,7 @@ class CheckedEncoder(CheckedPart, Encoder):
         if mask is None:
             return None
         if getattr(mask, "shape", None) != (len(window.detections),) or mask.dtype.kind != "b":
-            raise self._wrong(f"encodable returned {kind_of(mask)}; truth values of each detection are required")
+            raise self._wrong(
+                f"encodable returned {kind_of(mask)}; truth values of each detection are required"
+            )
         return mask

@@ -29,14 +29,17 @@ from opir_core.simulation.summary import Tally
 if TYPE_CHECKING:
     from opir_core.output.shared_output import SharedOutput
 
-#: Time, s, that a call of a plugin's sink may last in a batch run, unless `--dead-after` says otherwise.
+#: Time, s, that a call of a plugin's sink may last in a batch run, unless `--dead-after` says
+#: otherwise.
 CALL_S = 30.0
 #: The ending of a file with columns.
 PARQUET = ".parquet"
 
 
 def has_columns(path: Path) -> bool:
-    """Return whether a path is that of a file with columns: whether it ends in `.parquet`, in letters of any case."""
+    """Return whether a path is that of a file with columns: whether it ends in `.parquet`, in
+    letters of any case.
+    """
     return path.suffix.casefold() == PARQUET
 
 
@@ -47,7 +50,8 @@ class RunOutcome:
     summary: Mapping[str, Any]
     manifest: Mapping[str, Any]
     report: PumpReport
-    #: Temporary files of a run one of whose files failed; the files of the run before are unchanged.
+    #: Temporary files of a run one of whose files failed; the files of the run before are
+    #: unchanged.
     incomplete: tuple[Path, ...] = ()
 
     def raise_for_failures(self) -> None:
@@ -58,7 +62,9 @@ class RunOutcome:
         ]
         if self.incomplete:
             names = ", ".join(map(str, self.incomplete))
-            failures.append(f"no file of an earlier run is replaced; what was written is in {names}")
+            failures.append(
+                f"no file of an earlier run is replaced; what was written is in {names}"
+            )
         if failures:
             raise SinkError("\n".join(failures))
 
@@ -79,15 +85,17 @@ def deliver(
     windows: Iterable[Window] | None = None,
     inputs: Sequence[Mapping[str, Any]] = (),
 ) -> RunOutcome:
-    """Run a plan into the sinks of its scene and return the outcome; memory use does not grow with duration.
+    """Run a plan into the sinks of its scene and return the outcome; memory use does not grow with
+    duration.
 
-    The files of the run are put in place together, once it is whole, the manifest last; a run that is interrupted, or
-    in which a file fails, leaves those that were there. `on_window` is called with each window after the sinks.
-    `made_up` are those of the paths that no user gave: no link, device or pipe is written to under these names.
-    `workers` is the number of processes that compute and encode the windows; it changes no byte. `windows` replace
-    those of the plan, and `inputs` are the files that they are from, for the manifest. A failing sink does not stop
-    the others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another run writes one of the
-    files; for the sinks, `RunOutcome.raise_for_failures` does.
+    The files of the run are put in place together, once it is whole, the manifest last; a run that
+    is interrupted, or in which a file fails, leaves those that were there. `on_window` is called
+    with each window after the sinks. `made_up` are those of the paths that no user gave: no link,
+    device or pipe is written to under these names. `workers` is the number of processes that
+    compute and encode the windows; it changes no byte. `windows` replace those of the plan, and
+    `inputs` are the files that they are from, for the manifest. A failing sink does not stop the
+    others. Raises `SinkError` if truth, tracks or manifest cannot be written, or another run writes
+    one of the files; for the sinks, `RunOutcome.raise_for_failures` does.
     """
     tally = Tally(plan)
     shared = None if workers == 1 else _shared(plan, workers, needs_columns=on_window is not None)
@@ -111,11 +119,18 @@ def deliver(
         files.abandon()
         raise
     manifest = {**run_manifest(plan, tally.counts()), "sensor_health": tally.health}
-    return _outcome(plan, tally, report, files, staged, {**manifest, "files": [*manifest["files"], *inputs]})
+    return _outcome(
+        plan, tally, report, files, staged, {**manifest, "files": [*manifest["files"], *inputs]}
+    )
 
 
 def _outcome(
-    plan: Plan, tally: Tally, report: PumpReport, files: OutputFiles, is_staged: Mapping[str, bool], manifest: Any
+    plan: Plan,
+    tally: Tally,
+    report: PumpReport,
+    files: OutputFiles,
+    is_staged: Mapping[str, bool],
+    manifest: Any,
 ) -> RunOutcome:
     """Put the files of a run in place, unless one of them failed, and return the outcome."""
     if files.parts:  # a run without files has no text, and needs no renderer
@@ -151,7 +166,9 @@ def _recorded(
             truth = file if shared is None else shared.truth(file)
         tracks = None
         if tracks_path is not None:
-            from opir_core.output.tracks_file import TracksFile  # a run without a tracker does not load it
+            from opir_core.output.tracks_file import (
+                TracksFile,
+            )  # a run without a tracker does not load it
 
             at = place(tracks_path, only_appends=True, kind="tracks")
             tracks = opened.enter_context(TracksFile(at, plan.hypothesis_names))
@@ -168,7 +185,8 @@ def _placed(files: OutputFiles, made_up: Collection[Path | None], path: Path, **
 
 
 def _truth_file(plan: Plan, place: Callable[..., Path], path: Path) -> Any:
-    """Return the file of a run's truth, open: columns for a path that ends in `.parquet`, else lines.
+    """Return the file of a run's truth, open: columns for a path that ends in `.parquet`, else
+    lines.
 
     Raises `PluginError` if no plugin writes columns.
     """
@@ -181,19 +199,23 @@ def _truth_file(plan: Plan, place: Callable[..., Path], path: Path) -> Any:
 
 
 def columns_sink(host: Host, ability: str, wanted: str) -> Callable[..., Any]:
-    """Return a function of the sink `parquet`, its field `ability`; `wanted` begins the message where it is missing.
+    """Return a function of the sink `parquet`, its field `ability`; `wanted` begins the message
+    where it is missing.
 
     Raises `PluginError` if the sink is not installed or has no such function.
     """
     name = PARQUET.removeprefix(".")
     made: Callable[..., Any] | None = getattr(host.component(SinkModel, name, wanted), ability)
     if made is None:
-        raise PluginError(f"{wanted}: the sink {name!r} of {host.provenance(SinkModel, name)} has no {ability}")
+        raise PluginError(
+            f"{wanted}: the sink {name!r} of {host.provenance(SinkModel, name)} has no {ability}"
+        )
     return made
 
 
 def _sinks(plan: Plan, files: OutputFiles, is_staged: dict[str, bool]) -> Mapping[str, Sink]:
-    """Return the scene's sinks, open, by their path in it, `outputs[0].jsonl`; if one cannot be opened, none is.
+    """Return the scene's sinks, open, by their path in it, `outputs[0].jsonl`; if one cannot be
+    opened, none is.
 
     Sets `is_staged` of each path to whether the sink writes a file of the run.
     """
@@ -208,7 +230,9 @@ def _sinks(plan: Plan, files: OutputFiles, is_staged: dict[str, bool]) -> Mappin
     return sinks
 
 
-def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, *, is_checked: bool = True) -> Sink:
+def opened_sink(
+    plan: Plan, choice: Choice, stage: FilePlacement | None = None, *, is_checked: bool = True
+) -> Sink:
     """Return the sink of a scene's output, open; `stage` as in `SinkContext`.
 
     Unless it is not to be checked, a plugin's sink is behind the boundary of `checked_parts`.
@@ -229,7 +253,9 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
             return made
         from opir_core.output.checked_parts import CheckedSink
 
-        return CheckedSink(made, owner, check_hint(choice.name), None if stage is None else limit_in_force(CALL_S))
+        return CheckedSink(
+            made, owner, check_hint(choice.name), None if stage is None else limit_in_force(CALL_S)
+        )
     from opir_core.output.spool.columns import Origin
     from opir_core.output.spool.opening import transport_sink
 
@@ -238,13 +264,17 @@ def opened_sink(plan: Plan, choice: Choice, stage: FilePlacement | None = None, 
 
 
 def counter_of(plan: Plan, choice: Choice) -> Counter:
-    """Return the function that counts a window's events for an output: detections, or tracks if it encodes these."""
+    """Return the function that counts a window's events for an output: detections, or tracks if it
+    encodes these.
+    """
     return track_count if _encoder_model(plan, choice).encodes_tracks else detection_count
 
 
 def _encoder_model(plan: Plan, choice: Choice) -> EventEncoder:
     """Return the component of the encoder of an output, `encoder: NAME`."""
-    return plan.host.component(EventEncoder, getattr(choice.config, "encoder", "forge"), f"{choice.path}.encoder")
+    return plan.host.component(
+        EventEncoder, getattr(choice.config, "encoder", "forge"), f"{choice.path}.encoder"
+    )
 
 
 def _encoder(plan: Plan, choice: Choice) -> Encoder:

@@ -1,7 +1,8 @@
 """Impact regions as GeoJSON (RFC 7946), and back.
 
-Positions are longitude and latitude in degrees, outer rings counter-clockwise, holes clockwise. A region across the
-180th meridian is cut there (section 3.1.9); one around a pole is closed along the meridian and the pole.
+Positions are longitude and latitude in degrees, outer rings counter-clockwise, holes clockwise. A
+region across the 180th meridian is cut there (section 3.1.9); one around a pole is closed along the
+meridian and the pole.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,8 +19,8 @@ from opir_core.interfaces.impact_regions import IMPACT_CONDITIONS, ImpactRegion
 
 #: Decimals of positions, degrees: 0.1 m on the ground.
 DECIMALS = 6
-#: Longest step in longitude along an edge, degrees: edges of regions are straight in their own map, those of GeoJSON
-#: in longitude and latitude.
+#: Longest step in longitude along an edge, degrees: edges of regions are straight in their own map,
+#: those of GeoJSON in longitude and latitude.
 _STEP_DEG = 1.0
 _POLE_DEG = 90.0
 #: Rings with fewer distinct points enclose no area.
@@ -37,7 +38,9 @@ Rings = list[FloatArray]
 
 
 def region_texts(column: NDArray[np.object_]) -> list[bytes]:
-    """Return tuples of regions (n,) as JSON arrays of figures and GeoJSON geometry; equal ones once."""
+    """Return tuples of regions (n,) as JSON arrays of figures and GeoJSON geometry; equal ones
+    once.
+    """
     texts: dict[int, bytes] = {}
     rows = column.tolist()
     for row in rows:
@@ -47,13 +50,17 @@ def region_texts(column: NDArray[np.object_]) -> list[bytes]:
 
 
 def region_document(region: ImpactRegion) -> dict[str, Any]:
-    """Return the figures of a region, the centre of its map, longitude and latitude in degrees, and its geometry."""
+    """Return the figures of a region, the centre of its map, longitude and latitude in degrees, and
+    its geometry.
+    """
     centre = np.degrees(region.chart().centre[::-1]).tolist() if region.polygons else None
     return {**region_figures(region), "centre": centre, "geometry": geometry_of(region)}
 
 
 def region_figures(region: ImpactRegion) -> dict[str, Any]:
-    """Return containment and area_km2 of a region, its condition with its probability, and effective_samples."""
+    """Return containment and area_km2 of a region, its condition with its probability, and
+    effective_samples.
+    """
     samples = region.effective_samples
     return {
         "containment": region.containment,
@@ -73,11 +80,15 @@ def region_from_document(document: Mapping[str, Any]) -> ImpactRegion:
     condition = document.get("condition", IMPACT_CONDITIONS[0])
     samples = document.get("effective_samples")
     if condition not in IMPACT_CONDITIONS:
-        raise ValueError(f"{condition!r} is no condition of a region; give one of {', '.join(IMPACT_CONDITIONS)}")
+        raise ValueError(
+            f"{condition!r} is no condition of a region; give one of {', '.join(IMPACT_CONDITIONS)}"
+        )
     geometry = document["geometry"]
     if geometry["type"] not in ("Polygon", "MultiPolygon"):
         raise ValueError(f"a {geometry['type']} is no region; give a Polygon or a MultiPolygon")
-    polygons = [geometry["coordinates"]] if geometry["type"] == "Polygon" else geometry["coordinates"]
+    polygons = (
+        [geometry["coordinates"]] if geometry["type"] == "Polygon" else geometry["coordinates"]
+    )
     return ImpactRegion(
         containment=float(document["containment"]),
         area_km2=float(document["area_km2"]),
@@ -98,41 +109,64 @@ def _centre_from(longitude_deg: float, latitude_deg: float) -> tuple[float, floa
 def _ring_from(positions: Any) -> FloatArray:
     degrees = np.array(positions, dtype=np.float64)
     closed = (
-        degrees.ndim == 2 and degrees.shape[1] == 2 and len(degrees) > _FEWEST and (degrees[0] == degrees[-1]).all()
+        degrees.ndim == 2
+        and degrees.shape[1] == 2
+        and len(degrees) > _FEWEST
+        and (degrees[0] == degrees[-1]).all()
     )
     if not (closed and np.abs(degrees[:, 1]).max() <= _POLE_DEG):
-        raise ValueError("a ring is a list of at least four [longitude, latitude], the last equal to the first")
+        raise ValueError(
+            "a ring is a list of at least four [longitude, latitude], the last equal to the first"
+        )
     return np.radians(degrees[:, ::-1])
 
 
 def geometry_of(region: ImpactRegion) -> dict[str, Any]:
     """Return a region as a Polygon or a MultiPolygon."""
     polygons = [part for polygon in region.polygons for part in _parts(polygon, region)]
-    kind, coordinates = ("Polygon", polygons[0]) if len(polygons) == 1 else ("MultiPolygon", polygons)
+    kind, coordinates = (
+        ("Polygon", polygons[0]) if len(polygons) == 1 else ("MultiPolygon", polygons)
+    )
     return {"type": kind, "coordinates": coordinates}
 
 
-#: From this area on a ring alone does not tell which pole it holds, or whether it holds both, km²: a cap of 40 degrees.
+#: From this area on a ring alone does not tell which pole it holds, or whether it holds both, km²:
+#: a cap of 40 degrees.
 _WIDE_KM2 = 6e7
 
 
 def _poles_in(plane: FloatArray, chart: AzimuthalEquidistant) -> tuple[float, ...]:
     """Return the latitudes of the poles inside a ring of the map, degrees."""
     places = chart.points(np.radians([[-_POLE_DEG, 0.0], [_POLE_DEG, 0.0]]))
-    return tuple(pole for pole, at in zip((-_POLE_DEG, _POLE_DEG), places, strict=True) if _is_inside(at, plane[:-1]))
+    return tuple(
+        pole
+        for pole, at in zip((-_POLE_DEG, _POLE_DEG), places, strict=True)
+        if _is_inside(at, plane[:-1])
+    )
 
 
 def _parts(polygon: Sequence[FloatArray], region: ImpactRegion) -> list[Any]:
-    """Return a polygon of a region as polygons of coordinates: one, unless the 180th meridian cuts it."""
+    """Return a polygon of a region as polygons of coordinates: one, unless the 180th meridian cuts
+    it.
+    """
     is_wide = region.area_km2 >= _WIDE_KM2
     if _is_flat(polygon, is_wide=is_wide):
-        rings = [points for ring in polygon if len(points := _distinct(np.degrees(ring[:-1, ::-1]))) >= _FEWEST]
-        return [[_closed(points, is_outer=not place) for place, points in enumerate(rings)]] if rings else []
+        rings = [
+            points
+            for ring in polygon
+            if len(points := _distinct(np.degrees(ring[:-1, ::-1]))) >= _FEWEST
+        ]
+        return (
+            [[_closed(points, is_outer=not place) for place, points in enumerate(rings)]]
+            if rings
+            else []
+        )
     return _cut(_planar(polygon, region.chart(), is_wide=is_wide))
 
 
 def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
-    """Return whether a polygon may be written as it is: edges short in longitude, or cut already and read back.
+    """Return whether a polygon may be written as it is: edges short in longitude, or cut already
+    and read back.
 
     Edges along the 180th meridian or along a pole are cuts.
     """
@@ -147,14 +181,18 @@ def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
             return False
         widest_deg = max(widest_deg, float(step))
         is_cut = is_cut or bool(along.any())
-    return widest_deg <= (180.0 if is_cut else _STEP_DEG) and (is_cut or not (is_wide or polygon[1:]))
+    return widest_deg <= (180.0 if is_cut else _STEP_DEG) and (
+        is_cut or not (is_wide or polygon[1:])
+    )
 
 
 def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wide: bool) -> Rings:
-    """Return the rings of a polygon, open, as longitude and latitude, degrees; longitudes are continuous along them.
+    """Return the rings of a polygon, open, as longitude and latitude, degrees; longitudes are
+    continuous along them.
 
-    A ring around a pole is closed along two meridians and the pole. Where a polygon holds both poles, its outer ring is
-    a hole of the whole Earth. Holes are moved by whole turns into the outer ring.
+    A ring around a pole is closed along two meridians and the pole. Where a polygon holds both
+    poles, its outer ring is a hole of the whole Earth. Holes are moved by whole turns into the
+    outer ring.
     """
     planes = [chart.points(ring) for ring in polygon]
     poles = [_poles_in(plane, chart) if is_wide else () for plane in planes]
@@ -165,12 +203,16 @@ def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wi
     rings = [outer]
     for hole in holes:
         shifts = [_moved(hole, turn) for turn in (0, 1, -1, 2, -2)]
-        rings.append(next((shifted for shifted in shifts if _is_inside(_middle(shifted), outer)), hole))
+        rings.append(
+            next((shifted for shifted in shifts if _is_inside(_middle(shifted), outer)), hole)
+        )
     return _closed_around(rings)
 
 
 def _closed_around(rings: Rings) -> Rings:
-    """Return rings in which the outer one, closed along a meridian and a pole, is closed around holes that cross it."""
+    """Return rings in which the outer one, closed along a meridian and a pole, is closed around
+    holes that cross it.
+    """
     outer, *holes = rings
     west = float(outer[:, 0].min())
     east = float(outer[:, 0].max())
@@ -181,8 +223,12 @@ def _closed_around(rings: Rings) -> Rings:
     for hole in across:
         edge, turns = (west, 1) if hole[:, 0].min() < west else (east, -1)
         is_east = hole[:, 0] >= edge
-        chains += [_moved(chain, turns if edge == west else 0) for chain in _chains(hole, ~is_east, edge)]
-        chains += [_moved(chain, turns if edge == east else 0) for chain in _chains(hole, is_east, edge)]
+        chains += [
+            _moved(chain, turns if edge == west else 0) for chain in _chains(hole, ~is_east, edge)
+        ]
+        chains += [
+            _moved(chain, turns if edge == east else 0) for chain in _chains(hole, is_east, edge)
+        ]
     return _joined(chains) + [hole for hole in holes if not any(hole is other for other in across)]
 
 
@@ -195,7 +241,9 @@ def _moved(ring: FloatArray, turns: int) -> FloatArray:
 _WORLD = np.array([[-180.0, -90.0], [180.0, -90.0], [180.0, 90.0], [-180.0, 90.0]])
 
 
-def _unrolled(ring: FloatArray, plane: FloatArray, poles: Sequence[float], chart: AzimuthalEquidistant) -> FloatArray:
+def _unrolled(
+    ring: FloatArray, plane: FloatArray, poles: Sequence[float], chart: AzimuthalEquidistant
+) -> FloatArray:
     points = _refined(ring, plane, chart)
     points[1:, 0] -= 360.0 * np.cumsum(np.rint(np.diff(points[:, 0]) / 360.0))
     turns = round((points[-1, 0] - points[0, 0]) / 360.0)
@@ -208,7 +256,8 @@ def _unrolled(ring: FloatArray, plane: FloatArray, poles: Sequence[float], chart
 def _around_pole(closed: FloatArray, turn_deg: float, pole_deg: float) -> FloatArray:
     """Return a ring around a pole, open, closed along the 180th meridian and the pole.
 
-    Of the ring's crossings of the meridian, the one nearest to the pole is taken, so that no other is cut off.
+    Of the ring's crossings of the meridian, the one nearest to the pole is taken, so that no other
+    is cut off.
     """
     longitude, latitude = closed.T
     edges_deg = 360.0 * np.floor((longitude + 180.0) / 360.0) - 180.0
@@ -221,12 +270,17 @@ def _around_pole(closed: FloatArray, turn_deg: float, pole_deg: float) -> FloatA
     edge_deg = float(at_deg[nearest])
     height_deg = float(crossed_deg[nearest])
     later = closed[: place + 1] + np.array([turn_deg, 0.0])
-    closing = [[edge_deg + turn_deg, height_deg], [edge_deg + turn_deg, pole_deg], [edge_deg, pole_deg]]
+    closing = [
+        [edge_deg + turn_deg, height_deg],
+        [edge_deg + turn_deg, pole_deg],
+        [edge_deg, pole_deg],
+    ]
     return np.concatenate([[[edge_deg, height_deg]], closed[place + 1 : -1], later, closing])
 
 
 def _refined(ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:
-    """Return a closed ring as longitude and latitude, degrees, with points on edges that are long in longitude.
+    """Return a closed ring as longitude and latitude, degrees, with points on edges that are long
+    in longitude.
 
     An edge that crosses the 180th meridian has a point on it, so that both sides of a cut share it.
     """
@@ -234,7 +288,9 @@ def _refined(ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant) -
     parts = np.ceil(np.minimum(step, 360.0 - step) / _STEP_DEG - 1e-6).clip(1).astype(np.int64)
     edge = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(edge)) - (np.cumsum(parts) - parts)[edge]) / parts[edge]
-    for _ in range(_HALVINGS):  # an edge that passes close to a pole turns around it within one step
+    for _ in range(
+        _HALVINGS
+    ):  # an edge that passes close to a pole turns around it within one step
         points = np.degrees(ring[edge, ::-1])
         added = np.flatnonzero(share)
         points[added] = _along(plane, edge[added], share[added], chart)
@@ -260,7 +316,9 @@ def _crossed(
     side: FloatArray,
     chart: AzimuthalEquidistant,
 ) -> FloatArray:
-    """Return the shares (n,) of edges, between two, at which they leave a side (the sign of the longitude)."""
+    """Return the shares (n,) of edges, between two, at which they leave a side (the sign of the
+    longitude).
+    """
     low, high = between
     parts = np.linspace(0.0, 1.0, _PARTS + 1)
     every = np.repeat(edge, _PARTS)
@@ -276,15 +334,21 @@ def _crossed(
     return high
 
 
-def _along(plane: FloatArray, edge: NDArray[np.int64], share: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:
-    """Return points on edges of a ring, at shares of their length, as longitude and latitude, degrees."""
+def _along(
+    plane: FloatArray, edge: NDArray[np.int64], share: FloatArray, chart: AzimuthalEquidistant
+) -> FloatArray:
+    """Return points on edges of a ring, at shares of their length, as longitude and latitude,
+    degrees.
+    """
     between = (1.0 - share)[:, np.newaxis] * plane[edge] + share[:, np.newaxis] * plane[edge + 1]
     degrees: FloatArray = np.degrees(chart.places(between)[:, ::-1])
     return degrees
 
 
 def _cut(rings: Rings) -> list[list[list[list[float]]]]:
-    """Return the parts of a polygon between odd multiples of 180 degrees, moved to [-180, 180], as coordinates."""
+    """Return the parts of a polygon between odd multiples of 180 degrees, moved to [-180, 180], as
+    coordinates.
+    """
     west = float(rings[0][:, 0].min())
     east = float(rings[0][:, 0].max())
     first = int((west + 180.0) // 360.0)
@@ -303,8 +367,9 @@ def _cut(rings: Rings) -> list[list[list[list[float]]]]:
 def _side(rings: Rings, edge_deg: float, *, is_west: bool) -> Rings:
     """Return the rings of what lies west or east of a meridian.
 
-    Chains of points on this side begin and end on the meridian. There the polygon covers every second interval between
-    their ends, in the order of latitude: each chain continues with the one at the other end of its interval.
+    Chains of points on this side begin and end on the meridian. There the polygon covers every
+    second interval between their ends, in the order of latitude: each chain continues with the one
+    at the other end of its interval.
     """
     whole = []
     chains = []
@@ -338,7 +403,11 @@ def _crossing(one: FloatArray, other: FloatArray, edge_deg: float) -> FloatArray
 
 
 def _joined(chains: Rings) -> Rings:
-    ends = [(*chain[place].tolist(), number, place) for number, chain in enumerate(chains) for place in (0, -1)]
+    ends = [
+        (*chain[place].tolist(), number, place)
+        for number, chain in enumerate(chains)
+        for place in (0, -1)
+    ]
     ends.sort(key=lambda end: end[:2])
     across: dict[tuple[int, int], tuple[int, int]] = {}
     for (_, _, *one), (_, _, *other) in zip(ends[::2], ends[1::2], strict=True):
@@ -365,8 +434,14 @@ def _assembled(rings: Rings) -> list[list[list[list[float]]]]:
     is_hole = [_is_hole(ring, rings) for ring in rings]
     polygons = []
     for outer in (ring for ring, hole in zip(rings, is_hole, strict=True) if not hole):
-        holes = [ring for ring, hole in zip(rings, is_hole, strict=True) if hole and _is_inside(_middle(ring), outer)]
-        polygons.append([_closed(outer, is_outer=True), *(_closed(hole, is_outer=False) for hole in holes)])
+        holes = [
+            ring
+            for ring, hole in zip(rings, is_hole, strict=True)
+            if hole and _is_inside(_middle(ring), outer)
+        ]
+        polygons.append(
+            [_closed(outer, is_outer=True), *(_closed(hole, is_outer=False) for hole in holes)]
+        )
     return polygons
 
 
@@ -389,13 +464,17 @@ def _distinct(ring: FloatArray) -> FloatArray:
 
 def _closed(points: FloatArray, *, is_outer: bool) -> list[list[float]]:
     x, y = points.T
-    is_counter_clockwise = float(x[:-1] @ y[1:] - x[1:] @ y[:-1] + x[-1] * y[0] - x[0] * y[-1]) > 0.0
+    is_counter_clockwise = (
+        float(x[:-1] @ y[1:] - x[1:] @ y[:-1] + x[-1] * y[0] - x[0] * y[-1]) > 0.0
+    )
     ordered = points if is_counter_clockwise == is_outer else points[::-1]
     return np.concatenate([ordered, ordered[:1]]).tolist()
 
 
 def _is_inside(point: FloatArray, ring: FloatArray) -> bool:
-    """Return whether a point lies inside a ring in the plane: a ray from it crosses the ring an odd number of times."""
+    """Return whether a point lies inside a ring in the plane: a ray from it crosses the ring an odd
+    number of times.
+    """
     (x0, y0), (x1, y1) = ring.T, np.concatenate([ring[1:], ring[:1]]).T
     crosses = (y0 > point[1]) != (y1 > point[1])
     at = x0[crosses] + (point[1] - y0[crosses]) / (y1 - y0)[crosses] * (x1 - x0)[crosses]

@@ -1,6 +1,7 @@
 """The pump: writes windows into the sinks of a batch run, one after the other.
 
-A sink that fails is closed and left out; the other sinks continue. Every sink is closed exactly once.
+A sink that fails is closed and left out; the other sinks continue. Every sink is closed exactly
+once.
 """
 
 from collections.abc import Callable, Generator, Iterable, Mapping
@@ -46,13 +47,18 @@ class PumpReport:
 class SinkGroup:
     """The sinks of a batch run: a context that closes them; its report is available afterwards too.
 
-    `counts` are the functions that count a window's events, by the names of sinks whose events are not detections.
-    Exceptions of a sink other than `SinkError` are defects and are passed on.
+    `counts` are the functions that count a window's events, by the names of sinks whose events are
+    not detections. Exceptions of a sink other than `SinkError` are defects and are passed on.
     """
 
-    def __init__(self, sinks: Mapping[str, Sink], counts: Mapping[str, Counter] | None = None) -> None:
+    def __init__(
+        self, sinks: Mapping[str, Sink], counts: Mapping[str, Counter] | None = None
+    ) -> None:
         counters = counts or {}
-        self._sinks = tuple(OpenSink(name, sink, counters.get(name, detection_count)) for name, sink in sinks.items())
+        self._sinks = tuple(
+            OpenSink(name, sink, counters.get(name, detection_count))
+            for name, sink in sinks.items()
+        )
         self.windows = 0
         self.events = 0
 
@@ -61,7 +67,10 @@ class SinkGroup:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         """Close every open sink."""
         self.close()
@@ -88,7 +97,9 @@ class SinkGroup:
         """Return the reports of the closed sinks."""
         closed = [(sink, sink.delivery()) for sink in self._sinks if sink.is_closed]
         reports = (
-            SinkReport(name=sink.path, error=sink.error, **{each: getattr(counts, each) for each in COUNTS})
+            SinkReport(
+                name=sink.path, error=sink.error, **{each: getattr(counts, each) for each in COUNTS}
+            )
             for sink, counts in closed
         )
         return PumpReport(self.windows, self.events, tuple(reports))
@@ -101,11 +112,12 @@ def pump(
     on_window: Callable[[Window], None] | None = None,
     counts: Mapping[str, Counter] | None = None,
 ) -> PumpReport:
-    """Write windows into sinks, by name, and return the report; `on_window` is called after each window is written.
+    """Write windows into sinks, by name, and return the report; `on_window` is called after each
+    window is written.
 
-    Ends early when every sink has failed. A generator of windows is closed at the end. Exceptions of the windows or of
-    `on_window` are passed on, with the sinks closed; use `SinkGroup` to get the report in this case. `counts` is as in
-    `SinkGroup`.
+    Ends early when every sink has failed. A generator of windows is closed at the end. Exceptions
+    of the windows or of `on_window` are passed on, with the sinks closed; use `SinkGroup` to get
+    the report in this case. `counts` is as in `SinkGroup`.
     """
     with SinkGroup(sinks, counts) as group, ExitStack() as ending:
         if isinstance(windows, Generator):

@@ -1,8 +1,8 @@
 """Files of a run beside its events: the truth, and the checks that files belong to the same run.
 
-The truth file has JSON lines: a `sensor` record per sensor with a line-of-sight bias, a `target` per launch or other
-hot source, a `detection` per event with its `detection_id`; `target_id` is null for noise alone. The tracks file is in
-`opir_core.output.tracks_file`.
+The truth file has JSON lines: a `sensor` record per sensor with a line-of-sight bias, a `target`
+per launch or other hot source, a `detection` per event with its `detection_id`; `target_id` is null
+for noise alone. The tracks file is in `opir_core.output.tracks_file`.
 """
 
 import json
@@ -23,7 +23,9 @@ from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
 from opir_core.simulation.manifest import MANIFEST_VERSION
 
-_RERUN = "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
+_RERUN = (
+    "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
+)
 _ELSEWHERE = {"tracks": ", and --tracks scores tracks from elsewhere"}
 #: Largest difference between the launches of truth and plan, in degrees or seconds.
 _TOLERANCE = 1e-6
@@ -51,7 +53,9 @@ class LinesFile:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None
+    ) -> None:
         try:
             self._file.close()
         except OSError as error:
@@ -69,7 +73,9 @@ class LinesFile:
 
 
 def truth_records(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return the records of the sensors with a line-of-sight bias and of the targets, with which a truth begins."""
+    """Return the records of the sensors with a line-of-sight bias and of the targets, with which a
+    truth begins.
+    """
     biases = () if plan.bias is None else plan.bias.by_sensor(plan.sensors)
     targets = zip(plan.targets.ids, plan.targets.truth(), strict=True)
     return [
@@ -141,10 +147,14 @@ def read_manifest(path: Path) -> Mapping[str, Any]:
     if version != MANIFEST_VERSION:
         words = f"of manifest version {version}, where {MANIFEST_VERSION} is read"
         raise invalid_file(
-            path, "manifest_version", f"{words}: run the scene anew, or score it with the opir that wrote it"
+            path,
+            "manifest_version",
+            f"{words}: run the scene anew, or score it with the opir that wrote it",
         )
     if not _are_entries(manifest.get(FILES_KEY, [])):
-        raise invalid_file(path, FILES_KEY, "not what opir writes: a list of blocks with kind, name and sha256")
+        raise invalid_file(
+            path, FILES_KEY, "not what opir writes: a list of blocks with kind, name and sha256"
+        )
     if not isinstance(manifest.get("counts", {}), dict):
         raise invalid_file(path, "counts", "not what opir writes: counts must be a block")
     return manifest
@@ -152,7 +162,8 @@ def read_manifest(path: Path) -> Mapping[str, Any]:
 
 def _are_entries(value: object) -> bool:
     return isinstance(value, list) and all(
-        isinstance(entry, dict) and all(isinstance(entry.get(key), str) for key in ("kind", "name", "sha256"))
+        isinstance(entry, dict)
+        and all(isinstance(entry.get(key), str) for key in ("kind", "name", "sha256"))
         for entry in value
     )
 
@@ -163,9 +174,11 @@ def digest(path: Path) -> str:
 
 
 def require_file_of_run(kind: str, path: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise `SceneError` if a file of events, truth or tracks is not one that the manifest's run wrote.
+    """Raise `SceneError` if a file of events, truth or tracks is not one that the manifest's run
+    wrote.
 
-    A manifest of a run whose file went through a spool, or of an earlier opir, has no SHA-256 of it: nothing is raised.
+    A manifest of a run whose file went through a spool, or of an earlier opir, has no SHA-256 of
+    it: nothing is raised.
     """
     entries = [entry for entry in manifest.get(FILES_KEY, ()) if entry["kind"] == kind]
     named = [entry for entry in entries if Path(entry["name"]).name == path.name] or entries
@@ -177,7 +190,9 @@ def require_file_of_run(kind: str, path: Path, manifest: Mapping[str, Any]) -> N
 def require_events_of_run(
     events: Path, ids: Sequence[str], truths: Collection[str], manifest: Mapping[str, Any]
 ) -> None:
-    """Raise `SceneError` if the ids of events are not those of the truth or of the manifest's count."""
+    """Raise `SceneError` if the ids of events are not those of the truth or of the manifest's
+    count.
+    """
     unique = set(ids)
     unknown = next((each for each in ids if each not in truths), None)
     lacking = next((each for each in truths if each not in unique), None)
@@ -185,12 +200,18 @@ def require_events_of_run(
     if unknown is not None:
         raise invalid_file(events, "", f"detection {unknown} is not in the truth: {_RERUN}")
     if lacking is not None:
-        raise invalid_file(events, "", f"detection {lacking} of the truth is not among the events: {_RERUN}")
+        raise invalid_file(
+            events, "", f"detection {lacking} of the truth is not among the events: {_RERUN}"
+        )
     if len(unique) < len(ids):
         duplicates = len(ids) - len(unique)
-        raise invalid_file(events, "", f"{duplicates} detections appear twice; score the events of one run")
+        raise invalid_file(
+            events, "", f"{duplicates} detections appear twice; score the events of one run"
+        )
     if made != len(ids):
-        raise invalid_file(events, "", f"has {len(ids)} detections, where the manifest's run made {made}: {_RERUN}")
+        raise invalid_file(
+            events, "", f"has {len(ids)} detections, where the manifest's run made {made}: {_RERUN}"
+        )
 
 
 def require_launches_of_run(truth: Path, targets: Sequence[Mapping[str, Any]], plan: Plan) -> None:
@@ -201,7 +222,9 @@ def require_launches_of_run(truth: Path, targets: Sequence[Mapping[str, Any]], p
         if name not in due:
             raise invalid_file(truth, "", f"the manifest's scene has no target {name}: {_RERUN}")
         if _differ(target, due[name]):
-            words = f"{name} has another trajectory in the manifest's scene, with the plugins installed"
+            words = (
+                f"{name} has another trajectory in the manifest's scene, with the plugins installed"
+            )
             raise invalid_file(truth, "", f"{words}: {_RERUN}")
 
 
@@ -212,5 +235,9 @@ def _differ(target: Mapping[str, Any], due: Mapping[str, Any]) -> bool:
         theirs = due.get(name)
         if isinstance(mine, dict) and isinstance(theirs, Mapping):
             pairs += [(mine.get(angle), theirs.get(angle)) for angle in ("lat_deg", "lon_deg")]
-    numbers = [(mine, theirs) for mine, theirs in pairs if isinstance(mine, float) and isinstance(theirs, float)]
+    numbers = [
+        (mine, theirs)
+        for mine, theirs in pairs
+        if isinstance(mine, float) and isinstance(theirs, float)
+    ]
     return any(abs(mine - theirs) > _TOLERANCE for mine, theirs in numbers)

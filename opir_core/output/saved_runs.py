@@ -84,10 +84,10 @@ class _Event(msgspec.Struct):
 def load_run(path: str | Path, host: Host | None = None) -> Run:
     """Return a run from the files that `opir run` wrote.
 
-    `path` is the folder of one run, its events (JSON lines, or what the sink `parquet` wrote), or any file beside them.
-    A column that files do not have is empty or unknown: `estimate` is -1, and `scan` of JSON lines; irradiances and
-    type probabilities are those of encoders that write them. Raises `SceneError` with the file and line that is
-    missing, invalid or of another run.
+    `path` is the folder of one run, its events (JSON lines, or what the sink `parquet` wrote), or
+    any file beside them. A column that files do not have is empty or unknown: `estimate` is -1, and
+    `scan` of JSON lines; irradiances and type probabilities are those of encoders that write them.
+    Raises `SceneError` with the file and line that is missing, invalid or of another run.
     """
     return read_run(_events_at(Path(path)), host=host)
 
@@ -100,16 +100,23 @@ def read_run(
     manifest: Path | None = None,
     host: Host | None = None,
 ) -> Run:
-    """Return a run from its events and from the truth, tracks and manifest beside them, or from elsewhere.
+    """Return a run from its events and from the truth, tracks and manifest beside them, or from
+    elsewhere.
 
-    Tracks from elsewhere may be those of another tracker from the same events. Raises `SceneError` as `load_run` does.
+    Tracks from elsewhere may be those of another tracker from the same events. Raises `SceneError`
+    as `load_run` does.
     """
     if not events.name:
-        raise invalid_file(events, "", "is not a file of events; give the path of the events that `opir run` wrote")
+        raise invalid_file(
+            events, "", "is not a file of events; give the path of the events that `opir run` wrote"
+        )
     finish_interrupted(manifest or events.with_suffix(_MANIFEST))
     manifest_path = _existing(manifest or events.with_suffix(_MANIFEST), "manifest")
     contents = read_manifest(manifest_path)
-    plan = compile_plan(scene_from_mapping(contents["scene"], source=f"the scene in {manifest_path}", host=host), host)
+    plan = compile_plan(
+        scene_from_mapping(contents["scene"], source=f"the scene in {manifest_path}", host=host),
+        host,
+    )
     estimates = _tracks_of(events, tracks, contents, plan)
     truth_path = _existing(truth or _truth_beside(events), "truth")
     truths = _truth_lines(truth_path, plan)
@@ -139,7 +146,10 @@ def _events_at(path: Path) -> Path:
         found = sorted(path.glob(f"*{_MANIFEST}"))
         if len(found) != 1:
             count = ", ".join(each.name for each in found) or "none"
-            words = f"is no folder of one run (manifests in it: {count}); give the events that `opir run` wrote"
+            words = (
+                f"is no folder of one run (manifests in it: {count}); give the events that `opir"
+                f" run` wrote"
+            )
             raise invalid_file(path, "", words)
         path = found[0]
     ending = next((each for each in _BESIDE if path.name.endswith(each)), None)
@@ -151,7 +161,9 @@ def _events_at(path: Path) -> Path:
     return others[0] if len(others) == 1 else path.parent / f"{stem}.jsonl"
 
 
-def _tracks_of(events: Path, tracks: Path | None, manifest: Mapping[str, Any], plan: Plan) -> Tracks:
+def _tracks_of(
+    events: Path, tracks: Path | None, manifest: Mapping[str, Any], plan: Plan
+) -> Tracks:
     """Return the run's tracks, or those from elsewhere; none if the scene's tracker makes none."""
     place = tracks or events.with_suffix(_TRACKS)
     if tracks is None and not place.exists() and plan.make_tracker().cadence_s is None:
@@ -172,7 +184,9 @@ def _truth_beside(events: Path) -> Path:
 def _truth_rows(path: Path, host: Host) -> Iterator[_TruthLine]:
     """Yield the records of a truth file: columns or JSON lines."""
     if has_columns(path):
-        return _converted(path, columns_sink(host, "read_truth", "a truth file of columns"), _TruthLine)
+        return _converted(
+            path, columns_sink(host, "read_truth", "a truth file of columns"), _TruthLine
+        )
     return _lines(path, _TruthLine, "a line of opir's truth")
 
 
@@ -222,7 +236,9 @@ class _Columns:
         rows = self.rows
         sensors = self.plan.sensors
         sensor = self._sensors()
-        origin = np.array([row.sensor_position_ecef_m for row in rows], dtype=np.float64).reshape(-1, 3)
+        origin = np.array([row.sensor_position_ecef_m for row in rows], dtype=np.float64).reshape(
+            -1, 3
+        )
         angles = np.radians([[row.azimuth_deg, row.elevation_deg] for row in rows]).reshape(-1, 2)
         detections = Detections(
             time_ns=self._times_ns([row.timestamp for row in rows]),
@@ -231,7 +247,10 @@ class _Columns:
             detection_id=self._ids(),
             reported_type=self._types(),
             bands=np.array(
-                [_mask(sensors[place], row.bands) for place, row in zip(sensor.tolist(), rows, strict=True)],
+                [
+                    _mask(sensors[place], row.bands)
+                    for place, row in zip(sensor.tolist(), rows, strict=True)
+                ],
                 dtype=np.uint8,
             ),
             detection_count=_running_counts(sensor, target),
@@ -239,14 +258,18 @@ class _Columns:
             line_of_sight_ecef=line_of_sight(origin, angles[:, 0], angles[:, 1]),
             sensor_ecef_m=origin,
             snr=_numbers([row.snr for row in rows]),
-            track=np.array([-1 if row.track_id is None else row.track_id for row in rows], dtype=np.int64),
+            track=np.array(
+                [-1 if row.track_id is None else row.track_id for row in rows], dtype=np.int64
+            ),
             estimate=np.full(len(rows), -1, dtype=np.int64),
             line_of_sight_sigma_rad=np.array([row.line_of_sight_sigma_urad for row in rows]) * 1e-6,
             band_irradiance_w_m2=self._irradiances(sensor),
             type_log_probability=self._type_probabilities(),
         )
         self._require(detections.time_ns >= 0, "before the scene")
-        self._require(detections.time_ns <= self.plan.end_ns + _NS_PER_US, "after the end of the scene")
+        self._require(
+            detections.time_ns <= self.plan.end_ns + _NS_PER_US, "after the end of the scene"
+        )
         if all(row.reported_at in (None, row.timestamp) for row in rows):
             return detections
         reported_ns = self._times_ns([row.reported_at or row.timestamp for row in rows])
@@ -257,7 +280,11 @@ class _Columns:
         wrong = np.flatnonzero(~is_due)
         if len(wrong):
             row = self.rows[int(wrong[0])]
-            raise invalid_file(self.path, "timestamp", f"detection {row.detection_id} at {row.timestamp} is {words}")
+            raise invalid_file(
+                self.path,
+                "timestamp",
+                f"detection {row.detection_id} at {row.timestamp} is {words}",
+            )
 
     def _ids(self) -> WordArray:
         try:
@@ -277,14 +304,18 @@ class _Columns:
         codes = {name: code for code, name in enumerate(self.plan.reported_types)}
         unknown = next((row.target_type for row in self.rows if row.target_type not in codes), None)
         if unknown is not None:
-            raise invalid_file(self.path, "target_type", f"{unknown} is no type that the manifest's scene reports")
+            raise invalid_file(
+                self.path, "target_type", f"{unknown} is no type that the manifest's scene reports"
+            )
         return np.array([codes[row.target_type] for row in self.rows], dtype=np.uint8)
 
     def _times_ns(self, texts: Sequence[str]) -> IntArray:
         try:
             stamps = np.array([text.removesuffix("Z") for text in texts], dtype="datetime64[us]")
         except ValueError as error:
-            raise invalid_file(self.path, "timestamp", f"is not a timestamp of opir: {error}") from error
+            raise invalid_file(
+                self.path, "timestamp", f"is not a timestamp of opir: {error}"
+            ) from error
         since_us = stamps.astype(np.int64) - self.plan.scene.epoch_us
         return np.clip(since_us, -_LONGEST_US, _LONGEST_US) * _NS_PER_US
 
@@ -295,14 +326,19 @@ class _Columns:
         values = np.full((len(self.rows), max(map(len, names))), np.nan)
         for place, row in enumerate(self.rows):
             own = names[sensor[place]]
-            values[place, : len(own)] = _numbers([(row.band_irradiance_w_m2 or {}).get(name) for name in own])
+            values[place, : len(own)] = _numbers(
+                [(row.band_irradiance_w_m2 or {}).get(name) for name in own]
+            )
         return values
 
     def _type_probabilities(self) -> FloatArray:
         if not any(row.type_probability for row in self.rows):
             return np.empty((len(self.rows), 0))
         names = next(list(row.type_probability) for row in self.rows if row.type_probability)
-        chances = [_numbers([(row.type_probability or {}).get(name) for name in names]) for row in self.rows]
+        chances = [
+            _numbers([(row.type_probability or {}).get(name) for name in names])
+            for row in self.rows
+        ]
         with np.errstate(divide="ignore"):
             return np.log(np.array(chances))
 
@@ -312,7 +348,9 @@ def _mask(sensor: Sensor, bands: Sequence[str]) -> int:
 
 
 def _running_counts(sensor: IndexArray, target: IndexArray) -> IndexArray:
-    """Return the count of detections of each row's target by its sensor up to the row; 1 for false alarms."""
+    """Return the count of detections of each row's target by its sensor up to the row; 1 for false
+    alarms.
+    """
     counts = np.ones(len(target), dtype=np.int32)
     pair = sensor.astype(np.int64) << 32 | target.astype(np.int64) & 0xFFFFFFFF
     order = np.argsort(pair, kind="stable")
@@ -327,7 +365,11 @@ def _numbers(values: Sequence[float | None]) -> FloatArray:
 
 
 def _summary(
-    plan: Plan, detections: Detections, truth: DetectionTruth, tracks: Tracks, manifest: Mapping[str, Any]
+    plan: Plan,
+    detections: Detections,
+    truth: DetectionTruth,
+    tracks: Tracks,
+    manifest: Mapping[str, Any],
 ) -> Mapping[str, Any]:
     """Return the summary of the whole run, counted as one window."""
     tally = Tally(plan)
@@ -352,8 +394,14 @@ def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
 
 
 def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
-    """Yield the events of a file: read by the sink of this file name or ending, if it can, else JSON lines."""
-    names = [choice.name for choice in plan.scene.outputs if Path(getattr(choice.config, "path", "")).name == path.name]
+    """Yield the events of a file: read by the sink of this file name or ending, if it can, else
+    JSON lines.
+    """
+    names = [
+        choice.name
+        for choice in plan.scene.outputs
+        if Path(getattr(choice.config, "path", "")).name == path.name
+    ]
     if not names and has_columns(path):
         names = ["parquet"]
     read = plan.host.component(SinkModel, names[0]).read if names else None
@@ -366,5 +414,8 @@ def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
 def _existing(path: Path, what: str) -> Path:
     if path.is_file():
         return path
-    words = f"there is no {what} file; `opir run` writes events, truth, tracks and manifest side by side"
+    words = (
+        f"there is no {what} file; `opir run` writes events, truth, tracks and manifest side by"
+        f" side"
+    )
     raise invalid_file(path, "", words)

@@ -1,7 +1,7 @@
 """The output of a run in several processes: workers encode what the parent writes, in order.
 
-Lines of events and of the truth are encoded in the workers, by the sinks and the file that the parent has opened; all
-other sinks write the window's columns in the parent.
+Lines of events and of the truth are encoded in the workers, by the sinks and the file that the
+parent has opened; all other sinks write the window's columns in the parent.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,7 +20,9 @@ _TRUTH = "truth"
 
 @runtime_checkable
 class LineSink(Protocol):
-    """A sink of lines that may be encoded in another process: each block with its events, and those withheld."""
+    """A sink of lines that may be encoded in another process: each block with its events, and those
+    withheld.
+    """
 
     def encoded(self, window: Window) -> Iterable[tuple[bytes, int, int]]:
         """Yield the lines of a window in blocks; called in a copy of the process."""
@@ -61,11 +63,15 @@ class SharedOutput:
             yield window
 
     def texts(self, name: str) -> Sequence[Text] | None:
-        """Return the texts of the current window that the workers encoded for an output, or None."""
+        """Return the texts of the current window that the workers encoded for an output, or
+        None.
+        """
         return self._texts.get(name)
 
     def sink(self, path: str, sink: Sink) -> Sink:
-        """Return a sink that writes what the workers encode, or the sink itself if it takes columns."""
+        """Return a sink that writes what the workers encode, or the sink itself if it takes
+        columns.
+        """
         if not isinstance(sink, LineSink):
             self._needs_columns = True
             return sink
@@ -73,7 +79,9 @@ class SharedOutput:
         return SharedLines(self, path, sink)
 
     def truth(self, file: Any) -> Any:
-        """Return a truth file that writes what the workers encode, or the file itself if it takes columns."""
+        """Return a truth file that writes what the workers encode, or the file itself if it takes
+        columns.
+        """
         if not isinstance(file, TruthFile):
             self._needs_columns = True
             return file
@@ -95,7 +103,9 @@ class SharedLines(Sink):
         if texts is None:
             self._sink.write(window)
         else:
-            self._sink.write_encoded(window, ((text.lines, text.events, text.withheld) for text in texts))
+            self._sink.write_encoded(
+                window, ((text.lines, text.events, text.withheld) for text in texts)
+            )
 
     def close(self) -> Delivery:
         """Close the file."""

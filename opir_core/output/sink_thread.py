@@ -1,4 +1,5 @@
-"""Open sinks with their event counts: `OpenSink` writes at once, `SinkThread` from a queue, in a thread of its own.
+"""Open sinks with their event counts: `OpenSink` writes at once, `SinkThread` from a queue, in a
+thread of its own.
 
 In both, given + recovered = delivered + spooled + dropped + withheld + events in queued windows.
 """
@@ -25,8 +26,10 @@ QUEUED_WINDOWS = 200
 MEMORY_BYTES = 64 << 20
 #: What is true of an output without a spool.
 WITHOUT_SPOOL = (
-    f"no spool: what waits for its destination is in memory (at most {MEMORY_BYTES >> 20} MiB of messages, and"
-    f" {QUEUED_WINDOWS} windows of a live run) and is lost with the process; if the destination refuses events for good"
+    f"no spool: what waits for its destination is in memory (at most {MEMORY_BYTES >> 20} MiB of"
+    f" messages, and"
+    f" {QUEUED_WINDOWS} windows of a live run) and is lost with the process; if the destination"
+    f" refuses events for good"
     " the output ends, and drops and counts the rest; spool: {path: FILE} keeps them"
 )
 
@@ -36,19 +39,22 @@ COUNTS = ("delivered", "spooled", "dropped", "withheld", "recovered")
 _FATES = ("delivered", "dropped", "withheld", "spooled")
 
 _POLL_S = 0.05
-#: Time, s, in which a sink with a spool must close when it is replaced; the new sink sends the rest of the spool.
+#: Time, s, in which a sink with a spool must close when it is replaced; the new sink sends the rest
+#: of the spool.
 _REPLACEMENT_S = 2.5
 
 
 @frozen
 class SinkStatus:
-    """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows written to it.
+    """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows
+    written to it.
 
-    `error` is why the sink has failed or is parked, or, of an open one, why nothing gets through at the moment;
-    `attempts` is the number of failed attempts since the last success.
-    `busy_s` is the duration, s, of the sink's present call in its own thread, 0 if there is none. `unbalanced` is the
-    largest number of events by which the sink's own figures did not add up; the counts here do. `has_spool` is whether
-    a file keeps what waits for the destination; otherwise it is lost with the process.
+    `error` is why the sink has failed or is parked, or, of an open one, why nothing gets through at
+    the moment; `attempts` is the number of failed attempts since the last success. `busy_s` is the
+    duration, s, of the sink's present call in its own thread, 0 if there is none. `unbalanced` is
+    the largest number of events by which the sink's own figures did not add up; the counts here do.
+    `has_spool` is whether a file keeps what waits for the destination; otherwise it is lost with
+    the process.
     """
 
     path: str
@@ -82,13 +88,14 @@ class _Replacement:
 class OpenSink:
     """A sink, its event counts and its first error; it is closed once.
 
-    `count` returns the number of a window's events for the sink. `write_now` and `close_now` call the sink in the
-    caller's thread and pass on exceptions other than `SinkError`.
+    `count` returns the number of a window's events for the sink. `write_now` and `close_now` call
+    the sink in the caller's thread and pass on exceptions other than `SinkError`.
     """
 
     def __init__(self, path: str, sink: Sink, count: Counter = detection_count) -> None:
         self.path = path
-        #: The number of events of a window: for the windows given from now on, and for those written now.
+        #: The number of events of a window: for the windows given from now on, and for those
+        #: written now.
         self._count = count
         self._count_written = self._count
         self.error: str | None = None
@@ -144,16 +151,22 @@ class OpenSink:
         own = self._sink.delivery_so_far()
         if own is not None:
             return self._checked(own, is_final=False)
-        # Taken is not delivered: what becomes of it a sink reports when it is closed, and this one fails to.
+        # Taken is not delivered: what becomes of it a sink reports when it is closed, and this one
+        # fails to.
         return Delivery(delivered=0 if self.error else self._written)
 
     def _checked(self, own: Delivery, *, is_final: bool) -> Delivery:
         """Return a sink's counts, made to add up; says so if they did not."""
-        counts, off = balanced(own, self._handed, is_final=is_final and self.error is None and own.complaint is None)
+        counts, off = balanced(
+            own, self._handed, is_final=is_final and self.error is None and own.complaint is None
+        )
         if off:
             self.unbalanced = max(self.unbalanced, off)
             if is_final:
-                self._fail(f"the figures of its sink do not add up, by {off} events; see the sink's `close`")
+                self._fail(
+                    f"the figures of its sink do not add up, by {off} events; see the sink's"
+                    f" `close`"
+                )
         return counts
 
     def _pass(self, window: Window) -> None:
@@ -162,7 +175,9 @@ class OpenSink:
         self._written += self._count_written(window)
 
     def _end(self) -> None:
-        """Close the sink, unless it is closed, and keep its final counts; a defect of it is raised."""
+        """Close the sink, unless it is closed, and keep its final counts; a defect of it is
+        raised.
+        """
         if self.is_closed:
             return
         final = Delivery(delivered=0)
@@ -180,15 +195,23 @@ class OpenSink:
 
 
 class SinkThread(OpenSink):
-    """A sink of a live run, with its thread: a slow sink does not delay the others, and none loses events.
+    """A sink of a live run, with its thread: a slow sink does not delay the others, and none loses
+    events.
 
-    A sink with a spool (`is_spooled`) is written before `write` returns; its spool sends the events later. Any other
-    has a queue of at most `QUEUED_WINDOWS` windows, lost with the process; when it is full, `write` waits, which
-    `SinkStatus.waits` counts. States: open, parked, failed, closed. Exceptions of the sink are its `error`, not raised.
+    A sink with a spool (`is_spooled`) is written before `write` returns; its spool sends the events
+    later. Any other has a queue of at most `QUEUED_WINDOWS` windows, lost with the process; when it
+    is full, `write` waits, which `SinkStatus.waits` counts. States: open, parked, failed, closed.
+    Exceptions of the sink are its `error`, not raised.
     """
 
     def __init__(
-        self, path: str, name: str, sink: Sink, *, is_spooled: bool = False, count: Counter = detection_count
+        self,
+        path: str,
+        name: str,
+        sink: Sink,
+        *,
+        is_spooled: bool = False,
+        count: Counter = detection_count,
     ) -> None:
         super().__init__(path, sink, count)
         self.name = name
@@ -215,11 +238,15 @@ class SinkThread(OpenSink):
         return self._thread.ident
 
     def write(self, window: Window, stopping: threading.Event) -> None:
-        """Spool or queue a window; waits for room until there is some, the sink has failed or the run is stopped."""
+        """Spool or queue a window; waits for room until there is some, the sink has failed or the
+        run is stopped.
+        """
         if self.is_spooled:
             # Written in the caller's thread; if this fails, the sink's own thread closes it.
             with self._replacement_done:
-                self._replacement_done.wait_for(lambda: not self._replacements or self.error is not None)
+                self._replacement_done.wait_for(
+                    lambda: not self._replacements or self.error is not None
+                )
             if self.error is None and not self._try(lambda: self._pass(window)):
                 self._queue.put(None)
             self._given += self._count(window)
@@ -227,8 +254,16 @@ class SinkThread(OpenSink):
             self._given += self._count(window)
             self._queue_up(window, stopping)
 
-    def replace(self, make: Callable[[], Sink], *, is_spooled: bool = False, count: Counter = detection_count) -> None:
-        """Close the sink after its queued windows, and continue with the one that `make` returns."""
+    def replace(
+        self,
+        make: Callable[[], Sink],
+        *,
+        is_spooled: bool = False,
+        count: Counter = detection_count,
+    ) -> None:
+        """Close the sink after its queued windows, and continue with the one that `make`
+        returns.
+        """
         with self._replacement_done:
             self._replacements += 1
         self.is_spooled = is_spooled
@@ -241,7 +276,9 @@ class SinkThread(OpenSink):
         self._sink.close_by(deadline_s)
 
     def close(self, deadline_s: float) -> None:
-        """Close the sink after its queued windows; stop waiting at `deadline_s` of the monotonic clock."""
+        """Close the sink after its queued windows; stop waiting at `deadline_s` of the monotonic
+        clock.
+        """
         self.close_by(deadline_s)
         try:
             self._queue.put(None, timeout=max(0.0, deadline_s - time.monotonic()))
@@ -271,7 +308,13 @@ class SinkThread(OpenSink):
         return SinkStatus(
             path=self.path,
             name=self.name,
-            state="failed" if self.error else "closed" if self.is_closed else "parked" if self.parked else "open",
+            state="failed"
+            if self.error
+            else "closed"
+            if self.is_closed
+            else "parked"
+            if self.parked
+            else "open",
             given=self._given,
             **{each: getattr(counts, each) for each in COUNTS},
             queued_windows=self._queue.qsize(),
@@ -339,7 +382,9 @@ class SinkThread(OpenSink):
         self._count_written = replacement.count
         # Events left in a spool that both sinks share are counted once: with the new sink.
         again = min(before.spooled, self._current().recovered)
-        self._replaced = evolve(before, spooled=before.spooled - again, recovered=before.recovered - again)
+        self._replaced = evolve(
+            before, spooled=before.spooled - again, recovered=before.recovered - again
+        )
         if self._deadline_s < math.inf:
             self._sink.close_by(self._deadline_s)
         self._count_replacements(1)
@@ -357,9 +402,9 @@ def _sum(one: Delivery, other: Delivery) -> Delivery:
 def balanced(own: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, int]:
     """Return a sink's counts, made to add up, and by how many events they did not.
 
-    `handed` events were handed to the sink. What it reports beyond these and the recovered ones is taken away; a count
-    below 0, or that is no whole number, is 0. Of events that are missing at the end, when `is_final`, it is not known
-    what became of them: they are dropped.
+    `handed` events were handed to the sink. What it reports beyond these and the recovered ones is
+    taken away; a count below 0, or that is no whole number, is 0. Of events that are missing at the
+    end, when `is_final`, it is not known what became of them: they are dropped.
     """
     counts: dict[str, Any] = {name: _whole(getattr(own, name)) for name in COUNTS}
     wrong = sum(counts[name] != getattr(own, name) for name in COUNTS)

@@ -1,4 +1,6 @@
-"""Temporary files beside those that they will replace: locked, opir's own, no link to anything else; their SHA-256."""
+"""Temporary files beside those that they will replace: locked, opir's own, no link to anything
+else; their SHA-256.
+"""
 
 import fcntl
 import hashlib
@@ -14,7 +16,8 @@ from pathlib import Path
 from opir_core.errors import SinkError
 
 _CHUNK = 1 << 20
-#: Bytes after which what was written is sent to the disk, so that little is left to wait for at the end.
+#: Bytes after which what was written is sent to the disk, so that little is left to wait for at the
+#: end.
 _SYNCED = 64 << 20
 #: Time between two looks at a file that grows, s.
 _POLL_S = 0.02
@@ -40,11 +43,16 @@ def locked(part: Path, path: Path) -> int:
             return descriptor
         os.close(descriptor)
         if not is_held:
-            raise SinkError(f"{path} is being written by another run; wait until that has ended, or give another path")
+            raise SinkError(
+                f"{path} is being written by another run; wait until that has ended, or give"
+                f" another path"
+            )
 
 
 def _require_own(descriptor: int, part: Path) -> None:
-    """Raise `SinkError` if a temporary file is a device or a pipe, or has another name too, a hard link."""
+    """Raise `SinkError` if a temporary file is a device or a pipe, or has another name too, a hard
+    link.
+    """
     found = os.fstat(descriptor)
     if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
         what = "a hard link" if stat.S_ISREG(found.st_mode) else "a device or a pipe"
@@ -62,7 +70,9 @@ def _has_lock(descriptor: int) -> bool:
 
 
 def _is_file_at(descriptor: int, path: Path) -> bool:
-    """Return whether a descriptor is of the file that has the path now: a run that ends renames its own."""
+    """Return whether a descriptor is of the file that has the path now: a run that ends renames its
+    own.
+    """
     try:
         return os.path.samestat(os.fstat(descriptor), path.stat())
     except FileNotFoundError:
@@ -89,7 +99,9 @@ def keep_mode(descriptor: int, target: Path) -> None:
 
 def planted(what: str, path: Path, found: str) -> SinkError:
     """Return the error of something that is no file under a name that opir made up."""
-    words = f"{what} {path} cannot be written: {found} has its name, through which opir does not write"
+    words = (
+        f"{what} {path} cannot be written: {found} has its name, through which opir does not write"
+    )
     return SinkError(f"{words}; remove it, or give another path")
 
 
@@ -111,7 +123,8 @@ def file_digest(path: Path) -> str:
 class GrowingDigest:
     """The SHA-256 of a file to which bytes are appended: most is done when the file is whole.
 
-    Reading and hashing release the interpreter's lock, so that they take another core, if there is one.
+    Reading and hashing release the interpreter's lock, so that they take another core, if there is
+    one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -121,7 +134,9 @@ class GrowingDigest:
         self._done = 0
         self._ended = threading.Event()
         self._error: OSError | None = None
-        self._thread = threading.Thread(target=self._follow, name=f"opir sha256 {path.name}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._follow, name=f"opir sha256 {path.name}", daemon=True
+        )
         self._thread.start()
 
     def result(self, size: int) -> str:

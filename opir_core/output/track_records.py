@@ -1,7 +1,8 @@
-"""Tracks as records of plain values with units in their keys: the lines of the tracks file and of the encoder `tracks`.
+"""Tracks as records of plain values with units in their keys: the lines of the tracks file and of
+the encoder `tracks`.
 
-Unknown values are null. Positions are ECEF, m, velocities relative to the rotating Earth, m/s; points are geodetic, on
-WGS 84. Numbers are written in full.
+Unknown values are null. Positions are ECEF, m, velocities relative to the rotating Earth, m/s;
+points are geodetic, on WGS 84. Numbers are written in full.
 """
 
 from collections.abc import Sequence
@@ -28,7 +29,9 @@ _Time = Annotated[float, Meta(ge=-float(_Limit), le=float(_Limit))]
 
 
 class LaunchRecord(msgspec.Struct, kw_only=True, gc=False):
-    """A launch point and its time; covariances of east and north, m², and of time with east and north."""
+    """A launch point and its time; covariances of east and north, m², and of time with east and
+    north.
+    """
 
     lat_deg: Annotated[float, Meta(ge=-90.0, le=90.0)]
     lon_deg: Annotated[float, Meta(ge=-360.0, le=360.0)]
@@ -40,10 +43,11 @@ class LaunchRecord(msgspec.Struct, kw_only=True, gc=False):
 
 
 class ImpactRecord(LaunchRecord, kw_only=True, gc=False):
-    """A predicted impact: how it was predicted, and the radii of the ellipses with the probabilities `containment`.
+    """A predicted impact: how it was predicted, and the radii of the ellipses with the
+    probabilities `containment`.
 
-    `ellipse_sigmas` are in standard deviations; null for those of a normal distribution. The method `paper` states no
-    probability: it has `sigma_m` in place of covariance and containment.
+    `ellipse_sigmas` are in standard deviations; null for those of a normal distribution. The method
+    `paper` states no probability: it has `sigma_m` in place of covariance and containment.
     """
 
     method: Literal["posterior", "paper"] = "posterior"
@@ -53,7 +57,9 @@ class ImpactRecord(LaunchRecord, kw_only=True, gc=False):
 
 
 class BurnoutRecord(msgspec.Struct, kw_only=True, gc=False):
-    """The state at burnout and its time; the covariance (7, 7) is of position, velocity and time."""
+    """The state at burnout and its time; the covariance (7, 7) is of position, velocity and
+    time.
+    """
 
     time_s: float
     time: str | UnsetType | None = UNSET
@@ -97,7 +103,8 @@ def track_records(
     epoch_us: int | None = None,
     schema_version: str | UnsetType = UNSET,
 ) -> list[Any]:
-    """Return the records of tracks (n,); with an epoch, µs since 1970-01-01, they have timestamps too.
+    """Return the records of tracks (n,); with an epoch, µs since 1970-01-01, they have timestamps
+    too.
 
     `hypotheses` are the names of the columns of `hypothesis_probability`.
     """
@@ -108,7 +115,9 @@ def track_records(
         "track_id": tracks.track.tolist(),
         "available_s": tracks.available_s.tolist(),
         "available_at": _timestamps(tracks.available_s, epoch_us),
-        "target_type": [None if share is None else max(share, key=share.__getitem__) for share in types],
+        "target_type": [
+            None if share is None else max(share, key=share.__getitem__) for share in types
+        ],
         "type_probability": types,
         **hypothesis_columns(tracks, hypotheses),
         "position_ecef_m": _known(tracks.state[:, :3]),
@@ -131,7 +140,13 @@ def track_records(
 
 def _impacts(tracks: Tracks, epoch_us: int | None) -> list[ImpactRecord | None]:
     points = _points(ImpactRecord, tracks.impact, tracks.impact_covariance, epoch_us)
-    rows = zip(points, tracks.impact_method.tolist(), _known(tracks.impact_sigmas), paper_sigma_m(tracks), strict=True)
+    rows = zip(
+        points,
+        tracks.impact_method.tolist(),
+        _known(tracks.impact_sigmas),
+        paper_sigma_m(tracks),
+        strict=True,
+    )
     for point, method, sigmas, sigma_m in rows:
         if point is None:
             continue
@@ -145,10 +160,16 @@ def _impacts(tracks: Tracks, epoch_us: int | None) -> list[ImpactRecord | None]:
     return points
 
 
-def _points(kind: Any, place: FloatArray, covariance: FloatArray, epoch_us: int | None) -> list[Any]:
-    """Return points (n, 3) with covariances (n, 3, 3) as records, None where the position is unknown."""
+def _points(
+    kind: Any, place: FloatArray, covariance: FloatArray, epoch_us: int | None
+) -> list[Any]:
+    """Return points (n, 3) with covariances (n, 3, 3) as records, None where the position is
+    unknown.
+    """
     longitude = place[:, 1]
-    east = np.where(np.abs(longitude) <= np.pi, longitude, np.mod(longitude + np.pi, 2.0 * np.pi) - np.pi)
+    east = np.where(
+        np.abs(longitude) <= np.pi, longitude, np.mod(longitude + np.pi, 2.0 * np.pi) - np.pi
+    )
     columns = {
         "lat_deg": np.degrees(place[:, 0]).tolist(),
         "lon_deg": np.degrees(east).tolist(),
@@ -174,7 +195,11 @@ def _burnouts(tracks: Tracks, epoch_us: int | None) -> list[BurnoutRecord | None
     )
     return [
         BurnoutRecord(
-            time_s=state[6], time=time, position_ecef_m=state[:3], velocity_ecef_m_s=state[3:6], covariance=covariance
+            time_s=state[6],
+            time=time,
+            position_ecef_m=state[:3],
+            velocity_ecef_m_s=state[3:6],
+            covariance=covariance,
         )
         if here
         else None
@@ -197,7 +222,11 @@ def _known(values: FloatArray) -> list[Any]:
     """Return the rows of a column as plain values, None where any number is not finite."""
     finite = _is_finite(values)
     rows: list[Any] = values.tolist()
-    return rows if finite.all() else [row if here else None for row, here in zip(rows, finite.tolist(), strict=True)]
+    return (
+        rows
+        if finite.all()
+        else [row if here else None for row, here in zip(rows, finite.tolist(), strict=True)]
+    )
 
 
 def _is_finite(values: FloatArray) -> BoolArray:

@@ -21,7 +21,9 @@ _BLOCK_ROWS = 4_096
 
 
 class TracksFile(LinesFile):
-    """Writes tracks to a file, tick by tick; use it as a context. `hypotheses` are the names of a run's hypotheses."""
+    """Writes tracks to a file, tick by tick; use it as a context. `hypotheses` are the names of a
+    run's hypotheses.
+    """
 
     _kind = "the tracks file"
 
@@ -32,17 +34,24 @@ class TracksFile(LinesFile):
     def write(self, tracks: Tracks) -> None:
         """Write the tracks of a window."""
         for start in range(0, len(tracks), _BLOCK_ROWS):
-            self._write(track_records(tracks.take(slice(start, start + _BLOCK_ROWS)), self._hypotheses))
+            self._write(
+                track_records(tracks.take(slice(start, start + _BLOCK_ROWS)), self._hypotheses)
+            )
 
 
 def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
-    """Return the tracks of a file, by tick and then by track; `SceneError` with file and line if it is invalid.
+    """Return the tracks of a file, by tick and then by track; `SceneError` with file and line if it
+    is invalid.
 
-    Of a line only `time_s` and `track_id` are required. `hypotheses` are the names of the columns of
-    `hypothesis_probability`, by default those of the file in its order; others in the file are an error.
+    Of a line only `time_s` and `track_id` are required. `hypotheses` are the names of the columns
+    of `hypothesis_probability`, by default those of the file in its order; others in the file are
+    an error.
     """
     decoder = msgspec.json.Decoder(TrackRecord)
-    rows = [_row(decoder, line, number, path) for number, line in enumerate(content(path).splitlines(), start=1)]
+    rows = [
+        _row(decoder, line, number, path)
+        for number, line in enumerate(content(path).splitlines(), start=1)
+    ]
     regions = np.empty(len(rows), dtype=np.object_)
     for number, row in enumerate(rows, start=1):
         regions[number - 1] = _regions(row, number, path)
@@ -53,11 +62,15 @@ def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
     if len(again):
         first = int(again[np.argmin(order[again + 1])])
         words = f"track {tracks.track[first]} has two rows at {tracks.tick_s[first]:g} s"
-        raise invalid_file(path, f"line {order[first + 1] + 1}", f"{words}; give one row a track and tick")
+        raise invalid_file(
+            path, f"line {order[first + 1] + 1}", f"{words}; give one row a track and tick"
+        )
     return tracks
 
 
-def _row(decoder: "msgspec.json.Decoder[TrackRecord]", line: bytes, number: int, path: Path) -> TrackRecord:
+def _row(
+    decoder: "msgspec.json.Decoder[TrackRecord]", line: bytes, number: int, path: Path
+) -> TrackRecord:
     try:
         return decoder.decode(line)
     except msgspec.ValidationError as error:
@@ -74,10 +87,14 @@ def _regions(row: TrackRecord, number: int, path: Path) -> tuple[ImpactRegion, .
         return tuple(region_from_document(region) for region in row.impact_regions or ())
     except (KeyError, TypeError, ValueError) as error:
         words = f"it has no {error}" if isinstance(error, KeyError) else str(error)
-        raise invalid_file(path, f"line {number}: impact_regions", f"not what opir writes: {words}") from error
+        raise invalid_file(
+            path, f"line {number}: impact_regions", f"not what opir writes: {words}"
+        ) from error
 
 
-def _weighed(rows: Sequence[TrackRecord], hypotheses: Sequence[str] | None, path: Path) -> FloatArray:
+def _weighed(
+    rows: Sequence[TrackRecord], hypotheses: Sequence[str] | None, path: Path
+) -> FloatArray:
     """Return the probabilities of hypotheses (n, H); (n, 0) if no row has any."""
     first = dict[str, int]()
     for number, row in enumerate(rows, start=1):
@@ -86,17 +103,25 @@ def _weighed(rows: Sequence[TrackRecord], hypotheses: Sequence[str] | None, path
     names = tuple(first if hypotheses is None or not first else hypotheses)
     unknown = next((name for name in first if name not in names), None)
     if unknown is not None:
-        words = f"the scene has no hypothesis {unknown!r} with the plugins installed: {', '.join(names)}"
+        words = (
+            f"the scene has no hypothesis {unknown!r} with the plugins installed:"
+            f" {', '.join(names)}"
+        )
         raise invalid_file(path, f"line {first[unknown]}: hypotheses", words)
     return _column([row.hypotheses and _shares(row.hypotheses, names) for row in rows], len(names))
 
 
-def _tracks(rows: Sequence[TrackRecord], regions: NDArray[np.object_], weighed: FloatArray) -> Tracks:
+def _tracks(
+    rows: Sequence[TrackRecord], regions: NDArray[np.object_], weighed: FloatArray
+) -> Tracks:
     tick_s = np.array([row.time_s for row in rows], dtype=np.float64)
     available = [row.time_s if row.available_s is None else row.available_s for row in rows]
     burnouts = [row.burnout for row in rows]
     methods = [IMPACT_METHODS[0] if row.impact is None else row.impact.method for row in rows]
-    types = [None if row.type_probability is None else _shares(row.type_probability, REPORTED_TYPES) for row in rows]
+    types = [
+        None if row.type_probability is None else _shares(row.type_probability, REPORTED_TYPES)
+        for row in rows
+    ]
     return Tracks(
         tick_s=tick_s,
         track=np.array([row.track_id for row in rows], dtype=np.int64),
@@ -114,16 +139,24 @@ def _tracks(rows: Sequence[TrackRecord], regions: NDArray[np.object_], weighed: 
         impact_covariance=_spread([row.impact for row in rows]),
         type_probability=_column(types, len(REPORTED_TYPES)),
         burnout=_column(
-            [each and (*each.position_ecef_m, *each.velocity_ecef_m_s, each.time_s) for each in burnouts], 7
+            [
+                each and (*each.position_ecef_m, *each.velocity_ecef_m_s, each.time_s)
+                for each in burnouts
+            ],
+            7,
         ),
         burnout_covariance=_column([each and each.covariance for each in burnouts], 7, 7),
-        impact_sigmas=_column([row.impact and row.impact.ellipse_sigmas for row in rows], len(TRACK_CONTAINMENTS)),
+        impact_sigmas=_column(
+            [row.impact and row.impact.ellipse_sigmas for row in rows], len(TRACK_CONTAINMENTS)
+        ),
         state_sigmas=_column([row.ellipsoid_sigmas for row in rows], len(TRACK_CONTAINMENTS)),
         available_s=np.array(available, dtype=np.float64),
         impact_regions=regions,
         probability_burning=_column([row.probability_burning for row in rows]),
         probability_relights=_column([row.probability_relights for row in rows]),
-        impact_method=np.array([IMPACT_METHODS.index(method) for method in methods], dtype=np.uint8),
+        impact_method=np.array(
+            [IMPACT_METHODS.index(method) for method in methods], dtype=np.uint8
+        ),
         hypothesis_probability=weighed,
         probability_launch=_column([row.probability_launch for row in rows]),
         probability_missile=_column([row.probability_missile for row in rows]),

@@ -1,12 +1,14 @@
-"""The files of a run, an export, a report or a study as one transaction: all are the new ones, or all those before.
+"""The files of a run, an export, a report or a study as one transaction: all are the new ones, or
+all those before.
 
-A file is written under a temporary name, `events.jsonl.part`, in the folder of its path, and locked there. When every
-file is on disk and the manifest, with the SHA-256 of each, lies complete under its temporary name, the files are
-renamed, the manifest last. A process that is killed before leaves the files that were there; one that is killed while
-they are renamed is finished by `finish_interrupted`, when the files are next written or read.
+A file is written under a temporary name, `events.jsonl.part`, in the folder of its path, and locked
+there. When every file is on disk and the manifest, with the SHA-256 of each, lies complete under
+its temporary name, the files are renamed, the manifest last. A process that is killed before leaves
+the files that were there; one that is killed while they are renamed is finished by
+`finish_interrupted`, when the files are next written or read.
 
-Only regular files are replaced. A path that the user gives may be a link, which stays one, or a device or pipe, which
-is written through; under a name that opir makes up neither is written to.
+Only regular files are replaced. A path that the user gives may be a link, which stays one, or a
+device or pipe, which is written through; under a name that opir makes up neither is written to.
 """
 
 import json
@@ -21,11 +23,20 @@ from typing import Any, Self
 from attrs import frozen
 
 from opir_core.errors import SinkError, reason_of, unwritable
-from opir_core.output.temporary_files import GrowingDigest, file_digest, held, keep_mode, locked, planted, sync_path
+from opir_core.output.temporary_files import (
+    GrowingDigest,
+    file_digest,
+    held,
+    keep_mode,
+    locked,
+    planted,
+    sync_path,
+)
 
 #: What is appended to a path while its file is written.
 TEMPORARY = ".part"
-#: The key of a manifest that lists the files of its run: kind, name from the manifest's folder, bytes and SHA-256.
+#: The key of a manifest that lists the files of its run: kind, name from the manifest's folder,
+#: bytes and SHA-256.
 FILES_KEY = "written_files"
 #: Name of the list of a folder's files while they are put in place, with `TEMPORARY`.
 _LIST = ".opir"
@@ -44,12 +55,14 @@ class _Staged:
 class OutputFiles:
     """Files that are put in place together; ends with `commit`, `keep` or `abandon`.
 
-    As a context it commits at the end, and abandons at an error. `manifest` is the file that lists the others. Instead,
-    several files may have a `folder`, made if it is missing, with a list of them until all are in place.
-    `is_made_up` is whether opir made up the name of either.
+    As a context it commits at the end, and abandons at an error. `manifest` is the file that lists
+    the others. Instead, several files may have a `folder`, made if it is missing, with a list of
+    them until all are in place. `is_made_up` is whether opir made up the name of either.
     """
 
-    def __init__(self, manifest: Path | None = None, *, folder: Path | None = None, is_made_up: bool = False) -> None:
+    def __init__(
+        self, manifest: Path | None = None, *, folder: Path | None = None, is_made_up: bool = False
+    ) -> None:
         self._staged: list[_Staged] = []
         self._made: list[Path] = []
         self._record: _Staged | None = None
@@ -58,24 +71,36 @@ class OutputFiles:
         if folder is not None:
             self.make_folder(folder, is_made_up=is_made_up)
             self._manifest = folder / _LIST
-        if self._manifest is not None and _is_replaceable("manifest", self._manifest, is_made_up or not self._is_kept):
+        if self._manifest is not None and _is_replaceable(
+            "manifest", self._manifest, is_made_up or not self._is_kept
+        ):
             finish_interrupted(self._manifest)
-            self._record = self._open("manifest", self._manifest, only_appends=False, is_made_up=is_made_up)
+            self._record = self._open(
+                "manifest", self._manifest, only_appends=False, is_made_up=is_made_up
+            )
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, _kind: type[BaseException] | None, error: object, _trace: TracebackType | None) -> None:
+    def __exit__(
+        self, _kind: type[BaseException] | None, error: object, _trace: TracebackType | None
+    ) -> None:
         self.commit({}) if error is None else self.abandon()
 
     def stage(
-        self, path: str | Path, *, only_appends: bool = False, kind: str = "events", is_made_up: bool = False
+        self,
+        path: str | Path,
+        *,
+        only_appends: bool = False,
+        kind: str = "events",
+        is_made_up: bool = False,
     ) -> Path:
-        """Return where the file of a path is written until all are whole; the path itself if it is no regular file.
+        """Return where the file of a path is written until all are whole; the path itself if it is
+        no regular file.
 
-        `only_appends` promises that bytes once written are not changed, so that they are hashed meanwhile. Raises
-        `SinkError` if another process writes this path, nothing can be written there, or what has a name that opir
-        made up, `is_made_up`, is no regular file.
+        `only_appends` promises that bytes once written are not changed, so that they are hashed
+        meanwhile. Raises `SinkError` if another process writes this path, nothing can be written
+        there, or what has a name that opir made up, `is_made_up`, is no regular file.
         """
         path = Path(path)
         if not _is_replaceable(kind, path, is_made_up):
@@ -86,7 +111,9 @@ class OutputFiles:
 
     @contextmanager
     def writing(self, path: Path, kind: str, *, is_made_up: bool = False) -> Iterator[Path]:
-        """Yield where to write a file; an `OSError` meanwhile is raised as a `SinkError` with path and remedy."""
+        """Yield where to write a file; an `OSError` meanwhile is raised as a `SinkError` with path
+        and remedy.
+        """
         try:
             yield self.stage(path, kind=kind, is_made_up=is_made_up)
         except OSError as error:
@@ -98,7 +125,8 @@ class OutputFiles:
             place.write_bytes(content)
 
     def make_folder(self, path: Path, *, parents: bool = False, is_made_up: bool = False) -> None:
-        """Make a folder, which may be there already, and remove it again if the files are abandoned.
+        """Make a folder, which may be there already, and remove it again if the files are
+        abandoned.
 
         `parents` makes those above it too. Raises `SinkError` if that is not possible.
         """
@@ -119,10 +147,11 @@ class OutputFiles:
         return tuple(staged.part for staged in self._staged)
 
     def commit(self, manifest: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Put all files in place and return the manifest with the SHA-256 of each; raise `SinkError` if that fails.
+        """Put all files in place and return the manifest with the SHA-256 of each; raise
+        `SinkError` if that fails.
 
-        If it fails after the manifest was written, the temporary files stay, and what next reads or writes them
-        puts them in place; before, they are removed.
+        If it fails after the manifest was written, the temporary files stay, and what next reads or
+        writes them puts them in place; before, they are removed.
         """
         is_recorded = False
         try:
@@ -131,7 +160,9 @@ class OutputFiles:
             self._write_manifest(document)
             is_recorded = self._record is not None
             _rename(self._staged, is_recorded=is_recorded)
-            if self._record is not None and self._is_kept:  # last on the disk too, which may order nothing
+            if (
+                self._record is not None and self._is_kept
+            ):  # last on the disk too, which may order nothing
                 _rename([self._record], is_recorded=True)
             if self._record is not None and not self._is_kept:
                 with suppress(OSError):
@@ -166,7 +197,11 @@ class OutputFiles:
         return [*self._staged, *([self._record] if self._record else [])]
 
     def _open(self, kind: str, path: Path, *, only_appends: bool, is_made_up: bool) -> _Staged:
-        target = Path(os.path.realpath(path.parent), path.name) if is_made_up else Path(os.path.realpath(path))
+        target = (
+            Path(os.path.realpath(path.parent), path.name)
+            if is_made_up
+            else Path(os.path.realpath(path))
+        )
         part = target.with_name(target.name + TEMPORARY)
         try:
             descriptor = locked(part, path)
@@ -209,15 +244,20 @@ class OutputFiles:
 
 
 def finish_interrupted(manifest: Path) -> bool:
-    """Put the files in place of a process that was killed while it did so; return whether there were any.
+    """Put the files in place of a process that was killed while it did so; return whether there
+    were any.
 
-    Nothing is done while another process holds the files, or if one of them is not what the manifest says.
+    Nothing is done while another process holds the files, or if one of them is not what the
+    manifest says.
     """
     target = Path(os.path.realpath(manifest))
     record = target.with_name(target.name + TEMPORARY)
     if not record.is_file():
         return False
-    with suppress(OSError, SinkError, ValueError, KeyError, TypeError, RecursionError), held(record) as is_held:
+    with (
+        suppress(OSError, SinkError, ValueError, KeyError, TypeError, RecursionError),
+        held(record) as is_held,
+    ):
         if not is_held:
             return False
         document = json.loads(record.read_bytes())
@@ -225,7 +265,9 @@ def finish_interrupted(manifest: Path) -> bool:
         moves = [path for path, entry in entries if not _is_there(path, entry)]
         for path in moves:
             path.with_name(path.name + TEMPORARY).replace(path)
-        for folder in {path.parent for path, _entry in entries}:  # what was moved before it was interrupted too
+        for folder in {
+            path.parent for path, _entry in entries
+        }:  # what was moved before it was interrupted too
             sync_path(folder)
         record.replace(target) if set(document) != {FILES_KEY} else record.unlink()
         sync_path(target.parent)
@@ -234,10 +276,16 @@ def finish_interrupted(manifest: Path) -> bool:
 
 
 def _is_there(path: Path, entry: Mapping[str, Any]) -> bool:
-    """Return whether a file is in place, False if it is under its temporary name; `ValueError` if it is neither."""
+    """Return whether a file is in place, False if it is under its temporary name; `ValueError` if
+    it is neither.
+    """
     part = path.with_name(path.name + TEMPORARY)
     for place in (part, path):
-        is_whole = place.is_file() and place.stat().st_size == entry["bytes"] and file_digest(place) == entry["sha256"]
+        is_whole = (
+            place.is_file()
+            and place.stat().st_size == entry["bytes"]
+            and file_digest(place) == entry["sha256"]
+        )
         if is_whole:
             return place == path
     raise ValueError(entry["name"])
@@ -249,13 +297,20 @@ def _rename(files: Sequence[_Staged], *, is_recorded: bool) -> None:
         try:
             staged.part.replace(staged.target)
         except OSError as error:
-            words = f"{_words(staged.kind)} {staged.path} cannot be put in place: {reason_of(error)}"
-            way = f"; all are whole under temporary names ({staged.part.name}), and the next command finishes that"
+            words = (
+                f"{_words(staged.kind)} {staged.path} cannot be put in place: {reason_of(error)}"
+            )
+            way = (
+                f"; all are whole under temporary names ({staged.part.name}), and the next command"
+                f" finishes that"
+            )
             raise SinkError(f"{words}{way if is_recorded else ''}") from error
     try:
         _sync_folders(files)
     except SinkError as error:
-        raise SinkError(f"{error}; the files are in place, but a power cut may still undo that") from error
+        raise SinkError(
+            f"{error}; the files are in place, but a power cut may still undo that"
+        ) from error
 
 
 def _words(kind: str) -> str:
@@ -263,7 +318,8 @@ def _words(kind: str) -> str:
 
 
 def _is_replaceable(kind: str, path: Path, is_made_up: bool) -> bool:
-    """Return whether a path is a regular file, or nothing yet; `SinkError` for anything else if opir made its name up.
+    """Return whether a path is a regular file, or nothing yet; `SinkError` for anything else if
+    opir made its name up.
 
     A folder is left to whoever opens it.
     """
@@ -271,7 +327,9 @@ def _is_replaceable(kind: str, path: Path, is_made_up: bool) -> bool:
         with suppress(OSError):
             mode = path.lstat().st_mode
             if is_made_up and not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-                raise planted(_words(kind), path, "a link" if stat.S_ISLNK(mode) else "a device or a pipe")
+                raise planted(
+                    _words(kind), path, "a link" if stat.S_ISLNK(mode) else "a device or a pipe"
+                )
         os.fsencode(path)
         return bool(path.name) and "\0" not in str(path) and (path.is_file() or not path.exists())
     except ValueError:  # half a surrogate pair: no path

@@ -1,4 +1,6 @@
-"""Checks of what sensor and target models build: types, shapes, units, ranges; their problems, collected."""
+"""Checks of what sensor and target models build: types, shapes, units, ranges; their problems,
+collected.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -53,11 +55,15 @@ def _orbit_fault(sensor: Sensor) -> str:
     position_m: Any = sensor.orbit.position_ecef_m(np.zeros(1))
     if not isinstance(position_m, np.ndarray) or position_m.shape != (1, 3):
         return (
-            f"a sensor whose orbit returns {getattr(position_m, 'shape', kind_of(position_m))} for one time, not (1, 3)"
+            f"a sensor whose orbit returns {getattr(position_m, 'shape', kind_of(position_m))} for"
+            f" one time, not (1, 3)"
         )
     radius_m = float(np.sqrt(np.square(position_m).sum()))
     if not _LEAST_RADIUS_M <= radius_m < math.inf:
-        return f"a sensor whose orbit is {radius_m:g} m from the Earth's centre; positions are in metres"
+        return (
+            f"a sensor whose orbit is {radius_m:g} m from the Earth's centre; positions are in"
+            f" metres"
+        )
     return ""
 
 
@@ -68,7 +74,10 @@ def _probability_fault(sensor: Sensor) -> str:
     for kind, row in sensor.confusion.items():
         total = sum(row.values())
         if min(row.values(), default=0.0) < 0.0 or not abs(total - 1.0) <= _SUM_ROUNDING:
-            return f"a sensor with a confusion of {kind} that sums to {total:g}, not to 1, or has negative values"
+            return (
+                f"a sensor with a confusion of {kind} that sums to {total:g}, not to 1, or has"
+                f" negative values"
+            )
     return ""
 
 
@@ -76,37 +85,61 @@ def trajectories_fault(trajectories: Any, count: int) -> str:
     """Return the first error in the columns of the trajectories of `count` targets, or ""."""
     for name, kinds in {"type_code": "iu", "ignition_s": "f", "burnout_s": "f"}.items():
         column = getattr(trajectories, name, None)
-        if not isinstance(column, np.ndarray) or column.dtype.kind not in kinds or column.shape != (count,):
+        if (
+            not isinstance(column, np.ndarray)
+            or column.dtype.kind not in kinds
+            or column.shape != (count,)
+        ):
             numbers = "whole numbers" if kinds == "iu" else "floats"
-            return f"{name} as {getattr(column, 'shape', kind_of(column))}; {count} {numbers} are required"
+            return (
+                f"{name} as {getattr(column, 'shape', kind_of(column))}; {count} {numbers} are"
+                f" required"
+            )
     if count and trajectories.type_code.max() >= len(EMITTER_TYPES):
-        return f"the type_code {trajectories.type_code.max()}; codes are 0 to {len(EMITTER_TYPES) - 1}"
+        return (
+            f"the type_code {trajectories.type_code.max()}; codes are 0 to {len(EMITTER_TYPES) - 1}"
+        )
     if not np.isfinite(trajectories.ignition_s).all() or np.isnan(trajectories.burnout_s).any():
         return "times that are not finite"
     return ""
 
 
 def motion_fault(part: Trajectories, ids: Sequence[str]) -> str:
-    """Return the first error in the times, names and positions of the trajectories of targets, or "".
+    """Return the first error in the times, names and positions of the trajectories of targets, or
+    "".
 
     Calls `position_ecef_m` once, for each target at ignition, halfway and at burnout.
     """
     count = len(ids)
     ignition_s = part.ignition_s
     burnout_s = part.burnout_s
-    late = np.flatnonzero(~((burnout_s >= ignition_s) & (burnout_s <= LATEST_S) & (ignition_s >= -LATEST_S)))
+    late = np.flatnonzero(
+        ~((burnout_s >= ignition_s) & (burnout_s <= LATEST_S) & (ignition_s >= -LATEST_S))
+    )
     if late.size:
         row = late[0]
         span = f"from {ignition_s[row]:g} to {burnout_s[row]:g} s"
-        return f"{ids[row]} burning {span}; a burn ends after it begins, and both are within a year of 0"
+        return (
+            f"{ids[row]} burning {span}; a burn ends after it begins, and both are within a year of"
+            f" 0"
+        )
     end_s: Any = part.end_s
     burns_s: Any = part.burns_s
     names: Any = part.class_names
     warnings: Any = part.warnings
-    if not isinstance(end_s, np.ndarray) or end_s.shape != (count,) or not (end_s >= burnout_s).all():
-        return f"end_s as {getattr(end_s, 'shape', kind_of(end_s))}; {count} times from burnout on are required"
+    if (
+        not isinstance(end_s, np.ndarray)
+        or end_s.shape != (count,)
+        or not (end_s >= burnout_s).all()
+    ):
+        return (
+            f"end_s as {getattr(end_s, 'shape', kind_of(end_s))}; {count} times from burnout on are"
+            f" required"
+        )
     if not isinstance(burns_s, np.ndarray) or burns_s.ndim != 3 or burns_s.shape[::2] != (count, 2):
-        return f"burns_s as {getattr(burns_s, 'shape', kind_of(burns_s))}; ({count}, k, 2) is required"
+        return (
+            f"burns_s as {getattr(burns_s, 'shape', kind_of(burns_s))}; ({count}, k, 2) is required"
+        )
     if not isinstance(names, Sequence) or len(names) != count:
         return f"class_names {names!r}; {count} names are required"
     if not isinstance(warnings, Sequence):
@@ -118,7 +151,11 @@ def motion_fault(part: Trajectories, ids: Sequence[str]) -> str:
 
 def positions_fault(position_m: Any, count: int) -> str:
     """Return what is wrong with positions of targets while they burn, or ""."""
-    if not isinstance(position_m, np.ndarray) or position_m.shape != (count, 3) or position_m.dtype.kind != "f":
+    if (
+        not isinstance(position_m, np.ndarray)
+        or position_m.shape != (count, 3)
+        or position_m.dtype.kind != "f"
+    ):
         got = (
             f"{position_m.dtype} of shape {position_m.shape}"
             if isinstance(position_m, np.ndarray)
@@ -126,7 +163,9 @@ def positions_fault(position_m: Any, count: int) -> str:
         )
         return f"positions as {got} for {count} times; floats of shape ({count}, 3) are required"
     radius_m = np.sqrt(np.square(position_m).sum(axis=1))
-    wrong = np.flatnonzero(~((radius_m >= _LEAST_TARGET_RADIUS_M) & (radius_m <= _MOST_TARGET_RADIUS_M)))
+    wrong = np.flatnonzero(
+        ~((radius_m >= _LEAST_TARGET_RADIUS_M) & (radius_m <= _MOST_TARGET_RADIUS_M))
+    )
     if wrong.size:
         where = f"{radius_m[wrong[0]]:g} m from the Earth's centre"
         return f"a position {where} during a burn; positions are in ECEF, in metres"
@@ -141,7 +180,9 @@ class BuildProblems:
 
     @contextmanager
     def of(self, path: str) -> Iterator[None]:
-        """Collect the problems of the component at a path; it may name its settings relative to its own block."""
+        """Collect the problems of the component at a path; it may name its settings relative to its
+        own block.
+        """
         try:
             yield
         except SceneError as error:

@@ -1,15 +1,16 @@
 """Pairs of a sensor and a target that the Earth surely hides all the time, found on a coarse grid.
 
-Let K be a sphere about the Earth's centre. The targets whose line of sight from a fixed sensor meets K are the shadow
-of K, which is convex, as K is: {sensor + m (k - sensor), k in K, m >= 1}. By symmetry the sensors from which a fixed
-target is in the shadow are convex too. So if both ends of a step of the target are in the shadow from both ends of a
-step of the sensor, all points of both chords are. The paths are at most acceleration · step² / 8 from their chords, and
-so is the line of sight: within that distance of K.
+Let K be a sphere about the Earth's centre. The targets whose line of sight from a fixed sensor
+meets K are the shadow of K, which is convex, as K is: {sensor + m (k - sensor), k in K, m >= 1}. By
+symmetry the sensors from which a fixed target is in the shadow are convex too. So if both ends of a
+step of the target are in the shadow from both ends of a step of the sensor, all points of both
+chords are. The paths are at most acceleration · step² / 8 from their chords, and so is the line of
+sight: within that distance of K.
 
-K lies so deep under the ellipsoid that every line of sight then is deep underground, and starts below the target's
-horizon: the ellipsoid is below the tangent plane at the target's foot, so a point of the line at depth d is at least d
-below it, and the target at most its own depth below it. These are the two conditions of `Blocked.BEHIND_EARTH`, with
-more than their guards.
+K lies so deep under the ellipsoid that every line of sight then is deep underground, and starts
+below the target's horizon: the ellipsoid is below the tangent plane at the target's foot, so a
+point of the line at depth d is at least d below it, and the target at most its own depth below it.
+These are the two conditions of `Blocked.BEHIND_EARTH`, with more than their guards.
 """
 
 import numpy as np
@@ -22,18 +23,19 @@ from opir_core.geometry.vectors import components
 from opir_core.planning.sightlines import distance_m
 from opir_core.planning.visibility import ACCELERATION_BOUND_M_S2
 
-#: Longest step of the coarse grid, s: at twice the step K lies four times as deep, and hides fewer pairs.
+#: Longest step of the coarse grid, s: at twice the step K lies four times as deep, and hides fewer
+#: pairs.
 COARSE_STEP_S = 16.0
 
 #: Largest distance of a position from the chord of a coarse step, m.
 _CHORD_ERROR_M = ACCELERATION_BOUND_M_S2 * COARSE_STEP_S**2 / 8.0
 
-#: By how much the coarse grid encloses the observed time at both ends, s: more than a step of the fine grid, which
-#: whole seconds of the arrival of light begin and end.
+#: By how much the coarse grid encloses the observed time at both ends, s: more than a step of the
+#: fine grid, which whole seconds of the arrival of light begin and end.
 _ENCLOSED_S = 1.5
 
-#: Depth below the target's horizon plane that remains, m. The guards of the fine grid need 25 m times the ratio of two
-#: successive distances, which this allows to be 40.
+#: Depth below the target's horizon plane that remains, m. The guards of the fine grid need 25 m
+#: times the ratio of two successive distances, which this allows to be 40.
 _SPARE_M = 1000.0
 
 #: The least radius of curvature of the ellipsoid, m, at the equator along the meridian.
@@ -68,16 +70,23 @@ class CoarseGrid:
 def surely_hidden(
     grid: CoarseGrid, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, is_moving: BoolArray
 ) -> BoolArray:
-    """Return which pairs (n,) the Earth surely hides all the time, of sensors that move in ECEF or do not (n,).
+    """Return which pairs (n,) the Earth surely hides all the time, of sensors that move in ECEF or
+    do not (n,).
 
-    Positions (m, 3) are those of the target at the grid's times, and of the sensor when the light arrives.
+    Positions (m, 3) are those of the target at the grid's times, and of the sensor when the light
+    arrives.
     """
     radius_m = _shadow_radius_m(grid, target_ecef_m)
-    hidden = _all_of_pair(grid, closest_to_centre_m(sensor_ecef_m, target_ecef_m) <= radius_m[grid.pair])
+    hidden = _all_of_pair(
+        grid, closest_to_centre_m(sensor_ecef_m, target_ecef_m) <= radius_m[grid.pair]
+    )
     cells = grid.cells()
     cells = cells[(hidden & is_moving)[grid.pair[cells]]]
     for early, late in ((cells, cells + 1), (cells + 1, cells)):
-        seen = closest_to_centre_m(sensor_ecef_m[early], target_ecef_m[late]) > radius_m[grid.pair[cells]]
+        seen = (
+            closest_to_centre_m(sensor_ecef_m[early], target_ecef_m[late])
+            > radius_m[grid.pair[cells]]
+        )
         hidden[grid.pair[cells[seen]]] = False
     return hidden
 
@@ -90,12 +99,14 @@ def _all_of_pair(grid: CoarseGrid, is_so: BoolArray) -> BoolArray:
 def _shadow_radius_m(grid: CoarseGrid, target_ecef_m: FloatArray) -> FloatArray:
     """Return the radius (n,) of K for each pair, from the positions (m, 3) of its target.
 
-    Between two points a target is lower than the lower of them by at most the distance from the chord and the chord's
-    sagitta over the ground.
+    Between two points a target is lower than the lower of them by at most the distance from the
+    chord and the chord's sagitta over the ground.
     """
     cells = grid.cells()
     sagitta_m = np.zeros(len(grid.pair))
-    sagitta_m[cells] = distance_m(target_ecef_m[cells + 1], target_ecef_m[cells]) ** 2 / (8.0 * _LEAST_CURVATURE_M)
+    sagitta_m[cells] = distance_m(target_ecef_m[cells + 1], target_ecef_m[cells]) ** 2 / (
+        8.0 * _LEAST_CURVATURE_M
+    )
     sagitta_m[cells + 1] = np.maximum(sagitta_m[cells + 1], sagitta_m[cells])
     lowest_m = normal(*components(target_ecef_m)).height - sagitta_m
     underground_m = np.maximum(-np.minimum.reduceat(lowest_m, grid.first), 0.0)

@@ -21,7 +21,9 @@ _NO_VECTORS = np.empty((0, 3))
 
 @frozen(eq=False)
 class Looks:
-    """A window's looks: those of each active pair in turn, by scan; `pair` and `scan` have one row per look."""
+    """A window's looks: those of each active pair in turn, by scan; `pair` and `scan` have one row
+    per look.
+    """
 
     active: IntArray
     first_scan: IntArray
@@ -57,7 +59,12 @@ class LookGeometry:
     exclusions: tuple[SolarExclusion | None, ...] = ()
 
     def exposures(
-        self, pair: IntArray, scan: IntArray, *, with_geometry: bool = True, time_s: FloatArray | None = None
+        self,
+        pair: IntArray,
+        scan: IntArray,
+        *,
+        with_geometry: bool = True,
+        time_s: FloatArray | None = None,
     ) -> Exposures:
         """Return the exposures of looks; `time_s` (n,) are their times, if known."""
         still_at_work()  # windows are computed in blocks of looks: however many, each is a sign of life
@@ -66,15 +73,35 @@ class LookGeometry:
         target = self.pairs.target[pair]
         place = self.sightlines.place(pair, time_s)
         # The emission times of the observed light, limited to the observed time of the target.
-        left_s = time_s - place.interpolated(self.sightlines.travel_s) if self.light_time else time_s
+        left_s = (
+            time_s - place.interpolated(self.sightlines.travel_s) if self.light_time else time_s
+        )
         emission_s = np.clip(left_s, self.targets.ignition_s[target], self.pairs.until_s[pair])
         if not with_geometry:
-            return Exposures(time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS)
+            return Exposures(
+                time_s,
+                emission_s,
+                scan,
+                sensor,
+                target,
+                _NOTHING,
+                _NOTHING,
+                _NO_VECTORS,
+                _NO_VECTORS,
+            )
         sensor_m = self.states.positions(sensor, time_s)
         target_m = self.targets.position_ecef_m(target, emission_s)
         elevation_sine = place.interpolated(self.sightlines.elevation_sine)
         return Exposures(
-            time_s, emission_s, scan, sensor, target, distance_m(sensor_m, target_m), elevation_sine, target_m, sensor_m
+            time_s,
+            emission_s,
+            scan,
+            sensor,
+            target,
+            distance_m(sensor_m, target_m),
+            elevation_sine,
+            target_m,
+            sensor_m,
         )
 
     def visible(self, pair: IntArray, scan: IntArray) -> BoolArray:
@@ -99,7 +126,9 @@ class LookGeometry:
 
 
 def blocks(rows: int) -> list[slice]:
-    """Return slices that cut rows into blocks small enough for their columns to stay in the processor's cache."""
+    """Return slices that cut rows into blocks small enough for their columns to stay in the
+    processor's cache.
+    """
     return [slice(start, min(start + BLOCK_ROWS, rows)) for start in range(0, rows, BLOCK_ROWS)]
 
 

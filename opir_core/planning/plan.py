@@ -1,4 +1,5 @@
-"""The plan: a scene compiled to built components, trajectories, and pairs of sensor and target with their looks.
+"""The plan: a scene compiled to built components, trajectories, and pairs of sensor and target with
+their looks.
 
 What is not in the plan is not imported, computed or allocated later.
 """
@@ -14,12 +15,35 @@ from numpy.typing import NDArray
 from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.host.host import Host
-from opir_core.interfaces.contexts import ModelContext, SensorContext, Surroundings, TargetContext, TrackerContext
-from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
-from opir_core.planning.built_parts import BuildProblems, motion_fault, sensor_fault, trajectories_fault
+from opir_core.interfaces.contexts import (
+    ModelContext,
+    SensorContext,
+    Surroundings,
+    TargetContext,
+    TrackerContext,
+)
+from opir_core.interfaces.protocols import (
+    Classifier,
+    Confidence,
+    DetectionProbability,
+    Sensor,
+    Tracker,
+    Trajectories,
+)
+from opir_core.planning.built_parts import (
+    BuildProblems,
+    motion_fault,
+    sensor_fault,
+    trajectories_fault,
+)
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.reported_types import offered_hypotheses, paper_codes, reported_types, with_paper_types
+from opir_core.planning.reported_types import (
+    offered_hypotheses,
+    paper_codes,
+    reported_types,
+    with_paper_types,
+)
 from opir_core.planning.sensor_states import PointingBias, SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
@@ -42,7 +66,9 @@ _TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
 
 @frozen(eq=False, kw_only=True, repr=False)
 class PlanParts:
-    """The built components of a scene: a plan without pairs, lines of sight and solar exclusions."""
+    """The built components of a scene: a plan without pairs, lines of sight and solar
+    exclusions.
+    """
 
     scene: Scene
     host: Host
@@ -53,7 +79,8 @@ class PlanParts:
     confidence: Confidence
     #: Returns a new tracker.
     make_tracker: Callable[[], Tracker]
-    #: Called with the message when a tracker fails, and the run goes on without it; None: the run fails.
+    #: Called with the message when a tracker fails, and the run goes on without it; None: the run
+    #: fails.
     on_tracker_error: Callable[[str], None] | None = None
     bias: PointingBias | None
     end_ns: int
@@ -65,7 +92,9 @@ class PlanParts:
     def pair_compiler(self, exclusions: Sequence[SolarExclusion | None]) -> PairCompiler:
         """Return the compiler of the pairs of sensors and targets."""
         starts = scan_starts(self.scene.seed, self.sensors)
-        return PairCompiler(self.sensors, self.targets, starts, self.scene.light_time, self.end_ns, exclusions)
+        return PairCompiler(
+            self.sensors, self.targets, starts, self.scene.light_time, self.end_ns, exclusions
+        )
 
     def solar_exclusions(self) -> tuple[SolarExclusion | None, ...]:
         """Return the sensors' solar exclusions; empty if none of them has any."""
@@ -78,7 +107,8 @@ class PlanParts:
 
 @frozen(eq=False, kw_only=True, repr=False)
 class Plan(PlanParts):
-    """A compiled scene. A plan does not change while it runs: each run gets a tracker of its own from `make_tracker`.
+    """A compiled scene. A plan does not change while it runs: each run gets a tracker of its own
+    from `make_tracker`.
 
     To run a tracker object of your own: `attrs.evolve(plan, make_tracker=lambda: MyTracker())`.
     """
@@ -89,14 +119,21 @@ class Plan(PlanParts):
     scan_generations: tuple[int, ...] = ()
     #: The sensors' solar exclusions; empty if none of them has any.
     exclusions: tuple[SolarExclusion | None, ...] = ()
-    #: What runs have computed from this plan that no seed changes, by subject; `reseeded` plans share it.
+    #: What runs have computed from this plan that no seed changes, by subject; `reseeded` plans
+    #: share it.
     kept: dict[str, Any] = field(factory=dict)
 
     def __repr__(self) -> str:
         """Return the plan in one line."""
-        counts = {"sensor": len(self.sensors), "target": len(self.targets.ids), "pair": len(self.pairs)}
+        counts = {
+            "sensor": len(self.sensors),
+            "target": len(self.targets.ids),
+            "pair": len(self.pairs),
+        }
         of = ", ".join(number_of(noun, count) for noun, count in counts.items())
-        return f"<Plan of {self.scene.name}: {of}, {self.end_ns * 1e-9:g} s, seed {self.scene.seed}>"
+        return (
+            f"<Plan of {self.scene.name}: {of}, {self.end_ns * 1e-9:g} s, seed {self.scene.seed}>"
+        )
 
     @property
     def workload(self) -> Workload:
@@ -116,12 +153,16 @@ class Plan(PlanParts):
         return tuple(each.name for each in self.hypotheses)
 
     def paper_codes(self) -> NDArray[np.uint8] | None:
-        """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are these types."""
+        """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are
+        these types.
+        """
         is_paper = self.reported_types == REPORTED_TYPES
         return None if is_paper else paper_codes(self.reported_types, self.host)
 
     def tracker_sensors(self) -> tuple[Sensor, ...]:
-        """Return the sensors as trackers know them: with confusion matrices over `REPORTED_TYPES`."""
+        """Return the sensors as trackers know them: with confusion matrices over
+        `REPORTED_TYPES`.
+        """
         return with_paper_types(self.sensors, self.host)
 
     def look_geometry(self) -> LookGeometry:
@@ -136,17 +177,23 @@ class Plan(PlanParts):
         )
 
     def sensor_names(self) -> list[str]:
-        """Return the names of the sensors' scan streams: the ids, with the generation if scans were renumbered."""
+        """Return the names of the sensors' scan streams: the ids, with the generation if scans were
+        renumbered.
+        """
         generations = self.scan_generations or (0,) * len(self.sensors)
         both = zip(self.sensors, generations, strict=True)
-        return [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both]
+        return [
+            f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both
+        ]
 
     def pair_names(self) -> list[tuple[str, str]]:
         """Return the sensor's and the target's id of each pair."""
         return self._names_of_pairs([sensor.id for sensor in self.sensors])
 
     def scan_names(self) -> list[tuple[str, str]]:
-        """Return the stream names of each pair's scans: as `pair_names`, with the names of `sensor_names`."""
+        """Return the stream names of each pair's scans: as `pair_names`, with the names of
+        `sensor_names`.
+        """
         return self._names_of_pairs(self.sensor_names())
 
     def _names_of_pairs(self, sensors: Sequence[str]) -> list[tuple[str, str]]:
@@ -157,8 +204,8 @@ class Plan(PlanParts):
 def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     """Return the plan of a scene, with components from `host` (by default, all that are installed).
 
-    Raises `PluginError` for components that are missing or broken, `SceneError` for targets without a trajectory and
-    for more work than `scene.limits` accept, `TypeError` for what is no scene.
+    Raises `PluginError` for components that are missing or broken, `SceneError` for targets without
+    a trajectory and for more work than `scene.limits` accept, `TypeError` for what is no scene.
     """
     given: Any = scene
     if not isinstance(given, Scene):
@@ -169,16 +216,19 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         parts = plan_parts(scene, host)
         exclusions = parts.solar_exclusions()
         pairs, sightlines = parts.pair_compiler(exclusions).compiled()
-    plan = Plan(**asdict(parts, recurse=False), pairs=pairs, sightlines=sightlines, exclusions=exclusions)
+    plan = Plan(
+        **asdict(parts, recurse=False), pairs=pairs, sightlines=sightlines, exclusions=exclusions
+    )
     plan.workload.require_run()
     return plan
 
 
 def reseeded(plan: Plan, seed: int) -> Plan:
-    """Return the plan of the same scene with another seed: `compile_plan` of that scene, without what no seed changes.
+    """Return the plan of the same scene with another seed: `compile_plan` of that scene, without
+    what no seed changes.
 
-    Sensors, launches and the tracker stay; so do the models, unless the scene has sources or the detection model
-    `uses_seed`. Raises as `compile_plan`.
+    Sensors, launches and the tracker stay; so do the models, unless the scene has sources or the
+    detection model `uses_seed`. Raises as `compile_plan`.
     """
     scene = evolve(plan.scene, seed=seed)
     host = plan.host
@@ -197,7 +247,9 @@ def reseeded(plan: Plan, seed: int) -> Plan:
 
 
 def _seeded_parts(plan: Plan, scene: Scene) -> dict[str, Any]:
-    """Return what of a plan is built anew for a scene with another seed: the sources, and what is built from them."""
+    """Return what of a plan is built anew for a scene with another seed: the sources, and what is
+    built from them.
+    """
     host = plan.host
     sensors = plan.sensors
     sources = _sources(scene, host, sensors)
@@ -219,7 +271,11 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     for chosen in scene.sensors:
         with problems.of(chosen.model.path):
             made.append(
-                _sensor(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us, readers=host.readers))
+                _sensor(
+                    host,
+                    chosen.model,
+                    SensorContext(id=chosen.id, epoch_us=scene.epoch_us, readers=host.readers),
+                )
             )
     sensors = tuple(made)
     sources = tuple["Sources", ...]()
@@ -253,7 +309,9 @@ def scan_starts(seed: int, sensors: Sequence[Sensor]) -> list[float]:
 
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
-    """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
+    """Return a plan with other targets: its models are built for them, its sensors and its tracker
+    stay the same.
+    """
     with PluginErrors(plan.host, plan.scene):
         parts = plan.scene, plan.host, plan.sensors, targets, plan.sources
         detection, classifier, confidence = _models(*parts, plan.classifier)
@@ -262,7 +320,8 @@ def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightli
 
 
 def whole_flights(plan: Plan) -> Targets:
-    """Return the launches of a plan's scene with positions known up to impact, whichever sensors there are.
+    """Return the launches of a plan's scene with positions known up to impact, whichever sensors
+    there are.
 
     Other hot sources are left out, and so are targets that a live run added.
     """
@@ -273,10 +332,14 @@ def whole_flights(plan: Plan) -> Targets:
 
 
 def _sensor(host: Host, choice: Choice, context: SensorContext) -> Sensor:
-    """Return a sensor; raises `ModelError` if what its component builds is none, or has values out of range."""
+    """Return a sensor; raises `ModelError` if what its component builds is none, or has values out
+    of range.
+    """
     sensor: Sensor = built(host, choice, context)
     hint = check_hint(choice.name)
-    fault = blamed_call(lambda: owner_text(host, choice), hint, "orbit or scan", lambda: sensor_fault(sensor))
+    fault = blamed_call(
+        lambda: owner_text(host, choice), hint, "orbit or scan", lambda: sensor_fault(sensor)
+    )
     if fault:
         raise ModelError(f"{owner_text(host, choice)}: build made {fault}; {hint}")
     return sensor
@@ -290,7 +353,8 @@ def _models(
     sources: "tuple[Sources, ...]",
     former: Classifier | None = None,
 ) -> tuple[DetectionProbability, Classifier, Confidence]:
-    """Return the models of detection, classification and confidence; a `former` classifier stays if it knows no truth.
+    """Return the models of detection, classification and confidence; a `former` classifier stays if
+    it knows no truth.
 
     The densities of a classifier may take a second to compute.
     """
@@ -303,13 +367,19 @@ def _models(
         hypotheses=offered_hypotheses(host),
         surroundings=Surroundings(scene, host, sensors, targets, sources),
     )
-    detection = DetectionProbability.adopt(built(host, scene.detection, context), _owner(host, scene.detection))
+    detection = DetectionProbability.adopt(
+        built(host, scene.detection, context), _owner(host, scene.detection)
+    )
     context = evolve(context, detection=detection)
     if former is None or former.uses_truth:
-        former = Classifier.adopt(built(host, scene.classification, context), _owner(host, scene.classification))
+        former = Classifier.adopt(
+            built(host, scene.classification, context), _owner(host, scene.classification)
+        )
     classifier = former
     context = evolve(context, classifier=classifier)
-    confidence = Confidence.adopt(built(host, scene.confidence, context), _owner(host, scene.confidence))
+    confidence = Confidence.adopt(
+        built(host, scene.confidence, context), _owner(host, scene.confidence)
+    )
     return detection, classifier, confidence
 
 
@@ -330,11 +400,15 @@ def _tracker_context(
 
 
 def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:
-    """Return a new tracker of a scene; raises `ModelError` if what its component builds is no tracker."""
+    """Return a new tracker of a scene; raises `ModelError` if what its component builds is no
+    tracker.
+    """
     tracker: Tracker = built(host, scene.tracker, context)
     fault = _tracker_fault(tracker)
     if fault:
-        raise ModelError(f"{owner_text(host, scene.tracker)}: {fault}; {check_hint(scene.tracker.name)}")
+        raise ModelError(
+            f"{owner_text(host, scene.tracker)}: {fault}; {check_hint(scene.tracker.name)}"
+        )
     return tracker
 
 
@@ -352,7 +426,9 @@ def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
     component = host.component(choice.hook, choice.name, choice.path)
     settings = choice.config if config is None else config
     hint = check_hint(choice.name)
-    return blamed_call(lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context))
+    return blamed_call(
+        lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context)
+    )
 
 
 def _owner(host: Host, choice: Choice) -> Callable[[], str]:
@@ -361,11 +437,17 @@ def _owner(host: Host, choice: Choice) -> Callable[[], str]:
 
 
 def _tracker_fault(part: Any) -> str:
-    """Return the missing or invalid attribute of a tracker, or ""; one that never steps needs no methods."""
+    """Return the missing or invalid attribute of a tracker, or ""; one that never steps needs no
+    methods.
+    """
     if getattr(part, "cadence_s", 0.0) is None:
         return ""
     what = kind_of(part)
-    missing = [method for method in _TRACKER_METHODS if not callable(getattr(part, method.partition("(")[0], None))]
+    missing = [
+        method
+        for method in _TRACKER_METHODS
+        if not callable(getattr(part, method.partition("(")[0], None))
+    ]
     if missing:
         return f"build made {what} without {' and '.join(missing)}"
     if not hasattr(part, "cadence_s"):
@@ -375,7 +457,11 @@ def _tracker_fault(part: Any) -> str:
         is_time = cadence_s is None or 0.0 < cadence_s < float("inf")
     except TypeError:
         is_time = False
-    return "" if is_time else f"cadence_s is {cadence_s!r}, neither a positive number of seconds nor None"
+    return (
+        ""
+        if is_time
+        else f"cadence_s is {cadence_s!r}, neither a positive number of seconds nor None"
+    )
 
 
 def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sources, ...]":
@@ -388,9 +474,14 @@ def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sour
 
 
 def _targets(
-    scene: Scene, host: Host, sensors: Sequence[Sensor], sources: "Sequence[Sources]", problems: BuildProblems
+    scene: Scene,
+    host: Host,
+    sensors: Sequence[Sensor],
+    sources: "Sequence[Sources]",
+    problems: BuildProblems,
 ) -> Targets:
-    """Return all targets, each model's in one batch: the scene's launches, then the emitters of its sources.
+    """Return all targets, each model's in one batch: the scene's launches, then the emitters of its
+    sources.
 
     Raises `SceneError` if there are problems, its own or those found before.
     """
@@ -405,9 +496,14 @@ def _targets(
 
 
 def _joined(
-    scene: Scene, launches: Sequence[Trajectories], rows: Sequence[Sequence[int]], sources: "Sequence[Sources]"
+    scene: Scene,
+    launches: Sequence[Trajectories],
+    rows: Sequence[Sequence[int]],
+    sources: "Sequence[Sources]",
 ) -> Targets:
-    """Return the launches, given with their numbers in the scene, and the emitters of the sources after them."""
+    """Return the launches, given with their numbers in the scene, and the emitters of the sources
+    after them.
+    """
     ids = [target.id for target in scene.targets]
     trajectories = [*launches]
     places = [*rows]
@@ -426,7 +522,9 @@ def _rows_by_model(scene: Scene) -> list[list[int]]:
     return [*rows.values()]
 
 
-def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: bool) -> Trajectories:
+def _trajectories(
+    scene: Scene, host: Host, places: Sequence[int], free_flight: bool
+) -> Trajectories:
     chosen = [scene.targets[place] for place in places]
     context = TargetContext(
         ids=tuple(target.id for target in chosen),

@@ -19,20 +19,27 @@ _MOST_TYPES = 256
 
 
 def reported_types(scene: Scene, host: Host) -> tuple[str, ...]:
-    """Return the names of the types that a scene's events may report: `REPORTED_TYPES`, then finer classes by name.
+    """Return the names of the types that a scene's events may report: `REPORTED_TYPES`, then finer
+    classes by name.
 
     The classes are all that are offered, for a running scene may launch others than it began with.
     """
     if scene.reported_types == PAPER_TYPES:
         return REPORTED_TYPES
-    names = (*REPORTED_TYPES, *(name for name in host.names(TargetClass) if name not in REPORTED_TYPES))
+    names = (
+        *REPORTED_TYPES,
+        *(name for name in host.names(TargetClass) if name not in REPORTED_TYPES),
+    )
     if len(names) > _MOST_TYPES:
-        raise ModelError(f"reported_types: there are {len(names)} types; at most {_MOST_TYPES} can be reported")
+        raise ModelError(
+            f"reported_types: there are {len(names)} types; at most {_MOST_TYPES} can be reported"
+        )
     return names
 
 
 def offered_hypotheses(host: Host) -> tuple[Hypothesis, ...]:
-    """Return what a hot object may be, from the target classes that are offered; those that fail to load are left out.
+    """Return what a hot object may be, from the target classes that are offered; those that fail to
+    load are left out.
 
     Whoever names such a class in a scene gets the error.
     """
@@ -44,19 +51,27 @@ def offered_hypotheses(host: Host) -> tuple[Hypothesis, ...]:
 
 
 def paper_codes(names: Iterable[str], host: Host) -> NDArray[np.uint8]:
-    """Return the codes (n,) into `REPORTED_TYPES` of the types that stand for reported types, class by class."""
-    return np.array([REPORTED_TYPES.index(_paper_type(name, host)) for name in names], dtype=np.uint8)
+    """Return the codes (n,) into `REPORTED_TYPES` of the types that stand for reported types, class
+    by class.
+    """
+    return np.array(
+        [REPORTED_TYPES.index(_paper_type(name, host)) for name in names], dtype=np.uint8
+    )
 
 
 def with_paper_types(sensors: Iterable[Sensor], host: Host) -> tuple[Sensor, ...]:
-    """Return sensors whose confusion matrices have columns for `REPORTED_TYPES` only: classes add to their types."""
+    """Return sensors whose confusion matrices have columns for `REPORTED_TYPES` only: classes add
+    to their types.
+    """
     return tuple(_with_paper_types(sensor, host) for sensor in sensors)
 
 
 def _with_paper_types(sensor: Sensor, host: Host) -> Sensor:
     if all(name in REPORTED_TYPES for row in sensor.confusion.values() for name in row):
         return sensor
-    return evolve(sensor, confusion={true: _paper_row(row, host) for true, row in sensor.confusion.items()})
+    return evolve(
+        sensor, confusion={true: _paper_row(row, host) for true, row in sensor.confusion.items()}
+    )
 
 
 def _paper_row(row: Mapping[str, float], host: Host) -> Mapping[str, float]:

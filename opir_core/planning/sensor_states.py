@@ -16,10 +16,11 @@ STREAM = "line-of-sight-bias"
 
 @frozen(eq=False, repr=False)
 class PointingBias:
-    """The line-of-sight bias of each sensor, (sensors,) rad along east and north: constant during a run.
+    """The line-of-sight bias of each sensor, (sensors,) rad along east and north: constant during a
+    run.
 
-    The sensor is rotated by two small angles about axes of its local horizon, so that a line of sight to nadir moves by
-    `east_rad` towards east and by `north_rad` towards north.
+    The sensor is rotated by two small angles about axes of its local horizon, so that a line of
+    sight to nadir moves by `east_rad` towards east and by `north_rad` towards north.
     """
 
     east_rad: FloatArray
@@ -27,7 +28,9 @@ class PointingBias:
 
     @classmethod
     def drawn(cls, seed: int, sensors: Sequence[Sensor]) -> "PointingBias":
-        """Return normal biases with the sensors' standard deviations, each from the sensor's own stream."""
+        """Return normal biases with the sensors' standard deviations, each from the sensor's own
+        stream.
+        """
         bias = np.zeros((2, len(sensors)))
         for number, sensor in enumerate(sensors):
             east, north = normal_pairs(Stream(stream_key(seed, sensor.id, STREAM)).words(0, 1))
@@ -35,9 +38,16 @@ class PointingBias:
         return cls(bias[0], bias[1])
 
     def applied(
-        self, x: FloatArray, y: FloatArray, z: FloatArray, sensor: IndexArray, sensor_ecef_m: FloatArray
+        self,
+        x: FloatArray,
+        y: FloatArray,
+        z: FloatArray,
+        sensor: IndexArray,
+        sensor_ecef_m: FloatArray,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return unit vectors (n,) in ECEF as measured by biased sensors (n,) at positions (n, 3), ECEF, m."""
+        """Return unit vectors (n,) in ECEF as measured by biased sensors (n,) at positions (n, 3),
+        ECEF, m.
+        """
         turn_x, turn_y, turn_z = self._rotation_rad(sensor, sensor_ecef_m)
         moved_x = x + turn_y * z - turn_z * y
         moved_y = y + turn_z * x - turn_x * z
@@ -45,18 +55,28 @@ class PointingBias:
         per_length = 1.0 / np.sqrt(moved_x * moved_x + moved_y * moved_y + moved_z * moved_z)
         return moved_x * per_length, moved_y * per_length, moved_z * per_length
 
-    def _rotation_rad(self, sensor: IndexArray, sensor_ecef_m: FloatArray) -> tuple[FloatArray, ...]:
-        """Return rotation vectors in ECEF: with nadir down, (north, -east) about the east and north axes."""
+    def _rotation_rad(
+        self, sensor: IndexArray, sensor_ecef_m: FloatArray
+    ) -> tuple[FloatArray, ...]:
+        """Return rotation vectors in ECEF: with nadir down, (north, -east) about the east and north
+        axes.
+        """
         axes = local_axes(sensor_ecef_m)
         about_east = self.north_rad[sensor]
         about_north = -self.east_rad[sensor]
-        return tuple(about_east * axes[:, 0, axis] + about_north * axes[:, 1, axis] for axis in range(3))
+        return tuple(
+            about_east * axes[:, 0, axis] + about_north * axes[:, 1, axis] for axis in range(3)
+        )
 
     def by_sensor(self, sensors: Sequence[Sensor]) -> list[dict[str, str | float]]:
         """Return one mapping per sensor, for the truth file and the manifest."""
         both = zip(sensors, self.east_rad.tolist(), self.north_rad.tolist(), strict=True)
         return [
-            {"sensor_id": sensor.id, "line_of_sight_bias_east_rad": east, "line_of_sight_bias_north_rad": north}
+            {
+                "sensor_id": sensor.id,
+                "line_of_sight_bias_east_rad": east,
+                "line_of_sight_bias_north_rad": north,
+            }
             for sensor, east, north in both
         ]
 
@@ -78,7 +98,9 @@ class SensorStates:
         for number, sensor in enumerate(sensors):
             if sensor.orbit.is_stationary:
                 position[number] = sensor.orbit.position_ecef_m(np.zeros(1))[0]
-        sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in sensors], dtype=np.float64)
+        sigma_rad = np.array(
+            [sensor.line_of_sight_sigma_rad for sensor in sensors], dtype=np.float64
+        )
         moving = np.flatnonzero([not sensor.orbit.is_stationary for sensor in sensors])
         return cls(sensors, position, sigma_rad, moving, bias)
 

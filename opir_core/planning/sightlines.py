@@ -1,4 +1,6 @@
-"""Lines of sight: pairs of sensor and target with their looks, light times and visibility on a grid of scene time."""
+"""Lines of sight: pairs of sensor and target with their looks, light times and visibility on a grid
+of scene time.
+"""
 
 from enum import IntEnum
 from typing import Any
@@ -38,7 +40,9 @@ class Visibility(IntEnum):
 
 @frozen(eq=False, repr=False)
 class GridPlace:
-    """Positions of looks on the grid: the point before each, and the fraction of the step since then."""
+    """Positions of looks on the grid: the point before each, and the fraction of the step since
+    then.
+    """
 
     point: IntArray
     fraction: FloatArray
@@ -51,12 +55,13 @@ class GridPlace:
 
 @frozen(eq=False, repr=False)
 class Sightlines:
-    """Lines of sight of all pairs: light times and elevations at the grid's points, `Visibility` in its cells.
+    """Lines of sight of all pairs: light times and elevations at the grid's points, `Visibility` in
+    its cells.
 
-    Interpolated linearly, light times are accurate to 5e-8 s, in which a target moves 0.4 mm, and the sines of the
-    sensor's elevation above the target's horizon to 3e-6 (3e-5 from a low orbit). Light times are zero if the scene
-    switches them off. A pair's points are `first_point` + its grid step, over the time of its looks; a cell has the
-    number of its first point.
+    Interpolated linearly, light times are accurate to 5e-8 s, in which a target moves 0.4 mm, and
+    the sines of the sensor's elevation above the target's horizon to 3e-6 (3e-5 from a low orbit).
+    Light times are zero if the scene switches them off. A pair's points are `first_point` + its
+    grid step, over the time of its looks; a cell has the number of its first point.
     """
 
     first_point: IntArray
@@ -70,22 +75,34 @@ class Sightlines:
         return GridPlace(self.first_point[pair] + step.astype(np.int64), time_s - step)
 
     def over_looks(self, pairs: "Pairs", rows: IntArray) -> "Sightlines":
-        """Return the lines of sight of some pairs, given with their rows, over the time of possible looks only."""
+        """Return the lines of sight of some pairs, given with their rows, over the time of possible
+        looks only.
+        """
         first_step = pairs.from_ns // _NS
         points = np.where(pairs.to_ns > pairs.from_ns, pairs.to_ns // _NS - first_step + 2, 0)
         offset = np.cumsum(points) - points
-        chosen = np.arange(int(points.sum())) + np.repeat(self.first_point[rows] + first_step - offset, points)
-        # A time that is rounded up to a whole second has one point more than the grid; its weight is 0.
+        chosen = np.arange(int(points.sum())) + np.repeat(
+            self.first_point[rows] + first_step - offset, points
+        )
+        # A time that is rounded up to a whole second has one point more than the grid; its weight
+        # is 0.
         chosen = np.minimum(chosen, len(self.travel_s) - 1)
-        return Sightlines(offset - first_step, self.travel_s[chosen], self.elevation_sine[chosen], self.sight[chosen])
+        return Sightlines(
+            offset - first_step,
+            self.travel_s[chosen],
+            self.elevation_sine[chosen],
+            self.sight[chosen],
+        )
 
     @classmethod
     def joined(cls, parts: "list[Sightlines]") -> "Sightlines":
-        """Return the lines of sight of all parts, in order; the list is emptied, so that no column is twice in memory
-        but the one that is joined."""
+        """Return the lines of sight of all parts, in order; the list is emptied, so that no column
+        is twice in memory but the one that is joined."""
         starts = np.cumsum([0, *(len(part.travel_s) for part in parts)])[:-1]
         columns: dict[str, list[NDArray[Any]]] = {
-            "first_point": [part.first_point + start for part, start in zip(parts, starts, strict=True)],
+            "first_point": [
+                part.first_point + start for part, start in zip(parts, starts, strict=True)
+            ],
             "travel_s": [part.travel_s for part in parts],
             "elevation_sine": [part.elevation_sine for part in parts],
             "sight": [part.sight for part in parts],
@@ -93,7 +110,10 @@ class Sightlines:
         parts.clear()
         empty = {"first_point": np.empty(0, np.int64), "sight": np.empty(0, np.uint8)}
         return cls(
-            **{name: np.concatenate([*columns.pop(name), empty.get(name, np.empty(0))]) for name in list(columns)}
+            **{
+                name: np.concatenate([*columns.pop(name), empty.get(name, np.empty(0))])
+                for name in list(columns)
+            }
         )
 
 
@@ -101,9 +121,10 @@ class Sightlines:
 class Pairs(Columns):
     """Sensor-target pairs, sorted by sensor, then target; one row per pair.
 
-    Looks are possible after `from_ns`, at most at `to_ns`, whatever the phase. Scans `first_scan` to `last_scan` (both
-    included, none if first > last) look at the target at phase_ns + scan · period_ns; if `is_checked`, single looks
-    need a visibility test. Light emitted after `until_s`, the target's burnout or end of flight, is not observed.
+    Looks are possible after `from_ns`, at most at `to_ns`, whatever the phase. Scans `first_scan`
+    to `last_scan` (both included, none if first > last) look at the target at phase_ns + scan ·
+    period_ns; if `is_checked`, single looks need a visibility test. Light emitted after `until_s`,
+    the target's burnout or end of flight, is not observed.
     """
 
     sensor: IndexArray
@@ -137,7 +158,9 @@ LIGHT_TIME_ITERATIONS = 3
 
 @frozen(eq=False, repr=False)
 class Grid:
-    """Whole steps of scene time that enclose each target's observed time, end to end; cells lie between points."""
+    """Whole steps of scene time that enclose each target's observed time, end to end; cells lie
+    between points.
+    """
 
     first_step: IntArray
     points: IntArray
@@ -163,7 +186,9 @@ class Grid:
         """Return which pairs have at least one of the cells."""
         return np.bincount(self.pair[cells], minlength=len(self.points)) > 0
 
-    def span(self, cells: IntArray, start_s: FloatArray, stop_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def span(
+        self, cells: IntArray, start_s: FloatArray, stop_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return each pair's start and stop, limited to the first and last of the given cells."""
         first = np.full(len(self.points), np.inf)
         last = np.full(len(self.points), -np.inf)
@@ -174,8 +199,8 @@ class Grid:
 
 @frozen(eq=False, repr=False)
 class TargetPath:
-    """Paths of the targets (n,) of pairs, each observed up to its end (n,), extended at constant velocity before and
-    after the observed time, so that the grid's outer cells are smooth."""
+    """Paths of the targets (n,) of pairs, each observed up to its end (n,), extended at constant
+    velocity before and after the observed time, so that the grid's outer cells are smooth."""
 
     targets: Targets
     target: IndexArray
@@ -192,7 +217,13 @@ class TargetPath:
         before = np.maximum(end_s - short_s, start_s)
         moved_in = targets.position_ecef_m(target, after) - targets.position_ecef_m(target, start_s)
         moved_out = targets.position_ecef_m(target, end_s) - targets.position_ecef_m(target, before)
-        return cls(targets, target, end_s, moved_in / _step_s(start_s, after), moved_out / _step_s(before, end_s))
+        return cls(
+            targets,
+            target,
+            end_s,
+            moved_in / _step_s(start_s, after),
+            moved_out / _step_s(before, end_s),
+        )
 
     def take(self, rows: IntArray) -> "TargetPath":
         """Return the paths of some pairs."""
@@ -218,7 +249,9 @@ class TargetPath:
 
 
 def _step_s(start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
-    """Return steps (n, 1), s; infinite if there is none (ignition at the end of the scene), so that velocity is 0."""
+    """Return steps (n, 1), s; infinite if there is none (ignition at the end of the scene), so that
+    velocity is 0.
+    """
     step_s = stop_s - start_s
     return np.where(step_s > 0.0, step_s, np.inf)[:, None]
 

@@ -9,7 +9,13 @@ from attrs import frozen
 from opir_core.host.boundary import owner_text
 from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Band, Sensor, Trajectories
-from opir_core.interfaces.radiometric_models import AtmosphereContext, Signatures, SourceContext, Sources, Transmittance
+from opir_core.interfaces.radiometric_models import (
+    AtmosphereContext,
+    Signatures,
+    SourceContext,
+    Sources,
+    Transmittance,
+)
 from opir_core.scene.scene import Choice, Scene
 
 
@@ -45,14 +51,18 @@ def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[S
         owner = partial(owner_text, host, source.model)
         emitters = Sources.adopt(_built(host, source.model, context), owner)
         trajectories = Trajectories.adopt(emitters.trajectories, owner)
-        made.append(_Emitters(emitters.ids, trajectories, Signatures.adopt(emitters.signatures, owner)))
+        made.append(
+            _Emitters(emitters.ids, trajectories, Signatures.adopt(emitters.signatures, owner))
+        )
     return tuple(made)
 
 
 def scene_atmosphere(scene: Scene, host: Host, bands: tuple[Band, ...]) -> Transmittance:
     """Return the atmosphere of a scene for bands."""
     context = AtmosphereContext(bands=bands, path=scene.atmosphere.path, seed=scene.seed)
-    return Transmittance.adopt(_built(host, scene.atmosphere, context), partial(owner_text, host, scene.atmosphere))
+    return Transmittance.adopt(
+        _built(host, scene.atmosphere, context), partial(owner_text, host, scene.atmosphere)
+    )
 
 
 def _built(host: Host, choice: Choice, context: object) -> Any:

@@ -15,11 +15,12 @@ from opir_core.interfaces.protocols import Trajectories
 
 @frozen(eq=False)
 class Targets:
-    """The scene's targets: ids, type codes, times of ignition, burnout and end of flight, and trajectories by model.
+    """The scene's targets: ids, type codes, times of ignition, burnout and end of flight, and
+    trajectories by model.
 
-    Target k is row `place[k]` of `trajectories[group[k]]`. `class_names` are target classes, and the types of other
-    hot sources. `burns_s` (n, k, 2) are the scene times of ignition and burnout of each burn, nan where a target has
-    fewer; between burns plumes are dark.
+    Target k is row `place[k]` of `trajectories[group[k]]`. `class_names` are target classes, and
+    the types of other hot sources. `burns_s` (n, k, 2) are the scene times of ignition and burnout
+    of each burn, nan where a target has fewer; between burns plumes are dark.
     """
 
     ids: tuple[str, ...]
@@ -43,7 +44,9 @@ class Targets:
         return in_gap(self.dark_gaps_s, target, time_s)
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (n, 3) of targets (n,) at scene times (n,), m; nan outside ignition to `end_s`."""
+        """Return positions (n, 3) of targets (n,) at scene times (n,), m; nan outside ignition to
+        `end_s`.
+        """
         if len(self.trajectories) == 1:
             return _checked(self.trajectories[0].position_ecef_m(target, time_s), len(target))
         positions = np.full((len(target), 3), np.nan)
@@ -57,18 +60,28 @@ class Targets:
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping of plain values per target, in the scene's order."""
         truths = [trajectories.truth() for trajectories in self.trajectories]
-        return [truths[group][place] for group, place in zip(self.group.tolist(), self.place.tolist(), strict=True)]
+        return [
+            truths[group][place]
+            for group, place in zip(self.group.tolist(), self.place.tolist(), strict=True)
+        ]
 
 
 def _checked(position_m: Any, count: int) -> FloatArray:
-    """Return positions of a target model; raises `ModelError` unless there is one for each of `count` times."""
+    """Return positions of a target model; raises `ModelError` unless there is one for each of
+    `count` times.
+    """
     shape = getattr(position_m, "shape", kind_of(position_m))
     if shape != (count, 3):
-        raise ModelError(f"a target model returned positions as {shape} for {count} times; ({count}, 3) is required")
+        raise ModelError(
+            f"a target model returned positions as {shape} for {count} times; ({count}, 3) is"
+            f" required"
+        )
     return position_m
 
 
-def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows: Sequence[Sequence[int]]) -> Targets:
+def join_targets(
+    ids: Sequence[str], trajectories: Sequence[Trajectories], rows: Sequence[Sequence[int]]
+) -> Targets:
     """Return all targets; `rows[g]` are the scene's numbers of the targets of `trajectories[g]`."""
     count = len(ids)
     group = np.zeros(count, dtype=np.int32)
@@ -105,7 +118,9 @@ def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows:
 
 
 def _in_order(parts: Sequence[FloatArray], rows: Sequence[Sequence[int]]) -> FloatArray:
-    """Return the burns (n, k, 2) of all targets in the scene's order; `rows[g]` are the numbers of those of part g."""
+    """Return the burns (n, k, 2) of all targets in the scene's order; `rows[g]` are the numbers of
+    those of part g.
+    """
     if not parts:
         return np.empty((0, 1, 2))
     own = joined_burns_s(parts)

@@ -1,8 +1,9 @@
-"""When a target is visible to a sensor: margins of lines of sight, and what they say of the time between two samples.
+"""When a target is visible to a sensor: margins of lines of sight, and what they say of the time
+between two samples.
 
-Along each pair's burn or flight the geometry is sampled on a grid of scene time. Between two samples it deviates from
-the chord by at most acceleration · step² / 8, so most cells are certain: visible throughout, or not at all. In the
-other cells the looks are tested one by one.
+Along each pair's burn or flight the geometry is sampled on a grid of scene time. Between two
+samples it deviates from the chord by at most acceleration · step² / 8, so most cells are certain:
+visible throughout, or not at all. In the other cells the looks are tested one by one.
 """
 
 import numpy as np
@@ -23,7 +24,8 @@ ACCELERATION_BOUND_M_S2 = 100.0
 #: Largest distance of a position from the chord between two samples, m.
 CHORD_ERROR_M = ACCELERATION_BOUND_M_S2 * GRID_STEP_S**2 / 8.0
 
-#: Heights of lines of sight this far below the ground need not be exact: all between two samples is hidden.
+#: Heights of lines of sight this far below the ground need not be exact: all between two samples is
+#: hidden.
 _HIDDEN_M = -2.0 * CHORD_ERROR_M
 
 #: Lines of sight at least this far above the target's horizon need no grazing height.
@@ -31,7 +33,9 @@ _WELL_ABOVE_RAD = 0.05
 
 
 def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolArray:
-    """Return whether targets (n, 3) are in the field of regard, above the minimum elevation, not behind the Earth."""
+    """Return whether targets (n, 3) are in the field of regard, above the minimum elevation, not
+    behind the Earth.
+    """
     half_angle_rad = sensor.field_of_regard_half_angle_rad
     least_rad = sensor.minimum_elevation_rad
     margins = Margins.of(half_angle_rad, least_rad, sensor_ecef_m, target_ecef_m)
@@ -43,7 +47,8 @@ def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatA
 class Margins(Columns):
     """Margins of lines of sight for each condition; all positive means visible.
 
-    A target is visible to a sensor above its horizon, and to one below if the line of sight passes above the ellipsoid.
+    A target is visible to a sensor above its horizon, and to one below if the line of sight passes
+    above the ellipsoid.
     """
 
     horizon_rad: FloatArray
@@ -59,20 +64,24 @@ class Margins(Columns):
         sensor_ecef_m: FloatArray,
         target_ecef_m: FloatArray,
     ) -> "Margins":
-        """Return the margins of lines of sight from sensor positions to targets (n, 3), with the half angles of the
-        fields of regard and the minimum elevations (n,), or one for all."""
+        """Return the margins of lines of sight from sensor positions to targets (n, 3), with the
+        half angles of the fields of regard and the minimum elevations (n,), or one for all."""
         horizon_rad = elevation_rad(target_ecef_m, sensor_ecef_m)
         inside_rad = half_angle_rad - nadir_angle_rad(sensor_ecef_m, target_ecef_m)
         above_rad = horizon_rad - minimum_elevation_rad
         grazing_m = np.full(len(horizon_rad), np.inf)
         low = np.flatnonzero(~(horizon_rad > _WELL_ABOVE_RAD))
-        grazing_m[low] = grazing_height_m(sensor_ecef_m[low], target_ecef_m[low], exact_above_m=_HIDDEN_M)
+        grazing_m[low] = grazing_height_m(
+            sensor_ecef_m[low], target_ecef_m[low], exact_above_m=_HIDDEN_M
+        )
         return cls(horizon_rad, grazing_m, inside_rad, above_rad)
 
 
 @frozen(eq=False, repr=False)
 class SunMargins(Columns):
-    """Margins of lines of sight at the grid's points to the solar exclusion, rad, and how far they turn in a step."""
+    """Margins of lines of sight at the grid's points to the solar exclusion, rad, and how far they
+    turn in a step.
+    """
 
     clear_rad: FloatArray
     turn_rad: FloatArray
@@ -86,8 +95,8 @@ class SunMargins(Columns):
         target_ecef_m: FloatArray,
         time_s: FloatArray,
     ) -> "SunMargins":
-        """Return the margins of lines of sight of pairs (n,), from sensor positions to targets (n, 3) at scene times
-        (n,)."""
+        """Return the margins of lines of sight of pairs (n,), from sensor positions to targets (n,
+        3) at scene times (n,)."""
         way = target_ecef_m - sensor_ecef_m
         unit = way / distance_m(sensor_ecef_m, target_ecef_m)[:, None]
         # An arc is at most pi/2 times its chord; the Sun turns about the Earth in ECEF.
@@ -103,11 +112,17 @@ def cell_visibility(
     guard_rad = 2.0 * CHORD_ERROR_M / range_m
     cells = grid.cells()
     horizon, hidden = _certain(margins.horizon_rad, guard_rad, cells)
-    grazing, behind = _certain(margins.grazing_m, np.full(len(guard_rad), 2.0 * CHORD_ERROR_M), cells)
+    grazing, behind = _certain(
+        margins.grazing_m, np.full(len(guard_rad), 2.0 * CHORD_ERROR_M), cells
+    )
     inside, outside = _certain(margins.inside_rad, guard_rad, cells)
     above, below = _certain(margins.above_rad, guard_rad, cells)
     nobody = np.zeros(len(cells), dtype=np.bool_)
-    clear, blinded = (~nobody, nobody) if sun is None else _certain(sun.clear_rad, guard_rad + sun.turn_rad, cells)
+    clear, blinded = (
+        (~nobody, nobody)
+        if sun is None
+        else _certain(sun.clear_rad, guard_rad + sun.turn_rad, cells)
+    )
     impossible = np.zeros(len(cells), dtype=np.bool_)
     blocked = np.full(len(grid.points), Blocked.NOT, dtype=np.int64)
     for reason, never in (
@@ -121,12 +136,16 @@ def cell_visibility(
         blocked = np.where(newly, reason, blocked)
     sight = np.zeros(len(grid.pair), dtype=np.uint8)
     certain = (horizon | grazing) & inside & above & clear
-    sight[cells] = np.where(impossible, Visibility.NEVER, np.where(certain, Visibility.ALWAYS, Visibility.UNCERTAIN))
+    sight[cells] = np.where(
+        impossible, Visibility.NEVER, np.where(certain, Visibility.ALWAYS, Visibility.UNCERTAIN)
+    )
     return sight, blocked
 
 
 def _certain(margin: FloatArray, guard: FloatArray, cells: IntArray) -> tuple[BoolArray, BoolArray]:
-    """Return in which cells a margin is positive throughout, and in which it is negative throughout."""
+    """Return in which cells a margin is positive throughout, and in which it is negative
+    throughout.
+    """
     early = margin[cells]
     late = margin[cells + 1]
     bound = np.maximum(guard[cells], guard[cells + 1])
@@ -142,9 +161,11 @@ _GAP_ALLOWANCE_S = 1e-6
 def without_dark_gaps(
     sight: NDArray[np.uint8], grid: Grid, emission_s: FloatArray, gaps_s: FloatArray
 ) -> NDArray[np.uint8]:
-    """Return the visibility of cells for sensors that see burns only: never in dark gaps, uncertain at their ends.
+    """Return the visibility of cells for sensors that see burns only: never in dark gaps, uncertain
+    at their ends.
 
-    `emission_s` are the times at which the light seen at the grid's points leaves; `gaps_s` (n, k, 2) are by pair.
+    `emission_s` are the times at which the light seen at the grid's points leaves; `gaps_s` (n, k,
+    2) are by pair.
     """
     if not gaps_s.shape[1]:
         return sight
@@ -162,8 +183,12 @@ def without_dark_gaps(
     return result
 
 
-def needs_look_test(grid: Grid, sight: NDArray[np.uint8], first_s: FloatArray, last_s: FloatArray) -> BoolArray:
-    """Return which pairs have a cell without certain visibility between their first and last visible times."""
+def needs_look_test(
+    grid: Grid, sight: NDArray[np.uint8], first_s: FloatArray, last_s: FloatArray
+) -> BoolArray:
+    """Return which pairs have a cell without certain visibility between their first and last
+    visible times.
+    """
     cells = grid.cells()
     time_s = grid.time_s[cells]
     pair = grid.pair[cells]

@@ -1,6 +1,8 @@
-"""The work of a plan, reckoned before it runs: looks, events and bytes, of the whole scene and of one cycle.
+"""The work of a plan, reckoned before it runs: looks, events and bytes, of the whole scene and of
+one cycle.
 
-Nothing is simulated: the looks of a pair follow from its scans. Events are at most one per look, and false alarms.
+Nothing is simulated: the looks of a pair follow from its scans. Events are at most one per look,
+and false alarms.
 """
 
 from collections.abc import Sequence
@@ -14,7 +16,8 @@ from opir_core.interfaces.protocols import DetectionProbability, Sensor
 from opir_core.planning.sightlines import Pairs
 from opir_core.scene.scene import WorkLimits
 
-#: Bytes of an event in the largest encoding, `forge` with type probabilities and three bands, rounded up.
+#: Bytes of an event in the largest encoding, `forge` with type probabilities and three bands,
+#: rounded up.
 EVENT_BYTES = 2000
 
 _NS = 1_000_000_000
@@ -72,8 +75,12 @@ class Workload:
         )
 
     def require_cycle(self, cycle_ns: int) -> None:
-        """Raise `SceneError` if the work of a cycle, `cycle_ns` of scene time, is above the limits."""
-        self._require(self.of_cycle(cycle_ns), "cycle", f"a cycle of {cycle_ns / _NS:g} s of scene time has")
+        """Raise `SceneError` if the work of a cycle, `cycle_ns` of scene time, is above the
+        limits.
+        """
+        self._require(
+            self.of_cycle(cycle_ns), "cycle", f"a cycle of {cycle_ns / _NS:g} s of scene time has"
+        )
 
     def _require(self, work: Work, span: str, subject: str) -> None:
         for name in ("looks", "events", "bytes"):
@@ -83,18 +90,22 @@ class Workload:
             if amount > most:
                 at_most = "" if name == "looks" else "up to "
                 text = (
-                    f"{subject} {at_most}{amount:.3g} {name}, and at most {most:.3g} are accepted; {self._remedy(span)}"
+                    f"{subject} {at_most}{amount:.3g} {name}, and at most {most:.3g} are accepted;"
+                    f" {self._remedy(span)}"
                 )
                 raise SceneError([Problem(f"limits.{limit}", text)])
 
     def _remedy(self, span: str) -> str:
-        """Return the remedy: a longer scan period of the sensor with the most looks and false alarms."""
+        """Return the remedy: a longer scan period of the sensor with the most looks and false
+        alarms.
+        """
         work = self._false_alarms_per_s() * self.end_ns / _NS
         np.add.at(work, self.pairs.sensor, self.pairs.looks.astype(np.float64))
         sensor = self.sensors[int(work.argmax())]
         shorter = "shorten duration_s" if span == "run" else "lower the speed or the cycle"
         return (
-            f"lengthen scan_period_ms of {sensor.id} ({sensor.scan.period_ns * 1e-6:g}), {shorter}, or raise the limit"
+            f"lengthen scan_period_ms of {sensor.id} ({sensor.scan.period_ns * 1e-6:g}), {shorter},"
+            f" or raise the limit"
         )
 
     def _false_alarms_per_s(self) -> FloatArray:
@@ -114,6 +125,7 @@ def most_looks(pairs: Pairs, duration_ns: int) -> float:
     most = np.minimum(duration_ns // pairs.period_ns + 1, pairs.looks).astype(np.float64)
     starts = pairs.phase_ns + pairs.first_scan * pairs.period_ns
     stops = pairs.phase_ns + pairs.last_scan * pairs.period_ns + duration_ns
-    # A pair counts from its first look until its last look has left the interval; at equal times starts come first.
+    # A pair counts from its first look until its last look has left the interval; at equal times
+    # starts come first.
     order = np.lexsort((np.repeat([0, 1], len(pairs)), np.concatenate([starts, stops])))
     return float(np.cumsum(np.concatenate([most, -most])[order]).max())

@@ -1,6 +1,8 @@
-"""The API for plugin authors: hook marker, component classes, configuration fields, sensor kit, contracts and records.
+"""The API for plugin authors: hook marker, component classes, configuration fields, sensor kit,
+contracts and records.
 
-Contracts, contexts and records are imported on first use, so that discovering a plugin imports no numpy.
+Contracts, contexts and records are imported on first use, so that discovering a plugin imports no
+numpy.
 """
 
 from opir_core.doors import door

@@ -1,7 +1,7 @@
 """Detection ids: UUIDs of version 8 (RFC 9562, section 5.8), identical when a run is repeated.
 
-Each stream (a sensor and a target of a run) has a key of 128 bits. An id is the hash of its stream's key and the scan
-number, so the ids of one target have no visible pattern.
+Each stream (a sensor and a target of a run) has a key of 128 bits. An id is the hash of its
+stream's key and the scan number, so the ids of one target have no visible pattern.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,8 +15,9 @@ from opir_core.random_streams.philox import mixed
 
 _PURPOSE = b"opir-detection"
 
-# Steps of the two halves from scan to scan: odd, so that multiplication by them is a bijection of 64-bit words.
-# The fractions of the golden ratio and of the square root of 2, to the nearest odd word.
+# Steps of the two halves from scan to scan: odd, so that multiplication by them is a bijection of
+# 64-bit words. The fractions of the golden ratio and of the square root of 2, to the nearest odd
+# word.
 _HIGH_STEP = np.uint64(0x9E3779B97F4A7C15)
 _LOW_STEP = np.uint64(0x6A09E667F3BCC909)
 
@@ -32,12 +33,17 @@ _TEXT_LENGTH = 36
 
 
 def _groups(places: Sequence[int], length: int) -> np.dtype[np.void]:
-    """Return the type of rows of characters with the five groups of a UUID's digits at these places."""
+    """Return the type of rows of characters with the five groups of a UUID's digits at these
+    places.
+    """
     lengths = ("V8", "V4", "V4", "V4", "V12")
-    return np.dtype({"names": list("12345"), "formats": lengths, "offsets": places, "itemsize": length})
+    return np.dtype(
+        {"names": list("12345"), "formats": lengths, "offsets": places, "itemsize": length}
+    )
 
 
-#: Rows of digits alone and of whole texts: fields of several characters are copied at once, in half the time.
+#: Rows of digits alone and of whole texts: fields of several characters are copied at once, in half
+#: the time.
 _DIGITS = _groups((0, 8, 12, 16, 20), 32)
 _TEXT = _groups((0, 9, 14, 19, 24), _TEXT_LENGTH)
 
@@ -45,7 +51,8 @@ _TEXT = _groups((0, 9, 14, 19, 24), _TEXT_LENGTH)
 def id_key(*parts: str | int) -> tuple[int, int]:
     """Return the 128-bit key of a stream named by its parts, as two 64-bit halves.
 
-    Parts are hashed (BLAKE2b) with type and length, so that different sequences of parts hash different bytes.
+    Parts are hashed (BLAKE2b) with type and length, so that different sequences of parts hash
+    different bytes.
     """
     digest = blake2b(digest_size=16, person=_PURPOSE)
     for part in parts:
@@ -56,7 +63,9 @@ def id_key(*parts: str | int) -> tuple[int, int]:
     return int.from_bytes(key[:8], "big"), int.from_bytes(key[8:], "big")
 
 
-def stream_key_words(seed: int, scene: str, epoch_us: int, streams: Iterable[tuple[str, str]]) -> WordArray:
+def stream_key_words(
+    seed: int, scene: str, epoch_us: int, streams: Iterable[tuple[str, str]]
+) -> WordArray:
     """Return the keys (n, 2) of a run's streams, each named by the ids of its sensor and target.
 
     A run has the seed, the name and the epoch of its scene.
@@ -66,10 +75,11 @@ def stream_key_words(seed: int, scene: str, epoch_us: int, streams: Iterable[tup
 
 
 def uuid8_words(key_words: WordArray, scan: IntArray) -> WordArray:
-    """Return the ids (n, 2), most significant half first, of scans (n,) of streams with keys (n, 2).
+    """Return the ids (n, 2), most significant half first, of scans (n,) of streams with keys (n,
+    2).
 
-    Within a stream no two scans share a half before version and variant replace 6 of the 128 bits; ids of different
-    streams collide with the probability of 122 random bits.
+    Within a stream no two scans share a half before version and variant replace 6 of the 128 bits;
+    ids of different streams collide with the probability of 122 random bits.
     """
     high = key_words[:, 0]
     low = key_words[:, 1]
@@ -87,7 +97,9 @@ def uuid_text(words: WordArray) -> list[str]:
 
 
 def uuid_words(texts: Sequence[str]) -> WordArray:
-    """Return ids (n, 2) from their texts, the inverse of `uuid_text`; `ValueError` if one is no UUID."""
+    """Return ids (n, 2) from their texts, the inverse of `uuid_text`; `ValueError` if one is no
+    UUID.
+    """
     words = np.empty((len(texts), 2), dtype=np.uint64)
     for row, text in enumerate(texts):
         digits = text.replace("-", "")

@@ -1,4 +1,5 @@
-"""Random numbers of a window's looks: one stream per pair and purpose, read in bulk, returned by row.
+"""Random numbers of a window's looks: one stream per pair and purpose, read in bulk, returned by
+row.
 
 Those of a sensor's false alarms come by blocks of scans.
 """
@@ -24,8 +25,9 @@ from opir_core.random_streams.philox import (
     uniforms_of,
 )
 
-#: Words of all pairs that are kept for later windows, for each purpose: 16 MB. Reading a stream costs as much as 1 000
-#: words of it, so that a window of some ten looks of each pair is read ahead; twice as many save a tenth more.
+#: Words of all pairs that are kept for later windows, for each purpose: 16 MB. Reading a stream
+#: costs as much as 1 000 words of it, so that a window of some ten looks of each pair is read
+#: ahead; twice as many save a tenth more.
 _KEPT_WORDS = 1 << 21
 #: Most words of one pair that are kept.
 _MOST_KEPT = 256
@@ -34,12 +36,15 @@ _MOST_KEPT = 256
 class PairStreams:
     """The streams of all pairs of a run, keyed when first read.
 
-    `names` are each pair's sensor and target ids; streams are keyed by the seed, these and a purpose. Streams of scans
-    use `scan_names` instead, if given.
+    `names` are each pair's sensor and target ids; streams are keyed by the seed, these and a
+    purpose. Streams of scans use `scan_names` instead, if given.
     """
 
     def __init__(
-        self, seed: int, names: Sequence[tuple[str, str]], scan_names: Sequence[tuple[str, str]] | None = None
+        self,
+        seed: int,
+        names: Sequence[tuple[str, str]],
+        scan_names: Sequence[tuple[str, str]] | None = None,
     ) -> None:
         self._seed = seed
         self._names = names
@@ -49,16 +54,27 @@ class PairStreams:
         self._kept: dict[str, _KeptWords] = {}
         self._constants: dict[tuple[str, int], FloatArray] = {}
 
-    def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> WordArray:
-        """Return (sum of scans · words,) raw words: of each pair in turn, for `scans` scans from `first_scan` on."""
+    def words(
+        self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray
+    ) -> WordArray:
+        """Return (sum of scans · words,) raw words: of each pair in turn, for `scans` scans from
+        `first_scan` on.
+        """
         into = np.empty((int(scans.sum()), words), dtype=np.uint64)
         self.fill(into, purpose, pairs, first_scan, scans, np.cumsum(scans) - scans)
         return into.reshape(-1)
 
     def fill(
-        self, into: WordArray, purpose: str, pairs: IntArray, first_scan: IntArray, scans: IntArray, at: IntArray
+        self,
+        into: WordArray,
+        purpose: str,
+        pairs: IntArray,
+        first_scan: IntArray,
+        scans: IntArray,
+        at: IntArray,
     ) -> None:
-        """Write raw words into rows (…, words): each pair's `scans` from `first_scan` on, starting at the row `at`.
+        """Write raw words into rows (…, words): each pair's `scans` from `first_scan` on, starting
+        at the row `at`.
 
         A pair is there at most once: its words are kept in one row.
         """
@@ -77,11 +93,21 @@ class PairStreams:
         self._read(flat, purpose, *long)
 
     def _read(
-        self, into: WordArray, purpose: str, pairs: IntArray, first: IntArray, count: IntArray, at: IntArray
+        self,
+        into: WordArray,
+        purpose: str,
+        pairs: IntArray,
+        first: IntArray,
+        count: IntArray,
+        at: IntArray,
     ) -> None:
-        """Read `count` words of each pair, from word `first` of its stream on, to the place `at`."""
+        """Read `count` words of each pair, from word `first` of its stream on, to the place
+        `at`.
+        """
         keys = self._keys.setdefault(purpose, {})
-        for pair, start, words, place in zip(*(column.tolist() for column in (pairs, first, count, at)), strict=True):
+        for pair, start, words, place in zip(
+            *(column.tolist() for column in (pairs, first, count, at)), strict=True
+        ):
             key = keys.get(pair)
             if key is None:
                 key = stream_key(self._seed, *self._scan_names[pair], purpose)
@@ -94,7 +120,9 @@ class PairStreams:
         if key not in self._constants:
             keys = [stream_key(self._seed, *names, f"{purpose}:pair") for names in self._names]
             raw = [self._reader.words(each, 0, words) for each in keys]
-            self._constants[key] = uniforms_of(np.concatenate([*raw, np.empty(0, np.uint64)])).reshape(-1, words)
+            self._constants[key] = uniforms_of(
+                np.concatenate([*raw, np.empty(0, np.uint64)])
+            ).reshape(-1, words)
         return self._constants[key]
 
     def of_pairs(self) -> "RowDraws":
@@ -111,7 +139,8 @@ class PairStreams:
 
 
 class _KeptWords:
-    """The next words of each pair's stream of one purpose: streams are read for several windows at once.
+    """The next words of each pair's stream of one purpose: streams are read for several windows at
+    once.
 
     `words` has one row per pair; `longest` is the largest number of words that is read so.
     """
@@ -125,7 +154,9 @@ class _KeptWords:
     def lacking(
         self, pairs: IntArray, first: IntArray, count: IntArray
     ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-        """Return pairs, first words, numbers of words and places in `words` of what must be read before `copy`."""
+        """Return pairs, first words, numbers of words and places in `words` of what must be read
+        before `copy`.
+        """
         ahead = first - self._first[pairs]
         rows = np.flatnonzero((ahead < 0) | (ahead + count > self._width))
         pairs = pairs[rows]
@@ -133,8 +164,12 @@ class _KeptWords:
         self._first[pairs] = first
         return pairs, first, np.full(len(rows), self._width), pairs * self._width
 
-    def copy(self, into: WordArray, pairs: IntArray, first: IntArray, count: IntArray, at: IntArray) -> None:
-        """Copy `count` words of each pair, from word `first` of its stream on, to the place `at`."""
+    def copy(
+        self, into: WordArray, pairs: IntArray, first: IntArray, count: IntArray, at: IntArray
+    ) -> None:
+        """Copy `count` words of each pair, from word `first` of its stream on, to the place
+        `at`.
+        """
         place = np.arange(int(count.sum()))
         start = np.cumsum(count) - count
         source = place + np.repeat(pairs * self._width + first - self._first[pairs] - start, count)
@@ -145,12 +180,15 @@ class _KeptWords:
 
 
 class WindowNumbers:
-    """The random numbers of all looks of a window, by purpose; a pair's numbers are drawn when first needed.
+    """The random numbers of all looks of a window, by purpose; a pair's numbers are drawn when
+    first needed.
 
     The looks are those of the `active` pairs end to end, `scans` of each from `first_scan` on.
     """
 
-    def __init__(self, streams: PairStreams, active: IntArray, first_scan: IntArray, scans: IntArray) -> None:
+    def __init__(
+        self, streams: PairStreams, active: IntArray, first_scan: IntArray, scans: IntArray
+    ) -> None:
         self._streams = streams
         self._active = active
         self._first_scan = first_scan
@@ -159,7 +197,9 @@ class WindowNumbers:
         self._drawn: dict[tuple[str, int], tuple[WordArray, BoolArray]] = {}
 
     def words(self, purpose: str, pairs: BoolArray | None = None) -> WordArray:
-        """Return (looks,) raw words, drawn at each call; 0 for pairs not in the mask `pairs` (active,), if given."""
+        """Return (looks,) raw words, drawn at each call; 0 for pairs not in the mask `pairs`
+        (active,), if given.
+        """
         if pairs is None:
             return self._streams.words(purpose, 1, self._active, self._first_scan, self._scans)
         words = np.zeros(int(self._ends[-1]) if len(self._ends) else 0, dtype=np.uint64)
@@ -176,7 +216,10 @@ class WindowNumbers:
         key = (purpose, words)
         if key not in self._drawn:
             looks = int(self._ends[-1]) if len(self._ends) else 0
-            self._drawn[key] = np.empty((looks, words), dtype=np.uint64), np.zeros(len(self._active), dtype=np.bool_)
+            self._drawn[key] = (
+                np.empty((looks, words), dtype=np.uint64),
+                np.zeros(len(self._active), dtype=np.bool_),
+            )
         drawn, is_drawn = self._drawn[key]
         if not is_drawn.all():
             needed = np.zeros(int(self._active[-1]) + 1, dtype=np.bool_)
@@ -187,7 +230,9 @@ class WindowNumbers:
         return drawn.take(rows, axis=0)
 
     def _in_order(self, purpose: str, words: int, rows: IntArray) -> WordArray:
-        """Return (rows, words) raw words of sorted looks: of each pair from its first row to its last."""
+        """Return (rows, words) raw words of sorted looks: of each pair from its first row to its
+        last.
+        """
         behind = np.searchsorted(rows, self._ends)
         count = np.diff(behind, prepend=0)
         chosen = np.flatnonzero(count)
@@ -200,10 +245,16 @@ class WindowNumbers:
         at = np.cumsum(span) - span
         read = np.empty((int(span.sum()), words), dtype=np.uint64)
         self._streams.fill(read, purpose, self._active[chosen], scan, span, at)
-        return read if len(read) == len(rows) else read.take(rows + np.repeat(at - first, count), axis=0)
+        return (
+            read
+            if len(read) == len(rows)
+            else read.take(rows + np.repeat(at - first, count), axis=0)
+        )
 
     def of(self, rows: IntArray, pair: IntArray, seeds: WordArray | None = None) -> "RowDraws":
-        """Return random draws of some of the looks, of pairs `pair`; `seeds` are random words of the rows, if known."""
+        """Return random draws of some of the looks, of pairs `pair`; `seeds` are random words of
+        the rows, if known.
+        """
         return RowDraws(self, self._streams, rows, pair, seeds)
 
     def _draw(self, into: WordArray, purpose: str, pairs: BoolArray) -> None:
@@ -249,7 +300,9 @@ class RowDraws:
         return [further_words(self.seeds, numbers[place : place + 1]) for place in range(count)]
 
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
-        """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
+        """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a
+        target.
+        """
         return self.streams.constants(purpose, words)[self.pair]
 
     def take(self, rows: Any) -> "RowDraws":
@@ -268,7 +321,9 @@ PLACE_WORDS = 3
 
 @frozen(eq=False, repr=False)
 class Drawn(Columns):
-    """False alarms of scans in or near a window; their times in the scan depend on their directions."""
+    """False alarms of scans in or near a window; their times in the scan depend on their
+    directions.
+    """
 
     sensor: IndexArray
     scan: IntArray
@@ -279,7 +334,9 @@ class Drawn(Columns):
 class FalseAlarmStream:
     """The false alarms of one sensor, block by block."""
 
-    def __init__(self, sensor: Sensor, number: int, name: str, seed: int, rate: float, words: int) -> None:
+    def __init__(
+        self, sensor: Sensor, number: int, name: str, seed: int, rate: float, words: int
+    ) -> None:
         self._sensor = sensor
         self._number = number
         self._words = words + PLACE_WORDS
@@ -287,7 +344,9 @@ class FalseAlarmStream:
         self._table = poisson_table(rate * self._scans)
         self._counts = Stream(stream_key(seed, name, "noise-count"))
         self._numbers = Stream(stream_key(seed, name, "noise"))
-        self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
+        self._phase = float(
+            uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0]
+        )
 
     def near(self, start_ns: int, end_ns: int) -> Drawn:
         """Return the false alarms of scans with looks in [start, end) of scene time."""
@@ -302,22 +361,30 @@ class FalseAlarmStream:
             for row, count in enumerate(counts.tolist())
             if count
         ]
-        uniforms = uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(-1, self._words)
+        uniforms = uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(
+            -1, self._words
+        )
         block = np.repeat(first + np.arange(len(counts)), counts)
         place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
-        near = np.flatnonzero((scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns))
+        near = np.flatnonzero(
+            (scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns)
+        )
         serial = block * len(self._table) + place
         sensor = np.full(len(scan), self._number, dtype=np.int32)
         return Drawn(sensor, scan, serial, uniforms).take(near)
 
     def phase_ns(self, sensor_m: FloatArray, target_m: FloatArray) -> IntArray:
-        """Return the scan phases, ns, at which the sensor at positions (n, 3) looks at positions (n, 3)."""
+        """Return the scan phases, ns, at which the sensor at positions (n, 3) looks at positions
+        (n, 3).
+        """
         return self._sensor.scan.phase_ns(sensor_m, target_m, self._phase)
 
     def _block_counts(self, first: int, blocks: int) -> IntArray:
         """Return the numbers of false alarms in blocks of scans."""
-        return np.searchsorted(self._table, uniforms_of(self._counts.words(first, blocks)), side="right")
+        return np.searchsorted(
+            self._table, uniforms_of(self._counts.words(first, blocks)), side="right"
+        )
 
 
 @lru_cache(maxsize=64)

@@ -1,10 +1,11 @@
 """Random streams: one seed, one counter-based stream per named purpose, addressed by scan.
 
-A stream is Philox4x64-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11) as numpy implements it,
-with the 128-bit key blake2b(seed, names) and the counter as address: word w of scan k is output k · W + w of the
-stream, where W is the number of words a scan has. So a number depends on the seed, the names and the scan alone, not
-on other streams or the order of reading. Further numbers of a detection are derived from the word of its direction by
-SplitMix64, with one part of the sequence per purpose: reading another stream of every pair would take four times as
+A stream is Philox4x64-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11) as
+numpy implements it, with the 128-bit key blake2b(seed, names) and the counter as address: word w of
+scan k is output k · W + w of the stream, where W is the number of words a scan has. So a number
+depends on the seed, the names and the scan alone, not on other streams or the order of reading.
+Further numbers of a detection are derived from the word of its direction by SplitMix64, with one
+part of the sequence per purpose: reading another stream of every pair would take four times as
 long.
 """
 
@@ -19,7 +20,8 @@ from opir_core.arrays import FloatArray
 
 #: Name of this scheme in the manifest; it changes if any number changes.
 SCHEME = (
-    "philox4x64-10, key blake2b-128(seed, names), counter scan; uniforms 53 bits; numbers of detections splitmix64 of"
+    "philox4x64-10, key blake2b-128(seed, names), counter scan; uniforms 53 bits; numbers of"
+    " detections splitmix64 of"
     " the word of their direction"
 )
 
@@ -32,7 +34,10 @@ _ANGLE_BITS = np.uint64(24)
 _DIRECTION_BITS = np.uint64(12)
 _DIRECTION_MASK = np.uint64((1 << 12) - 1)
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
-_MIXING = ((np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)), (np.uint64(27), np.uint64(0x94D049BB133111EB)))
+_MIXING = (
+    (np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)),
+    (np.uint64(27), np.uint64(0x94D049BB133111EB)),
+)
 _LAST_SHIFT = np.uint64(31)
 #: Words converted to normal numbers at once: all columns stay in the processor's cache.
 _AT_ONCE = 8192
@@ -49,12 +54,16 @@ def stream_key(seed: int, *names: str) -> int:
 
 @cache
 def purpose_number(purpose: str) -> np.uint64:
-    """Return the first number of a purpose in a look's SplitMix64 sequence, far from those of other purposes."""
+    """Return the first number of a purpose in a look's SplitMix64 sequence, far from those of other
+    purposes.
+    """
     return np.uint64(int.from_bytes(blake2b(purpose.encode(), digest_size=8).digest(), "little"))
 
 
 class Reader:
-    """Reads words of any stream at any position, by repositioning one generator: 30 times faster than a new one."""
+    """Reads words of any stream at any position, by repositioning one generator: 30 times faster
+    than a new one.
+    """
 
     def __init__(self) -> None:
         self._generator = np.random.Philox(key=0)
@@ -100,15 +109,19 @@ def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
 
 
 def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return the words number (n,), or (1,), of the sequences of seeds (n,), which are random words themselves.
+    """Return the words number (n,), or (1,), of the sequences of seeds (n,), which are random words
+    themselves.
 
-    SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014), read anywhere.
+    SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA
+    2014), read anywhere.
     """
     return mixed(seeds + numbers * _WEYL)
 
 
 def mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return 64-bit words mixed one to one, in place: the finaliser of SplitMix64, Stafford's variant 13."""
+    """Return 64-bit words mixed one to one, in place: the finaliser of SplitMix64, Stafford's
+    variant 13.
+    """
     for shift, factor in _MIXING:
         words ^= words >> shift
         words *= factor
@@ -119,9 +132,10 @@ def mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
 def normal_pairs(words: NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
     """Return two independent standard normal columns (n,) from one raw word per row (n,).
 
-    Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words per row, so that rows are addressable. The
-    radius uses the upper 40 bits, up to 7.4 sigma. The angle uses the other 24, steps of 4e-7 rad: one of 4096
-    directions from a table, rotated by the rest with series accurate to 3e-13, in half the time of a sine and a cosine.
+    Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words per row, so that rows are
+    addressable. The radius uses the upper 40 bits, up to 7.4 sigma. The angle uses the other 24,
+    steps of 4e-7 rad: one of 4096 directions from a table, rotated by the rest with series accurate
+    to 3e-13, in half the time of a sine and a cosine.
     """
     cosine = np.empty(len(words))
     sine = np.empty(len(words))

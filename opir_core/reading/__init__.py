@@ -1,4 +1,6 @@
-"""Reading scenes: YAML or a mapping to a checked `Scene`, strictly, with every problem and its place in one error."""
+"""Reading scenes: YAML or a mapping to a checked `Scene`, strictly, with every problem and its
+place in one error.
+"""
 
 from opir_core.doors import door
 

@@ -13,7 +13,8 @@ from opir_core.scene.scene import PAPER_TYPES, Choice, Scene, SceneSensor, Scene
 
 
 def scene_mapping(scene: Scene) -> dict[str, Any]:
-    """Return a scene as plain data with every setting written out, defaults, presets and constellations included.
+    """Return a scene as plain data with every setting written out, defaults, presets and
+    constellations included.
 
     `scene_from_mapping(scene_mapping(scene)) == scene` for every scene that was read.
     """
@@ -42,20 +43,35 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
 def scene_hash(scene: Scene) -> str:
     """Return the SHA-256 (hexadecimal) of a scene's canonical form.
 
-    Scenes of equal content have the same hash, independent of spelling, order and comments of their files.
+    Scenes of equal content have the same hash, independent of spelling, order and comments of their
+    files.
     """
     import json
 
-    text = json.dumps(scene_mapping(scene), sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    text = json.dumps(
+        scene_mapping(scene),
+        sort_keys=True,
+        separators=(",", ":"),
+        ensure_ascii=True,
+        allow_nan=False,
+    )
     return sha256(text.encode("ascii")).hexdigest()
 
 
 def _sensors(sensors: tuple[SceneSensor, ...]) -> list[dict[str, Any]]:
-    """Return single sensors as they are, and members of a constellation together in the block that they came from."""
+    """Return single sensors as they are, and members of a constellation together in the block that
+    they came from.
+    """
     blocks = []
-    for (constellation, _), group in groupby(sensors, key=lambda sensor: (sensor.constellation, sensor.model.path)):
+    for (constellation, _), group in groupby(
+        sensors, key=lambda sensor: (sensor.constellation, sensor.model.path)
+    ):
         members = [{"id": sensor.id, **_block(sensor.model)} for sensor in group]
-        blocks += members if constellation is None else [{"constellation": constellation, "members": members}]
+        blocks += (
+            members
+            if constellation is None
+            else [{"constellation": constellation, "members": members}]
+        )
     return blocks
 
 

@@ -37,15 +37,18 @@ from opir_core.scene.fields import Alternatives, alternatives, error_of_both, fi
 from opir_core.scene.scene import Choice
 
 #: Keys reserved by scenes, besides those of the block.
-_KEPT = {"opir_sensor_models": ("id", "model", "constellation", "members", "fleet"), "opir_sinks": ("spool",)}
+_KEPT = {
+    "opir_sensor_models": ("id", "model", "constellation", "members", "fleet"),
+    "opir_sinks": ("spool",),
+}
 
 
 @frozen
 class Settings:
     """The settings of one component in a scene.
 
-    `written` are the settings in `block` (and `preset`). `given` are settings of the constellation `giver`; written
-    ones take precedence. `other_keys` are allowed beside settings.
+    `written` are the settings in `block` (and `preset`). `given` are settings of the constellation
+    `giver`; written ones take precedence. `other_keys` are allowed beside settings.
     """
 
     block: Node
@@ -56,7 +59,8 @@ class Settings:
 
 
 class ComponentReader:
-    """Looks up components with a host; collects the errors of plugins until the whole scene has been read.
+    """Looks up components with a host; collects the errors of plugins until the whole scene has
+    been read.
 
     `preset` is the preset of the scene, from which each component that has it starts.
     """
@@ -69,7 +73,9 @@ class ComponentReader:
         self.preset: str | None = None
 
     def component(self, hook: str, name: str, path: str) -> Any:
-        """Return a component; if it is missing, record the failure and raise an empty `InvalidNode`."""
+        """Return a component; if it is missing, record the failure and raise an empty
+        `InvalidNode`.
+        """
         if (hook, name) not in self._found:
             self._found[hook, name] = None
             try:
@@ -88,15 +94,21 @@ class ComponentReader:
         return self._names[hook]
 
     def satellites(self, node: Node, epoch_us: int | None) -> list[Node]:
-        """Return the settings of each satellite of the file that a `fleet` block names; None is a refused epoch."""
+        """Return the settings of each satellite of the file that a `fleet` block names; None is a
+        refused epoch.
+        """
         readers = self._host.readers()
         for kind in filter(None, (reader.fleet for reader in readers)):
             fleet: Any = class_reader(kind)(node)
             try:
-                return [node_of_data(satellite) for satellite in fleet.satellites(epoch_us, readers)]
+                return [
+                    node_of_data(satellite) for satellite in fleet.satellites(epoch_us, readers)
+                ]
             except BadFileError as error:
                 raise node.refused(str(error)) from error
-        raise node.refused("no installed plugin reads fleets from files; install opir-readers", at_key=True)
+        raise node.refused(
+            "no installed plugin reads fleets from files; install opir-readers", at_key=True
+        )
 
     def named(self, hook: str, node: Node, path: str) -> Choice:
         """Return the choice of a node: a component's name, or a block of `model` and settings."""
@@ -119,12 +131,16 @@ class ComponentReader:
         except BaseException as error:  # whatever a configuration class of a plugin may raise
             if is_interruption(error):
                 raise
-            raise self.blamed(component, path, f"its configuration fails: {described_error(error)}") from error
+            raise self.blamed(
+                component, path, f"its configuration fails: {described_error(error)}"
+            ) from error
 
     def blamed(self, component: Any, path: str, reason: str) -> InvalidNode:
         """Record an error of a plugin, and return an empty `InvalidNode`."""
         owner = self._host.provenance(component.hook, component.name)
-        self.failures.append(PluginError(f"{path}: {component.kind} {component.name!r} of {owner}: {reason}"))
+        self.failures.append(
+            PluginError(f"{path}: {component.kind} {component.name!r} of {owner}: {reason}")
+        )
         return InvalidNode()
 
     def _config(self, component: Any, path: str, settings: Settings) -> Any:
@@ -133,14 +149,19 @@ class ComponentReader:
         written = dict(settings.written)
         of_scene = component.presets.get(self.preset, {})
         preset = _preset(component, written.pop("preset")) if "preset" in written else of_scene
-        givers = {**dict.fromkeys(preset, component), **dict.fromkeys(settings.given, settings.giver)}
+        givers = {
+            **dict.fromkeys(preset, component),
+            **dict.fromkeys(settings.given, settings.giver),
+        }
         supplied = node_of_data(_laid_over(pairs, preset, settings.given))
         for complaint in supplied.complaints:
             raise self.blamed(settings.giver or component, path, complaint.message)
         beside = [key for key in settings.other_keys if key != "preset" or component.presets]
         block = _laid_over(pairs, block_of(supplied), written)
         try:
-            made = _made(reader, block, settings.block, beside, partial(self._home, component, settings))
+            made = _made(
+                reader, block, settings.block, beside, partial(self._home, component, settings)
+            )
             self._require_names(component.config, block, path)
             return made
         except InvalidNode as refused:
@@ -149,23 +170,32 @@ class ComponentReader:
                 raise self.blamed(component, path, fault) from refused
             theirs = {key_step(key): giver for key, giver in givers.items() if key not in written}
             complaints = [*complaints_inside(supplied), *refused.complaints]
-            raise InvalidNode(self._own_complaints(complaints, theirs, component, path)) from refused
+            raise InvalidNode(
+                self._own_complaints(complaints, theirs, component, path)
+            ) from refused
 
     def _require_names(self, config_class: type, block: Mapping[str, Node], path: str) -> None:
         """Raise the errors of fields that hold names of components, where no plugin offers one."""
         collector = ErrorCollector()
         for key, info in field_infos(config_class).items():
             if info.names_of and key in block:
-                for steps, name, node in _names_in(block[key], (key_step(key),), info.names_depth, info.inner_names):
+                for steps, name, node in _names_in(
+                    block[key], (key_step(key),), info.names_depth, info.inner_names
+                ):
                     with collector.at(*steps):
                         self._require_name(info.names_of, name, node, path, steps)
         collector.require_whole()
 
-    def _require_name(self, hook: str, name: str, node: Node, path: str, steps: Sequence[str]) -> None:
+    def _require_name(
+        self, hook: str, name: str, node: Node, path: str, steps: Sequence[str]
+    ) -> None:
         known = self.names(hook)
         if name not in known:
             kind = CATALOGUE[hook].kind
-            message = f"no {kind} is named {shown_text(name)}{nearest_words(name, known)}; there are {', '.join(known)}"
+            message = (
+                f"no {kind} is named {shown_text(name)}{nearest_words(name, known)}; there are"
+                f" {', '.join(known)}"
+            )
             raise node.refused(message, at_key=len(steps) > 1)
         self.component(hook, name, f"{path}{''.join(steps)}")
 
@@ -177,19 +207,26 @@ class ComponentReader:
         from opir_core.reading.misplaced_keys import home_elsewhere, home_of  # of wrong scenes
 
         is_chosen = settings is not None and "model" in settings.other_keys
-        of_kind = home_of(key, self._host, component, is_chosen=is_chosen) if settings is not None else ""
+        of_kind = (
+            home_of(key, self._host, component, is_chosen=is_chosen) if settings is not None else ""
+        )
         return of_kind or ("" if is_near else home_elsewhere(key, self._host))
 
     def _own_complaints(
         self, complaints: list[Complaint], givers: Mapping[str, Any], component: Any, path: str
     ) -> Iterator[Complaint]:
-        """Yield the errors of settings in the scene; record the others as errors of the plugins that gave them."""
+        """Yield the errors of settings in the scene; record the others as errors of the plugins
+        that gave them.
+        """
         for complaint in complaints:
             giver = givers.get(complaint.steps[0]) if complaint.steps else None
             if giver is None:
                 yield complaint
             else:
-                words = f"one of its settings does not fit {component.name}: {complaint.path}: {complaint.message}"
+                words = (
+                    f"one of its settings does not fit {component.name}: {complaint.path}:"
+                    f" {complaint.message}"
+                )
                 self.blamed(giver, path, words)
 
     def _reader(self, component: Any, path: str, settings: Settings) -> ClassReader:
@@ -197,14 +234,22 @@ class ComponentReader:
             reader = class_reader(component.config)
         except UnreadableTypeError as error:
             raise self.blamed(component, path, str(error)) from error
-        taken = sorted(reader.fields.keys() & {*settings.other_keys, *_KEPT.get(component.hook, ())})
+        taken = sorted(
+            reader.fields.keys() & {*settings.other_keys, *_KEPT.get(component.hook, ())}
+        )
         if taken:
-            raise self.blamed(component, path, f"its configuration has the field {taken[0]}, a key reserved by scenes")
+            raise self.blamed(
+                component,
+                path,
+                f"its configuration has the field {taken[0]}, a key reserved by scenes",
+            )
         return reader
 
 
 def _fault_of_default(config_class: type, block: Mapping[str, Any]) -> str:
-    """Return which default of a configuration class, of those that a block leaves as they are, is out of range."""
+    """Return which default of a configuration class, of those that a block leaves as they are, is
+    out of range.
+    """
     for attribute in fields(config_class):
         default: Any = attribute.default
         if (
@@ -232,7 +277,8 @@ def component_name(node: Node) -> str:
 def _names_in(
     node: Node, steps: tuple[str, ...], depth: int, inner: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, ...], str, Node]]:
-    """Yield the names of components that a node holds: its text, or its keys, or those `depth` mappings below.
+    """Yield the names of components that a node holds: its text, or its keys, or those `depth`
+    mappings below.
 
     With `inner` also the keys one mapping deeper, unless they are one of these.
     """
@@ -245,10 +291,20 @@ def _names_in(
         else:
             yield inside, key, child
             deeper = child.value.items() if inner and isinstance(child.value, dict) else ()
-            yield from (((*inside, key_step(name)), name, leaf) for name, leaf in deeper if name not in inner)
+            yield from (
+                ((*inside, key_step(name)), name, leaf)
+                for name, leaf in deeper
+                if name not in inner
+            )
 
 
-def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_keys: Sequence[str], home: Home) -> Any:
+def _made(
+    reader: ClassReader,
+    block: Mapping[str, Node],
+    place: Node,
+    other_keys: Sequence[str],
+    home: Home,
+) -> Any:
     """Return a configuration, or raise all errors of its block, both of two alternatives being one.
 
     A block that sets the plain field turns off the default of its alternative.
@@ -270,8 +326,12 @@ def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_key
     raise InvalidNode(collector.complaints)
 
 
-def _laid_over(pairs: Iterable[Alternatives], lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings with overriding ones laid over them; an overriding setting replaces both alternatives."""
+def _laid_over(
+    pairs: Iterable[Alternatives], lower: Mapping[str, Any], upper: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return settings with overriding ones laid over them; an overriding setting replaces both
+    alternatives.
+    """
     gone = {name for pair in pairs if _set_names(pair, upper) for name in (pair.plain, pair.other)}
     return {**{key: value for key, value in lower.items() if key not in gone}, **upper}
 
@@ -279,13 +339,19 @@ def _laid_over(pairs: Iterable[Alternatives], lower: Mapping[str, Any], upper: M
 def _set_names(pair: Alternatives, block: Mapping[str, Any]) -> list[str]:
     """Return which of two alternatives are set, in nodes or plain values."""
     values = {name: block.get(name) for name in (pair.plain, pair.other)}
-    return [name for name, one in values.items() if (one.value if isinstance(one, Node) else one) is not None]
+    return [
+        name
+        for name, one in values.items()
+        if (one.value if isinstance(one, Node) else one) is not None
+    ]
 
 
 def _preset(component: Any, node: Node) -> Mapping[str, Any]:
     name = read_text(node)
     if name not in component.presets:
-        known = f"it has {', '.join(sorted(component.presets))}" if component.presets else "it has none"
+        known = (
+            f"it has {', '.join(sorted(component.presets))}" if component.presets else "it has none"
+        )
         message = f"the {component.kind} {component.name} has no preset {shown_text(name)}; {known}"
         raise InvalidNode([Complaint(message, node.place, (".preset",))])
     return component.presets[name]

@@ -37,12 +37,15 @@ DefaultName = Callable[[str, Mapping[str, Any]], str]
 _BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "UTF-8", b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
 
 
-def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = (), host: Host | None = None) -> Scene:
+def load_scene(
+    path: str | os.PathLike[str], *, overrides: Sequence[str] = (), host: Host | None = None
+) -> Scene:
     """Return the scene of a YAML file.
 
-    `overrides` (`sensors[0].scan_period_ms=50`, or `sensors[*].scan_period_ms=50` for every item) change it before it
-    is checked. Components come from `host`, by default from the installed plugins. Raises `SceneError` with every
-    problem and its scene path, line and column; if the scene is valid, `PluginError` for missing components.
+    `overrides` (`sensors[0].scan_period_ms=50`, or `sensors[*].scan_period_ms=50` for every item)
+    change it before it is checked. Components come from `host`, by default from the installed
+    plugins. Raises `SceneError` with every problem and its scene path, line and column; if the
+    scene is valid, `PluginError` for missing components.
     """
     source = os.fspath(path)
     try:
@@ -53,12 +56,16 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = (), h
 
 
 def scene_from_mapping(
-    mapping: Mapping[str, Any], *, overrides: Sequence[str] = (), host: Host | None = None, source: str = "scene"
+    mapping: Mapping[str, Any],
+    *,
+    overrides: Sequence[str] = (),
+    host: Host | None = None,
+    source: str = "scene",
 ) -> Scene:
     """Return the scene of a mapping laid out as a scene file is; `source` is its name in messages.
 
-    It is checked as a file is, and holds plain data only: mappings with text keys, lists, tuples, text, finite numbers,
-    bools and None. Raises as `load_scene` does.
+    It is checked as a file is, and holds plain data only: mappings with text keys, lists, tuples,
+    text, finite numbers, bools and None. Raises as `load_scene` does.
     """
     try:
         root = node_of_data(mapping)
@@ -67,15 +74,20 @@ def scene_from_mapping(
     return _scene_of_node(root, overrides, host, source)
 
 
-def placed(problems: Iterable[Problem], source: str, overrides: Sequence[str] = ()) -> list[Problem]:
-    """Return problems of a scene file with the lines that their paths stand in, as far as there are any."""
+def placed(
+    problems: Iterable[Problem], source: str, overrides: Sequence[str] = ()
+) -> list[Problem]:
+    """Return problems of a scene file with the lines that their paths stand in, as far as there are
+    any.
+    """
     try:
         root = node_of_yaml(_text_of_file(source))
     except InvalidNode:
         return list(problems)
     overridden(root, overrides)
     return [
-        Problem(problem.path, Complaint(problem.message, _place_of(root, problem.path)).text) for problem in problems
+        Problem(problem.path, Complaint(problem.message, _place_of(root, problem.path)).text)
+        for problem in problems
     ]
 
 
@@ -117,14 +129,22 @@ def _text_of_file(source: str) -> str:
     raw = _bytes_of_file(source)
     for mark, encoding in _BYTE_ORDER_MARKS.items():
         if raw.startswith(mark):
-            raise InvalidNode([Complaint(f"begins with a byte-order mark of {encoding}; save it as UTF-8 without one")])
+            raise InvalidNode(
+                [
+                    Complaint(
+                        f"begins with a byte-order mark of {encoding}; save it as UTF-8 without one"
+                    )
+                ]
+            )
     if b"\0" in raw:
         raise InvalidNode([Complaint("is not text: it contains zero bytes")])
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise InvalidNode([Complaint(f"is not UTF-8: byte 0x{raw[error.start]:02x} in line {line}")]) from None
+        raise InvalidNode(
+            [Complaint(f"is not UTF-8: byte 0x{raw[error.start]:02x} in line {line}")]
+        ) from None
 
 
 def _bytes_of_file(source: str) -> bytes:
@@ -132,7 +152,11 @@ def _bytes_of_file(source: str) -> bytes:
         raw = file_bytes(source, MAXIMUM_FILE_BYTES)
     except FileNotFoundError:
         link = Path(source)
-        words = f"is a link to {str(link.readlink())!r}, which is not there" if link.is_symlink() else ""
+        words = (
+            f"is a link to {str(link.readlink())!r}, which is not there"
+            if link.is_symlink()
+            else ""
+        )
         raise InvalidNode([Complaint(words or "there is no such file")]) from None
     except IsADirectoryError:
         raise InvalidNode([Complaint("is a directory; a scene is a file")]) from None
@@ -141,14 +165,21 @@ def _bytes_of_file(source: str) -> bytes:
         raise InvalidNode([Complaint(f"cannot be read: {words}")]) from None
     if len(raw) > MAXIMUM_FILE_BYTES:
         raise InvalidNode(
-            [Complaint(f"is larger than {MAXIMUM_FILE_BYTES} bytes, the most that a scene file may have")]
+            [
+                Complaint(
+                    f"is larger than {MAXIMUM_FILE_BYTES} bytes, the most that a scene file may"
+                    f" have"
+                )
+            ]
         )
     return raw
 
 
 def _scene_error(complaints: Iterable[Complaint], source: str) -> SceneError:
     shown = cut_short(ordered(complaints))
-    return SceneError([Problem(complaint.path, complaint.text) for complaint in shown], source=source)
+    return SceneError(
+        [Problem(complaint.path, complaint.text) for complaint in shown], source=source
+    )
 
 
 _STEP = re.compile(r"\.([^\s.\[\]=]+)|\[([0-9]{1,9})\]|\[(\*)\]")
@@ -157,13 +188,15 @@ _SECRET = re.compile(r"password|passphrase|secret|token|credential", re.IGNORECA
 _YAML = {"'": "'", '"': '"', "[": "]", "{": "}", "&": "", "*": "", "!": ""}
 
 
-def overridden(root: Node, overrides: Sequence[str], default_name: DefaultName | None = None) -> list[Complaint]:
+def overridden(
+    root: Node, overrides: Sequence[str], default_name: DefaultName | None = None
+) -> list[Complaint]:
     """Apply overrides to a scene's nodes in order, and return their errors.
 
-    A key that its block lacks is created, and so are blocks on the way to it; an item that its list lacks is not.
-    `[*]` stands for every item of a list.
-    `default_name` returns the name of the component that a key chooses where the scene has none: a component named
-    without settings (`detection: constant`) becomes a block when a setting of it is overridden.
+    A key that its block lacks is created, and so are blocks on the way to it; an item that its list
+    lacks is not. `[*]` stands for every item of a list. `default_name` returns the name of the
+    component that a key chooses where the scene has none: a component named without settings
+    (`detection: constant`) becomes a block when a setting of it is overridden.
     """
     complaints: list[Complaint] = []
     for override in overrides:
@@ -197,17 +230,29 @@ def _steps(path: str, shown: str) -> list[_Step]:
     at = 0
     dotted = f".{path}"
     while found := _STEP.match(dotted, at):
-        steps.append(found[1] if found[1] is not None else int(found[2]) if found[2] is not None else None)
+        steps.append(
+            found[1] if found[1] is not None else int(found[2]) if found[2] is not None else None
+        )
         at = found.end()
     if at < len(dotted) or not steps:
-        raise InvalidNode([Complaint(f"{shown}: {shown_text(path)} is not a scene path; write it like sensors[0].id")])
+        raise InvalidNode(
+            [
+                Complaint(
+                    f"{shown}: {shown_text(path)} is not a scene path; write it like sensors[0].id"
+                )
+            ]
+        )
     return steps
 
 
 def _value(text: str, shown: str) -> Node:
-    """Return the node of an override's value: an unquoted scalar as it stands, or quotes, [...] and {...} of YAML."""
+    """Return the node of an override's value: an unquoted scalar as it stands, or quotes, [...] and
+    {...} of YAML.
+    """
     if not text:
-        raise InvalidNode([Complaint(f"{shown} has no value; write null for none, or '' for empty text")])
+        raise InvalidNode(
+            [Complaint(f"{shown} has no value; write null for none, or '' for empty text")]
+        )
     if text[0] not in _YAML:
         return node_of_scalar(text, shown)
     if not text.endswith(_YAML[text[0]]):
@@ -215,7 +260,9 @@ def _value(text: str, shown: str) -> Node:
     try:
         return node_of_yaml(text, shown)
     except InvalidNode as refused:
-        raise InvalidNode(Complaint(f"{shown}: {complaint.message}") for complaint in refused.complaints) from refused
+        raise InvalidNode(
+            Complaint(f"{shown}: {complaint.message}") for complaint in refused.complaints
+        ) from refused
 
 
 def _open_choice(root: Node, steps: Sequence[_Step], default_name: DefaultName, shown: str) -> None:
@@ -237,8 +284,16 @@ def _set(node: Node, steps: Sequence[_Step], value: Node, shown: str, path: str 
                 inner = f"{path}{index_step(number)}".removeprefix(".")
                 _set(node.value[number], steps[place + 1 :], deepcopy(value), shown, inner)
             return
-        node = _item(node, step, path, shown) if isinstance(step, int) else _entry(node, step, path, shown)
-        path = f"{path}{index_step(step) if isinstance(step, int) else key_step(step)}".removeprefix(".")
+        node = (
+            _item(node, step, path, shown)
+            if isinstance(step, int)
+            else _entry(node, step, path, shown)
+        )
+        path = (
+            f"{path}{index_step(step) if isinstance(step, int) else key_step(step)}".removeprefix(
+                "."
+            )
+        )
     node.value = value.value
     node.place = value.place
     node.written = value.written
@@ -248,7 +303,9 @@ def _set(node: Node, steps: Sequence[_Step], value: Node, shown: str, path: str 
 def _entry(node: Node, key: str, path: str, shown: str) -> Node:
     """Return the value of a key, an empty block where there is none."""
     if not isinstance(node.value, dict):
-        raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")])
+        raise InvalidNode(
+            [Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")]
+        )
     return node.value.setdefault(key, Node({}, shown, shown))
 
 
@@ -256,16 +313,30 @@ def _count(node: Node, path: str, shown: str) -> int:
     """Return the number of items that `[*]` stands for, at least one."""
     if not isinstance(node.value, list) or not node.value:
         what = "an empty list" if isinstance(node.value, list) else _kind(node)
-        raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {what}, which has no items for [*]")])
+        raise InvalidNode(
+            [Complaint(f"{shown}: {path or 'the scene'} is {what}, which has no items for [*]")]
+        )
     return len(node.value)
 
 
 def _item(node: Node, index: int, path: str, shown: str) -> Node:
     if not isinstance(node.value, list):
-        raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no item {index}")])
+        raise InvalidNode(
+            [
+                Complaint(
+                    f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no item {index}"
+                )
+            ]
+        )
     count = len(node.value)
     if index >= count:
-        raise InvalidNode([Complaint(f"{shown}: {path} has {count} item{'s' if count != 1 else ''}, numbered from 0")])
+        raise InvalidNode(
+            [
+                Complaint(
+                    f"{shown}: {path} has {count} item{'s' if count != 1 else ''}, numbered from 0"
+                )
+            ]
+        )
     return node.value[index]
 
 

@@ -27,7 +27,9 @@ _BLOCKS: Mapping[str, str] = {
 
 @frozen
 class Owners:
-    """The models of one kind that have a key: their names, and the inner block of the key, or ""."""
+    """The models of one kind that have a key: their names, and the inner block of the key, or
+    "".
+    """
 
     hook: str
     names: Sequence[str]
@@ -38,11 +40,15 @@ class Owners:
         shown = self.names[:_MOST_NAMED]
         more = [f"{len(self.names) - len(shown)} more"] if len(self.names) > len(shown) else []
         inside = f"{self.block} of " if self.block else ""
-        return f"{inside}the {kind}{'s' if len(self.names) > 1 else ''} {listed([*shown, *more], 'and')}"
+        return (
+            f"{inside}the {kind}{'s' if len(self.names) > 1 else ''}"
+            f" {listed([*shown, *more], 'and')}"
+        )
 
 
 def home_of(key: str, host: Host, component: Component, *, is_chosen: bool) -> str:
-    """Return where in a component's block, or in another model of its kind, a key belongs, as text; "" if nowhere.
+    """Return where in a component's block, or in another model of its kind, a key belongs, as text;
+    "" if nowhere.
 
     `is_chosen` says whether it is the block's `model` that chooses the component.
     """
@@ -52,7 +58,9 @@ def home_of(key: str, host: Host, component: Component, *, is_chosen: bool) -> s
     owners = _owners(key, host, component.hook)
     if owners is None:
         return ""
-    choosing = f"; write model: {listed(owners.names[:_MOST_NAMED], 'or')} to set it" if is_chosen else ""
+    choosing = (
+        f"; write model: {listed(owners.names[:_MOST_NAMED], 'or')} to set it" if is_chosen else ""
+    )
     return f"it belongs to {owners}, and this is {component.name}{choosing}"
 
 
@@ -60,7 +68,9 @@ def home_elsewhere(key: str, host: Host) -> str:
     """Return where in a scene a key belongs, as text; "" if nowhere."""
     if any(key == attribute.name for attribute in fields(SceneFile)):
         return "it belongs to the top level of the scene"
-    known = [owners for owners in (_owners(key, host, hook) for hook in _BLOCKS) if owners is not None]
+    known = [
+        owners for owners in (_owners(key, host, hook) for hook in _BLOCKS) if owners is not None
+    ]
     homes = [f"{owners} (in {_BLOCKS[owners.hook]})" for owners in known]
     return f"it belongs to {listed(homes, 'or')}" if homes else ""
 
@@ -71,14 +81,20 @@ def listed(words: Sequence[str], last: str) -> str:
 
 
 def _owners(key: str, host: Host, hook: str) -> Owners | None:
-    """Return the models of a kind that have a key; those that have it in the outermost block, if any."""
-    found = {component.name: list(_blocks_with(key, component)) for component in _usable(host, hook)}
+    """Return the models of a kind that have a key; those that have it in the outermost block, if
+    any.
+    """
+    found = {
+        component.name: list(_blocks_with(key, component)) for component in _usable(host, hook)
+    }
     outermost = [name for name, blocks in found.items() if "" in blocks]
     if outermost:
         return Owners(hook, outermost, "")
     inside = {name: blocks[0] for name, blocks in found.items() if blocks}
     block = next(iter(inside.values()), "")
-    return Owners(hook, [name for name in inside if inside[name] == block], block) if inside else None
+    return (
+        Owners(hook, [name for name in inside if inside[name] == block], block) if inside else None
+    )
 
 
 def _usable(host: Host, hook: str) -> Iterator[Component]:
@@ -92,7 +108,9 @@ def _usable(host: Host, hook: str) -> Iterator[Component]:
 
 
 def _blocks_with(key: str, component: Component) -> Iterator[str]:
-    """Yield the blocks of a component's settings that have a key: "" for the outermost, then those inside."""
+    """Yield the blocks of a component's settings that have a key: "" for the outermost, then those
+    inside.
+    """
     for block, name in _settings(component.config):
         if name == key:
             yield block

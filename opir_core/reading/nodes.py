@@ -1,7 +1,7 @@
 """Nodes: the values of a scene as written, with their places.
 
-A YAML file, a mapping and an override all become nodes, so one set of rules reads them all and every error message has
-a place.
+A YAML file, a mapping and an override all become nodes, so one set of rules reads them all and
+every error message has a place.
 """
 
 import re
@@ -31,7 +31,8 @@ MAXIMUM_TARGETS = 50_000
 #: The most blocks of sources; one block may stand for many emitters.
 MAXIMUM_SOURCES = 1_000
 
-#: The longest scene, s: a year and what a study adds to it. Time in which nothing is in view costs next to nothing.
+#: The longest scene, s: a year and what a study adds to it. Time in which nothing is in view costs
+#: next to nothing.
 MAXIMUM_DURATION_S = 400 * 86_400.0
 
 #: The longest name of a scene and the longest id of a sensor or a target, characters.
@@ -59,7 +60,9 @@ UNREADABLE = Unreadable.UNREADABLE
 
 
 class SwitchWord(str):
-    """`on`, `off`, `yes` or `no` without quotes: a truth value where one is expected, and nothing elsewhere."""
+    """`on`, `off`, `yes` or `no` without quotes: a truth value where one is expected, and nothing
+    elsewhere.
+    """
 
     __slots__ = ()
 
@@ -101,8 +104,9 @@ class InvalidNode(Exception):  # noqa: N818 - never seen outside the reading pac
 class Node:
     """A value as written.
 
-    `value` is text, a number, a truth value, None, a list of nodes, a dict of nodes by key, a `SwitchWord` or
-    `UNREADABLE`. `written` is the text of an unquoted scalar. `key_place` is where the key of this value stands.
+    `value` is text, a number, a truth value, None, a list of nodes, a dict of nodes by key, a
+    `SwitchWord` or `UNREADABLE`. `written` is the text of an unquoted scalar. `key_place` is where
+    the key of this value stands.
     """
 
     value: Any
@@ -134,7 +138,9 @@ class ErrorCollector:
 
 
 class _Gather:
-    """The `with` block of `ErrorCollector.at`; a class for speed, because a scene enters one for every value."""
+    """The `with` block of `ErrorCollector.at`; a class for speed, because a scene enters one for
+    every value.
+    """
 
     __slots__ = ("_collector", "_steps")
 
@@ -149,7 +155,9 @@ class _Gather:
         if not isinstance(error, InvalidNode):
             return False
         self._collector.is_whole = False
-        self._collector.complaints += [complaint.under(*self._steps) for complaint in error.complaints]
+        self._collector.complaints += [
+            complaint.under(*self._steps) for complaint in error.complaints
+        ]
         return True
 
 
@@ -185,7 +193,9 @@ def shown_text(text: str) -> str:
 def unprintable_complaint(text: str) -> str | None:
     """Return the error in the characters of a text, or None."""
     found = _NOT_TEXT.search(text)
-    return f"{shown_text(text)} contains U+{ord(found[0]):04X}, which is not text" if found else None
+    return (
+        f"{shown_text(text)} contains U+{ord(found[0]):04X}, which is not text" if found else None
+    )
 
 
 def complaints_inside(node: Node) -> Iterator[Complaint]:
@@ -197,8 +207,13 @@ def complaints_inside(node: Node) -> Iterator[Complaint]:
 
 
 def ordered(complaints: Iterable[Complaint]) -> list[Complaint]:
-    """Return complaints without duplicates: those with a line by line and column, then the others in order."""
-    return sorted(dict.fromkeys(complaints), key=lambda one: (0, one.place) if isinstance(one.place, tuple) else (1,))
+    """Return complaints without duplicates: those with a line by line and column, then the others
+    in order.
+    """
+    return sorted(
+        dict.fromkeys(complaints),
+        key=lambda one: (0, one.place) if isinstance(one.place, tuple) else (1,),
+    )
 
 
 def cut_short(complaints: list[Complaint]) -> list[Complaint]:
@@ -206,7 +221,10 @@ def cut_short(complaints: list[Complaint]) -> list[Complaint]:
     left_out = len(complaints) - MAXIMUM_PROBLEMS
     if left_out <= 0:
         return complaints
-    return [*complaints[:MAXIMUM_PROBLEMS], Complaint(f"and {left_out} more problem{'s' if left_out > 1 else ''}")]
+    return [
+        *complaints[:MAXIMUM_PROBLEMS],
+        Complaint(f"and {left_out} more problem{'s' if left_out > 1 else ''}"),
+    ]
 
 
 def _children(value: Any) -> Iterator[tuple[str, Node]]:

@@ -21,15 +21,19 @@ _TOO_LONG = 10**MAXIMUM_DIGITS
 
 
 def node_of_data(data: Any) -> Node:
-    """Return the nodes of plain data: mappings with text keys, lists, tuples, text, finite numbers, bools and None.
+    """Return the nodes of plain data: mappings with text keys, lists, tuples, text, finite numbers,
+    bools and None.
 
-    What is wrong with single values waits in the nodes; data that is too deep or too large raises `InvalidNode`.
+    What is wrong with single values waits in the nodes; data that is too deep or too large raises
+    `InvalidNode`.
     """
     return _node(data, 0, count(1))
 
 
 def data_of_node(node: Node) -> Any:
-    """Return a node's plain data: dicts, lists and scalars; raises `InvalidNode` where some of it cannot be read."""
+    """Return a node's plain data: dicts, lists and scalars; raises `InvalidNode` where some of it
+    cannot be read.
+    """
     value = node.value
     if isinstance(value, list):
         return [data_of_node(child) for child in value]
@@ -37,7 +41,8 @@ def data_of_node(node: Node) -> Any:
         return {key: data_of_node(child) for key, child in value.items()}
     if isinstance(value, SwitchWord):
         raise node.refused(
-            f"{value} is a truth value to some YAML readers; write true or false, or '{value}' in quotes"
+            f"{value} is a truth value to some YAML readers; write true or false, or '{value}' in"
+            f" quotes"
         )
     if value is UNREADABLE:
         raise InvalidNode
@@ -94,10 +99,13 @@ def _scalar(data: Any) -> Any:
             raise ValueError(f"{float(data)!r} is not a finite number")
         return float(data)
     raise ValueError(
-        f"a value of type {_type_name(data)} is not plain data; scenes hold mappings, lists, text, numbers and bools"
+        f"a value of type {_type_name(data)} is not plain data; scenes hold mappings, lists, text,"
+        f" numbers and bools"
     )
 
 
 def _type_name(data: Any) -> str:
     kind = type(data)
-    return kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
+    return (
+        kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
+    )

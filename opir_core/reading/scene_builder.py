@@ -11,10 +11,32 @@ from attrs import evolve
 from opir_core.host.components import Constellation
 from opir_core.host.host import Host
 from opir_core.reading.component_reader import ComponentReader, Settings, component_name
-from opir_core.reading.nodes import MAXIMUM_SENSORS, ErrorCollector, InvalidNode, Node, index_step, key_step, under
+from opir_core.reading.nodes import (
+    MAXIMUM_SENSORS,
+    ErrorCollector,
+    InvalidNode,
+    Node,
+    index_step,
+    key_step,
+    under,
+)
 from opir_core.reading.scene_schema import CHOICES, PAPER, SceneFile, epoch_us_of_text
-from opir_core.reading.structuring import block_of, class_reader, items_of, nearest, refusal, unknown_key
-from opir_core.reading.targets import ID_RULE, Identifier, SourceReader, TargetReader, is_id, read_forces
+from opir_core.reading.structuring import (
+    block_of,
+    class_reader,
+    items_of,
+    nearest,
+    refusal,
+    unknown_key,
+)
+from opir_core.reading.targets import (
+    ID_RULE,
+    Identifier,
+    SourceReader,
+    TargetReader,
+    is_id,
+    read_forces,
+)
 from opir_core.scene.scene import Choice, Scene, SceneSensor, SpoolConfig
 
 _MODELS = "opir_sensor_models"
@@ -77,7 +99,9 @@ class SensorReader:
         for satellite in satellites:
             with collector.at():
                 own = evolve(node, value={**block, **block_of(satellite)})
-                sensors.append(SceneSensor(*self._identifier.identified(own, path, _SENSOR_KEYS, path)))
+                sensors.append(
+                    SceneSensor(*self._identifier.identified(own, path, _SENSOR_KEYS, path))
+                )
         collector.require_whole()
         return sensors
 
@@ -93,11 +117,17 @@ class SensorReader:
             for index, item in enumerate(items_of(block["members"])):
                 with collector.at(".members", index_step(index)):
                     own_path = f"{path}.members[{index}]"
-                    sensors.append(SceneSensor(*self._identifier.identified(item, own_path, _SENSOR_KEYS, path), name))
+                    sensors.append(
+                        SceneSensor(
+                            *self._identifier.identified(item, own_path, _SENSOR_KEYS, path), name
+                        )
+                    )
         collector.require_whole()
         return sensors
 
-    def _fleet(self, node: Node, written: dict[str, Node], name: str, path: str) -> list[SceneSensor]:
+    def _fleet(
+        self, node: Node, written: dict[str, Node], name: str, path: str
+    ) -> list[SceneSensor]:
         """Return a constellation's own members, with the scene's settings applied to each."""
         collector = ErrorCollector()
         sensors = list[SceneSensor]()
@@ -106,24 +136,34 @@ class SensorReader:
             constellation = self._components.component(_CONSTELLATIONS, name, path)
             for satellite in constellation.satellites:
                 with collector.at():
-                    sensors.append(self._satellite(constellation, satellite, Settings(node, written), path))
+                    sensors.append(
+                        self._satellite(constellation, satellite, Settings(node, written), path)
+                    )
         collector.require_whole()
         return sensors
 
     def _satellite(
-        self, constellation: Constellation, satellite: Mapping[str, Any], settings: Settings, path: str
+        self,
+        constellation: Constellation,
+        satellite: Mapping[str, Any],
+        settings: Settings,
+        path: str,
     ) -> SceneSensor:
         given = dict(satellite)
         own_id = given.pop("id")
         if not is_id(own_id):
-            raise self._components.blamed(constellation, path, f"{own_id!r} is not an id; {ID_RULE}")
+            raise self._components.blamed(
+                constellation, path, f"{own_id!r} is not an id; {ID_RULE}"
+            )
         self._identifier.claimed(own_id, path, settings.block)
         settings = evolve(settings, given=given, giver=constellation, other_keys=_FLEET_KEYS)
         choice = self._components.choice(_MODELS, constellation.model, path, settings)
         return SceneSensor(own_id, choice, constellation.name)
 
 
-def _refuse(block: dict[str, Node], keys: Sequence[str], message: str, collector: ErrorCollector) -> None:
+def _refuse(
+    block: dict[str, Node], keys: Sequence[str], message: str, collector: ErrorCollector
+) -> None:
     for key in [key for key in keys if key in block]:
         with collector.at(key_step(key)):
             raise block.pop(key).refused(message.format(key), at_key=True)
@@ -136,7 +176,9 @@ _OUTPUT_NEEDED = "a sink's name, or one name with its settings indented below it
 
 
 class SceneBuilder:
-    """Reads one scene; `collector` has what is wrong with it, `components.failures` what is wrong with plugins."""
+    """Reads one scene; `collector` has what is wrong with it, `components.failures` what is wrong
+    with plugins.
+    """
 
     def __init__(self, host: Host) -> None:
         self.collector = ErrorCollector()
@@ -146,7 +188,9 @@ class SceneBuilder:
         """Return the scene, or None if there are errors."""
         values: dict[str, Any] = {}
         with self.collector.at():
-            values = class_reader(SceneFile).values(root, self.collector, home=self.components.home_elsewhere)
+            values = class_reader(SceneFile).values(
+                root, self.collector, home=self.components.home_elsewhere
+            )
         self.components.preset = values.get("preset")
         parts = self._parts(values)
         if not self.collector.is_whole or self.components.failures:
@@ -189,7 +233,9 @@ class SceneBuilder:
         return parts
 
     def default_name(self, key: str, nodes: Mapping[str, Any]) -> str:
-        """Return the name that a key has if the scene names none; a detection model may bring its classifier."""
+        """Return the name that a key has if the scene names none; a detection model may bring its
+        classifier.
+        """
         default = CHOICES[key][1]
         chosen = nodes.get("detection") if key == "classification" else None
         if isinstance(chosen, Node) and isinstance(chosen.value, dict):
@@ -197,7 +243,12 @@ class SceneBuilder:
         if not isinstance(chosen, Node) or not isinstance(chosen.value, str):
             return default
         try:
-            return self.components.component(CHOICES["detection"][0], chosen.value, "detection").classifier or default
+            return (
+                self.components.component(
+                    CHOICES["detection"][0], chosen.value, "detection"
+                ).classifier
+                or default
+            )
         except InvalidNode:
             return default
 
@@ -218,7 +269,11 @@ class SceneBuilder:
                     self.components.component(_ENCODERS, name, f"{choice.path}.encoder")
                 path = getattr(choice.config, "path", None)
                 for other in outputs:
-                    if path is not None and other.name == choice.name and getattr(other.config, "path", None) == path:
+                    if (
+                        path is not None
+                        and other.name == choice.name
+                        and getattr(other.config, "path", None) == path
+                    ):
                         raise item.refused(f"{other.path} writes to {path!r} already")
                 outputs.append(choice)
         collector.require_whole()
@@ -231,7 +286,11 @@ class SceneBuilder:
             raise refusal(node, _OUTPUT_NEEDED)
         block = block_of(node)
         if len(block) != 1:
-            keys = f" has the keys {', '.join(block)}" if 0 < len(block) <= _FEW_KEYS else f" has {len(block)} keys"
+            keys = (
+                f" has the keys {', '.join(block)}"
+                if 0 < len(block) <= _FEW_KEYS
+                else f" has {len(block)} keys"
+            )
             raise node.refused(f"this block{keys}; {_OUTPUT_NEEDED}")
         ((name, node),) = block.items()
         with under(key_step(name)):

@@ -1,4 +1,6 @@
-"""The keys of a scene file, with what each means; the blocks among them are read later, by what they choose."""
+"""The keys of a scene file, with what each means; the blocks among them are read later, by what
+they choose.
+"""
 
 import re
 from datetime import UTC, datetime, timedelta
@@ -8,9 +10,17 @@ from attrs import frozen
 
 from opir_core.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
 from opir_core.scene.fields import flag, nested, number, text
-from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES, PLAUSIBLE_DURATION_S, WorkLimits
+from opir_core.scene.scene import (
+    BY_OBSERVATION,
+    BY_REPORT,
+    CLASS_TYPES,
+    PAPER_TYPES,
+    PLAUSIBLE_DURATION_S,
+    WorkLimits,
+)
 
-#: The keys that choose one component: the hook it comes through, and the name chosen where the scene has none.
+#: The keys that choose one component: the hook it comes through, and the name chosen where the
+#: scene has none.
 CHOICES = {
     "detection": ("opir_detection_models", "constant"),
     "classification": ("opir_classifiers", "paper"),
@@ -31,7 +41,11 @@ def _name_complaint(name: str) -> str | None:
     if not name.strip() or "\n" in name:
         return "a scene's name is one line of text"
     too_long = len(name) > MAXIMUM_NAME_LENGTH
-    return f"a scene's name has at most {MAXIMUM_NAME_LENGTH} characters; this has {len(name)}" if too_long else None
+    return (
+        f"a scene's name has at most {MAXIMUM_NAME_LENGTH} characters; this has {len(name)}"
+        if too_long
+        else None
+    )
 
 
 def _epoch_complaint(epoch: str) -> str | None:
@@ -45,7 +59,11 @@ def _epoch_complaint(epoch: str) -> str | None:
 def _chosen(kind: str, key: str) -> dict[str, Any]:
     words = f"{kind}: its name, or a block of model and settings"
     with_model = ", or that of the detection model" if key == "classification" else ""
-    return {"help": words, "default": None, "source": f"`{CHOICES[key][1]}` if none is named{with_model}"}
+    return {
+        "help": words,
+        "default": None,
+        "source": f"`{CHOICES[key][1]}` if none is named{with_model}",
+    }
 
 
 @frozen(kw_only=True)
@@ -66,7 +84,13 @@ class SceneFile:
         plausible=PLAUSIBLE_DURATION_S,
         source="",
     )
-    seed: int = number(help="seed of all random numbers", default=0, minimum=0, maximum=2**63 - 1, source="arbitrary")
+    seed: int = number(
+        help="seed of all random numbers",
+        default=0,
+        minimum=0,
+        maximum=2**63 - 1,
+        source="arbitrary",
+    )
     light_time: bool = flag(
         help="whether light travels at finite speed",
         default=True,
@@ -79,7 +103,8 @@ class SceneFile:
         source="none",
     )
     reported_types: str = text(
-        help="what events report: the types ICBM, IRBM, SRBM and UNKNOWN (paper), or target classes too (classes)",
+        help="what events report: the types ICBM, IRBM, SRBM and UNKNOWN (paper), or target classes"
+        " too (classes)",
         default=PAPER_TYPES,
         choices=(PAPER_TYPES, CLASS_TYPES),
         source="opir-simulator paper (2026): four types",
@@ -109,20 +134,23 @@ class SceneFile:
     confidence: Node | None = nested(**_chosen("confidence model", "confidence"))
     tracker: Node | None = nested(**_chosen("tracker", "tracker"))
     tracking_order: str = text(
-        help="order in which the tracker gets detections: of observation, as if reports had no latency, or of report,"
+        help="order in which the tracker gets detections: of observation, as if reports had no"
+        " latency, or of report,"
         " by a fixed lag",
         default=BY_OBSERVATION,
         choices=(BY_OBSERVATION, BY_REPORT),
         source="opir-simulator paper (2026): event time",
     )
     tracking_lag_s: float | None = number(
-        help="time after a tick at which the tracker is stepped in the order of report, with the detections reported by"
+        help="time after a tick at which the tracker is stepped in the order of report, with the"
+        " detections reported by"
         " then; later reports are not tracked",
         default=None,
         unit="s",
         minimum=0.0,
         maximum=86_400.0,
-        source="derived: the sum over the stages of the slowest sensor of the latency that one report in 1000 exceeds",
+        source="derived: the sum over the stages of the slowest sensor of the latency that one"
+        " report in 1000 exceeds",
     )
     atmosphere: Node | None = nested(**_chosen("atmosphere model", "atmosphere"))
     background: Node | None = nested(**_chosen("background model", "background"))
@@ -135,22 +163,27 @@ _FIRST_YEAR = 1970
 _LAST_YEAR = 2099
 _START = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
-_FORM = re.compile(r"(\d{4})-(\d{2})-(\d{2})T(\d{2}):(\d{2}):(\d{2})(?:\.(\d+))?(Z|[-+]\d{2}:\d{2})?", re.ASCII)
+_FORM = re.compile(
+    r"(\d{4})-(\d{2})-(\d{2})T(\d{2}):(\d{2}):(\d{2})(?:\.(\d+))?(Z|[-+]\d{2}:\d{2})?", re.ASCII
+)
 _EXAMPLE = "2026-04-01T12:00:00Z"
 
 
 def epoch_us_of_text(text: str) -> int:
-    """Return microseconds since 1970-01-01 UTC (no leap seconds) of `YYYY-MM-DDThh:mm:ss[.ffffff]Z`.
+    """Return microseconds since 1970-01-01 UTC (no leap seconds) of
+    `YYYY-MM-DDThh:mm:ss[.ffffff]Z`.
 
-    Raises `ValueError`, with words for the user, for any other form, for a moment that does not exist (a leap second is
-    none here) and for years outside 1970 to 2099.
+    Raises `ValueError`, with words for the user, for any other form, for a moment that does not
+    exist (a leap second is none here) and for years outside 1970 to 2099.
     """
     found = _FORM.fullmatch(text)
     if found is None:
         raise ValueError(f"{text!r} is not a time; write it like {_EXAMPLE}")
     *whole, fraction, zone = found.groups()
     if zone != "Z":
-        raise ValueError(f"{text!r} is not in UTC; write the time in UTC, ended by Z, like {_EXAMPLE}")
+        raise ValueError(
+            f"{text!r} is not in UTC; write the time in UTC, ended by Z, like {_EXAMPLE}"
+        )
     if fraction and len(fraction) > 6:
         raise ValueError(f"{text!r} is finer than a microsecond")
     try:
@@ -165,4 +198,6 @@ def epoch_us_of_text(text: str) -> int:
 def text_of_epoch_us(epoch_us: int) -> str:
     """Return `YYYY-MM-DDThh:mm:ss[.ffffff]Z` for microseconds since 1970-01-01 UTC."""
     moment = _START + epoch_us * _MICROSECOND
-    return f"{moment:%Y-%m-%dT%H:%M:%S}{f'.{moment.microsecond:06d}' if moment.microsecond else ''}Z"
+    return (
+        f"{moment:%Y-%m-%dT%H:%M:%S}{f'.{moment.microsecond:06d}' if moment.microsecond else ''}Z"
+    )

@@ -1,9 +1,9 @@
 """YAML text to nodes, refusing what makes YAML surprising.
 
-PyYAML's parser supplies events; nothing of its constructors or resolvers is used. Aliases, anchors, tags, merge keys,
-directives, second documents, duplicate keys and keys that are not text are refused, and so is all that
-`opir_core.reading.strict_yaml` refuses. Nesting and the number of values are bounded while reading, so no text
-is costly.
+PyYAML's parser supplies events; nothing of its constructors or resolvers is used. Aliases, anchors,
+tags, merge keys, directives, second documents, duplicate keys and keys that are not text are
+refused, and so is all that `opir_core.reading.strict_yaml` refuses. Nesting and the number of
+values are bounded while reading, so no text is costly.
 """
 
 import math
@@ -44,24 +44,37 @@ _ODD = (
     (re.compile(r"[-+]?\.(inf|Inf|INF|nan|NaN|NAN)"), "{0} is not a finite number"),
     (
         re.compile(r"[-+]?[0-9][0-9_]*(:[0-9]+)+(\.[0-9_]*)?"),
-        "{0} is a number in base 60 to some YAML readers; write a decimal number, or '{0}' in quotes for text",
+        (
+            "{0} is a number in base 60 to some YAML readers; write a decimal number, or '{0}' in"
+            " quotes for text"
+        ),
     ),
-    (re.compile(r"[-+]?0[xXoObB][0-9a-fA-F_]+"), "{0} is not a decimal number; write one, or '{0}' in quotes for text"),
     (
-        re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?([eE][-+]?[0-9]+)?|[-+]?[0-9]+\.[0-9_]*_[0-9_]*"),
+        re.compile(r"[-+]?0[xXoObB][0-9a-fA-F_]+"),
+        "{0} is not a decimal number; write one, or '{0}' in quotes for text",
+    ),
+    (
+        re.compile(
+            r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?([eE][-+]?[0-9]+)?|[-+]?[0-9]+\.[0-9_]*_[0-9_]*"
+        ),
         "{0} has '_' between digits; leave it out, or write '{0}' in quotes for text",
     ),
     (
         re.compile(r"[-+]?0[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]+)?"),
-        "{0} begins with a zero, which is octal to some YAML readers; leave it out, or write '{0}' in quotes for text",
+        (
+            "{0} begins with a zero, which is octal to some YAML readers; leave it out, or write '{0}'"
+            " in quotes for text"
+        ),
     ),
 )
 
 
 def plain_value(text: str) -> Any:
-    """Return the value of an unquoted scalar: None, a truth value, an int, a float, a `SwitchWord` or text.
+    """Return the value of an unquoted scalar: None, a truth value, an int, a float, a `SwitchWord`
+    or text.
 
-    Raises `ValueError`, with words for the user, where that depends on who reads it or would not keep the number.
+    Raises `ValueError`, with words for the user, where that depends on who reads it or would not
+    keep the number.
     """
     if text in _CONSTANTS:
         return _CONSTANTS[text]
@@ -92,7 +105,9 @@ def _number_or_text(text: str) -> int | float | str:
     if _WHOLE.fullmatch(text):
         digits = len(text.lstrip("+-"))
         if digits > MAXIMUM_DIGITS:
-            raise ValueError(f"a whole number of {digits} digits; at most {MAXIMUM_DIGITS} are read")
+            raise ValueError(
+                f"a whole number of {digits} digits; at most {MAXIMUM_DIGITS} are read"
+            )
         return int(text)
     if _DECIMAL.fullmatch(text):
         number = float(text)
@@ -104,14 +119,19 @@ def _number_or_text(text: str) -> int | float | str:
         return number
     for pattern, complaint in _ODD:
         if pattern.fullmatch(text):
-            raise ValueError(complaint.format(text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."))
+            raise ValueError(
+                complaint.format(
+                    text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."
+                )
+            )
     return quoted_value(text)
 
 
 #: libyaml's parser where PyYAML has it, else PyYAML's own: the same events, more slowly.
 PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-#: PyYAML's own pattern of what must not stand in a text (YAML 1.1, section 5.1); compiling it a second time is slow.
+#: PyYAML's own pattern of what must not stand in a text (YAML 1.1, section 5.1); compiling it a
+#: second time is slow.
 _UNPRINTABLE: re.Pattern[str] = yaml.reader.Reader.NON_PRINTABLE
 
 _SYNTAX = (
@@ -121,20 +141,32 @@ _SYNTAX = (
     ("end of stream", "the quotes are not closed"),
     ("stream end", "the bracket is not closed"),
     ("expected ',' or '", "a ',' or a closing bracket is missing before this"),
-    ("expected key", "the keys of one block, and the '-' of one list, must begin in the same column"),
+    (
+        "expected key",
+        "the keys of one block, and the '-' of one list, must begin in the same column",
+    ),
     ("block end", "the keys of one block, and the '-' of one list, must begin in the same column"),
     ("document start", "something follows after the end"),
-    ("'-' indicator", "the keys of one block, and the '-' of one list, must begin in the same column"),
+    (
+        "'-' indicator",
+        "the keys of one block, and the '-' of one list, must begin in the same column",
+    ),
     ("node content", "a value is missing before this"),
-    ("escape", "there is no such escape in double quotes; write '\\\\' for a backslash, or use single quotes"),
+    (
+        "escape",
+        (
+            "there is no such escape in double quotes; write '\\\\' for a backslash, or use single"
+            " quotes"
+        ),
+    ),
 )
 
 
 def node_of_yaml(text: str, origin: str | None = None) -> Node:
     """Return the nodes of a YAML document.
 
-    `origin` stands in for line and column where the text is not a file. What is wrong with single values waits in the
-    nodes; `InvalidNode` is raised where the text as a whole cannot be read.
+    `origin` stands in for line and column where the text is not a file. What is wrong with single
+    values waits in the nodes; `InvalidNode` is raised where the text as a whole cannot be read.
     """
     _refuse_unprintable(text, origin)
     composer = _Composer(origin)
@@ -157,7 +189,9 @@ def node_of_scalar(text: str, origin: str) -> Node:
 
 
 class _Composer:
-    """Events in, nodes out: a stack of the open blocks and lists, each block with the key that waits for its value."""
+    """Events in, nodes out: a stack of the open blocks and lists, each block with the key that
+    waits for its value.
+    """
 
     def __init__(self, origin: str | None) -> None:
         self.root: Node | None = None
@@ -178,12 +212,18 @@ class _Composer:
             self._open.pop()
             self._keys.pop()
         elif isinstance(event, yaml.AliasEvent):
-            self._add(self._unreadable("aliases (*name) are not read; write the value out", event), event)
+            self._add(
+                self._unreadable("aliases (*name) are not read; write the value out", event), event
+            )
         elif isinstance(event, yaml.DocumentStartEvent):
             if self.root is not None:
-                self.stop("a second document begins here; a scene is one document", event.start_mark)
+                self.stop(
+                    "a second document begins here; a scene is one document", event.start_mark
+                )
             if event.version or event.tags:
-                self.stop("directives (%YAML, %TAG) are not read; leave the line out", event.start_mark)
+                self.stop(
+                    "directives (%YAML, %TAG) are not read; leave the line out", event.start_mark
+                )
 
     def stop(self, message: str, mark: Any) -> None:
         """Raise what is wrong with the text, after what was wrong before."""
@@ -215,7 +255,9 @@ class _Composer:
             return ()
         tag = (event.tag or "").replace("tag:yaml.org,2002:", "!!")
         what = f"tags ({tag})" if tag else f"anchors (&{event.anchor})"
-        return (Complaint(f"{what} are not read; write the plain value", self._place(event.start_mark)),)
+        return (
+            Complaint(f"{what} are not read; write the plain value", self._place(event.start_mark)),
+        )
 
     def _unreadable(self, message: str, event: Any) -> Node:
         place = self._place(event.start_mark)
@@ -247,7 +289,10 @@ class _Composer:
         elif isinstance(node.value, list | dict):
             self._complain("a key is a list or a block; keys are text", node.place)
         elif node.value is not UNREADABLE:
-            self._complain(f"the key {node.written or 'of nothing'} is not text; write it in quotes", node.place)
+            self._complain(
+                f"the key {node.written or 'of nothing'} is not text; write it in quotes",
+                node.place,
+            )
         return None
 
     def _set(self, block: Node, key: str, key_place: Place, node: Node) -> None:
@@ -272,12 +317,16 @@ def _refuse_unprintable(text: str, origin: str | None) -> None:
     line = text.count("\n", 0, found.start()) + 1
     place = origin or (line, found.start() - text.rfind("\n", 0, found.start()))
     if found[0] == "\t":
-        raise InvalidNode([Complaint("a tab stands here; scenes are indented and spaced with blanks", place)])
+        raise InvalidNode(
+            [Complaint("a tab stands here; scenes are indented and spaced with blanks", place)]
+        )
     raise InvalidNode([Complaint(f"U+{ord(found[0]):04X} stands here, which is not text", place)])
 
 
 def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, Any]:
-    """Return the message of a parser error, in our words where there are some, and the mark of its place."""
+    """Return the message of a parser error, in our words where there are some, and the mark of its
+    place.
+    """
     problem = error.problem or "this does not follow the rules of YAML"
     said = next((ours for theirs, ours in _SYNTAX if theirs in problem), problem)
     begun = error.context_mark

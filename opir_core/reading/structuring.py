@@ -1,8 +1,9 @@
 """Readers of configuration classes: nodes to checked values.
 
-cattrs finds the reader of each type. Every reader is strict and converts nothing: a number in quotes is text, a whole
-number has no decimal point, and `1` is not a truth value. The one conversion is from whole numbers to floats, where it
-is exact. The reader of a class reports the errors of every field of its block.
+cattrs finds the reader of each type. Every reader is strict and converts nothing: a number in
+quotes is text, a whole number has no decimal point, and `1` is not a truth value. The one
+conversion is from whole numbers to floats, where it is exact. The reader of a class reports the
+errors of every field of its block.
 """
 
 import types
@@ -28,7 +29,8 @@ from opir_core.reading.plain_data import data_of_node
 from opir_core.reading.strict_yaml import is_decimal_text, is_on
 from opir_core.scene.fields import METADATA_KEY, FieldInfo, info_of, named_value
 
-#: Takes a node and its type (which the reader knows already); returns the value or raises `InvalidNode`.
+#: Takes a node and its type (which the reader knows already); returns the value or raises
+#: `InvalidNode`.
 Reader = Callable[[Node, Any], Any]
 
 _FEW_KEYS = 8
@@ -42,7 +44,9 @@ def read_float(node: Node, _type: Any = None) -> float:
     if type(value) is not int:
         raise _no_number(node, "a number is needed")
     if int(float(value)) != value:
-        raise node.refused(f"{value} has more digits than a number keeps; write it as {float(value)!r}")
+        raise node.refused(
+            f"{value} has more digits than a number keeps; write it as {float(value)!r}"
+        )
     return float(value)
 
 
@@ -54,7 +58,9 @@ def read_int(node: Node, _type: Any = None) -> int:
     if type(value) is not float:
         raise _no_number(node, "a whole number is needed")
     hint = f": write {int(value)}" if value.is_integer() and abs(value) < 2**53 else ""
-    raise node.refused(f"{_as_written(node)} is not written as a whole number, and one is needed{hint}")
+    raise node.refused(
+        f"{_as_written(node)} is not written as a whole number, and one is needed{hint}"
+    )
 
 
 def read_bool(node: Node, _type: Any = None) -> bool:
@@ -91,12 +97,16 @@ def read_tuple(readers: tuple[Reader, ...], node: Node, _type: Any = None) -> tu
     if len(items) != len(readers):
         raise node.refused(f"this list has {len(items)} items; {len(readers)} are needed")
     parts = zip(readers, items, strict=True)
-    return tuple(_all_read((index_step(index), reader, item) for index, (reader, item) in enumerate(parts)))
+    return tuple(
+        _all_read((index_step(index), reader, item) for index, (reader, item) in enumerate(parts))
+    )
 
 
 def read_items(reader: Reader, node: Node, _type: Any = None) -> tuple[Any, ...]:
     """Return a list of any length."""
-    return tuple(_all_read((index_step(index), reader, item) for index, item in enumerate(items_of(node))))
+    return tuple(
+        _all_read((index_step(index), reader, item) for index, item in enumerate(items_of(node)))
+    )
 
 
 def read_mapping(reader: Reader, node: Node, _type: Any = None) -> dict[str, Any]:
@@ -107,7 +117,9 @@ def read_mapping(reader: Reader, node: Node, _type: Any = None) -> dict[str, Any
 
 
 def block_of(node: Node, keys: Iterable[str] = ()) -> dict[str, Node]:
-    """Return the entries of a block, or raise that one is needed (with `keys`, where these are few)."""
+    """Return the entries of a block, or raise that one is needed (with `keys`, where these are
+    few).
+    """
     if isinstance(node.value, dict):
         return node.value
     names = list(keys)
@@ -123,7 +135,9 @@ def items_of(node: Node) -> list[Node]:
 
 
 def refusal(node: Node, needed: str) -> InvalidNode:
-    """Return that a node is something other than what is needed; nothing more where it already complains of itself."""
+    """Return that a node is something other than what is needed; nothing more where it already
+    complains of itself.
+    """
     if node.value is UNREADABLE:
         return InvalidNode()
     return node.refused(f"{_what_it_is(node)}; {needed}")
@@ -165,8 +179,8 @@ def _all_read(parts: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
     return values
 
 
-#: Says where a key belongs that means nothing in its block, "" where nowhere; takes the key and whether a known one is
-#: like it.
+#: Says where a key belongs that means nothing in its block, "" where nowhere; takes the key and
+#: whether a known one is like it.
 Home = Callable[[str, bool], str]
 
 
@@ -188,7 +202,11 @@ class FieldReader:
         if info.named_values and isinstance(node.value, str):
             return self._named(info, node)
         # Of an optional block, the reader of the block itself.
-        inner = self.read.args[0] if isinstance(self.read, partial) and node.value is not None else self.read
+        inner = (
+            self.read.args[0]
+            if isinstance(self.read, partial) and node.value is not None
+            else self.read
+        )
         if isinstance(inner, ClassReader) and isinstance(default, inner.config_class):
             value = inner.made(node, (), base=default)
         else:
@@ -219,7 +237,9 @@ class ClassReader:
         """Return the instance, or raise all that is wrong with the block and its fields."""
         return self.made(node, ())
 
-    def made(self, node: Node, other_keys: Sequence[str], home: Home | None = None, base: Any = None) -> Any:
+    def made(
+        self, node: Node, other_keys: Sequence[str], home: Home | None = None, base: Any = None
+    ) -> Any:
         """Return the instance, or raise all that is wrong; `other_keys` may stand beside these.
 
         What the block leaves out is as in `base`, where one is given.
@@ -228,7 +248,9 @@ class ClassReader:
         values = self.values(node, collector, other_keys, home, base)
         collector.require_whole()
         try:
-            return self.config_class(**{str(self.fields[name].attribute.alias): values[name] for name in values})
+            return self.config_class(
+                **{str(self.fields[name].attribute.alias): values[name] for name in values}
+            )
         except ValueError as error:
             raise node.refused(_words_of(error)) from error
 
@@ -242,7 +264,8 @@ class ClassReader:
     ) -> dict[str, Any]:
         """Return the values that can be read, by name; what is wrong goes to `collector`.
 
-        `home` says where a key belongs that means nothing here; what the block leaves out is as in `base`.
+        `home` says where a key belongs that means nothing here; what the block leaves out is as in
+        `base`.
         """
         known = (*other_keys, *self.fields)
         block = block_of(node, known)
@@ -264,18 +287,24 @@ class ClassReader:
 
 @cache
 def class_reader(config_class: type) -> ClassReader:
-    """Return the reader of a configuration class; raises `UnreadableTypeError` where a scene cannot hold one."""
+    """Return the reader of a configuration class; raises `UnreadableTypeError` where a scene cannot
+    hold one.
+    """
     try:
         hints = get_type_hints(config_class)
     except Exception as error:
-        raise UnreadableTypeError(f"the field types of {config_class.__qualname__} are not known: {error}") from error
+        raise UnreadableTypeError(
+            f"the field types of {config_class.__qualname__} are not known: {error}"
+        ) from error
     found = {}
     for attribute in fields(config_class):
         try:
             if attribute.init:
                 found[attribute.name] = FieldReader(attribute, reader_of(hints[attribute.name]))
         except UnreadableTypeError as error:
-            raise UnreadableTypeError(f"{config_class.__qualname__}.{attribute.name}: {error}") from error
+            raise UnreadableTypeError(
+                f"{config_class.__qualname__}.{attribute.name}: {error}"
+            ) from error
     return ClassReader(config_class, found)
 
 
@@ -286,8 +315,12 @@ def reader_of(kind: Any) -> Reader:
     return _converter().get_structure_hook(kind)
 
 
-def unknown_key(key: str, node: Node, known: Sequence[str], home: Home | None = None) -> InvalidNode:
-    """Return the refusal of a key that means nothing here: the nearest known one, where it belongs, or all known."""
+def unknown_key(
+    key: str, node: Node, known: Sequence[str], home: Home | None = None
+) -> InvalidNode:
+    """Return the refusal of a key that means nothing here: the nearest known one, where it belongs,
+    or all known.
+    """
     near = nearest(key, known)
     if node.written == "" and ":" in key:
         hint = "a space is missing after its ':'"
@@ -300,7 +333,9 @@ def unknown_key(key: str, node: Node, known: Sequence[str], home: Home | None = 
 
 
 def required(block: dict[str, Node], key: str, node: Node) -> Node:
-    """Take a key out of a block and return its value; raise that it is missing, with a key that may be meant for it."""
+    """Take a key out of a block and return its value; raise that it is missing, with a key that may
+    be meant for it.
+    """
     if key in block:
         return block.pop(key)
     near = nearest(key, block)
@@ -308,7 +343,9 @@ def required(block: dict[str, Node], key: str, node: Node) -> Node:
 
 
 def nearest(key: str, known: Iterable[str]) -> str | None:
-    """Return the known key that is most similar to a key, letter case ignored, or None where none is similar."""
+    """Return the known key that is most similar to a key, letter case ignored, or None where none
+    is similar.
+    """
     return next(iter(nearest_names(key, known, most=1, cutoff=0.6)), None)
 
 
@@ -328,7 +365,11 @@ def _read_data(node: Node, _type: Any = None) -> Any:
 
 def _is_optional(kind: Any) -> bool:
     arguments = get_args(kind)
-    return get_origin(kind) in (Union, types.UnionType) and len(arguments) == 2 and type(None) in arguments
+    return (
+        get_origin(kind) in (Union, types.UnionType)
+        and len(arguments) == 2
+        and type(None) in arguments
+    )
 
 
 def _is_mapping(kind: Any) -> bool:
@@ -351,7 +392,13 @@ def _mapping_reader(kind: Any) -> Reader:
     return partial(read_mapping, reader_of(get_args(kind)[1]))
 
 
-_SCALARS: Mapping[type, Reader] = {float: read_float, int: read_int, bool: read_bool, str: read_text, Node: read_node}
+_SCALARS: Mapping[type, Reader] = {
+    float: read_float,
+    int: read_int,
+    bool: read_bool,
+    str: read_text,
+    Node: read_node,
+}
 
 #: (predicate, factory) of each readable type; the first match makes its reader.
 _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Reader]], ...] = (

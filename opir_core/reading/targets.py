@@ -1,4 +1,6 @@
-"""The targets and sources of a scene, and the forces in free flight: `kepler`, or zonal harmonics and drag."""
+"""The targets and sources of a scene, and the forces in free flight: `kepler`, or zonal harmonics
+and drag.
+"""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +22,15 @@ from opir_core.reading.nodes import (
     under,
 )
 from opir_core.reading.scene_schema import DEFAULT_TARGET_MODEL
-from opir_core.reading.structuring import block_of, class_reader, items_of, nearest, read_text, refusal, required
+from opir_core.reading.structuring import (
+    block_of,
+    class_reader,
+    items_of,
+    nearest,
+    read_text,
+    refusal,
+    required,
+)
 from opir_core.scene.scene import Choice, SceneDrag, SceneForces, SceneSource, SceneTarget
 from opir_core.scene.target_classes import TargetClass
 
@@ -35,7 +45,10 @@ class Identifier:
     """Reads blocks of `id`, `model` and settings of one kind; ids are unique."""
 
     def __init__(
-        self, components: ComponentReader, hook: str, default_model: Callable[[Mapping[str, Node]], str] | None = None
+        self,
+        components: ComponentReader,
+        hook: str,
+        default_model: Callable[[Mapping[str, Node]], str] | None = None,
     ) -> None:
         self.components = components
         self.hook = hook
@@ -43,7 +56,9 @@ class Identifier:
         self._default_model = default_model
         self._homes: dict[str, str] = {}
 
-    def identified(self, node: Node, path: str, other_keys: tuple[str, ...], choice_path: str) -> tuple[str, Choice]:
+    def identified(
+        self, node: Node, path: str, other_keys: tuple[str, ...], choice_path: str
+    ) -> tuple[str, Choice]:
         """Return a block's id and its model; `choice_path` is the path of the model in messages."""
         settings = dict(block_of(node, other_keys))
         collector = ErrorCollector()
@@ -59,7 +74,9 @@ class Identifier:
         return given_id, choice
 
     def claimed(self, text: str, path: str, node: Node) -> str:
-        """Return and record the id of `path`; raises `InvalidNode` for an invalid id or a duplicate."""
+        """Return and record the id of `path`; raises `InvalidNode` for an invalid id or a
+        duplicate.
+        """
         if not is_id(text):
             raise node.refused(f"{shown_text(text)} is not an id; {ID_RULE}")
         home = self._homes.setdefault(text, path)
@@ -91,7 +108,11 @@ def read_forces(node: Node) -> SceneForces:
     if node.value == KEPLER:
         return SceneForces()
     if not isinstance(node.value, list):
-        hint = f": write [{node.value}]" if isinstance(node.value, str) and node.value in _KNOWN else ""
+        hint = (
+            f": write [{node.value}]"
+            if isinstance(node.value, str) and node.value in _KNOWN
+            else ""
+        )
         raise refusal(node, f"{_NEEDED}{hint}")
     if not node.value:
         raise node.refused(f"this list is empty; for the point mass only, write {KEPLER}")
@@ -131,9 +152,13 @@ def _named(name: object, node: Node) -> str:
 
 def _unknown(name: str, node: Node) -> InvalidNode:
     if name == KEPLER:
-        return node.refused(f"{KEPLER} is the point mass only: write it instead of the list, or leave it out")
+        return node.refused(
+            f"{KEPLER} is the point mass only: write it instead of the list, or leave it out"
+        )
     near = nearest(name, _KNOWN)
-    return node.refused(f"there is no force {shown_text(name)}; {f'did you mean {near}?' if near else _ITEM_NEEDED}")
+    return node.refused(
+        f"there is no force {shown_text(name)}; {f'did you mean {near}?' if near else _ITEM_NEEDED}"
+    )
 
 
 _TARGET_KEYS = ("id", "model", "preset", "signature")
@@ -152,7 +177,9 @@ class TargetReader:
         """Return all targets; there may be none."""
         items = items_of(node)
         if len(items) > MAXIMUM_TARGETS:
-            raise node.refused(f"there are {len(items)} targets; at most {MAXIMUM_TARGETS} are read")
+            raise node.refused(
+                f"there are {len(items)} targets; at most {MAXIMUM_TARGETS} are read"
+            )
         collector = ErrorCollector()
         targets = list[SceneTarget]()
         for index, item in enumerate(items):
@@ -169,15 +196,21 @@ class TargetReader:
         if "signature" in block:
             with collector.at(".signature"):
                 named = block.pop("signature")
-                signature = self._components.named("opir_signature_models", named, f"{path}.signature")
+                signature = self._components.named(
+                    "opir_signature_models", named, f"{path}.signature"
+                )
         with collector.at():
-            own_id, choice = self._identifier.identified(evolve(node, value=block), path, _TARGET_KEYS, path)
+            own_id, choice = self._identifier.identified(
+                evolve(node, value=block), path, _TARGET_KEYS, path
+            )
             self._refuse_late_launch(choice, node)
         collector.require_whole()
         return SceneTarget(own_id, choice, signature)
 
     def _default_model(self, settings: Mapping[str, Node]) -> str:
-        """Return the model of a block without one: that of its target class, `ballistic` if the class is unknown."""
+        """Return the model of a block without one: that of its target class, `ballistic` if the
+        class is unknown.
+        """
         kind = settings.get("type")
         if kind is None or kind.value not in self._components.names(TargetClass.hook):
             return DEFAULT_TARGET_MODEL
@@ -195,7 +228,9 @@ class TargetReader:
         launch = node.value.get("launch", node)
         time = launch.value.get("time_s", launch)
         with under(".launch", ".time_s"):
-            raise time.refused(f"{time_s!r} s is not before the scene's end at {self._duration_s!r} s")
+            raise time.refused(
+                f"{time_s!r} s is not before the scene's end at {self._duration_s!r} s"
+            )
 
 
 class SourceReader:
@@ -209,7 +244,9 @@ class SourceReader:
         """Return all blocks of sources."""
         items = items_of(node)
         if len(items) > MAXIMUM_SOURCES:
-            raise node.refused(f"there are {len(items)} blocks of sources; at most {MAXIMUM_SOURCES} are read")
+            raise node.refused(
+                f"there are {len(items)} blocks of sources; at most {MAXIMUM_SOURCES} are read"
+            )
         collector = ErrorCollector()
         sources = list[SceneSource]()
         for index, item in enumerate(items):
@@ -221,7 +258,9 @@ class SourceReader:
                     stem, dash, number = taken.rpartition("-")
                     if taken == own_id or (stem == own_id and dash and number.isdecimal()):
                         with under(".id"):
-                            raise item.value["id"].refused(f"the target {taken} has an id of this source's emitters")
+                            raise item.value["id"].refused(
+                                f"the target {taken} has an id of this source's emitters"
+                            )
                 sources.append(SceneSource(own_id, choice))
         collector.require_whole()
         return tuple(sources)

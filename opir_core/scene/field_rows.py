@@ -1,4 +1,6 @@
-"""The fields of a configuration class as rows of plain values: for `opir describe`, messages and references."""
+"""The fields of a configuration class as rows of plain values: for `opir describe`, messages and
+references.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args, get_origin, get_type_hints
@@ -15,7 +17,8 @@ REQUIRED = "required"
 class FieldRow:
     """One field that a scene may set; `key` is dotted where it lies in a nested block.
 
-    `default` is a plain value, None also where `is_required`. `interval` and `choices` say what is allowed.
+    `default` is a plain value, None also where `is_required`. `interval` and `choices` say what is
+    allowed.
     """
 
     key: str
@@ -37,7 +40,9 @@ class FieldRow:
     @property
     def bounds(self) -> str:
         """Return unit, interval, plausible range and choices in one line."""
-        allowed = " ".join(part for part in (self.unit, self.interval, ", ".join(self.choices)) if part)
+        allowed = " ".join(
+            part for part in (self.unit, self.interval, ", ".join(self.choices)) if part
+        )
         return ", ".join(part for part in (allowed, self.plausible) if part)
 
 
@@ -66,7 +71,9 @@ def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[Fie
         )
         inner = nested_config(kind)
         if inner is not None:
-            yield from field_rows(inner, f"{prefix}{attribute.name}.", default if isinstance(default, inner) else None)
+            yield from field_rows(
+                inner, f"{prefix}{attribute.name}.", default if isinstance(default, inner) else None
+            )
 
 
 def named_values(config: type) -> Mapping[str, Any]:
@@ -113,7 +120,9 @@ def _default(attribute: "Attribute[Any]", base: Any) -> Any:
 def nested_config(kind: Any) -> type | None:
     """Return the configuration class that a field holds, if it holds one."""
     members = get_args(kind) or (kind,)
-    return next((member for member in members if isinstance(member, type) and _is_config(member)), None)
+    return next(
+        (member for member in members if isinstance(member, type) and _is_config(member)), None
+    )
 
 
 def _is_config(kind: type) -> bool:
@@ -121,7 +130,13 @@ def _is_config(kind: type) -> bool:
     return has(kind) and any(METADATA_KEY in attribute.metadata for attribute in fields(kind))
 
 
-_KINDS = {float: "number", int: "whole number", str: "text", bool: "true or false", type(None): "none"}
+_KINDS = {
+    float: "number",
+    int: "whole number",
+    str: "text",
+    bool: "true or false",
+    type(None): "none",
+}
 
 
 def _kind_text(kind: Any) -> str:
@@ -133,4 +148,10 @@ def _kind_text(kind: Any) -> str:
     if type(None) in members:
         return " or ".join(_kind_text(member) for member in members)
     origin = get_origin(kind)
-    return "mapping" if isinstance(origin, type) and issubclass(origin, Mapping) else "list" if members else "any"
+    return (
+        "mapping"
+        if isinstance(origin, type) and issubclass(origin, Mapping)
+        else "list"
+        if members
+        else "any"
+    )

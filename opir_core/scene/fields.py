@@ -1,7 +1,7 @@
 """Fields of configuration classes, with unit, range, meaning and source of the default.
 
-The attributes of a configuration class, a frozen attrs class, are made here. The scene reader, the error messages and
-the generated reference read the same `FieldInfo`.
+The attributes of a configuration class, a frozen attrs class, are made here. The scene reader, the
+error messages and the generated reference read the same `FieldInfo`.
 """
 
 import math
@@ -38,18 +38,21 @@ PLAUSIBLE_BY_UNIT: Mapping[str, tuple[float, float]] = {
 
 @frozen
 class FieldInfo:
-    """The description of a configuration field: meaning, unit, source of the default, allowed values.
+    """The description of a configuration field: meaning, unit, source of the default, allowed
+    values.
 
-    A field that may be none can be an alternative to an earlier one, for example in another unit: it is `instead_of`
-    that field, and replaces it unless it is none. A scene's block, or Python, sets one of the two, not both; that takes
-    precedence over presets, constellations and classes.
+    A field that may be none can be an alternative to an earlier one, for example in another unit:
+    it is `instead_of` that field, and replaces it unless it is none. A scene's block, or Python,
+    sets one of the two, not both; that takes precedence over presets, constellations and classes.
 
-    `names_of` is a catalogue hook: the field's text, or the keys of its mapping, are names of components of that hook.
-    With `names_depth` 1 they are the keys of the mappings in the mapping. With `inner_names` the keys one mapping
-    deeper are such names too, or one of these. The scene reader checks them.
+    `names_of` is a catalogue hook: the field's text, or the keys of its mapping, are names of
+    components of that hook. With `names_depth` 1 they are the keys of the mappings in the mapping.
+    With `inner_names` the keys one mapping deeper are such names too, or one of these. The scene
+    reader checks them.
 
-    `named_values` are the whole values of a nested field that texts stand for. `plausible` is the range of values that
-    real equipment and studies have; without one `plausible_range` follows from the unit.
+    `named_values` are the whole values of a nested field that texts stand for. `plausible` is the
+    range of values that real equipment and studies have; without one `plausible_range` follows from
+    the unit.
     """
 
     help: str
@@ -69,14 +72,22 @@ class FieldInfo:
 
     @property
     def plausible_range(self) -> tuple[float, float] | None:
-        """Return the plausible range of magnitudes; None if every allowed value is plausible. 0 always is."""
+        """Return the plausible range of magnitudes; None if every allowed value is plausible. 0
+        always is.
+        """
         chosen = self.plausible or PLAUSIBLE_BY_UNIT.get(self.unit)
         if chosen is None:
             return None
         low = _bound(self.minimum, self.above)
         high = _bound(self.maximum, self.below)
-        is_narrower = low is not None and high is not None and low >= chosen[0] and high <= chosen[1]
-        return None if is_narrower else (chosen[0], chosen[1] if high is None else min(high, chosen[1]))
+        is_narrower = (
+            low is not None and high is not None and low >= chosen[0] and high <= chosen[1]
+        )
+        return (
+            None
+            if is_narrower
+            else (chosen[0], chosen[1] if high is None else min(high, chosen[1]))
+        )
 
     @property
     def plausible_text(self) -> str:
@@ -98,7 +109,10 @@ class FieldInfo:
             return ""
         left = "[" if self.minimum is not None else "("
         right = "]" if self.maximum is not None else ")"
-        return f"{left}{'-inf' if low is None else _figure(low)}, {'inf' if high is None else _figure(high)}{right}"
+        return (
+            f"{left}{'-inf' if low is None else _figure(low)},"
+            f" {'inf' if high is None else _figure(high)}{right}"
+        )
 
     @property
     def requirement(self) -> str:
@@ -132,12 +146,27 @@ def number(
 ) -> Any:
     """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`).
 
-    Values outside `plausible`, by default a range that follows from the unit, are allowed and warned of.
+    Values outside `plausible`, by default a range that follows from the unit, are allowed and
+    warned of.
     """
-    info = FieldInfo(help, unit, source, minimum, maximum, above, below, instead_of=instead_of, plausible=plausible)
+    info = FieldInfo(
+        help,
+        unit,
+        source,
+        minimum,
+        maximum,
+        above,
+        below,
+        instead_of=instead_of,
+        plausible=plausible,
+    )
     once = Converter(_set_once, takes_self=True, takes_field=True) if instead_of else None
     return field(
-        default=default, converter=once, validator=_validate_number, metadata={METADATA_KEY: info}, kw_only=True
+        default=default,
+        converter=once,
+        validator=_validate_number,
+        metadata={METADATA_KEY: info},
+        kw_only=True,
     )
 
 
@@ -149,14 +178,20 @@ def text(
     names_of: str = "",
     source: str = "notional",
 ) -> Any:
-    """Return an attrs field for a string, one of `choices` or a name of a component of the hook `names_of` if given."""
+    """Return an attrs field for a string, one of `choices` or a name of a component of the hook
+    `names_of` if given.
+    """
     info = FieldInfo(help, source=source, choices=choices, names_of=names_of)
-    return field(default=default, validator=_validate_text, metadata={METADATA_KEY: info}, kw_only=True)
+    return field(
+        default=default, validator=_validate_text, metadata={METADATA_KEY: info}, kw_only=True
+    )
 
 
 def flag(*, help: str, default: Any = NOTHING, source: str = "notional") -> Any:  # noqa: A002
     """Return an attrs field for a truth value (annotate it `bool`)."""
-    return field(default=default, metadata={METADATA_KEY: FieldInfo(help, source=source)}, kw_only=True)
+    return field(
+        default=default, metadata={METADATA_KEY: FieldInfo(help, source=source)}, kw_only=True
+    )
 
 
 def nested(
@@ -175,9 +210,9 @@ def nested(
 ) -> Any:
     """Return an attrs field for another configuration class, a tuple or a mapping.
 
-    `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns the error of the whole value, or
-    None; `names_of`, `names_depth` and `inner_names` as in `FieldInfo`. `named_values` are texts that a scene, or
-    Python, may give instead of a whole value.
+    `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns the error of
+    the whole value, or None; `names_of`, `names_depth` and `inner_names` as in `FieldInfo`.
+    `named_values` are texts that a scene, or Python, may give instead of a whole value.
     """
     info = FieldInfo(
         help,
@@ -192,11 +227,19 @@ def nested(
     )
     by_name = Converter(_named_value, takes_field=True) if named_values else None
     validators = [_validate_numbers_inside, *([_from_check(check)] if check else [])]
-    return field(default=default, converter=by_name, validator=validators, metadata={METADATA_KEY: info}, kw_only=True)
+    return field(
+        default=default,
+        converter=by_name,
+        validator=validators,
+        metadata={METADATA_KEY: info},
+        kw_only=True,
+    )
 
 
 def info_of(attribute: "Attribute[Any]") -> FieldInfo:
-    """Return the description of a configuration attribute; a bare attrs field has an empty help text."""
+    """Return the description of a configuration attribute; a bare attrs field has an empty help
+    text.
+    """
     found = attribute.metadata.get(METADATA_KEY)
     return found if isinstance(found, FieldInfo) else FieldInfo("", source="")
 
@@ -232,16 +275,20 @@ def error_of_both(plain: str) -> str:
 
 
 def _set_once(value: Any, config: Any, attribute: "Attribute[Any]") -> Any:
-    """Return the value of an alternative field; None if only the class sets it and Python sets the plain field.
+    """Return the value of an alternative field; None if only the class sets it and Python sets the
+    plain field.
 
-    A field that is not set holds the default object itself; a number that is set is a different object, even if equal.
+    A field that is not set holds the default object itself; a number that is set is a different
+    object, even if equal.
     """
     plain = fields_dict(type(config))[info_of(attribute).instead_of]
     if value is None or getattr(config, plain.name) is plain.default:
         return value
     if value is attribute.default:
         return None
-    raise ValueError(f"{attribute.name} {error_of_both(plain.name)}, or set {attribute.name} to None")
+    raise ValueError(
+        f"{attribute.name} {error_of_both(plain.name)}, or set {attribute.name} to None"
+    )
 
 
 def _named_value(value: Any, attribute: "Attribute[Any]") -> Any:
@@ -252,7 +299,9 @@ def _named_value(value: Any, attribute: "Attribute[Any]") -> Any:
 def named_value(info: FieldInfo, name: str) -> Any:
     """Return the value of a field that a text stands for, or raise `ValueError`."""
     if name not in info.named_values:
-        raise ValueError(f"{name!r} is not {' or '.join(info.named_values)}; or give a block of settings")
+        raise ValueError(
+            f"{name!r} is not {' or '.join(info.named_values)}; or give a block of settings"
+        )
     return info.named_values[name]
 
 
@@ -289,7 +338,13 @@ def numbers_inside(value: Any) -> list[float]:
         return []
     if isinstance(value, int | float):
         return [value]
-    children = value.values() if isinstance(value, Mapping) else value if isinstance(value, tuple | list) else ()
+    children = (
+        value.values()
+        if isinstance(value, Mapping)
+        else value
+        if isinstance(value, tuple | list)
+        else ()
+    )
     return [leaf for child in children for leaf in numbers_inside(child)]
 
 
@@ -308,7 +363,9 @@ def _is_finite(value: float) -> bool:
 
 def _figure(value: float) -> str:
     """Return a bound as text."""
-    return str(int(value)) if float(value).is_integer() and abs(value) < _PLAIN_BELOW else f"{value:g}"
+    return (
+        str(int(value)) if float(value).is_integer() and abs(value) < _PLAIN_BELOW else f"{value:g}"
+    )
 
 
 #: Whole bounds below this are written out.
@@ -348,15 +405,18 @@ def cited(value: Any, source: str) -> Cited:
 
 
 def named(**values: Any) -> Named:
-    """Return the values that texts stand for in a model's nested field, the first its default, for `with_defaults`."""
+    """Return the values that texts stand for in a model's nested field, the first its default, for
+    `with_defaults`.
+    """
     return Named(values)
 
 
 def with_defaults(**defaults: Any) -> Callable[[C], C]:
-    """Return a class decorator that makes a frozen attrs class of a configuration class's heir, with other defaults.
+    """Return a class decorator that makes a frozen attrs class of a configuration class's heir,
+    with other defaults.
 
-    Unit, help and range stay those of the inherited field, its source becomes that of `cited` or "notional". A field
-    that the class does not have is a `TypeError`.
+    Unit, help and range stay those of the inherited field, its source becomes that of `cited` or
+    "notional". A field that the class does not have is a `TypeError`.
     """
 
     def decorated(heir: C) -> C:
@@ -365,12 +425,16 @@ def with_defaults(**defaults: Any) -> Callable[[C], C]:
     return decorated
 
 
-def _redefaulted(defaults: dict[str, Any], heir: type, attributes: "list[Attribute[Any]]") -> "list[Attribute[Any]]":
+def _redefaulted(
+    defaults: dict[str, Any], heir: type, attributes: "list[Attribute[Any]]"
+) -> "list[Attribute[Any]]":
     unknown = sorted(set(defaults) - {attribute.name for attribute in attributes})
     if unknown:
         raise TypeError(f"{heir.__name__} has no field {', '.join(unknown)}")
     return [
-        _with_default(attribute, defaults[attribute.name]) if attribute.name in defaults else attribute
+        _with_default(attribute, defaults[attribute.name])
+        if attribute.name in defaults
+        else attribute
         for attribute in attributes
     ]
 
@@ -383,4 +447,6 @@ def _with_default(attribute: "Attribute[Any]", default: Any) -> "Attribute[Any]"
     chosen = default if isinstance(default, Cited) else Cited(default, "notional")
     info = evolve(info_of(attribute), source=chosen.source)
     # Attribute.evolve is attrs' own way to change an attribute in a field transformer.
-    return attribute.evolve(default=chosen.value, metadata={**attribute.metadata, METADATA_KEY: info})
+    return attribute.evolve(
+        default=chosen.value, metadata={**attribute.metadata, METADATA_KEY: info}
+    )

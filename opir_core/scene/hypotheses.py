@@ -1,4 +1,6 @@
-"""What a hot object may be: the hypotheses that classifiers, trackers and outputs of a scene share."""
+"""What a hot object may be: the hypotheses that classifiers, trackers and outputs of a scene
+share.
+"""
 
 from collections.abc import Iterable
 from functools import cache
@@ -8,10 +10,16 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
-from opir_core.scene.target_classes import EquilibriumGlide, OrbitInsertion, TargetClass, core_target_classes
+from opir_core.scene.target_classes import (
+    EquilibriumGlide,
+    OrbitInsertion,
+    TargetClass,
+    core_target_classes,
+)
 
-#: Groups of hypotheses. `ground` is a source that stands on the ground (fire, flare, glint, industry), `bolide` a brief
-#: bright one; the next three are launches: what comes down, what stays in orbit, what glides; `none` is none of these.
+#: Groups of hypotheses. `ground` is a source that stands on the ground (fire, flare, glint,
+#: industry), `bolide` a brief bright one; the next three are launches: what comes down, what stays
+#: in orbit, what glides; `none` is none of these.
 GROUPS = ("noise", "ground", "bolide", "missile", "orbit", "glide", "none")
 
 #: Groups of what was launched.
@@ -26,7 +34,9 @@ _LAST = ("none of these", "none")
 
 @frozen
 class Hypothesis:
-    """What a hot object may be, with its group in `GROUPS`; those of launches have their target class."""
+    """What a hot object may be, with its group in `GROUPS`; those of launches have their target
+    class.
+    """
 
     name: str
     group: str
@@ -40,18 +50,25 @@ class Hypothesis:
     @property
     def reported_type(self) -> str:
         """Return the right answer among `REPORTED_TYPES`."""
-        return REPORTED_TYPES[UNKNOWN_TYPE] if self.target_class is None else self.target_class.reported_type
+        return (
+            REPORTED_TYPES[UNKNOWN_TYPE]
+            if self.target_class is None
+            else self.target_class.reported_type
+        )
 
 
 def hypotheses_of(classes: Iterable[TargetClass]) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses of target classes, by group and least range, between those that every scene has.
+    """Return the hypotheses of target classes, by group and least range, between those that every
+    scene has.
 
     >>> from opir_core.scene import core_hypotheses
     >>> [hypothesis.name for hypothesis in core_hypotheses()][:5]
     ['noise', 'ground source', 'bolide', 'SRBM', 'IRBM']
     """
     groups: Any = _GROUP_AFTER
-    launches = [Hypothesis(one.name, groups.get(type(one.after_burnout), "missile"), one) for one in classes]
+    launches = [
+        Hypothesis(one.name, groups.get(type(one.after_burnout), "missile"), one) for one in classes
+    ]
     launches.sort(key=_order)
     return (*(Hypothesis(*row) for row in _FIRST), *launches, Hypothesis(*_LAST))
 

@@ -1,4 +1,6 @@
-"""Values of a scene that are allowed and implausible: far outside what real equipment and studies have."""
+"""Values of a scene that are allowed and implausible: far outside what real equipment and studies
+have.
+"""
 
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -15,7 +17,8 @@ REMEDY = "if it is meant, set allow_implausible: true"
 
 
 def implausible_values(scene: Scene) -> list[Problem]:
-    """Return the implausible values of a scene, each with its path and the plausible range; each once.
+    """Return the implausible values of a scene, each with its path and the plausible range; each
+    once.
 
     `allow_implausible` has no effect here.
     """
@@ -30,7 +33,9 @@ def implausible_values(scene: Scene) -> list[Problem]:
 
 
 def implausible_settings(config: Any, path: str) -> Iterator[Problem]:
-    """Yield the implausible values of a configuration, nested ones included; `path` is that of its block."""
+    """Yield the implausible values of a configuration, nested ones included; `path` is that of its
+    block.
+    """
     if not has(type(config)):
         return
     config_class: type = type(config)
@@ -43,9 +48,15 @@ def implausible_settings(config: Any, path: str) -> Iterator[Problem]:
 
 @cache
 def _plausible_defaults(config_class: type) -> Mapping[str, Any]:
-    """Return the plausible defaults of a configuration class: most settings of a large scene are left as they are."""
+    """Return the plausible defaults of a configuration class: most settings of a large scene are
+    left as they are.
+    """
     given = {attribute.name: attribute for attribute in fields(config_class)}
-    return {name: each.default for name, each in given.items() if not any(_implausible_value(each, each.default, ""))}
+    return {
+        name: each.default
+        for name, each in given.items()
+        if not any(_implausible_value(each, each.default, ""))
+    }
 
 
 def _implausible_value(attribute: "Attribute[Any]", value: Any, path: str) -> Iterator[Problem]:
@@ -58,11 +69,15 @@ def _implausible_value(attribute: "Attribute[Any]", value: Any, path: str) -> It
     for number in () if has(type(value)) else numbers_inside(value):
         if info.implausible(number):
             low, high = info.plausible_range or (0.0, 0.0)
-            yield Problem(place, f"{number:g}{unit} is outside the plausible {low:g} to {high:g}{unit}")
+            yield Problem(
+                place, f"{number:g}{unit} is outside the plausible {low:g} to {high:g}{unit}"
+            )
 
 
 def implausible_defaults(component: Any, settings: Mapping[str, Any]) -> list[Problem]:
-    """Return the implausible numbers among a component's defaults, its presets and some settings."""
+    """Return the implausible numbers among a component's defaults, its presets and some
+    settings.
+    """
     found: dict[Problem, None] = {}
     config = getattr(component, "config", None)
     if config is None:  # a constellation or a target class

@@ -19,7 +19,8 @@ EMITTER_TYPES = (*TARGET_TYPES, *SOURCE_TYPES)
 #: The target types that an event can report, in the order of their codes.
 REPORTED_TYPES = (*TARGET_TYPES, "UNKNOWN")
 
-#: What a scene's events may report: the types of the paper, `REPORTED_TYPES`, or the names of target classes as well.
+#: What a scene's events may report: the types of the paper, `REPORTED_TYPES`, or the names of
+#: target classes as well.
 PAPER_TYPES = "paper"
 CLASS_TYPES = "classes"
 
@@ -38,8 +39,8 @@ MAXIMUM_BANDS = 8
 class Choice:
     """A component chosen by name, with its configuration.
 
-    `hook` is its catalogue hook, `path` its path in the scene (`sensors[2]`, `detection`). `spool` is the `SpoolConfig`
-    of an output, or None.
+    `hook` is its catalogue hook, `path` its path in the scene (`sensors[2]`, `detection`). `spool`
+    is the `SpoolConfig` of an output, or None.
     """
 
     hook: str
@@ -51,7 +52,9 @@ class Choice:
 
 @frozen
 class SceneSensor:
-    """One satellite's sensor: its id (unique in the scene), its model, and the constellation it came from, if any."""
+    """One satellite's sensor: its id (unique in the scene), its model, and the constellation it
+    came from, if any.
+    """
 
     id: str
     model: Choice
@@ -60,7 +63,9 @@ class SceneSensor:
 
 @frozen
 class SceneTarget:
-    """One launch: its id (unique in the scene), its target model, and its signature model (None: the default one)."""
+    """One launch: its id (unique in the scene), its target model, and its signature model (None:
+    the default one).
+    """
 
     id: str
     model: Choice
@@ -79,10 +84,16 @@ class SceneSource:
 class ExponentialAir:
     """Exponential air density."""
 
-    density_kg_m3: float = number(unit="kg/m³", above=0.0, maximum=100.0, help="density at the base height")
+    density_kg_m3: float = number(
+        unit="kg/m³", above=0.0, maximum=100.0, help="density at the base height"
+    )
     scale_height_m: float = number(unit="m", minimum=100.0, maximum=1e6, help="scale height")
     base_height_m: float = number(
-        default=0.0, unit="m", minimum=-5000.0, maximum=1e6, help="height above the WGS 84 ellipsoid"
+        default=0.0,
+        unit="m",
+        minimum=-5000.0,
+        maximum=1e6,
+        help="height above the WGS 84 ellipsoid",
     )
 
 
@@ -91,7 +102,11 @@ class SceneDrag:
     """Drag in free flight, in air that rotates with the Earth."""
 
     ballistic_coefficient_kg_m2: float = number(
-        default=5000.0, unit="kg/m²", minimum=1.0, maximum=1e6, help="m/(C_d A) of targets without their own value"
+        default=5000.0,
+        unit="kg/m²",
+        minimum=1.0,
+        maximum=1e6,
+        help="m/(C_d A) of targets without their own value",
     )
     exponential: ExponentialAir | None = nested(
         default=None,
@@ -124,7 +139,9 @@ PLAUSIBLE_DURATION_S = (0.001, 604_800.0)
 
 @frozen(kw_only=True)
 class WorkLimits:
-    """The most work of a scene that is accepted, for the whole run and for one cycle of a live run."""
+    """The most work of a scene that is accepted, for the whole run and for one cycle of a live
+    run.
+    """
 
     looks_per_run: float = number(
         default=1e10,
@@ -181,10 +198,11 @@ BY_REPORT = "report"
 class Scene:
     """A whole scene.
 
-    `epoch_us` is the start of scene time, in microseconds of UTC since 1970-01-01 (no leap seconds). `light_time` is
-    whether light travels at finite speed. `reported_types` says whether events report `REPORTED_TYPES` only, or target
-    classes too. In the `tracking_order` of report the tracker is stepped `tracking_lag_s` after its ticks, None for the
-    time within which nearly all reports come.
+    `epoch_us` is the start of scene time, in microseconds of UTC since 1970-01-01 (no leap
+    seconds). `light_time` is whether light travels at finite speed. `reported_types` says whether
+    events report `REPORTED_TYPES` only, or target classes too. In the `tracking_order` of report
+    the tracker is stepped `tracking_lag_s` after its ticks, None for the time within which nearly
+    all reports come.
     """
 
     name: str
@@ -212,7 +230,10 @@ class Scene:
     def __repr__(self) -> str:
         """Return the scene in one line."""
         of = f"{number_of('sensor', len(self.sensors))}, {number_of('target', len(self.targets))}"
-        return f"<Scene {self.name}: {of}, tracker {self.tracker.name}, {self.duration_s:g} s, seed {self.seed}>"
+        return (
+            f"<Scene {self.name}: {of}, tracker {self.tracker.name}, {self.duration_s:g} s, seed"
+            f" {self.seed}>"
+        )
 
     @property
     def choices(self) -> tuple[Choice, ...]:
@@ -243,9 +264,13 @@ _MIB = 1 << 20
 
 @frozen(kw_only=True)
 class SpoolConfig:
-    """A spool: the file that keeps events until they are acknowledged, its size, and the policy when it is full."""
+    """A spool: the file that keeps events until they are acknowledged, its size, and the policy
+    when it is full.
+    """
 
-    path: str = text(help="the spool's file (SQLite), created in an existing folder if missing", source="")
+    path: str = text(
+        help="the spool's file (SQLite), created in an existing folder if missing", source=""
+    )
     max_bytes: int = number(
         default=1024 * _MIB,
         unit="bytes",
@@ -256,15 +281,21 @@ class SpoolConfig:
     when_full: str = text(
         default=REFUSE,
         choices=(REFUSE, WAIT, DROP_OLDEST, DROP_NEWEST),
-        help="policy of a full spool: refuse fails the output and keeps the spooled events; wait holds"
+        help="policy of a full spool: refuse fails the output and keeps the spooled events; wait"
+        " holds"
         " the run until there is room; drop-oldest and drop-newest drop events and count them",
     )
     wait_s: float = number(
-        default=60.0, unit="s", minimum=0.0, maximum=86_400.0, help="longest wait of the policy wait, then it refuses"
+        default=60.0,
+        unit="s",
+        minimum=0.0,
+        maximum=86_400.0,
+        help="longest wait of the policy wait, then it refuses",
     )
     survives_power_cut: bool = flag(
         default=False,
-        help="whether each write waits for the disk; otherwise events survive the end of the process"
+        help="whether each write waits for the disk; otherwise events survive the end of the"
+        " process"
         ", but the last may be lost in a power failure",
     )
 

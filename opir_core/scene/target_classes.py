@@ -1,7 +1,9 @@
-"""Target classes: kinematic boosts, what follows burnout, and default plumes, as records without behaviour.
+"""Target classes: kinematic boosts, what follows burnout, and default plumes, as records without
+behaviour.
 
-The core's classes are in `opir_core/data`: `target_classes.json`, with profiles from `class_profiles.json` and plumes
-from `plumes.json`. All are notional templates for warning simulation, not any vehicle.
+The core's classes are in `opir_core/data`: `target_classes.json`, with profiles from
+`class_profiles.json` and plumes from `plumes.json`. All are notional templates for warning
+simulation, not any vehicle.
 """
 
 import math
@@ -33,11 +35,12 @@ Value = TypeVar("Value")
 class BoostProfile:
     """A class of boosted flight.
 
-    Speed relative to the Earth is v(t) = v_bo · expm1(k t/T) / expm1(k), with burn time T and `speed_shape` k > 0; the
-    flight path angle stays vertical until `pitch_start_s` tv and then is pi/2 + (gamma_bo - pi/2) · sin(pi/2 · u^n),
-    u = (t - tv)/(T - tv), with `pitch_exponent` n > 0. The burnout speed and angle here reach the reference range on a
-    spherical, non-rotating Earth; aiming adjusts them. Ranges are geodesic distances from launch to aim point; a flight
-    into orbit has none.
+    Speed relative to the Earth is v(t) = v_bo · expm1(k t/T) / expm1(k), with burn time T and
+    `speed_shape` k > 0; the flight path angle stays vertical until `pitch_start_s` tv and then is
+    pi/2 + (gamma_bo - pi/2) · sin(pi/2 · u^n), u = (t - tv)/(T - tv), with `pitch_exponent` n > 0.
+    The burnout speed and angle here reach the reference range on a spherical, non-rotating Earth;
+    aiming adjusts them. Ranges are geodesic distances from launch to aim point; a flight into orbit
+    has none.
     """
 
     name: str
@@ -52,7 +55,9 @@ class BoostProfile:
     maximum_range_m: float = FARTHEST_M
 
     def with_burn_time(self, burn_time_s: float) -> "BoostProfile":
-        """Return the profile with another burn time: the same course in t/T, to the same burnout speed."""
+        """Return the profile with another burn time: the same course in t/T, to the same burnout
+        speed.
+        """
         if not 0.0 < burn_time_s < math.inf:
             raise ValueError(f"burn time must be a positive number of seconds, not {burn_time_s}")
         pitch_start_s = self.pitch_start_s * (burn_time_s / self.burn_time_s)
@@ -63,9 +68,9 @@ class BoostProfile:
 class Plume:
     """Defaults of a target's signature.
 
-    `peak_w_sr` is the radiant intensity of the first stage by band (`PLUME_BANDS`), W/sr, seen broadside at the best
-    altitude; `stages` the number of stages, of equal shares of the burn; `body_temperature_k` the temperature of the
-    body after burnout.
+    `peak_w_sr` is the radiant intensity of the first stage by band (`PLUME_BANDS`), W/sr, seen
+    broadside at the best altitude; `stages` the number of stages, of equal shares of the burn;
+    `body_temperature_k` the temperature of the body after burnout.
     """
 
     peak_w_sr: Mapping[str, float]
@@ -90,7 +95,8 @@ class OrbitInsertion:
 
 @frozen(kw_only=True)
 class EquilibriumGlide:
-    """After burnout: equilibrium glide at a constant lift-to-drag ratio, then free fall to the aim point.
+    """After burnout: equilibrium glide at a constant lift-to-drag ratio, then free fall to the aim
+    point.
 
     The glide ends at `final_speed_m_s`; `scale_height_m` is that of the exponential atmosphere.
     """
@@ -113,10 +119,11 @@ AFTER_BURNOUT: Mapping[str, type[AfterBurnout]] = MappingProxyType(
 class TargetClass:
     """A class of targets, which a scene chooses by `type: NAME`.
 
-    `reported_type` is the right answer for it among `REPORTED_TYPES`, UNKNOWN for what is no missile. `resembles` is
-    the missile type whose values stand in where a sensor or a model names no value for the class; by default the
-    reported type. Of several `profiles`, the first with limits that contain the range is flown; `plumes` has the
-    default signature of each, by the profile's name.
+    `reported_type` is the right answer for it among `REPORTED_TYPES`, UNKNOWN for what is no
+    missile. `resembles` is the missile type whose values stand in where a sensor or a model names
+    no value for the class; by default the reported type. Of several `profiles`, the first with
+    limits that contain the range is flown; `plumes` has the default signature of each, by the
+    profile's name.
     """
 
     hook: ClassVar[str] = "opir_target_classes"
@@ -136,15 +143,25 @@ class TargetClass:
         return TARGET_TYPES.index(self.resembles)
 
     def profile(self, range_m: float) -> BoostProfile:
-        """Return the profile for a range: the one that covers it, or else the one with the nearest limits."""
+        """Return the profile for a range: the one that covers it, or else the one with the nearest
+        limits.
+        """
         return min(self.profiles, key=lambda profile: _range_outside_m(profile, range_m))
 
     def plume(self, profile: str) -> Plume:
-        """Return the default plume of a flown profile; the profile of another class has that class's plume."""
-        return self.plumes.get(profile) or core_plumes().get(profile) or self.plumes[self.profiles[0].name]
+        """Return the default plume of a flown profile; the profile of another class has that
+        class's plume.
+        """
+        return (
+            self.plumes.get(profile)
+            or core_plumes().get(profile)
+            or self.plumes[self.profiles[0].name]
+        )
 
     def own(self, values: Mapping[str, Value]) -> Value | None:
-        """Return the value of the class in a mapping by type, or that of the type that it resembles, or None."""
+        """Return the value of the class in a mapping by type, or that of the type that it
+        resembles, or None.
+        """
         return values.get(self.name, values.get(self.resembles))
 
     def fault(self) -> str:
@@ -153,15 +170,26 @@ class TargetClass:
         lacking = [name for name in names if name not in self.plumes]
         faults = (
             (self.name in RESERVED_NAMES, "which is the name of a type that is no target's"),
-            (self.reported_type not in REPORTED_TYPES, f"with the reported type {self.reported_type!r}"),
-            (self.resembles not in TARGET_TYPES, f"that resembles {self.resembles!r}, not {' or '.join(TARGET_TYPES)}"),
-            (type(self.after_burnout) not in AFTER_BURNOUT.values(), f"with {self.after_burnout!r} after burnout"),
+            (
+                self.reported_type not in REPORTED_TYPES,
+                f"with the reported type {self.reported_type!r}",
+            ),
+            (
+                self.resembles not in TARGET_TYPES,
+                f"that resembles {self.resembles!r}, not {' or '.join(TARGET_TYPES)}",
+            ),
+            (
+                type(self.after_burnout) not in AFTER_BURNOUT.values(),
+                f"with {self.after_burnout!r} after burnout",
+            ),
             (not names, "without profiles"),
             (len(set(names)) < len(names), "with two profiles of one name"),
             (bool(lacking), f"without a plume for the profile {', '.join(lacking)}"),
         )
         parts = (*map(_profile_fault, self.profiles), *map(_plume_fault, self.plumes.values()))
-        return next((words for is_fault, words in faults if is_fault), "") or next(filter(None, parts), "")
+        return next((words for is_fault, words in faults if is_fault), "") or next(
+            filter(None, parts), ""
+        )
 
 
 #: Names of types that a target class cannot have.
@@ -177,12 +205,24 @@ def _profile_fault(profile: BoostProfile) -> str:
         and abs(profile.burnout_flight_path_angle_rad) < 0.5 * math.pi
         and 0.0 <= profile.minimum_range_m <= profile.maximum_range_m
     )
-    return "" if is_valid else f"with a profile {profile.name} whose times, shape, burnout or ranges are not possible"
+    return (
+        ""
+        if is_valid
+        else f"with a profile {profile.name} whose times, shape, burnout or ranges are not possible"
+    )
 
 
 def _plume_fault(plume: Plume) -> str:
-    is_valid = set(plume.peak_w_sr) == set(PLUME_BANDS) and min(plume.peak_w_sr.values()) >= 0.0 and plume.stages >= 1
-    return "" if is_valid else f"with a plume that has not one peak for each of {', '.join(PLUME_BANDS)}, and stages"
+    is_valid = (
+        set(plume.peak_w_sr) == set(PLUME_BANDS)
+        and min(plume.peak_w_sr.values()) >= 0.0
+        and plume.stages >= 1
+    )
+    return (
+        ""
+        if is_valid
+        else f"with a plume that has not one peak for each of {', '.join(PLUME_BANDS)}, and stages"
+    )
 
 
 def _range_outside_m(profile: BoostProfile, range_m: float) -> float:
@@ -205,7 +245,9 @@ def core_profiles() -> Mapping[str, BoostProfile]:
 
 @cache
 def plume_table() -> Mapping[str, Any]:
-    """Return the table of the core's plumes as it is in `plumes.json`, with its bands and its notes."""
+    """Return the table of the core's plumes as it is in `plumes.json`, with its bands and its
+    notes.
+    """
     return MappingProxyType(_read("plumes.json"))
 
 

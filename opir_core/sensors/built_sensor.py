@@ -1,4 +1,6 @@
-"""From the configuration of a scanning sensor to the sensor: its bands, radiometer, orbit and scan pattern."""
+"""From the configuration of a scanning sensor to the sensor: its bands, radiometer, orbit and scan
+pattern.
+"""
 
 import math
 from collections.abc import Mapping
@@ -11,13 +13,21 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.interfaces.protocols import Band, Orbit, Radiometer, ReportingStage, ScanPattern, Sensor
+from opir_core.interfaces.protocols import (
+    Band,
+    Orbit,
+    Radiometer,
+    ReportingStage,
+    ScanPattern,
+    Sensor,
+)
 from opir_core.orbits.orbit_models import GeostationaryOrbit, orbit_of
 from opir_core.sensors.reporting import ReportingConfig
 from opir_core.sensors.scan_patterns import scan_pattern
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
-#: The default half angle from a geosynchronous slot, and the margin around the Earth's disk from other orbits, deg.
+#: The default half angle from a geosynchronous slot, and the margin around the Earth's disk from
+#: other orbits, deg.
 _SLOT_HALF_ANGLE_DEG = 10.0
 _MARGIN_DEG = 1.3
 
@@ -59,7 +69,9 @@ def _reporting(config: ReportingConfig) -> tuple[ReportingStage, ...]:
     stages = {name: getattr(config, name) for name in fields_dict(type(config))}
     if not any(stage.mean_s for stage in stages.values()):
         return ()
-    return tuple(ReportingStage(name, stage.mean_s, stage.sigma_s) for name, stage in stages.items())
+    return tuple(
+        ReportingStage(name, stage.mean_s, stage.sigma_s) for name, stage in stages.items()
+    )
 
 
 def _slot_deg(config: ScanningSensorConfig) -> float | None:
@@ -77,8 +89,9 @@ def _orbit(config: ScanningSensorConfig, context: SensorContext) -> Orbit:
 
 
 def _half_angle_deg(config: ScanningSensorConfig, orbit: Orbit) -> float:
-    """Return the half angle of the field of regard: as set, or the Earth's disk from the orbit's least height in half a
-    day, as far as the orbit is known, with a margin for what is beyond the limb."""
+    """Return the half angle of the field of regard: as set, or the Earth's disk from the orbit's
+    least height in half a day, as far as the orbit is known, with a margin for what is beyond the
+    limb."""
     if config.field_of_regard_half_angle_deg is not None:
         return config.field_of_regard_half_angle_deg
     if _slot_deg(config) is not None:
@@ -109,15 +122,21 @@ def _completed(config: ScanningSensorConfig, name: str) -> dict[str, Any]:
 
 
 def _bands(edges: Mapping[str, tuple[float, float]]) -> tuple[Band, ...]:
-    """Return bands, the shortest wavelength first: the keys of a scene's mapping have no order to rely on."""
-    return tuple(Band(name, *edges[name]) for name in sorted(edges, key=lambda name: (*edges[name], name)))
+    """Return bands, the shortest wavelength first: the keys of a scene's mapping have no order to
+    rely on.
+    """
+    return tuple(
+        Band(name, *edges[name]) for name in sorted(edges, key=lambda name: (*edges[name], name))
+    )
 
 
 def _radiometer(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> Radiometer:
     """Return the radiometer of a configuration."""
     nei = config.nei_w_m2 if config.nei_w_cm2 is None else config.nei_w_cm2 * W_M2_PER_W_CM2
     return Radiometer(
-        nei_w_m2=tuple(config.band_nei_w_m2.get(band.name, math.nan if nei is None else nei) for band in bands),
+        nei_w_m2=tuple(
+            config.band_nei_w_m2.get(band.name, math.nan if nei is None else nei) for band in bands
+        ),
         ifov_rad=config.ifov_urad * 1e-6,
         collection_m2_s=config.collection_m2_s,
         threshold=_threshold(config),
@@ -131,19 +150,30 @@ def _radiometer(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> Radiom
     )
 
 
-def _focal_planes(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> tuple[FocalPlaneConfig, ...]:
-    """Return the focal planes by band, with integration times and lags that fit the scan period; none without one."""
+def _focal_planes(
+    config: ScanningSensorConfig, bands: tuple[Band, ...]
+) -> tuple[FocalPlaneConfig, ...]:
+    """Return the focal planes by band, with integration times and lags that fit the scan period;
+    none without one.
+    """
     period_ms = config.scan_period_ms
     if config.focal_plane is None:
         return ()
     changes: Any = config.band_focal_plane
     own = [evolve(config.focal_plane, **changes.get(band.name, {})) for band in bands]
-    times = [(min(one.integration_time_ms, period_ms), max(one.lag_s, period_ms * 1e-3)) for one in own]
-    return tuple(evolve(one, integration_time_ms=ms, lag_s=s) for one, (ms, s) in zip(own, times, strict=True))
+    times = [
+        (min(one.integration_time_ms, period_ms), max(one.lag_s, period_ms * 1e-3)) for one in own
+    ]
+    return tuple(
+        evolve(one, integration_time_ms=ms, lag_s=s)
+        for one, (ms, s) in zip(own, times, strict=True)
+    )
 
 
 def _reference(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> int:
-    """Return the number of the reference band: the one named, or the shortest if the sensor does not have that band."""
+    """Return the number of the reference band: the one named, or the shortest if the sensor does
+    not have that band.
+    """
     names = [band.name for band in bands]
     return names.index(config.reference_band) if config.reference_band in names else 0
 

@@ -12,8 +12,8 @@ ROW_SUM_TOLERANCE = 1e-9
 def confusion_complaint(matrix: object) -> str | None:
     """Return the error in a confusion matrix, or None.
 
-    Rows are target classes and may be omitted; columns are reported types, 0 where omitted. A row holds
-    probabilities and sums to 1 within 1e-9.
+    Rows are target classes and may be omitted; columns are reported types, 0 where omitted. A row
+    holds probabilities and sums to 1 within 1e-9.
     """
     if not isinstance(matrix, Mapping):
         return f"{matrix!r} is not a mapping of true types to reported types"
@@ -28,7 +28,11 @@ def _row_complaint(true_type: str, row: object) -> str | None:
         if not is_probability(probability):
             return f"{true_type}: {name}: {probability!r} is not a probability in [0, 1]"
     total = math.fsum(row.values())
-    return None if abs(total - 1.0) <= ROW_SUM_TOLERANCE else f"{true_type}: the row sums to {total:.10g}, not to 1"
+    return (
+        None
+        if abs(total - 1.0) <= ROW_SUM_TOLERANCE
+        else f"{true_type}: the row sums to {total:.10g}, not to 1"
+    )
 
 
 def is_probability(value: object) -> bool:

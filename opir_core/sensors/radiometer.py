@@ -21,7 +21,9 @@ def _ratios_complaint(ratios: Any) -> str | None:
 
 @frozen(kw_only=True)
 class RadiometerConfig:
-    """What a scene may set of how a sensor measures light, for models that reckon with it (detection: snr)."""
+    """What a scene may set of how a sensor measures light, for models that reckon with it
+    (detection: snr).
+    """
 
     nei_w_m2: float | None = number(
         default=None,
@@ -29,7 +31,8 @@ class RadiometerConfig:
         minimum=0.0,
         maximum=1e6,
         source="no default: computed from the focal plane",
-        help="noise-equivalent irradiance of a look without background, in each band, in place of what dark current,"
+        help="noise-equivalent irradiance of a look without background, in each band, in place of"
+        " what dark current,"
         " warm optics, reading and conversion come to",
     )
     nei_w_cm2: float | None = number(
@@ -50,7 +53,11 @@ class RadiometerConfig:
         help="by band the noise-equivalent irradiance of bands that have their own",
     )
     ifov_urad: float = number(
-        default=28.0, unit="urad", above=0.0, maximum=1e5, help="angle across a pixel; 28 are 1 km from 36 000 km"
+        default=28.0,
+        unit="urad",
+        above=0.0,
+        maximum=1e5,
+        help="angle across a pixel; 28 are 1 km from 36 000 km",
     )
     collection_m2_s: float = number(
         default=0.007,
@@ -72,7 +79,8 @@ class RadiometerConfig:
         below=1.0,
         plausible=(1e-15, 0.1),
         source="no default: threshold_sigma",
-        help="chance that noise alone crosses the threshold, in a resolution cell and look; a scene sets this or the"
+        help="chance that noise alone crosses the threshold, in a resolution cell and look; a scene"
+        " sets this or the"
         " threshold",
         instead_of="threshold_sigma",
     )
@@ -85,28 +93,33 @@ class RadiometerConfig:
     reference_band: str = text(
         default="",
         source="no default: the shortest band",
-        help="the band that has to cross the threshold where bands are compared, and to which the plausible ratios"
+        help="the band that has to cross the threshold where bands are compared, and to which the"
+        " plausible ratios"
         " refer",
     )
     plausible_ratios: Mapping[str, tuple[float, float]] = nested(
         default=Factory(dict),
         minimum=0.0,
         check=_ratios_complaint,
-        help="by band [least, most] intensity over that of the reference band at the source, where bands are compared;"
-        " the sensor widens these bounds by what the air does to the ratio at any height of the source",
+        help="by band [least, most] intensity over that of the reference band at the source, where"
+        " bands are compared;"
+        " the sensor widens these bounds by what the air does to the ratio at any height of the"
+        " source",
     )
     ratio_tolerance_sigma: float = number(
         default=3.0,
         minimum=0.0,
         maximum=1e3,
         source="a plume on a bound is refused with probability Q(3) = 0.0013",
-        help="how far noise may carry a measurement beyond the plausible ratios, in standard deviations",
+        help="how far noise may carry a measurement beyond the plausible ratios, in standard"
+        " deviations",
     )
     confirmation_detections: int = number(
         default=2,
         minimum=1,
         maximum=8,
-        help="detections that the sensor needs before it reports the last of them, for detection: snr; 1 reports all",
+        help="detections that the sensor needs before it reports the last of them, for detection:"
+        " snr; 1 reports all",
     )
     confirmation_scans: int = number(
         default=3,
@@ -120,13 +133,16 @@ class RadiometerConfig:
         minimum=0.0,
         maximum=1e5,
         source="above the circular speed at a height of 200 km, 7784 m/s",
-        help="speed that a source may have for detections of several scans to be taken for one source",
+        help="speed that a source may have for detections of several scans to be taken for one"
+        " source",
     )
     focal_plane: FocalPlaneConfig | None = nested(
         default=FocalPlaneConfig(),
         named_values={"notional": FocalPlaneConfig()},
-        help="optics, detectors, filters and jitter, from which NEI, clutter, saturation and the accuracy of lines of"
-        " sight follow; notional: the sensor model's own made-up values; null: nei_w_m2 and collection_m2_s alone, and"
+        help="optics, detectors, filters and jitter, from which NEI, clutter, saturation and the"
+        " accuracy of lines of"
+        " sight follow; notional: the sensor model's own made-up values; null: nei_w_m2 and"
+        " collection_m2_s alone, and"
         " the background's clutter_residual",
     )
     band_focal_plane: Mapping[str, Mapping[str, float]] = nested(
@@ -138,18 +154,33 @@ class RadiometerConfig:
 
 def focal_plane_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
     """Return the error in a focal plane beside the sensor's other settings, or None."""
-    known = {name for name, each in fields_dict(FocalPlaneConfig).items() if each.type in (float, int, float | None)}
+    known = {
+        name
+        for name, each in fields_dict(FocalPlaneConfig).items()
+        if each.type in (float, int, float | None)
+    }
     # Frames are subtracted from one another in all bands alike.
     known -= {"lag_s", "registration_urad", "drift_urad_s"}
     changes: Any = config.band_focal_plane
     for settings in changes.values():
         if unknown := sorted(set(settings) - known):
-            return f"band_focal_plane: {unknown[0]} is no setting of focal_plane; known: {', '.join(sorted(known))}"
+            return (
+                f"band_focal_plane: {unknown[0]} is no setting of focal_plane; known:"
+                f" {', '.join(sorted(known))}"
+            )
         # A value out of range is a `ValueError` with its name.
         evolve(FocalPlaneConfig(), **settings)
-    if config.focal_plane is not None or config.nei_w_m2 is not None or config.nei_w_cm2 is not None:
+    if (
+        config.focal_plane is not None
+        or config.nei_w_m2 is not None
+        or config.nei_w_cm2 is not None
+    ):
         return None
-    return None if set(bands) <= set(config.band_nei_w_m2) else "focal_plane: without one set the noise, nei_w_m2"
+    return (
+        None
+        if set(bands) <= set(config.band_nei_w_m2)
+        else "focal_plane: without one set the noise, nei_w_m2"
+    )
 
 
 def confirmation_complaint(config: RadiometerConfig) -> str | None:
@@ -157,9 +188,15 @@ def confirmation_complaint(config: RadiometerConfig) -> str | None:
     needed: Any = config.confirmation_detections
     scans: Any = config.confirmation_scans
     if not isinstance(needed, int) or not isinstance(scans, int):
-        return f"confirmation_detections and confirmation_scans: {needed!r} and {scans!r} are not whole numbers"
+        return (
+            f"confirmation_detections and confirmation_scans: {needed!r} and {scans!r} are not"
+            f" whole numbers"
+        )
     if needed > scans:
-        return f"confirmation_detections: {needed} detections do not fit into confirmation_scans: {scans}"
+        return (
+            f"confirmation_detections: {needed} detections do not fit into confirmation_scans:"
+            f" {scans}"
+        )
     return None
 
 
@@ -168,8 +205,13 @@ def unknown_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> st
 
     Default ratios of a model may name bands that a scene has replaced; these are ignored.
     """
-    if config.reference_band not in ("", *bands) and config.reference_band != _default(config, "reference_band"):
-        return f"reference_band: {config.reference_band} is not one of the sensor's bands, {', '.join(bands)}"
+    if config.reference_band not in ("", *bands) and config.reference_band != _default(
+        config, "reference_band"
+    ):
+        return (
+            f"reference_band: {config.reference_band} is not one of the sensor's bands,"
+            f" {', '.join(bands)}"
+        )
     for name in ("band_nei_w_m2", "band_focal_plane", "plausible_ratios"):
         given = getattr(config, name)
         unknown = [band for band in given if band not in bands]

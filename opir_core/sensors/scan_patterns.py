@@ -1,7 +1,8 @@
-"""Scan patterns: the time of the look at a direction within the scan period, vectorised over targets.
+"""Scan patterns: the time of the look at a direction within the scan period, vectorised over
+targets.
 
-The phase of a target depends on its own row alone. Directions are in the local frame of the sensor: down to the Earth's
-centre, north along the meridian, east across it.
+The phase of a target depends on its own row alone. Directions are in the local frame of the sensor:
+down to the Earth's centre, north along the meridian, east across it.
 """
 
 import math
@@ -19,22 +20,29 @@ class AlignedScan:
 
     period_ns: int
 
-    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
+    def phase_ns(
+        self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float
+    ) -> IntArray:
         """Return offset 0 for targets (n, 3)."""
         return np.zeros(len(target_ecef_m), dtype=np.int64)
 
 
 @define
 class SpinSweep:
-    """A spinning telescope: the sweep points north at a random start of the period and turns eastward about nadir."""
+    """A spinning telescope: the sweep points north at a random start of the period and turns
+    eastward about nadir.
+    """
 
     period_ns: int
 
-    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
-        """Return offsets (n,) proportional to the azimuth about nadir after the start, which is `uniform` periods.
+    def phase_ns(
+        self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float
+    ) -> IntArray:
+        """Return offsets (n,) proportional to the azimuth about nadir after the start, which is
+        `uniform` periods.
 
-        `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). The start at nadir and where a position is not
-        finite.
+        `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). The start at nadir and where a
+        position is not finite.
         """
         east, north, _ = _east_north_down(sensor_ecef_m, target_ecef_m)
         return _phase_at(np.arctan2(east, north) / (2.0 * np.pi), uniform, self.period_ns)
@@ -42,11 +50,13 @@ class SpinSweep:
 
 @define
 class StepStareSweep:
-    """A step-stare: the field of regard is a raster of stares of one length each, taken row by row in serpentine order.
+    """A step-stare: the field of regard is a raster of stares of one length each, taken row by row
+    in serpentine order.
 
-    The raster is the square of `half_angle_rad` about nadir; its first cell is the north-west one. Every second row
-    runs backward, so that each stare is next to the previous one. In each stare the array is read out line by line,
-    from north to south. With `is_staring` the cells are arrays side by side, which are all read at once.
+    The raster is the square of `half_angle_rad` about nadir; its first cell is the north-west one.
+    Every second row runs backward, so that each stare is next to the previous one. In each stare
+    the array is read out line by line, from north to south. With `is_staring` the cells are arrays
+    side by side, which are all read at once.
     """
 
     period_ns: int
@@ -55,11 +65,14 @@ class StepStareSweep:
     columns: int
     is_staring: bool = False
 
-    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
-        """Return offsets (n,) at which the lines of targets are read, after a start at `uniform` periods.
+    def phase_ns(
+        self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float
+    ) -> IntArray:
+        """Return offsets (n,) at which the lines of targets are read, after a start at `uniform`
+        periods.
 
-        `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). Targets off the raster count to its edge. The start
-        where a position is not finite.
+        `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). Targets off the raster count to
+        its edge. The start where a position is not finite.
         """
         east, north, down = _east_north_down(sensor_ecef_m, target_ecef_m)
         place = self._place(-np.arctan2(north, down), self.rows)
@@ -69,7 +82,9 @@ class StepStareSweep:
         line = place - row
         cells = self.rows * self.columns
         turn = line if self.is_staring else (row * self.columns + along + line) / cells
-        return _phase_at(np.where(np.isfinite(east + north + down), turn, 0.0), uniform, self.period_ns)
+        return _phase_at(
+            np.where(np.isfinite(east + north + down), turn, 0.0), uniform, self.period_ns
+        )
 
     def _place(self, angle_rad: FloatArray, count: int) -> FloatArray:
         """Return the place of an angle across the raster in cells, in [0, count)."""
@@ -80,7 +95,9 @@ class StepStareSweep:
 def scan_pattern(
     pattern: str, phase: str, *, period_ns: int, half_angle_rad: float, rows: int, columns: int
 ) -> ScanPattern:
-    """Return the scan of a pattern (spin, step-stare or staring) and a phase (aligned, or random: as swept)."""
+    """Return the scan of a pattern (spin, step-stare or staring) and a phase (aligned, or random:
+    as swept).
+    """
     if phase == "aligned":
         return AlignedScan(period_ns)
     if pattern == "spin":
@@ -89,7 +106,8 @@ def scan_pattern(
 
 
 def _phase_at(turn: FloatArray, start: float, period_ns: int) -> IntArray:
-    """Return offsets in [0, period) at fractions of a turn, of any sign, after a start; the start where these are nan.
+    """Return offsets in [0, period) at fractions of a turn, of any sign, after a start; the start
+    where these are nan.
 
     Turn and start are rounded down to ns one by one, so that another start moves all offsets alike.
     """
@@ -98,12 +116,16 @@ def _phase_at(turn: FloatArray, start: float, period_ns: int) -> IntArray:
     return (place + math.floor(start * period_ns)) % period_ns
 
 
-def _east_north_down(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _east_north_down(
+    sensor_ecef_m: FloatArray, target_ecef_m: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the components (n,) of sensor to target; over a pole, east is +y.
 
     nan where a position is not finite or the sensor at the Earth's centre.
     """
-    sensor = _finite_or_nan(np.broadcast_to(np.asarray(sensor_ecef_m, dtype=np.float64), np.shape(target_ecef_m)))
+    sensor = _finite_or_nan(
+        np.broadcast_to(np.asarray(sensor_ecef_m, dtype=np.float64), np.shape(target_ecef_m))
+    )
     dx, dy, dz = (_finite_or_nan(np.asarray(target_ecef_m, dtype=np.float64)) - sensor).T
     x, y, z = sensor.T
     across = np.hypot(x, y)
@@ -116,7 +138,11 @@ def _east_north_down(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> tu
     east_y = np.where(over_pole, 1.0, x / safe)
     outward = dx * east_y - dy * east_x
     east = dx * east_x + dy * east_y
-    return east, dz * cos_latitude - outward * sin_latitude, -(outward * cos_latitude + dz * sin_latitude)
+    return (
+        east,
+        dz * cos_latitude - outward * sin_latitude,
+        -(outward * cos_latitude + dz * sin_latitude),
+    )
 
 
 def _finite_or_nan(position: FloatArray) -> FloatArray:

@@ -1,4 +1,6 @@
-"""The configuration of a scanning sensor, which constellation plugins inherit. Nothing heavy is imported here."""
+"""The configuration of a scanning sensor, which constellation plugins inherit. Nothing heavy is
+imported here.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,7 +29,9 @@ DISCRIMINATION_BANDS = {"likelihood": 1, "none": 1, "dual-band-ratio": 2, "tripl
 
 def _bands_complaint(bands: Any) -> str | None:
     if not isinstance(bands, Mapping) or not 1 <= len(bands) <= MAXIMUM_BANDS:
-        return f"{bands!r} is not a mapping of 1 to {MAXIMUM_BANDS} band names to [lower_um, upper_um]"
+        return (
+            f"{bands!r} is not a mapping of 1 to {MAXIMUM_BANDS} band names to [lower_um, upper_um]"
+        )
     for name, edges in bands.items():
         if not _is_interval(edges):
             return f"{name}: {edges!r} is not [lower_um, upper_um] with 0 < lower_um < upper_um"
@@ -54,9 +58,10 @@ def _probabilities_complaint(probabilities: Any) -> str | None:
 class ScanningSensorConfig(RadiometerConfig):
     """What a scene may set of a scanning sensor: in a geostationary slot, or in any orbit.
 
-    A sensor model inherits this class, gives its own defaults with `with_defaults`, and needs at least those of
-    `bands`, `scan_period_ms` and `detection_probability`. A mapping of detection probabilities or a confusion matrix
-    that names some target classes leaves the model's defaults for the others.
+    A sensor model inherits this class, gives its own defaults with `with_defaults`, and needs at
+    least those of `bands`, `scan_period_ms` and `detection_probability`. A mapping of detection
+    probabilities or a confusion matrix that names some target classes leaves the model's defaults
+    for the others.
     """
 
     orbital_slot_deg: float | None = number(
@@ -76,30 +81,45 @@ class ScanningSensorConfig(RadiometerConfig):
         unit="um", check=_bands_complaint, help="spectral bands by name, each [lower_um, upper_um]"
     )
     scan_period_ms: float = number(
-        unit="ms", above=0.0, maximum=86_400_000.0, help="time between two looks at one target, in whole nanoseconds"
+        unit="ms",
+        above=0.0,
+        maximum=86_400_000.0,
+        help="time between two looks at one target, in whole nanoseconds",
     )
-    scan_pattern: str = text(default="staring", choices=SCAN_PATTERNS, help="how the field of regard is covered")
+    scan_pattern: str = text(
+        default="staring", choices=SCAN_PATTERNS, help="how the field of regard is covered"
+    )
     scan_phase: str = text(
         default="random",
         choices=SCAN_PHASES,
-        source="random: a launch does not wait for a scan. aligned: the convention behind the latencies of the"
+        source="random: a launch does not wait for a scan. aligned: the convention behind the"
+        " latencies of the"
         " opir-simulator paper (2026), section 5.1",
-        help="when in the period a look falls: where the pattern reaches the target's place at ignition, from a start"
-        " drawn once a sensor and run (random; swept is an older word for it); at whole periods of scene time, so that"
+        help="when in the period a look falls: where the pattern reaches the target's place at"
+        " ignition, from a start"
+        " drawn once a sensor and run (random; swept is an older word for it); at whole periods of"
+        " scene time, so that"
         " a launch on a scan instant is first seen a full period after ignition (aligned)",
     )
     raster_rows: int = number(
-        default=8, minimum=1, maximum=100, help="rows of stares, or of arrays that stare side by side"
+        default=8,
+        minimum=1,
+        maximum=100,
+        help="rows of stares, or of arrays that stare side by side",
     )
     raster_columns: int = number(
-        default=8, minimum=1, maximum=100, help="columns of stares, or of arrays that stare side by side"
+        default=8,
+        minimum=1,
+        maximum=100,
+        help="columns of stares, or of arrays that stare side by side",
     )
     detection_probability: Mapping[str, float] = nested(
         minimum=0.0,
         maximum=1.0,
         check=_probabilities_complaint,
         names_of=TargetClass.hook,
-        help="probability of detection per look by target class, for detection: constant; a class without one has that"
+        help="probability of detection per look by target class, for detection: constant; a class"
+        " without one has that"
         " of the type it resembles",
     )
     field_of_regard_half_angle_deg: float | None = number(
@@ -109,8 +129,10 @@ class ScanningSensorConfig(RadiometerConfig):
         maximum=180.0,
         plausible=(0.01, 180.0),
         source="the Earth's disk from the least height of half a day, from a geostationary slot"
-        " asin(6378.137 / 42164.17) = 8.70 deg, and a notional margin of 1.3 deg for targets beyond the limb",
-        help="half angle, from nadir, of the cone that the sensor covers; default: the Earth and its limb from the"
+        " asin(6378.137 / 42164.17) = 8.70 deg, and a notional margin of 1.3 deg for targets beyond"
+        " the limb",
+        help="half angle, from nadir, of the cone that the sensor covers; default: the Earth and"
+        " its limb from the"
         " orbit, 10 deg in a geosynchronous slot",
     )
     minimum_elevation_deg: float = number(
@@ -126,13 +148,20 @@ class ScanningSensorConfig(RadiometerConfig):
         unit="deg",
         minimum=0.0,
         maximum=90.0,
-        source="notional: within the 2.5 to 7.3 deg from the Earth's limb at which the Sun strays into civil"
-        " geostationary imagers, 45 min from midnight and 45 days from equinox (NOAA, GOES-R stray light, 2018)",
-        help="least angle between a line of sight and the Sun's centre, while any of the Sun is in view of the"
+        source="notional: within the 2.5 to 7.3 deg from the Earth's limb at which the Sun strays"
+        " into civil"
+        " geostationary imagers, 45 min from midnight and 45 days from equinox (NOAA, GOES-R stray"
+        " light, 2018)",
+        help="least angle between a line of sight and the Sun's centre, while any of the Sun is in"
+        " view of the"
         " satellite; 0 for no limit",
     )
     line_of_sight_sigma_urad: float = number(
-        default=20.0, unit="urad", minimum=0.0, maximum=1e5, help="standard deviation of a measured direction, per axis"
+        default=20.0,
+        unit="urad",
+        minimum=0.0,
+        maximum=1e5,
+        help="standard deviation of a measured direction, per axis",
     )
     line_of_sight_bias_sigma_urad: float = number(
         default=0.0,
@@ -140,7 +169,8 @@ class ScanningSensorConfig(RadiometerConfig):
         minimum=0.0,
         maximum=1e5,
         source="0: no bias, as in the opir-simulator paper (2026)",
-        help="standard deviation, per axis, of the constant error of all a sensor's directions, drawn once a run",
+        help="standard deviation, per axis, of the constant error of all a sensor's directions,"
+        " drawn once a run",
     )
     reporting: ReportingConfig = nested(
         default=ReportingConfig(),
@@ -149,17 +179,21 @@ class ScanningSensorConfig(RadiometerConfig):
         named_values=PRESETS,
     )
     false_alarm_susceptibility: str = text(
-        default="moderate", choices=SUSCEPTIBILITIES, help="how readily clutter is taken for a target"
+        default="moderate",
+        choices=SUSCEPTIBILITIES,
+        help="how readily clutter is taken for a target",
     )
     spectral_discrimination: str = text(
         default="none",
         choices=tuple(DISCRIMINATION_BANDS),
-        help="which bands detect: the sum of all, weighed by likelihood; any (none); or all, in plausible ratios",
+        help="which bands detect: the sum of all, weighed by likelihood; any (none); or all, in"
+        " plausible ratios",
     )
     follows_bodies: bool = flag(
         default=False,
         source="false: the opir-simulator paper (2026) watches plumes",
-        help="whether the sensor goes on looking after burnout, at the warm body, to impact; with detection: constant"
+        help="whether the sensor goes on looking after burnout, at the warm body, to impact; with"
+        " detection: constant"
         " it then sees it as well as the plume",
     )
     confusion: Mapping[str, Mapping[str, float]] = nested(
@@ -197,7 +231,10 @@ class ScanningSensorConfig(RadiometerConfig):
         if self.scan_period_ns >= 1 and self.scan_period_ns / 1e6 == self.scan_period_ms:
             return None
         nearest_ms = max(self.scan_period_ns, 1) / 1e6
-        return f"scan_period_ms: {self.scan_period_ms!r} is not a whole number of nanoseconds; write {nearest_ms!r}"
+        return (
+            f"scan_period_ms: {self.scan_period_ms!r} is not a whole number of nanoseconds; write"
+            f" {nearest_ms!r}"
+        )
 
     def _place_complaint(self) -> str | None:
         if (self.orbital_slot_deg is None) != (self.orbit is None):
@@ -208,13 +245,16 @@ class ScanningSensorConfig(RadiometerConfig):
         sides: tuple[Any, ...] = (self.raster_rows, self.raster_columns)
         if all(isinstance(side, int) for side in sides):
             return None
-        return f"raster_rows and raster_columns: {sides[0]!r} and {sides[1]!r} are not whole numbers"
+        return (
+            f"raster_rows and raster_columns: {sides[0]!r} and {sides[1]!r} are not whole numbers"
+        )
 
     def _discrimination_complaint(self) -> str | None:
         needed = DISCRIMINATION_BANDS[self.spectral_discrimination]
         if len(self.bands) >= needed:
             return None
         return (
-            f"spectral_discrimination: {self.spectral_discrimination} compares {needed} bands and the sensor has"
+            f"spectral_discrimination: {self.spectral_discrimination} compares {needed} bands and"
+            f" the sensor has"
             f" {len(self.bands)} ({', '.join(self.bands)})"
         )

@@ -1,7 +1,7 @@
 """The components of a constellation package: sensor models that are data, and fleets of them.
 
-A package declares its configuration classes (`with_defaults`) and yields what these functions return. The sensor itself
-is imported when it is built.
+A package declares its configuration classes (`with_defaults`) and yields what these functions
+return. The sensor itself is imported when it is built.
 """
 
 from collections.abc import Iterable, Mapping
@@ -33,13 +33,24 @@ def scanning_sensor(
 def scanning_model(
     name: str, summary: str, config: type[ScanningSensorConfig], presets: Presets | None = None
 ) -> SensorModel:
-    """Return the sensor model of a configuration class; `name` is also the `type` of its sensors in events."""
+    """Return the sensor model of a configuration class; `name` is also the `type` of its sensors in
+    events.
+    """
     return SensorModel(
-        name=name, summary=summary, config=config, build=partial(scanning_sensor, type=name), presets=presets or {}
+        name=name,
+        summary=summary,
+        config=config,
+        build=partial(scanning_sensor, type=name),
+        presets=presets or {},
     )
 
 
 def geostationary_fleet(model: str, summary: str, slots_deg: Iterable[float]) -> Constellation:
-    """Return the constellation with the name of its sensor model: satellites MODEL-1, ... in slots, deg east."""
-    satellites = [{"id": f"{model}-{number}", "orbital_slot_deg": slot} for number, slot in enumerate(slots_deg, 1)]
+    """Return the constellation with the name of its sensor model: satellites MODEL-1, ... in slots,
+    deg east.
+    """
+    satellites = [
+        {"id": f"{model}-{number}", "orbital_slot_deg": slot}
+        for number, slot in enumerate(slots_deg, 1)
+    ]
     return Constellation(name=model, summary=summary, model=model, satellites=satellites)

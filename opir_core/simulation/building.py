@@ -1,4 +1,6 @@
-"""Stage of the engine: detections with their type, confidence and id, and their truth, from hits."""
+"""Stage of the engine: detections with their type, confidence and id, and their truth, from
+hits.
+"""
 
 from typing import Any
 
@@ -27,11 +29,12 @@ from opir_core.simulation.output_checks import checked_measured, checked_types
 
 @frozen(eq=False, kw_only=True, repr=False)
 class BuildDetections:
-    """Takes `hits`, `numbers`, `measured` and `order`; gives `detections` and `truth`, in this order.
+    """Takes `hits`, `numbers`, `measured` and `order`; gives `detections` and `truth`, in this
+    order.
 
-    `pair_type` (pairs,) are the reported types of a classifier that goes by pairs, None for one that uses measurements;
-    `id_keys` (pairs, 2) are the keys of the detection ids, `band_totals` (sensors,) the sensors' numbers of bands,
-    `types` the number of types that events may report.
+    `pair_type` (pairs,) are the reported types of a classifier that goes by pairs, None for one
+    that uses measurements; `id_keys` (pairs, 2) are the keys of the detection ids, `band_totals`
+    (sensors,) the sensors' numbers of bands, `types` the number of types that events may report.
     """
 
     geometry: LookGeometry
@@ -55,7 +58,9 @@ class BuildDetections:
             detection=plan.detection,
             classifier=plan.classifier,
             confidence=plan.confidence,
-            pair_type=None if codes is None else checked_types(codes, len(pairs), types, "pair_type"),
+            pair_type=None
+            if codes is None
+            else checked_types(codes, len(pairs), types, "pair_type"),
             id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, plan.scan_names()),
             band_totals=np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64),
             types=types,
@@ -70,12 +75,19 @@ class BuildDetections:
         """Build the detections in blocks of rows whose columns stay in the processor's cache."""
         order = window.order
         measured = window.measured
-        # Column by column: gathering rows of all columns at once touches more pages than the processor caches.
+        # Column by column: gathering rows of all columns at once touches more pages than the
+        # processor caches.
         hits = window.hits.take(order)
         measured = None if measured is None else measured.take(order)
         none = np.full(len(hits), -1, dtype=np.int64)
         times = {"time_ns": hits.time_ns, "reported_ns": hits.time_ns}
-        columns = {**times, "scan": hits.scan, "detection_count": hits.count, "track": none, "estimate": none}
+        columns = {
+            **times,
+            "scan": hits.scan,
+            "detection_count": hits.count,
+            "track": none,
+            "estimate": none,
+        }
         detections = Filling(Detections, len(hits), columns | _measured_columns(measured))
         truth = Filling(DetectionTruth, len(hits), {"probability": hits.probability})
         for rows in blocks(len(hits)):
@@ -89,13 +101,17 @@ class BuildDetections:
     def _block(
         self, hits: Hits, numbers: WindowNumbers, measured: Measured | None
     ) -> tuple[Detections, DetectionTruth]:
-        """Return the detections of a block of hits, and their truth; the model measures what is not `measured` yet."""
+        """Return the detections of a block of hits, and their truth; the model measures what is not
+        `measured` yet.
+        """
         rng = numbers.of(hits.row, hits.pair, hits.direction_words)
         states = self.geometry.states
         time_s = hits.time_ns.astype(np.float64) * 1e-9
         exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
         if measured is None:
-            measured = checked_measured(self.detection.measure(exposed, rng), len(hits), self.most_bands)
+            measured = checked_measured(
+                self.detection.measure(exposed, rng), len(hits), self.most_bands
+            )
         total = self.band_totals[exposed.sensor]
         sightings = classifier_inputs(
             measured,
@@ -112,12 +128,21 @@ class BuildDetections:
             sigma_rad = states.sigma_rad.take(exposed.sensor)
         detections = self._detections(exposed, sightings, sigma_rad, hits, rng)
         truth = DetectionTruth(
-            exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
+            exposed.target,
+            exposed.emission_time_s,
+            exposed.range_m,
+            exposed.elevation_sine,
+            hits.probability,
         )
         return detections, truth
 
     def _detections(
-        self, exposed: Exposures, sightings: ClassifierInputs, sigma_rad: FloatArray, hits: Hits, rng: RowDraws
+        self,
+        exposed: Exposures,
+        sightings: ClassifierInputs,
+        sigma_rad: FloatArray,
+        hits: Hits,
+        rng: RowDraws,
     ) -> Detections:
         none = np.full(len(hits), -1, dtype=np.int64)
         types = self._types(sightings, hits, rng)
@@ -130,7 +155,9 @@ class BuildDetections:
             bands=sightings.bands,
             detection_count=hits.count,
             confidence=confidences(self.confidence, sightings, types),
-            line_of_sight_ecef=measured_lines_of_sight(self.geometry.states, exposed, sigma_rad, hits.direction_words),
+            line_of_sight_ecef=measured_lines_of_sight(
+                self.geometry.states, exposed, sigma_rad, hits.direction_words
+            ),
             sensor_ecef_m=exposed.sensor_ecef_m,
             snr=sightings.snr,
             track=none,

@@ -1,4 +1,6 @@
-"""Confirmation over scans: a sensor reports a detection if it is the last of M in N successive scans."""
+"""Confirmation over scans: a sensor reports a detection if it is the last of M in N successive
+scans.
+"""
 
 import numpy as np
 
@@ -9,7 +11,8 @@ _NEVER = -(1 << 62)
 
 
 class Confirmation:
-    """M-of-N confirmation of the detections of pairs; remembers each pair's last detections between windows.
+    """M-of-N confirmation of the detections of pairs; remembers each pair's last detections between
+    windows.
 
     `needed` (pairs,) is M, `scans` (pairs,) is N, of each pair's sensor.
     """
@@ -21,7 +24,9 @@ class Confirmation:
         self.recent = np.full((len(needed), int(needed.max(initial=1)) - 1), _NEVER)
 
     def confirmed(self, pair: IntArray, scan: IntArray) -> BoolArray:
-        """Return which detections are reported, given by pairs (n,) and scans (n,), sorted by pair, then scan."""
+        """Return which detections are reported, given by pairs (n,) and scans (n,), sorted by pair,
+        then scan.
+        """
         start = np.flatnonzero(np.diff(pair, prepend=-1))
         times = np.diff(start, append=len(pair))
         place = np.arange(len(pair)) - np.repeat(start, times)

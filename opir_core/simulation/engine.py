@@ -1,8 +1,9 @@
 """The engine: a plan in, windows of detections and tracks out.
 
-All data of a window are columns over its looks; stages fill them in turn (`Engine._planned_stages`). Each look is drawn
-against its P_d with the random numbers of its pair; detections are measured, classified, and get a confidence and an
-id. Nothing depends on the windows' edges.
+All data of a window are columns over its looks; stages fill them in turn
+(`Engine._planned_stages`). Each look is drawn against its P_d with the random numbers of its pair;
+detections are measured, classified, and get a confidence and an id. Nothing depends on the windows'
+edges.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,13 @@ from opir_core.planning.plan import Plan
 from opir_core.random_streams.pair_streams import PairStreams
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.building import BuildDetections
-from opir_core.simulation.hit_stages import CountDetections, DrawDirections, FindLooks, OrderByTime, draw_detections
+from opir_core.simulation.hit_stages import (
+    CountDetections,
+    DrawDirections,
+    FindLooks,
+    OrderByTime,
+    draw_detections,
+)
 from opir_core.simulation.measurement import with_tracks
 from opir_core.simulation.observation import Observation, Stage
 from opir_core.simulation.probability import (
@@ -49,7 +56,9 @@ class Engine:
             self._stages = self._planned_stages(plan)
 
     def _planned_stages(self, plan: Plan) -> Sequence[Stage]:
-        """Return the stages of a window, in order. What does not happen in the scene is not among them."""
+        """Return the stages of a window, in order. What does not happen in the scene is not among
+        them.
+        """
         pairs = plan.pairs
         geometry = plan.look_geometry()
         find_looks = FindLooks(pairs, self._streams)
@@ -58,7 +67,9 @@ class Engine:
         draw_false_alarms, insert_false_alarms = _false_alarms(plan, geometry)
         stages: list[Stage | None] = [
             find_looks,
-            InterpolatedProbability(curves) if curves else EvaluatedProbability(plan.detection, geometry),
+            InterpolatedProbability(curves)
+            if curves
+            else EvaluatedProbability(plan.detection, geometry),
             VisibilityTest(geometry) if pairs.is_checked.any() else None,
             draw_detections,
             self._count,
@@ -74,7 +85,9 @@ class Engine:
         return [stage for stage in stages if stage]
 
     def take_over(self, former: "Engine") -> None:
-        """Continue the run of another engine with the same sensors: its time, tracker, counts and last detections."""
+        """Continue the run of another engine with the same sensors: its time, tracker, counts and
+        last detections.
+        """
         self.time_ns = former.time_ns
         self._scheduled = former._tracker
         if self.plan.sensors is not former.plan.sensors:
@@ -83,21 +96,28 @@ class Engine:
 
     @property
     def _tracker(self) -> ScheduledTracker:
-        """The tracker of this run; none of its own in the order of report, in which `ReportOrder` steps it."""
+        """The tracker of this run; none of its own in the order of report, in which `ReportOrder`
+        steps it.
+        """
         if self._scheduled is None:
             is_here = self.plan.scene.tracking_order != BY_REPORT
             self._scheduled = ScheduledTracker(
-                checked_tracker(self.plan) if is_here else None, self.plan.end_ns, self.plan.paper_codes()
+                checked_tracker(self.plan) if is_here else None,
+                self.plan.end_ns,
+                self.plan.paper_codes(),
             )
         return self._scheduled
 
     @property
     def carried(self) -> Sequence[IntArray]:
-        """The state passed on to the next window, changed in place: each pair's count and last detections."""
+        """The state passed on to the next window, changed in place: each pair's count and last
+        detections.
+        """
         return self._count.carried
 
     def advance(self, end_ns: int) -> Window:
-        """Return the window of observations from the end of the last one to `end_ns`, whenever they are reported.
+        """Return the window of observations from the end of the last one to `end_ns`, whenever they
+        are reported.
 
         Raises `ModelError` for what a component raises or returns wrongly.
         """
@@ -105,10 +125,14 @@ class Engine:
         self.time_ns = end_ns
         return self._tracked(self.observe(start_ns, end_ns), start_ns, end_ns)
 
-    def observe(self, start_ns: int, end_ns: int, turn: AbstractContextManager[None] | None = None) -> Window:
-        """Return the window of observations in [start, end), without tracks; raises as `advance` does.
+    def observe(
+        self, start_ns: int, end_ns: int, turn: AbstractContextManager[None] | None = None
+    ) -> Window:
+        """Return the window of observations in [start, end), without tracks; raises as `advance`
+        does.
 
-        `turn` is entered while `carried` is used and changed: another engine's may be put there, and taken from there.
+        `turn` is entered while `carried` is used and changed: another engine's may be put there,
+        and taken from there.
         """
         window = Observation(start_ns=start_ns, end_ns=end_ns, turn=turn or nullcontext())
         with self._plugin_errors:
@@ -117,19 +141,27 @@ class Engine:
         return window.window()
 
     def track(self, window: Window, end_ns: int) -> Window:
-        """Return a window of observations up to `end_ns` with its tracks; windows follow each other."""
+        """Return a window of observations up to `end_ns` with its tracks; windows follow each
+        other.
+        """
         start_ns = self.time_ns
         self.time_ns = end_ns
         return self._tracked(window, start_ns, end_ns)
 
     def _tracked(self, window: Window, start_ns: int, end_ns: int) -> Window:
-        """Return a window of observations with the tracks of its ticks, and what these change in its detections."""
+        """Return a window of observations with the tracks of its ticks, and what these change in
+        its detections.
+        """
         with self._plugin_errors:
             tracked = self._tracker.absorb(window.detections, start_ns, end_ns)
-            detections = with_tracks(self.plan.classifier, self.plan.confidence, tracked.detections, tracked.estimates)
+            detections = with_tracks(
+                self.plan.classifier, self.plan.confidence, tracked.detections, tracked.estimates
+            )
         if detections is window.detections:
             return window
-        window = evolve(window, detections=detections.freeze(), tracks=tracked.tracks, health=tracked.health)
+        window = evolve(
+            window, detections=detections.freeze(), tracks=tracked.tracks, health=tracked.health
+        )
         return evolve(window, estimates=tracked.estimates)
 
 
@@ -141,7 +173,9 @@ def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:
 
 
 def _false_alarms(plan: Plan, geometry: LookGeometry) -> tuple[Stage | None, Stage | None]:
-    """Return the stages before and after the building of detections, None if the model has no false alarms."""
+    """Return the stages before and after the building of detections, None if the model has no false
+    alarms.
+    """
     if plan.detection.rate_per_scan is None:
         return None, None
     from opir_core.simulation.insertion import DrawFalseAlarms, insert_false_alarms

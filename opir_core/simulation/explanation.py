@@ -1,4 +1,6 @@
-"""The work of a plan, computed or skipped, with reasons: the output of `opir explain`, as plain values."""
+"""The work of a plan, computed or skipped, with reasons: the output of `opir explain`, as plain
+values.
+"""
 
 import math
 from collections.abc import Mapping
@@ -24,7 +26,9 @@ from opir_core.simulation.undetected import blocked_text, few_looks
 
 
 def explained(plan: Plan) -> Mapping[str, Any]:
-    """Return the work of a plan, computed, skipped and omitted, by sensor and by pair, as plain values."""
+    """Return the work of a plan, computed, skipped and omitted, by sensor and by pair, as plain
+    values.
+    """
     looking = np.flatnonzero(plan.pairs.looks > 0)
     idle = np.flatnonzero(plan.pairs.looks == 0)
     return {
@@ -36,7 +40,9 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "windows": len(window_edges_ns(plan)),
         "pairs": [_pair(plan, row) for row in looking.tolist()],
         "dark": _dark(plan),
-        "skipped": [{**_names(plan, row), "reason": blocked_text(plan, row)} for row in idle.tolist()],
+        "skipped": [
+            {**_names(plan, row), "reason": blocked_text(plan, row)} for row in idle.tolist()
+        ],
         "outages": [row for sensor in plan.sensors for row in _outages(plan, sensor)],
         "eclipses": [row for sensor in plan.sensors for row in _eclipses(plan, sensor)],
         "noise": _noise(plan),
@@ -54,7 +60,10 @@ def explained(plan: Plan) -> Mapping[str, Any]:
 
 def _pair(plan: Plan, row: int) -> Mapping[str, Any]:
     pair = plan.pairs.take(slice(row, row + 1))
-    times_s = look_times_ns(pair, np.zeros(2, dtype=np.int64), np.append(pair.first_scan, pair.last_scan)) * 1e-9
+    times_s = (
+        look_times_ns(pair, np.zeros(2, dtype=np.int64), np.append(pair.first_scan, pair.last_scan))
+        * 1e-9
+    )
     probability = plan.detection.pair_probability(pair.sensor, pair.target)
     return {
         **_names(plan, row),
@@ -77,8 +86,12 @@ def _dark(plan: Plan) -> list[Mapping[str, Any]]:
 
 
 def _outages(plan: Plan, sensor: Sensor) -> list[Mapping[str, Any]]:
-    """Return when the Sun keeps a sensor from looking at part of its field, where that is, and how much of it."""
-    outages = outage_intervals(sensor, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s)
+    """Return when the Sun keeps a sensor from looking at part of its field, where that is, and how
+    much of it.
+    """
+    outages = outage_intervals(
+        sensor, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s
+    )
     azimuth = np.degrees(outages.azimuth_rad)
     columns = {
         "start_s": outages.start_s,
@@ -93,8 +106,12 @@ def _outages(plan: Plan, sensor: Sensor) -> list[Mapping[str, Any]]:
 
 
 def _eclipses(plan: Plan, sensor: Sensor) -> list[Mapping[str, Any]]:
-    """Return when a satellite is in the Earth's penumbra and umbra; None for an umbra that it does not meet."""
-    eclipses = eclipse_intervals(sensor.orbit, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s)
+    """Return when a satellite is in the Earth's penumbra and umbra; None for an umbra that it does
+    not meet.
+    """
+    eclipses = eclipse_intervals(
+        sensor.orbit, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s
+    )
     return _rows(sensor, eclipses._asdict())
 
 
@@ -102,7 +119,10 @@ def _rows(sensor: Sensor, columns: Mapping[str, FloatArray]) -> list[Mapping[str
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return [
         {"sensor_id": sensor.id}
-        | {name: value if math.isfinite(value) else None for name, value in zip(columns, row, strict=True)}
+        | {
+            name: value if math.isfinite(value) else None
+            for name, value in zip(columns, row, strict=True)
+        }
         for row in rows
     ]
 
@@ -114,20 +134,28 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
         return []
     both = zip(plan.sensors, rates.tolist(), strict=True)
     return [
-        {"sensor_id": sensor.id, "per_scan": rate, "per_day": rate * 86_400e9 / sensor.scan.period_ns}
+        {
+            "sensor_id": sensor.id,
+            "per_scan": rate,
+            "per_day": rate * 86_400e9 / sensor.scan.period_ns,
+        }
         for sensor, rate in both
     ]
 
 
 def _focal_planes(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return the figures of the focal planes by band, with the noise of looks in this scene; none without planes."""
+    """Return the figures of the focal planes by band, with the noise of looks in this scene; none
+    without planes.
+    """
     figures = getattr(plan.detection, "focal_plane_figures", None)
     looking = np.flatnonzero(plan.pairs.looks > 0)
     return [] if figures is None else list(figures(plan.sensors, few_looks(plan, looking)[2]))
 
 
 def _reporting(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return the latency of each sensor's reports: mean and standard deviation, in all and by stage."""
+    """Return the latency of each sensor's reports: mean and standard deviation, in all and by
+    stage.
+    """
     return [
         {
             "sensor_id": sensor.id,
@@ -140,29 +168,49 @@ def _reporting(plan: Plan) -> list[Mapping[str, Any]]:
 
 
 def _tracking(plan: Plan) -> Mapping[str, Any]:
-    """Return the order in which the tracker gets detections and its lag, None for the order of observation."""
+    """Return the order in which the tracker gets detections and its lag, None for the order of
+    observation.
+    """
     order = plan.scene.tracking_order
     return {"order": order, "lag_s": tracking_lag_ns(plan) * 1e-9 if order == BY_REPORT else None}
 
 
-#: What distinguishes the groups of hypotheses: by their motion, to a tracker, and by their light, to a classifier.
+#: What distinguishes the groups of hypotheses: by their motion, to a tracker, and by their light,
+#: to a classifier.
 _EVIDENCE = {
-    "noise": ("lines of sight that have nothing in common", "as weak as the sensor's noise; seen once"),
-    "ground": ("stands still", "bands of a warm or burning surface; seen for hours, or while the Sun glints"),
-    "bolide": ("falls, faster than any boost; over in seconds", "bands of a hot body; seen for seconds"),
+    "noise": (
+        "lines of sight that have nothing in common",
+        "as weak as the sensor's noise; seen once",
+    ),
+    "ground": (
+        "stands still",
+        "bands of a warm or burning surface; seen for hours, or while the Sun glints",
+    ),
+    "bolide": (
+        "falls, faster than any boost; over in seconds",
+        "bands of a hot body; seen for seconds",
+    ),
     "missile": (
         "climbs and speeds up for minutes; then falls freely",
         "bands and brightness of its plume; seen for minutes",
     ),
-    "orbit": ("as a missile, but burns on or again until it is as fast as an orbit", "as a missile, by its own plume"),
+    "orbit": (
+        "as a missile, but burns on or again until it is as fast as an orbit",
+        "as a missile, by its own plume",
+    ),
     "glide": ("as a missile, but burns out low and level", "as a missile, by its own plume"),
     "none": ("unlike all of them", "unlike all of them in bands, brightness or duration"),
 }
 
 
 def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return what a hot object may be, by group, and what distinguishes it to each part of the plan that weighs it."""
-    weighs = (plan.make_tracker().cadence_s is not None, has_own(Classifier, plan.classifier, "log_posterior"))
+    """Return what a hot object may be, by group, and what distinguishes it to each part of the plan
+    that weighs it.
+    """
+    weighs = (
+        plan.make_tracker().cadence_s is not None,
+        has_own(Classifier, plan.classifier, "log_posterior"),
+    )
     if not any(weighs):
         return []
     return [
@@ -177,9 +225,15 @@ def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
 
 
 def _sensors_assumed(plan: Plan) -> list[str]:
-    """Return what the tracker assumes of each sensor before the first look, if it estimates their errors."""
+    """Return what the tracker assumes of each sensor before the first look, if it estimates their
+    errors.
+    """
     health = plan.make_tracker().sensor_health()
-    return [] if health is None else [f"{one.id}: {text}" for one, text in zip(plan.sensors, health.text, strict=True)]
+    return (
+        []
+        if health is None
+        else [f"{one.id}: {text}" for one, text in zip(plan.sensors, health.text, strict=True)]
+    )
 
 
 def _truth_users(plan: Plan) -> list[str]:
@@ -199,14 +253,23 @@ def _not_computed(plan: Plan) -> list[str]:
     everyone = np.zeros(0, dtype=np.int32)
     constant = plan.detection.pair_probability(everyone, everyone) is not None
     omitted = (
-        (constant, "geometry of looks that do not detect (the probability of detection is constant)"),
-        (constant and not plan.pairs.is_checked.any(), "visibility of single looks (every pair is certain)"),
+        (
+            constant,
+            "geometry of looks that do not detect (the probability of detection is constant)",
+        ),
+        (
+            constant and not plan.pairs.is_checked.any(),
+            "visibility of single looks (every pair is certain)",
+        ),
         (not plan.scene.light_time, "light time (switched off)"),
         (plan.scene.forces.is_kepler, "numerical propagation (forces: kepler, in closed form)"),
         (plan.make_tracker().cadence_s is None, "tracks (no tracker)"),
         (plan.scene.atmosphere.name == "clear", "atmosphere (a clear sky, transmittance 1)"),
         (plan.scene.background.name == "none", "background (none)"),
-        (not any(sensor.reporting for sensor in plan.sensors), "reporting latency (reports are at the times of looks)"),
+        (
+            not any(sensor.reporting for sensor in plan.sensors),
+            "reporting latency (reports are at the times of looks)",
+        ),
         (not plan.scene.outputs, "event encoding (no outputs)"),
     )
     return [line for is_skipped, line in omitted if is_skipped]

@@ -1,8 +1,9 @@
 """False alarms: looks at empty cells in which noise alone crosses the threshold.
 
-Their number is Poisson distributed, with the mean P_fa times resolution cells times looks; their directions are uniform
-over the solid angle of the field of regard. No cell is visited. A sensor's false alarms come from streams of its own,
-by blocks of scans, so that neither windows nor other sensors or targets change them.
+Their number is Poisson distributed, with the mean P_fa times resolution cells times looks; their
+directions are uniform over the solid angle of the field of regard. No cell is visited. A sensor's
+false alarms come from streams of its own, by blocks of scans, so that neither windows nor other
+sensors or targets change them.
 """
 
 from typing import Any
@@ -28,7 +29,9 @@ from opir_core.simulation.output_checks import checked_confirmation, checked_mea
 
 @frozen(eq=False, repr=False)
 class _Placed(Columns):
-    """A window's false alarms: time, sensor, scan, id, direction, sensor position and random numbers."""
+    """A window's false alarms: time, sensor, scan, id, direction, sensor position and random
+    numbers.
+    """
 
     time_ns: IntArray
     sensor: IndexArray
@@ -41,18 +44,23 @@ class _Placed(Columns):
 
 @frozen(eq=False, repr=False)
 class FalseAlarms:
-    """A window's false alarms as detections with their truth, sensor by sensor; `order` (n,) sorts them by time."""
+    """A window's false alarms as detections with their truth, sensor by sensor; `order` (n,) sorts
+    them by time.
+    """
 
     detections: Detections
     truth: DetectionTruth
     order: IntArray
 
     def alone(self) -> tuple[Detections, DetectionTruth]:
-        """Return them sorted by time, then sensor: the detections of a window without detected targets."""
+        """Return them sorted by time, then sensor: the detections of a window without detected
+        targets.
+        """
         return self.detections.take(self.order), self.truth.take(self.order)
 
     def places(self, time_ns: IntArray, sensor: IndexArray, order: IntArray) -> IntArray:
-        """Return the false alarms' rows among all detections, for the targets' times and sensors (n,) in an `order`.
+        """Return the false alarms' rows among all detections, for the targets' times and sensors
+        (n,) in an `order`.
 
         At equal times a sensor's targets come before its false alarms.
         """
@@ -61,10 +69,15 @@ class FalseAlarms:
         sensors = max(int(sensor.max()), int(own.sensor.max())) + 1
         keys, own_keys = (
             ((times - start_ns) * sensors + of_sensor).take(sorted_by)
-            for times, of_sensor, sorted_by in ((time_ns, sensor, order), (own.time_ns, own.sensor, self.order))
+            for times, of_sensor, sorted_by in (
+                (time_ns, sensor, order),
+                (own.time_ns, own.sensor, self.order),
+            )
         )
         places = np.empty(len(own_keys), dtype=np.int64)
-        places[self.order] = np.searchsorted(keys, own_keys, side="right") + np.arange(len(own_keys))
+        places[self.order] = np.searchsorted(keys, own_keys, side="right") + np.arange(
+            len(own_keys)
+        )
         return places
 
 
@@ -89,7 +102,9 @@ class FalseAlarmGenerator:
         }
         noise_names = [(name, "\x1fnoise") for name in names]
         self._id_keys = stream_key_words(scene.seed, scene.name, scene.epoch_us, noise_names)
-        self._exclusions = {number: each for number, each in enumerate(plan.exclusions) if each is not None}
+        self._exclusions = {
+            number: each for number, each in enumerate(plan.exclusions) if each is not None
+        }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
@@ -129,7 +144,9 @@ class FalseAlarmGenerator:
         phase_ns = np.empty(len(sensor), dtype=np.int64)
         edges = [0, *(np.flatnonzero(np.diff(sensor)) + 1).tolist(), len(sensor)]
         for rows in map(slice, edges[:-1], edges[1:]):
-            phase_ns[rows] = self._streams[int(sensor[rows.start])].phase_ns(at_m[rows], seen_m[rows])
+            phase_ns[rows] = self._streams[int(sensor[rows.start])].phase_ns(
+                at_m[rows], seen_m[rows]
+            )
         return phase_ns
 
     def _measured(self, noise: _Placed) -> FalseAlarms:
@@ -156,7 +173,9 @@ class FalseAlarmGenerator:
             snr=measured.snr,
             track=none,
             estimate=none,
-            line_of_sight_sigma_rad=self._states.sigma_rad[noise.sensor] if sigma_rad is None else sigma_rad,
+            line_of_sight_sigma_rad=self._states.sigma_rad[noise.sensor]
+            if sigma_rad is None
+            else sigma_rad,
             band_irradiance_w_m2=sightings.band_irradiance_w_m2,
             **types.columns,
         )
@@ -165,8 +184,8 @@ class FalseAlarmGenerator:
         return FalseAlarms(detections, truth, np.argsort(noise.time_ns, kind="stable"))
 
     def _classifier_inputs(self, noise: _Placed, measured: Measured) -> ClassifierInputs:
-        """Return the inputs of classifiers and confidence models, with the source at the end of the line of sight on
-        the ground."""
+        """Return the inputs of classifiers and confidence models, with the source at the end of the
+        line of sight on the ground."""
         rows = len(noise.time_ns)
         ground = intersection_with_ellipsoid(noise.sensor_ecef_m, noise.line_of_sight_ecef)
         hits = np.isfinite(ground[:, 0])
@@ -217,9 +236,11 @@ class _NoDraws:
         return _NoDraws(len(np.arange(self.rows)[rows]))
 
 
-def _directions(at_m: FloatArray, radius_m: FloatArray, most_fall: FloatArray, uniforms: FloatArray) -> FloatArray:
-    """Return directions (n, 3), uniform over the solid angle of cones about nadir; `most_fall` (n,) is 1 - cosine of
-    the edge.
+def _directions(
+    at_m: FloatArray, radius_m: FloatArray, most_fall: FloatArray, uniforms: FloatArray
+) -> FloatArray:
+    """Return directions (n, 3), uniform over the solid angle of cones about nadir; `most_fall` (n,)
+    is 1 - cosine of the edge.
 
     1 - cosine is uniform over a cone; the sine follows without cancellation.
     """
@@ -243,8 +264,12 @@ def _directions(at_m: FloatArray, radius_m: FloatArray, most_fall: FloatArray, u
     return unit
 
 
-def _seen_from(ground_ecef_m: FloatArray, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the ranges (n,) of sensors from points on the ellipsoid, and the sines of their elevation there."""
+def _seen_from(
+    ground_ecef_m: FloatArray, sensor_ecef_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ranges (n,) of sensors from points on the ellipsoid, and the sines of their
+    elevation there.
+    """
     (x, y, z), away = components(ground_ecef_m), components(sensor_ecef_m - ground_ecef_m)
     z = z * (EARTH_EQUATORIAL_RADIUS_M / EARTH_POLAR_RADIUS_M) ** 2
     range_m = length(*away)

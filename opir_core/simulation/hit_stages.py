@@ -1,4 +1,6 @@
-"""Stages of the engine, of every scene: looks are found, drawn against their P_d, counted, and ordered by time."""
+"""Stages of the engine, of every scene: looks are found, drawn against their P_d, counted, and
+ordered by time.
+"""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -44,8 +46,8 @@ class FindLooks:
 def draw_detections(window: Observation) -> None:
     """Draw which looks detect.
 
-    Takes `looks`, `numbers`, `probability` (l,) and `undecided`; gives `row`, `pair` and `scan` (n,) of looks that
-    detect, sorted by sensor, then target, then time.
+    Takes `looks`, `numbers`, `probability` (l,) and `undecided`; gives `row`, `pair` and `scan`
+    (n,) of looks that detect, sorted by sensor, then target, then time.
     """
     # Looks with a P_d of 0 or 1 need no random number: 0 will do.
     drawn = window.numbers.words("detection", window.undecided)
@@ -57,7 +59,9 @@ def draw_detections(window: Observation) -> None:
 
 @frozen(eq=False, repr=False)
 class DrawDirections:
-    """Takes `row`, `pair`, `scan`, `count` and `numbers`; gives `hits` (n,), with their times and random words."""
+    """Takes `row`, `pair`, `scan`, `count` and `numbers`; gives `hits` (n,), with their times and
+    random words.
+    """
 
     pairs: Pairs
 
@@ -68,11 +72,15 @@ class DrawDirections:
         scan = window.scan
         words = window.numbers.of_rows("line-of-sight", 1, row, pair)[:, 0]
         time_ns = look_times_ns(self.pairs, pair, scan)
-        window.hits = Hits(row, pair, scan, time_ns, window.count, window.probability.take(row), words)
+        window.hits = Hits(
+            row, pair, scan, time_ns, window.count, window.probability.take(row), words
+        )
 
 
 class CountDetections:
-    """Takes `row`, `pair` and `scan` (n,); gives `count` (n,), and of all four only the rows that are reported."""
+    """Takes `row`, `pair` and `scan` (n,); gives `count` (n,), and of all four only the rows that
+    are reported.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self._names = plan.pair_names()
@@ -81,7 +89,9 @@ class CountDetections:
 
     @property
     def carried(self) -> Sequence[IntArray]:
-        """The state passed on to the next window, changed in place: each pair's count and last detections."""
+        """The state passed on to the next window, changed in place: each pair's count and last
+        detections.
+        """
         recent = () if self._confirmation is None else (self._confirmation.recent,)
         return self._counts, *recent
 
@@ -119,7 +129,9 @@ class CountDetections:
 
 
 def _confirmation(plan: Plan) -> "Confirmation | None":
-    """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
+    """Return the confirmation over scans, if the detection model has one and it needs more than one
+    detection.
+    """
     if plan.detection.confirmation is None:
         return None
     confirmation = checked_confirmation(plan.detection.confirmation, len(plan.sensors))
@@ -143,7 +155,9 @@ class OrderByTime:
     @classmethod
     def of(cls, pairs: Pairs) -> "OrderByTime":
         """Return the stage for the look times of pairs."""
-        return cls(int(np.gcd.reduce(np.concatenate([pairs.period_ns, pairs.phase_ns]), initial=0)) or 1)
+        return cls(
+            int(np.gcd.reduce(np.concatenate([pairs.period_ns, pairs.phase_ns]), initial=0)) or 1
+        )
 
     def __call__(self, window: Observation) -> None:
         """Sort the hits."""

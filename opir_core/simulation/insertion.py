@@ -1,4 +1,6 @@
-"""Stages of the engine, of scenes with false alarms: these get rows among the detections of targets."""
+"""Stages of the engine, of scenes with false alarms: these get rows among the detections of
+targets.
+"""
 
 import numpy as np
 
@@ -10,7 +12,9 @@ from opir_core.simulation.observation import Observation
 
 
 class DrawFalseAlarms:
-    """Takes `hits` and `order`; gives `false_alarms` and their `places`, and an `order` with a row for each."""
+    """Takes `hits` and `order`; gives `false_alarms` and their `places`, and an `order` with a row
+    for each.
+    """
 
     def __init__(self, plan: Plan, model: DetectionProbability, geometry: LookGeometry) -> None:
         self._generator = FalseAlarmGenerator(plan, model, geometry)
@@ -33,7 +37,8 @@ class DrawFalseAlarms:
 def insert_false_alarms(window: Observation) -> None:
     """Overwrite rows with the false alarms.
 
-    Takes `false_alarms`, `places`, `detections` and `truth`; gives the last two with the false alarms.
+    Takes `false_alarms`, `places`, `detections` and `truth`; gives the last two with the false
+    alarms.
     """
     false_alarms = window.false_alarms
     if false_alarms is None:

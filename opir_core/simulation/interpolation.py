@@ -1,10 +1,12 @@
-"""P_d interpolated between looks: the detection model is evaluated at knots along each pair's looks only.
+"""P_d interpolated between looks: the detection model is evaluated at knots along each pair's looks
+only.
 
-Signals vary slowly along a track, except at breakpoints that models may know (`breakpoints_s`). Between these, pieces
-have five knots (`opir_core.simulation.refinement`), or three if P_d is 0 or 1 throughout. The quantile of P_d is a
-polynomial through the knots; each band's signal and noise are linear between knots. A piece is halved until the error
-of the curve is within the tolerance of P_d; where knots come as near to each other as looks, each look is evaluated.
-Knots belong to pairs and times: they depend neither on windows nor on the phases of scans, and replicates share them.
+Signals vary slowly along a track, except at breakpoints that models may know (`breakpoints_s`).
+Between these, pieces have five knots (`opir_core.simulation.refinement`), or three if P_d is 0 or 1
+throughout. The quantile of P_d is a polynomial through the knots; each band's signal and noise are
+linear between knots. A piece is halved until the error of the curve is within the tolerance of P_d;
+where knots come as near to each other as looks, each look is evaluated. Knots belong to pairs and
+times: they depend neither on windows nor on the phases of scans, and replicates share them.
 """
 
 from typing import NamedTuple
@@ -36,7 +38,9 @@ _ROWS = 8192
 
 
 class _LookIntervals(NamedTuple):
-    """Intervals of pairs' looks, sorted by pair and scan: pairs, first scans, and scans after the last ones."""
+    """Intervals of pairs' looks, sorted by pair and scan: pairs, first scans, and scans after the
+    last ones.
+    """
 
     pair: IntArray
     first: IntArray
@@ -50,7 +54,9 @@ class _LookIntervals(NamedTuple):
         return cls(pair, first, behind)
 
     def rows(self, looks: Looks) -> tuple[IntArray, IntArray]:
-        """Return the row of each interval's first look in a window, and its number of looks there."""
+        """Return the row of each interval's first look in a window, and its number of looks
+        there.
+        """
         most = max(int(self.pair.max(initial=0)), int(looks.active.max(initial=0))) + 1
         first_scan, scans, offset = (np.zeros(most, dtype=np.int64) for _ in range(3))
         first_scan[looks.active] = looks.first_scan
@@ -65,10 +71,11 @@ class _LookIntervals(NamedTuple):
 
 @frozen(eq=False, repr=False)
 class KnotCurves:
-    """Curves of P_d quantiles, one per piece, and lines of signals, one per interval, by pairs and places of knots.
+    """Curves of P_d quantiles, one per piece, and lines of signals, one per interval, by pairs and
+    places of knots.
 
-    They do not depend on the phases of scans. In `rough` (p,) pieces looks are evaluated; `rise` is per unit, the rest
-    as in `ProbabilityInterpolant`.
+    They do not depend on the phases of scans. In `rough` (p,) pieces looks are evaluated; `rise` is
+    per unit, the rest as in `ProbabilityInterpolant`.
     """
 
     model: DetectionProbability
@@ -82,7 +89,9 @@ class KnotCurves:
     rise: FloatArray
 
     @classmethod
-    def of(cls, geometry: LookGeometry, model: DetectionProbability, tolerance: float) -> "KnotCurves":
+    def of(
+        cls, geometry: LookGeometry, model: DetectionProbability, tolerance: float
+    ) -> "KnotCurves":
         """Return the curves of all pairs that may have looks."""
         grid = GridRefiner(geometry, model, tolerance).refined()
         pieces, curves, certain, rough = _curved(grid, certain_beyond(tolerance))
@@ -90,7 +99,9 @@ class KnotCurves:
         lines = lines.take(_in_order(lines.pair, lines.scan[0]))
         light = grid.values[1:]
         at = light.take(lines.row[0], axis=1)
-        rise = (light.take(lines.row[1], axis=1) - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
+        rise = (light.take(lines.row[1], axis=1) - at) / np.maximum(
+            lines.scan[1] - lines.scan[0], 1
+        )
         return cls(model, tolerance, pieces, curves, certain, rough, lines, at, rise)
 
     def at_scans(self, geometry: LookGeometry) -> "ProbabilityInterpolant":
@@ -119,7 +130,9 @@ class KnotCurves:
 
 
 def _first_scans(pieces: Intervals, pairs: Pairs) -> IntArray:
-    """Return the first scans (k,) of pieces: at or after their starts, of the first ones the first of the pair."""
+    """Return the first scans (k,) of pieces: at or after their starts, of the first ones the first
+    of the pair.
+    """
     # Looks within the margin before a piece's first knot are its own: a breakpoint may be there.
     pair = pieces.pair
     start = np.maximum(pieces.scan[0] - MARGIN, 0)
@@ -130,10 +143,12 @@ def _first_scans(pieces: Intervals, pairs: Pairs) -> IntArray:
 
 @frozen(eq=False)
 class ProbabilityInterpolant:
-    """Interpolated P_d quantiles, one curve per piece, and signals and noise, one line per interval between knots.
+    """Interpolated P_d quantiles, one curve per piece, and signals and noise, one line per interval
+    between knots.
 
-    `certain` (p,) is the P_d, 0 or 1, of pieces without a curve, nan for others. `at` and `rise` (2 B + 1, k) are
-    signals, noise and the sine of the elevation at an interval's first scan, and their increase per scan.
+    `certain` (p,) is the P_d, 0 or 1, of pieces without a curve, nan for others. `at` and `rise` (2
+    B + 1, k) are signals, noise and the sine of the elevation at an interval's first scan, and
+    their increase per scan.
     """
 
     model: DetectionProbability
@@ -145,28 +160,41 @@ class ProbabilityInterpolant:
     rise: FloatArray
 
     @classmethod
-    def of(cls, geometry: LookGeometry, model: DetectionProbability, tolerance: float) -> "ProbabilityInterpolant":
+    def of(
+        cls, geometry: LookGeometry, model: DetectionProbability, tolerance: float
+    ) -> "ProbabilityInterpolant":
         """Return the interpolant of all pairs with looks."""
         return KnotCurves.of(geometry, model, tolerance).at_scans(geometry)
 
-    def with_looks(self, geometry: LookGeometry, rough: IntArray, tolerance: float) -> "ProbabilityInterpolant":
+    def with_looks(
+        self, geometry: LookGeometry, rough: IntArray, tolerance: float
+    ) -> "ProbabilityInterpolant":
         """Return the interpolant with each look of rough pieces, given by their rows, evaluated."""
         pairs = geometry.pairs
         pair = self.pieces.pair[rough]
         first = np.maximum(self.pieces.first[rough], pairs.first_scan[pair])
-        count = np.maximum(np.minimum(self.pieces.behind[rough], pairs.last_scan[pair] + 1) - first, 0)
+        count = np.maximum(
+            np.minimum(self.pieces.behind[rough], pairs.last_scan[pair] + 1) - first, 0
+        )
         pair = np.repeat(pair, count)
         if not len(pair):
             return self
         scan = np.arange(len(pair)) + np.repeat(first - (np.cumsum(count) - count), count)
         every = [geometry.exposures(pair[rows], scan[rows]) for rows in blocks(len(pair))]
-        values = np.concatenate([values_of(self.model, exposed, tolerance) for exposed in every], axis=1)
+        values = np.concatenate(
+            [values_of(self.model, exposed, tolerance) for exposed in every], axis=1
+        )
         both = np.concatenate([self.pieces.pair, pair]), np.concatenate([self.pieces.first, scan])
         order = _in_order(*both)
-        curves = self.curves.joined(Curves.straight(np.stack([scan, scan]), values[[0, 0]], KNOTS), order)
+        curves = self.curves.joined(
+            Curves.straight(np.stack([scan, scan]), values[[0, 0]], KNOTS), order
+        )
         beyond = certain_beyond(tolerance)
         certain = np.where(values[0] > beyond, 1.0, np.where(values[0] < -beyond, 0.0, np.nan))
-        of_lines = np.concatenate([self.intervals.pair, pair]), np.concatenate([self.intervals.first, scan])
+        of_lines = (
+            np.concatenate([self.intervals.pair, pair]),
+            np.concatenate([self.intervals.first, scan]),
+        )
         in_lines = _in_order(*of_lines)
         return ProbabilityInterpolant(
             self.model,
@@ -203,11 +231,17 @@ class WindowInterpolant:
         probability = np.repeat(certain, self._counts)
         open_ = np.flatnonzero(np.isnan(certain))
         passed = np.cumsum(self._counts[open_])
-        edges = np.searchsorted(passed, np.arange(0, passed[-1] if len(passed) else 0, _ROWS), side="right")
+        edges = np.searchsorted(
+            passed, np.arange(0, passed[-1] if len(passed) else 0, _ROWS), side="right"
+        )
         for part in np.split(open_, np.unique(edges[1:])):
             times = self._counts[part]
-            row = np.arange(times.sum()) + np.repeat(self._starts[part] - (np.cumsum(times) - times), times)
-            probability[row] = ndtr(self._whole.curves.at(self._pieces[part], times, self._looks.scan[row]))
+            row = np.arange(times.sum()) + np.repeat(
+                self._starts[part] - (np.cumsum(times) - times), times
+            )
+            probability[row] = ndtr(
+                self._whole.curves.at(self._pieces[part], times, self._looks.scan[row])
+            )
         return probability
 
     def undecided(self) -> BoolArray:
@@ -217,19 +251,27 @@ class WindowInterpolant:
         undecided[np.searchsorted(self._looks.active, self._whole.pieces.pair[open_])] = True
         return undecided
 
-    def measured(self, row: IntArray, sensor: IndexArray, rng: RandomDraws, probability: FloatArray) -> Measured:
-        """Return the measurements of looks (n,) that detected, given by their rows in the window, in order."""
+    def measured(
+        self, row: IntArray, sensor: IndexArray, rng: RandomDraws, probability: FloatArray
+    ) -> Measured:
+        """Return the measurements of looks (n,) that detected, given by their rows in the window,
+        in order.
+        """
         return self._whole.model.measure_response(self.response(row), sensor, rng, probability)
 
     def response(self, row: IntArray) -> Response:
-        """Return the signals and noise of looks (n,), given by their rows in the window, in order."""
+        """Return the signals and noise of looks (n,), given by their rows in the window, in
+        order.
+        """
         whole = self._whole
         first, last = np.searchsorted(self._ends, row[[0, -1]], side="right")
         used = self._used[first : last + 1]
         times = np.diff(np.searchsorted(row, self._ends[first : last + 1]), prepend=0)
         used = used[times > 0]
         times = times[times > 0]
-        since = (self._looks.scan[row] - np.repeat(whole.intervals.first[used], times)).astype(np.float64)
+        since = (self._looks.scan[row] - np.repeat(whole.intervals.first[used], times)).astype(
+            np.float64
+        )
         at = whole.at.take(used, axis=1)
         rise = whole.rise.take(used, axis=1)
         width = len(at) // 2
@@ -239,7 +281,9 @@ class WindowInterpolant:
 
 
 def _lines_at(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArray) -> FloatArray:
-    """Return lines (B, m), `times` (m,) each, at scans (n,) since their starts; constant columns are views."""
+    """Return lines (B, m), `times` (m,) each, at scans (n,) since their starts; constant columns
+    are views.
+    """
     moving = np.flatnonzero(rise.any(axis=1) | (at != at[:, :1]).any(axis=1))
     if not len(moving):
         return np.broadcast_to(at[:, :1], (len(at), len(since)))
@@ -256,7 +300,9 @@ def _curved(grid: RefinedGrid, beyond: float) -> tuple[Intervals, Curves, FloatA
     quantile = grid.values[0]
     smooth = grid.curved
     # Settled pieces need no curve: a line fills the row; rough ones get none.
-    straight = Intervals.joined([each.knots(slice(0, None, len(each.scan) - 1)) for each in (grid.settled, grid.rough)])
+    straight = Intervals.joined(
+        [each.knots(slice(0, None, len(each.scan) - 1)) for each in (grid.settled, grid.rough)]
+    )
     inner = quantile[smooth.row]
     ends = quantile[straight.row]
     pieces = Intervals.joined([smooth.knots(slice(0, None, KNOTS - 1)), straight])
@@ -281,5 +327,7 @@ def _lines(pieces: Intervals) -> Intervals:
     long = np.diff(pieces.scan, axis=0) > 0
     long[-1, ~long.any(axis=0)] = True
     piece, place = np.nonzero(long.T)
-    scan, row = (np.stack([each[place, piece], each[place + 1, piece]]) for each in (pieces.scan, pieces.row))
+    scan, row = (
+        np.stack([each[place, piece], each[place + 1, piece]]) for each in (pieces.scan, pieces.row)
+    )
     return Intervals(pieces.pair[piece], scan, row, pieces.predicted[:, piece])

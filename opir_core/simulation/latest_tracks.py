@@ -12,7 +12,9 @@ from opir_core.scene.scene import REPORTED_TYPES
 
 
 class LatestTracks:
-    """The last row of each track of a run, window by window; `hypotheses` are the names of the run's hypotheses."""
+    """The last row of each track of a run, window by window; `hypotheses` are the names of the
+    run's hypotheses.
+    """
 
     def __init__(self, hypotheses: Sequence[str] = ()) -> None:
         self._hypotheses = hypotheses
@@ -34,13 +36,21 @@ class LatestTracks:
         latest = self._latest.take(np.argsort(self._latest.track, kind="stable"))
         launch, impact = (_semi_major_km(latest, name) for name in ("launch", "impact"))
         columns = hypothesis_columns(latest, self._hypotheses)
-        weighed = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        weighed = [
+            dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
+        ]
         return [
-            {**self._row(latest, place, launch[place], impact[place]), **_likeliest(row["hypotheses"]), **row}
+            {
+                **self._row(latest, place, launch[place], impact[place]),
+                **_likeliest(row["hypotheses"]),
+                **row,
+            }
             for place, row in enumerate(weighed)
         ]
 
-    def _row(self, latest: Tracks, place: int, launch_km: float, impact_km: float) -> Mapping[str, Any]:
+    def _row(
+        self, latest: Tracks, place: int, launch_km: float, impact_km: float
+    ) -> Mapping[str, Any]:
         track = int(latest.track[place])
         chance = latest.type_probability[place]
         is_typed = bool(np.isfinite(chance).any())
@@ -56,7 +66,9 @@ class LatestTracks:
 
 
 def _likeliest(hypotheses: Mapping[str, float] | None) -> Mapping[str, Any]:
-    chance, name = max((chance, name) for name, chance in hypotheses.items()) if hypotheses else (None, None)
+    chance, name = (
+        max((chance, name) for name, chance in hypotheses.items()) if hypotheses else (None, None)
+    )
     return {"likeliest_hypothesis": name, "hypothesis_probability": chance}
 
 
@@ -65,14 +77,17 @@ def _number(value: float) -> float | None:
 
 
 def _semi_major_km(tracks: Tracks, point: str) -> list[float]:
-    """Return the semi-major axes (n,), km, of the 95 % ellipses of launch or impact points; nan where unknown."""
+    """Return the semi-major axes (n,), km, of the 95 % ellipses of launch or impact points; nan
+    where unknown.
+    """
     covariance = getattr(tracks, f"{point}_covariance")[:, :2, :2]
     sigmas = tracks.impact_sigmas if point == "impact" else None
     return (containment_ellipse(covariance, reported_sigmas=sigmas).semi_major_m * 1e-3).tolist()
 
 
 def _impact(latest: Tracks, place: int, semi_major_km: float) -> Mapping[str, Any] | None:
-    """Return a predicted impact point, how it was predicted, and its 95 % regions, the most probable condition first.
+    """Return a predicted impact point, how it was predicted, and its 95 % regions, the most
+    probable condition first.
 
     The paper's law states no containment: its σ is `sigma_km`, and there is no semi-major axis.
     """
@@ -102,7 +117,9 @@ def _impact(latest: Tracks, place: int, semi_major_km: float) -> Mapping[str, An
 
 
 def _point(place: Any, semi_major_km: float) -> Mapping[str, Any] | None:
-    """Return a point (latitude, longitude, time) in degrees and seconds, or None if it is not estimated."""
+    """Return a point (latitude, longitude, time) in degrees and seconds, or None if it is not
+    estimated.
+    """
     if not np.isfinite(place).all():
         return None
     latitude_deg, longitude_deg = np.degrees(place[:2]).tolist()

@@ -1,4 +1,6 @@
-"""The run manifest: what is needed to repeat a run exactly, and nothing that differs between two runs of a scene."""
+"""The run manifest: what is needed to repeat a run exactly, and nothing that differs between two
+runs of a scene.
+"""
 
 import platform
 from collections.abc import Mapping
@@ -18,13 +20,19 @@ MANIFEST_VERSION = "2"
 
 
 def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the manifest: the scene, its hash, versions, files and plugins used, random streams, counts."""
+    """Return the manifest: the scene, its hash, versions, files and plugins used, random streams,
+    counts.
+    """
     return {
         "manifest_version": MANIFEST_VERSION,
         "scene_hash": scene_hash(plan.scene),
         "seed": plan.scene.seed,
         "random_numbers": SCHEME,
-        "versions": {"opir-core": __version__, "python": platform.python_version(), "numpy": np.__version__},
+        "versions": {
+            "opir-core": __version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+        },
         "components": components_used(plan),
         "files": [file for part in plan.targets.trajectories for file in part.files],
         "sensors": [] if plan.bias is None else plan.bias.by_sensor(plan.sensors),
@@ -38,7 +46,11 @@ def components_used(plan: Plan) -> list[Mapping[str, str]]:
     chosen = {(choice.hook, choice.name) for choice in plan.scene.choices}
     outputs = [choice.config for choice in plan.scene.outputs if hasattr(choice.config, "encoder")]
     chosen |= {(EventEncoder.hook, str(config.encoder)) for config in outputs}
-    fleets = {(Constellation.hook, sensor.constellation) for sensor in plan.scene.sensors if sensor.constellation}
+    fleets = {
+        (Constellation.hook, sensor.constellation)
+        for sensor in plan.scene.sensors
+        if sensor.constellation
+    }
     launched = plan.targets.class_names[: len(plan.scene.targets)]
     classes = {(TargetClass.hook, name) for name in launched}
     return [_with_provenance(plan, hook, name) for hook, name in sorted(chosen | fleets | classes)]

@@ -13,7 +13,11 @@ from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.philox import normal_pairs
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.output_checks import checked_confidence, checked_log_probability, checked_types
+from opir_core.simulation.output_checks import (
+    checked_confidence,
+    checked_log_probability,
+    checked_types,
+)
 
 #: The number of bits set in each byte.
 BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
@@ -29,7 +33,9 @@ def classifier_inputs(
     band_total: IntArray,
     count: IndexArray,
 ) -> ClassifierInputs:
-    """Return the inputs of classifiers and confidence models, with (n, 0) columns for what is not measured."""
+    """Return the inputs of classifiers and confidence models, with (n, 0) columns for what is not
+    measured.
+    """
     irradiance = measured.band_irradiance_w_m2
     noise = measured.band_noise_w_m2
     return ClassifierInputs(
@@ -50,24 +56,41 @@ def classifier_inputs(
 
 @frozen(eq=False, repr=False)
 class Classified:
-    """Reported types (n,), the posteriors that they are from, or (n, 0), and the columns of detections of these."""
+    """Reported types (n,), the posteriors that they are from, or (n, 0), and the columns of
+    detections of these.
+    """
 
     reported_type: NDArray[np.uint8]
     log_posterior: FloatArray
     columns: Mapping[str, Any]
 
     @classmethod
-    def of(cls, classifier: Classifier, rows: int, log_posterior: FloatArray, method: str, types: int) -> "Classified":
-        """Return what a classifier reports for posteriors of `rows` detections, which its `method` returned."""
+    def of(
+        cls, classifier: Classifier, rows: int, log_posterior: FloatArray, method: str, types: int
+    ) -> "Classified":
+        """Return what a classifier reports for posteriors of `rows` detections, which its `method`
+        returned.
+        """
         over_types = classifier.over_types(log_posterior, REPORTED_TYPES)
-        columns = {"type_log_probability": checked_log_probability(over_types, rows, len(REPORTED_TYPES), method)}
+        columns = {
+            "type_log_probability": checked_log_probability(
+                over_types, rows, len(REPORTED_TYPES), method
+            )
+        }
         if log_posterior.shape != over_types.shape:
             columns["hypothesis_log_probability"] = log_posterior
-        return cls(checked_types(classifier.reported(log_posterior), rows, types, "reported"), log_posterior, columns)
+        return cls(
+            checked_types(classifier.reported(log_posterior), rows, types, "reported"),
+            log_posterior,
+            columns,
+        )
 
 
 def classified(
-    classifier: Classifier, sightings: ClassifierInputs, rng: RandomDraws, types: int = len(REPORTED_TYPES)
+    classifier: Classifier,
+    sightings: ClassifierInputs,
+    rng: RandomDraws,
+    types: int = len(REPORTED_TYPES),
 ) -> Classified:
     """Return what a classifier reports, with its probabilities if it has any."""
     rows = len(sightings)
@@ -91,8 +114,8 @@ def with_tracks(
 ) -> Detections:
     """Return detections with type probabilities revised by their tracks.
 
-    Only tracks with a burnout estimate are used: their types come from motion, those of others may come from the very
-    reports.
+    Only tracks with a burnout estimate are used: their types come from motion, those of others may
+    come from the very reports.
     """
     if not len(estimates) or not detections.type_log_probability.shape[1]:
         return detections
@@ -102,12 +125,20 @@ def with_tracks(
         return detections
     of_track = estimates.type_probability[detections.estimate[rows]]
     has_all = detections.hypothesis_log_probability.shape[1] > 0
-    posterior = detections.hypothesis_log_probability if has_all else detections.type_log_probability
-    types = Classified.of(classifier, len(rows), classifier.revised(posterior[rows], of_track), "revised", 256)
+    posterior = (
+        detections.hypothesis_log_probability if has_all else detections.type_log_probability
+    )
+    types = Classified.of(
+        classifier, len(rows), classifier.revised(posterior[rows], of_track), "revised", 256
+    )
     found = {"reported_type": types.reported_type, **types.columns}
-    columns = {name: _replaced(getattr(detections, name), rows, column) for name, column in found.items()}
+    columns = {
+        name: _replaced(getattr(detections, name), rows, column) for name, column in found.items()
+    }
     changed = evolve(detections, **columns)
-    of_types = confidence.of_types(changed.reported_type, _replaced(posterior, rows, types.log_posterior))
+    of_types = confidence.of_types(
+        changed.reported_type, _replaced(posterior, rows, types.log_posterior)
+    )
     if of_types is None:
         return changed
     return evolve(changed, confidence=checked_confidence(of_types, len(detections), "of_types"))
@@ -123,10 +154,11 @@ def _replaced(column: Any, rows: IntArray, values: Any) -> Any:
 def measured_lines_of_sight(
     states: SensorStates, exposed: Exposures, sigma_rad: FloatArray, words: NDArray[np.uint64]
 ) -> FloatArray:
-    """Return measured unit vectors (n, 3) in ECEF: with the sensor's bias, and two normal errors across each.
+    """Return measured unit vectors (n, 3) in ECEF: with the sensor's bias, and two normal errors
+    across each.
 
-    `sigma_rad` (n,) is the standard deviation along both axes; `words` (n,) are raw random words. The true direction
-    is to the target's position at emission.
+    `sigma_rad` (n,) is the standard deviation along both axes; `words` (n,) are raw random words.
+    The true direction is to the target's position at emission.
     """
     first, second = normal_pairs(words)
     direction = _directions(exposed)
@@ -149,8 +181,9 @@ def _tilted(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return unit vectors moved by small angles along two directions across them.
 
-    The directions are those of increasing longitude and latitude of the vector about the Earth's axis, so that a
-    rotation of a whole scene about this axis does not change its errors. On the axis the longitude is 0.
+    The directions are those of increasing longitude and latitude of the vector about the Earth's
+    axis, so that a rotation of a whole scene about this axis does not change its errors. On the
+    axis the longitude is 0.
     """
     level = np.sqrt(x * x + y * y)
     on_axis = level == 0.0

@@ -11,7 +11,8 @@ from opir_core.simulation.output_checks import checked_measured
 class MeasureResponses:
     """Takes `hits` (n,), `numbers` and `interpolant`; gives `measured`.
 
-    In other scenes `BuildDetections` measures, block by block, with the geometry that it needs anyway.
+    In other scenes `BuildDetections` measures, block by block, with the geometry that it needs
+    anyway.
 
     `sensor` (pairs,) are the pairs' sensors, `bands` is the largest number of bands of a sensor.
     """

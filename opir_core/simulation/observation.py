@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 
 @frozen(eq=False, repr=False)
 class Hits(Columns):
-    """Looks of a window that detect: row among the looks, pair, scan, time, detection count so far, P_d.
+    """Looks of a window that detect: row among the looks, pair, scan, time, detection count so far,
+    P_d.
 
-    `direction_words` are the raw random words of the line-of-sight error; further normal numbers are derived from them.
+    `direction_words` are the raw random words of the line-of-sight error; further normal numbers
+    are derived from them.
     """
 
     row: IntArray
@@ -36,7 +38,9 @@ class Hits(Columns):
 
 @define(eq=False, repr=False, kw_only=True)
 class Observation:
-    """The observations of [start, end) of scene time; each attribute is given by one stage and taken by later ones."""
+    """The observations of [start, end) of scene time; each attribute is given by one stage and
+    taken by later ones.
+    """
 
     start_ns: int
     end_ns: int
@@ -45,12 +49,14 @@ class Observation:
     #: The looks (l,), pair by pair, and the random numbers of their pairs.
     looks: Looks = field(init=False)
     numbers: WindowNumbers = field(init=False)
-    #: P_d of the looks (l,); the active pairs that have looks with P_d between 0 and 1, None for all.
+    #: P_d of the looks (l,); the active pairs that have looks with P_d between 0 and 1, None for
+    #: all.
     probability: FloatArray = field(init=False)
     undecided: BoolArray | None = None
     #: Signals and noise between knots, of scenes with interpolated P_d.
     interpolant: "WindowInterpolant | None" = None
-    #: The looks that detect (n,), by row, pair and scan, and their numbers among the detections of the pair.
+    #: The looks that detect (n,), by row, pair and scan, and their numbers among the detections of
+    #: the pair.
     row: IntArray = field(init=False)
     pair: IntArray = field(init=False)
     scan: IntArray = field(init=False)

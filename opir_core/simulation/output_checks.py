@@ -35,14 +35,18 @@ def checked_probability(probability: Any, rows: int, method: str = "probability"
 def checked_measured(measured: Any, rows: int, bands: int, method: str = "measure") -> Measured:
     """Return the measurements of `rows` looks, with columns of `bands` bands."""
     if not isinstance(measured, Measured):
-        raise InvalidOutput(_DETECTION, method, f"returned {outline(measured)}, no opir_core.plugin.Measured")
+        raise InvalidOutput(
+            _DETECTION, method, f"returned {outline(measured)}, no opir_core.plugin.Measured"
+        )
     _require_array(measured.bands, "u", (rows,), _DETECTION, f"{method}().bands")
     _require_array(measured.snr, "f", (rows,), _DETECTION, f"{method}().snr")
     sigma_rad = measured.line_of_sight_sigma_rad
     if sigma_rad is not None:
         _require_array(sigma_rad, "f", (rows,), _DETECTION, f"{method}().line_of_sight_sigma_rad")
         # Half a radian is far more than any line of sight: other units are wrong.
-        _require_range(sigma_rad, 0.0, 0.5, _DETECTION, f"{method}().line_of_sight_sigma_rad", "rad")
+        _require_range(
+            sigma_rad, 0.0, 0.5, _DETECTION, f"{method}().line_of_sight_sigma_rad", "rad"
+        )
     for name in ("band_irradiance_w_m2", "band_noise_w_m2"):
         column = getattr(measured, name)
         if column is not None:
@@ -106,14 +110,21 @@ def _require_array(output: Any, kinds: str, shape: tuple[int, ...], key: str, me
     if isinstance(output, np.ndarray) and output.dtype.kind in kinds and output.shape == shape:
         return
     numbers = {"f": "floats", "iu": "whole numbers", "u": "unsigned whole numbers"}[kinds]
-    raise InvalidOutput(key, method, f"returned {outline(output)}; {numbers} of shape {shape} are required")
+    raise InvalidOutput(
+        key, method, f"returned {outline(output)}; {numbers} of shape {shape} are required"
+    )
 
 
-def _require_range(values: FloatArray, low: float, high: float, key: str, method: str, unit: str) -> None:
+def _require_range(
+    values: FloatArray, low: float, high: float, key: str, method: str, unit: str
+) -> None:
     """Require values in [low, high]; nan is not."""
     # The extremes of a column with a nan are nan, and no comparison with nan is true.
     if not values.size or (values.min() >= low and values.max() <= high):
         return
     row = int(np.argmin((values >= low) & (values <= high)))
-    words = f"returned {values[row]:g} in row {row}; [{low:g}, {high:g}]{f' {unit}' if unit else ''} is required"
+    words = (
+        f"returned {values[row]:g} in row {row}; [{low:g}, {high:g}]{f' {unit}' if unit else ''} is"
+        f" required"
+    )
     raise InvalidOutput(key, method, words)

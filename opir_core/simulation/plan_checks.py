@@ -1,7 +1,7 @@
 """The warnings about a plan, which runs all the same.
 
-They are of implausible values, of events of targets on scan instants, on which latencies show the phase, and of priors
-that expect another number of launches.
+They are of implausible values, of events of targets on scan instants, on which latencies show the
+phase, and of priors that expect another number of launches.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,7 +30,8 @@ _COUNTS = ("expected_launches", "launches")
 #: Ids that a message lists.
 _LISTED = 3
 
-#: A field of regard with less than this share of the ground below the orbit is a slip: 1 deg from GEO has 0.5 %.
+#: A field of regard with less than this share of the ground below the orbit is a slip: 1 deg from
+#: GEO has 0.5 %.
 _LEAST_SHARE = 0.004
 
 #: Implausible values that are listed one by one.
@@ -45,12 +46,16 @@ class CheckedScene(PlanParts):
 
 
 def plan_warnings(plan: Plan | CheckedScene) -> list[str]:
-    """Return the warnings: coinciding scan instants, implausible values, more or fewer launches than expected."""
+    """Return the warnings: coinciding scan instants, implausible values, more or fewer launches
+    than expected.
+    """
     return [*alignment_warnings(plan), *_implausible(plan), *_unexpected(plan)]
 
 
 def launch_expectations(plan: Plan | CheckedScene) -> list[Mapping[str, Any]]:
-    """Return the launches that the classifier and the tracker expect in the scene, where they have such a prior."""
+    """Return the launches that the classifier and the tracker expect in the scene, where they have
+    such a prior.
+    """
     duration_s = plan.scene.duration_s
     launches = len(plan.scene.targets)
     models = (plan.scene.classification, plan.classifier), (plan.scene.tracker, plan.make_tracker())
@@ -67,9 +72,12 @@ def launch_expectations(plan: Plan | CheckedScene) -> list[Mapping[str, Any]]:
 
 
 def _unexpected(plan: Plan | CheckedScene) -> list[str]:
-    rows = [(row, sorted(max(row[key], 1.0) for key in _COUNTS)) for row in launch_expectations(plan)]
+    rows = [
+        (row, sorted(max(row[key], 1.0) for key in _COUNTS)) for row in launch_expectations(plan)
+    ]
     return [
-        f"{expectation_text(row)}: its probabilities are those of a world with as many launches as it expects; set its"
+        f"{expectation_text(row)}: its probabilities are those of a world with as many launches as"
+        f" it expects; set its"
         " rate of launches"
         for row, (fewer, more) in rows
         if more >= _UNEXPECTED * fewer
@@ -79,7 +87,8 @@ def _unexpected(plan: Plan | CheckedScene) -> list[str]:
 def expectation_text(row: Mapping[str, Any]) -> str:
     """Return `classification: spectral expects 0.7 launches in the scene, which has 90`."""
     return (
-        f"{row['component']} expects {row['expected_launches']:.2g} launches in the scene, which has {row['launches']}"
+        f"{row['component']} expects {row['expected_launches']:.2g} launches in the scene, which"
+        f" has {row['launches']}"
     )
 
 
@@ -87,13 +96,25 @@ def _implausible(plan: Plan | CheckedScene) -> list[str]:
     if plan.scene.allow_implausible:
         return []
     values = implausible_values(plan.scene)
-    more = [f"and {len(values) - _LISTED_VALUES} more implausible values"] if len(values) > _LISTED_VALUES else []
-    return [*(f"{problem}; {REMEDY}" for problem in values[:_LISTED_VALUES]), *more, *map(str, _of_parts(plan))]
+    more = (
+        [f"and {len(values) - _LISTED_VALUES} more implausible values"]
+        if len(values) > _LISTED_VALUES
+        else []
+    )
+    return [
+        *(f"{problem}; {REMEDY}" for problem in values[:_LISTED_VALUES]),
+        *more,
+        *map(str, _of_parts(plan)),
+    ]
 
 
 def _of_parts(plan: Plan | CheckedScene) -> list[Problem]:
     """Return what targets, the detection model and orbits say of their own settings and files."""
-    found = [each for part in (*plan.targets.trajectories, plan.detection) for each in getattr(part, "warnings", ())]
+    found = [
+        each
+        for part in (*plan.targets.trajectories, plan.detection)
+        for each in getattr(part, "warnings", ())
+    ]
     for chosen, sensor in zip(plan.scene.sensors, plan.sensors, strict=True):
         words = getattr(sensor.orbit, "warnings", ())
         found += [Problem(f"{chosen.model.path}.orbit", text) for text in words]
@@ -102,7 +123,8 @@ def _of_parts(plan: Plan | CheckedScene) -> list[Problem]:
 
 
 def _narrow_field(sensor: Sensor) -> Iterator[str]:
-    """Yield that a sensor's field of regard has next to nothing of the ground below its orbit, as a GEO's has in LEO.
+    """Yield that a sensor's field of regard has next to nothing of the ground below its orbit, as a
+    GEO's has in LEO.
 
     The largest share of half a day counts, for high orbits pass low over one hemisphere.
     """
@@ -115,14 +137,15 @@ def _narrow_field(sensor: Sensor) -> Iterator[str]:
     if share < _LEAST_SHARE:
         half_deg, horizon_deg = np.degrees((sensor.field_of_regard_half_angle_rad, horizon_rad))
         yield (
-            f"its field of regard, {half_deg:.3g} deg about nadir, holds {share:.2%} of the ground that it could see;"
+            f"its field of regard, {half_deg:.3g} deg about nadir, holds {share:.2%} of the ground"
+            f" that it could see;"
             f" the horizon is at {horizon_deg:.3g} deg: set field_of_regard_half_angle_deg"
         )
 
 
 def _ground_in_field(sensor: Sensor, time_s: FloatArray) -> tuple[float, float]:
-    """Return the largest share of the ground in view that is in the field of regard, and the horizon then, rad from
-    nadir; on a sphere."""
+    """Return the largest share of the ground in view that is in the field of regard, and the
+    horizon then, rad from nadir; on a sphere."""
     radius_m = np.sqrt(np.square(sensor.orbit.position_ecef_m(time_s)).sum(axis=1))
     sine = np.minimum(EARTH_EQUATORIAL_RADIUS_M / radius_m, 1.0 - 1e-9)
     angle_rad = np.minimum(sensor.field_of_regard_half_angle_rad, np.arcsin(sine))
@@ -133,9 +156,11 @@ def _ground_in_field(sensor: Sensor, time_s: FloatArray) -> tuple[float, float]:
 
 
 def alignment_warnings(plan: Plan | CheckedScene) -> list[str]:
-    """Return a warning, if launches ignite or burn out on scan instants of sensors that see them; else nothing.
+    """Return a warning, if launches ignite or burn out on scan instants of sensors that see them;
+    else nothing.
 
-    Only sensors with looks at whole periods of scene time count; other scan phases meet an event by chance alone.
+    Only sensors with looks at whole periods of scene time count; other scan phases meet an event by
+    chance alone.
     """
     pairs = plan.pairs
     targets = plan.targets
@@ -153,15 +178,19 @@ def alignment_warnings(plan: Plan | CheckedScene) -> list[str]:
     sensors = _ids(np.unique(looking.sensor[met]), [sensor.id for sensor in plan.sensors])
     launches = _ids(np.unique(looking.target[met]), targets.ids)
     warning = (
-        f"aligned scan phases: looks of {sensors} coincide with {' and '.join(events)} of {launches}, so latencies show"
-        " the scan phase, not the sensor; set scan_phase: random (aligned is the paper's convention)"
+        f"aligned scan phases: looks of {sensors} coincide with {' and '.join(events)} of"
+        f" {launches}, so latencies show"
+        " the scan phase, not the sensor; set scan_phase: random (aligned is the paper's"
+        " convention)"
     )
     return [warning]
 
 
-def aligned_pairs(sensors: Sequence[Sensor], targets: Targets, launches: int, end_ns: int) -> BoolArray:
-    """Return which pairs (sensors, targets) may be warned about, were they to have looks: those of the first
-    `launches` targets that ignite or burn out on scan instants."""
+def aligned_pairs(
+    sensors: Sequence[Sensor], targets: Targets, launches: int, end_ns: int
+) -> BoolArray:
+    """Return which pairs (sensors, targets) may be warned about, were they to have looks: those of
+    the first `launches` targets that ignite or burn out on scan instants."""
     met = np.zeros((len(sensors), len(targets.ids)), dtype=np.bool_)
     is_aligned = _is_aligned(sensors)
     period_ns = np.array([sensor.scan.period_ns for sensor in sensors], np.int64)

@@ -1,4 +1,6 @@
-"""Stages of the engine: the P_d of each look, from the detection model or interpolated; 0 if it is not visible."""
+"""Stages of the engine: the P_d of each look, from the detection model or interpolated; 0 if it is
+not visible.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -18,7 +20,9 @@ if TYPE_CHECKING:
 
 @frozen(eq=False, repr=False)
 class EvaluatedProbability:
-    """Takes `looks`; gives `probability` (l,), from the model: pair by pair if it is constant, else look by look."""
+    """Takes `looks`; gives `probability` (l,), from the model: pair by pair if it is constant, else
+    look by look.
+    """
 
     model: DetectionProbability
     geometry: LookGeometry
@@ -27,7 +31,9 @@ class EvaluatedProbability:
         """Evaluate the P_d of all looks."""
         pairs = self.geometry.pairs
         looks = window.looks
-        of_pair = self.model.pair_probability(pairs.sensor[looks.active], pairs.target[looks.active])
+        of_pair = self.model.pair_probability(
+            pairs.sensor[looks.active], pairs.target[looks.active]
+        )
         if of_pair is not None:
             of_pair = checked_probability(of_pair, len(looks.active), "pair_probability")
             window.probability = np.repeat(of_pair, looks.scans)
@@ -37,7 +43,9 @@ class EvaluatedProbability:
 
     def _varying(self, looks: Looks, rows: slice) -> FloatArray:
         model = self.model
-        exposed = self.geometry.exposures(looks.pair[rows], looks.scan[rows], with_geometry=model.needs_geometry)
+        exposed = self.geometry.exposures(
+            looks.pair[rows], looks.scan[rows], with_geometry=model.needs_geometry
+        )
         return checked_probability(model.probability(exposed), len(exposed))
 
 
@@ -51,13 +59,17 @@ class InterpolatedProbability:
         """Interpolate the P_d of all looks."""
         interpolant = self.whole.over(window.looks)
         window.interpolant = interpolant
-        window.probability = checked_probability(interpolant.probability(), len(window.looks.pair), "response")
+        window.probability = checked_probability(
+            interpolant.probability(), len(window.looks.pair), "response"
+        )
         window.undecided = interpolant.undecided()
 
 
 @frozen(eq=False, repr=False)
 class VisibilityTest:
-    """Takes `looks` and `probability` (l,), which becomes 0 where an uncertain look is not visible."""
+    """Takes `looks` and `probability` (l,), which becomes 0 where an uncertain look is not
+    visible.
+    """
 
     geometry: LookGeometry
 
@@ -71,7 +83,8 @@ class VisibilityTest:
 
 
 def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
-    """Return the interpolated P_d of looks, or None if the detection model does not allow interpolation.
+    """Return the interpolated P_d of looks, or None if the detection model does not allow
+    interpolation.
 
     The curves are computed once for all replicates of a plan.
     """

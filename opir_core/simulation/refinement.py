@@ -1,4 +1,6 @@
-"""Refinement of the interpolation grid: pieces of pairs' looks are halved until P_d is within the tolerance."""
+"""Refinement of the interpolation grid: pieces of pairs' looks are halved until P_d is within the
+tolerance.
+"""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -16,7 +18,8 @@ from opir_core.planning.sightlines import Blocked, Pairs
 #: Unit of the places of knots, ns. Knots are not at looks: whatever the phases of scans, they stay.
 UNIT_NS = 1000
 
-#: Distance, in these units, of knots from breakpoints, whose times are those of models to some light time · speed / c.
+#: Distance, in these units, of knots from breakpoints, whose times are those of models to some
+#: light time · speed / c.
 MARGIN = 50
 
 #: First pieces of smooth intervals: longest duration, s, or in scan periods, and largest number.
@@ -24,10 +27,12 @@ FIRST_PIECE_S = 16.0
 FIRST_PIECE_SCANS = 8
 MOST_FIRST_PIECES = 64
 
-#: Least distance of the knots of a curve, in scan periods: where that is too far, each look is evaluated.
+#: Least distance of the knots of a curve, in scan periods: where that is too far, each look is
+#: evaluated.
 LEAST_SCANS = 2
 
-#: Tolerance of signals and noise midway between neighbouring knots: relative, or in standard deviations of noise.
+#: Tolerance of signals and noise midway between neighbouring knots: relative, or in standard
+#: deviations of noise.
 SIGNAL_SHARE = 0.01
 SIGNAL_SIGMA = 0.05
 
@@ -37,9 +42,10 @@ STEADY_SHARE = 0.3
 #: Slack of single evaluations, as a share of the tolerance.
 _SLACK_SHARE = 1e-5
 
-#: Largest terms of third and of fourth order of a curve, as shares of the tolerance; or of both together, if the curve
-#: of the piece twice as long predicts the new knots to within the last share. With a bend anywhere between its five
-#: knots the error of a curve is then below the tolerance (docs/design/knots_judged.py).
+#: Largest terms of third and of fourth order of a curve, as shares of the tolerance; or of both
+#: together, if the curve of the piece twice as long predicts the new knots to within the last
+#: share. With a bend anywhere between its five knots the error of a curve is then below the
+#: tolerance (docs/design/knots_judged.py).
 THIRD_SHARE = 0.25
 FOURTH_SHARE = 0.08
 _PREDICTED_SHARE = 1.0
@@ -57,7 +63,9 @@ _SPARE = slice(0, 5, 2)
 
 
 class Curves(NamedTuple):
-    """Polynomials over scan numbers: `coefficients` (5, k), lowest power first, of (scan - middle) · per_scan."""
+    """Polynomials over scan numbers: `coefficients` (5, k), lowest power first, of (scan - middle)
+    · per_scan.
+    """
 
     middle: FloatArray
     per_scan: FloatArray
@@ -88,10 +96,14 @@ class Curves(NamedTuple):
 
     def joined(self, other: "Curves", order: IntArray) -> "Curves":
         """Return these curves and others, reordered."""
-        return Curves(*(np.concatenate(both, axis=-1)[..., order] for both in zip(self, other, strict=True)))
+        return Curves(
+            *(np.concatenate(both, axis=-1)[..., order] for both in zip(self, other, strict=True))
+        )
 
     def at(self, used: IntArray, times: IntArray, scan: IntArray) -> FloatArray:
-        """Return the values (n,) at scans (n,): `times` (m,) of them for each of the curves `used` (m,)."""
+        """Return the values (n,) at scans (n,): `times` (m,) of them for each of the curves `used`
+        (m,).
+        """
         place = np.subtract(scan, np.repeat(self.middle[used], times), dtype=np.float64)
         place *= np.repeat(self.per_scan[used], times)
         value = np.repeat(self.coefficients[-1, used], times)
@@ -106,9 +118,11 @@ def _scaled(scan: IntArray) -> tuple[FloatArray, FloatArray]:
 
 
 class Intervals(NamedTuple):
-    """Pieces of pairs' looks: pairs (k,), scans (m, k) of their knots, and the knots' rows (m, k) in the values.
+    """Pieces of pairs' looks: pairs (k,), scans (m, k) of their knots, and the knots' rows (m, k)
+    in the values.
 
-    `predicted` (2, k) are the quantiles at the second and fourth knots by the curve before halving, or nan.
+    `predicted` (2, k) are the quantiles at the second and fourth knots by the curve before halving,
+    or nan.
     """
 
     pair: IntArray
@@ -119,7 +133,9 @@ class Intervals(NamedTuple):
     def take(self, rows: Any) -> "Intervals":
         """Return some of the pieces, by a slice, a mask or numbers."""
         if isinstance(rows, slice):
-            return Intervals(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.predicted[:, rows])
+            return Intervals(
+                self.pair[rows], self.scan[:, rows], self.row[:, rows], self.predicted[:, rows]
+            )
         numbers = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
         scan = self.scan.take(numbers, axis=1)
         row = self.row.take(numbers, axis=1)
@@ -136,11 +152,11 @@ class Intervals(NamedTuple):
 
 
 class RefinedGrid(NamedTuple):
-    """Settled pieces with three knots, pieces of five knots with curves and `rough` ones without, and the values at the
-    knots.
+    """Settled pieces with three knots, pieces of five knots with curves and `rough` ones without,
+    and the values at the knots.
 
-    `values` (2 + 2 B, knots) are quantile, signals, noise and the sine of the elevation; places are those of
-    `knot_places`.
+    `values` (2 + 2 B, knots) are quantile, signals, noise and the sine of the elevation; places are
+    those of `knot_places`.
     """
 
     settled: Intervals
@@ -150,19 +166,31 @@ class RefinedGrid(NamedTuple):
 
 
 def knot_places(pairs: Pairs) -> Pairs:
-    """Return pairs that look every `UNIT_NS` while looks are possible: the places of knots are the scans of these."""
+    """Return pairs that look every `UNIT_NS` while looks are possible: the places of knots are the
+    scans of these.
+    """
     # After the light of an ignition: a breakpoint there cuts nothing off.
     start_ns = -(-(pairs.from_ns + 1) // UNIT_NS) * UNIT_NS
     can_look = (pairs.blocked == Blocked.NOT) | (pairs.blocked == Blocked.NO_LOOK)
-    last = np.where(can_look & (pairs.to_ns > pairs.from_ns), np.maximum(pairs.to_ns - start_ns, 0) // UNIT_NS, -1)
+    last = np.where(
+        can_look & (pairs.to_ns > pairs.from_ns),
+        np.maximum(pairs.to_ns - start_ns, 0) // UNIT_NS,
+        -1,
+    )
     unit_ns = np.full_like(pairs.period_ns, UNIT_NS)
-    return evolve(pairs, period_ns=unit_ns, phase_ns=start_ns, first_scan=np.zeros_like(last), last_scan=last)
+    return evolve(
+        pairs, period_ns=unit_ns, phase_ns=start_ns, first_scan=np.zeros_like(last), last_scan=last
+    )
 
 
 class GridRefiner:
-    """Refines the interpolation grid of all pairs: each round evaluates new knots of all open pieces at once."""
+    """Refines the interpolation grid of all pairs: each round evaluates new knots of all open
+    pieces at once.
+    """
 
-    def __init__(self, geometry: LookGeometry, model: DetectionProbability, tolerance: float) -> None:
+    def __init__(
+        self, geometry: LookGeometry, model: DetectionProbability, tolerance: float
+    ) -> None:
         self._geometry = geometry
         self._model = model
         self._tolerance = tolerance
@@ -187,20 +215,31 @@ class GridRefiner:
             distinct = np.flatnonzero(fine)
             fine[distinct] = self._is_fine(pieces.take(distinct))
             curved.append(pieces.take(fine))
-            is_rough = ~fine & (gaps.max(axis=0) * UNIT_NS <= np.maximum(LEAST_SCANS * period_ns[pieces.pair], UNIT_NS))
+            is_rough = ~fine & (
+                gaps.max(axis=0) * UNIT_NS
+                <= np.maximum(LEAST_SCANS * period_ns[pieces.pair], UNIT_NS)
+            )
             rough.append(pieces.take(is_rough))
             pieces = _halved(pieces.take(~fine & ~is_rough), self._values()[0])
-        all_settled, all_curved, all_rough = (Intervals.joined(each) for each in (settled, curved, rough))
+        all_settled, all_curved, all_rough = (
+            Intervals.joined(each) for each in (settled, curved, rough)
+        )
         return RefinedGrid(all_settled, all_curved, all_rough, self._values())
 
     def _first_pieces(self, period_ns: IntArray) -> tuple[Intervals, Intervals]:
-        """Return the first pieces, with first, middle and last knots evaluated, and those that have hardly a look."""
+        """Return the first pieces, with first, middle and last knots evaluated, and those that have
+        hardly a look.
+        """
         pair, first, last = _smooth_intervals(self._geometry, self._model)
         longest_ns = np.maximum(FIRST_PIECE_S * 1e9, FIRST_PIECE_SCANS * period_ns[pair])
         wanted = np.ceil((last - first) * UNIT_NS / longest_ns)
-        count = np.clip(wanted, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last - first, 1))).astype(np.int64)
+        count = np.clip(
+            wanted, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last - first, 1))
+        ).astype(np.int64)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        pair, first, span, count = (np.repeat(each, count) for each in (pair, first, last - first, count))
+        pair, first, span, count = (
+            np.repeat(each, count) for each in (pair, first, last - first, count)
+        )
         start = first + span * number // count
         stop = first + span * (number + 1) // count
         scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
@@ -251,7 +290,9 @@ class GridRefiner:
         return self._known[:, : self._count]
 
     def _is_settled(self, pieces: Intervals) -> BoolArray:
-        """Return which pieces of three knots have P_d 0 or 1 throughout, and lines within the tolerance."""
+        """Return which pieces of three knots have P_d 0 or 1 throughout, and lines within the
+        tolerance.
+        """
         values = self._values()
         quantile = values[0].take(pieces.row)
         bend = np.abs(quantile[1] - 0.5 * (quantile[0] + quantile[2]))
@@ -263,38 +304,56 @@ class GridRefiner:
         return settled
 
     def _is_steady(self, pieces: Intervals, values: FloatArray) -> BoolArray:
-        """Return which pieces have signals that are nearly linear and change little: three knots suffice."""
+        """Return which pieces have signals that are nearly linear and change little: three knots
+        suffice.
+        """
         signals = values[1 : len(values) // 2].take(pieces.row, axis=1)
-        change = np.ptp(signals, axis=1) <= np.maximum(STEADY_SHARE * signals.max(axis=1), SIGNAL_SIGMA)
+        change = np.ptp(signals, axis=1) <= np.maximum(
+            STEADY_SHARE * signals.max(axis=1), SIGNAL_SIGMA
+        )
         return np.all(change, axis=0) & self._is_straight(pieces, values)
 
     def _is_fine(self, pieces: Intervals) -> BoolArray:
-        """Return which pieces are interpolated to within the tolerance by curves and lines through their knots."""
+        """Return which pieces are interpolated to within the tolerance by curves and lines through
+        their knots.
+        """
         values = self._values()
         at = _positions(pieces)
         quantile = values[0].take(pieces.row)
         third, fourth = error_terms(at, quantile)
         error = third + fourth
-        # The error of P_d is that of the quantile times the normal density, which is highest nearest to quantile 0.
+        # The error of P_d is that of the quantile times the normal density, which is highest
+        # nearest to quantile 0.
         nearest = np.maximum(
-            np.where(quantile.min(axis=0) * quantile.max(axis=0) > 0.0, np.abs(quantile).min(axis=0), 0.0) - error, 0.0
+            np.where(
+                quantile.min(axis=0) * quantile.max(axis=0) > 0.0, np.abs(quantile).min(axis=0), 0.0
+            )
+            - error,
+            0.0,
         )
         density = np.exp(-0.5 * nearest * nearest) / np.sqrt(2.0 * np.pi)
         missed = np.abs(quantile[1::2] - pieces.predicted).max(axis=0)
         allowed = self._tolerance / np.maximum(density, 1e-300)
         near = (third <= THIRD_SHARE * allowed) & (fourth <= FOURTH_SHARE * allowed)
-        fine: BoolArray = near | ((error <= _PREDICTED_SHARE * allowed) & (missed <= MISSED_SHARE * allowed))
+        fine: BoolArray = near | (
+            (error <= _PREDICTED_SHARE * allowed) & (missed <= MISSED_SHARE * allowed)
+        )
         seen = np.flatnonzero(fine & (quantile.max(axis=0) + error >= -self._certain))
         fine[seen] = self._is_straight(pieces.take(seen), values)
         return fine
 
     def _is_straight(self, pieces: Intervals, values: FloatArray) -> BoolArray:
-        """Return which pieces have signals and noise that are linear between knots, to within the tolerance."""
+        """Return which pieces have signals and noise that are linear between knots, to within the
+        tolerance.
+        """
         width = len(values) // 2 - 1
         at = _positions(pieces)
         straight = np.ones(len(pieces.pair), dtype=np.bool_)
         for band in range(width):
-            for of_look, least in ((values[1 + band], SIGNAL_SIGMA), (values[1 + width + band], 0.0)):
+            for of_look, least in (
+                (values[1 + band], SIGNAL_SIGMA),
+                (values[1 + width + band], 0.0),
+            ):
                 own = of_look.take(pieces.row)
                 allowed = np.maximum(SIGNAL_SHARE * np.abs(own[1:-1]), least)
                 # Deviations (3, k) of the inner values from the lines between their neighbours.
@@ -305,7 +364,9 @@ class GridRefiner:
 
 
 def values_of(model: DetectionProbability, exposed: Exposures, tolerance: float) -> FloatArray:
-    """Return what is interpolated (2 + 2 B, n) of looks: quantile, signals, noise, and the sine of the elevation."""
+    """Return what is interpolated (2 + 2 B, n) of looks: quantile, signals, noise, and the sine of
+    the elevation.
+    """
     response = model.response(exposed, slack=tolerance * _SLACK_SHARE)
     assert response is not None
     assert response.probit is not None
@@ -320,12 +381,16 @@ def certain_beyond(tolerance: float) -> float:
 
 
 def _positions(pieces: Intervals) -> FloatArray:
-    """Return the positions (m, k) of knots in [0, 1] between the first and the last of their piece."""
+    """Return the positions (m, k) of knots in [0, 1] between the first and the last of their
+    piece.
+    """
     return (pieces.scan - pieces.scan[0]) / np.maximum(pieces.scan[-1] - pieces.scan[0], 1)
 
 
 def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
-    """Return the first halves of pieces, then the second halves, with second and fourth knots open."""
+    """Return the first halves of pieces, then the second halves, with second and fourth knots
+    open.
+    """
     halves = []
     distinct = np.all(np.diff(pieces.scan, axis=0) > 0, axis=0)
     curves = Curves.through(pieces.scan[:, distinct], quantile.take(pieces.row[:, distinct]))
@@ -337,16 +402,20 @@ def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
         row[::2] = pieces.row[first : first + 3]
         scan[1::2] = (scan[0:3:2] + scan[2:5:2]) // 2
         predicted = np.full((2, len(pieces.pair)), np.nan)
-        predicted[:, distinct] = [curves.at(everyone, np.ones_like(everyone), one) for one in scan[1::2, distinct]]
+        predicted[:, distinct] = [
+            curves.at(everyone, np.ones_like(everyone), one) for one in scan[1::2, distinct]
+        ]
         halves.append(Intervals(pieces.pair, scan, row, predicted))
     return Intervals.joined(halves)
 
 
 def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the terms of third and of fourth order (k,) of curves through values (5, k) at positions (5, k).
+    """Return the terms of third and of fourth order (k,) of curves through values (5, k) at
+    positions (5, k).
 
-    From the deviations of the second and fourth value from the parabola through the others: half of their difference,
-    and half of their sum. Their sum bounds the error of a curve; for a smooth one it is many times the error.
+    From the deviations of the second and fourth value from the parabola through the others: half of
+    their difference, and half of their sum. Their sum bounds the error of a curve; for a smooth one
+    it is many times the error.
     """
     start = values[0]
     middle = values[2]
@@ -354,12 +423,19 @@ def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
     early = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
     late = (stop - middle) / np.maximum(at[4] - at[2], 1e-300)
     bend = (late - early) / np.maximum(at[4] - at[0], 1e-300)
-    off = [values[place] - (start + (at[place] - at[0]) * (early + (at[place] - at[2]) * bend)) for place in (1, 3)]
+    off = [
+        values[place] - (start + (at[place] - at[0]) * (early + (at[place] - at[2]) * bend))
+        for place in (1, 3)
+    ]
     return 0.5 * np.abs(off[0] - off[1]), 0.5 * np.abs(off[0] + off[1])
 
 
-def _smooth_intervals(geometry: LookGeometry, model: DetectionProbability) -> tuple[IntArray, IntArray, IntArray]:
-    """Return intervals between breakpoints of the model, less the margin: pairs, first and last places of knots."""
+def _smooth_intervals(
+    geometry: LookGeometry, model: DetectionProbability
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return intervals between breakpoints of the model, less the margin: pairs, first and last
+    places of knots.
+    """
     pairs = geometry.pairs
     looking = np.flatnonzero(pairs.looks > 0)
     first = pairs.first_scan[looking]
@@ -374,11 +450,17 @@ def _smooth_intervals(geometry: LookGeometry, model: DetectionProbability) -> tu
     row, place = np.nonzero(starts < stops)
     start = starts[row, place]
     last = stops[row, place] - 1
-    return looking[row], np.minimum(start + MARGIN, (start + last) // 2), np.maximum(last - MARGIN, (start + last) // 2)
+    return (
+        looking[row],
+        np.minimum(start + MARGIN, (start + last) // 2),
+        np.maximum(last - MARGIN, (start + last) // 2),
+    )
 
 
 def _scans_from(geometry: LookGeometry, pair: IntArray, emission_s: FloatArray) -> IntArray:
-    """Return the first scans (n, k) of pairs (n,) that see light emitted at or after times (n, k); 0 for nan."""
+    """Return the first scans (n, k) of pairs (n,) that see light emitted at or after times (n, k);
+    0 for nan.
+    """
     pairs = geometry.pairs
     pair = np.repeat(pair, emission_s.shape[1])
     left_s = np.nan_to_num(emission_s.ravel(), nan=-1e9)

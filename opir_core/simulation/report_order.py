@@ -1,4 +1,6 @@
-"""Windows in the order of report: detections wait until they are reported, and the tracker may wait with them."""
+"""Windows in the order of report: detections wait until they are reported, and the tracker may wait
+with them.
+"""
 
 from collections.abc import Iterable, Sequence
 
@@ -23,26 +25,35 @@ _NEVER_NS = np.iinfo(np.int64).max
 class ReportOrder:
     """Turns windows of observations into windows of reports; nothing depends on the windows' edges.
 
-    Without latency a window stays as it is. If the scene tracks in the order of report, the tracker is stepped here.
+    Without latency a window stays as it is. If the scene tracks in the order of report, the tracker
+    is stepped here.
     """
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._tracker = _reported_tracker(plan)
         self._time_ns = 0
-        #: Reports on their way, sorted; and windows to merge with them, with the time of their first report.
+        #: Reports on their way, sorted; and windows to merge with them, with the time of their
+        #: first report.
         self._held = quiet_window(0, 0)
         self._incoming: list[Window] = []
         self._first_incoming_ns = _NEVER_NS
 
     @property
     def end_ns(self) -> int:
-        """The scene time, ns, at which all has been reported that is held, and the tracker has made its last step."""
-        latest = [window.detections.reported_ns.max(initial=-1) for window in (self._held, *self._incoming)]
+        """The scene time, ns, at which all has been reported that is held, and the tracker has made
+        its last step.
+        """
+        latest = [
+            window.detections.reported_ns.max(initial=-1)
+            for window in (self._held, *self._incoming)
+        ]
         return max(int(max(latest)) + 1, 0 if self._tracker is None else self._tracker.last_ns)
 
     def use(self, plan: Plan) -> None:
-        """Continue with another plan of the run: its classifier, and the settings of its sensors."""
+        """Continue with another plan of the run: its classifier, and the settings of its
+        sensors.
+        """
         if self._tracker is not None and plan.sensors is not self._plan.sensors:
             self._tracker.set_sensors(plan.tracker_sensors())
         self._plan = plan
@@ -60,7 +71,12 @@ class ReportOrder:
         self._hold(window)
         due = self._due(end_ns)
         if self._tracker is None:
-            return evolve(window, detections=due.detections.freeze(), truth=due.truth.freeze(), estimates=due.estimates)
+            return evolve(
+                window,
+                detections=due.detections.freeze(),
+                truth=due.truth.freeze(),
+                estimates=due.estimates,
+            )
         tracked = self._tracker.absorb(due.detections, start_ns, end_ns)
         return evolve(
             window,
@@ -74,14 +90,22 @@ class ReportOrder:
         )
 
     def rest(self) -> Window | None:
-        """Return the window of all that is reported after the last one, or None if there is nothing."""
+        """Return the window of all that is reported after the last one, or None if there is
+        nothing.
+        """
         end_ns = self.end_ns
-        return None if end_ns <= self._time_ns else self.take(quiet_window(self._time_ns, end_ns), end_ns)
+        return (
+            None
+            if end_ns <= self._time_ns
+            else self.take(quiet_window(self._time_ns, end_ns), end_ns)
+        )
 
     def _hold(self, window: Window) -> None:
         if len(window.detections):
             self._incoming.append(window)
-            self._first_incoming_ns = min(self._first_incoming_ns, int(window.detections.reported_ns.min()))
+            self._first_incoming_ns = min(
+                self._first_incoming_ns, int(window.detections.reported_ns.min())
+            )
 
     def _due(self, end_ns: int) -> Window:
         """Return the reports before a time, in order; the others stay held."""
@@ -135,7 +159,9 @@ def _shifted(detections: Detections, rows: int) -> Detections:
 
 
 def _merged(windows: Sequence[Window]) -> Window:
-    """Return windows as one, in the order of report; of equal times those of earlier windows come first."""
+    """Return windows as one, in the order of report; of equal times those of earlier windows come
+    first.
+    """
     detections = joined_detections(windows)
     order = np.argsort(detections.reported_ns, kind="stable")
     return evolve(
@@ -154,13 +180,17 @@ def _part(window: Window, rows: slice) -> Window:
 class ReportedTracker(ScheduledTracker):
     """Steps a tracker in the order of report, by a fixed lag.
 
-    The step valid at a tick is made a lag later, with the detections from before the tick that are reported by then, in
-    the order of observation. Later reports of these looks are not tracked. Detections are associated when they are
-    reported, by the tracks of the last step.
+    The step valid at a tick is made a lag later, with the detections from before the tick that are
+    reported by then, in the order of observation. Later reports of these looks are not tracked.
+    Detections are associated when they are reported, by the tracks of the last step.
     """
 
     def __init__(
-        self, tracker: Tracker, end_ns: int, lag_ns: int, paper_codes: NDArray[np.uint8] | None = None
+        self,
+        tracker: Tracker,
+        end_ns: int,
+        lag_ns: int,
+        paper_codes: NDArray[np.uint8] | None = None,
     ) -> None:
         super().__init__(tracker, end_ns, paper_codes)
         self._lag_ns = lag_ns
@@ -176,7 +206,9 @@ class ReportedTracker(ScheduledTracker):
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
         ticks = self._ticks(start_ns - self._lag_ns, end_ns - self._lag_ns, self._cadence_ns)
-        ends = np.searchsorted(detections.reported_ns, np.array([*ticks, _NEVER_NS - self._lag_ns]) + self._lag_ns)
+        ends = np.searchsorted(
+            detections.reported_ns, np.array([*ticks, _NEVER_NS - self._lag_ns]) + self._lag_ns
+        )
         associated = []
         estimates = []
         in_force = []
@@ -188,7 +220,11 @@ class ReportedTracker(ScheduledTracker):
             rows = rows + len(self._in_force)
             start = end
             estimates += [self._step(tick) for tick in ticks[number : number + 1]]
-        return Tracked(Detections.concatenate(associated), Tracks.concatenate(estimates), Tracks.concatenate(in_force))
+        return Tracked(
+            Detections.concatenate(associated),
+            Tracks.concatenate(estimates),
+            Tracks.concatenate(in_force),
+        )
 
     def _ticks(self, after_ns: int, until_ns: int, cadence_ns: int) -> list[int]:
         """Return the ticks in (after, until], the scene's end among them."""
@@ -205,7 +241,9 @@ class ReportedTracker(ScheduledTracker):
         if len(rows):
             track[rows] = self._tracker_in_use.associate(visible)
             self._pending.append(evolve(visible, track=track[rows]))
-        return evolve(detections, track=track, estimate=rows_of(self._in_force.track, track, offset))
+        return evolve(
+            detections, track=track, estimate=rows_of(self._in_force.track, track, offset)
+        )
 
     def _step(self, tick_ns: int) -> Tracks:
         pending = Detections.concatenate(self._pending)
@@ -216,7 +254,9 @@ class ReportedTracker(ScheduledTracker):
         self._pending = [rest] if len(rest) else []
         tracks = self._tracker_in_use.step(tick_ns / _NS, pending.take(slice(0, cut)))
         if self._lag_ns:
-            tracks = evolve(tracks, available_s=np.full(len(tracks), (tick_ns + self._lag_ns) / _NS))
+            tracks = evolve(
+                tracks, available_s=np.full(len(tracks), (tick_ns + self._lag_ns) / _NS)
+            )
         self._in_force = tracks
         return tracks
 
@@ -230,7 +270,9 @@ def _reported_tracker(plan: Plan) -> ReportedTracker | None:
     """Return the tracker of a scene that tracks in the order of report."""
     if plan.scene.tracking_order != BY_REPORT:
         return None
-    return ReportedTracker(checked_tracker(plan), plan.end_ns, tracking_lag_ns(plan), plan.paper_codes())
+    return ReportedTracker(
+        checked_tracker(plan), plan.end_ns, tracking_lag_ns(plan), plan.paper_codes()
+    )
 
 
 def tracking_lag_ns(plan: Plan) -> int:

@@ -28,8 +28,8 @@ from opir_core.simulation.summary import Tally
 class Run:
     """A finished run: its columns, its plan, its summary and its manifest.
 
-    `detections` and `truth` have a row per detection, `tracks` a row per track and tick, `estimates` those to which
-    `detections.estimate` refers.
+    `detections` and `truth` have a row per detection, `tracks` a row per track and tick,
+    `estimates` those to which `detections.estimate` refers.
     """
 
     detections: Detections
@@ -56,18 +56,23 @@ class Run:
         scene = self.plan.scene
         return (
             f"<Run of {scene.name}: {number_of('detection', counts['detections'])}"
-            f" of {number_of('target', counts['targets'])} by {number_of('sensor', counts['sensors'])},"
+            f" of {number_of('target', counts['targets'])} by"
+            f" {number_of('sensor', counts['sensors'])},"
             f" {number_of('track', counts['tracks'])}, {scene.duration_s:g} s, seed {scene.seed}>"
         )
 
     def _repr_html_(self) -> str:
-        """Return a table of the targets for a notebook, with the run view `map` if it is installed."""
+        """Return a table of the targets for a notebook, with the run view `map` if it is
+        installed.
+        """
         return str(_views().run_html(self))
 
     def view(self, name: str, wanted: str = "") -> Any:
-        """Return the view of a name, which a plugin offers (hook `opir_run_views`): the run in another form.
+        """Return the view of a name, which a plugin offers (hook `opir_run_views`): the run in
+        another form.
 
-        Raises `PluginError` if it is not installed; `wanted` begins the message, by default `run.view('NAME')`.
+        Raises `PluginError` if it is not installed; `wanted` begins the message, by default
+        `run.view('NAME')`.
         """
         return _views().run_view(self, name, wanted or f"run.view({name!r})")
 
@@ -101,7 +106,8 @@ _NS = 1_000_000_000
 
 
 def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1) -> Sequence[int]:
-    """Return the ends of a plan's windows, ns: every `window_s`, or after about `LOOKS_PER_WINDOW` looks.
+    """Return the ends of a plan's windows, ns: every `window_s`, or after about `LOOKS_PER_WINDOW`
+    looks.
 
     With several workers, after as many looks in all of their windows together.
     """
@@ -109,7 +115,9 @@ def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1)
         return _edges_by_looks(plan.pairs, plan.end_ns, max(LOOKS_PER_WINDOW // max(workers, 1), 1))
     step_ns = round(window_s * _NS)
     if step_ns < 1:
-        raise SceneError([Problem("window_s", f"{window_s!r} is not a positive time of at least a nanosecond")])
+        raise SceneError(
+            [Problem("window_s", f"{window_s!r} is not a positive time of at least a nanosecond")]
+        )
     return [*range(step_ns, plan.end_ns, step_ns), plan.end_ns]
 
 
@@ -121,7 +129,8 @@ def _edges_by_looks(pairs: Pairs, end_ns: int, looks: int) -> Sequence[int]:
     starts = looking.phase_ns + looking.first_scan * looking.period_ns
     stops = looking.phase_ns + (looking.last_scan + 1) * looking.period_ns
     times_ns = np.unique(np.concatenate([starts, stops]))
-    # The approximate number of looks before each time: the sum of the pairs' rates between start and stop.
+    # The approximate number of looks before each time: the sum of the pairs' rates between start
+    # and stop.
     rates = np.zeros(len(times_ns))
     np.add.at(rates, np.searchsorted(times_ns, starts), 1.0 / looking.period_ns)
     np.add.at(rates, np.searchsorted(times_ns, stops), -1.0 / looking.period_ns)
@@ -131,17 +140,20 @@ def _edges_by_looks(pairs: Pairs, end_ns: int, looks: int) -> Sequence[int]:
     return [*(edge for edge in edges.tolist() if 0 < edge < end_ns), end_ns]
 
 
-def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None = None, workers: int = 1) -> Run:
+def simulate(
+    scene: Scene, host: Host | None = None, *, window_s: float | None = None, workers: int = 1
+) -> Run:
     """Return the run of a scene: all detections and tracks as columns in memory.
 
-    `window_s` sets the length of the windows, `workers` the number of processes that compute them; neither changes a
-    result. For scenes too large for memory use `opir_core.windows`.
+    `window_s` sets the length of the windows, `workers` the number of processes that compute them;
+    neither changes a result. For scenes too large for memory use `opir_core.windows`.
     """
     return run_of_plan(compile_plan(scene, host), window_s, workers=workers)
 
 
 def replicates(scene: Scene, runs: int, host: Host | None = None) -> Iterator[Run]:
-    """Yield runs of a scene, run k with the scene's seed plus k: each is that of `simulate`, byte for byte.
+    """Yield runs of a scene, run k with the scene's seed plus k: each is that of `simulate`, byte
+    for byte.
 
     What no seed changes is built once: trajectories, sensors, models.
 
@@ -164,17 +176,24 @@ def run_of_plan(plan: Plan, window_s: float | None = None, *, workers: int = 1) 
 def windows(
     scene: Scene, host: Host | None = None, *, window_s: float | None = None, workers: int = 1
 ) -> Iterator[Window]:
-    """Yield the windows of a scene, in order of time; `window_s` and `workers` are as in `simulate`."""
+    """Yield the windows of a scene, in order of time; `window_s` and `workers` are as in
+    `simulate`.
+    """
     yield from plan_windows(compile_plan(scene, host), window_s, workers=workers)
 
 
-def plan_windows(plan: Plan, window_s: float | None = None, *, workers: int = 1) -> Iterator[Window]:
-    """Yield the windows of a plan, in order of time; the last one has what is reported after the scene's end.
+def plan_windows(
+    plan: Plan, window_s: float | None = None, *, workers: int = 1
+) -> Iterator[Window]:
+    """Yield the windows of a plan, in order of time; the last one has what is reported after the
+    scene's end.
 
     `window_s` and `workers` are as in `simulate`.
     """
     if workers != 1:
-        from opir_core.simulation.shared_run import shared_windows  # a run in one process does not load it
+        from opir_core.simulation.shared_run import (
+            shared_windows,
+        )  # a run in one process does not load it
 
         edges_ns = window_edges_ns(plan, window_s, workers)
         yield from (window for window, _ in shared_windows(plan, edges_ns, workers))

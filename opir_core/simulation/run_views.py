@@ -26,22 +26,30 @@ def run_view(run: Any, name: str, wanted: str) -> Any:
 
 
 def _host_of(run: Any, name: str) -> Host:
-    """Return the host of the run's plan, or one of what is installed if that host has no view of the name.
+    """Return the host of the run's plan, or one of what is installed if that host has no view of
+    the name.
 
-    A host of given plugins (`Host.of`) limits what a scene may name, not how its run is shown; an allow-list does both.
+    A host of given plugins (`Host.of`) limits what a scene may name, not how its run is shown; an
+    allow-list does both.
     """
     host: Host = run.plan.host
     return host if name in host.names(RunView) or host.registry.selection.rule else Host.discover()
 
 
 def run_html(run: Any) -> str:
-    """Return the repr of an `opir_core.Run`, a table of its first targets and, if one is installed, its view `map`."""
+    """Return the repr of an `opir_core.Run`, a table of its first targets and, if one is installed,
+    its view `map`.
+    """
     targets = run.summary["targets"]
     head = "".join(f"<th>{name}</th>" for name in _HEAD)
     rows = "".join(f"<tr>{_row(target)}</tr>" for target in targets[:_LISTED])
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>" if targets else ""
     more = f"<p>and {len(targets) - _LISTED} more targets</p>" if len(targets) > _LISTED else ""
-    picture = run_view(run, "map", "the map of a run") if "map" in _host_of(run, "map").names(RunView) else ""
+    picture = (
+        run_view(run, "map", "the map of a run")
+        if "map" in _host_of(run, "map").names(RunView)
+        else ""
+    )
     return f"<div><p>{escape(repr(run).strip('<>'))}</p>{table}{more}{picture}</div>"
 
 

@@ -1,7 +1,8 @@
-"""The check of a scene: all that a plan is refused for and warned about, without its lines of sight.
+"""The check of a scene: all that a plan is refused for and warned about, without its lines of
+sight.
 
-The looks of a run have a bound that needs no visibility. Only above the limits, and for launches that meet scan
-instants, visibility is computed, in blocks that are not kept.
+The looks of a run have a bound that needs no visibility. Only above the limits, and for launches
+that meet scan instants, visibility is computed, in blocks that are not kept.
 """
 
 import numpy as np

@@ -24,17 +24,21 @@ def shared_windows(
     *,
     only_counted: bool = False,
 ) -> Iterator[tuple[Window, Mapping[str, Sequence[Text]]]]:
-    """Yield the windows of a plan, computed by worker processes, and by name the text that encoders make.
+    """Yield the windows of a plan, computed by worker processes, and by name the text that encoders
+    make.
 
     `edges_ns` are the windows' ends; the last window has what is reported after the scene's end.
 
-    The workers encode only where windows leave the engine as they are, without tracks and without waiting for reports;
-    elsewhere there is no text. With `only_counted` windows with text have only the columns that `Tally` counts.
+    The workers encode only where windows leave the engine as they are, without tracks and without
+    waiting for reports; elsewhere there is no text. With `only_counted` windows with text have only
+    the columns that `Tally` counts.
     """
     require_workers(workers)
     engine = Engine(plan)
     reports = ReportOrder(plan)
-    is_final = plan.make_tracker().cadence_s is None and not any(sensor.reporting for sensor in plan.sensors)
+    is_final = plan.make_tracker().cadence_s is None and not any(
+        sensor.reporting for sensor in plan.sensors
+    )
     reduced = counted if only_counted and is_final else lambda window: window
     with WindowWorkers(engine, edges_ns, workers, (is_final and encoders) or {}, reduced) as group:
         for edge_ns, computed in zip(edges_ns, group.computed(), strict=True):
@@ -47,5 +51,11 @@ def shared_windows(
 def counted(window: Window) -> Window:
     """Return a window with the columns that `Tally` counts, and no others."""
     absent: dict[str, Any] = {name: None for name in names_of(Detections) if name not in _COUNTED}
-    no_truth: dict[str, Any] = {name: None for name in names_of(DetectionTruth) if name not in _COUNTED}
-    return evolve(window, detections=evolve(window.detections, **absent), truth=evolve(window.truth, **no_truth))
+    no_truth: dict[str, Any] = {
+        name: None for name in names_of(DetectionTruth) if name not in _COUNTED
+    }
+    return evolve(
+        window,
+        detections=evolve(window.detections, **absent),
+        truth=evolve(window.truth, **no_truth),
+    )

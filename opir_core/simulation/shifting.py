@@ -1,4 +1,6 @@
-"""Windows with other times: of a lap in the scene time of the whole run, of one run in the scene time of another."""
+"""Windows with other times: of a lap in the scene time of the whole run, of one run in the scene
+time of another.
+"""
 
 import numpy as np
 from attrs import evolve
@@ -8,7 +10,9 @@ from opir_core.interfaces.records import Tracks, Window
 
 
 def shifted(window: Window, time_ns: int, tracks: int = 0) -> Window:
-    """Return a window with all times `time_ns` later, of detections exactly, and track numbers `tracks` higher."""
+    """Return a window with all times `time_ns` later, of detections exactly, and track numbers
+    `tracks` higher.
+    """
     detections = window.detections
     offset_s = time_ns * 1e-9
     look_ns = detections.time_ns + time_ns
@@ -18,7 +22,9 @@ def shifted(window: Window, time_ns: int, tracks: int = 0) -> Window:
         window,
         start_s=window.start_s + offset_s,
         end_s=window.end_s + offset_s,
-        detections=evolve(detections, time_ns=look_ns, reported_ns=reported_ns, track=track).freeze(),
+        detections=evolve(
+            detections, time_ns=look_ns, reported_ns=reported_ns, track=track
+        ).freeze(),
         tracks=_shifted_tracks(window.tracks, offset_s, tracks),
         estimates=_shifted_tracks(window.estimates, offset_s, tracks),
     )

@@ -1,4 +1,6 @@
-"""The summary of a run, counted window by window, so that memory does not grow with its duration."""
+"""The summary of a run, counted window by window, so that memory does not grow with its
+duration.
+"""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -17,7 +19,8 @@ if TYPE_CHECKING:
 
 
 def planned_work(pairs: Pairs) -> Mapping[str, Any]:
-    """Return how many pairs and looks a plan has, and how many pairs it skips, by reason, as plain values.
+    """Return how many pairs and looks a plan has, and how many pairs it skips, by reason, as plain
+    values.
 
     Looks that are visible throughout need no visibility test; the others are tested one by one.
     """
@@ -27,7 +30,9 @@ def planned_work(pairs: Pairs) -> Mapping[str, Any]:
     return {
         "pairs": len(looks),
         "pairs_skipped": {
-            reason.name.lower(): int(np.count_nonzero(skipped == reason)) for reason in Blocked if reason in skipped
+            reason.name.lower(): int(np.count_nonzero(skipped == reason))
+            for reason in Blocked
+            if reason in skipped
         },
         "looks": int(looks.sum()),
         "looks_visible_throughout": int(looks.sum()) - tested,
@@ -84,11 +89,19 @@ class Tally:
         target = window.truth.target
         self._count_held(target, seen.track)
         is_noise = target < 0
-        columns: tuple[Any, ...] = (seen.sensor, target, seen.time_ns, seen.reported_type, seen.confidence)
+        columns: tuple[Any, ...] = (
+            seen.sensor,
+            target,
+            seen.time_ns,
+            seen.reported_type,
+            seen.confidence,
+        )
         rows = np.flatnonzero(~is_noise)
         if self._is_delayed:
             rows = rows.take(np.argsort(seen.time_ns.take(rows), kind="stable"))
-            np.minimum.at(self._first_report_s, target.take(rows), seen.reported_ns.take(rows) * 1e-9)
+            np.minimum.at(
+                self._first_report_s, target.take(rows), seen.reported_ns.take(rows) * 1e-9
+            )
         if is_noise.any() or self._is_delayed:
             self._noise += np.bincount(seen.sensor[is_noise], minlength=len(self._noise))
             columns = tuple(column.take(rows) for column in columns)
@@ -96,7 +109,9 @@ class Tally:
 
     def _latest_tracks(self) -> "LatestTracks":
         if self._latest is None:
-            from opir_core.simulation.latest_tracks import LatestTracks  # a run without tracks does not load it
+            from opir_core.simulation.latest_tracks import (
+                LatestTracks,
+            )  # a run without tracks does not load it
 
             self._latest = LatestTracks(self._hypotheses)
         return self._latest
@@ -114,7 +129,8 @@ class Tally:
         pair = sensor * targets + target
         time_s = time_ns * 1e-9
         self._detections += np.bincount(pair, minlength=sensors * targets).reshape(sensors, targets)
-        # The last of repeated writes stays: written backwards, it is the first detection of each pair.
+        # The last of repeated writes stays: written backwards, it is the first detection of each
+        # pair.
         first_s = np.full(sensors * targets, np.inf)
         last_s = np.full(sensors * targets, -np.inf)
         first_s[pair[::-1]] = time_s[::-1]
@@ -131,14 +147,22 @@ class Tally:
         held = np.flatnonzero((track >= 0) & (target >= 0))
         if not len(held):
             return
-        both, count = np.unique((target[held].astype(np.int64) << 32) | track[held], return_counts=True)
+        both, count = np.unique(
+            (target[held].astype(np.int64) << 32) | track[held], return_counts=True
+        )
         for pair, number in zip(both.tolist(), count.tolist(), strict=True):
             key = pair >> 32, pair & 0xFFFFFFFF
             self._held[key] = self._held.get(key, 0) + number
 
     def _track_of(self, target: int, tracks: Collection[int]) -> int | None:
-        """Return the reported track with the most detections of a target, the first of equals, or None."""
-        held = {track: number for (own, track), number in self._held.items() if own == target and track in tracks}
+        """Return the reported track with the most detections of a target, the first of equals, or
+        None.
+        """
+        held = {
+            track: number
+            for (own, track), number in self._held.items()
+            if own == target and track in tracks
+        }
         return max(sorted(held), key=lambda track: held[track]) if held else None
 
     def counts(self) -> Mapping[str, int]:
@@ -154,7 +178,9 @@ class Tally:
         }
 
     def summary(self) -> Mapping[str, Any]:
-        """Return the totals and one row per sensor, target, other hot source and track, as plain values."""
+        """Return the totals and one row per sensor, target, other hot source and track, as plain
+        values.
+        """
         tracks = self._latest.rows() if self._latest else []
         numbers = {row["track_id"] for row in tracks}
         return {
@@ -202,7 +228,11 @@ class Tally:
 
     def _source_row(self, row: int) -> Mapping[str, Any]:
         """Return the row of a hot source that is no target: it has no ignition."""
-        return {"source_id": self._targets.ids[row], "source_type": self._targets.class_names[row], **self._seen(row)}
+        return {
+            "source_id": self._targets.ids[row],
+            "source_type": self._targets.class_names[row],
+            **self._seen(row),
+        }
 
     def _seen(self, row: int) -> Mapping[str, Any]:
         """Return what was detected of a target or source."""

@@ -24,7 +24,9 @@ _REQUIRED = "associate must return whole numbers, one track number per detection
 
 @frozen(eq=False, repr=False)
 class Tracked:
-    """A window's detections with their tracks, the estimates of its ticks, and those the detections refer to."""
+    """A window's detections with their tracks, the estimates of its ticks, and those the detections
+    refer to.
+    """
 
     detections: Detections
     tracks: Tracks
@@ -33,15 +35,18 @@ class Tracked:
 
 
 class ScheduledTracker:
-    """Steps a tracker at whole multiples of its cadence and at the scene's end; associates the detections between.
+    """Steps a tracker at whole multiples of its cadence and at the scene's end; associates the
+    detections between.
 
-    While nothing is tracked or seen, an idle tracker is not stepped.
-    Detections come in the order of observation, whenever they are reported: estimates are available as soon as all
-    reports of earlier looks are there. Without a tracker nothing is associated. `paper_codes` gives the codes into
-    `REPORTED_TYPES` of reported types that are others.
+    While nothing is tracked or seen, an idle tracker is not stepped. Detections come in the order
+    of observation, whenever they are reported: estimates are available as soon as all reports of
+    earlier looks are there. Without a tracker nothing is associated. `paper_codes` gives the codes
+    into `REPORTED_TYPES` of reported types that are others.
     """
 
-    def __init__(self, tracker: Tracker | None, end_ns: int, paper_codes: NDArray[np.uint8] | None = None) -> None:
+    def __init__(
+        self, tracker: Tracker | None, end_ns: int, paper_codes: NDArray[np.uint8] | None = None
+    ) -> None:
         self._tracker = tracker
         self._end_ns = end_ns
         self._paper_codes = paper_codes
@@ -73,17 +78,25 @@ class ScheduledTracker:
         now_ns = start_ns
         while now_ns < end_ns:
             now_ns = self._next_edge_ns(now_ns, end_ns, detections.time_ns[start:])
-            end = int(np.searchsorted(detections.time_ns, now_ns)) if now_ns < end_ns else len(detections)
+            end = (
+                int(np.searchsorted(detections.time_ns, now_ns))
+                if now_ns < end_ns
+                else len(detections)
+            )
             associated.append(self._associated(detections.take(slice(start, end)), rows))
             in_force.append(self._in_force)
             start = end
             rows = rows + len(self._in_force)
             estimates += self._stepped(now_ns)
         columns = Tracks.concatenate(estimates), Tracks.concatenate(in_force)
-        return Tracked(Detections.concatenate(associated), *columns, self._tracker_in_use.sensor_health())
+        return Tracked(
+            Detections.concatenate(associated), *columns, self._tracker_in_use.sensor_health()
+        )
 
     def _next_edge_ns(self, now_ns: int, end_ns: int, times_ns: IntArray) -> int:
-        """Return the next tick, or the window's end; for an idle tracker the last one before the next detection."""
+        """Return the next tick, or the window's end; for an idle tracker the last one before the
+        next detection.
+        """
         assert self._cadence_ns is not None
         tick_ns = (now_ns // self._cadence_ns + 1) * self._cadence_ns
         if not self._pending and self._tracker_in_use.is_idle():
@@ -94,12 +107,20 @@ class ScheduledTracker:
 
     def _associated(self, detections: Detections, offset: int) -> Detections:
         visible = self._visible(detections)
-        track = self._tracker_in_use.associate(visible) if len(detections) else np.empty(0, dtype=np.int64)
+        track = (
+            self._tracker_in_use.associate(visible)
+            if len(detections)
+            else np.empty(0, dtype=np.int64)
+        )
         self._pending.append(evolve(visible, track=track))
-        return evolve(detections, track=track, estimate=rows_of(self._in_force.track, track, offset))
+        return evolve(
+            detections, track=track, estimate=rows_of(self._in_force.track, track, offset)
+        )
 
     def _visible(self, detections: Detections) -> Detections:
-        """Return detections as the tracker sees them: without truth, with the types of the paper."""
+        """Return detections as the tracker sees them: without truth, with the types of the
+        paper.
+        """
         visible = without_truth(detections)
         if self._paper_codes is None:
             return visible
@@ -110,7 +131,9 @@ class ScheduledTracker:
         if edge_ns % self._cadence_ns and edge_ns < self._end_ns:
             return []
         # A single piece is passed on as it is: trackers may recognise the arrays of `associate`.
-        since = self._pending[0] if len(self._pending) == 1 else Detections.concatenate(self._pending)
+        since = (
+            self._pending[0] if len(self._pending) == 1 else Detections.concatenate(self._pending)
+        )
         if since.is_delayed:
             self._latest_report_ns = max(self._latest_report_ns, int(since.reported_ns.max()))
         tracks = self._tracker_in_use.step(edge_ns / _NS, since)
@@ -122,24 +145,38 @@ class ScheduledTracker:
 
 
 def checked_tracker(plan: Plan) -> Tracker:
-    """Return a new tracker of a plan, with checked output if it steps; it ends at an error if the plan says so."""
+    """Return a new tracker of a plan, with checked output if it steps; it ends at an error if the
+    plan says so.
+    """
     tracker = plan.make_tracker()
     choice = plan.scene.tracker
     if tracker.cadence_s is None:
         return tracker
     owner = partial(owner_text, plan.host, choice)
-    checked = CheckedTracker(Tracker.adopt(tracker, owner), owner, check_hint(choice.name), len(plan.hypotheses))
-    return checked if plan.on_tracker_error is None else EndingTracker(checked, plan.on_tracker_error)
+    checked = CheckedTracker(
+        Tracker.adopt(tracker, owner), owner, check_hint(choice.name), len(plan.hypotheses)
+    )
+    return (
+        checked if plan.on_tracker_error is None else EndingTracker(checked, plan.on_tracker_error)
+    )
 
 
 def without_truth(detections: Detections) -> Detections:
-    """Return detections without the columns that depend on the true association: counts are 0, confidences nan."""
+    """Return detections without the columns that depend on the true association: counts are 0,
+    confidences nan.
+    """
     count = len(detections)
-    return evolve(detections, detection_count=np.zeros(count, dtype=np.int32), confidence=np.full(count, np.nan))
+    return evolve(
+        detections,
+        detection_count=np.zeros(count, dtype=np.int32),
+        confidence=np.full(count, np.nan),
+    )
 
 
 def rows_of(numbers: IntArray, track: IntArray, offset: int) -> IntArray:
-    """Return the rows of tracks in sorted track `numbers`, plus `offset`; -1 for those not among them."""
+    """Return the rows of tracks in sorted track `numbers`, plus `offset`; -1 for those not among
+    them.
+    """
     if not len(numbers):
         return np.full(len(track), -1, dtype=np.int64)
     place = np.minimum(np.searchsorted(numbers, track), len(numbers) - 1)
@@ -149,11 +186,14 @@ def rows_of(numbers: IntArray, track: IntArray, offset: int) -> IntArray:
 class CheckedTracker(Tracker):
     """A tracker with checked output: shapes, track numbers and times, not the quality of estimates.
 
-    Raises `ModelError` for wrong output, and if the tracker raises anything but opir's own errors. `owner()` returns
-    the beginning of the message, `hint` is its end, `hypotheses` the number of the scene's hypotheses.
+    Raises `ModelError` for wrong output, and if the tracker raises anything but opir's own errors.
+    `owner()` returns the beginning of the message, `hint` is its end, `hypotheses` the number of
+    the scene's hypotheses.
     """
 
-    def __init__(self, tracker: Tracker, owner: Callable[[], str], hint: str, hypotheses: int) -> None:
+    def __init__(
+        self, tracker: Tracker, owner: Callable[[], str], hint: str, hypotheses: int
+    ) -> None:
         self._tracker = tracker
         self._owner = owner
         self._hint = hint
@@ -169,14 +209,18 @@ class CheckedTracker(Tracker):
         """Return the track numbers (n,) of detections."""
         track = self._called("associate", lambda: self._tracker.associate(detections))
         if not _are_whole(track, len(detections)):
-            raise self._error(f"associate returned {outline(track)} for {len(detections)} detections; {_REQUIRED}")
+            raise self._error(
+                f"associate returned {outline(track)} for {len(detections)} detections; {_REQUIRED}"
+            )
         if len(track) and track.min() < -1:
             raise self._error(f"associate returned the track {track.min()}; {_REQUIRED}")
         return track
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at a tick."""
-        estimates = self._called(f"step at {tick_s:g} s", lambda: self._tracker.step(tick_s, detections))
+        estimates = self._called(
+            f"step at {tick_s:g} s", lambda: self._tracker.step(tick_s, detections)
+        )
         fault = _fault(estimates, tick_s, self._hypotheses) or self._fault_in_width(estimates)
         if fault:
             raise self._error(f"step at {tick_s:g} s {fault}")
@@ -187,7 +231,11 @@ class CheckedTracker(Tracker):
         width = estimates.hypothesis_probability.shape[1] if len(estimates) else self._width
         before = self._width
         self._width = width
-        return "" if before in (None, width) else f"returned {width} hypotheses, after {before} at earlier ticks"
+        return (
+            ""
+            if before in (None, width)
+            else f"returned {width} hypotheses, after {before} at earlier ticks"
+        )
 
     def is_idle(self) -> bool:
         """Return whether steps without detections would change nothing."""
@@ -197,7 +245,9 @@ class CheckedTracker(Tracker):
         """Return what the tracker has found of the sensors."""
         health = self._called("sensor_health", self._tracker.sensor_health)
         if health is not None and not isinstance(health, SensorHealth):
-            raise self._error(f"sensor_health returned {outline(health)}, not a SensorHealth or None")
+            raise self._error(
+                f"sensor_health returned {outline(health)}, not a SensorHealth or None"
+            )
         return health
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
@@ -212,7 +262,9 @@ class CheckedTracker(Tracker):
 
 
 class EndingTracker(Tracker):
-    """A tracker that ends at its first error, which is reported to `on_error`; then nothing is associated any more."""
+    """A tracker that ends at its first error, which is reported to `on_error`; then nothing is
+    associated any more.
+    """
 
     def __init__(self, tracker: Tracker, on_error: Callable[[str], None]) -> None:
         self._tracker: Tracker | None = tracker
@@ -256,7 +308,9 @@ class EndingTracker(Tracker):
 
 
 def _are_whole(numbers: Any, count: int) -> bool:
-    return isinstance(numbers, np.ndarray) and numbers.dtype.kind in "iu" and numbers.shape == (count,)
+    return (
+        isinstance(numbers, np.ndarray) and numbers.dtype.kind in "iu" and numbers.shape == (count,)
+    )
 
 
 def _fault(estimates: Any, tick_s: float, hypotheses: int) -> str:
@@ -272,7 +326,11 @@ def _fault(estimates: Any, tick_s: float, hypotheses: int) -> str:
         due = [shape, (hypotheses,)] if name == "hypothesis_probability" else [shape]
         is_array = isinstance(column, np.ndarray) and column.dtype.kind in kinds
         if not is_array or column.shape not in [(rows, *each) for each in due]:
-            shapes = f"{rows} rows of shape {due[-1]}" if shape else f"{rows} {_CONTENTS.get(name, 'numbers')}"
+            shapes = (
+                f"{rows} rows of shape {due[-1]}"
+                if shape
+                else f"{rows} {_CONTENTS.get(name, 'numbers')}"
+            )
             return f"returned {name} as {outline(column)}, not {shapes}"
     if not rows:
         return ""
@@ -284,9 +342,16 @@ def _fault(estimates: Any, tick_s: float, hypotheses: int) -> str:
             return f"returned {name} {codes[:6].tolist()}, not codes into {texts}"
     track = estimates.track
     if not _are_whole(track, rows) or track[0] < 0 or np.count_nonzero(track[1:] <= track[:-1]):
-        return f"returned tracks numbered {track[:6].tolist()}, not one row per track, whole numbers from 0 up in order"
+        return (
+            f"returned tracks numbered {track[:6].tolist()}, not one row per track, whole numbers"
+            f" from 0 up in order"
+        )
     wrong = estimates.tick_s[estimates.tick_s != tick_s]
-    return f"returned tick_s {wrong[0]:g}, not that of the step" if len(wrong) else _fault_in_values(estimates)
+    return (
+        f"returned tick_s {wrong[0]:g}, not that of the step"
+        if len(wrong)
+        else _fault_in_values(estimates)
+    )
 
 
 def _fault_in_values(estimates: Tracks) -> str:
@@ -306,20 +371,34 @@ def _fault_in_values(estimates: Tracks) -> str:
         chances = getattr(estimates, name)
         if chances.shape[1] and np.any(np.abs(chances.sum(axis=1) - 1.0) > _SUM_ROUNDING):
             return f"returned {name} that sums to {chances.sum(axis=1)[:4].tolist()}, not to 1"
-    return next((fault for name in _COVARIANCES if (fault := _fault_in_covariance(name, getattr(estimates, name)))), "")
+    return next(
+        (
+            fault
+            for name in _COVARIANCES
+            if (fault := _fault_in_covariance(name, getattr(estimates, name)))
+        ),
+        "",
+    )
 
 
 def _fault_in_covariance(name: str, covariance: FloatArray) -> str:
-    """Return the first error of covariances (n, k, k), or ""; they are symmetric and positive semidefinite."""
+    """Return the first error of covariances (n, k, k), or ""; they are symmetric and positive
+    semidefinite.
+    """
     known = covariance[~np.isnan(covariance).any(axis=(1, 2))]
     if not len(known):
         return ""
     spread = np.sqrt(np.maximum(np.diagonal(known, axis1=1, axis2=2), 0.0))
     scale = spread[:, :, None] * spread[:, None, :]
     scaled = np.divide(known, scale, out=np.zeros_like(known), where=scale > 0.0)
-    if not np.isfinite(known).all() or np.any(np.abs(scaled - scaled.transpose(0, 2, 1)) > _SYMMETRY):
+    if not np.isfinite(known).all() or np.any(
+        np.abs(scaled - scaled.transpose(0, 2, 1)) > _SYMMETRY
+    ):
         return f"returned {name} that is not symmetric and finite"
-    if np.any(np.diagonal(known, axis1=1, axis2=2) < 0.0) or np.linalg.eigvalsh(scaled).min() < -_NEGATIVE:
+    if (
+        np.any(np.diagonal(known, axis1=1, axis2=2) < 0.0)
+        or np.linalg.eigvalsh(scaled).min() < -_NEGATIVE
+    ):
         return f"returned {name} that is not positive definite"
     return ""
 
@@ -329,25 +408,35 @@ def _are_regions(rows: list[Any]) -> bool:
         return False
     if not any(rows):
         return True
-    from opir_core.interfaces.impact_regions import ImpactRegion  # a run without regions does not load it
+    from opir_core.interfaces.impact_regions import (
+        ImpactRegion,
+    )  # a run without regions does not load it
 
     return all(isinstance(region, ImpactRegion) for row in rows for region in row)
 
 
-#: Rounding of angles and probabilities, of sums of probabilities, and of covariances scaled to correlations: the
-#: asymmetry and the most negative eigenvalue that rounding explains.
+#: Rounding of angles and probabilities, of sums of probabilities, and of covariances scaled to
+#: correlations: the asymmetry and the most negative eigenvalue that rounding explains.
 _ROUNDING = 1e-9
 _SUM_ROUNDING = 1e-6
 _SYMMETRY = 1e-6
 _NEGATIVE = 1e-6
 _PROBABILITIES = (
-    *("probability_burning", "probability_relights", "probability_launch", "probability_missile", "probability_orbit"),
+    *(
+        "probability_burning",
+        "probability_relights",
+        "probability_launch",
+        "probability_missile",
+        "probability_orbit",
+    ),
     *("type_probability", "hypothesis_probability"),
 )
 _COVARIANCES = ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance")
 
 #: Kinds of the columns that are not of any numbers, and what a row of them is.
 _KINDS = {"impact_regions": "O", "impact_method": "iu", "end": "iu"}
-_CONTENTS = dict.fromkeys(_KINDS, "whole numbers") | {"impact_regions": "tuples of opir_core.ImpactRegion"}
+_CONTENTS = dict.fromkeys(_KINDS, "whole numbers") | {
+    "impact_regions": "tuples of opir_core.ImpactRegion"
+}
 #: The shape of a row of each column.
 _SHAPES = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}

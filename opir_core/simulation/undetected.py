@@ -11,7 +11,8 @@ _REASONS = {
     Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
     Blocked.BEHIND_EARTH: "the Earth is in the way throughout the {part}",
     Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout the {part}",
-    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout the {part}",
+    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout the"
+    " {part}",
     Blocked.NEAR_THE_SUN: "the Sun is within the exclusion angle throughout the {part}",
 }
 
@@ -38,7 +39,8 @@ def few_looks(plan: Plan, pair: IntArray) -> tuple[IntArray, IntArray, Exposures
 
 
 def undetected_text(plan: Plan, target: int) -> str:
-    """Return why a target or source, by its number, was never detected: by all sensors, or by the best look of one.
+    """Return why a target or source, by its number, was never detected: by all sensors, or by the
+    best look of one.
 
     A detection model with signals says by how much they were too faint (`shortfall_text`).
     """
@@ -56,4 +58,6 @@ def undetected_text(plan: Plan, target: int) -> str:
     if chances[best] < _CHANCE and hasattr(plan.detection, "shortfall_text"):
         return f"{plan.detection.shortfall_text(looks.take([best]))}, {where}"
     why = "by chance, in" if chances[best] > 0.0 else "in"
-    return f"{why} {plan.pairs.looks[looking].sum()} looks: P_d at most {chances[best]:.2g}, {where}"
+    return (
+        f"{why} {plan.pairs.looks[looking].sum()} looks: P_d at most {chances[best]:.2g}, {where}"
+    )

@@ -1,10 +1,11 @@
 """The windows of one run computed by several processes: the same windows, in order of time.
 
-Each process is a copy of the parent (`fork`) with its plan and its engine, and computes every n-th window. A window's
-result depends on earlier windows by the numbers of detections of the pairs, and by their last detections where these
-are confirmed over scans: each process draws its looks, waits for its turn, and passes both on at once (`_Relay`).
-Measuring, building and encoding follow at the same time as those of other windows. Text comes in a buffer that worker
-and parent share and use again for each window, columns in files in memory, which the parent maps: both are copied once.
+Each process is a copy of the parent (`fork`) with its plan and its engine, and computes every n-th
+window. A window's result depends on earlier windows by the numbers of detections of the pairs, and
+by their last detections where these are confirmed over scans: each process draws its looks, waits
+for its turn, and passes both on at once (`_Relay`). Measuring, building and encoding follow at the
+same time as those of other windows. Text comes in a buffer that worker and parent share and use
+again for each window, columns in files in memory, which the parent maps: both are copied once.
 
 A process that ends before its window is done is replaced, and its windows are computed again.
 """
@@ -44,7 +45,8 @@ _POLL_S = 2e-4
 #: Columns start at multiples of this, bytes.
 _ALIGNMENT = 64
 
-#: Room for the text of a window, bytes, of which only what is used takes memory; text beyond it takes a file in memory.
+#: Room for the text of a window, bytes, of which only what is used takes memory; text beyond it
+#: takes a file in memory.
 BUFFER_BYTES = 256 << 20
 
 
@@ -84,7 +86,9 @@ class StuckWorkerError(OpirError):
 def require_workers(workers: int) -> None:
     """Raise `SceneError` if a run cannot have this number of worker processes."""
     if workers < 1:
-        raise SceneError([Problem("workers", f"{workers} is not a number of processes; give 1 or more")])
+        raise SceneError(
+            [Problem("workers", f"{workers} is not a number of processes; give 1 or more")]
+        )
     if workers > 1 and "fork" not in get_all_start_methods():
         words = "this system cannot copy a process (fork), which several workers need; use one"
         raise SceneError([Problem("workers", words)])
@@ -93,8 +97,8 @@ def require_workers(workers: int) -> None:
 class WindowWorkers:
     """The worker processes of a run; a context that ends them.
 
-    `edges_ns` are the ends of the windows; `encoders` are called in the workers with each window as observed, and then
-    `reduced`, which returns what the parent needs of it.
+    `edges_ns` are the ends of the windows; `encoders` are called in the workers with each window as
+    observed, and then `reduced`, which returns what the parent needs of it.
     """
 
     def __init__(
@@ -158,7 +162,9 @@ class WindowWorkers:
             slot.link.send(number)
 
     def _receive(self) -> None:
-        """Take the results that are there, wait for some if there are none, and replace workers that have ended."""
+        """Take the results that are there, wait for some if there are none, and replace workers
+        that have ended.
+        """
         ready = wait([each for slot in self._slots for each in (slot.link, slot.process.sentinel)])
         for slot in self._slots:
             if slot.link in ready:
@@ -172,7 +178,9 @@ class WindowWorkers:
         """Take one result of a worker; return whether there was a whole one."""
         try:
             number, message = slot.link.recv()
-            result = message if isinstance(message, BaseException) else self._unpacked(slot, message)
+            result = (
+                message if isinstance(message, BaseException) else self._unpacked(slot, message)
+            )
         except (EOFError, OSError, RuntimeError, pickle.UnpicklingError):
             return False
         slot.waiting.remove(number)
@@ -188,8 +196,13 @@ class WindowWorkers:
             self._deaths[first] = self._deaths.get(first, 0) + 1
             if self._deaths[first] >= _DEATHS:
                 start_ns, end_ns = self._tasks[first]
-                words = f"the worker process of the window from {start_ns * 1e-9:g} to {end_ns * 1e-9:g} s ended"
-                raise LostWindowError(f"{words} {_DEATHS} times, possibly out of memory; run with fewer workers")
+                words = (
+                    f"the worker process of the window from {start_ns * 1e-9:g} to"
+                    f" {end_ns * 1e-9:g} s ended"
+                )
+                raise LostWindowError(
+                    f"{words} {_DEATHS} times, possibly out of memory; run with fewer workers"
+                )
         self._start(slot)
         for number in slot.waiting:
             with suppress(OSError):
@@ -200,10 +213,12 @@ class WindowWorkers:
         context = get_context("fork")
         slot.link, own = context.Pipe()
         parents = [each.link for each in self._slots if each.link is not None]
-        slot.process = context.Process(target=self._work, args=(own, parents, slot.buffer), daemon=True)
+        slot.process = context.Process(
+            target=self._work, args=(own, parents, slot.buffer), daemon=True
+        )
         with warnings.catch_warnings():
-            # Python warns of copies of processes with threads: those of the parent hash files and hold no lock that a
-            # worker takes.
+            # Python warns of copies of processes with threads: those of the parent hash files and
+            # hold no lock that a worker takes.
             warnings.filterwarnings("ignore", message=".*fork.*", category=DeprecationWarning)
             slot.process.start()
         own.close()
@@ -223,12 +238,17 @@ class WindowWorkers:
         """Compute a window and send it: a message, and the file in memory to which it refers."""
         packing = _Packing(buffer)
         try:
-            window = self._engine.observe(*self._tasks[number], self._relay.turn(number, self._engine))
+            window = self._engine.observe(
+                *self._tasks[number], self._relay.turn(number, self._engine)
+            )
             round_, slot = divmod(number, len(self._slots))
             if self._encoders:
                 self._relay.wait_until(lambda: self._written[slot] >= round_)
             texts = {
-                name: [(packing.text(text.lines), text.events, text.withheld) for text in encode(window)]
+                name: [
+                    (packing.text(text.lines), text.events, text.withheld)
+                    for text in encode(window)
+                ]
                 for name, encode in self._encoders.items()
             }
             columns: list[slice] = []
@@ -248,7 +268,9 @@ class WindowWorkers:
             packing.close()
 
     def _unpacked(self, slot: "_Slot", message: Any) -> Computed:
-        """Return the window and the texts of a message, as views of its file and of the slot's buffer."""
+        """Return the window and the texts of a message, as views of its file and of the slot's
+        buffer.
+        """
         head, columns, texts, size = message
         file = memoryview(b"")
         if size:
@@ -291,8 +313,8 @@ class _Slot:
 class _Relay:
     """The state that windows pass on to the next one, in memory that all processes share.
 
-    Before window k its state is in slot k of a ring, and `published` is at least k. A process reads that slot and
-    writes the next one: if it dies meanwhile, its successor does the same again.
+    Before window k its state is in slot k of a ring, and `published` is at least k. A process reads
+    that slot and writes the next one: if it dies meanwhile, its successor does the same again.
     """
 
     def __init__(self, engine: Engine, slots: int) -> None:
@@ -314,7 +336,9 @@ class _Relay:
 
     @contextmanager
     def turn(self, number: int, engine: Engine) -> Iterator[None]:
-        """Wait until the states of all windows before a window are known, and publish that after it."""
+        """Wait until the states of all windows before a window are known, and publish that after
+        it.
+        """
         self.wait_until(lambda: self._published[0] >= number)
         self._copy(self._slots[number % len(self._slots)], engine.carried)
         yield
@@ -336,7 +360,9 @@ class _Relay:
 
 
 class _Packing:
-    """Puts the text of a window into a buffer and, what has no room there, with its columns into a file in memory."""
+    """Puts the text of a window into a buffer and, what has no room there, with its columns into a
+    file in memory.
+    """
 
     def __init__(self, buffer: mmap.mmap) -> None:
         self._buffer = buffer

@@ -14,9 +14,15 @@ WAVELENGTHS_UM = np.linspace(1.0, 30.0, 300)
 def test_spectral_radiance(temperature_k):
     body = BlackBody(temperature_k * u.K, scale=1.0 * u.W / (u.m**2 * u.sr * u.um))
     theirs = body(WAVELENGTHS_UM * u.um)
-    np.testing.assert_allclose(planck_radiance(temperature_k, WAVELENGTHS_UM), theirs.value, rtol=1e-12)
-    photons = (theirs / (WAVELENGTHS_UM * u.um).to(u.J, u.spectral())).to_value(1 / (u.s * u.m**2 * u.sr * u.um))
-    np.testing.assert_allclose(planck_photon_radiance(temperature_k, WAVELENGTHS_UM), photons, rtol=1e-12)
+    np.testing.assert_allclose(
+        planck_radiance(temperature_k, WAVELENGTHS_UM), theirs.value, rtol=1e-12
+    )
+    photons = (theirs / (WAVELENGTHS_UM * u.um).to(u.J, u.spectral())).to_value(
+        1 / (u.s * u.m**2 * u.sr * u.um)
+    )
+    np.testing.assert_allclose(
+        planck_photon_radiance(temperature_k, WAVELENGTHS_UM), photons, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("temperature_k", [100.0, 300.0, 6000.0])
@@ -25,4 +31,6 @@ def test_all_wavelengths_together_are_stefan_boltzmann(temperature_k):
     # From 1e-3 µm to 1e9 µm all but 1e-20 is within.
     np.testing.assert_allclose(band_radiance(temperature_k, 1e-3, 1e9), total, rtol=3e-10)
     parts = [1e-3, 0.5, 1.0, 3.0, 10.0, 50.0, 1e3, 1e9]
-    assert sum(band_radiance(temperature_k, parts[:-1], parts[1:])) == pytest.approx(total, rel=1e-10)
+    assert sum(band_radiance(temperature_k, parts[:-1], parts[1:])) == pytest.approx(
+        total, rel=1e-10
+    )

@@ -1,4 +1,6 @@
-"""States in the frames of ephemerides, of date or frozen at an epoch, against astropy's, with UT1 as UTC."""
+"""States in the frames of ephemerides, of date or frozen at an epoch, against astropy's, with UT1
+as UTC.
+"""
 
 import erfa
 import numpy as np
@@ -21,9 +23,16 @@ from opir_readers.frames import frame_of, is_of_epoch, to_ecef
 EPOCH = Time("2026-04-01T12:00:00", scale="utc")
 EPOCH_US = round(EPOCH.unix * 1e6)
 OFFSETS_S = np.array([0.0, 30.0, 3600.0, 86400.0])
-PLACE_M = np.array([[-5600e3, -2600e3, 2900e3], [7e6, 1e5, -2e5], [1e6, -4.1e7, 3e6], [2e7, 2e7, 1e7]])
+PLACE_M = np.array(
+    [[-5600e3, -2600e3, 2900e3], [7e6, 1e5, -2e5], [1e6, -4.1e7, 3e6], [2e7, 2e7, 1e7]]
+)
 VELOCITY_M_S = np.array(
-    [[1500.0, -5200.0, 2600.0], [10.0, 7500.0, 30.0], [3000.0, 100.0, -50.0], [-1000.0, 1200.0, 900.0]]
+    [
+        [1500.0, -5200.0, 2600.0],
+        [10.0, 7500.0, 30.0],
+        [3000.0, 100.0, -50.0],
+        [-1000.0, 1200.0, 900.0],
+    ]
 )
 
 
@@ -66,22 +75,29 @@ def theirs(frame):
         np.array([turn.T @ vector for turn, vector in zip(turns, rows, strict=True)]).T
         for rows in (PLACE_M, VELOCITY_M_S)
     )
-    place, rate = (axis * unit for axis, unit in zip(mean, (units.m, units.m / units.s), strict=True))
+    place, rate = (
+        axis * unit for axis, unit in zip(mean, (units.m, units.m / units.s), strict=True)
+    )
     equinox = CartesianRepresentation(*place, differentials=CartesianDifferential(*rate))
     kinds["MOD"] = GCRS(equinox, obstime=times)
     found = kinds[frame].transform_to(ITRS(obstime=times))
-    return found.cartesian.xyz.to_value(units.m).T, found.velocity.d_xyz.to_value(units.m / units.s).T
+    return found.cartesian.xyz.to_value(units.m).T, found.velocity.d_xyz.to_value(
+        units.m / units.s
+    ).T
 
 
 # Omitted terms of nutation and the frame bias: 0.06 arcseconds, at each distance.
 @pytest.mark.parametrize(
-    ("frame", "arcseconds"), [("TEME", 0.01), ("EME2000", 0.1), ("TOD", 0.1), ("MOD", 0.1), ("CIRS", 0.1)]
+    ("frame", "arcseconds"),
+    [("TEME", 0.01), ("EME2000", 0.1), ("TOD", 0.1), ("MOD", 0.1), ("CIRS", 0.1)],
 )
 def test_states_are_those_of_astropy(frame, arcseconds):
     place, velocity = to_ecef(frame, PLACE_M, VELOCITY_M_S, EPOCH_US, OFFSETS_S)
     other, rate = theirs(frame)
     limit = np.linalg.norm(PLACE_M, axis=1) * np.radians(arcseconds / 3600.0)
-    assert (np.linalg.norm(place - other, axis=1) < limit).all(), np.linalg.norm(place - other, axis=1) - limit
+    assert (np.linalg.norm(place - other, axis=1) < limit).all(), (
+        np.linalg.norm(place - other, axis=1) - limit
+    )
     np.testing.assert_allclose(velocity, rate, rtol=0.0, atol=0.02)
 
 
@@ -91,7 +107,8 @@ def test_frozen_axes_are_those_of_date_at_their_epoch_and_do_not_turn_with_prece
     frozen, _ = to_ecef(frame, PLACE_M, VELOCITY_M_S, EPOCH_US, np.full(4, at_s), at_s)
     of_date, _ = to_ecef(frame, PLACE_M, VELOCITY_M_S, EPOCH_US, np.full(4, at_s))
     np.testing.assert_allclose(frozen, of_date, rtol=0.0, atol=1e-6)
-    # Thirty years later the equinox has gone 25 arcminutes: the axes of date with it, frozen ones not.
+    # Thirty years later the equinox has gone 25 arcminutes: the axes of date with it, frozen ones
+    # not.
     year_s = 30 * 365.25 * 86400.0
     early, _ = to_ecef(frame, PLACE_M, VELOCITY_M_S, EPOCH_US, np.zeros(4), -year_s)
     date, _ = to_ecef(frame, PLACE_M, VELOCITY_M_S, EPOCH_US, np.zeros(4))
@@ -101,7 +118,37 @@ def test_frozen_axes_are_those_of_date_at_their_epoch_and_do_not_turn_with_prece
 
 def test_names_of_frames():
     known = ["ITRF", "itrf-2014", "ITRF2000", "EFG", "J2000", "ICRF", "gcrf", "TOD", "TEME", "RSW"]
-    assert [frame_of(name) for name in known] == [*["ITRF"] * 4, *["EME2000"] * 3, "TOD", "TEME", ""]
-    others = ["DTRF2014", "WGS84", "TIRS", "ICRF3", "GCRF2", "TOD_EARTH", "MOD_Earth", "TEMEofDate", "CIRS", "TOD_MOON"]
-    assert [frame_of(name) for name in others] == [*["ITRF"] * 3, *["EME2000"] * 2, "TOD", "MOD", "TEME", "CIRS", ""]
-    assert [is_of_epoch(name) for name in ("TEMEOFEPOCH", "MOE_EARTH", "MOD", "TOD")] == [True, True, False, False]
+    assert [frame_of(name) for name in known] == [
+        *["ITRF"] * 4,
+        *["EME2000"] * 3,
+        "TOD",
+        "TEME",
+        "",
+    ]
+    others = [
+        "DTRF2014",
+        "WGS84",
+        "TIRS",
+        "ICRF3",
+        "GCRF2",
+        "TOD_EARTH",
+        "MOD_Earth",
+        "TEMEofDate",
+        "CIRS",
+        "TOD_MOON",
+    ]
+    assert [frame_of(name) for name in others] == [
+        *["ITRF"] * 3,
+        *["EME2000"] * 2,
+        "TOD",
+        "MOD",
+        "TEME",
+        "CIRS",
+        "",
+    ]
+    assert [is_of_epoch(name) for name in ("TEMEOFEPOCH", "MOE_EARTH", "MOD", "TOD")] == [
+        True,
+        True,
+        False,
+        False,
+    ]

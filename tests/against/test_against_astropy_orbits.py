@@ -1,4 +1,6 @@
-"""TLE orbits against astropy's way from TEME to ITRS: equal but for UT1 and polar motion, which are bounded."""
+"""TLE orbits against astropy's way from TEME to ITRS: equal but for UT1 and polar motion, which are
+bounded.
+"""
 
 import erfa
 import numpy as np
@@ -14,14 +16,18 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.orbits import OrbitConfig, orbit_of
 from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
 
-#: What `opir_core.orbits.sgp4_motion` promises: UT1 within 0.9 s of UTC and a pole within 0.6 arcseconds.
+#: What `opir_core.orbits.sgp4_motion` promises: UT1 within 0.9 s of UTC and a pole within 0.6
+#: arcseconds.
 MOST_UT1_S = 0.9
 MOST_POLE_RAD = np.radians(0.6 / 3600.0)
 
 
 @pytest.fixture(autouse=True)
 def _bundled_earth_orientation():
-    with iers.conf.set_temp("auto_download", False), iers.conf.set_temp("iers_degraded_accuracy", "warn"):
+    with (
+        iers.conf.set_temp("auto_download", False),
+        iers.conf.set_temp("iers_degraded_accuracy", "warn"),
+    ):
         yield
 
 
@@ -44,7 +50,14 @@ def test_with_ut1_and_the_pole_put_in_nothing_is_left(number):
     late_rad = EARTH_ROTATION_RAD_S * 1.0000000001 * times.delta_ut1_utc
     cosine = np.cos(late_rad)
     sine = np.sin(late_rad)
-    turned = np.stack([cosine * ours[:, 0] + sine * ours[:, 1], cosine * ours[:, 1] - sine * ours[:, 0], ours[:, 2]], 1)
+    turned = np.stack(
+        [
+            cosine * ours[:, 0] + sine * ours[:, 1],
+            cosine * ours[:, 1] - sine * ours[:, 0],
+            ours[:, 2],
+        ],
+        1,
+    )
     corrected = np.einsum("nij,nj->ni", erfa.pom00(*get_polar_motion(times), 0.0), turned)
     # Fitted to 1 mm; a double of a Julian date, in two parts, costs no more.
     assert np.linalg.norm(corrected - theirs, axis=1).max() <= 2e-3

@@ -1,7 +1,9 @@
-"""Eclipses and solar outages against astropy's Sun (its own ephemeris and its Earth orientation, nothing downloaded).
+"""Eclipses and solar outages against astropy's Sun (its own ephemeris and its Earth orientation,
+nothing downloaded).
 
-The reference shares no code with opir: Kepler orbits by Newton's iteration, the Sun's limb as 180 points, each asked
-whether the straight line to it meets the ellipsoid, and every event by sampling and bisection.
+The reference shares no code with opir: Kepler orbits by Newton's iteration, the Sun's limb as 180
+points, each asked whether the straight line to it meets the ellipsoid, and every event by sampling
+and bisection.
 """
 
 from itertools import pairwise
@@ -15,7 +17,13 @@ from astropy.utils import iers
 from opir_testing import stub_sensor
 from scipy.interpolate import CubicSpline
 
-from opir_core.orbits import KeplerConfig, OrbitConfig, eclipse_intervals, orbit_of, outage_intervals
+from opir_core.orbits import (
+    KeplerConfig,
+    OrbitConfig,
+    eclipse_intervals,
+    orbit_of,
+    outage_intervals,
+)
 
 MU = 3.986004418e14
 OMEGA = 7.292115e-5
@@ -49,13 +57,43 @@ GEOMETRIES = {
     "geo-before-the-season": ("2020-02-20T00:00", 24, orbit(GEO_KM, anomaly=15.0), 10.0, 5.0),
     "geo-solstice": ("2023-06-21T00:00", 24, orbit(GEO_KM, anomaly=15.0), 10.0, 5.0),
     "geo-wide-exclusion": ("2023-09-01T00:00", 24, orbit(GEO_KM, anomaly=-135.0), 10.0, 15.0),
-    "geo-inclined": ("2024-03-22T06:00", 48, orbit(GEO_KM, 0.001, 6.0, 60.0, 10.0, 20.0), 10.0, 5.0),
+    "geo-inclined": (
+        "2024-03-22T06:00",
+        48,
+        orbit(GEO_KM, 0.001, 6.0, 60.0, 10.0, 20.0),
+        10.0,
+        5.0,
+    ),
     "molniya-1": ("2024-03-20T00:00", 24, orbit(MOLNIYA_KM, 0.72, 63.4, 10.0, 270.0), 12.0, 5.0),
-    "molniya-2": ("2024-06-20T00:00", 24, orbit(MOLNIYA_KM, 0.72, 63.4, -80.0, 270.0, 90.0), 12.0, 5.0),
-    "molniya-3": ("2021-12-21T00:00", 24, orbit(MOLNIYA_KM, 0.74, 63.4, 100.0, 270.0, 180.0), 12.0, 5.0),
-    "molniya-4": ("2022-11-02T00:00", 24, orbit(MOLNIYA_KM, 0.70, 63.4, 190.0, 270.0, 300.0), 12.0, 10.0),
+    "molniya-2": (
+        "2024-06-20T00:00",
+        24,
+        orbit(MOLNIYA_KM, 0.72, 63.4, -80.0, 270.0, 90.0),
+        12.0,
+        5.0,
+    ),
+    "molniya-3": (
+        "2021-12-21T00:00",
+        24,
+        orbit(MOLNIYA_KM, 0.74, 63.4, 100.0, 270.0, 180.0),
+        12.0,
+        5.0,
+    ),
+    "molniya-4": (
+        "2022-11-02T00:00",
+        24,
+        orbit(MOLNIYA_KM, 0.70, 63.4, 190.0, 270.0, 300.0),
+        12.0,
+        10.0,
+    ),
     "tundra-1": ("2024-03-25T00:00", 48, orbit(TUNDRA_KM, 0.27, 63.4, 0.0, 270.0), 12.0, 5.0),
-    "tundra-2": ("2023-10-01T00:00", 48, orbit(TUNDRA_KM, 0.27, 63.4, 170.0, 270.0, 120.0), 12.0, 8.0),
+    "tundra-2": (
+        "2023-10-01T00:00",
+        48,
+        orbit(TUNDRA_KM, 0.27, 63.4, 170.0, 270.0, 120.0),
+        12.0,
+        8.0,
+    ),
     "leo-equinox": ("2024-03-20T12:00", 8, orbit(7578.137, 0.0, 60.0), 67.0, 5.0),
     "leo-solstice": ("2023-06-21T12:00", 8, orbit(7578.137, 0.0, 60.0, 120.0), 67.0, 5.0),
     "leo-polar": ("2022-02-01T12:00", 8, orbit(6978.137, 0.0, 90.0, 45.0), 67.0, 5.0),
@@ -77,10 +115,16 @@ def position_m(elements, time_s):
         miss = eccentric - eccentricity * np.sin(eccentric) - mean
         eccentric = eccentric - miss / (1.0 - eccentricity * np.cos(eccentric))
     plane = np.stack(
-        [np.cos(eccentric) - eccentricity, np.sqrt(1.0 - eccentricity**2) * np.sin(eccentric), 0.0 * mean], axis=-1
+        [
+            np.cos(eccentric) - eccentricity,
+            np.sqrt(1.0 - eccentricity**2) * np.sin(eccentric),
+            0.0 * mean,
+        ],
+        axis=-1,
     )
     perigee, inclination, node = (
-        np.radians(elements[f"{name}_deg"]) for name in ("arg_perigee", "inclination", "lon_asc_node")
+        np.radians(elements[f"{name}_deg"])
+        for name in ("arg_perigee", "inclination", "lon_asc_node")
     )
     turned = turned_z(axis_m * plane, perigee)
     x, y, _ = turned.T
@@ -111,14 +155,20 @@ def hidden_limb(position, sun):
     towards = sun - position
     distance = np.linalg.norm(towards, axis=1, keepdims=True)
     along = towards / distance
-    first = np.cross(along, np.where(np.abs(along[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
+    first = np.cross(
+        along, np.where(np.abs(along[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    )
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(along, first)
     angle = np.linspace(0.0, 2.0 * np.pi, 180, endpoint=False)[:, None, None]
     # The limb lies where lines from the satellite touch the Sun's sphere.
     inside = (SUN_RADIUS_M / distance) ** 2
     radius = SUN_RADIUS_M * np.sqrt(1.0 - inside)
-    limb = sun - SUN_RADIUS_M**2 / distance * along + radius * (np.cos(angle) * first + np.sin(angle) * second)
+    limb = (
+        sun
+        - SUN_RADIUS_M**2 / distance * along
+        + radius * (np.cos(angle) * first + np.sin(angle) * second)
+    )
     start = position / RADII
     way = (limb - position) / RADII
     square = np.sum(way * way, axis=-1)
@@ -190,13 +240,17 @@ def test_outages_begin_and_end_when_they_should(geometry):
         position, sun = states(time_s)
         down = -position
         towards = sun - position
-        angle = np.arctan2(np.linalg.norm(np.cross(down, towards), axis=1), np.sum(down * towards, axis=1))
+        angle = np.arctan2(
+            np.linalg.norm(np.cross(down, towards), axis=1), np.sum(down * towards, axis=1)
+        )
         near = angle < sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
         return near & (hidden_limb(position, sun) < 1.0)
 
     found = outage_intervals(sensor, epoch, 0.0, stop_s)
     expected = events(is_blind, stop_s)
-    assert inside(np.concatenate([found.start_s, found.stop_s]), stop_s) == pytest.approx(expected, abs=TOLERANCE_S)
+    assert inside(np.concatenate([found.start_s, found.stop_s]), stop_s) == pytest.approx(
+        expected, abs=TOLERANCE_S
+    )
 
 
 def test_the_geometries_have_eclipses_and_outages_of_every_orbit():

@@ -1,4 +1,6 @@
-"""The bench against short scripts: noise by term, curves, operating characteristics, false alarms, frames."""
+"""The bench against short scripts: noise by term, curves, operating characteristics, false alarms,
+frames.
+"""
 
 import math
 
@@ -6,7 +8,12 @@ import numpy as np
 import pytest
 from opir_coverage.bench.bands import BandLimits, best_bands
 from opir_coverage.bench.budget import noise_budget, waterfall
-from opir_coverage.bench.curves import curve, first_report_s, least_intensities_w_sr, operating_characteristic
+from opir_coverage.bench.curves import (
+    curve,
+    first_report_s,
+    least_intensities_w_sr,
+    operating_characteristic,
+)
 from opir_coverage.bench.frames import frame
 from opir_coverage.bench.movies import Filming, clip
 from opir_coverage.bench.stand import Bench, Poses
@@ -23,8 +30,15 @@ def photons_per_s(kelvin, low_um, high_um):
 
 
 def test_detector_noise_is_that_of_electrons():
-    """Dark current, warm optics of i t electrons have the variance i t; m reads of r electrons m r²; steps m s²/12."""
-    plane = {"aperture_m": 0.5, "integration_time_ms": 20.0, "dark_current_e_s": 3e9, "read_noise_e": 80.0}
+    """Dark current, warm optics of i t electrons have the variance i t; m reads of r electrons m
+    r²; steps m s²/12.
+    """
+    plane = {
+        "aperture_m": 0.5,
+        "integration_time_ms": 20.0,
+        "dark_current_e_s": 3e9,
+        "read_noise_e": 80.0,
+    }
     bench = Bench.of_model("SBIRS-GEO").changed(
         sensor__focal_plane={**plane, "subframes": 9, "optics_temperature_k": 260}
     )
@@ -32,10 +46,17 @@ def test_detector_noise_is_that_of_electrons():
     named = {each.name: each.sigma_w_m2 for each in found.terms}
     cone = math.pi / (4.0 * 2.0**2 + 1.0)
     pitch_m = 28e-6 * 2.0 * 0.5
-    warm = [0.3 * photons_per_s(260.0, *edges) * cone * pitch_m**2 * 0.7 * 0.9 for edges in ((2.5, 3.0), (4.0, 5.0))]
+    warm = [
+        0.3 * photons_per_s(260.0, *edges) * cone * pitch_m**2 * 0.7 * 0.9
+        for edges in ((2.5, 3.0), (4.0, 5.0))
+    ]
     read = named["read-out"]
-    assert np.allclose(named["dark current"] / read, math.sqrt(3e9 * 0.020 / (9 * 80.0**2)), rtol=1e-6)
-    assert np.allclose(named["warm optics"] / read, np.sqrt(np.array(warm) * 0.020 / (9 * 80.0**2)), rtol=1e-4)
+    assert np.allclose(
+        named["dark current"] / read, math.sqrt(3e9 * 0.020 / (9 * 80.0**2)), rtol=1e-6
+    )
+    assert np.allclose(
+        named["warm optics"] / read, np.sqrt(np.array(warm) * 0.020 / (9 * 80.0**2)), rtol=1e-4
+    )
     assert np.allclose(named["conversion"] / read, 2e7 / 2**16 / math.sqrt(12.0) / 80.0, rtol=1e-6)
     whole = np.sqrt(sum(np.square(each.sigma_w_m2) for each in found.terms))
     assert np.allclose(whole, found.whole_w_m2, rtol=1e-9)
@@ -46,7 +67,10 @@ def test_terms_add_up_where_drift_alone_decorrelates_frames():
     found = noise_budget(bench, Poses.of())
     whole = np.sqrt(sum(np.square(each.sigma_w_m2) for each in found.terms))
     assert np.allclose(whole, found.whole_w_m2, rtol=1e-9)
-    assert {each.name for each in found.terms} >= {"clutter by frame registration", "clutter by drift"}
+    assert {each.name for each in found.terms} >= {
+        "clutter by frame registration",
+        "clutter by drift",
+    }
 
 
 def test_a_stated_noise_is_that_of_the_detector():
@@ -71,11 +95,15 @@ def planck(kelvin, low_um, high_um):
 def photon_noise(bench):
     """Return the photon noise of a bench's first band, W/m²."""
     found = noise_budget(bench, Poses.of())
-    return next(each.sigma_w_m2[0] for each in found.terms if each.name == "photons of the background")
+    return next(
+        each.sigma_w_m2[0] for each in found.terms if each.name == "photons of the background"
+    )
 
 
 def test_photon_noise_is_poisson():
-    """E hc/λ over A η t, E the radiance of the background in a pixel; in LWIR within that of 200 to 330 K."""
+    """E hc/λ over A η t, E the radiance of the background in a pixel; in LWIR within that of 200 to
+    330 K.
+    """
     bench = Bench.of_model("DSP").changed(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
     sensor = bench.sensor
     found = noise_budget(bench, Poses.of())
@@ -83,35 +111,54 @@ def test_photon_noise_is_poisson():
     low = sensor.bands[0].lower_um
     high = sensor.bands[0].upper_um
     photon_j = H_C / (0.5e-6 * (low + high))
-    radiance = sigma**2 * sensor.radiometer.collection_m2_s / photon_j / sensor.radiometer.ifov_rad**2
+    radiance = (
+        sigma**2 * sensor.radiometer.collection_m2_s / photon_j / sensor.radiometer.ifov_rad**2
+    )
     assert planck(200.0, low, high) < radiance < planck(330.0, low, high)
     slope = (planck(300.01, low, high) - planck(299.99, low, high)) / 0.02
-    assert found.nedt_k[0] == pytest.approx(found.whole_w_m2[0] / (slope * sensor.radiometer.ifov_rad**2), rel=1e-3)
+    assert found.nedt_k[0] == pytest.approx(
+        found.whole_w_m2[0] / (slope * sensor.radiometer.ifov_rad**2), rel=1e-3
+    )
 
 
 def test_photon_noise_of_a_focal_plane_is_that_of_its_pixels_and_frames():
-    """Two frames of 81 pixels have 162 times the variance of one, over the squared share of the light in them.
+    """Two frames of 81 pixels have 162 times the variance of one, over the squared share of the
+    light in them.
 
-    At least that in a circle of 3 pixels, 1.5 less than the square's and 1 for the blur and the place on a pixel.
+    At least that in a circle of 3 pixels, 1.5 less than the square's and 1 for the blur and the
+    place on a pixel.
     """
     alone = Bench.of_model("DSP").changed(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
-    plane = {"spatial_filter": "sum", "core_pixels": 9, "aperture_m": 0.9, "integration_time_ms": 1.0}
+    plane = {
+        "spatial_filter": "sum",
+        "core_pixels": 9,
+        "aperture_m": 0.9,
+        "integration_time_ms": 1.0,
+    }
     efficiency = {"optics_transmission": 0.6, "quantum_efficiency": 0.6, "fill_factor": 0.8}
     both = Bench.of_model("DSP").changed(sensor__focal_plane={**plane, **efficiency})
     collection = math.pi / 4.0 * 0.9**2 * 0.6 * 0.6 * 0.8 * 1e-3
-    ratio = (photon_noise(both) / photon_noise(alone)) ** 2 * collection / alone.sensor.radiometer.collection_m2_s
+    ratio = (
+        (photon_noise(both) / photon_noise(alone)) ** 2
+        * collection
+        / alone.sensor.radiometer.collection_m2_s
+    )
     assert 1.0 < ratio / 162.0 < 1.0 / airy_share(3.0 * 56e-6, 10.0, 0.9) ** 2
 
 
 def test_the_waterfall_ends_at_the_margin():
     found = noise_budget(Bench.of_model("SBIRS-GEO"), Poses.of())
     steps = waterfall(found, 1, 5.0)
-    assert 10.0 ** (steps[-1].level_db / 10.0) == pytest.approx(found.signals.snr[0, 1] / 5.0, rel=1e-9)
+    assert 10.0 ** (steps[-1].level_db / 10.0) == pytest.approx(
+        found.signals.snr[0, 1] / 5.0, rel=1e-9
+    )
     assert sum(each.gain_db for each in steps) == pytest.approx(steps[-1].level_db)
 
 
 def test_a_frame_difference_leaves_nothing_of_a_target_that_stands_still():
-    """The source is the class's, whatever is left; a target far from where it was keeps all its light."""
+    """The source is the class's, whatever is left; a target far from where it was keeps all its
+    light.
+    """
     bench = Bench.of_model("SBIRS-GEO").with_planes(registration_urad=0.0, drift_urad_s=0.0)
     single = bench.with_planes(temporal_filter="none").signals(Poses.of()).irradiance_w_m2[0]
     for speed, left in ((0.0, 0.0), (5000.0, 1.0)):
@@ -141,30 +188,40 @@ def test_the_least_intensity_is_that_of_the_closed_form():
 
 
 def test_the_least_intensity_in_a_band_is_what_that_band_alone_needs():
-    """Of summed bands that of a sensor with this band alone; of compared ones that of coincidence in all but one."""
+    """Of summed bands that of a sensor with this band alone; of compared ones that of coincidence
+    in all but one.
+    """
     both = Bench.of_model("SBIRS-GEO")
     poses = Poses.of(height_m=30e3)
     found = least_intensities_w_sr(both, both.signals(poses))[0]
     for place, band in enumerate(both.sensor.bands):
         edges = {band.name: [band.lower_um, band.upper_um]}
         alone = both.changed(sensor__bands=edges, sensor__reference_band=band.name)
-        assert least_intensities_w_sr(alone, alone.signals(poses))[0, 0] == pytest.approx(found[place], rel=1e-9)
+        assert least_intensities_w_sr(alone, alone.signals(poses))[0, 0] == pytest.approx(
+            found[place], rel=1e-9
+        )
     gates = both.changed(sensor__spectral_discrimination="dual-band-ratio")
     needed = least_intensities_w_sr(gates, gates.signals(poses))[0]
     assert (needed / found) == pytest.approx([2.0 / 5.5, 1.0], rel=1e-9)
 
 
 def test_p_d_and_the_operating_characteristic_are_those_of_gaussian_noise():
-    """Q(T - SNR); two of three looks of 4π sin²(θ/2)/ω cells pass at about the rate that the detection page gives."""
+    """Q(T - SNR); two of three looks of 4π sin²(θ/2)/ω cells pass at about the rate that the
+    detection page gives.
+    """
     bench = bare().changed(sensor__nei_w_m2=4e-12)
     poses = Poses.of("ICBM", height_m=40e3)
     snr = float(bench.signals(poses).snr[0, 0])
     found = operating_characteristic(bench, poses, (4.0, 5.0, 6.0))
-    assert [row[2] for row in found.rows] == pytest.approx([float(ndtr(snr - t)) for t in (4.0, 5.0, 6.0)], abs=1e-9)
+    assert [row[2] for row in found.rows] == pytest.approx(
+        [float(ndtr(snr - t)) for t in (4.0, 5.0, 6.0)], abs=1e-9
+    )
     cells = 4.0 * math.pi * math.sin(0.5 * math.radians(10.0)) ** 2 / 56e-6**2
     alone = bench.changed(sensor__confirmation_detections=1, sensor__confirmation_scans=1)
     rates = [row[1] for row in operating_characteristic(alone, poses, (5.0, 6.0)).rows]
-    assert rates == pytest.approx([float(ndtr(-t)) * cells * 86400.0 / 0.2 for t in (5.0, 6.0)], rel=1e-6)
+    assert rates == pytest.approx(
+        [float(ndtr(-t)) * cells * 86400.0 / 0.2 for t in (5.0, 6.0)], rel=1e-6
+    )
 
 
 def test_lines_of_sight_are_as_sharp_as_the_signal():
@@ -174,21 +231,29 @@ def test_lines_of_sight_are_as_sharp_as_the_signal():
     model, looks = bench.model(poses)
     snr = bench.signals(poses).snr[:, 0]
     found = model.line_of_sight_sigma_rad(model.response(looks), looks.sensor)
-    assert found == pytest.approx(np.hypot(bench.sensor.line_of_sight_sigma_rad, 56e-6 / snr), rel=1e-9)
+    assert found == pytest.approx(
+        np.hypot(bench.sensor.line_of_sight_sigma_rad, 56e-6 / snr), rel=1e-9
+    )
 
 
 def test_curves_are_of_the_conditions_that_they_name():
-    found = curve([Bench.of_model("SBIRS-GEO")], "least-intensity", "height", ["ICBM"], {}, (0.0, 10.0, 100.0))
+    found = curve(
+        [Bench.of_model("SBIRS-GEO")], "least-intensity", "height", ["ICBM"], {}, (0.0, 10.0, 100.0)
+    )
     low, middle, high = (row[1] for row in found.rows)
     assert low > middle > high
-    clouds = curve([Bench.of_model("SBIRS-GEO")], "pd", "cloud", ["ICBM"], {"height_m": 5e3}, (2.0, 8.0))
+    clouds = curve(
+        [Bench.of_model("SBIRS-GEO")], "pd", "cloud", ["ICBM"], {"height_m": 5e3}, (2.0, 8.0)
+    )
     assert clouds.rows[0][1] > 0.9 > 1e-3 > clouds.rows[1][1]
     sides = curve([bare()], "snr", "aspect", ["ICBM"], {}, (0.0, 90.0)).rows
     assert sides[1][1] > sides[0][1]
 
 
 def test_the_first_report_of_a_sure_sensor_follows_the_second_look():
-    """P_d 1 from ignition on: the second of two looks a period apart is later than 1.9 periods with 0.1."""
+    """P_d 1 from ignition on: the second of two looks a period apart is later than 1.9 periods with
+    0.1.
+    """
     bench = bare().changed(sensor__nei_w_m2=1e-18, sensor__scan_period_ms=10000.0)
     time_s = first_report_s(bench, "ICBM", {"elevation_rad": math.radians(45.0)})
     assert time_s == pytest.approx(10.0 + 0.9 * 10.0, abs=0.2)
@@ -196,14 +261,26 @@ def test_the_first_report_of_a_sure_sensor_follows_the_second_look():
 
 def test_a_frame_holds_the_electrons_of_its_target_and_the_noise_of_its_background():
     """A frame is single: of a target that stands still it has all the light."""
-    plane = {"aperture_m": 0.5, "optics_transmission": 0.8, "quantum_efficiency": 0.6, "fill_factor": 0.95}
-    times = {"integration_time_ms": 12.0, "subframes": 20, "dark_current_e_s": 4e7, "optics_temperature_k": 0.0}
+    plane = {
+        "aperture_m": 0.5,
+        "optics_transmission": 0.8,
+        "quantum_efficiency": 0.6,
+        "fill_factor": 0.95,
+    }
+    times = {
+        "integration_time_ms": 12.0,
+        "subframes": 20,
+        "dark_current_e_s": 4e7,
+        "optics_temperature_k": 0.0,
+    }
     noise = {"read_noise_e": 90.0, "well_capacity_e": 3e7, "bits": 16}
     bench = Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane={**plane, **times, **noise})
     poses = Poses.of("ICBM", speed_m_s=0.0)
     made = frame(bench, poses, 96, 3)
     area = math.pi / 4.0 * 0.5**2 * 0.8 * 0.6 * 0.95
-    single = bench.changed(sensor__focal_plane={**plane, **times, **noise, "temporal_filter": "none"})
+    single = bench.changed(
+        sensor__focal_plane={**plane, **times, **noise, "temporal_filter": "none"}
+    )
     photons = single.signals(poses).irradiance_w_m2[0, 0] * area * 0.012 / (H_C / 2.75e-6)
     assert made.target.sum() == pytest.approx(photons, rel=1e-6)
     assert made.mask[48, 48]
@@ -216,32 +293,67 @@ def test_a_frame_holds_the_electrons_of_its_target_and_the_noise_of_its_backgrou
 
 
 def test_the_spot_of_a_frame_is_the_airy_pattern():
-    """Nearly without blur: shares of pixels within the circles inside and around squares of 1, 3, … pixels."""
+    """Nearly without blur: shares of pixels within the circles inside and around squares of 1, 3, …
+    pixels.
+    """
     plane = {"aperture_m": 0.2, "blur_urad": 0.5, "jitter_urad": 0.0}
-    made = frame(Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane=plane), Poses.of("ICBM"), 64)
+    made = frame(
+        Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane=plane), Poses.of("ICBM"), 64
+    )
     spot = made.target / made.target.sum()
     for half in (0.5, 1.5, 3.5):
         side = slice(32 - int(half), 33 + int(half))
-        inner, outer = (airy_share(radius * half * 28e-6, 2.75, 0.2) for radius in (1.0, math.sqrt(2.0)))
+        inner, outer = (
+            airy_share(radius * half * 28e-6, 2.75, 0.2) for radius in (1.0, math.sqrt(2.0))
+        )
         assert inner - 2e-3 < spot[side, side].sum() < outer + 2e-3
 
 
 def rule_07_electrons_per_s(cutoff_um, kelvin, pitch_m):
-    """Return the dark electrons of a square pixel by Rule 07 (Tennant 2010), as quoted in open programs."""
+    """Return the dark electrons of a square pixel by Rule 07 (Tennant 2010), as quoted in open
+    programs.
+    """
     effective = cutoff_um
     if cutoff_um < 4.63513642316149:
-        effective /= 1.0 - (0.200847413564122 / cutoff_um - 0.200847413564122 / 4.63513642316149) ** 0.544071281108481
+        effective /= (
+            1.0
+            - (0.200847413564122 / cutoff_um - 0.200847413564122 / 4.63513642316149)
+            ** 0.544071281108481
+        )
     volts = 1.380649e-23 * kelvin / 1.602176634e-19
     density_a_cm2 = 8367.00001853855 * math.exp(-1.16239134096245 * 1.24 / (effective * volts))
     return density_a_cm2 * (100.0 * pitch_m) ** 2 / 1.602176634e-19
 
 
 def test_the_best_band_is_that_of_a_script_and_false_alarms_are_equal():
-    """81 pixels hold all light; dark current, warm optics and reads are counted. In vacuum before a dark sky."""
-    plane = {"aperture_m": 0.6, "f_number": 2.0, "integration_time_ms": 10.0, "subframes": 1, "read_noise_e": 2000.0}
-    plane |= {"optics_transmission": 0.7, "optics_temperature_k": 290.0, "fill_factor": 1.0, "bits": 32}
-    plane |= {"quantum_efficiency": 0.8, "detector_temperature_k": 120.0, "well_capacity_e": 1e12, "blur_urad": 1.0}
-    plane |= {"spatial_filter": "sum", "core_pixels": 9, "temporal_filter": "none", "jitter_urad": 0.0}
+    """81 pixels hold all light; dark current, warm optics and reads are counted. In vacuum before a
+    dark sky.
+    """
+    plane = {
+        "aperture_m": 0.6,
+        "f_number": 2.0,
+        "integration_time_ms": 10.0,
+        "subframes": 1,
+        "read_noise_e": 2000.0,
+    }
+    plane |= {
+        "optics_transmission": 0.7,
+        "optics_temperature_k": 290.0,
+        "fill_factor": 1.0,
+        "bits": 32,
+    }
+    plane |= {
+        "quantum_efficiency": 0.8,
+        "detector_temperature_k": 120.0,
+        "well_capacity_e": 1e12,
+        "blur_urad": 1.0,
+    }
+    plane |= {
+        "spatial_filter": "sum",
+        "core_pixels": 9,
+        "temporal_filter": "none",
+        "jitter_urad": 0.0,
+    }
     bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
     bench = bench.changed(sensor__confirmation_detections=1, sensor__confirmation_scans=1)
     poses = Poses.of("SRBM", height_m=[10e3, 40e3])
@@ -272,31 +384,61 @@ def test_the_best_band_is_that_of_a_script_and_false_alarms_are_equal():
 
 
 def test_a_clip_holds_the_light_and_the_way_of_its_target():
-    """Centroids and sums of frames, by a script; the speed across the sky is v sin a / R, the light E A τ η t λ/hc."""
-    plane = {"aperture_m": 0.6, "integration_time_ms": 10.0, "subframes": 1, "registration_urad": 0.0, "bits": 64}
-    plane |= {"optics_transmission": 0.7, "quantum_efficiency": 0.8, "fill_factor": 0.9, "optics_temperature_k": 0.0}
-    plane |= {"dark_current_e_s": 0.0, "read_noise_e": 0.1, "well_capacity_e": 1e15, "drift_urad_s": 0.0}
+    """Centroids and sums of frames, by a script; the speed across the sky is v sin a / R, the light
+    E A τ η t λ/hc.
+    """
+    plane = {
+        "aperture_m": 0.6,
+        "integration_time_ms": 10.0,
+        "subframes": 1,
+        "registration_urad": 0.0,
+        "bits": 64,
+    }
+    plane |= {
+        "optics_transmission": 0.7,
+        "quantum_efficiency": 0.8,
+        "fill_factor": 0.9,
+        "optics_temperature_k": 0.0,
+    }
+    plane |= {
+        "dark_current_e_s": 0.0,
+        "read_noise_e": 0.1,
+        "well_capacity_e": 1e15,
+        "drift_urad_s": 0.0,
+    }
     bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
     aspect = math.radians(50.0)
     poses = Poses.of("SRBM", height_m=40e3, aspect_rad=math.radians(50.0))
     made = clip(bench, poses, Filming(frames=5, every_s=4.0, pixels=64), seed=4)
     at = np.arange(64.0)
-    for frame_e, row, column, light in zip(made.electrons, made.row, made.column, made.light_w_m2, strict=True):
+    for frame_e, row, column, light in zip(
+        made.electrons, made.row, made.column, made.light_w_m2, strict=True
+    ):
         total = float(frame_e.sum())
-        assert (frame_e.sum(axis=1) @ at / total, frame_e.sum(axis=0) @ at / total) == pytest.approx(
-            (row, column), abs=0.2
-        )
+        assert (
+            frame_e.sum(axis=1) @ at / total,
+            frame_e.sum(axis=0) @ at / total,
+        ) == pytest.approx((row, column), abs=0.2)
         low = bench.sensor.bands[0].lower_um
         high = bench.sensor.bands[0].upper_um
         per_unit = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.9 * 0.01 * 0.5e-6 * (low + high) / H_C
         assert total == pytest.approx(light * per_unit, rel=0.02)
     range_m = float(bench.signals(poses).range_m[0])
     across = 1000.0 * math.sin(aspect) / range_m / bench.sensor.radiometer.ifov_rad
-    assert np.hypot(np.diff(made.row), np.diff(made.column)) / 4.0 == pytest.approx([across] * 4, rel=1e-3)
+    assert np.hypot(np.diff(made.row), np.diff(made.column)) / 4.0 == pytest.approx(
+        [across] * 4, rel=1e-3
+    )
 
 
 def test_a_scaled_target_has_the_signal_over_noise_that_was_asked_for():
-    """In the middle frame, by its brightest pixel: light over the root of its own photons and the rest of the noise."""
-    made = clip(bare("SBIRS-GEO"), Poses.of("SRBM"), Filming(frames=3, every_s=0.5, pixels=32, snr=(6.0, 6.0)), seed=2)
+    """In the middle frame, by its brightest pixel: light over the root of its own photons and the
+    rest of the noise.
+    """
+    made = clip(
+        bare("SBIRS-GEO"),
+        Poses.of("SRBM"),
+        Filming(frames=3, every_s=0.5, pixels=32, snr=(6.0, 6.0)),
+        seed=2,
+    )
     assert made.snr[1] == pytest.approx(6.0, rel=0.02)
     assert made.scale < 1.0

@@ -1,8 +1,10 @@
-"""Two-body propagation against boinor (MIT licence), the heir of poliastro: its kernels of Farnocchia and of Vallado.
+"""Two-body propagation against boinor (MIT licence), the heir of poliastro: its kernels of
+Farnocchia and of Vallado.
 
-Each is held to where it is known to be right (benchmarks/work_precision/kepler.py): neither near the parabola, the
-straight line, or a circle closed many times. Vallado's kernel takes its anomaly as found once a step is below
-1e-7 km^½: r / √mu times that is 1e-6 s, so it is itself sure of nine digits and no more.
+Each is held to where it is known to be right (benchmarks/work_precision/kepler.py): neither near
+the parabola, the straight line, or a circle closed many times. Vallado's kernel takes its anomaly
+as found once a step is below 1e-7 km^½: r / √mu times that is 1e-6 s, so it is itself sure of nine
+digits and no more.
 """
 
 from importlib import import_module
@@ -20,13 +22,16 @@ COUNT = 200
 
 @pytest.fixture(scope="module")
 def kernels():
-    """Return boinor's kernels as plain Python: compiling them takes a minute, running them so a millisecond a state."""
+    """Return boinor's kernels as plain Python: compiling them takes a minute, running them so a
+    millisecond a state.
+    """
     compiles = numba.config.DISABLE_JIT
     numba.config.DISABLE_JIT = True
     try:
-        yield {name: getattr(import_module(f"boinor.core.propagation.{name}"), name) for name in ("vallado",)} | {
-            "farnocchia": import_module("boinor.core.propagation.farnocchia").farnocchia_rv
-        }
+        yield {
+            name: getattr(import_module(f"boinor.core.propagation.{name}"), name)
+            for name in ("vallado",)
+        } | {"farnocchia": import_module("boinor.core.propagation.farnocchia").farnocchia_rv}
     finally:
         numba.config.DISABLE_JIT = compiles
 
@@ -36,7 +41,9 @@ def by_elements(kernel, position, velocity, duration):
         np.array(
             [
                 np.concatenate(kernel(MU_KM3_S2, *state, time))
-                for *state, time in zip(position * 1e-3, velocity * 1e-3, duration.tolist(), strict=True)
+                for *state, time in zip(
+                    position * 1e-3, velocity * 1e-3, duration.tolist(), strict=True
+                )
             ]
         )
         * 1e3
@@ -58,7 +65,9 @@ def states(eccentricity, perigee_m, anomaly_rad, rng):
     speed = np.sqrt(EARTH_MU_M3_S2 / parameter)
     zero = np.zeros(COUNT)
     position = radius[:, None] * np.stack([np.cos(anomaly_rad), np.sin(anomaly_rad), zero], axis=1)
-    velocity = speed[:, None] * np.stack([-np.sin(anomaly_rad), eccentricity + np.cos(anomaly_rad), zero], axis=1)
+    velocity = speed[:, None] * np.stack(
+        [-np.sin(anomaly_rad), eccentricity + np.cos(anomaly_rad), zero], axis=1
+    )
     axes = np.linalg.qr(rng.normal(size=(COUNT, 3, 3)))[0]
     return (axes @ position[:, :, None])[:, :, 0], (axes @ velocity[:, :, None])[:, :, 0]
 
@@ -72,13 +81,19 @@ def drawn(kind):
         climbing = np.pi + rng.uniform(-0.4, 0.4, COUNT)
         apogee_m = 6378e3 + rng.uniform(200e3, 1500e3, COUNT)
         perigee_m = apogee_m * (1.0 - eccentricity) / (1.0 + eccentricity)
-        return *states(eccentricity, perigee_m, climbing, rng), sense * rng.uniform(10.0, 600.0, COUNT)
+        return *states(eccentricity, perigee_m, climbing, rng), sense * rng.uniform(
+            10.0, 600.0, COUNT
+        )
     if kind == "ellipse":
         perigee_m = rng.uniform(6.6e6, 4e7, COUNT)
-        return *states(rng.uniform(0.01, 0.8, COUNT), perigee_m, around, rng), sense * rng.uniform(1.0, 9e4, COUNT)
+        return *states(rng.uniform(0.01, 0.8, COUNT), perigee_m, around, rng), sense * rng.uniform(
+            1.0, 9e4, COUNT
+        )
     eccentricity = rng.uniform(1.05, 4.0, COUNT)
     anomaly = rng.uniform(-0.7, 0.7, COUNT) * np.arccos(-1.0 / eccentricity)
-    return *states(eccentricity, rng.uniform(6.6e6, 4e7, COUNT), anomaly, rng), sense * rng.uniform(10.0, 2e4, COUNT)
+    return *states(eccentricity, rng.uniform(6.6e6, 4e7, COUNT), anomaly, rng), sense * rng.uniform(
+        10.0, 2e4, COUNT
+    )
 
 
 def relative(found, expected):

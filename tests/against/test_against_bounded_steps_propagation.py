@@ -1,8 +1,10 @@
-"""The onset of drag: re-entries from apogee against an integration whose steps are small throughout.
+"""The onset of drag: re-entries from apogee against an integration whose steps are small
+throughout.
 
-Above the air a step controller cannot see that there will be air: it steps into it, or over it, and reports success.
-The reference is the classical Runge-Kutta method with steps of 2 s down to 100 s before 30 km height, and of 0.1 s from
-there on, for a thousand arcs at once, with its own gravity and the heights of `geometry`.
+Above the air a step controller cannot see that there will be air: it steps into it, or over it, and
+reports success. The reference is the classical Runge-Kutta method with steps of 2 s down to 100 s
+before 30 km height, and of 0.1 s from there on, for a thousand arcs at once, with its own gravity
+and the heights of `geometry`.
 """
 
 from functools import cache
@@ -28,7 +30,9 @@ TOLERANCES_M = [1e6, 1.0, 1e-2, 1e-4, 1e-9]
 
 
 class Reentries:
-    """Arcs at their apogees, and where a bounded-step integration has them when they come to 30 km."""
+    """Arcs at their apogees, and where a bounded-step integration has them when they come to 30
+    km.
+    """
 
     def __init__(self, atmosphere):
         random = np.random.default_rng(20)
@@ -67,10 +71,18 @@ def derivative(beta, atmosphere):
         polar = 5.0 * z * z / squared
         height = ecef_to_geodetic(state[:, :3]).height_m
         wind = np.stack([vx + EARTH_ROTATION_RAD_S * y, vy - EARTH_ROTATION_RAD_S * x, vz])
-        drag = density_kg_m3(height, atmosphere) * np.sqrt((wind * wind).sum(axis=0)) / (2.0 * beta) * wind
+        drag = (
+            density_kg_m3(height, atmosphere)
+            * np.sqrt((wind * wind).sum(axis=0))
+            / (2.0 * beta)
+            * wind
+        )
         equatorial = pull * (1.0 + oblate * (1.0 - polar))
         axial = pull * (1.0 + oblate * (3.0 - polar))
-        return np.stack([vx, vy, vz, equatorial * x - drag[0], equatorial * y - drag[1], axial * z - drag[2]], axis=1)
+        return np.stack(
+            [vx, vy, vz, equatorial * x - drag[0], equatorial * y - drag[1], axial * z - drag[2]],
+            axis=1,
+        )
 
     return rates
 
@@ -98,7 +110,11 @@ def reentries(request):
 
 def errors(reentries, tolerance_m):
     position, _ = propagate(
-        reentries.position, reentries.velocity, reentries.duration, reentries.forces, tolerance_m=tolerance_m
+        reentries.position,
+        reentries.velocity,
+        reentries.duration,
+        reentries.forces,
+        tolerance_m=tolerance_m,
     )
     return np.linalg.norm(position - reentries.end[:, :3], axis=1)
 
@@ -111,20 +127,26 @@ def test_no_onset_is_missed_whatever_the_tolerance(reentries, tolerance_m):
 
 @pytest.mark.slow
 def test_the_reference_is_as_good_as_it_has_to_be(reentries):
-    """The two agree to 2 cm, of which the reference, which steps across kinks, owes most; a metre is far outside."""
+    """The two agree to 2 cm, of which the reference, which steps across kinks, owes most; a metre
+    is far outside.
+    """
     assert errors(reentries, 1e-6).max() <= 2e-2
 
 
 @pytest.mark.slow
 def test_impacts_are_found_there_too(reentries):
-    states = impact_states_eci(reentries.position, reentries.velocity, HEIGHT_M, reentries.forces, tolerance_m=1e6)
+    states = impact_states_eci(
+        reentries.position, reentries.velocity, HEIGHT_M, reentries.forces, tolerance_m=1e6
+    )
     assert np.linalg.norm(states.position_m - reentries.end[:, :3], axis=1).max() <= 1.0
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tolerance_m", TOLERANCES_M[:3])
 def test_without_the_seams_the_onset_is_missed(monkeypatch, tolerance_m):
-    """What this file is about is real: with steps neither split at the seams nor bounded, errors exceed a metre."""
+    """What this file is about is real: with steps neither split at the seams nor bounded, errors
+    exceed a metre.
+    """
     looked_at = AltitudeEvents.shortened
 
     def never_shortened(self, start, step, h, candidate):
@@ -138,7 +160,9 @@ def test_without_the_seams_the_onset_is_missed(monkeypatch, tolerance_m):
 
 
 def test_steps_end_at_the_seams_and_are_bounded_in_the_air():
-    """The split itself, step by step: every seam that the arc passes is an end of one of its steps."""
+    """The split itself, step by step: every seam that the arc passes is an end of one of its
+    steps.
+    """
     position = np.array([7200e3, 0.0, 0.0])
     velocity = np.array([0.0, 3000.0, 3000.0])
     forces = Forces(drag=Drag(1000.0))

@@ -1,7 +1,8 @@
 """What the default fleets see, against a count that shares nothing with them.
 
-Satellites are moved by skyfield's two-body propagation from their elements; whether the Earth hides a place is asked of
-500 points along the line of sight, and the field of regard of an angle between vectors.
+Satellites are moved by skyfield's two-body propagation from their elements; whether the Earth hides
+a place is asked of 500 points along the line of sight, and the field of regard of an angle between
+vectors.
 """
 
 import importlib
@@ -37,9 +38,15 @@ def elements_of(name):
     """Return the orbits that the fleets' readme gives, written down here once more."""
     day_s = 86164.1
     if name == "HEO-MOLNIYA":
-        return [highly_elliptical_elements(2.0, 0.74, math.radians(-90.0), k * day_s / 6.0) for k in range(3)]
+        return [
+            highly_elliptical_elements(2.0, 0.74, math.radians(-90.0), k * day_s / 6.0)
+            for k in range(3)
+        ]
     if name == "HEO-TUNDRA":
-        return [highly_elliptical_elements(1.0, 0.27, math.radians(-90.0), k * day_s / 2.0) for k in range(2)]
+        return [
+            highly_elliptical_elements(1.0, 0.27, math.radians(-90.0), k * day_s / 2.0)
+            for k in range(2)
+        ]
     total, planes = {"LEO-WIDE": (24, 6), "LEO-MEDIUM": (12, 3)}[name]
     return walker_pattern(total, planes, 1, 1.2e6, math.radians(60.0))
 
@@ -52,12 +59,16 @@ def skyfield_positions(elements):
     moved, _ = propagate(position[0] * 1e-3, velocity[0] * 86.4, 0.0, days, mu_km3_d2)
     x, y, z = moved * 1e3
     turn = EARTH_ROTATION_RAD_S * TIMES_S
-    return np.stack([np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x, z], axis=1)
+    return np.stack(
+        [np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x, z], axis=1
+    )
 
 
 def places():
     """Return targets (n, 3) in ECEF, m, 50 km up, all over the globe."""
-    latitude, longitude = np.meshgrid(np.radians(np.linspace(-88.0, 88.0, 12)), np.radians(np.arange(0.0, 360.0, 36.0)))
+    latitude, longitude = np.meshgrid(
+        np.radians(np.linspace(-88.0, 88.0, 12)), np.radians(np.arange(0.0, 360.0, 36.0))
+    )
     return geodetic_to_ecef(latitude.ravel(), longitude.ravel(), np.full(latitude.size, 50e3))
 
 
@@ -65,7 +76,9 @@ def clear_by_points(sensor_m, target_m):
     """Return which lines of sight keep out of the ellipsoid: 500 points of each are tried."""
     share = np.linspace(0.0, 1.0, 500)[:, None, None]
     points = target_m * (1.0 - share) + sensor_m * share
-    inside = (points[..., 0] ** 2 + points[..., 1] ** 2) / A_M**2 + points[..., 2] ** 2 / B_M**2 < 1.0
+    inside = (points[..., 0] ** 2 + points[..., 1] ** 2) / A_M**2 + points[
+        ..., 2
+    ] ** 2 / B_M**2 < 1.0
     return ~inside.any(axis=0)
 
 
@@ -98,7 +111,9 @@ def test_positions_and_coverage_of_a_fleet(fleet):
             down = -position / np.linalg.norm(position)
             away = targets - position
             nadir = np.arccos(away @ down / np.linalg.norm(away, axis=1))
-            expected = clear_by_points(position, targets) & (nadir < sensor.field_of_regard_half_angle_rad)
+            expected = clear_by_points(position, targets) & (
+                nadir < sensor.field_of_regard_half_angle_rad
+            )
             found = visible_now(sensor, np.broadcast_to(position, targets.shape), targets)
             # 500 points step over grazes of a few kilometres.
             assert np.count_nonzero(found != expected) <= 1

@@ -1,7 +1,8 @@
-"""Boost and free flight against the class table that the profiles came with: a spherical Earth that does not turn.
+"""Boost and free flight against the class table that the profiles came with: a spherical Earth that
+does not turn.
 
-The courses every 5 s are in `tests/data/class_profiles.csv`; ranges, apogees and flight times came with them, to three
-or four digits.
+The courses every 5 s are in `tests/data/class_profiles.csv`; ranges, apogees and flight times came
+with them, to three or four digits.
 """
 
 import csv
@@ -33,7 +34,10 @@ def path_over_a_sphere(profile):
     """Return a path from the north of a sphere, in the x-z plane."""
     course = ascent([profile], [profile.burnout_flight_path_angle_rad])
     plane = LaunchPlane(
-        np.array([[0.0, 0.0, RADIUS_M]]), np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]]), np.array([RADIUS_M])
+        np.array([[0.0, 0.0, RADIUS_M]]),
+        np.array([[0.0, 0.0, 1.0]]),
+        np.array([[1.0, 0.0, 0.0]]),
+        np.array([RADIUS_M]),
     )
     speed = np.array([profile.burnout_speed_m_s])
     burn = np.array([profile.burn_time_s])
@@ -67,16 +71,23 @@ def test_courses_are_those_of_the_table(name):
 
 @pytest.mark.parametrize("name", sorted(FLIGHTS))
 def test_free_flights_have_the_range_apogee_and_time_of_the_table(name):
-    """The arc from burnout on the table's sphere: apogee by closed form, return to the ground by bisection."""
+    """The arc from burnout on the table's sphere: apogee by closed form, return to the ground by
+    bisection.
+    """
     range_km, apogee_km, time_s = FLIGHTS[name]
     profile = PROFILES[name]
     position, velocity = (
-        v[0] for v in path_over_a_sphere(profile).state(np.zeros(1, dtype=int), np.array([profile.burn_time_s]))
+        v[0]
+        for v in path_over_a_sphere(profile).state(
+            np.zeros(1, dtype=int), np.array([profile.burn_time_s])
+        )
     )
     r = np.linalg.norm(position)
     speed_squared = velocity @ velocity
     a = 1.0 / (2.0 / r - speed_squared / EARTH_MU_M3_S2)
-    eccentricity = math.sqrt(1.0 - (np.linalg.norm(np.cross(position, velocity)) ** 2) / (EARTH_MU_M3_S2 * a))
+    eccentricity = math.sqrt(
+        1.0 - (np.linalg.norm(np.cross(position, velocity)) ** 2) / (EARTH_MU_M3_S2 * a)
+    )
     assert (a * (1.0 + eccentricity) - RADIUS_M) / 1e3 == pytest.approx(apogee_km, abs=1.0)
     low = 0.5 * (time_s - profile.burn_time_s)
     high = 2.0 * time_s

@@ -20,7 +20,9 @@ def test_in_one_dimension_the_energy_score_is_the_crps_of_a_normal():
     error = rng.normal(0.0, 3.0, 50)
     sigma = rng.uniform(0.01, 5.0, 50)
     ours = energy_scores(error[:, None], np.square(sigma)[:, None, None])
-    np.testing.assert_allclose(ours, scoringrules.crps_normal(0.0, error, sigma), rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(
+        ours, scoringrules.crps_normal(0.0, error, sigma), rtol=1e-7, atol=1e-7
+    )
 
 
 @pytest.mark.parametrize("size", [2, 3, 6])
@@ -40,12 +42,16 @@ def test_radii_of_ellipsoids_stretch_the_distribution():
     freedom = 6
     usual = np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom))
     error = rng.multivariate_normal(np.zeros(6), covariance)
-    alike, normal = (energy_scores(error[None], covariance[None], radii) for radii in (usual[None], None))
+    alike, normal = (
+        energy_scores(error[None], covariance[None], radii) for radii in (usual[None], None)
+    )
     np.testing.assert_allclose(alike, normal, rtol=1e-9)
     # All radii twice as large: the covariance is four times as large.
     for part in (slice(None), slice(0, 3), slice(3, 6)):
         wide = energy_scores(error[None], covariance[None], 2.0 * usual[None], part)
-        assert wide[0] == pytest.approx(energy_scores(error[None], 4.0 * covariance[None], None, part)[0], rel=0.03)
+        assert wide[0] == pytest.approx(
+            energy_scores(error[None], 4.0 * covariance[None], None, part)[0], rel=0.03
+        )
 
 
 def test_points_are_scored_as_an_ensemble():
@@ -66,6 +72,10 @@ def test_log_and_brier_scores_of_two_classes():
     stated = np.array([0.9, 0.2, 0.5])
     is_true = np.array([1, 1, 0])
     probability = np.stack([1.0 - stated, stated], axis=1)
-    np.testing.assert_allclose(log_scores(probability, is_true), scoringrules.log_score(is_true, stated))
+    np.testing.assert_allclose(
+        log_scores(probability, is_true), scoringrules.log_score(is_true, stated)
+    )
     # Over both classes the score of Brier's paper is twice that of one of them.
-    np.testing.assert_allclose(brier_scores(probability, is_true), 2.0 * scoringrules.brier_score(is_true, stated))
+    np.testing.assert_allclose(
+        brier_scores(probability, is_true), 2.0 * scoringrules.brier_score(is_true, stated)
+    )

@@ -1,7 +1,8 @@
-"""Spots on pixels against images: what filters pass of a true Airy pattern, and what a frame difference leaves of it.
+"""Spots on pixels against images: what filters pass of a true Airy pattern, and what a frame
+difference leaves of it.
 
-The images share no code with the closed forms: the pattern is its Bessel function sampled in space, blurred by a
-discrete convolution, and added up pixel by pixel for places drawn at random.
+The images share no code with the closed forms: the pattern is its Bessel function sampled in space,
+blurred by a discrete convolution, and added up pixel by pixel for places drawn at random.
 """
 
 from typing import NamedTuple
@@ -41,7 +42,9 @@ class Setting(NamedTuple):
 
 
 def drawn_settings(seed: int = 11) -> list[Setting]:
-    """Return 20 settings: apertures from undersampled to Nyquist, blurs, filters, displacements, frames."""
+    """Return 20 settings: apertures from undersampled to Nyquist, blurs, filters, displacements,
+    frames.
+    """
     rng = np.random.default_rng(seed)
     kinds = (("matched", 1), ("surround", 1), ("sum", 2), ("sum", 1))
     return [
@@ -59,7 +62,9 @@ SETTINGS = drawn_settings()
 
 
 class Pattern:
-    """A pattern of unit energy, integrated from its corner: shares of pixels are differences of four values."""
+    """A pattern of unit energy, integrated from its corner: shares of pixels are differences of
+    four values.
+    """
 
     def __init__(self, cutoff: float, blur: float) -> None:
         place = (np.arange(2 * REACH * SUB) + 0.5) / SUB - REACH
@@ -74,7 +79,9 @@ class Pattern:
         self.whole[1:, 1:] = density.cumsum(axis=0).cumsum(axis=1) / SUB**2
 
     def shares(self, at: Floats, width: int) -> Floats:
-        """Return shares (n, width, width) of the pixels of a window, of spots at (n, 2) from its centre."""
+        """Return shares (n, width, width) of the pixels of a window, of spots at (n, 2) from its
+        centre.
+        """
         edge = np.arange(width + 1) - 0.5 * width
         x, y = ((edge - at[:, axis, None] + REACH) * SUB for axis in (0, 1))
         rows, columns = np.broadcast_arrays(x[:, :, None], y[:, None, :])
@@ -83,7 +90,9 @@ class Pattern:
 
 
 def drawn_outputs(setting: Setting, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Return outputs (n,) of the filter for spots now and in the earlier frame, for random places and directions."""
+    """Return outputs (n,) of the filter for spots now and in the earlier frame, for random places
+    and directions.
+    """
     weights = weights_of(setting)
     frames = setting.frames
     pattern = Pattern(setting.spread.cutoff, setting.spread.blur)
@@ -95,7 +104,9 @@ def drawn_outputs(setting: Setting, rng: np.random.Generator) -> tuple[Floats, F
 
     before = place + turned(setting.displacement) + turned(frames.drift_per_s * frames.lag_s)
     before += frames.registration * (rng.normal(size=(DRAWS, 2)) + rng.normal(size=(DRAWS, 2)))
-    now, then = ((pattern.shares(at, len(weights)) * weights).sum(axis=(1, 2)) for at in (place, before))
+    now, then = (
+        (pattern.shares(at, len(weights)) * weights).sum(axis=(1, 2)) for at in (place, before)
+    )
     return now, then
 
 
@@ -130,7 +141,9 @@ def test_a_source_that_stays_is_removed_and_one_that_is_far_off_is_not() -> None
 
 @pytest.mark.parametrize("radius", [0.6, 1.0, 1.63, 2.5])
 def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius: float) -> None:
-    """1 - J0² - J1² of the radius in π λ / D (Lord Rayleigh, 1881), by the transfer that ensquared energies use."""
+    """1 - J0² - J1² of the radius in π λ / D (Lord Rayleigh, 1881), by the transfer that ensquared
+    energies use.
+    """
     wavenumber = np.linspace(0.0, 5.0, 200_001)[1:]
     cutoff = 5.0
     radius_px = 2.0 * radius * np.pi / 5.0
@@ -142,7 +155,9 @@ def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius: float) -> None
 
 @pytest.mark.parametrize("phase", ["mean", "worst"])
 @pytest.mark.parametrize("cutoff", [4.0, 7.0, 12.0])
-def test_ensquared_energy_of_the_true_pattern_is_that_of_its_image(cutoff: float, phase: str) -> None:
+def test_ensquared_energy_of_the_true_pattern_is_that_of_its_image(
+    cutoff: float, phase: str
+) -> None:
     rng = np.random.default_rng(3)
     spread = PointSpread(cutoff, 0.15)
     at = rng.uniform(-0.5, 0.5, (DRAWS, 2)) if phase == "mean" else np.full((1, 2), 0.5)

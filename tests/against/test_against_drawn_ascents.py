@@ -1,4 +1,6 @@
-"""States of `imm` on ascents that share no code with it: throttled stages, long second ones, burns that fly back."""
+"""States of `imm` on ascents that share no code with it: throttled stages, long second ones, burns
+that fly back.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ SEEING = Seeing(period_s=0.1, sigma_rad=20e-6, chance=0.72)
 
 
 def held(kind, count, seed, marks, sensors=2):
-    """Return by mark, as (burn, edge, seconds after it), which states (flights,) are in their 95 % regions."""
+    """Return by mark, as (burn, edge, seconds after it), which states (flights,) are in their 95 %
+    regions.
+    """
     truth, burns = ascents(kind, count, seed)
     due = {mark: np.ceil(burns[:, mark[0], mark[1]] + mark[2]) for mark in marks}
     found = {mark: np.zeros(len(truth), dtype=bool) for mark in marks}

@@ -1,4 +1,6 @@
-"""Geometry against ERFA and astropy: ellipsoids, sidereal time, Julian dates, the Sun, local angles."""
+"""Geometry against ERFA and astropy: ellipsoids, sidereal time, Julian dates, the Sun, local
+angles.
+"""
 
 import erfa
 import numpy as np
@@ -19,7 +21,10 @@ from opir_core.geometry import (
 
 AU_M = 149597870700.0
 LIGHT_AU_PER_DAY = 173.1446326846693
-ELLIPSOIDS = {1: Ellipsoid(6378137.0, 1 / 298.257223563), 2: Ellipsoid(6378137.0, 1 / 298.257222101)}
+ELLIPSOIDS = {
+    1: Ellipsoid(6378137.0, 1 / 298.257223563),
+    2: Ellipsoid(6378137.0, 1 / 298.257222101),
+}
 
 
 @pytest.mark.parametrize("number", [pytest.param(1, id="WGS84"), pytest.param(2, id="GRS80")])
@@ -29,7 +34,8 @@ def test_geodetic_both_ways(number, distance_m):
     position = distance_m * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     longitude, latitude, height = erfa.gc2gd(number, position)
     ours = ecef_to_geodetic(position, ellipsoid=ELLIPSOIDS[number])
-    # ERFA makes one of Fukushima's steps (J. Geod. 79, 2006), good to 2.3e-11 rad; what is beyond it, mpmath judges.
+    # ERFA makes one of Fukushima's steps (J. Geod. 79, 2006), good to 2.3e-11 rad; what is beyond
+    # it, mpmath judges.
     assert ours.longitude_rad == pytest.approx(longitude, rel=0.0, abs=5e-16)
     assert ours.latitude_rad == pytest.approx(latitude, rel=0.0, abs=2.5e-11)
     assert ours.height_m == pytest.approx(height, rel=0.0, abs=3e-9 + 6e-16 * distance_m)
@@ -41,7 +47,9 @@ def test_geodetic_both_ways(number, distance_m):
 def test_astropy_earth_location():
     location = EarthLocation.from_geodetic(lon=-120.57, lat=34.73, height=1234.5)
     ours = geodetic_to_ecef(np.radians(34.73), np.radians(-120.57), 1234.5)
-    assert ours == pytest.approx([location.x.value, location.y.value, location.z.value], rel=0.0, abs=2e-9)
+    assert ours == pytest.approx(
+        [location.x.value, location.y.value, location.z.value], rel=0.0, abs=2e-9
+    )
 
 
 def test_local_axes_are_those_of_erfa():
@@ -49,7 +57,9 @@ def test_local_axes_are_those_of_erfa():
     latitude = np.arcsin(rng.uniform(-1, 1, 500))
     longitude = rng.uniform(-np.pi, np.pi, 500)
     step = 1.0
-    up = (erfa.gd2gc(1, longitude, latitude, 1e6 + step) - erfa.gd2gc(1, longitude, latitude, 1e6)) / step
+    up = (
+        erfa.gd2gc(1, longitude, latitude, 1e6 + step) - erfa.gd2gc(1, longitude, latitude, 1e6)
+    ) / step
     axes = east_north_up_axes(latitude, longitude)
     assert axes[:, 2] == pytest.approx(up, rel=0.0, abs=3e-9)
     assert np.cross(axes[:, 0], axes[:, 1]) == pytest.approx(axes[:, 2], rel=0.0, abs=4e-16)
@@ -57,7 +67,9 @@ def test_local_axes_are_those_of_erfa():
     assert np.all(axes[:, 1, 2] >= 0.0)
 
 
-EPOCHS = np.datetime64("1970-01-01T00:00:00", "ms") + np.random.default_rng(3).integers(0, 47_481 * 86_400_000, 4000)
+EPOCHS = np.datetime64("1970-01-01T00:00:00", "ms") + np.random.default_rng(3).integers(
+    0, 47_481 * 86_400_000, 4000
+)
 
 
 def two_part_julian_dates(epochs):
@@ -103,7 +115,9 @@ def apparent_sun(day, fraction):
 
 
 def apart_deg(one, other):
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other), axis=-1), np.sum(one * other, axis=-1)))
+    return np.degrees(
+        np.arctan2(np.linalg.norm(np.cross(one, other), axis=-1), np.sum(one * other, axis=-1))
+    )
 
 
 def test_sun_of_date_from_1970_to_2099():
@@ -120,7 +134,10 @@ def test_sun_in_ecef_from_1970_to_2099():
     day, fraction = two_part_julian_dates(EPOCHS)
     direction, _ = apparent_sun(day, fraction + 69.184 / 86400.0)
     to_earth = erfa.c2t06a(day, fraction + 69.184 / 86400.0, day, fraction, 0.0, 0.0)
-    assert apart_deg(sun_position_ecef_m(EPOCHS), np.einsum("nij,nj->ni", to_earth, direction)).max() < 0.001
+    assert (
+        apart_deg(sun_position_ecef_m(EPOCHS), np.einsum("nij,nj->ni", to_earth, direction)).max()
+        < 0.001
+    )
 
 
 def test_sun_in_eci_stays_while_the_earth_turns():

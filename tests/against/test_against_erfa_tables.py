@@ -1,4 +1,6 @@
-"""Tables of states in inertial frames, against the IAU 1980 nutation and 1994 sidereal time of ERFA."""
+"""Tables of states in inertial frames, against the IAU 1980 nutation and 1994 sidereal time of
+ERFA.
+"""
 
 import erfa
 import numpy as np
@@ -30,17 +32,23 @@ def test_positions_are_those_of_erfa(year, frame):
     for row in range(50):
         days = (epoch_us(year) * 1e-6 + time_s[row]) / 86400.0 + 40587.0
         if frame == "EME2000":
-            turned = erfa.rz(erfa.gst94(2400000.5, days), erfa.pnm80(2400000.5, days + 69.184 / 86400.0))
+            turned = erfa.rz(
+                erfa.gst94(2400000.5, days), erfa.pnm80(2400000.5, days + 69.184 / 86400.0)
+            )
         else:
             turned = erfa.rz(erfa.gmst82(2400000.5, days), np.eye(3))
-        assert np.linalg.norm(found[row] - turned @ position[row]) <= 3e-7 * np.linalg.norm(position[row])
+        assert np.linalg.norm(found[row] - turned @ position[row]) <= 3e-7 * np.linalg.norm(
+            position[row]
+        )
 
 
 @pytest.mark.parametrize("frame", ["EME2000", "TEME"])
 def test_velocities_are_the_rates_of_positions(frame):
     position, velocity = states(40)
     ends = [
-        ecef_state(frame, position + velocity * step, velocity, epoch_us(2026), np.full(40, step))[0]
+        ecef_state(frame, position + velocity * step, velocity, epoch_us(2026), np.full(40, step))[
+            0
+        ]
         for step in (-0.5, 0.5)
     ]
     _, found = ecef_state(frame, position, velocity, epoch_us(2026), np.zeros(40))
@@ -48,7 +56,9 @@ def test_velocities_are_the_rates_of_positions(frame):
 
 
 def test_a_body_at_rest_in_space_turns_backwards_over_the_earth():
-    found, rate = ecef_state("TEME", np.array([[7e6, 0.0, 0.0]]), np.zeros((1, 3)), epoch_us(2026), np.zeros(1))
+    found, rate = ecef_state(
+        "TEME", np.array([[7e6, 0.0, 0.0]]), np.zeros((1, 3)), epoch_us(2026), np.zeros(1)
+    )
     assert np.linalg.norm(rate) == pytest.approx(7e6 * EARTH_ROTATION_RAD_S, rel=1e-12)
     assert np.cross(found[0], rate[0])[2] < 0.0
 

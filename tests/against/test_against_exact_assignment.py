@@ -1,4 +1,6 @@
-"""The assignment across sensors costs at most 1 % more than the best of all: enumeration, with costs by `lstsq`."""
+"""The assignment across sensors costs at most 1 % more than the best of all: enumeration, with
+costs by `lstsq`.
+"""
 
 from itertools import permutations, product
 
@@ -11,8 +13,12 @@ SIGMA_RAD = 6e-6
 INSTANTS = 6
 
 
-def lines_of(sensors: int, targets: int, spread_m: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Return origins (sensors, 3) and noisy unit vectors (sensors, targets, instants, 3) to targets that fan out."""
+def lines_of(
+    sensors: int, targets: int, spread_m: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return origins (sensors, 3) and noisy unit vectors (sensors, targets, instants, 3) to targets
+    that fan out.
+    """
     angle = np.radians([-30.0, 35.0, 5.0, -60.0])[:sensors]
     origin = 4.2164e7 * np.stack([np.cos(angle), np.sin(angle), np.zeros(sensors)], axis=1)
     up = np.array([np.cos(0.6), 0.0, np.sin(0.6)])
@@ -26,7 +32,9 @@ def lines_of(sensors: int, targets: int, spread_m: float, rng: np.random.Generat
 
 
 def cost(origin: np.ndarray, unit: np.ndarray) -> float:
-    """Return the sum over instants of the least squares of the crossing of lines (sensors, instants, 3)."""
+    """Return the sum over instants of the least squares of the crossing of lines (sensors,
+    instants, 3).
+    """
     total = 0.0
     for instant in range(INSTANTS):
         across = [np.eye(3) - np.outer(one[instant], one[instant]) for one in unit]
@@ -39,7 +47,9 @@ def cost(origin: np.ndarray, unit: np.ndarray) -> float:
 
 
 def least_cost(origin: np.ndarray, unit: np.ndarray) -> float:
-    """Return the least cost over all ways to give each target of the first sensor one of each other."""
+    """Return the least cost over all ways to give each target of the first sensor one of each
+    other.
+    """
     sensors, targets = unit.shape[:2]
     known = {
         rows: cost(origin, np.stack([unit[sensor, row] for sensor, row in enumerate(rows)]))
@@ -53,7 +63,9 @@ def least_cost(origin: np.ndarray, unit: np.ndarray) -> float:
 
 @pytest.mark.parametrize(("sensors", "targets"), [(2, 5), (3, 4), (4, 3)])
 @pytest.mark.parametrize("spread_m", [600.0, 3000.0])
-def test_the_cost_is_within_a_hundredth_of_the_best(sensors: int, targets: int, spread_m: float) -> None:
+def test_the_cost_is_within_a_hundredth_of_the_best(
+    sensors: int, targets: int, spread_m: float
+) -> None:
     for seed in range(4):
         rng = np.random.default_rng([seed, sensors, targets])
         origin, unit = lines_of(sensors, targets, spread_m, rng)
@@ -70,6 +82,12 @@ def test_the_cost_is_within_a_hundredth_of_the_best(sensors: int, targets: int, 
         table, centre = normal_equations(lines, row, len(sensor), np.full(len(row), RANGE_M))
         group = cheapest_pairing(table, sensor, SetModel(centre))
         assert np.bincount(group).tolist() == [sensors] * targets
-        rows = [[np.flatnonzero((group == one) & (sensor == each))[0] for each in range(sensors)] for one in set(group)]
-        found = sum(cost(origin, np.stack([unit[sensor[one], target[one]] for one in each])) for each in rows)
+        rows = [
+            [np.flatnonzero((group == one) & (sensor == each))[0] for each in range(sensors)]
+            for one in set(group)
+        ]
+        found = sum(
+            cost(origin, np.stack([unit[sensor[one], target[one]] for one in each]))
+            for each in rows
+        )
         assert found <= 1.01 * least_cost(origin, unit)

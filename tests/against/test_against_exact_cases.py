@@ -1,7 +1,8 @@
-"""Every public function that takes numbers, in float64 against 40 digits (mpmath), at inputs drawn and at those kept.
+"""Every public function that takes numbers, in float64 against 40 digits (mpmath), at inputs drawn
+and at those kept.
 
-An error is held to (1 + condition number) times the unit roundoff, so that what the input loses is not blamed on the
-formula. `python -m benchmarks.stability` draws thousands.
+An error is held to (1 + condition number) times the unit roundoff, so that what the input loses is
+not blamed on the formula. `python -m benchmarks.stability` draws thousands.
 """
 
 import importlib
@@ -35,7 +36,9 @@ def test_stated_bounds_hold(case) -> None:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_public_name_has_a_case_or_a_reason(package: str) -> None:
-    of = {"radiometry": "opir_photons.", "detection": "opir_photons.", "scoring": "opir_"}.get(package, "opir_core.")
+    of = {"radiometry": "opir_photons.", "detection": "opir_photons.", "scoring": "opir_"}.get(
+        package, "opir_core."
+    )
     module = importlib.import_module(f"{of}{package}")
     have = {case.name.partition(",")[0] for case in [*every_case(), *every_bound()]}
     public = {f"{package}.{name}" for name in module.__all__}
@@ -48,14 +51,20 @@ def test_every_public_name_has_a_case_or_a_reason(package: str) -> None:
 #: Inputs at which functions once lost digits, by the case.
 KEPT = {
     "radiometry.lambert_phase": (3.141592653589793, 3.141592653581903, 3.0, 3.1415926, 0.0),
-    "radiometry.ensquared_energy, mean": ((0.0045003456825959, 6.9378718542651805e-06, 8.0), (1.0, 1e-4, 1.0)),
+    "radiometry.ensquared_energy, mean": (
+        (0.0045003456825959, 6.9378718542651805e-06, 8.0),
+        (1.0, 1e-4, 1.0),
+    ),
     "radiometry.mean_shares, wide spots": ((6336.578001821523, 1.0), (9.0, 1.0)),
     "radiometry.structure_correlation": (
         (5e-324, 0.44580951924335765, 2.88367700005157),
         (1e-160, 1.0, 6.0),
         (1e-3, 1.0, 200.0),
     ),
-    "detection.cfar_probability_of_detection": ((1.7299153526356048, 9.535131086748066, 49.0), (0.5, 12.0, 20.0)),
+    "detection.cfar_probability_of_detection": (
+        (1.7299153526356048, 9.535131086748066, 49.0),
+        (0.5, 12.0, 20.0),
+    ),
     "detection.cfar_loss": ((8.45132688224833e-09, 10.0), (1e-3, 100.0)),
     "detection.latency_quantile": (
         (1.8523965903097244e-292, 14.078247462284425, 0.8097544677218037),
@@ -69,9 +78,15 @@ def test_inputs_that_once_lost_digits(name: str) -> None:
     case = next(case for case in every_case() if case.name == name)
     columns = [
         np.array(column)
-        for column in zip(*(row if isinstance(row, tuple) else (row,) for row in KEPT[name]), strict=True)
+        for column in zip(
+            *(row if isinstance(row, tuple) else (row,) for row in KEPT[name]), strict=True
+        )
     ]
-    found = measured(case._replace(draw=lambda rng, n: columns, share=1.0), np.random.default_rng(1), len(columns[0]))
+    found = measured(
+        case._replace(draw=lambda rng, n: columns, share=1.0),
+        np.random.default_rng(1),
+        len(columns[0]),
+    )
     assert not found.raised
     assert found.scaled.max() <= BAR, row_text(found.inputs, found.worst)
 

@@ -1,7 +1,8 @@
 """P_d, P_fa, clutter and centroids of the focal plane against frames simulated pixel by pixel.
 
-The frames are those of benchmarks/focal_plane_images.py, which shares no code with the closed forms; the benchmark has
-sixty settings of ten thousand frames, these are a few of them. Intervals hold with 99.99 % each.
+The frames are those of benchmarks/focal_plane_images.py, which shares no code with the closed
+forms; the benchmark has sixty settings of ten thousand frames, these are a few of them. Intervals
+hold with 99.99 % each.
 """
 
 import sys
@@ -44,7 +45,9 @@ def test_the_variance_of_frames_is_noise_and_leaking_structure(number: int) -> N
     mean = 0.0 if images.is_difference else images.weights.sum() * images.background_e
     noise = Noise(images)
     # By the noise of each frame: its displacement makes some frames worse than others.
-    share = np.square((outputs.empty - mean) / noise.sigma_moved(outputs.moved)[:, None]).mean(axis=1)
+    share = np.square((outputs.empty - mean) / noise.sigma_moved(outputs.moved)[:, None]).mean(
+        axis=1
+    )
     assert share.mean() == pytest.approx(1.0, abs=SIGMAS * share.std(ddof=1) / np.sqrt(len(share)))
     assert noise.sigma > 4.0 * np.sqrt(noise.white)
 
@@ -53,6 +56,8 @@ def test_the_variance_of_frames_is_noise_and_leaking_structure(number: int) -> N
 @pytest.mark.parametrize("number", [0, 4, 7, 11])
 def test_fitted_places_of_spots_are_as_good_as_the_bound(number: int) -> None:
     spot, noise_e, target_e = CENTROIDS[number]
-    off = np.square(centroid_errors(spot, noise_e, target_e, 3000, np.random.default_rng([43, number]))).mean(axis=1)
+    off = np.square(
+        centroid_errors(spot, noise_e, target_e, 3000, np.random.default_rng([43, number]))
+    ).mean(axis=1)
     bound = float(centroid_sigma_rad(target_e / noise_e, spot, 1.0, target_e)) ** 2
     assert off.mean() == pytest.approx(bound, abs=SIGMAS * off.std(ddof=1) / np.sqrt(len(off)))

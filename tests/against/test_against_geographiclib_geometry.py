@@ -17,7 +17,9 @@ def test_every_element_is_the_library_s():
     distance, bearing = geodesic_inverse(latitude_1, longitude_1, latitude_2, longitude_2)
     latitude, longitude = geodesic_direct(latitude_1, longitude_1, bearing, distance)
     for index in range(40):
-        points = np.degrees([latitude_1[index], longitude_1[index], latitude_2[index], longitude_2[index]])
+        points = np.degrees(
+            [latitude_1[index], longitude_1[index], latitude_2[index], longitude_2[index]]
+        )
         line = Geodesic.WGS84.Inverse(*points)
         assert distance[index] == line["s12"]
         assert np.degrees(bearing[index]) == pytest.approx(line["azi1"] % 360.0, rel=1e-15)
@@ -27,7 +29,9 @@ def test_every_element_is_the_library_s():
 
 
 def test_shapes_broadcast():
-    distance, bearing = geodesic_inverse(0.0, 0.0, np.array([[0.1], [0.2], [0.3]]), np.array([0.1, 0.2]))
+    distance, bearing = geodesic_inverse(
+        0.0, 0.0, np.array([[0.1], [0.2], [0.3]]), np.array([0.1, 0.2])
+    )
     assert distance.shape == bearing.shape == (3, 2)
     assert geodesic_inverse(0.0, 0.0, 0.1, 0.1).distance_m == pytest.approx(897_000.0, rel=0.01)
     assert geodesic_direct(np.zeros((0,)), 0.0, 0.0, 1.0).latitude_rad.shape == (0,)
@@ -47,17 +51,23 @@ def test_what_has_no_answer_is_nan():
 
 def test_poles_and_date_line_are_places_like_others():
     pole = np.pi / 2
-    assert geodesic_inverse(pole, 0.0, -pole, 0.0).distance_m == pytest.approx(20003931.4586, rel=0.0, abs=1e-4)
+    assert geodesic_inverse(pole, 0.0, -pole, 0.0).distance_m == pytest.approx(
+        20003931.4586, rel=0.0, abs=1e-4
+    )
     across = geodesic_inverse(0.0, np.radians(179.5), 0.0, np.radians(-179.5))
     assert across.distance_m == pytest.approx(np.radians(1.0) * 6378137.0, rel=1e-14)
     assert across.bearing_rad == pytest.approx(np.pi / 2)
-    assert abs(geodesic_direct(0.0, np.radians(179.5), np.pi / 2, across.distance_m).longitude_rad) < np.pi
+    assert (
+        abs(geodesic_direct(0.0, np.radians(179.5), np.pi / 2, across.distance_m).longitude_rad)
+        < np.pi
+    )
 
 
 def test_geographiclib_is_imported_when_called_and_not_before():
     script = (
         "import sys, opir_core.geometry as g\n"
-        "assert not [m for m in sys.modules if m.split('.')[0] in ('geographiclib', 'scipy', 'pyproj', 'astropy')]\n"
+        "assert not [m for m in sys.modules if m.split('.')[0] in ('geographiclib', 'scipy',"
+        " 'pyproj', 'astropy')]\n"
         "g.geodesic_inverse(0, 0, 1, 1)\n"
         "assert 'geographiclib' in sys.modules"
     )

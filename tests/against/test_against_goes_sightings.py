@@ -1,9 +1,10 @@
-"""Launches that GOES-16 saw, by band and scan (CIMSS Satellite Blog), against what opir's plumes give its pixels.
+"""Launches that GOES-16 saw, by band and scan (CIMSS Satellite Blog), against what opir's plumes
+give its pixels.
 
 The published facts and the thresholds, fixed before opir's answers were computed, are in
-`tests/data/goes_sightings.json`. Two facts are missed at opir's middle level, and named here: burns against the flight
-at 6.2 µm are 0.6 K, which is below the threshold of 1 K and above it within the stated spread. Such burns heat and stir
-what they burn in, which opir's plumes do not know.
+`tests/data/goes_sightings.json`. Two facts are missed at opir's middle level, and named here: burns
+against the flight at 6.2 µm are 0.6 K, which is below the threshold of 1 K and above it within the
+stated spread. Such burns heat and stir what they burn in, which opir's plumes do not know.
 """
 
 import json
@@ -36,10 +37,14 @@ def is_missed(look, band):
     return any(words in look["what"] and band == own for words, own in MISSED)
 
 
-FACTS = [(look, band, wanted) for look in LOOKS for wanted in ("seen", "unseen") for band in look[wanted]]
+FACTS = [
+    (look, band, wanted) for look in LOOKS for wanted in ("seen", "unseen") for band in look[wanted]
+]
 
 
-@pytest.mark.parametrize(("look", "band", "wanted"), FACTS, ids=[f"{look['what']}: {band}" for look, band, _ in FACTS])
+@pytest.mark.parametrize(
+    ("look", "band", "wanted"), FACTS, ids=[f"{look['what']}: {band}" for look, band, _ in FACTS]
+)
 def test_a_plume_is_seen_in_the_bands_in_which_it_was_seen(look, band, wanted):
     spread = propellants()[look["propellant"]].spread
     if wanted == "unseen":
@@ -56,13 +61,16 @@ def test_nearly_all_facts_hold_at_the_middle_level():
 
 
 def test_each_launch_is_seen_at_its_first_scan():
-    """The first look of each of the five is of the ascent; in all, 3.9 µm shows it at the middle level."""
+    """The first look of each of the five is of the ascent; in all, 3.9 µm shows it at the middle
+    level.
+    """
     first = {look["post"]: look for look in reversed(LOOKS)}
     assert len(first) == 5
     assert all(is_seen(look, "B07") for look in first.values())
 
 
-#: Launches as scenes: post, site, slot of the satellite, time of launch and of the scan, s later; bands that were seen.
+#: Launches as scenes: post, site, slot of the satellite, time of launch and of the scan, s later;
+#: bands that were seen.
 SCENES = (
     (23468, 28.608, -80.604, -89.5, "2017-03-16T06:00:00Z", 38.0, {"B07"}),
     (36890, 28.608, -80.604, -75.2, "2020-05-30T19:22:45Z", 35.0, {"B07"}),
@@ -73,7 +81,9 @@ SCENES = (
 
 
 def scanned(post, lat_deg, lon_deg, slot_deg, epoch, scan_s):
-    """Return the bands that a look of GOES-ABI at a launch confirms, by simulation: a space launch of `ascent`."""
+    """Return the bands that a look of GOES-ABI at a launch confirms, by simulation: a space launch
+    of `ascent`.
+    """
     look = next(look for look in LOOKS if look["post"] == post)
     scale = look["jet_power_w"] / jet_power_w(core_plumes()["SLV"].peak_w_sr)
     plume = {"model": "plume", "propellant": look["propellant"], "scale": scale}
@@ -83,10 +93,23 @@ def scanned(post, lat_deg, lon_deg, slot_deg, epoch, scan_s):
         "duration_s": 2.0 * scan_s - 1.0,
         "seed": post,
         "sensors": [
-            {"model": "GOES-ABI", "id": "GOES", "orbital_slot_deg": slot_deg, "scan_phase": "aligned"}
+            {
+                "model": "GOES-ABI",
+                "id": "GOES",
+                "orbital_slot_deg": slot_deg,
+                "scan_phase": "aligned",
+            }
             | {"scan_period_ms": scan_s * 1e3}
         ],
-        "targets": [{"id": "T", "model": "ascent", "lat_deg": lat_deg, "lon_deg": lon_deg, "signature": plume}],
+        "targets": [
+            {
+                "id": "T",
+                "model": "ascent",
+                "lat_deg": lat_deg,
+                "lon_deg": lon_deg,
+                "signature": plume,
+            }
+        ],
         "detection": {"model": "snr"},
         "atmosphere": {"model": "lowtran", "climate": look["climate"]},
         "background": {"model": "earth", "climate": look["climate"]},
@@ -94,10 +117,16 @@ def scanned(post, lat_deg, lon_deg, slot_deg, epoch, scan_s):
     }
     plan = opir.compile_plan(opir.scene_from_mapping(scene))
     window = opir.Engine(plan).advance(plan.end_ns)
-    own = np.flatnonzero((window.truth.target == 0) & (np.abs(window.detections.time_s - scan_s) < 1.0))
+    own = np.flatnonzero(
+        (window.truth.target == 0) & (np.abs(window.detections.time_s - scan_s) < 1.0)
+    )
     if not len(own):
         return set()
-    return {band for number, band in enumerate(BANDS) if int(window.detections.bands[own[0]]) >> number & 1}
+    return {
+        band
+        for number, band in enumerate(BANDS)
+        if int(window.detections.bands[own[0]]) >> number & 1
+    }
 
 
 @pytest.mark.slow

@@ -1,4 +1,6 @@
-"""Launch points by `imm` of ascents that share no code with it and come out of clouds, before two scanners of 10 Hz."""
+"""Launch points by `imm` of ascents that share no code with it and come out of clouds, before two
+scanners of 10 Hz.
+"""
 
 import numpy as np
 import pytest

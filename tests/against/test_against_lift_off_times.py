@@ -1,10 +1,12 @@
-"""How soon motion alone tells a lift-off from a fire: a closed form and a Monte Carlo that share no code with opir.
+"""How soon motion alone tells a lift-off from a fire: a closed form and a Monte Carlo that share no
+code with opir.
 
-A source that stands still and one that rises from rest with a known net acceleration a, seen from the first moment for
-a time T, differ by a mean log likelihood ratio of ½ Σ (a/2)² (4/45) T⁵ r sin²θ / (σ R)², summed over sensors of r looks
-a second: 4/45 T⁴ is the variance of t² over [0, T], θ the angle between the line of sight and the vertical. A launch is
-reported with P > 0.95 and a prior of 1:1000 where that exceeds ln 19 000. A tracker does not know the acceleration: it
-may take 1.3 times as long.
+A source that stands still and one that rises from rest with a known net acceleration a, seen from
+the first moment for a time T, differ by a mean log likelihood ratio of ½ Σ (a/2)² (4/45) T⁵ r sin²θ
+/ (σ R)², summed over sensors of r looks a second: 4/45 T⁴ is the variance of t² over [0, T], θ the
+angle between the line of sight and the vertical. A launch is reported with P > 0.95 and a prior of
+1:1000 where that exceeds ln 19 000. A tracker does not know the acceleration: it may take 1.3 times
+as long.
 """
 
 import numpy as np
@@ -18,7 +20,8 @@ SIGMA_RAD = 20e-6
 LOOKS_PER_S = 10.0
 THRESHOLD = 0.95
 SLACK = 1.3
-#: Two geostationary satellites (longitudes) and a place on a sphere of the equatorial radius at height 0, in ECEF, m.
+#: Two geostationary satellites (longitudes) and a place on a sphere of the equatorial radius at
+#: height 0, in ECEF, m.
 SLOTS_DEG = (-30.0, 35.0)
 LATITUDE_DEG = 40.0
 EARTH_M = 6378137.0
@@ -29,7 +32,9 @@ def place_and_up():
     latitude = np.radians(LATITUDE_DEG)
     eccentric = 0.00669437999014
     curvature = EARTH_M / np.sqrt(1.0 - eccentric * np.sin(latitude) ** 2)
-    place = np.array([curvature * np.cos(latitude), 0.0, curvature * (1.0 - eccentric) * np.sin(latitude)])
+    place = np.array(
+        [curvature * np.cos(latitude), 0.0, curvature * (1.0 - eccentric) * np.sin(latitude)]
+    )
     return place, np.array([np.cos(latitude), 0.0, np.sin(latitude)])
 
 
@@ -49,11 +54,14 @@ def closed_form_s(lift_m_s2, sensors):
 
 
 def looks(rng, copies, second, lift_m_s2, sensors):
-    """Return the lines of a second of copies of a source that rises from rest at time 0, and the copy of each."""
+    """Return the lines of a second of copies of a source that rises from rest at time 0, and the
+    copy of each.
+    """
     place, up = place_and_up()
     instants = second + np.arange(LOOKS_PER_S) / LOOKS_PER_S
     when, sensor, copy = (
-        part.ravel() for part in np.meshgrid(instants, np.arange(sensors), np.arange(copies), indexing="ij")
+        part.ravel()
+        for part in np.meshgrid(instants, np.arange(sensors), np.arange(copies), indexing="ij")
     )
     origin = origins(sensors)[sensor]
     along = place + 0.5 * lift_m_s2 * when[:, None] ** 2 * up - origin
@@ -111,8 +119,12 @@ def test_the_closed_form_agrees_with_a_simulation_of_known_acceleration():
 def test_lift_offs_are_reported_within_a_factor_of_the_closed_form(lift_m_s2, sensors):
     expected_s = closed_form_s(lift_m_s2, sensors)
     reported_s = np.full(20, np.inf)
-    for second, chance in enumerate(probabilities([5, int(lift_m_s2), sensors], 20, lift_m_s2, sensors, 45)):
-        reported_s = np.where((chance[:, LAUNCH] > THRESHOLD) & np.isinf(reported_s), second + 1.0, reported_s)
+    for second, chance in enumerate(
+        probabilities([5, int(lift_m_s2), sensors], 20, lift_m_s2, sensors, 45)
+    ):
+        reported_s = np.where(
+            (chance[:, LAUNCH] > THRESHOLD) & np.isinf(reported_s), second + 1.0, reported_s
+        )
     assert np.median(reported_s) <= SLACK * expected_s
     # What was recognised stays recognised.
     assert np.all(chance[:, LAUNCH] > THRESHOLD)
@@ -120,7 +132,9 @@ def test_lift_offs_are_reported_within_a_factor_of_the_closed_form(lift_m_s2, se
 
 
 def fires_above(copies, seed, sensors):
-    """Return how many fires ever have P(launch) > 0.95 within a minute, and the least final P(ground)."""
+    """Return how many fires ever have P(launch) > 0.95 within a minute, and the least final
+    P(ground).
+    """
     passed = np.zeros(copies, dtype=bool)
     for chance in probabilities(seed, copies, 0.0, sensors, 60):
         passed |= chance[:, LAUNCH] > THRESHOLD

@@ -1,7 +1,9 @@
-"""The atmosphere against LOWTRAN7's own values: at all points of the table, at points left out of it, and between.
+"""The atmosphere against LOWTRAN7's own values: at all points of the table, at points left out of
+it, and between.
 
-Those between are of LOWTRAN7 itself, at 60 random heights and zenith angles of each sky (`tests/data`), asked for with
-the build and the settings of the table by `docs/design/lowtran_table.py`.
+Those between are of LOWTRAN7 itself, at 60 random heights and zenith angles of each sky
+(`tests/data`), asked for with the build and the settings of the table by
+`docs/design/lowtran_table.py`.
 """
 
 import csv
@@ -13,7 +15,12 @@ import pytest
 from attrs import evolve
 from opir_photons.radiometry.configs import CLIMATES, LowtranConfig
 from opir_photons.radiometry.long_paths import RADIUS_M, LimbTable, akima, bent_lowest_m
-from opir_photons.radiometry.lowtran import LowtranAtmosphere, fine_grid, lowtran_atmosphere, node_tables
+from opir_photons.radiometry.lowtran import (
+    LowtranAtmosphere,
+    fine_grid,
+    lowtran_atmosphere,
+    node_tables,
+)
 from repository import DATA
 from scipy.interpolate import Akima1DInterpolator
 
@@ -45,7 +52,9 @@ def test_akimas_curves_are_scipys():
         x = np.cumsum(rng.uniform(0.1, 2.0, count))
         y = rng.normal(size=(count, 4))
         at = np.linspace(x[0], x[-1], 333)
-        np.testing.assert_allclose(akima(x, y, at), Akima1DInterpolator(x, y)(at), rtol=0.0, atol=1e-13)
+        np.testing.assert_allclose(
+            akima(x, y, at), Akima1DInterpolator(x, y)(at), rtol=0.0, atol=1e-13
+        )
 
 
 def test_all_climates_are_in_the_table():
@@ -60,8 +69,12 @@ def test_all_climates_are_in_the_table():
 def test_every_point_of_the_table_is_met(climate, aerosol, weighting):
     rows = [row for row in ROWS if (row["atmosphere"], row["aerosol"]) == (climate, aerosol)]
     bands = sorted({(row["band"], float(row["lo_um"]), float(row["hi_um"])) for row in rows})
-    context = AtmosphereContext(bands=tuple(Band(*band) for band in bands), path="atmosphere", seed=0)
-    model = lowtran_atmosphere(LowtranConfig(climate=climate, aerosol=aerosol, weighting=weighting), context)
+    context = AtmosphereContext(
+        bands=tuple(Band(*band) for band in bands), path="atmosphere", seed=0
+    )
+    model = lowtran_atmosphere(
+        LowtranConfig(climate=climate, aerosol=aerosol, weighting=weighting), context
+    )
     for number, (name, _, _) in enumerate(bands):
         own = [row for row in rows if row["band"] == name]
         heights = np.array([float(row["h_km"]) for row in own]) * 1e3
@@ -71,20 +84,29 @@ def test_every_point_of_the_table_is_met(climate, aerosol, weighting):
 
 
 def left_out_errors(nodes, axis):
-    """Yield for each inner height (axis 0) or angle (1) how far the table without it is from LOWTRAN's value there."""
+    """Yield for each inner height (axis 0) or angle (1) how far the table without it is from
+    LOWTRAN's value there.
+    """
     for place in range(1, nodes.transmittance.shape[axis] - 1):
         fewer = {
             "transmittance": np.delete(nodes.transmittance, place, axis=axis),
-            ("height_m", "zenith_rad")[axis]: np.delete((nodes.height_m, nodes.zenith_rad)[axis], place),
+            ("height_m", "zenith_rad")[axis]: np.delete(
+                (nodes.height_m, nodes.zenith_rad)[axis], place
+            ),
         }
         model = LowtranAtmosphere((fine_grid(evolve(nodes, **fewer)),), None)
-        zenith = nodes.zenith_rad if axis == 0 else np.full(len(nodes.height_m), nodes.zenith_rad[place])
-        height = np.full(len(nodes.zenith_rad), nodes.height_m[place]) if axis == 0 else nodes.height_m
+        zenith = (
+            nodes.zenith_rad if axis == 0 else np.full(len(nodes.height_m), nodes.zenith_rad[place])
+        )
+        height = (
+            np.full(len(nodes.zenith_rad), nodes.height_m[place]) if axis == 0 else nodes.height_m
+        )
         truth = np.take(nodes.transmittance, place, axis=axis)
         yield float(np.abs(model.transmittance(0, paths(height, zenith)) - truth).max())
 
 
-#: Five of the 84 tables, with the worst of all in height and in angle; docs/benchmarks/atmosphere.md has all of them.
+#: Five of the 84 tables, with the worst of all in height and in angle;
+#: docs/benchmarks/atmosphere.md has all of them.
 HARDEST = [
     ("midlat_summer", "rural23km", "SWIR"),
     ("tropical", "rural23km", "LWIR"),
@@ -113,7 +135,10 @@ def test_lowtran_itself_between_the_points_is_met_to_1_percent(climate, aerosol)
     for band, nodes in node_tables(climate, aerosol, "flat").items():
         model = LowtranAtmosphere((fine_grid(nodes),), None)
         theirs = np.array([float(row[band]) for row in own])
-        assert np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - theirs).max() < 0.01
+        assert (
+            np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - theirs).max()
+            < 0.01
+        )
 
 
 @pytest.mark.slow
@@ -134,7 +159,9 @@ def limb_error(nodes, limb, rows):
 
 
 def limb_errors_without(nodes, column):
-    """Yield by each value of a column but the last the error there of the table of long paths without it."""
+    """Yield by each value of a column but the last the error there of the table of long paths
+    without it.
+    """
     own = nodes.limb
     for value in np.unique(column)[:-1]:
         left = column != value
@@ -142,14 +169,17 @@ def limb_errors_without(nodes, column):
         yield value, limb_error(nodes, fewer, ~left)
 
 
-#: The tables with the worst of all in lowest height: through dry air low paths show the top of the haze.
+#: The tables with the worst of all in lowest height: through dry air low paths show the top of the
+#: haze.
 DRY = [("subarctic_winter", "rural23km", "STG_2.0_2.4"), ("subarctic_winter", "rural23km", "LWIR")]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("climate", "aerosol", "band"), HARDEST + DRY)
 def test_a_path_left_out_below_the_horizon_is_met_to_3_percent(climate, aerosol, band):
-    """Every climb that is left out, and every lowest height: the outermost too, where growth is only continued."""
+    """Every climb that is left out, and every lowest height: the outermost too, where growth is
+    only continued.
+    """
     nodes = node_tables(climate, aerosol, "flat")[band]
     climbs = np.round(nodes.limb.height_m - nodes.limb.lowest_m, -2)
     inside = np.where(nodes.limb.height_m > 99e3, np.inf, climbs)
@@ -158,8 +188,12 @@ def test_a_path_left_out_below_the_horizon_is_met_to_3_percent(climate, aerosol,
 
 
 def test_bent_paths_keep_to_bouguer_s_law():
-    """Index times radius is the same where a ray begins as where it turns; light air hardly bends it."""
-    lowest, height = np.meshgrid(np.linspace(2.5e3, 90e3, 36), np.linspace(0.0, 1.0, 11), indexing="ij")
+    """Index times radius is the same where a ray begins as where it turns; light air hardly bends
+    it.
+    """
+    lowest, height = np.meshgrid(
+        np.linspace(2.5e3, 90e3, 36), np.linspace(0.0, 1.0, 11), indexing="ij"
+    )
     height = lowest + (100e3 - lowest) * height
     turn = bent_lowest_m(lowest, height)
     at_turn, at_start = (np.log1p(2.8e-4 * np.exp(-at / 8e3)) for at in (turn, height))

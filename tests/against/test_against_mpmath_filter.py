@@ -1,4 +1,5 @@
-"""The square-root filter against 50 digits (mpmath), where covariances are ruined: nothing is lost that matters.
+"""The square-root filter against 50 digits (mpmath), where covariances are ruined: nothing is lost
+that matters.
 
 benchmarks/filter_stability.py runs a hundred of these and an hour at 20 Hz.
 """
@@ -16,7 +17,9 @@ CHOSEN = [*EVERY[10:], *(case._replace(slices=6) for case in islice(EVERY, 3, 8,
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param(case, marks=[pytest.mark.slow] * (row % 2), id=f"{case.name}, {case.size} states")
+        pytest.param(
+            case, marks=[pytest.mark.slow] * (row % 2), id=f"{case.name}, {case.size} states"
+        )
         for row, case in enumerate(CHOSEN)
     ],
 )

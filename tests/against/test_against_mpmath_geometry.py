@@ -1,4 +1,6 @@
-"""Geometry against 40-digit arithmetic (mpmath): every bound that a docstring states, at every distance it names."""
+"""Geometry against 40-digit arithmetic (mpmath): every bound that a docstring states, at every
+distance it names.
+"""
 
 import mpmath as mp
 import numpy as np
@@ -38,11 +40,17 @@ def exact_ecef(latitude, longitude, height):
     height = mp.mpf(height)
     normal = A / mp.sqrt(1 - E2 * mp.sin(latitude) ** 2)
     rho = (normal + height) * mp.cos(latitude)
-    return rho * mp.cos(longitude), rho * mp.sin(longitude), (normal * (1 - E2) + height) * mp.sin(latitude)
+    return (
+        rho * mp.cos(longitude),
+        rho * mp.sin(longitude),
+        (normal * (1 - E2) + height) * mp.sin(latitude),
+    )
 
 
 def misplacement_m(positions):
-    """The distance between positions and where their latitude, longitude and height, taken exactly, are."""
+    """The distance between positions and where their latitude, longitude and height, taken exactly,
+    are.
+    """
     found = np.transpose([np.ravel(column) for column in ecef_to_geodetic(positions)])
     worst = mp.mpf(0)
     for position, geodetic in zip(np.reshape(positions, (-1, 3)), found, strict=True):
@@ -52,7 +60,9 @@ def misplacement_m(positions):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("radius_m", [10.0**power for power in range(-9, 7)] + [1.27e6, 1.28e6, 6.3e6, 6.4e6, 9.9e6])
+@pytest.mark.parametrize(
+    "radius_m", [10.0**power for power in range(-9, 7)] + [1.27e6, 1.28e6, 6.3e6, 6.4e6, 9.9e6]
+)
 def test_position_is_named_within_3_nm_below_10_000_km(radius_m):
     assert misplacement_m(directions(150, 1) * radius_m) <= 3e-9
 
@@ -73,18 +83,25 @@ def test_position_is_named_within_3_nm_about_the_cusp_of_the_evolute(away_m):
     longitude = rng.uniform(-np.pi, np.pi, 60)
     (out, up) = away_m * rng.normal(size=(2, 60))
     rho = CUSP_M + out
-    assert misplacement_m(np.stack([rho * np.cos(longitude), rho * np.sin(longitude), up], axis=1)) <= 3e-9
+    assert (
+        misplacement_m(np.stack([rho * np.cos(longitude), rho * np.sin(longitude), up], axis=1))
+        <= 3e-9
+    )
 
 
 @pytest.mark.parametrize("height_m", [-0.0, 0.0, 5e-324, 1e-300, -1e-300, 1e-12, -1e-12, 1e-3])
 def test_position_is_named_within_3_nm_on_and_beside_the_equatorial_disc(height_m):
-    rho = np.concatenate([np.linspace(0.0, 1.1 * CUSP_M, 60), CUSP_M + np.linspace(-1e-9, 1e-9, 21)])
+    rho = np.concatenate(
+        [np.linspace(0.0, 1.1 * CUSP_M, 60), CUSP_M + np.linspace(-1e-9, 1e-9, 21)]
+    )
     assert misplacement_m(np.stack([rho, 0.0 * rho, 0.0 * rho + height_m], axis=1)) <= 3e-9
 
 
 @pytest.mark.parametrize("aside_m", [0.0, 5e-324, 1e-160, 1e-9, 1e-3])
 def test_position_is_named_on_and_beside_the_axis(aside_m):
-    z = np.concatenate([np.linspace(-1e7, 1e7, 101), [B, -B, np.nextafter(float(B), 0.0)]]).astype(float)
+    z = np.concatenate([np.linspace(-1e7, 1e7, 101), [B, -B, np.nextafter(float(B), 0.0)]]).astype(
+        float
+    )
     assert misplacement_m(np.stack([0.0 * z + aside_m, 0.0 * z - aside_m, z], axis=1)) <= 3e-9
 
 
@@ -106,7 +123,9 @@ def test_latitude_and_height_are_good_to_one_unit_in_the_last_place_off_the_cent
             normal = A / mp.sqrt(1 - E2 * mp.sin(exact) ** 2)
             exact_height = rho * mp.cos(exact) + z * mp.sin(exact) - A * A / normal
             assert abs(height - exact_height) <= 0.55 * np.spacing(abs(height)) + 3e-9
-            assert abs(latitude - exact) <= np.spacing(abs(latitude)) + 3e-9 / radius * (radius < 1e7)
+            assert abs(latitude - exact) <= np.spacing(abs(latitude)) + 3e-9 / radius * (
+                radius < 1e7
+            )
 
 
 @pytest.mark.slow
@@ -133,7 +152,9 @@ def test_geodetic_to_ecef_is_exact_to_rounding():
 
 
 def first_point(origin, ray, height=0.0):
-    """The first point of a ray on the ellipsoid, and the cosine to the outward normal there; None on a miss."""
+    """The first point of a ray on the ellipsoid, and the cosine to the outward normal there; None
+    on a miss.
+    """
     axes = [A + height, A + height, B + height]
     o, d = [[mp.mpf(v) / s for v, s in zip(vector, axes, strict=True)] for vector in (origin, ray)]
     dd = mp.fdot(d, d)
@@ -147,14 +168,20 @@ def first_point(origin, ray, height=0.0):
         return None
     point = [mp.mpf(v) + steps[0] * mp.mpf(w) for v, w in zip(origin, ray, strict=True)]
     normal = [p / s**2 for p, s in zip(point, axes, strict=True)]
-    return point, abs(mp.fdot(normal, map(mp.mpf, ray))) / mp.norm(normal) / mp.norm(list(map(mp.mpf, ray)))
+    return point, abs(mp.fdot(normal, map(mp.mpf, ray))) / mp.norm(normal) / mp.norm(
+        list(map(mp.mpf, ray))
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("radius_m", "rounding_m"), [(6.4e6, 3e-9), (7e6, 3e-9), (2.66e7, 2e-8), (4.2164e7, 2.5e-8)])
+@pytest.mark.parametrize(
+    ("radius_m", "rounding_m"), [(6.4e6, 3e-9), (7e6, 3e-9), (2.66e7, 2e-8), (4.2164e7, 2.5e-8)]
+)
 @pytest.mark.parametrize("share_of_limb", [0.0, 0.5, 0.9, 0.999, 0.999999, 1.0, 1.001])
 @pytest.mark.parametrize("height_m", [0.0, 1e5])
-def test_intersection_is_exact_to_rounding_over_the_sine_of_grazing(radius_m, rounding_m, share_of_limb, height_m):
+def test_intersection_is_exact_to_rounding_over_the_sine_of_grazing(
+    radius_m, rounding_m, share_of_limb, height_m
+):
     up = directions(60, 7)
     across = np.cross(up, directions(60, 8))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -168,13 +195,18 @@ def test_intersection_is_exact_to_rounding_over_the_sine_of_grazing(radius_m, ro
         assert (exact is None) == bool(np.isnan(found[0]))
         if exact is not None:
             point, sine_at_ground = exact
-            assert mp.norm([mp.mpf(f) - p for f, p in zip(found, point, strict=True)]) <= rounding_m / sine_at_ground
+            assert (
+                mp.norm([mp.mpf(f) - p for f, p in zip(found, point, strict=True)])
+                <= rounding_m / sine_at_ground
+            )
 
 
 def test_intersection_from_inside_is_where_the_ray_leaves():
     origins = directions(100, 9) * 6e6
     rays = directions(100, 10)
-    for origin, ray, found in zip(origins, rays, intersection_with_ellipsoid(origins, rays), strict=True):
+    for origin, ray, found in zip(
+        origins, rays, intersection_with_ellipsoid(origins, rays), strict=True
+    ):
         point, _ = first_point(origin, ray)
         assert mp.norm([mp.mpf(f) - p for f, p in zip(found, point, strict=True)]) <= 1e-8
 
@@ -189,7 +221,9 @@ def test_nadir_angle_is_exact_near_nothing_and_near_a_half_turn(angle):
         t = list(map(mp.mpf, target))
         d = [b - a for a, b in zip(s, t, strict=True)]
         cross = [s[1] * d[2] - s[2] * d[1], s[2] * d[0] - s[0] * d[2], s[0] * d[1] - s[1] * d[0]]
-        assert abs(nadir_angle_rad(sensor, target) - mp.atan2(mp.norm(cross), -mp.fdot(s, d))) <= 1e-15
+        assert (
+            abs(nadir_angle_rad(sensor, target) - mp.atan2(mp.norm(cross), -mp.fdot(s, d))) <= 1e-15
+        )
 
 
 def test_azimuth_elevation_and_range_are_exact_to_rounding():
@@ -203,5 +237,8 @@ def test_azimuth_elevation_and_range_are_exact_to_rounding():
         up = mp.sin(latitude) * d[2] + mp.cos(latitude) * outward
         level = mp.hypot(east, north)
         assert abs(elevation - mp.atan2(up, level)) <= 2e-15
-        assert abs((azimuth - mp.atan2(east, north) + mp.pi) % (2 * mp.pi) - mp.pi) * level / distance <= 2e-15
+        assert (
+            abs((azimuth - mp.atan2(east, north) + mp.pi) % (2 * mp.pi) - mp.pi) * level / distance
+            <= 2e-15
+        )
         assert abs(distance / mp.norm(d) - 1) <= 4e-16

@@ -1,8 +1,10 @@
-"""Two-body propagation and Lambert's problem against mpmath with 50 digits, over a sweep of everything a state can be.
+"""Two-body propagation and Lambert's problem against mpmath with 50 digits, over a sweep of
+everything a state can be.
 
-The bar: a relative error in position of 1e-12, or, where rounding the inputs alone does more than that, ten times the
-condition number times 2.2e-16. The condition number is the sum, over the eight inputs, of the relative change of the
-end position for a relative change of that input, taken by differences in 50 digits.
+The bar: a relative error in position of 1e-12, or, where rounding the inputs alone does more than
+that, ten times the condition number times 2.2e-16. The condition number is the sum, over the eight
+inputs, of the relative change of the end position for a relative change of that input, taken by
+differences in 50 digits.
 """
 
 import mpmath
@@ -35,7 +37,9 @@ def norm(vector):
 
 
 def condition_number(state, end):
-    """Return the sum over the inputs of relative change of the end position per relative change of the input."""
+    """Return the sum over the inputs of relative change of the end position per relative change of
+    the input.
+    """
     small = mpmath.mpf(10) ** -20
     total = mpmath.mpf(0)
     for index, value in enumerate(state):
@@ -51,13 +55,17 @@ def assert_within_the_bar(position, velocity, duration):
     assert kepler_status(position, velocity, duration) == 0
     state = [mpmath.mpf(float(value)) for value in (*position, *velocity, duration, EARTH_MU_M3_S2)]
     end, _ = exact_end(state)
-    error = float(norm([mpmath.mpf(float(a)) - b for a, b in zip(found, end, strict=True)]) / norm(end))
+    error = float(
+        norm([mpmath.mpf(float(a)) - b for a, b in zip(found, end, strict=True)]) / norm(end)
+    )
     if not error <= BAR:
         assert error <= 10.0 * condition_number(state, end) * EPSILON
 
 
 def unit_vectors(seed):
-    """Return two unit vectors at right angles, the same for the same seed; seed 0 gives the axes."""
+    """Return two unit vectors at right angles, the same for the same seed; seed 0 gives the
+    axes.
+    """
     if seed == 0:
         return np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     first, second = np.random.default_rng(seed).normal(size=(2, 3))
@@ -70,19 +78,26 @@ def powers_of_ten(low, high):
     return st.floats(low, high).map(lambda exponent: 10.0**exponent)
 
 
-near_one = st.tuples(powers_of_ten(-15.0, -3.0), st.sampled_from([-1.0, 1.0])).map(lambda pair: 1.0 + pair[0] * pair[1])
-eccentricities = st.one_of(st.just(0.0), powers_of_ten(-16.0, -1.0), st.floats(0.0, 10.0), near_one, st.just(1.0))
+near_one = st.tuples(powers_of_ten(-15.0, -3.0), st.sampled_from([-1.0, 1.0])).map(
+    lambda pair: 1.0 + pair[0] * pair[1]
+)
+eccentricities = st.one_of(
+    st.just(0.0), powers_of_ten(-16.0, -1.0), st.floats(0.0, 10.0), near_one, st.just(1.0)
+)
 durations = st.tuples(powers_of_ten(-6.0, np.log10(MONTH_S)), st.sampled_from([-1.0, 1.0])).map(
     lambda pair: pair[0] * pair[1]
 )
 seeds = st.integers(0, 10_000)
-#: Share of the largest true anomaly: up to 1e-9 short of the asymptote of a hyperbola, of the apocentre of an ellipse.
+#: Share of the largest true anomaly: up to 1e-9 short of the asymptote of a hyperbola, of the
+#: apocentre of an ellipse.
 shares = st.one_of(st.floats(-1.0, 1.0), powers_of_ten(-9.0, -1.0).map(lambda short: -1.0 + short))
 
 
 @st.composite
 def states(draw):
-    """Return position and velocity on a conic of drawn eccentricity, pericentre and true anomaly."""
+    """Return position and velocity on a conic of drawn eccentricity, pericentre and true
+    anomaly.
+    """
     e = draw(eccentricities)
     q = draw(powers_of_ten(4.0, 8.0))
     largest = np.pi if e < 1.0 else np.arccos(-1.0 / e) * (1.0 - 1e-9)
@@ -97,7 +112,9 @@ def states(draw):
 
 @st.composite
 def straight_states(draw, sideways_share):
-    """Return states that rise or fall along the radius, from rest to one and a half times escape speed."""
+    """Return states that rise or fall along the radius, from rest to one and a half times escape
+    speed.
+    """
     radius = draw(powers_of_ten(6.0, 8.0))
     speed = draw(st.floats(-1.5, 1.5))
     ahead, sideways = unit_vectors(draw(seeds))
@@ -134,7 +151,10 @@ def test_nearly_straight(state, duration):
 
 @pytest.mark.slow
 @examples(2000)
-@given(st.one_of(states(), straight_states(powers_of_ten(-12.0, -3.0)), straight_states(st.just(0.0))), durations)
+@given(
+    st.one_of(states(), straight_states(powers_of_ten(-12.0, -3.0)), straight_states(st.just(0.0))),
+    durations,
+)
 def test_a_long_sweep(state, duration):
     assert_within_the_bar(*state, duration)
 
@@ -168,10 +188,16 @@ def test_universal_functions(z, scale):
     s = np.array([np.sqrt(abs(z) / scale)])
     found = universal_functions(alpha, s)
     expected = exact_functions(mpmath.mpf(float(alpha[0])), mpmath.mpf(float(s[0])))
-    # What rounding s and the function itself do to it, times how often doubling the argument repeats that.
+    # What rounding s and the function itself do to it, times how often doubling the argument
+    # repeats that.
     g0, g1, g2, g3 = (abs(float(value)) for value in expected)
     length = float(s[0])
-    sizes = [max(1.0, g0) + scale * length * g1, g1 + length * g0, g2 + length * g1, g3 + length * g2]
+    sizes = [
+        max(1.0, g0) + scale * length * g1,
+        g1 + length * g0,
+        g2 + length * g1,
+        g3 + length * g2,
+    ]
     growth = max(1.0, np.sqrt(abs(z)))
     for value, reference, size in zip(found, expected, sizes, strict=True):
         assert abs(value[0] - float(reference)) <= 8.0 * growth * EPSILON * size + 1e-300
@@ -180,10 +206,14 @@ def test_universal_functions(z, scale):
 @examples(40)
 @given(straight_states(powers_of_ten(-3.0, 1.0)), st.floats(1.0, 3600.0))
 def test_lambert_arrives(state, duration):
-    """The velocities found carry the start to the end, in 50 digits, as nearly as rounding them allows."""
+    """The velocities found carry the start to the end, in 50 digits, as nearly as rounding them
+    allows.
+    """
     aim, _ = propagate_kepler(*state, duration)
     found, _ = lambert(state[0], aim, duration)
     start = [mpmath.mpf(float(value)) for value in (*state[0], *found, duration, EARTH_MU_M3_S2)]
     end, _ = exact_end(start)
-    error = float(norm([mpmath.mpf(float(a)) - b for a, b in zip(aim, end, strict=True)]) / norm(end))
+    error = float(
+        norm([mpmath.mpf(float(a)) - b for a, b in zip(aim, end, strict=True)]) / norm(end)
+    )
     assert error <= 1e-13 or error <= 20.0 * condition_number(start, end) * EPSILON

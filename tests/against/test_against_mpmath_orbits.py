@@ -1,4 +1,6 @@
-"""Kepler orbits in ECEF against fifty digits: Kepler's equation by Newton's method, rotations, the turning Earth."""
+"""Kepler orbits in ECEF against fifty digits: Kepler's equation by Newton's method, rotations, the
+turning Earth.
+"""
 
 import math
 
@@ -21,7 +23,9 @@ def orbits(draw: st.DrawFn) -> Elements:
     return Elements(
         semi_major_axis_m=draw(st.floats(6.6e6, 4.3e7)) / (1.0 - eccentricity),
         eccentricity=eccentricity,
-        inclination_rad=draw(st.one_of(st.floats(0.0, math.pi), st.sampled_from([0.0, math.pi, math.pi / 2]))),
+        inclination_rad=draw(
+            st.one_of(st.floats(0.0, math.pi), st.sampled_from([0.0, math.pi, math.pi / 2]))
+        ),
         node_longitude_rad=draw(angles),
         argument_of_perigee_rad=draw(angles),
         mean_anomaly_rad=draw(angles),
@@ -32,7 +36,9 @@ def eccentric_anomaly(mean, eccentricity):
     reduced = mean - 2 * mpmath.pi * mpmath.nint(mean / (2 * mpmath.pi))
     found = reduced + eccentricity * mpmath.sign(reduced)
     for _ in range(200):
-        step = (found - eccentricity * mpmath.sin(found) - reduced) / (1 - eccentricity * mpmath.cos(found))
+        step = (found - eccentricity * mpmath.sin(found) - reduced) / (
+            1 - eccentricity * mpmath.cos(found)
+        )
         found -= step
         if abs(step) < mpmath.mpf(10) ** -45:
             return found
@@ -43,7 +49,9 @@ def position_ecef(elements: Elements, time_s: float):
     axis = mpmath.mpf(elements.semi_major_axis_m)
     eccentricity = mpmath.mpf(elements.eccentricity)
     rate = mpmath.sqrt(mpmath.mpf(EARTH_MU_M3_S2) / axis**3)
-    anomaly = eccentric_anomaly(mpmath.mpf(elements.mean_anomaly_rad) + rate * mpmath.mpf(time_s), eccentricity)
+    anomaly = eccentric_anomaly(
+        mpmath.mpf(elements.mean_anomaly_rad) + rate * mpmath.mpf(time_s), eccentricity
+    )
     ahead = axis * (mpmath.cos(anomaly) - eccentricity)
     across = axis * mpmath.sqrt(1 - eccentricity**2) * mpmath.sin(anomaly)
     cosine = mpmath.cos(elements.argument_of_perigee_rad)
@@ -51,8 +59,14 @@ def position_ecef(elements: Elements, time_s: float):
     x = cosine * ahead - sine * across
     y = sine * ahead + cosine * across
     y, z = y * mpmath.cos(elements.inclination_rad), y * mpmath.sin(elements.inclination_rad)
-    turn = mpmath.mpf(elements.node_longitude_rad) - mpmath.mpf(EARTH_ROTATION_RAD_S) * mpmath.mpf(time_s)
-    return [mpmath.cos(turn) * x - mpmath.sin(turn) * y, mpmath.sin(turn) * x + mpmath.cos(turn) * y, z]
+    turn = mpmath.mpf(elements.node_longitude_rad) - mpmath.mpf(EARTH_ROTATION_RAD_S) * mpmath.mpf(
+        time_s
+    )
+    return [
+        mpmath.cos(turn) * x - mpmath.sin(turn) * y,
+        mpmath.sin(turn) * x + mpmath.cos(turn) * y,
+        z,
+    ]
 
 
 @examples(150)
@@ -72,10 +86,17 @@ def test_positions(elements, time_s):
     ours = TwoBodyMotion(elements).position_ecef_m(np.array([time_s]))[0]
     with mpmath.workdps(50):
         theirs = position_ecef(elements, time_s)
-        miss = float(mpmath.sqrt(sum((mpmath.mpf(float(a)) - b) ** 2 for a, b in zip(ours, theirs, strict=True))))
-    # What the rounding of each input to a double does: of the angles, and of the axis and time through the mean motion.
+        miss = float(
+            mpmath.sqrt(
+                sum((mpmath.mpf(float(a)) - b) ** 2 for a, b in zip(ours, theirs, strict=True))
+            )
+        )
+    # What the rounding of each input to a double does: of the angles, and of the axis and time
+    # through the mean motion.
     turns = 1.0 + elements.mean_motion_rad_s * abs(time_s)
-    fastest = math.sqrt((1.0 + elements.eccentricity) / (1.0 - elements.eccentricity)) / (1.0 - elements.eccentricity)
+    fastest = math.sqrt((1.0 + elements.eccentricity) / (1.0 - elements.eccentricity)) / (
+        1.0 - elements.eccentricity
+    )
     scale_m = elements.semi_major_axis_m * fastest * turns + elements.apogee_radius_m * 7.0
     assert miss <= 10.0 * 2.2e-16 * scale_m
 
@@ -87,7 +108,9 @@ def test_mean_anomaly(true_rad, eccentricity):
     with mpmath.workdps(50):
         e = mpmath.mpf(eccentricity)
         half = mpmath.mpf(true_rad) / 2
-        anomaly = 2 * mpmath.atan2(mpmath.sqrt(1 - e) * mpmath.sin(half), mpmath.sqrt(1 + e) * mpmath.cos(half))
+        anomaly = 2 * mpmath.atan2(
+            mpmath.sqrt(1 - e) * mpmath.sin(half), mpmath.sqrt(1 + e) * mpmath.cos(half)
+        )
         miss = ours - (anomaly - e * mpmath.sin(anomaly))
         astray = abs(float(miss - 2 * mpmath.pi * mpmath.nint(miss / (2 * mpmath.pi))))
     assert astray <= 3e-15

@@ -1,4 +1,6 @@
-"""In-band radiance against 40-digit integrals: 100 K to 6000 K, 1 to 30 µm, bands of every width."""
+"""In-band radiance against 40-digit integrals: 100 K to 6000 K, 1 to 30 µm, bands of every
+width.
+"""
 
 import mpmath as mp
 import numpy as np
@@ -24,17 +26,27 @@ def drawn_bands(count):
         yield temperature, lower, min(30.0, lower + float(10.0 ** rng.uniform(-9.0, 1.4)))
 
 
-CASES = [(100.0, 1.0, 30.0), (6000.0, 1.0, 30.0), (100.0, 1.0, 1.0001), (6000.0, 29.0, 30.0), *drawn_bands(6)]
+CASES = [
+    (100.0, 1.0, 30.0),
+    (6000.0, 1.0, 30.0),
+    (100.0, 1.0, 1.0001),
+    (6000.0, 29.0, 30.0),
+    *drawn_bands(6),
+]
 
 
 def above(x, power):
-    """Return ∫ xᵖ / (eˣ - 1) dx from x to infinity, by the series of 1 / (eˣ - 1) in e⁻ˣ, integrated term by term."""
+    """Return ∫ xᵖ / (eˣ - 1) dx from x to infinity, by the series of 1 / (eˣ - 1) in e⁻ˣ,
+    integrated term by term.
+    """
     total = mp.mpf(0)
     number = 0
     term = mp.mpf(1)
     while term > total * mp.mpf(10) ** (-mp.mp.dps):
         number += 1
-        parts = (mp.ff(power, k) * x ** (power - k) / mp.mpf(number) ** (k + 1) for k in range(power + 1))
+        parts = (
+            mp.ff(power, k) * x ** (power - k) / mp.mpf(number) ** (k + 1) for k in range(power + 1)
+        )
         term = mp.exp(-number * x) * mp.fsum(parts)
         total += term
     return total
@@ -42,7 +54,9 @@ def above(x, power):
 
 def between(temperature, lower, upper, power):
     """Return the integral over a band, with enough digits that narrow bands keep forty of them."""
-    low, high = (H * C / (K * mp.mpf(temperature) * mp.mpf(um) * mp.mpf("1e-6")) for um in (upper, lower))
+    low, high = (
+        H * C / (K * mp.mpf(temperature) * mp.mpf(um) * mp.mpf("1e-6")) for um in (upper, lower)
+    )
     if power < 4:
         return above(low, power) - above(high, power)
     # By parts: d(1 / (eˣ - 1)) is -eˣ / (eˣ - 1)².
@@ -51,7 +65,13 @@ def between(temperature, lower, upper, power):
 
 
 def watts(temperature, lower, upper):
-    return 2 * H * C**2 * (K * mp.mpf(temperature) / (H * C)) ** 4 * between(temperature, lower, upper, 3)
+    return (
+        2
+        * H
+        * C**2
+        * (K * mp.mpf(temperature) / (H * C)) ** 4
+        * between(temperature, lower, upper, 3)
+    )
 
 
 def photons(temperature, lower, upper):
@@ -86,7 +106,9 @@ def test_bands_agree_to_1e_12(ours, theirs):
 
 
 @pytest.mark.parametrize(
-    ("ours", "theirs"), [(planck_radiance, radiance), (planck_photon_radiance, photon_radiance)], ids=["W", "photons"]
+    ("ours", "theirs"),
+    [(planck_radiance, radiance), (planck_photon_radiance, photon_radiance)],
+    ids=["W", "photons"],
 )
 def test_spectra_agree_to_rounding(ours, theirs):
     # At 50 K and 0.4 µm the exponent is 719: e⁻ˣ alone is no normal float, and eˣ none at all.

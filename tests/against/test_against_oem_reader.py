@@ -1,7 +1,8 @@
 """Orbit Ephemeris Messages against the reader `oem` (MIT licence), and the standard's own example.
 
-Both read the same files. Times and states must be the same to the last digit that the file has; what `oem` refuses as
-malformed, and what is no Earth-fixed or known inertial frame, is refused here in words.
+Both read the same files. Times and states must be the same to the last digit that the file has;
+what `oem` refuses as malformed, and what is no Earth-fixed or known inertial frame, is refused here
+in words.
 """
 
 import re
@@ -39,7 +40,9 @@ COV_REF_FRAME = RTN
 
 def covariance():
     rows = [
-        "".join(" ".join(f"{0.1 * scale * (row + column + 1):.7e}" for column in range(row + 1)) + "\n")
+        "".join(
+            " ".join(f"{0.1 * scale * (row + column + 1):.7e}" for column in range(row + 1)) + "\n"
+        )
         for scale in (1.0, 2.0)
         for row in range(6)
     ]
@@ -51,10 +54,29 @@ def stamp(time_s, form="%Y-%m-%dT%H:%M:%S"):
     return f"{moment.strftime(form)}.{moment.microsecond:06d}"
 
 
-def segment(time_s, *, frame="ITRF2014", widths=9, seed=1, form="%Y-%m-%dT%H:%M:%S", number="{!r}", blank=" "):
+def segment(
+    time_s,
+    *,
+    frame="ITRF2014",
+    widths=9,
+    seed=1,
+    form="%Y-%m-%dT%H:%M:%S",
+    number="{!r}",
+    blank=" ",
+):
     """Return a segment of states with as many numbers as `widths` says."""
     rng = np.random.default_rng(seed)
-    states = rng.normal(size=(len(time_s), 9)) * [200.0, 2e3, 2e3, 5.0, 5.0, 5.0, 0.01, 0.01, 0.01] + [7e3, *[0.0] * 8]
+    states = rng.normal(size=(len(time_s), 9)) * [
+        200.0,
+        2e3,
+        2e3,
+        5.0,
+        5.0,
+        5.0,
+        0.01,
+        0.01,
+        0.01,
+    ] + [7e3, *[0.0] * 8]
     lines = [
         blank.join([stamp(t, form), *(number.format(float(value)) for value in row[:widths])])
         for t, row in zip(time_s, states, strict=True)
@@ -93,7 +115,8 @@ MESSAGES = {
     .replace("OBJECT_NAME", "COMMENT of the metadata\nOBJECT_NAME")
     .replace("META_STOP\n", "META_STOP\n\nCOMMENT 2026-04-01T12:00:00 1 2 3 4 5 6\n"),
     "line ends of another system": message(USUAL).replace("\n", "\r\n"),
-    "keywords without blanks": message(USUAL).replace("META_START\n", "META_START\nINTERPOLATION = HERMITE\n"
+    "keywords without blanks": message(USUAL).replace("META_START\n", "META_START\nINTERPOLATION ="
+                                                                      " HERMITE\n"
                                                       "INTERPOLATION_DEGREE = 7\n"),
     "segments that meet": message(
         segment([0.0, 10.0, 20.0], widths=6),
@@ -122,7 +145,9 @@ def test_states_of_inertial_frames_are_those_that_oem_reads_turned(tmp_path, fra
     text = message(segment(np.arange(0.0, 600.0, 60.0), widths=6, frame=frame))
     time_s, states = by_oem(tmp_path, text)
     table = oem_table(text, EPOCH_US, None)
-    expected = ecef_state("TEME" if frame == "TEME" else "EME2000", states[:, :3], states[:, 3:], EPOCH_US, time_s)
+    expected = ecef_state(
+        "TEME" if frame == "TEME" else "EME2000", states[:, :3], states[:, 3:], EPOCH_US, time_s
+    )
     np.testing.assert_allclose(table.position_m, expected[0], rtol=0.0, atol=1e-3)
     np.testing.assert_allclose(table.velocity_m_s, expected[1], rtol=0.0, atol=1e-6)
 
@@ -134,19 +159,25 @@ def test_times_within_which_it_may_be_used(tmp_path):
     theirs = OrbitEphemerisMessage.open(tmp_path / "message.oem").span
     epoch = Time(str(EPOCH), scale="utc")
     expected = [(end - epoch).to_value("s") for end in theirs]
-    np.testing.assert_allclose(oem_table(text, EPOCH_US, None).burns_s, [expected], rtol=0.0, atol=3e-7)
+    np.testing.assert_allclose(
+        oem_table(text, EPOCH_US, None).burns_s, [expected], rtol=0.0, atol=3e-7
+    )
 
 
 MALFORMED = {
     "too few numbers": MESSAGES["states"].rstrip().rpartition(" ")[0],
-    "states of two widths": message(segment([0.0, 1.0], widths=6) + segment([2.0, 3.0]).partition("META_STOP\n")[2]),
+    "states of two widths": message(
+        segment([0.0, 1.0], widths=6) + segment([2.0, 3.0]).partition("META_STOP\n")[2]
+    ),
     "a word for a number": re.sub(r"(\S+)\n$", "none\n", MESSAGES["states"]),
     "a keyword twice": MESSAGES["states"].replace("REF_FRAME", "REF_FRAME = TEME\nREF_FRAME"),
     "no frame": MESSAGES["states"].replace("REF_FRAME = ITRF2014\n", ""),
     "no equals sign": MESSAGES["states"].replace("OBJECT_ID =", "OBJECT_ID"),
     "no metadata": MESSAGES["states"].replace("META_START\n", ""),
     "states after a covariance block": message(
-        segment([0.0, 1.0], widths=6), covariance(), segment([2.0, 3.0], widths=6).partition("META_STOP\n")[2]
+        segment([0.0, 1.0], widths=6),
+        covariance(),
+        segment([2.0, 3.0], widths=6).partition("META_STOP\n")[2],
     ),
 }
 
@@ -160,7 +191,8 @@ def test_what_oem_refuses_is_refused_with_its_line(tmp_path, text):
         oem_table(text, EPOCH_US, None)
 
 
-#: CCSDS 502.0-B-3 (2023), annex G, the example of an OEM without accelerations: its metadata and first three states.
+#: CCSDS 502.0-B-3 (2023), annex G, the example of an OEM without accelerations: its metadata and
+#: first three states.
 OF_THE_STANDARD = """CCSDS_OEM_VERS = 3.0
 CREATION_DATE = 1996-11-04T17:22:31
 ORIGINATOR = NASA/JPL
@@ -187,10 +219,14 @@ COMMENT a file of navigation
 def test_the_standards_own_example_is_of_another_planet_and_reported_so(tmp_path):
     text = OF_THE_STANDARD.format(center="MARS BARYCENTER")
     assert len(by_oem(tmp_path, text)[0]) == 3
-    with pytest.raises(BadFileError, match="line 16: CENTER_NAME is 'MARS BARYCENTER'; only EARTH is taken"):
+    with pytest.raises(
+        BadFileError, match="line 16: CENTER_NAME is 'MARS BARYCENTER'; only EARTH is taken"
+    ):
         oem_table(text, EPOCH_US, None)
 
 
 def test_its_states_would_be_deep_in_the_earth_and_that_is_reported():
-    with pytest.raises(BadFileError, match=r"line 18: the position is 3\.30326e\+06 m from the Earth's centre"):
+    with pytest.raises(
+        BadFileError, match=r"line 18: the position is 3\.30326e\+06 m from the Earth's centre"
+    ):
         oem_table(OF_THE_STANDARD.format(center="EARTH"), EPOCH_US, None)

@@ -1,8 +1,10 @@
-"""The paper's tables, corrected: closed form and simulation agree within 99.9 % Monte-Carlo intervals.
+"""The paper's tables, corrected: closed form and simulation agree within 99.9 % Monte-Carlo
+intervals.
 
-Paper: "OPIR Sensor Simulation for Missile Warning", opir-simulator v0.1.0, April 2026, sections 3.4, 4.1, 4.2, 5.1 and
-8; the corrections and their reasons are in docs/explanation/paper-errata.md. Every sensor type sees 20 000 launches:
-1 000 targets under each of 20 seeds, which are independent by construction of the random streams.
+Paper: "OPIR Sensor Simulation for Missile Warning", opir-simulator v0.1.0, April 2026, sections
+3.4, 4.1, 4.2, 5.1 and 8; the corrections and their reasons are in docs/explanation/paper-errata.md.
+Every sensor type sees 20 000 launches: 1 000 targets under each of 20 seeds, which are independent
+by construction of the random streams.
 """
 
 import math
@@ -11,7 +13,12 @@ from functools import cache
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_photons.detection import cumulative_probability, latency_cdf, latency_mean, latency_quantile
+from opir_photons.detection import (
+    cumulative_probability,
+    latency_cdf,
+    latency_mean,
+    latency_quantile,
+)
 from scipy.stats import binom
 
 import opir_core as opir
@@ -20,7 +27,8 @@ from opir_core.simulation.engine import Engine
 #: Section 3.4: scan period (s) and probability of detection per scan of an ICBM-class target.
 PAPER = {"DSP": (0.200, 0.60), "SBIRS-GEO": (0.100, 0.80), "NEXTGEN-GEO": (0.050, 0.95)}
 
-#: Section 5.1: mean latency T / P, and the 95th percentile, which the paper prints as 0.80, 0.30 and 0.13 s.
+#: Section 5.1: mean latency T / P, and the 95th percentile, which the paper prints as 0.80, 0.30
+#: and 0.13 s.
 MEAN_LATENCY_S = {"DSP": 0.3333, "SBIRS-GEO": 0.1250, "NEXTGEN-GEO": 0.0526}
 LATENCY_95_S = {"DSP": 0.80, "SBIRS-GEO": 0.20, "NEXTGEN-GEO": 0.05}
 
@@ -36,16 +44,25 @@ Z = 3.2905
 
 
 def scene(model: str, targets: int, duration_s: float, scan_phase: str = "aligned") -> opir.Scene:
-    """Return launches at the scene's epoch under one sensor, without light time, as the paper has it."""
+    """Return launches at the scene's epoch under one sensor, without light time, as the paper has
+    it.
+    """
     launch = {"lat_deg": 5.0, "lon_deg": -100.0, "time_s": 0.0}
-    target = {"type": "ICBM", "launch": launch, "aim": {"lat_deg": -50.0, "lon_deg": -60.0}, "burn_time_s": 300.0}
+    target = {
+        "type": "ICBM",
+        "launch": launch,
+        "aim": {"lat_deg": -50.0, "lon_deg": -60.0},
+        "burn_time_s": 300.0,
+    }
     return opir.scene_from_mapping(
         {
             "scene": "paper",
             "epoch": "2026-04-01T00:00:00Z",
             "duration_s": duration_s,
             "light_time": False,
-            "sensors": [{"model": model, "id": "S", "orbital_slot_deg": -100.0, "scan_phase": scan_phase}],
+            "sensors": [
+                {"model": model, "id": "S", "orbital_slot_deg": -100.0, "scan_phase": scan_phase}
+            ],
             "targets": [{"id": f"T{number}", **target} for number in range(targets)],
         }
     )
@@ -88,7 +105,11 @@ def test_95th_percentile_latency(model: str) -> None:
         share = (first_scans(model) <= count).mean()
         closed = float(latency_cdf(count * period_s, period_s, probability))
         assert abs(share - closed) <= Z * math.sqrt(closed * (1.0 - closed) / (TARGETS * SEEDS))
-    assert 1.0 - (1.0 - probability) ** scans >= 0.95 - 1e-12 > 1.0 - (1.0 - probability) ** (scans - 1)
+    assert (
+        1.0 - (1.0 - probability) ** scans
+        >= 0.95 - 1e-12
+        > 1.0 - (1.0 - probability) ** (scans - 1)
+    )
 
 
 @pytest.mark.slow
@@ -128,7 +149,11 @@ def test_relative_improvements() -> None:
     (dsp_s, dsp), (sbirs_s, sbirs), (nextgen_s, nextgen) = PAPER.values()
     assert round(100 * (sbirs / dsp - 1)) == 33
     assert round(100 * (nextgen / sbirs - 1)) == 19
-    assert (round(dsp_s / sbirs_s), round(sbirs_s / nextgen_s), round(dsp_s / nextgen_s)) == (2, 2, 4)
+    assert (round(dsp_s / sbirs_s), round(sbirs_s / nextgen_s), round(dsp_s / nextgen_s)) == (
+        2,
+        2,
+        4,
+    )
     # The paper's 2.6 is 2.667 cut off.
     assert (dsp_s / dsp) / (sbirs_s / sbirs) == pytest.approx(8 / 3)
 

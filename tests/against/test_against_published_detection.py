@@ -19,7 +19,9 @@ from scipy.stats import binom
 
 CASES = json.loads((DATA / "reference_cases.json").read_text())
 ROWS = {
-    case["id"]: case for case in (CASES["cases"] if isinstance(CASES, dict) else CASES) if case["topic"] == "detection"
+    case["id"]: case
+    for case in (CASES["cases"] if isinstance(CASES, dict) else CASES)
+    if case["topic"] == "detection"
 }
 
 
@@ -46,7 +48,9 @@ def test_m_of_n_is_the_tail_of_the_binomial_law(needed: int, looks: int) -> None
 
 def test_tails_are_kept_down_to_the_least_double_and_below() -> None:
     assert threshold_sigma(1e-300) == pytest.approx(37.0470964, abs=1e-6)
-    assert log_probability_of_detection(0.0, threshold_sigma(1e-300)) == pytest.approx(np.log(1e-300), rel=1e-13)
+    assert log_probability_of_detection(0.0, threshold_sigma(1e-300)) == pytest.approx(
+        np.log(1e-300), rel=1e-13
+    )
     assert log_probability_of_detection(0.0, 1e6) == pytest.approx(-5.000000000147344e11, rel=1e-12)
 
 
@@ -55,5 +59,9 @@ def test_the_least_probabilities_are_those_of_high_precision(deficit: float) -> 
     with mpmath.workdps(40):
         exact = float(mpmath.erfc(mpmath.mpf(deficit) / mpmath.sqrt(2)) / 2)
     # Denormal numbers are multiples of the least double.
-    assert float(probability_of_detection(1.0, deficit + 1.0)) == pytest.approx(exact, rel=1e-11, abs=5e-324)
-    assert float(probability_of_detection([1.0], [deficit + 1.0])[0]) == pytest.approx(exact, rel=1e-11, abs=5e-324)
+    assert float(probability_of_detection(1.0, deficit + 1.0)) == pytest.approx(
+        exact, rel=1e-11, abs=5e-324
+    )
+    assert float(probability_of_detection([1.0], [deficit + 1.0])[0]) == pytest.approx(
+        exact, rel=1e-11, abs=5e-324
+    )

@@ -1,4 +1,6 @@
-"""Geometry against published cases: Vallado, Orekit, pymap3d, GeographicLib, SMAD (tests/data/reference_cases.json)."""
+"""Geometry against published cases: Vallado, Orekit, pymap3d, GeographicLib, SMAD
+(tests/data/reference_cases.json).
+"""
 
 import json
 
@@ -29,9 +31,9 @@ from opir_core.geometry.ellipsoid import WGS84
 
 CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
 
-# valladopy's Earth. Its answers belong to the eccentricity of WGS 84, 0.0818191908426: solving the two equations of
-# case vallado_site_7_1 for radius and eccentricity gives these two to 13 digits. The 0.081819221456 among that case's
-# inputs is the book's, and moves the site by 17 mm.
+# valladopy's Earth. Its answers belong to the eccentricity of WGS 84, 0.0818191908426: solving the
+# two equations of case vallado_site_7_1 for radius and eccentricity gives these two to 13 digits.
+# The 0.081819221456 among that case's inputs is the book's, and moves the site by 17 mm.
 VALLADO = Ellipsoid(6378136.3, WGS84.flattening)
 
 
@@ -84,7 +86,9 @@ def test_look_angles(case):
     longitude = np.radians(given["site_lon_deg"])
     site = geodetic_to_ecef(latitude, longitude, given["site_h_km"] * 1e3, ellipsoid=VALLADO)
     offset = np.array(given["recef_km"]) * 1e3 - site
-    azimuth, elevation, distance = azimuth_elevation_range_in_axes(offset, east_north_up_axes(latitude, longitude))
+    azimuth, elevation, distance = azimuth_elevation_range_in_axes(
+        offset, east_north_up_axes(latitude, longitude)
+    )
     assert azimuth == pytest.approx(expected["az_rad"] % (2.0 * np.pi), rel=0.0, abs=case["tol"])
     assert elevation == pytest.approx(expected["el_rad"], rel=0.0, abs=case["tol"])
     assert distance / 1e3 == pytest.approx(expected["range_km"], rel=case["tol"])
@@ -94,14 +98,18 @@ def test_look_angles(case):
 def test_line_of_sight_meets_the_ellipsoid(case):
     given = case["inputs"]
     expected = case["expected"]
-    origin = geodetic_to_ecef(np.radians(given["lat_deg"]), np.radians(given["lon_deg"]), given["h_m"])
+    origin = geodetic_to_ecef(
+        np.radians(given["lat_deg"]), np.radians(given["lon_deg"]), given["h_m"]
+    )
     # pymap3d's tilt is measured from straight down.
     ray = line_of_sight(origin, np.radians(given["az_deg"]), np.radians(given["tilt_deg"] - 90.0))
     met = intersection_with_ellipsoid(origin, ray)
     latitude, longitude, height = ecef_to_geodetic(met)
     assert np.degrees(latitude) == pytest.approx(expected["lat_deg"], rel=0.0, abs=case["tol"])
     assert np.degrees(longitude) == pytest.approx(expected["lon_deg"], rel=0.0, abs=case["tol"])
-    assert azimuth_elevation_range(origin, met).range_m == pytest.approx(expected["range_m"], rel=0.0, abs=case["tol"])
+    assert azimuth_elevation_range(origin, met).range_m == pytest.approx(
+        expected["range_m"], rel=0.0, abs=case["tol"]
+    )
     assert abs(height) < 3e-9
 
 
@@ -109,7 +117,9 @@ def test_line_of_sight_meets_the_ellipsoid(case):
 def test_geodesic_inverse(case):
     given = case["inputs"]
     expected = case["expected"]
-    distance, bearing = geodesic_inverse(*np.radians([given[key] for key in ("lat1", "lon1", "lat2", "lon2")]))
+    distance, bearing = geodesic_inverse(
+        *np.radians([given[key] for key in ("lat1", "lon1", "lat2", "lon2")])
+    )
     assert distance == pytest.approx(expected["s12_m"], rel=0.0, abs=case["tol"])
     assert angle_difference_deg(np.degrees(bearing), expected["azi1_deg"]) < 1e-9
 
@@ -133,7 +143,9 @@ def test_gmst(case):
 
 @cases("julian_date")
 def test_julian_date(case):
-    assert julian_date(case["inputs"]["date"]) == pytest.approx(case["expected"]["jd"], rel=0.0, abs=case["tol"])
+    assert julian_date(case["inputs"]["date"]) == pytest.approx(
+        case["expected"]["jd"], rel=0.0, abs=case["tol"]
+    )
 
 
 @cases("sun_position_low_precision")
@@ -143,7 +155,9 @@ def test_sun_position(case):
     expected = case["expected"]
     assert np.linalg.norm(found) / 1e3 == pytest.approx(np.linalg.norm(expected["r_km"]), rel=1e-6)
     assert np.degrees(np.arctan2(y, x)) == pytest.approx(expected["ra_deg"], rel=0.0, abs=0.01)
-    assert np.degrees(np.arctan2(z, np.hypot(x, y))) == pytest.approx(expected["dec_deg"], rel=0.0, abs=0.01)
+    assert np.degrees(np.arctan2(z, np.hypot(x, y))) == pytest.approx(
+        expected["dec_deg"], rel=0.0, abs=0.01
+    )
 
 
 @cases("earth_shadow")
@@ -165,6 +179,8 @@ def test_geostationary_visibility(case):
     satellite = np.array([given["r_geo_km"] * 1e3, 0.0, 0.0])
     elevation = np.degrees(elevation_rad(ground, satellite))
     assert elevation == pytest.approx(given["elevation_deg"], rel=0.0, abs=1e-11)
-    assert np.degrees(nadir_angle_rad(satellite, ground)) == pytest.approx(expected["nadir_angle_deg"], rel=1e-13)
+    assert np.degrees(nadir_angle_rad(satellite, ground)) == pytest.approx(
+        expected["nadir_angle_deg"], rel=1e-13
+    )
     slant_range = azimuth_elevation_range(ground, satellite).range_m
     assert slant_range / 1e3 == pytest.approx(expected["slant_range_km"], rel=case["tol"])

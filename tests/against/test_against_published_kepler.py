@@ -1,4 +1,6 @@
-"""Two-body motion against published cases: Vallado, Curtis, Bate-Mueller-White, Der (tests/data/reference_cases)."""
+"""Two-body motion against published cases: Vallado, Curtis, Bate-Mueller-White, Der
+(tests/data/reference_cases).
+"""
 
 import json
 
@@ -14,7 +16,9 @@ CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))[
 
 
 def cases(*topics):
-    chosen = [case for case in CASES if case["topic"] in topics and case["inputs"].get("revs", 0) == 0]
+    chosen = [
+        case for case in CASES if case["topic"] in topics and case["inputs"].get("revs", 0) == 0
+    ]
     assert chosen
     return pytest.mark.parametrize("case", [pytest.param(case, id=case["id"]) for case in chosen])
 
@@ -108,7 +112,9 @@ def test_free_flight_of_bate_mueller_white_page_290():
 
 @pytest.mark.parametrize("which", ["phi_high_deg", "phi_low_deg"])
 def test_free_flight_of_bate_mueller_white_page_291(which):
-    """From 30 N 60 E to 30 S 60 W at 1.0817 DU/TU from 0.025 DU: two flight-path angles reach it, one falls."""
+    """From 30 N 60 E to 30 S 60 W at 1.0817 DU/TU from 0.025 DU: two flight-path angles reach it,
+    one falls.
+    """
     expected = case_named("bmw_p291")["expected"]
     phi = np.radians(expected[which])
     psi = np.arccos(expected["cos_psi"])
@@ -130,7 +136,9 @@ def test_free_flight_of_bate_mueller_white_page_291(which):
 
 
 def test_minimum_energy_flight_of_7400_km():
-    """Gronlund and Wright (Science and Global Security 3, 1992, table 1), which counts the boost: a loose check."""
+    """Gronlund and Wright (Science and Global Security 3, 1992, table 1), which counts the boost: a
+    loose check.
+    """
     expected = case_named("gronlund_wright_7400")["expected"]
     half = 0.5 * 7400e3 / 6371e3
     q = 2.0 * np.sin(half) / (1.0 + np.sin(half))

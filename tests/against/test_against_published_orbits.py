@@ -1,4 +1,6 @@
-"""Orbits against published figures and closed forms: Vallado's example, periods, ground tracks, Molniya's dwell."""
+"""Orbits against published figures and closed forms: Vallado's example, periods, ground tracks,
+Molniya's dwell.
+"""
 
 import math
 
@@ -35,7 +37,8 @@ def longitudes_rad(position: np.ndarray) -> np.ndarray:
 
 
 def test_vallado_example_2_6():
-    # Vallado, Fundamentals of Astrodynamics and Applications, example 2-6: elements to position and velocity.
+    # Vallado, Fundamentals of Astrodynamics and Applications, example 2-6: elements to position and
+    # velocity.
     eccentricity = 0.83285
     elements = Elements(
         semi_major_axis_m=11_067_790.0 / (1.0 - eccentricity**2),
@@ -52,13 +55,16 @@ def test_vallado_example_2_6():
 
 @pytest.mark.parametrize(
     ("altitude_km", "period_min"),
-    # Wertz and Larson, Space Mission Analysis and Design, 3rd ed., inside rear cover: period of circular orbits.
+    # Wertz and Larson, Space Mission Analysis and Design, 3rd ed., inside rear cover: period of
+    # circular orbits.
     [(200.0, 88.49), (500.0, 94.62), (1000.0, 105.12), (35_786.0, 1436.07)],
 )
 def test_periods_of_circular_orbits(altitude_km, period_min):
     elements = circular_elements(altitude_km * 1e3, 1.0, 0.0)
     assert elements.period_s / 60.0 == pytest.approx(period_min, rel=2e-4)
-    eci, _ = TwoBodyMotion(elements).state_eci(np.array([0.0, elements.period_s, 100 * elements.period_s]))
+    eci, _ = TwoBodyMotion(elements).state_eci(
+        np.array([0.0, elements.period_s, 100 * elements.period_s])
+    )
     assert eci[1:] == pytest.approx(np.broadcast_to(eci[0], (2, 3)), rel=0.0, abs=1e-5)
 
 
@@ -81,23 +87,29 @@ def test_the_figure_eight_of_an_inclined_slot(inclination_deg):
 
 @pytest.mark.parametrize("eccentricity", [0.001, 0.05, 0.3])
 def test_the_libration_of_an_eccentric_slot(eccentricity):
-    # On the equator the longitude strays from the slot by true less mean anomaly: by 2e at most, to first order; its
-    # mean over a day is the slot's.
+    # On the equator the longitude strays from the slot by true less mean anomaly: by 2e at most, to
+    # first order; its mean over a day is the slot's.
     elements = slot_elements(-1.2, eccentricity=eccentricity)
     time_s = (np.arange(4000) + 0.5) * DAY_S / 4000
-    astray = np.remainder(longitudes_rad(positions(elements, time_s)) + 1.2 + np.pi, 2.0 * np.pi) - np.pi
+    astray = (
+        np.remainder(longitudes_rad(positions(elements, time_s)) + 1.2 + np.pi, 2.0 * np.pi) - np.pi
+    )
     assert astray.mean() == pytest.approx(0.0, abs=1e-10)
     # Brouwer and Clemence, Methods of Celestial Mechanics, ch. II: greatest equation of the centre.
     greatest = 2.0 * eccentricity + 11.0 / 48.0 * eccentricity**3 + 599.0 / 5120.0 * eccentricity**5
     assert astray.max() == pytest.approx(greatest, rel=1e-4)
 
 
-@pytest.mark.parametrize("config", [SlotConfig(lon_deg=-75.0, inclination_deg=1e-9), SlotConfig(lon_deg=285.0)])
+@pytest.mark.parametrize(
+    "config", [SlotConfig(lon_deg=-75.0, inclination_deg=1e-9), SlotConfig(lon_deg=285.0)]
+)
 def test_a_slot_of_hardly_any_inclination_is_the_ideal_one(config):
     ideal = orbit_of(OrbitConfig(slot=SlotConfig(lon_deg=-75.0)), 0)
     time_s = np.linspace(-1e5, 1e5, 101)
     near = orbit_of(OrbitConfig(slot=config), 0)
-    assert near.position_ecef_m(time_s) == pytest.approx(ideal.position_ecef_m(time_s), rel=0.0, abs=3e-3)
+    assert near.position_ecef_m(time_s) == pytest.approx(
+        ideal.position_ecef_m(time_s), rel=0.0, abs=3e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -116,20 +128,30 @@ def test_ground_tracks_close_after_whole_days(elements, day_count):
 
 
 def test_molniya_is_where_it_is_known_to_be():
-    elements = elements_of(OrbitConfig(molniya=MolniyaConfig(apogee_lon_deg=90.0, apogee_time_s=600.0)), 0)
+    elements = elements_of(
+        OrbitConfig(molniya=MolniyaConfig(apogee_lon_deg=90.0, apogee_time_s=600.0)), 0
+    )
     assert elements is not None
     assert elements.semi_major_axis_m == pytest.approx(26_562e3, abs=1e3)
     assert elements.period_s / 60.0 == pytest.approx(718.0, abs=0.1)
     assert math.degrees(CRITICAL_INCLINATION_RAD) == pytest.approx(63.4349, abs=1e-4)
     assert 4.0 - 5.0 * math.sin(elements.inclination_rad) ** 2 == pytest.approx(0.0, abs=1e-15)
     apogees = positions(elements, 600.0 + np.arange(3) * 0.5 * DAY_S)
-    assert np.degrees(longitudes_rad(apogees)) % 360.0 == pytest.approx([90.0, 270.0, 90.0], abs=1e-8)
-    assert np.linalg.norm(apogees, axis=1) == pytest.approx(elements.semi_major_axis_m * 1.74, rel=1e-10)
-    assert np.degrees(np.arcsin(apogees[:, 2] / np.linalg.norm(apogees, axis=1))) == pytest.approx(63.4349, abs=1e-4)
+    assert np.degrees(longitudes_rad(apogees)) % 360.0 == pytest.approx(
+        [90.0, 270.0, 90.0], abs=1e-8
+    )
+    assert np.linalg.norm(apogees, axis=1) == pytest.approx(
+        elements.semi_major_axis_m * 1.74, rel=1e-10
+    )
+    assert np.degrees(np.arcsin(apogees[:, 2] / np.linalg.norm(apogees, axis=1))) == pytest.approx(
+        63.4349, abs=1e-4
+    )
 
 
 def test_tundra_dwells_over_one_longitude():
-    elements = elements_of(OrbitConfig(tundra=TundraConfig(apogee_lon_deg=-95.0, apogee_time_s=-5e3)), 0)
+    elements = elements_of(
+        OrbitConfig(tundra=TundraConfig(apogee_lon_deg=-95.0, apogee_time_s=-5e3)), 0
+    )
     assert elements is not None
     apogees = positions(elements, -5e3 + np.arange(3) * DAY_S)
     assert np.degrees(longitudes_rad(apogees)) == pytest.approx([-95.0] * 3, abs=1e-8)
@@ -137,9 +159,16 @@ def test_tundra_dwells_over_one_longitude():
 
 @pytest.mark.parametrize("argument_of_perigee_rad", [0.0, 0.7, 4.0, 4.9, 1.5 * math.pi])
 @pytest.mark.parametrize("inclination_rad", [0.0, 0.4, 1.107, 2.5])
-def test_the_apogee_stands_over_its_longitude_whatever_the_perigee(inclination_rad, argument_of_perigee_rad):
+def test_the_apogee_stands_over_its_longitude_whatever_the_perigee(
+    inclination_rad, argument_of_perigee_rad
+):
     elements = highly_elliptical_elements(
-        2.0, 0.6, -2.0, 3e3, inclination_rad=inclination_rad, argument_of_perigee_rad=argument_of_perigee_rad
+        2.0,
+        0.6,
+        -2.0,
+        3e3,
+        inclination_rad=inclination_rad,
+        argument_of_perigee_rad=argument_of_perigee_rad,
     )
     apogee = positions(elements, np.array([3e3]))
     assert longitudes_rad(apogee) == pytest.approx([-2.0], abs=1e-9)
@@ -148,7 +177,8 @@ def test_the_apogee_stands_over_its_longitude_whatever_the_perigee(inclination_r
 
 @pytest.mark.parametrize(("turns", "eccentricity"), [(2.0, 0.74), (2.0, 0.71), (1.0, 0.27)])
 def test_the_share_of_time_spent_in_the_north(turns, eccentricity):
-    # North of the equator the true anomaly runs from 90 to 270 deg, the eccentric from acos(e): Kepler's equation.
+    # North of the equator the true anomaly runs from 90 to 270 deg, the eccentric from acos(e):
+    # Kepler's equation.
     elements = highly_elliptical_elements(turns, eccentricity, 0.0)
     eccentric = math.acos(eccentricity)
     share = 1.0 - (eccentric - eccentricity * math.sin(eccentric)) / math.pi
@@ -165,5 +195,7 @@ def test_speed_at_perigee_is_that_of_vis_viva():
     radius = float(np.linalg.norm(position))
     speed = float(np.linalg.norm(velocity))
     assert radius == pytest.approx(elements.perigee_radius_m, rel=1e-13)
-    assert speed**2 == pytest.approx(EARTH_MU_M3_S2 * (2.0 / radius - 1.0 / elements.semi_major_axis_m), rel=1e-13)
+    assert speed**2 == pytest.approx(
+        EARTH_MU_M3_S2 * (2.0 / radius - 1.0 / elements.semi_major_axis_m), rel=1e-13
+    )
     assert radius - EARTH_EQUATORIAL_RADIUS_M == pytest.approx(528e3, abs=1e3)

@@ -18,7 +18,9 @@ J2_CASES = [case for case in CASES if case["topic"] == "j2_propagation"]
 def test_j2(case, tolerance_m):
     given = case["inputs"]
     expected = case["expected"]
-    gravity = ZonalField(mu_m3_s2=given["mu_km3_s2"] * 1e9, radius_m=given["Re_km"] * 1e3, j2=given["J2"])
+    gravity = ZonalField(
+        mu_m3_s2=given["mu_km3_s2"] * 1e9, radius_m=given["Re_km"] * 1e3, j2=given["J2"]
+    )
     start = np.array(given["r0_km"]) * 1e3, np.array(given["v0_km_s"]) * 1e3
     forces = Forces(zonal=("j2",), gravity=gravity)
     position, velocity = propagate(*start, given["dt_s"], forces, tolerance_m=tolerance_m)

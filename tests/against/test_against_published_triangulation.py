@@ -17,7 +17,9 @@ CASES = [
 
 def sensors_m(inputs: dict[str, Any]) -> np.ndarray:
     angle = np.radians(inputs["sat_lon_deg"])
-    return inputs["sat_radius_m"] * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    return inputs["sat_radius_m"] * np.stack(
+        [np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1
+    )
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
@@ -33,7 +35,9 @@ def test_the_bound(case: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
 def test_meeting_points_reach_the_bound(case: dict[str, Any]) -> None:
-    """The mean squared error of 4000 fixes is the bound's within 5 standard errors of a sum of squares."""
+    """The mean squared error of 4000 fixes is the bound's within 5 standard errors of a sum of
+    squares.
+    """
     rng = np.random.default_rng(7)
     runs = 4000
     origin = sensors_m(case["inputs"])
@@ -46,7 +50,9 @@ def test_meeting_points_reach_the_bound(case: dict[str, Any]) -> None:
     seen = truth + error
     seen /= np.linalg.norm(seen, axis=2)[:, :, None]
     group = np.repeat(np.arange(runs), len(origin))
-    fix = triangulated(group, runs, np.tile(origin, (runs, 1)), seen.reshape(-1, 3), np.tile(sigma, runs))
+    fix = triangulated(
+        group, runs, np.tile(origin, (runs, 1)), seen.reshape(-1, 3), np.tile(sigma, runs)
+    )
     rss = np.sqrt(np.mean(np.sum((fix.position_m - target) ** 2, axis=1)))
     assert rss == pytest.approx(case["expected"]["rss_m"], rel=5.0 / np.sqrt(2.0 * runs))
     assert fix.misfit.mean() == pytest.approx(2 * len(origin) - 3, rel=0.15)

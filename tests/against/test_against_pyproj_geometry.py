@@ -1,4 +1,6 @@
-"""Geometry against PROJ (pyproj): geodetic coordinates near the ground, the topocentric frame, geodesics."""
+"""Geometry against PROJ (pyproj): geodetic coordinates near the ground, the topocentric frame,
+geodesics.
+"""
 
 import numpy as np
 import pyproj
@@ -37,10 +39,14 @@ def test_geodetic_to_ecef():
 
 
 def test_ecef_to_geodetic_near_the_ground():
-    """PROJ inverts with one step of Bowring's formula from a start on the ground: off 1e-17 rad a metre of height."""
+    """PROJ inverts with one step of Bowring's formula from a start on the ground: off 1e-17 rad a
+    metre of height.
+    """
     position = geodetic_to_ecef(*places(2000, 2, -500.0, 500.0))
     ours = ecef_to_geodetic(position)
-    longitude, latitude, height = PROJ_GEOCENTRIC.transform(*position.T, radians=True, direction="INVERSE")
+    longitude, latitude, height = PROJ_GEOCENTRIC.transform(
+        *position.T, radians=True, direction="INVERSE"
+    )
     assert ours.longitude_rad == pytest.approx(longitude, rel=0.0, abs=5e-16)
     assert ours.latitude_rad == pytest.approx(latitude, rel=0.0, abs=1e-14)
     assert ours.height_m == pytest.approx(height, rel=0.0, abs=2e-7)
@@ -51,7 +57,9 @@ def test_azimuth_elevation_range_in_the_topocentric_frame():
     for latitude, longitude, height in zip(*places(20, 3), strict=True):
         frame = topocentric(latitude, longitude, height)
         east, north, up = frame.transform(*targets.T)
-        azimuth, elevation, distance = azimuth_elevation_range(geodetic_to_ecef(latitude, longitude, height), targets)
+        azimuth, elevation, distance = azimuth_elevation_range(
+            geodetic_to_ecef(latitude, longitude, height), targets
+        )
         turn = np.abs((azimuth - np.arctan2(east, north) + np.pi) % (2.0 * np.pi) - np.pi)
         assert np.max(turn * np.cos(elevation)) < 3e-15
         assert elevation == pytest.approx(np.arctan2(up, np.hypot(east, north)), rel=0.0, abs=3e-15)
@@ -65,7 +73,9 @@ def test_line_of_sight_in_the_topocentric_frame():
         azimuth = rng.uniform(0.0, 2.0 * np.pi, 100)
         elevation = np.arcsin(rng.uniform(-1.0, 1.0, 100))
         observer = geodetic_to_ecef(latitude, longitude, height)
-        east, north, up = frame.transform(*(observer + 1e7 * line_of_sight(observer, azimuth, elevation)).T)
+        east, north, up = frame.transform(
+            *(observer + 1e7 * line_of_sight(observer, azimuth, elevation)).T
+        )
         assert east == pytest.approx(1e7 * np.sin(azimuth) * np.cos(elevation), rel=0.0, abs=1e-8)
         assert north == pytest.approx(1e7 * np.cos(azimuth) * np.cos(elevation), rel=0.0, abs=1e-8)
         assert up == pytest.approx(1e7 * np.sin(elevation), rel=0.0, abs=1e-8)
@@ -77,8 +87,12 @@ def test_geodesics_both_ways():
     # Every tenth pair is nearly antipodal, where series of the older kind do not converge.
     end_latitude[::10] = -start_latitude[::10] + 1e-3
     end_longitude[::10] = start_longitude[::10] + np.pi - 2e-3
-    distance, bearing = geodesic_inverse(start_latitude, start_longitude, end_latitude, end_longitude)
-    azimuth, _, length = PROJ_GEODESIC.inv(start_longitude, start_latitude, end_longitude, end_latitude, radians=True)
+    distance, bearing = geodesic_inverse(
+        start_latitude, start_longitude, end_latitude, end_longitude
+    )
+    azimuth, _, length = PROJ_GEODESIC.inv(
+        start_longitude, start_latitude, end_longitude, end_latitude, radians=True
+    )
     assert distance == pytest.approx(length, rel=0.0, abs=3e-8)
     assert np.cos(bearing - azimuth) == pytest.approx(1.0, rel=0.0, abs=1e-15)
     assert np.all((bearing >= 0.0) & (bearing < 2.0 * np.pi))

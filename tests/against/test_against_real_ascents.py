@@ -1,7 +1,9 @@
-"""The target model `ascent` against speeds and heights of real space launches, published by their webcasts.
+"""The target model `ascent` against speeds and heights of real space launches, published by their
+webcasts.
 
-Medians of twelve launches of 2015 to 2019, each read once a second (shahar603/Telemetry-Data, public domain): first
-burns and gaps are theirs, the program of opir's ascent was not fitted to them.
+Medians of twelve launches of 2015 to 2019, each read once a second (shahar603/Telemetry-Data,
+public domain): first burns and gaps are theirs, the program of opir's ascent was not fitted to
+them.
 """
 
 import numpy as np
@@ -11,7 +13,13 @@ from opir_readers.ascents import legs_of
 from opir_readers.configs import AscentConfig
 
 #: Time since lift-off, s; height above the pad, km; speed over the Earth, m/s.
-MEDIANS = {30.0: (1.6, 121.0), 60.0: (7.6, 291.0), 100.0: (24.9, 740.0), 140.0: (58.0, 1624.0), 200.0: (119.0, 1964.0)}
+MEDIANS = {
+    30.0: (1.6, 121.0),
+    60.0: (7.6, 291.0),
+    100.0: (24.9, 740.0),
+    140.0: (58.0, 1624.0),
+    200.0: (119.0, 1964.0),
+}
 
 #: Dark gaps of these launches, s.
 GAPS_S = (10.6, 11.8)
@@ -24,7 +32,11 @@ CLASS_M_S = {30.0: 215.0, 60.0: 448.0, 140.0: 1175.0}
 def ascent():
     legs = legs_of(AscentConfig(lat_deg=28.6, lon_deg=-80.6))
     times, places, speeds = (np.concatenate([leg[column] for leg in legs]) for column in range(3))
-    return times, np.array([height_of(place) for place in places]) / 1e3, np.linalg.norm(speeds, axis=1)
+    return (
+        times,
+        np.array([height_of(place) for place in places]) / 1e3,
+        np.linalg.norm(speeds, axis=1),
+    )
 
 
 @pytest.mark.parametrize("time_s", list(MEDIANS))

@@ -1,8 +1,10 @@
-"""Biases that `imm` estimates beside their Cramér–Rao bound, on looks that are made and bounded here.
+"""Biases that `imm` estimates beside their Cramér–Rao bound, on looks that are made and bounded
+here.
 
-Targets rise in a frame that turns with the Earth; two or three geostationary sensors, each turned by two small angles,
-look at them ten times a second. The bound has a position for each target and second, as free parameters, and the angles
-with their prior; its Jacobian is by differences of directions. Seeds are even; odd ones were built on.
+Targets rise in a frame that turns with the Earth; two or three geostationary sensors, each turned
+by two small angles, look at them ten times a second. The bound has a position for each target and
+second, as free parameters, and the angles with their prior; its Jacobian is by differences of
+directions. Seeds are even; odd ones were built on.
 """
 
 from typing import Any
@@ -34,7 +36,8 @@ def frame(longitude_deg: float) -> np.ndarray:
 
 
 def turned(direction: np.ndarray, axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return directions (n, 3) of a sensor whose line of sight to nadir is moved by angles (2,) east and north.
+    """Return directions (n, 3) of a sensor whose line of sight to nadir is moved by angles (2,)
+    east and north.
 
     Nadir is down: a turn about north moves it west, one about east moves it north.
     """
@@ -42,7 +45,9 @@ def turned(direction: np.ndarray, axes: np.ndarray, angles: np.ndarray) -> np.nd
 
 
 def paths(rng: np.random.Generator) -> Any:
-    """Return a function of the places (n, 3) of a target at times (n,) since the start, for each target."""
+    """Return a function of the places (n, 3) of a target at times (n,) since the start, for each
+    target.
+    """
     made = []
     for _ in range(TARGETS):
         latitude = rng.uniform(-35.0, 35.0)
@@ -51,7 +56,9 @@ def paths(rng: np.random.Generator) -> Any:
         aside = np.cross(up, rng.standard_normal(3))
         aside /= np.linalg.norm(aside)
         made.append(
-            lambda t, up=up, aside=aside: EARTH_M * up + np.outer(6.0 * t**2, up) + np.outer(0.05 * t**3, aside)
+            lambda t, up=up, aside=aside: (
+                EARTH_M * up + np.outer(6.0 * t**2, up) + np.outer(0.05 * t**3, aside)
+            )
         )
     return made
 
@@ -69,7 +76,9 @@ def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
             scan = np.arange(11, 10 * SECONDS)
             scan = scan[rng.random(len(scan)) < 0.7]
             apart = path(0.1 * scan - 1.0) - GEO_M * axes[sensor, 2]
-            direction = turned(apart / np.linalg.norm(apart, axis=1)[:, None], axes[sensor], bias[sensor])
+            direction = turned(
+                apart / np.linalg.norm(apart, axis=1)[:, None], axes[sensor], bias[sensor]
+            )
             noise = SIGMA_RAD * rng.standard_normal(direction.shape)
             noise -= np.sum(noise * direction, axis=1)[:, None] * direction
             direction = (direction + noise) / np.linalg.norm(direction + noise, axis=1)[:, None]
@@ -101,15 +110,22 @@ def reported(place: np.ndarray, axes: np.ndarray, counts: list[int]) -> np.ndarr
         every = []
         for sensor, own in enumerate(axes):
             apart = place + values[:3] - GEO_M * own[2]
-            turn = turned(apart / np.linalg.norm(apart), own, values[3 + 2 * sensor : 5 + 2 * sensor])
+            turn = turned(
+                apart / np.linalg.norm(apart), own, values[3 + 2 * sensor : 5 + 2 * sensor]
+            )
             every.append(np.sqrt(counts[sensor]) * turn / SIGMA_RAD)
         return np.concatenate(every)
 
     steps = np.append(np.full(3, 100.0), np.full(2 * len(axes), 1e-5))
-    slope = np.stack([(directions(step) - directions(-step)) / (2.0 * step.max()) for step in np.diag(steps)], axis=1)
+    slope = np.stack(
+        [(directions(step) - directions(-step)) / (2.0 * step.max()) for step in np.diag(steps)],
+        axis=1,
+    )
     whole = slope.T @ slope
     ridge = np.eye(3) / 1e12
-    left: np.ndarray = whole[3:, 3:] - whole[3:, :3] @ np.linalg.solve(whole[:3, :3] + ridge, whole[:3, 3:])
+    left: np.ndarray = whole[3:, 3:] - whole[3:, :3] @ np.linalg.solve(
+        whole[:3, :3] + ridge, whole[:3, 3:]
+    )
     return left
 
 
@@ -145,12 +161,13 @@ def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_sa
         value, vector = np.linalg.eigh(information)
         scaled.append(np.sqrt(value) * (vector.T @ off))
         squares.append(np.mean(np.square(off / health.bias_sigma_rad.ravel())))
-    # χ² of 48 degrees of freedom over its mean has its 95 % band at 0.64 to 1.44. Of the four combinations, 12 degrees
-    # each, none exceeds 2.53 with a probability of 99 %.
+    # χ² of 48 degrees of freedom over its mean has its 95 % band at 0.64 to 1.44. Of the four
+    # combinations, 12 degrees each, none exceeds 2.53 with a probability of 99 %.
     assert 0.64 < np.mean(np.square(scaled)) < 1.44
     assert np.sqrt(np.mean(np.square(scaled))) < 1.2
     assert (np.mean(np.square(scaled), axis=0) < 2.53).all()
-    # Of a run some combination of angles dominates all four of them: at least 12 degrees of freedom.
+    # Of a run some combination of angles dominates all four of them: at least 12 degrees of
+    # freedom.
     assert 0.37 < np.mean(squares) < 1.94
 
 
@@ -160,7 +177,8 @@ def test_biases_that_nobody_reported_are_found_with_one_track_a_target() -> None
     tracker, tracks = found(detections, 0.0)
     health = tracker.sensor_health()
     assert tracks == TARGETS
-    # What the looks show best is the difference of both tilts: within 4 σ of its bound, and far from 0.
+    # What the looks show best is the difference of both tilts: within 4 σ of its bound, and far
+    # from 0.
     best = np.linalg.eigh(information)[1][:, -1]
     sigma = 1.0 / np.sqrt(best @ information @ best)
     assert abs(best @ (health.bias_rad - bias).ravel()) < 4.0 * sigma

@@ -1,7 +1,8 @@
-"""Boost and free flight against scipy's integrator (DOP853): other equations, other steps, other code for the Earth.
+"""Boost and free flight against scipy's integrator (DOP853): other equations, other steps, other
+code for the Earth.
 
-The boost is integrated from the formulas of `class_profiles.json`; the free flight from the aimed burnout state, down
-to the aim point, with places by pyproj.
+The boost is integrated from the formulas of `class_profiles.json`; the free flight from the aimed
+burnout state, down to the aim point, with places by pyproj.
 """
 
 import json
@@ -18,7 +19,9 @@ from opir_core.flight.aiming import aim
 from opir_core.flight.boost import ascent, boost_path, boost_profiles, launch_site
 from opir_core.geometry import Geodetic
 
-TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "class_profiles.json").read_text(encoding="utf-8"))
+TABLE = json.loads(
+    (Path(opir_core.__file__).parent / "data" / "class_profiles.json").read_text(encoding="utf-8")
+)
 PROFILES = boost_profiles()
 MU = 3.986004418e14
 WHIRL = 7.292115e-5
@@ -28,8 +31,12 @@ TO_GEODETIC = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=Tr
 
 
 def integrated_course(row, radius_m, elapsed_s):
-    """Return height, m, and swept angle, rad, at times after ignition, from the table's formulas."""
-    burn, start, k, n = (row[key] for key in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent"))
+    """Return height, m, and swept angle, rad, at times after ignition, from the table's
+    formulas.
+    """
+    burn, start, k, n = (
+        row[key] for key in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
+    )
     burnout_angle = math.radians(row["burnout_flight_path_angle_deg"])
 
     def rates(t, state):
@@ -58,9 +65,14 @@ def test_boost_follows_the_formulas_of_the_profile(name):
     sine = math.sin(latitude)
     normal = a / math.sqrt(1 - e2 * sine**2)
     meridian = a * (1 - e2) / (1 - e2 * sine**2) ** 1.5
-    radius = 1 / (math.cos(azimuth) ** 2 / (meridian + height) + math.sin(azimuth) ** 2 / (normal + height))
+    radius = 1 / (
+        math.cos(azimuth) ** 2 / (meridian + height) + math.sin(azimuth) ** 2 / (normal + height)
+    )
     elapsed = np.concatenate(
-        [np.linspace(0.0, 1.0, 60) * profile.burn_time_s, profile.pitch_start_s + np.logspace(-6, 1, 30)]
+        [
+            np.linspace(0.0, 1.0, 60) * profile.burn_time_s,
+            profile.pitch_start_s + np.logspace(-6, 1, 30),
+        ]
     )
     h, phi = integrated_course(row, radius, elapsed)
 
@@ -71,7 +83,9 @@ def test_boost_follows_the_formulas_of_the_profile(name):
     east = np.cross([0.0, 0.0, 1.0], up) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], up))
     heading = math.sin(azimuth) * east + math.cos(azimuth) * np.cross(up, east)
     centre = launch - radius * up
-    expected = centre + (radius + h)[:, None] * (np.cos(phi)[:, None] * up + np.sin(phi)[:, None] * heading)
+    expected = centre + (radius + h)[:, None] * (
+        np.cos(phi)[:, None] * up + np.sin(phi)[:, None] * heading
+    )
 
     course = ascent([profile], [profile.burnout_flight_path_angle_rad])
     site = launch_site(np.array([latitude]), longitude, height)
@@ -87,7 +101,9 @@ def pull(_time, state):
 
 
 def place_at(x, y, z, elapsed_s):
-    """Return longitude and latitude, deg, and height, m, of an inertial point over the Earth as it has turned."""
+    """Return longitude and latitude, deg, and height, m, of an inertial point over the Earth as it
+    has turned.
+    """
     cosine = math.cos(WHIRL * elapsed_s)
     sine = math.sin(WHIRL * elapsed_s)
     return TO_GEODETIC.transform(cosine * x + sine * y, cosine * y - sine * x, z)
@@ -97,20 +113,29 @@ def aimed_cases():
     rng = np.random.default_rng(21)
     for name, profile in sorted(PROFILES.items()):
         for share in (0.01, 0.3, 0.6, 0.99):
-            range_m = profile.minimum_range_m + share * (profile.maximum_range_m - profile.minimum_range_m)
+            range_m = profile.minimum_range_m + share * (
+                profile.maximum_range_m - profile.minimum_range_m
+            )
             start = (rng.uniform(-180, 180), math.degrees(math.asin(rng.uniform(-1, 1))))
             yield pytest.param(profile, start, rng.uniform(0, 360), range_m, id=f"{name}-{share}")
 
 
 @pytest.mark.parametrize(("profile", "start", "bearing_deg", "range_m"), list(aimed_cases()))
-def test_free_flight_comes_down_within_a_metre_of_the_aim_point(profile, start, bearing_deg, range_m):
+def test_free_flight_comes_down_within_a_metre_of_the_aim_point(
+    profile, start, bearing_deg, range_m
+):
     """The first descent to the aim point's height is found by scipy's event location."""
     launch_height = 120.0
     aim_height = 850.0
     ignition_s = 4321.0
     aim_lon, aim_lat, _ = GEOD.fwd(*start, bearing_deg, range_m)
     launch = Geodetic(np.radians([start[1]]), np.radians([start[0]]), launch_height)
-    flight = aim(launch, Geodetic(np.radians([aim_lat]), np.radians([aim_lon]), aim_height), ignition_s, [profile])
+    flight = aim(
+        launch,
+        Geodetic(np.radians([aim_lat]), np.radians([aim_lon]), aim_height),
+        ignition_s,
+        [profile],
+    )
     assert flight.burnout_s[0] == ignition_s + profile.burn_time_s
 
     def height(elapsed_s, state):
@@ -119,7 +144,9 @@ def test_free_flight_comes_down_within_a_metre_of_the_aim_point(profile, start, 
     height.terminal = True
     height.direction = -1
     burnout = np.concatenate([flight.burnout_position_eci_m[0], flight.burnout_velocity_eci_m_s[0]])
-    arc = solve_ivp(pull, (0.0, 6000.0), burnout, method="DOP853", rtol=1e-12, atol=1e-6, events=height)
+    arc = solve_ivp(
+        pull, (0.0, 6000.0), burnout, method="DOP853", rtol=1e-12, atol=1e-6, events=height
+    )
     (elapsed_s,), (state,) = arc.t_events[0], arc.y_events[0]
     lon, lat, _ = place_at(*state[:3], flight.burnout_s[0] + elapsed_s)
     assert GEOD.inv(lon, lat, aim_lon, aim_lat)[2] < 0.05

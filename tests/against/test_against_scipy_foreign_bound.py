@@ -1,4 +1,6 @@
-"""The flights that bounds differentiate, against those of SciPy's integrator with the same parameters."""
+"""The flights that bounds differentiate, against those of SciPy's integrator with the same
+parameters.
+"""
 
 import sys
 

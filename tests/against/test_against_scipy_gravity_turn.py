@@ -1,4 +1,6 @@
-"""Gravity turns against scipy's integrator: inertial equations, written here, and other code for the Earth."""
+"""Gravity turns against scipy's integrator: inertial equations, written here, and other code for
+the Earth.
+"""
 
 import math
 from itertools import pairwise
@@ -33,7 +35,9 @@ COAST_BETA = 3000.0
 
 
 def height_m(position):
-    """Return the geodetic height by fixed-point iteration of the latitude (Torge, Geodesy, section 4.1)."""
+    """Return the geodetic height by fixed-point iteration of the latitude (Torge, Geodesy, section
+    4.1).
+    """
     across = math.hypot(position[0], position[1])
     z = position[2]
     tangent = z / across / (1 - E2)
@@ -62,7 +66,9 @@ def drag(position, relative, beta, air):
 def to_inertial(vector, t):
     cosine = math.cos(WHIRL * t)
     sine = math.sin(WHIRL * t)
-    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1], vector[2]])
+    return np.array(
+        [cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1], vector[2]]
+    )
 
 
 class Flight:
@@ -83,8 +89,12 @@ class Flight:
         lat = math.radians(config.launch.lat_deg)
         lon = math.radians(config.launch.lon_deg)
         east = np.array([-math.sin(lon), math.cos(lon), 0.0])
-        north = np.array([-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)])
-        self.up = np.array([math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)])
+        north = np.array(
+            [-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)]
+        )
+        self.up = np.array(
+            [math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)]
+        )
         self.heading = math.sin(azimuth) * east + math.cos(azimuth) * north
         place = (config.launch.lon_deg, config.launch.lat_deg, config.launch.height_m)
         self.start = np.array(TO_ECEF.transform(*place))
@@ -107,7 +117,9 @@ class Flight:
         grid, weight = np.polynomial.legendre.leggauss(60)
         whole = 0.5 * (burn - self.tail)
         middle = np.sum(weight / (1 - q * (grid + 1) * whole / burn)) * whole
-        amplitude = stage.ideal_speed_m_s / (middle + 0.5 * self.tail / (1 - q * (burn - self.tail) / burn))
+        amplitude = stage.ideal_speed_m_s / (
+            middle + 0.5 * self.tail / (1 - q * (burn - self.tail) / burn)
+        )
         return amplitude / (1 - q * since / burn)
 
     def thrust(self, t):
@@ -181,7 +193,9 @@ class Flight:
 
         down.terminal = True
         down.direction = -1.0
-        coast = solve_ivp(self.rates(math.inf), (self.burnout, 2e4), state, events=down, max_step=50.0, **options)
+        coast = solve_ivp(
+            self.rates(math.inf), (self.burnout, 2e4), state, events=down, max_step=50.0, **options
+        )
         return [*parts, coast]
 
 
@@ -201,7 +215,11 @@ def built(cases, forces):
         )
     rows = range(len(cases))
     context = TargetContext(
-        ids=tuple(map(str, rows)), paths=tuple(map(str, rows)), forces=forces, epoch_us=0, free_flight=True
+        ids=tuple(map(str, rows)),
+        paths=tuple(map(str, rows)),
+        forces=forces,
+        epoch_us=0,
+        free_flight=True,
     )
     return configs, gravity_turn_targets(configs, context)
 
@@ -228,7 +246,14 @@ def test_gravity_turns_follow_the_equations_from_ignition_to_impact(has_forces):
     forces = Forces(zonal=("j2",), drag=drag_model) if has_forces else "kepler"
     configs, targets = built(CASES, forces)
     for row, (config, truth) in enumerate(zip(configs, targets.truth(), strict=True)):
-        flight = Flight(stagings()[config.staging], config, truth, has_forces, air, OTHER_AIR if has_forces else None)
+        flight = Flight(
+            stagings()[config.staging],
+            config,
+            truth,
+            has_forces,
+            air,
+            OTHER_AIR if has_forces else None,
+        )
         compare(targets, row, truth, flight.integrated(), config)
 
 
@@ -239,13 +264,19 @@ def compare(targets, row, truth, parts, config):
         if number == len(parts) - 1:
             inside = inside[:-1]
         expected = part.sol(inside)
-        turned = np.array([to_inertial(column, -t) for column, t in zip(expected[:3].T, inside, strict=True)])
+        turned = np.array(
+            [to_inertial(column, -t) for column, t in zip(expected[:3].T, inside, strict=True)]
+        )
         rows = np.full(len(inside), row, dtype=np.int32)
         found = targets.position_ecef_m(rows, np.clip(start + inside, start, targets.end_s[row]))
         assert np.abs(found - turned).max() < 1.0, (config.staging, number)
         if number < len(parts) - 1:
-            carried = expected[3:] - WHIRL * np.array([-expected[1], expected[0], np.zeros(len(inside))])
-            velocity = np.array([to_inertial(column, -t) for column, t in zip(carried.T, inside, strict=True)])
+            carried = expected[3:] - WHIRL * np.array(
+                [-expected[1], expected[0], np.zeros(len(inside))]
+            )
+            velocity = np.array(
+                [to_inertial(column, -t) for column, t in zip(carried.T, inside, strict=True)]
+            )
             _, speed = targets.flights.state(rows, start + inside)
             assert np.abs(speed - velocity).max() < 1e-2, (config.staging, number)
     end = parts[-1]

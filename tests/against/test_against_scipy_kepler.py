@@ -1,4 +1,6 @@
-"""Two-body arcs and their impacts against numerical integration: SciPy's DOP853 with event location."""
+"""Two-body arcs and their impacts against numerical integration: SciPy's DOP853 with event
+location.
+"""
 
 import numpy as np
 import pytest
@@ -34,20 +36,28 @@ def states(count, seed):
     along /= np.linalg.norm(along, axis=1)[:, None]
     elevation = rng.uniform(0.2, 1.5, count)
     speed = rng.uniform(1e3, 7.5e3, count)
-    velocity = (speed * np.sin(elevation))[:, None] * up + (speed * np.cos(elevation))[:, None] * along
+    velocity = (speed * np.sin(elevation))[:, None] * up + (speed * np.cos(elevation))[
+        :, None
+    ] * along
     return (6378e3 + rng.uniform(50e3, 400e3, count))[:, None] * up, velocity
 
 
-@pytest.mark.parametrize("factor", [0.4, 1.0, 1.3, 2.0], ids=["ballistic", "orbit", "near escape", "hyperbola"])
+@pytest.mark.parametrize(
+    "factor", [0.4, 1.0, 1.3, 2.0], ids=["ballistic", "orbit", "near escape", "hyperbola"]
+)
 def test_propagation(factor):
     position, _ = states(6, 1)
     along = np.cross(position, [0.3, -0.2, 0.9])
     along /= np.linalg.norm(along, axis=1)[:, None]
     speed = factor * np.sqrt(EARTH_MU_M3_S2 / np.linalg.norm(position, axis=1))
-    velocity = speed[:, None] * (0.8 * along + 0.6 * position / np.linalg.norm(position, axis=1)[:, None])
+    velocity = speed[:, None] * (
+        0.8 * along + 0.6 * position / np.linalg.norm(position, axis=1)[:, None]
+    )
     duration = 400.0 if factor < 1.0 else 6000.0
     for i in range(6):
-        end = solve_ivp(acceleration, (0.0, duration), np.concatenate([position[i], velocity[i]]), **TOLERANCE).y[:, -1]
+        end = solve_ivp(
+            acceleration, (0.0, duration), np.concatenate([position[i], velocity[i]]), **TOLERANCE
+        ).y[:, -1]
         found = np.concatenate(propagate_kepler(position[i], velocity[i], duration))
         np.testing.assert_allclose(found[:3], end[:3], atol=1e-3)
         np.testing.assert_allclose(found[3:], end[3:], atol=1e-6)

@@ -1,7 +1,8 @@
-"""Propagation and impact against SciPy's DOP853 at its tightest, with right sides written here from other forms.
+"""Propagation and impact against SciPy's DOP853 at its tightest, with right sides written here from
+other forms.
 
-Gravity is the gradient of the potential by complex-step differentiation; height is that of `geometry.ecef_to_geodetic`;
-SciPy's steps are bounded so that it cannot miss the air.
+Gravity is the gradient of the potential by complex-step differentiation; height is that of
+`geometry.ecef_to_geodetic`; SciPy's steps are bounded so that it cannot miss the air.
 """
 
 import numpy as np
@@ -55,7 +56,9 @@ def derivative(zonal, drag):
             beta, density = drag
             wind = velocity - np.cross([0.0, 0.0, EARTH_ROTATION_RAD_S], position)
             height = float(ecef_to_geodetic(position).height_m)
-            acceleration = acceleration - density(height) * np.linalg.norm(wind) * wind / (2.0 * beta)
+            acceleration = acceleration - density(height) * np.linalg.norm(wind) * wind / (
+                2.0 * beta
+            )
         return np.concatenate([velocity, acceleration])
 
     return rates
@@ -64,7 +67,13 @@ def derivative(zonal, drag):
 def reference(start, duration_s, zonal, drag=None, **options):
     state = np.concatenate(start)
     return solve_ivp(
-        derivative(zonal, drag), (0.0, duration_s), state, method="DOP853", rtol=1e-13, atol=1e-7, **options
+        derivative(zonal, drag),
+        (0.0, duration_s),
+        state,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-7,
+        **options,
     )
 
 
@@ -72,7 +81,9 @@ def reference(start, duration_s, zonal, drag=None, **options):
 @pytest.mark.parametrize("duration_s", [1800.0, -400.0])
 def test_zonal_harmonics(zonal, duration_s):
     starts = np.array(STARTS)
-    position, velocity = propagate(starts[:, 0], starts[:, 1], duration_s, Forces(zonal=zonal), tolerance_m=1e-5)
+    position, velocity = propagate(
+        starts[:, 0], starts[:, 1], duration_s, Forces(zonal=zonal), tolerance_m=1e-5
+    )
     for index, start in enumerate(STARTS):
         end = reference(start, duration_s, zonal).y[:, -1]
         assert np.linalg.norm(position[index] - end[:3]) <= 2e-5
@@ -89,11 +100,15 @@ def exponential(height_m):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("atmosphere", "density"), [("us_standard_1976", us_standard), (EXPONENTIAL, exponential)], ids=["us76", "exp"]
+    ("atmosphere", "density"),
+    [("us_standard_1976", us_standard), (EXPONENTIAL, exponential)],
+    ids=["us76", "exp"],
 )
 @pytest.mark.parametrize("height_m", [0.0, 30e3])
 def test_impact_with_drag(atmosphere, density, height_m):
-    """SciPy stops at the height by its own event; its steps are at most 0.5 s, whole flights long."""
+    """SciPy stops at the height by its own event; its steps are at most 0.5 s, whole flights
+    long.
+    """
     start = (np.array([6378e3 + 140e3, 0.0, 500e3]), np.array([-2000.0, 3500.0, 2500.0]))
     beta = 1500.0
     forces = Forces(drag=Drag(beta, atmosphere))
@@ -150,8 +165,14 @@ def test_coefficients():
     tableau[13:] = DOP853.A_EXTRA
     nodes = [*DOP853.C, 1.0, *DOP853.C_EXTRA]
     np.testing.assert_array_equal(table(dop853.VELOCITY_WEIGHTS, 16), tableau)
-    np.testing.assert_allclose(table(dop853.POSITION_WEIGHTS, 16), tableau @ tableau, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(
+        table(dop853.POSITION_WEIGHTS, 16), tableau @ tableau, rtol=0.0, atol=1e-13
+    )
     np.testing.assert_array_equal(dop853.NODES, nodes)
-    np.testing.assert_allclose(table([dop853.ERROR_3, dop853.ERROR_5], 13), [DOP853.E3, DOP853.E5], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        table([dop853.ERROR_3, dop853.ERROR_5], 13), [DOP853.E3, DOP853.E5], rtol=0, atol=1e-15
+    )
     np.testing.assert_array_equal(table(dop853.DENSE_VELOCITY, 16), DOP853.D)
-    np.testing.assert_allclose(table(dop853.DENSE_POSITION, 16), DOP853.D @ tableau, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(
+        table(dop853.DENSE_POSITION, 16), DOP853.D @ tableau, rtol=0.0, atol=1e-11
+    )

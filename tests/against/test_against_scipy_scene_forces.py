@@ -1,8 +1,9 @@
-"""Whole scenes under forces: where SciPy, in the frame that turns with the Earth, has their targets come down.
+"""Whole scenes under forces: where SciPy, in the frame that turns with the Earth, has their targets
+come down.
 
-The truth of a scene gives burnout states relative to the Earth and the aim points. SciPy integrates from there in ECEF,
-with centrifugal and Coriolis accelerations, its own gravity gradient (of the potential, term by term) and exponential
-air, and finds the impact as an event of pyproj's height.
+The truth of a scene gives burnout states relative to the Earth and the aim points. SciPy integrates
+from there in ECEF, with centrifugal and Coriolis accelerations, its own gravity gradient (of the
+potential, term by term) and exponential air, and finds the impact as an event of pyproj's height.
 """
 
 from functools import cache
@@ -29,7 +30,11 @@ SCENES = {
     "kepler": ("kepler", (), None),
     "j2": ("[j2]", ("j2",), None),
     "j2 j3 j4": ("[j2, j3, j4]", ("j2", "j3", "j4"), None),
-    "j2 drag": (f"[j2, drag: {{ballistic_coefficient_kg_m2: {BETA['usual']}, {AIR}}}]", ("j2",), BETA),
+    "j2 drag": (
+        f"[j2, drag: {{ballistic_coefficient_kg_m2: {BETA['usual']}, {AIR}}}]",
+        ("j2",),
+        BETA,
+    ),
 }
 
 to_geodetic = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
@@ -58,7 +63,11 @@ def impact_ecef_m(position, velocity, aim_height_m, zonal, beta):
     def rates(_, state):
         place = state[:3]
         speed = state[3:]
-        pull = gravity(place, zonal) - np.cross(turn, np.cross(turn, place)) - 2.0 * np.cross(turn, speed)
+        pull = (
+            gravity(place, zonal)
+            - np.cross(turn, np.cross(turn, place))
+            - 2.0 * np.cross(turn, speed)
+        )
         if beta is not None:
             density = 1.225 * np.exp(-height(0.0, state) / 7200.0)
             pull = pull - density * np.linalg.norm(speed) * speed / (2.0 * beta)
@@ -74,7 +83,9 @@ def impact_ecef_m(position, velocity, aim_height_m, zonal, beta):
     landed.direction = -1
     start = np.concatenate([position, velocity])
     bound = {} if beta is None else {"max_step": 15.0}
-    done = solve_ivp(rates, (0.0, 6000.0), start, method="DOP853", events=landed, rtol=1e-9, atol=1e-4, **bound)
+    done = solve_ivp(
+        rates, (0.0, 6000.0), start, method="DOP853", events=landed, rtol=1e-9, atol=1e-4, **bound
+    )
     return done.y_events[0][0][:3], done.t_events[0][0]
 
 
@@ -100,8 +111,13 @@ def test_every_target_comes_down_within_a_metre_of_its_aim(name):
 
 
 def test_forces_matter():
-    """Each force moves the burnout of each target by more than the metre that the others are held to."""
-    speeds = {name: [np.array(t["burnout"]["velocity_ecef_m_s"]) for t in truth_of(name)] for name in SCENES}
+    """Each force moves the burnout of each target by more than the metre that the others are held
+    to.
+    """
+    speeds = {
+        name: [np.array(t["burnout"]["velocity_ecef_m_s"]) for t in truth_of(name)]
+        for name in SCENES
+    }
     for one, other in (("kepler", "j2"), ("j2", "j2 drag")):
         for before, after in zip(speeds[one], speeds[other], strict=True):
             assert np.linalg.norm(before - after) > 0.05

@@ -1,4 +1,6 @@
-"""Times to reports and bounds at burnout against enumeration, simulation and a script of their own."""
+"""Times to reports and bounds at burnout against enumeration, simulation and a script of their
+own.
+"""
 
 import itertools
 import math
@@ -18,12 +20,16 @@ from opir_core.scene import core_target_class
 
 @pytest.mark.parametrize(("needed", "scans"), [(1, 1), (2, 2), (2, 3), (3, 4)])
 def test_reports_are_those_of_all_sequences_of_looks(needed, scans):
-    """Every sequence of nine looks, with its probability; a look is reported that is the M-th hit among N."""
+    """Every sequence of nine looks, with its probability; a look is reported that is the M-th hit
+    among N.
+    """
     chances = np.random.default_rng(2).uniform(0.05, 0.9, 9)
     expected = np.zeros(4)
     for hits in itertools.product((0, 1), repeat=9):
         likely = math.prod(p if hit else 1.0 - p for hit, p in zip(hits, chances, strict=True))
-        reports = sum(hits[k] and sum(hits[max(0, k - scans + 1) : k + 1]) >= needed for k in range(9))
+        reports = sum(
+            hits[k] and sum(hits[max(0, k - scans + 1) : k + 1]) >= needed for k in range(9)
+        )
         if reports < 4:
             expected[reports] += likely
     chain = ReportChain(2, 1, (needed, scans), 4)
@@ -33,7 +39,9 @@ def test_reports_are_those_of_all_sequences_of_looks(needed, scans):
 
 
 def test_phases_of_slow_scans_are_averaged():
-    """A look every 10 s from a random start, P_d 0.6: the chance of a report by t is a mean of geometric ones."""
+    """A look every 10 s from a random start, P_d 0.6: the chance of a report by t is a mean of
+    geometric ones.
+    """
     steps = ScanSteps.of(10.0, 60.0)
     assert (steps.phases, steps.step_s, steps.steps) == (5, 2.0, 30)
     reports = Reports(np.linspace(0.0, 70.0, 141), 1, 1)
@@ -49,38 +57,61 @@ def test_phases_of_slow_scans_are_averaged():
 
 
 def path_m(profile, latitude, longitude, azimuth, speed, angle, since_s):
-    """Return the position of a launch by stepping through speed and flight path angle, on a sphere that osculates."""
+    """Return the position of a launch by stepping through speed and flight path angle, on a sphere
+    that osculates.
+    """
     sine = math.sin(latitude)
     e2 = 0.00669437999014
     normal = 6378137.0 / math.sqrt(1.0 - e2 * sine * sine)
     meridian = normal * (1.0 - e2) / (1.0 - e2 * sine * sine)
     radius = 1.0 / (math.cos(azimuth) ** 2 / meridian + math.sin(azimuth) ** 2 / normal)
     t = np.linspace(0.0, since_s, 4001)
-    u = np.clip((t - profile.pitch_start_s) / (profile.burn_time_s - profile.pitch_start_s), 0.0, None)
+    u = np.clip(
+        (t - profile.pitch_start_s) / (profile.burn_time_s - profile.pitch_start_s), 0.0, None
+    )
     k = profile.speed_shape
     v = speed * np.expm1(k * t / profile.burn_time_s) / math.expm1(k)
-    gamma = 0.5 * math.pi + (angle - 0.5 * math.pi) * np.sin(0.5 * math.pi * u**profile.pitch_exponent)
+    gamma = 0.5 * math.pi + (angle - 0.5 * math.pi) * np.sin(
+        0.5 * math.pi * u**profile.pitch_exponent
+    )
     climb = np.concatenate(
-        [[0.0], np.cumsum(0.5 * (v * np.sin(gamma))[1:] * np.diff(t) + 0.5 * (v * np.sin(gamma))[:-1] * np.diff(t))]
+        [
+            [0.0],
+            np.cumsum(
+                0.5 * (v * np.sin(gamma))[1:] * np.diff(t)
+                + 0.5 * (v * np.sin(gamma))[:-1] * np.diff(t)
+            ),
+        ]
     )
     rate = v * np.cos(gamma) / (radius + climb)
     swept = np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))
-    up = np.array([math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), sine])
+    up = np.array(
+        [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), sine]
+    )
     east = np.array([-math.sin(longitude), math.cos(longitude), 0.0])
     heading = math.sin(azimuth) * east + math.cos(azimuth) * np.cross(up, east)
     launch = np.asarray(geodetic_to_ecef(latitude, longitude, 0.0))
-    return launch + (radius + climb[-1]) * (math.cos(swept) * up + math.sin(swept) * heading) - radius * up
+    return (
+        launch
+        + (radius + climb[-1]) * (math.cos(swept) * up + math.sin(swept) * heading)
+        - radius * up
+    )
 
 
 def test_bounds_are_those_of_a_script_with_numeric_derivatives():
-    """Positions are integrated in steps, their derivatives taken by differences, angles measured along two axes."""
+    """Positions are integrated in steps, their derivatives taken by differences, angles measured
+    along two axes.
+    """
     profile = core_target_class("ICBM").profiles[0]
     latitude = math.radians(41.0)
     longitude = math.radians(-105.0)
     azimuth = 0.4
     sigma = 2e-5
     bias = 1e-5
-    sensors = [np.array([4.2164e7 * math.cos(a), 4.2164e7 * math.sin(a), 0.0]) for a in np.radians([-135.0, -70.0])]
+    sensors = [
+        np.array([4.2164e7 * math.cos(a), 4.2164e7 * math.sin(a), 0.0])
+        for a in np.radians([-135.0, -70.0])
+    ]
     times_s = np.linspace(15.0, profile.burn_time_s, 12)
     base = np.zeros(6)
     speed = profile.burnout_speed_m_s
@@ -88,7 +119,13 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
     steps = np.array([1e-5, 1e-5, 1e-2, 1e-4, 1.0, 1e-4])
 
     def position(off, time_s):
-        own = latitude + off[0], longitude + off[1], azimuth + off[3], speed + off[4], angle + off[5]
+        own = (
+            latitude + off[0],
+            longitude + off[1],
+            azimuth + off[3],
+            speed + off[4],
+            angle + off[5],
+        )
         return path_m(profile, *own, min(time_s - off[2], profile.burn_time_s))
 
     information = np.zeros((6 + 4, 6 + 4))
@@ -116,7 +153,9 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
     sine = math.sin(latitude)
     normal = 6378137.0 / math.sqrt(1.0 - e2 * sine * sine)
     meridian = normal * (1.0 - e2) / (1.0 - e2 * sine * sine)
-    launch_m = math.sqrt(covariance[0, 0] * meridian**2 + covariance[1, 1] * (normal * math.cos(latitude)) ** 2)
+    launch_m = math.sqrt(
+        covariance[0, 0] * meridian**2 + covariance[1, 1] * (normal * math.cos(latitude)) ** 2
+    )
 
     kind = core_target_class("ICBM")
     places = LaunchPlaces(np.array([latitude]), np.array([longitude]), kind, profile, azimuth)
@@ -136,11 +175,22 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
     assert bounds.launch_m[0] == pytest.approx(launch_m, rel=0.01)
 
     def velocity(off):
-        own = latitude + off[0], longitude + off[1], azimuth + off[3], speed + off[4], angle + off[5]
+        own = (
+            latitude + off[0],
+            longitude + off[1],
+            azimuth + off[3],
+            speed + off[4],
+            angle + off[5],
+        )
         end = profile.burn_time_s
         return (path_m(profile, *own, end) - path_m(profile, *own, end - 0.01)) / 0.01
 
-    turned = np.array([(velocity(s * e) - velocity(-s * e)) / (2 * s) for s, e in zip(steps, np.eye(6), strict=True)])
+    turned = np.array(
+        [
+            (velocity(s * e) - velocity(-s * e)) / (2 * s)
+            for s, e in zip(steps, np.eye(6), strict=True)
+        ]
+    )
     turned[2] = 0.0
     spread = math.sqrt(np.trace(turned.T @ covariance[:6, :6] @ turned))
     assert bounds.velocity_m_s[0] == pytest.approx(spread, rel=0.02)

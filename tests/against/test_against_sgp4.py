@@ -1,4 +1,6 @@
-"""TLE and OMM orbits against the SGP4 package and the verification cases that it carries (AIAA 2006-6753)."""
+"""TLE and OMM orbits against the SGP4 package and the verification cases that it carries (AIAA
+2006-6753).
+"""
 
 import json
 import re
@@ -29,8 +31,11 @@ def test_the_published_positions_are_met(number):
     motion, seconds = motion_of(number)
     rows = np.array(PUBLISHED[number])
     ours = motion.position_teme_m(seconds + 60.0 * rows[:, 0])
-    # Printed to 1e-5 m. The last rows of 20413 are 1.8 million minutes from its epoch, where a double counts 1e-8 s.
-    assert ours == pytest.approx(rows[:, 1:] * 1e3, rel=0.0, abs=2e-4 if number == "20413" else 6e-6)
+    # Printed to 1e-5 m. The last rows of 20413 are 1.8 million minutes from its epoch, where a
+    # double counts 1e-8 s.
+    assert ours == pytest.approx(
+        rows[:, 1:] * 1e3, rel=0.0, abs=2e-4 if number == "20413" else 6e-6
+    )
 
 
 def test_the_published_case_of_bad_elements_is_refused():
@@ -50,11 +55,15 @@ def test_positions_are_those_of_the_package_turned_by_sidereal_time(number):
     epoch_us, _ = epoch_of(satellite)
     orbit = orbit_of(OrbitConfig(tle=TLE[number]), epoch_us)
     time_s = np.random.default_rng(1).uniform(0.0, 6 * 3600.0, 4000)
-    code, teme_km, _ = satellite.sgp4_array(np.full(4000, 2440587.5 + epoch_us // US_PER_DAY), time_s / 86400.0)
+    code, teme_km, _ = satellite.sgp4_array(
+        np.full(4000, 2440587.5 + epoch_us // US_PER_DAY), time_s / 86400.0
+    )
     assert not code.any()
     angle = gmst_rad(np.datetime64(epoch_us, "us"), time_s)
     x, y, z = teme_km.T * 1e3
-    theirs = np.stack([np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x, z], axis=1)
+    theirs = np.stack(
+        [np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x, z], axis=1
+    )
     misses = np.linalg.norm(orbit.position_ecef_m(time_s) - theirs, axis=1)
     assert misses.max() <= 1e-3
 
@@ -74,7 +83,9 @@ def test_an_omm_says_the_same_as_its_tle(number):
 
 
 def test_an_omm_file_of_several_is_asked_by_name_or_number(tmp_path):
-    messages = [export_omm(Satrec.twoline2rv(*TLE[number]), f"SAT {number}") for number in KINDS.values()]
+    messages = [
+        export_omm(Satrec.twoline2rv(*TLE[number]), f"SAT {number}") for number in KINDS.values()
+    ]
     path = tmp_path / "omm.json"
     path.write_text(json.dumps(messages, default=str))
     epoch_us, _ = epoch_of(Satrec.twoline2rv(*TLE["24208"]))
@@ -92,7 +103,9 @@ def test_a_position_does_not_depend_on_what_else_was_asked(number):
     time_s = np.random.default_rng(2).uniform(-4e4, 1e5, 60)
     together = orbit_of(config, epoch_us).position_ecef_m(time_s)
     one = orbit_of(config, epoch_us)
-    alone = np.concatenate([one.position_ecef_m(time_s[[row]]) for row in reversed(range(60))])[::-1]
+    alone = np.concatenate([one.position_ecef_m(time_s[[row]]) for row in reversed(range(60))])[
+        ::-1
+    ]
     assert together.tobytes() == alone.tobytes()
 
 
@@ -107,7 +120,9 @@ def test_where_the_theory_is_smooth_polynomials_follow_it(number):
         def state_ecef(self, time_s):
             return motion.state_ecef(time_s)
 
-    position = MovingOrbit(AskedForStatesAlone()).position_ecef_m(seconds + np.linspace(0.0, 7200.0, 9))
+    position = MovingOrbit(AskedForStatesAlone()).position_ecef_m(
+        seconds + np.linspace(0.0, 7200.0, 9)
+    )
     assert np.isfinite(position).all()
 
 
@@ -130,8 +145,13 @@ def test_a_satellite_that_decays_says_so_and_is_followed_until_then():
     motion = Sgp4Motion(satellite, midnight_us + round(seconds * 1e6))
     orbit = orbit_of(OrbitConfig(tle=TLE["28872"]), motion.epoch_us)
     until_s = np.linspace(0.0, 3000.0, 200)
-    assert orbit.position_ecef_m(until_s) == pytest.approx(motion.position_ecef_m(until_s), rel=0.0, abs=1e-3)
-    words = "SGP4 has no position for object 28872 at 3600.0 s: mrt is less than 1.0 .* the satellite has decayed"
+    assert orbit.position_ecef_m(until_s) == pytest.approx(
+        motion.position_ecef_m(until_s), rel=0.0, abs=1e-3
+    )
+    words = (
+        "SGP4 has no position for object 28872 at 3600.0 s: mrt is less than 1.0 .* the satellite"
+        " has decayed"
+    )
     with pytest.raises(ModelError, match=words):
         orbit.position_ecef_m(np.array([3600.0]))
 

@@ -53,10 +53,16 @@ def test_cut_polygons_are_valid_and_cover_what_lies_within(sign: float) -> None:
             outer, *holes = [points[one:two] for one, two in pairwise(starts)]
             cut.append(Polygon(outer, holes))
         assert all(each.is_valid for each in cut)
-        assert all(np.array_equal(points[one], points[two - 1]) for each in edges for one, two in pairwise(each))
+        assert all(
+            np.array_equal(points[one], points[two - 1])
+            for each in edges
+            for one, two in pairwise(each)
+        )
         expected = unary_union(polygons).intersection(EDGE)
         # A chord of 100 km lies 62 m within the edge.
-        assert unary_union(cut).symmetric_difference(expected).area < 100.0 * 2.0 * np.pi * FARTHEST_M
+        assert (
+            unary_union(cut).symmetric_difference(expected).area < 100.0 * 2.0 * np.pi * FARTHEST_M
+        )
 
 
 def test_what_lies_within_is_left_as_it_is() -> None:
@@ -67,7 +73,9 @@ def test_what_lies_within_is_left_as_it_is() -> None:
 
 
 def test_all_of_the_map_is_its_edge_and_what_lies_beyond_is_nothing() -> None:
-    points, edges = within_map(*as_rings([box(-3e7, -3e7, 3e7, 3e7), box(2.5e7, 0.0, 2.6e7, 1e6)], 1.0))
+    points, edges = within_map(
+        *as_rings([box(-3e7, -3e7, 3e7, 3e7), box(2.5e7, 0.0, 2.6e7, 1e6)], 1.0)
+    )
     assert len(edges) == 1
     assert Polygon(points).area == pytest.approx(np.pi * FARTHEST_M**2, rel=1e-5)
     around = box(-4e7, -4e7, 4e7, 4e7).difference(box(-3e7, -3e7, 3e7, 3e7))

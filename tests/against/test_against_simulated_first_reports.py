@@ -1,4 +1,6 @@
-"""Times to the first report of a map against detections of whole simulated runs of the same launches."""
+"""Times to the first report of a map against detections of whole simulated runs of the same
+launches.
+"""
 
 import numpy as np
 import pytest
@@ -20,9 +22,18 @@ BASE = {
 
 @pytest.mark.slow
 def test_the_median_of_a_cell_is_that_of_simulated_runs():
-    """A launch that is seen low over the horizon, and one from above; to 2 s, for simulated flights are aimed."""
+    """A launch that is seen low over the horizon, and one from above; to 2 s, for simulated flights
+    are aimed.
+    """
     settings = CoverageSettings(
-        target_class="SRBM", grid_deg=5.0, steps=1, hours=1e-4, heights_km=(10.0,), launches=1, chance=0.5, samples=40
+        target_class="SRBM",
+        grid_deg=5.0,
+        steps=1,
+        hours=1e-4,
+        heights_km=(10.0,),
+        launches=1,
+        chance=0.5,
+        samples=40,
     )
     found = computed_coverage(scene_from_mapping({**BASE, "targets": []}), settings)
     first_s = np.asarray(found["first_report"].values)[0, 0]
@@ -31,7 +42,10 @@ def test_the_median_of_a_cell_is_that_of_simulated_runs():
         launch = {"lat_deg": latitude, "lon_deg": longitude, "time_s": 0.0}
         aim = {"lat_deg": latitude + reach_deg, "lon_deg": longitude}
         target = {"id": "T", "type": "SRBM", "launch": launch, "aim": aim}
-        runs = [simulate(scene_from_mapping({**BASE, "seed": seed, "targets": [target]})) for seed in range(2, 18, 2)]
+        runs = [
+            simulate(scene_from_mapping({**BASE, "seed": seed, "targets": [target]}))
+            for seed in range(2, 18, 2)
+        ]
         simulated_s = np.median([run.detections.time_s.min() for run in runs])
         place = int((latitude + 90.0) // 5.0), int((longitude + 180.0) // 5.0)
         assert first_s[place] == pytest.approx(simulated_s, abs=2.0)

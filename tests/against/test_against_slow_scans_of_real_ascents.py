@@ -1,4 +1,6 @@
-"""`imm` with scanners of 10 s against real space launches, for the first minute likeliest ground sources."""
+"""`imm` with scanners of 10 s against real space launches, for the first minute likeliest ground
+sources.
+"""
 
 from pathlib import Path
 
@@ -24,7 +26,9 @@ def run_of(flight: str, seed: int) -> opir.Run:
                 "epoch": "2026-04-01T12:00:00Z",
                 "duration_s": START_S + 140.0,
                 "seed": seed,
-                "sensors": [{**SENSOR, "id": name, "orbital_slot_deg": slot} for name, slot in slots.items()],
+                "sensors": [
+                    {**SENSOR, "id": name, "orbital_slot_deg": slot} for name, slot in slots.items()
+                ],
                 "targets": [{**target, "start_s": START_S}],
                 "tracker": "imm",
             }
@@ -33,7 +37,9 @@ def run_of(flight: str, seed: int) -> opir.Run:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("flight", "seed"), [("crs8", 8), ("crs8", 50), ("fhdemo", 50), ("orbcomm2", 51)])
+@pytest.mark.parametrize(
+    ("flight", "seed"), [("crs8", 8), ("crs8", 50), ("fhdemo", 50), ("orbcomm2", 51)]
+)
 def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight: str, seed: int) -> None:
     run = run_of(flight, seed)
     late = (run.truth.target == 0) & (run.detections.time_s > START_S + LATE_S)

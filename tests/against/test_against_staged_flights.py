@@ -1,4 +1,6 @@
-"""`imm`, whose prior of boosts is its own, against flights unlike any model, with stages and gaps between them."""
+"""`imm`, whose prior of boosts is its own, against flights unlike any model, with stages and gaps
+between them.
+"""
 
 from typing import NamedTuple
 
@@ -15,16 +17,18 @@ def test_states_of_boosts_unlike_any_model_are_as_sure_as_they_say(course, kind)
     truth = flown(kind, 60, 1, course)
     reported = last_reported(truth, usual(kind), 1, 6.0)
     tick_s = float(reported.tick_s[0])
-    # The velocity at burnout is what an impact hangs on. ANEES of 60 draws: 99.9 % of χ² with 180 degrees are below.
+    # The velocity at burnout is what an impact hangs on. ANEES of 60 draws: 99.9 % of χ² with 180
+    # degrees are below.
     error = reported.state - truth.states(tick_s)
     assert nees(error[:, 3:], reported.state_covariance[:, 3:, 3:]).mean() / 3.0 < 1.36
 
 
 class ReportedRegions(NamedTuple):
-    """Reported impact regions by tick (t,) and flight (n,): areas and whether the impact is inside, (t, n, 3).
+    """Reported impact regions by tick (t,) and flight (n,): areas and whether the impact is inside,
+    (t, n, 3).
 
-    The regions are of 50 %, 90 % and 95 %, in this order; nan where there are none. And the probability of burning
-    (t, n), nan without a track that is probably a launch.
+    The regions are of 50 %, 90 % and 95 %, in this order; nan where there are none. And the
+    probability of burning (t, n), nan without a track that is probably a launch.
     """
 
     tick_s: np.ndarray
@@ -35,18 +39,22 @@ class ReportedRegions(NamedTuple):
 
 FLIGHTS = 12
 
-#: A region larger than this, km², reaches round the Earth: what its polygons hold is no longer reported.
+#: A region larger than this, km², reaches round the Earth: what its polygons hold is no longer
+#: reported.
 HUGE_KM2 = 5e7
 
 
 @pytest.fixture(
-    scope="module", params=[pytest.param(course, marks=pytest.mark.slow) for course in ("staged", "smooth")]
+    scope="module",
+    params=[pytest.param(course, marks=pytest.mark.slow) for course in ("staged", "smooth")],
 )
 def reported(request):
     truth = flown("SRBM", FLIGHTS, 3, request.param)
     impact = truth.impacts()
     ticks = []
-    for tick in followed(truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0, regions_every_s=10.0):
+    for tick in followed(
+        truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0, regions_every_s=10.0
+    ):
         area = np.full((FLIGHTS, 3), np.nan)
         held = np.zeros((FLIGHTS, 3))
         burning = np.full(FLIGHTS, np.nan)
@@ -63,7 +71,9 @@ def reported(request):
 
 
 def test_regions_are_reported_from_the_recognised_launch_on_and_are_nested(reported):
-    """These flights come down: what is recognised has regions, but for ticks with too few effective samples."""
+    """These flights come down: what is recognised has regions, but for ticks with too few effective
+    samples.
+    """
     _, seen = reported
     tracked = np.isfinite(seen.burning)
     assert tracked[15:].mean() > 0.9
@@ -86,7 +96,9 @@ def test_the_95_percent_region_holds_most_impacts_in_the_burn_and_after(reported
 def test_after_burnout_the_probability_of_burning_falls_and_the_region_shrinks(reported):
     """For 20 s another stage may ignite after a gap; then the region is that of a free flight."""
     truth, seen = reported
-    before, after = (np.searchsorted(seen.tick_s, truth.burnout_s + late_s) for late_s in (-5.0, 30.0))
+    before, after = (
+        np.searchsorted(seen.tick_s, truth.burnout_s + late_s) for late_s in (-5.0, 30.0)
+    )
     flights = np.arange(FLIGHTS)
     assert seen.burning[before, flights].min() > 0.9
     assert seen.burning[after, flights].max() < 0.1

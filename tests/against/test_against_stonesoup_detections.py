@@ -1,4 +1,6 @@
-"""Detections that Stone Soup's measurement model makes are tracked as events of the same lines of sight."""
+"""Detections that Stone Soup's measurement model makes are tracked as events of the same lines of
+sight.
+"""
 
 import json
 from datetime import datetime, timedelta
@@ -38,7 +40,9 @@ SCENE = {
 
 
 def detections():
-    """Return time, sensor, its place, and elevation and bearing from Stone Soup, of each look, in order."""
+    """Return time, sensor, its place, and elevation and bearing from Stone Soup, of each look, in
+    order.
+    """
     plan = compile_plan(scene_from_mapping(SCENE))
     made = []
     for number, sensor in enumerate(plan.sensors):
@@ -50,7 +54,15 @@ def detections():
         for time_s in np.arange(15.0 + 0.25 * number, 55.0, 0.5).tolist():
             place = plan.targets.position_ecef_m(np.zeros(1, np.int32), np.array([time_s]))[0]
             elevation, bearing = model.function(State(StateVector(place)), noise=True)[:, 0]
-            made.append((EPOCH + timedelta(seconds=time_s), sensor.id, origin, float(elevation), float(bearing)))
+            made.append(
+                (
+                    EPOCH + timedelta(seconds=time_s),
+                    sensor.id,
+                    origin,
+                    float(elevation),
+                    float(bearing),
+                )
+            )
     return sorted(made, key=lambda row: row[0])
 
 
@@ -59,7 +71,9 @@ def tracks_of(path, tmp_path):
     scene.write_text(json.dumps({key: value for key, value in SCENE.items() if key != "targets"}))
     out = tmp_path / "tracked.jsonl"
     assert main(["track", str(path), "--sensors", str(scene), "--out", str(out), "-q"]) == 0
-    rows = [json.loads(line) for line in (tmp_path / "tracked.tracks.jsonl").read_text().splitlines()]
+    rows = [
+        json.loads(line) for line in (tmp_path / "tracked.tracks.jsonl").read_text().splitlines()
+    ]
     return np.array([[row["time_s"], row["track_id"], *row["position_ecef_m"]] for row in rows])
 
 
@@ -68,10 +82,13 @@ def test_detections_of_stonesoup_are_tracked_as_events(tmp_path):
     lines = ["time_utc,sensor,los_x_ecef,los_y_ecef,los_z_ecef,sigma_urad"]
     events = []
     for when, sensor, origin, elevation, bearing in made:
-        # The axes of Stone Soup's model are those of ECEF: bearing from x to y, elevation towards z.
+        # The axes of Stone Soup's model are those of ECEF: bearing from x to y, elevation towards
+        # z.
         level = np.cos(elevation)
         line = np.array([level * np.cos(bearing), level * np.sin(bearing), np.sin(elevation)])
-        lines.append(",".join([when.isoformat(), sensor, *map(repr, line.tolist()), repr(SIGMA_RAD * 1e6)]))
+        lines.append(
+            ",".join([when.isoformat(), sensor, *map(repr, line.tolist()), repr(SIGMA_RAD * 1e6)])
+        )
         seen = azimuth_elevation_range(origin, origin + 1e7 * line)
         events.append(
             {
@@ -84,7 +101,9 @@ def test_detections_of_stonesoup_are_tracked_as_events(tmp_path):
         )
     (tmp_path / "stonesoup.csv").write_text("\n".join([*lines, ""]))
     (tmp_path / "events.jsonl").write_text("\n".join(map(json.dumps, events)))
-    own, theirs = (tracks_of(tmp_path / name, tmp_path) for name in ("stonesoup.csv", "events.jsonl"))
+    own, theirs = (
+        tracks_of(tmp_path / name, tmp_path) for name in ("stonesoup.csv", "events.jsonl")
+    )
     assert len(own) > 20
     np.testing.assert_array_equal(own[:, :2], theirs[:, :2])
     # Angles at 36 000 km in degrees and back: rounding of 1e-15 of a line of sight.

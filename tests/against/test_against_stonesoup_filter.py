@@ -1,7 +1,8 @@
-"""One mode of `imm` equals Stone Soup's extended Kalman filter (MIT licence), look by look, to rounding.
+"""One mode of `imm` equals Stone Soup's extended Kalman filter (MIT licence), look by look, to
+rounding.
 
-Both get the same motion (a constant jerk driven by white noise, without gravity), the same projection of a point onto
-the plane across a line of sight, and the same looks, one a slice.
+Both get the same motion (a constant jerk driven by white noise, without gravity), the same
+projection of a point onto the plane across a line of sight, and the same looks, one a slice.
 """
 
 import datetime
@@ -31,7 +32,9 @@ def looks(count: int) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray, n
     seen = []
     for number in range(1, count + 1):
         time_s = number * STEP_S
-        target = start + np.array([40.0, -20.0, 60.0]) * time_s + np.array([9.0, 6.0, 12.0]) * time_s**2
+        target = (
+            start + np.array([40.0, -20.0, 60.0]) * time_s + np.array([9.0, 6.0, 12.0]) * time_s**2
+        )
         origin = SENSORS_M[number % 2]
         apart = target + rng.normal(size=3) * 700.0 - origin
         origins.append(origin)
@@ -67,18 +70,25 @@ def look_across() -> Any:
         def jacobian(self, state: Any, **_: Any) -> np.ndarray:
             local = self.local(state)
             full = np.zeros((2, 12))
-            full[:, list(self.mapping)] = (self.frame[:2] - (local[:2] / local[2])[:, None] * self.frame[2]) / local[2]
+            full[:, list(self.mapping)] = (
+                self.frame[:2] - (local[:2] / local[2])[:, None] * self.frame[2]
+            ) / local[2]
             return full
 
         def inverse_function(self, detection: Any, **_: Any) -> Any:
-            raise AssertionError("an extended Kalman update needs the measurement function, not its inverse")
+            raise AssertionError(
+                "an extended Kalman update needs the measurement function, not its inverse"
+            )
 
     return Across
 
 
 def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.ndarray) -> Any:
     """Return Stone Soup's mean and covariance after the last look, in our order of the state."""
-    from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantNthDerivative
+    from stonesoup.models.transition.linear import (
+        CombinedLinearGaussianTransitionModel,
+        ConstantNthDerivative,
+    )
     from stonesoup.predictor.kalman import ExtendedKalmanPredictor
     from stonesoup.types.array import StateVector
     from stonesoup.types.detection import Detection
@@ -99,10 +109,14 @@ def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.nd
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
         time = now + datetime.timedelta(seconds=number * STEP_S)
         measure = across(**noise, origin=origin, frame=frame)
-        reported = Detection(StateVector(seen[number - 1]), timestamp=time, measurement_model=measure)
+        reported = Detection(
+            StateVector(seen[number - 1]), timestamp=time, measurement_model=measure
+        )
         state = updater.update(SingleHypothesis(predictor.predict(state, timestamp=time), reported))
     back = np.argsort(order)
-    return np.array(state.state_vector, dtype=float).ravel()[back], np.array(state.covar)[np.ix_(back, back)]
+    return np.array(state.state_vector, dtype=float).ravel()[back], np.array(state.covar)[
+        np.ix_(back, back)
+    ]
 
 
 def test_forty_looks() -> None:

@@ -29,7 +29,9 @@ def test_gospa(seed: int, estimates: int, truths: int, order: float) -> None:
 
     found = points(seed, estimates)
     true = points(seed + 100, truths)
-    metric, _ = GOSPAMetric(c=2000.0, p=order).compute_gospa_metric(as_states(found), as_states(true))
+    metric, _ = GOSPAMetric(c=2000.0, p=order).compute_gospa_metric(
+        as_states(found), as_states(true)
+    )
     reported = metric.value
     mine = gospa(found, true, cutoff=2000.0, order=order)
     assert mine.distance == pytest.approx(reported["distance"], rel=1e-12, abs=1e-9)

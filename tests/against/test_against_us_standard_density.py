@@ -1,4 +1,6 @@
-"""The density of the air against the U.S. Standard Atmosphere, 1976: other programs below 86 km, its table above."""
+"""The density of the air against the U.S. Standard Atmosphere, 1976: other programs below 86 km,
+its table above.
+"""
 
 import json
 
@@ -11,7 +13,8 @@ from opir_core.flight.atmosphere_density import density_kg_m3
 CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
 CASE = next(case for case in CASES if case["id"] == "us76_table")
 
-#: Geometric height, km, and density, kg/m³: the standard (NASA-TM-X-74335), table I; every height given to four digits.
+#: Geometric height, km, and density, kg/m³: the standard (NASA-TM-X-74335), table I; every height
+#: given to four digits.
 UPPER = {
     86: 6.958e-6,
     90: 3.416e-6,
@@ -65,7 +68,9 @@ def test_every_height_below_86_km_against_the_definition(height_m):
 
 
 def defined_density(height_m):
-    """Integrate the standard's hydrostatic equation by its own closed forms, layer after layer, from sea level."""
+    """Integrate the standard's hydrostatic equation by its own closed forms, layer after layer,
+    from sea level.
+    """
     bases = [0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3, 84852.0]
     lapses = [-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3]
     g0 = 9.80665

@@ -7,7 +7,9 @@ from opir_testing.contracts import contract_for
 from opir_testing.contracts.contract import Contract
 
 MUTANTS = sorted(
-    (mutant, test) for mutant, test in broken_components.CAUGHT_BY.items() if mutant not in broken_components.SOUND
+    (mutant, test)
+    for mutant, test in broken_components.CAUGHT_BY.items()
+    if mutant not in broken_components.SOUND
 )
 
 
@@ -54,9 +56,15 @@ RAISING = {
 
 @pytest.mark.slow
 def test_what_the_mutants_are_made_of_is_sound() -> None:
-    """The trackers, sinks and models that mutants inherit keep their contracts, so each fault is the mutation's own."""
+    """The trackers, sinks and models that mutants inherit keep their contracts, so each fault is
+    the mutation's own.
+    """
     from opir_testing.contracts import PASSED, conformance_results
 
     for hook, name in sorted(broken_components.SOUND):
-        bad = [row for row in conformance_results(contract_of_mutant(hook, name)) if row.state != PASSED]
+        bad = [
+            row
+            for row in conformance_results(contract_of_mutant(hook, name))
+            if row.state != PASSED
+        ]
         assert not bad, (name, bad)

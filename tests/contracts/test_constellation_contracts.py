@@ -1,4 +1,6 @@
-"""The constellations beside the core keep their contracts, and so do presets and other ways to set them."""
+"""The constellations beside the core keep their contracts, and so do presets and other ways to set
+them.
+"""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar

@@ -31,7 +31,9 @@ class TestGenericScanner(SensorContract):
 
 class TestGenericScannerWithReportingLatency(SensorContract):
     name = "generic-scanner"
-    settings: ClassVar[Mapping[str, Any]] = {"reporting": {"downlink": {"mean_s": 3.0, "sigma_s": 2.0}}}
+    settings: ClassVar[Mapping[str, Any]] = {
+        "reporting": {"downlink": {"mean_s": 3.0, "sigma_s": 2.0}}
+    }
 
 
 class TestConstantDetection(DetectionContract):

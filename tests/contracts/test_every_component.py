@@ -1,4 +1,6 @@
-"""Every component of this house keeps the contract of its kind, in a test that names it; what cannot be says why."""
+"""Every component of this house keeps the contract of its kind, in a test that names it; what
+cannot be says why.
+"""
 
 import ast
 from collections.abc import Iterator
@@ -22,11 +24,15 @@ WITHOUT = {
 
 
 def contracts_named() -> Iterator[tuple[str, str]]:
-    """Yield the contract and the component of each contract test below `tests` and in the plugins."""
+    """Yield the contract and the component of each contract test below `tests` and in the
+    plugins.
+    """
     for path in (*TESTS.rglob("test_*.py"), *(TESTS.parent / "plugins").rglob("test_*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef):
-                yield from ((ast.unparse(parent), name) for parent in node.bases for name in names_in(node))
+                yield from (
+                    (ast.unparse(parent), name) for parent in node.bases for name in names_in(node)
+                )
 
 
 def names_in(node: ast.ClassDef) -> Iterator[str]:
@@ -46,6 +52,9 @@ def test_every_component_of_this_house_is_held_to_its_contract() -> None:
         for component in row.components
         if (HOMES[component.hook][1], component.name) not in held
         and (component.hook, component.name) not in WITHOUT
-        and not (component.hook == "opir_sensor_models" and any(name.startswith(component.name) for name in fleets))
+        and not (
+            component.hook == "opir_sensor_models"
+            and any(name.startswith(component.name) for name in fleets)
+        )
     ]
     assert not missing, "write a contract test, as in tests/contracts/test_core_contracts.py"

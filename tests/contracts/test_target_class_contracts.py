@@ -34,5 +34,7 @@ class TestSlv(TargetClassContract):
 
 
 def test_every_class_of_the_core_is_tested_here():
-    tested = {kind.name for kind in TargetClassContract.__subclasses__() if kind.__module__ == __name__}
+    tested = {
+        kind.name for kind in TargetClassContract.__subclasses__() if kind.__module__ == __name__
+    }
     assert tested == set(core_target_classes())

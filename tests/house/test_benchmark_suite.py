@@ -1,4 +1,6 @@
-"""The suite of benchmarks: every script is in it and runs at small size; figures are read, kept and compared."""
+"""The suite of benchmarks: every script is in it and runs at small size; figures are read, kept and
+compared.
+"""
 
 import ast
 import importlib
@@ -48,7 +50,9 @@ def has_main(path: Path) -> bool:
 def test_what_cannot_run_is_left_out_and_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    lacking = Benchmark("lacking", "?", "startup.py", (), needs=("no_such_module",), programs=("no-such-program",))
+    lacking = Benchmark(
+        "lacking", "?", "startup.py", (), needs=("no_such_module",), programs=("no-such-program",)
+    )
     monkeypatch.setattr(command, "BENCHMARKS", (lacking,))
     assert command.main(["--quick"]) == 0
     assert "lacking: left out, needs no_such_module, no-such-program" in capsys.readouterr().out
@@ -68,19 +72,26 @@ def test_peers_that_are_not_installed_are_left_out_of_tables_and_named(
     names = ["imm, 1 s", "Stone Soup EKF, two-body", "FilterPy EKF, two-body"]
     assert peers.installed(names) == names[:2]
     assert "FilterPy: left out, not installed" in capsys.readouterr().err
-    assert peers.left_out({"tracker": name} for name in names[:2]) == "\nLeft out, because not installed: FilterPy.\n"
+    assert (
+        peers.left_out({"tracker": name} for name in names[:2])
+        == "\nLeft out, because not installed: FilterPy.\n"
+    )
     assert peers.times_faster(None, 2.0, 1) == "–"
 
 
 def test_figures_are_named_by_the_text_and_the_first_number_of_their_row(tmp_path: Path) -> None:
-    tmp_path.joinpath("arcs.csv").write_text("# a: fact\nway,step,error\nA,1,0.5\nA,2,0.25\n", encoding="utf-8")
+    tmp_path.joinpath("arcs.csv").write_text(
+        "# a: fact\nway,step,error\nA,1,0.5\nA,2,0.25\n", encoding="utf-8"
+    )
     found = figures_in(tmp_path)
     assert found["arcs: A 1: error"] == 0.5
     assert found["arcs: A 2: error"] == 0.25
 
 
 def test_pages_are_read_where_there_is_no_csv_file(tmp_path: Path) -> None:
-    tmp_path.joinpath("page.md").write_text("# P\n\n| way | events/s |\n|---|---|\n| A | **12 300** |\n", "utf-8")
+    tmp_path.joinpath("page.md").write_text(
+        "# P\n\n| way | events/s |\n|---|---|\n| A | **12 300** |\n", "utf-8"
+    )
     assert figures_in(tmp_path) == {"page: A: events/s": 12300.0}
 
 
@@ -100,7 +111,9 @@ def test_numbers_of_cells(cell: str, value: float | None) -> None:
     assert number_of(cell) == value
 
 
-def test_scripts_keep_figures_only_for_the_suite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scripts_keep_figures_only_for_the_suite(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.delenv("OPIR_BENCHMARK_FIGURES", raising=False)
     keep("plan", 1.0, "ms")
     monkeypatch.setenv("OPIR_BENCHMARK_FIGURES", str(tmp_path / "kept"))
@@ -114,11 +127,15 @@ def test_results_are_medians_of_rounds_and_are_compared(
     counting = tmp_path / "counting.py"
     counting.write_text(
         "import json, os, pathlib\n"
-        f"log = pathlib.Path({str(tmp_path / 'log')!r}); log.open('a').write('x'); n = len(log.read_text())\n"
-        "pathlib.Path(os.environ['OPIR_BENCHMARK_FIGURES']).write_text(json.dumps(['n', float(n)]))\n",
+        f"log = pathlib.Path({str(tmp_path / 'log')!r}); log.open('a').write('x'); n ="
+        f" len(log.read_text())\n"
+        "pathlib.Path(os.environ['OPIR_BENCHMARK_FIGURES']).write_text(json.dumps(['n',"
+        " float(n)]))\n",
         encoding="utf-8",
     )
-    monkeypatch.setattr(command, "BENCHMARKS", (Benchmark("counting", "?", str(counting), (), writes=False),))
+    monkeypatch.setattr(
+        command, "BENCHMARKS", (Benchmark("counting", "?", str(counting), (), writes=False),)
+    )
     assert command.main(["--rounds", "3", "--json", str(tmp_path / "one.json")]) == 0
     one = json.loads((tmp_path / "one.json").read_text("utf-8"))
     assert one["benchmarks"]["counting"]["figures"] == {"n": 2.0}
@@ -160,4 +177,6 @@ def test_a_level_that_beats_a_default_is_named(monkeypatch: pytest.MonkeyPatch) 
 
     given = row("on", "1", "2.0", "0.0")
     assert page.off_the_knee([given, row("off", "0", "1.0", "5.0")]) == []
-    assert page.off_the_knee([given, row("on too", "0", "1.0", "0.0")]) == ["light time on too in `one`"]
+    assert page.off_the_knee([given, row("on too", "0", "1.0", "0.0")]) == [
+        "light time on too in `one`"
+    ]

@@ -1,4 +1,6 @@
-"""The ledger of claims: what is called validated has a test against an oracle that shares no code with opir."""
+"""The ledger of claims: what is called validated has a test against an oracle that shares no code
+with opir.
+"""
 
 import ast
 import json
@@ -29,7 +31,9 @@ def tree_of(name):
 
 
 def imported(tree):
-    """Yield the modules that a file imports, and those that it finds by `importorskip` or `import_module`."""
+    """Yield the modules that a file imports, and those that it finds by `importorskip` or
+    `import_module`.
+    """
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
@@ -67,7 +71,11 @@ def is_opirs(module):
 
 def function_of(row):
     file, _, test = row["test"].partition("::")
-    found = [node for node in tree_of(file).body if isinstance(node, ast.FunctionDef) and node.name == test]
+    found = [
+        node
+        for node in tree_of(file).body
+        if isinstance(node, ast.FunctionDef) and node.name == test
+    ]
     assert len(found) == 1, f"{row['claim']}: {file} has no {test}"
     return found[0]
 
@@ -86,12 +94,18 @@ def fault(row):
         return "" if (DATA / name).is_file() and name in text else f"{file} does not read {name}"
     if kind == "constants":
         numbers = set(literal_names(tree))
-        return "" if numbers & names_in(function) or has_numbers(function) else f"{row['test']} has no figures"
+        return (
+            ""
+            if numbers & names_in(function) or has_numbers(function)
+            else f"{row['test']} has no figures"
+        )
     folders = [folder for folder in (SUPPORT, BENCHMARKS) if (folder / f"{name}.py").is_file()]
     if kind != "support" or not folders or name not in set(imported(tree)):
         return f"{file} does not import {name}"
     oracle = ast.parse((folders[0] / f"{name}.py").read_text(encoding="utf-8"))
-    own = sorted(module for module in imported(oracle) if is_opirs(module) and not module.endswith("arrays"))
+    own = sorted(
+        module for module in imported(oracle) if is_opirs(module) and not module.endswith("arrays")
+    )
     return f"the oracle {name} imports {', '.join(own)}" if own else ""
 
 

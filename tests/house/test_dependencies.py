@@ -1,4 +1,6 @@
-"""What a package imports, its installation brings: scenes run where only the README was followed."""
+"""What a package imports, its installation brings: scenes run where only the README was
+followed.
+"""
 
 import ast
 import re
@@ -13,7 +15,8 @@ from repository import ROOT
 #: Distributions whose packages go by other names.
 MODULES = {"pyyaml": "yaml", "opir-core": "opir_core"}
 
-#: Imports by those who install an extra, or run tests: the module that asks for each says so itself.
+#: Imports by those who install an extra, or run tests: the module that asks for each says so
+#: itself.
 ASKED_FOR = {"astropy", "opir_report", "optuna", "pyarrow", "pytest", "sgp4", "shtab", "xarray"}
 
 
@@ -44,22 +47,36 @@ PACKAGES = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("project", "package"), PACKAGES, ids=[package.name for _, package in PACKAGES])
+@pytest.mark.parametrize(
+    ("project", "package"), PACKAGES, ids=[package.name for _, package in PACKAGES]
+)
 def test_everything_imported_is_installed_with_the_package(project: Path, package: Path) -> None:
     found = imported(package)
     assert found
-    assert found - declared(project) - declared(ROOT) - ASKED_FOR - {package.name, "opir_core"} == set()
+    assert (
+        found - declared(project) - declared(ROOT) - ASKED_FOR - {package.name, "opir_core"}
+        == set()
+    )
 
 
 def test_the_extra_of_other_peoples_libraries_is_what_tests_leave_out_without_it() -> None:
-    extra = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    extra = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "optional-dependencies"
+    ]
     names = (re.match(r"[\w.-]+", each)[0] for each in extra["peers"])
-    assert sorted({"pyerfa": "erfa"}.get(name, name.replace("-", "_")) for name in names) == sorted(NAMES)
+    assert sorted({"pyerfa": "erfa"}.get(name, name.replace("-", "_")) for name in names) == sorted(
+        NAMES
+    )
 
 
-def test_a_file_of_tests_needs_what_it_imports_itself_or_through_a_module_of_support(tmp_path: Path) -> None:
+def test_a_file_of_tests_needs_what_it_imports_itself_or_through_a_module_of_support(
+    tmp_path: Path,
+) -> None:
     file = tmp_path / "test_x.py"
-    file.write_text("import numpy\nimport astropy.units as u\nfrom page_browser import Page\n    import polars\n")
+    file.write_text(
+        "import numpy\nimport astropy.units as u\nfrom page_browser import Page\n    import"
+        " polars\n"
+    )
     assert imported_by(file) == {"astropy", "playwright"}
     file.write_text("import numpy\n")
     assert imported_by(file) == set()

@@ -1,4 +1,6 @@
-"""Docstrings of public names refer, in backticks, to public names only: what a reader meets there can be imported."""
+"""Docstrings of public names refer, in backticks, to public names only: what a reader meets there
+can be imported.
+"""
 
 import ast
 import inspect
@@ -14,7 +16,9 @@ from repository import ROOT
 
 from opir_core.host.contributions import HOOKS
 
-SOURCES = sorted([*(ROOT / "opir_core").rglob("*.py"), *(ROOT / "plugins").glob("*/opir_*/**/*.py")])
+SOURCES = sorted(
+    [*(ROOT / "opir_core").rglob("*.py"), *(ROOT / "plugins").glob("*/opir_*/**/*.py")]
+)
 #: A name in backticks, with the names before its dots, and perhaps a call.
 NAME = re.compile(r"`([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\([^`]*\))?`")
 
@@ -38,12 +42,17 @@ def documented() -> Iterator[tuple[str, Any]]:
                 yield f"{package}.{name}", value
             if inspect.isclass(value):
                 members = [member for member in vars(value) if not member.startswith("_")]
-                yield from ((f"{package}.{name}.{each}", inspect.getattr_static(value, each)) for each in members)
+                yield from (
+                    (f"{package}.{name}.{each}", inspect.getattr_static(value, each))
+                    for each in members
+                )
 
 
 @cache
 def known() -> frozenset[str]:
-    """Return the public names, with the members of public classes and the parameters of public functions."""
+    """Return the public names, with the members of public classes and the parameters of public
+    functions.
+    """
     names = {name for package in PUBLIC for name in import_module(package).__all__}
     for place, value in documented():
         names.add(place.rpartition(".")[2])
@@ -60,7 +69,9 @@ def parameters(value: Any) -> set[str]:
 
 
 def unpublished(text: str) -> list[str]:
-    """Return the names in backticks in a text that are opir's own and cannot be imported from a public package."""
+    """Return the names in backticks in a text that are opir's own and cannot be imported from a
+    public package.
+    """
     return [name for name in NAME.findall(text) if not is_published(name)]
 
 
@@ -86,9 +97,9 @@ def test_docstrings_of_public_names_refer_to_public_names(package: str) -> None:
 
 def is_of(package: str, place: str) -> bool:
     """Return whether a place is a name of a package, or a member of one."""
-    return place.startswith(f"{package}.") and place.removeprefix(f"{package}.").split(".")[0] in dir(
-        import_module(package)
-    )
+    return place.startswith(f"{package}.") and place.removeprefix(f"{package}.").split(".")[
+        0
+    ] in dir(import_module(package))
 
 
 def doc_of(value: Any) -> str:
@@ -103,7 +114,10 @@ def doc_of(value: Any) -> str:
         ("Return what `impact_states_eci` returns, `nan` where `height_m` is.", []),
         ("As `opir_core.Run`, `Run.plan` and `opir_core.plugin.Tracker`.", []),
         ("As `sensor_fault` says.", ["sensor_fault"]),
-        ("As `opir_core.planning.built_parts.sensor_fault`.", ["opir_core.planning.built_parts.sensor_fault"]),
+        (
+            "As `opir_core.planning.built_parts.sensor_fault`.",
+            ["opir_core.planning.built_parts.sensor_fault"],
+        ),
     ],
 )
 def test_a_name_that_is_not_published_is_found(text: str, names: list[str]) -> None:

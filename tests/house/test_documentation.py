@@ -1,4 +1,6 @@
-"""Documentation that cannot drift: every block marked `python` runs, every `console` block prints what it shows."""
+"""Documentation that cannot drift: every block marked `python` runs, every `console` block prints
+what it shows.
+"""
 
 import ast
 import inspect
@@ -14,7 +16,9 @@ import pytest
 from public_names import PUBLIC, is_public
 from repository import ROOT
 
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")])
+PAGES = sorted(
+    [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")]
+)
 #: Pages with blocks that run for a second and more, apart from those of the README.
 LONG = {
     *("docs/explanation/imm.md", "docs/explanation/classification.md"),
@@ -39,7 +43,9 @@ COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
 
 
 def blocks(page: Path, language: str) -> list[str]:
-    return [body for kind, body in FENCE.findall(page.read_text(encoding="utf-8")) if kind == language]
+    return [
+        body for kind, body in FENCE.findall(page.read_text(encoding="utf-8")) if kind == language
+    ]
 
 
 def named(page: Path) -> str:
@@ -55,14 +61,19 @@ def folder(tmp_path: Path) -> Path:
 def pages_with(language: str) -> list[Any]:
     """Return the pages that have blocks in a language, marked if these run for long."""
     pages = [page for page in PAGES if blocks(page, language)]
-    return [pytest.param(page, id=named(page), marks=[pytest.mark.slow] * (named(page) in LONG)) for page in pages]
+    return [
+        pytest.param(page, id=named(page), marks=[pytest.mark.slow] * (named(page) in LONG))
+        for page in pages
+    ]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", pages_with("python"))
 def test_python_blocks_run(page: Path, folder: Path) -> None:
     code = "\n".join(blocks(page, "python"))
-    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -78,7 +89,13 @@ def test_console_blocks_print_what_they_show(page: Path, folder: Path) -> None:
 def printed(command: str, folder: Path) -> str:
     """Return what a command prints, as a user sees it: both streams, without trailing blanks."""
     done = subprocess.run(
-        command, shell=True, cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
+        command,
+        shell=True,
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        check=False,
     )
     return "\n".join(line.rstrip() for line in done.stdout.strip().splitlines())
 
@@ -96,7 +113,10 @@ def test_links_lead_somewhere() -> None:
 @pytest.mark.slow
 def test_generated_pages_are_fresh() -> None:
     done = subprocess.run(
-        [sys.executable, ROOT / "docs" / "generate.py", "--check"], capture_output=True, text=True, check=False
+        [sys.executable, ROOT / "docs" / "generate.py", "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, f"run python docs/generate.py\n{done.stdout}{done.stderr}"
 
@@ -107,22 +127,40 @@ EXAMPLES = sorted((ROOT / "examples").rglob("*.py"))
 
 
 def imported_names(code: str) -> Iterator[tuple[str, str]]:
-    """Yield package and name of what code imports from the core, and `opir.name` where the core goes by that name."""
+    """Yield package and name of what code imports from the core, and `opir.name` where the core
+    goes by that name.
+    """
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in OWN:
             yield from ((str(node.module), name.name) for name in node.names)
         elif isinstance(node, ast.Import):
             yield from (
-                (name.name, "") for name in node.names if name.name.startswith("opir_core.") and name.name not in PUBLIC
+                (name.name, "")
+                for name in node.names
+                if name.name.startswith("opir_core.") and name.name not in PUBLIC
             )
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "opir":
+        elif (
+            isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.value.id == "opir"
+        ):
             yield "opir_core", node.attr
 
 
-@pytest.mark.parametrize("page", [*(page for page in PAGES if blocks(page, "python")), *EXAMPLES], ids=named)
+@pytest.mark.parametrize(
+    "page", [*(page for page in PAGES if blocks(page, "python")), *EXAMPLES], ids=named
+)
 def test_pages_and_examples_import_only_public_names(page: Path) -> None:
-    code = page.read_text(encoding="utf-8") if page.suffix == ".py" else "\n".join(blocks(page, "python"))
-    private = [f"{package}.{name}" for package, name in imported_names(code) if not is_public(package, name)]
+    code = (
+        page.read_text(encoding="utf-8")
+        if page.suffix == ".py"
+        else "\n".join(blocks(page, "python"))
+    )
+    private = [
+        f"{package}.{name}"
+        for package, name in imported_names(code)
+        if not is_public(package, name)
+    ]
     assert not private
 
 
@@ -134,6 +172,7 @@ def test_public_names_are_sorted_documented_and_there(package: str) -> None:
     undocumented = [
         name
         for name in door.__all__
-        if (inspect.isclass(value := getattr(door, name)) or inspect.isroutine(value)) and not value.__doc__
+        if (inspect.isclass(value := getattr(door, name)) or inspect.isroutine(value))
+        and not value.__doc__
     ]
     assert not undocumented

@@ -1,4 +1,6 @@
-"""The pages of what is modelled and left out, and every default with a source or the word notional."""
+"""The pages of what is modelled and left out, and every default with a source or the word
+notional.
+"""
 
 import csv
 import importlib
@@ -46,14 +48,18 @@ BASES = {PlaceConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
 
 
 def settable() -> dict[str, type]:
-    """Return the configuration classes that a scene or a user may set, by their names in the table of defaults."""
+    """Return the configuration classes that a scene or a user may set, by their names in the table
+    of defaults.
+    """
     from opir_http.settings import HttpSettings
     from opir_readers.orbits.fleet_config import FleetConfig
     from opir_studies import Study
 
     host = Host.discover((*PHOTONS, *PLUGINS))
     offered = [host.component(hook, name) for hook in CATALOGUE for name in host.names(hook)]
-    components = {f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)}
+    components = {
+        f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)
+    }
     others = {"scene": SceneFile, "forces: [{drag: ...}]": SceneDrag, "output's spool": SpoolConfig}
     others["sensors: [{fleet: ...}]"] = FleetConfig
     return {**components, **others, "opir serve": HttpSettings, "study": Study}
@@ -79,8 +85,12 @@ def listed() -> dict[tuple[str, str], tuple[str, str]]:
     return found
 
 
-def test_every_default_is_listed_with_its_value_and_source(listed: dict[tuple[str, str], tuple[str, str]]) -> None:
-    expected = {(name, row.key): row for name, config in settable().items() for row in defaults(config)}
+def test_every_default_is_listed_with_its_value_and_source(
+    listed: dict[tuple[str, str], tuple[str, str]],
+) -> None:
+    expected = {
+        (name, row.key): row for name, config in settable().items() for row in defaults(config)
+    }
     assert set(listed) == set(expected)
     assert len(listed) > 250
     for place, row in expected.items():
@@ -90,7 +100,9 @@ def test_every_default_is_listed_with_its_value_and_source(listed: dict[tuple[st
         assert source.strip(), place
 
 
-def test_the_page_counts_the_listed_defaults(listed: dict[tuple[str, str], tuple[str, str]]) -> None:
+def test_the_page_counts_the_listed_defaults(
+    listed: dict[tuple[str, str], tuple[str, str]],
+) -> None:
     text = " ".join((PAGES / "what-is-modelled.md").read_text(encoding="utf-8").split())
     notional = sum(source == "notional" for _, source in listed.values())
     assert f"All {len(listed)} defaults" in text
@@ -103,7 +115,11 @@ def test_no_configuration_class_is_left_out() -> None:
         reach(config, reached)
     found = {
         one
-        for package in ("opir_core", "opir_photons", *(f"opir_{name}" for name in (*PLUGINS, "http")))
+        for package in (
+            "opir_core",
+            "opir_photons",
+            *(f"opir_{name}" for name in (*PLUGINS, "http")),
+        )
         for one in configs(package)
     }
     assert found - reached == BASES
@@ -126,7 +142,11 @@ def configs(package: str) -> Iterator[type]:
     for found in pkgutil.walk_packages(root.__path__, f"{package}."):
         if found.name.rpartition(".")[2] != "__main__":
             for one in vars(importlib.import_module(found.name)).values():
-                if isinstance(one, type) and has(one) and any(METADATA_KEY in each.metadata for each in fields(one)):
+                if (
+                    isinstance(one, type)
+                    and has(one)
+                    and any(METADATA_KEY in each.metadata for each in fields(one))
+                ):
                     yield one
 
 

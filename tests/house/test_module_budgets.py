@@ -1,4 +1,6 @@
-"""A scene pays only for what it names: which modules a process imports, counted. Budgets only fall."""
+"""A scene pays only for what it names: which modules a process imports, counted. Budgets only
+fall.
+"""
 
 import json
 import subprocess
@@ -13,30 +15,45 @@ PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")
 #: How many modules more than bare Python `opir --version` may import.
 VERSION_BUDGET = 30
 
-#: What a first run is compared with. Editable installations import `__future__` and `pathlib` at start.
+#: What a first run is compared with. Editable installations import `__future__` and `pathlib` at
+#: start.
 BASELINE = "import __future__, numpy, pathlib"
 
-#: How many modules more than `BASELINE` a first run may import, two of them opir-render: files are put in place
-#: together; work, ranges, input files, plugins and columns are checked.
+#: How many modules more than `BASELINE` a first run may import, two of them opir-render: files are
+#: put in place together; work, ranges, input files, plugins and columns are checked.
 FIRST_RUN_BUDGET = 274
 
 #: How many classes attrs may build for a first run: each costs half a millisecond.
 CLASSES_BUDGET = 170
 
-HEAVY = ("scipy", "litestar", "aiokafka", "matplotlib", "pyarrow", "rich", "pyproj", "sgp4", "pandas", "numba")
+HEAVY = (
+    "scipy",
+    "litestar",
+    "aiokafka",
+    "matplotlib",
+    "pyarrow",
+    "rich",
+    "pyproj",
+    "sgp4",
+    "pandas",
+    "numba",
+)
 
 
 def modules_of(code: str, folder: Path) -> set[str]:
     """Return the modules a fresh process has imported after running some code."""
     reported = f"{code}\nimport sys, json\nprint(json.dumps(sorted(sys.modules)), file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", reported], cwd=folder, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", reported], cwd=folder, capture_output=True, text=True, check=True
+    )
     return set(json.loads(done.stderr.splitlines()[-1]))
 
 
 def command(*words: str) -> str:
     return (
         "from opir_core.cli.main import main\n"
-        f"try:\n    code = main({list(words)!r})\nexcept SystemExit as stop:\n    code = stop.code\n"
+        f"try:\n    code = main({list(words)!r})\nexcept SystemExit as stop:\n    code ="
+        f" stop.code\n"
         "assert not code, code\n"
     )
 
@@ -49,12 +66,19 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
 def test_version_stays_within_its_budget(tmp_path: Path, bare: set[str]) -> None:
     extra = modules_of(command("--version"), tmp_path) - bare
     assert len(extra) <= VERSION_BUDGET, sorted(extra)
-    assert not {name for name in extra if name.split(".")[0] in {"numpy", "attrs", "attr", "pluggy", "yaml", "cattrs"}}
+    assert not {
+        name
+        for name in extra
+        if name.split(".")[0] in {"numpy", "attrs", "attr", "pluggy", "yaml", "cattrs"}
+    }
 
 
 def test_importing_the_package_imports_no_part_of_it(tmp_path: Path, bare: set[str]) -> None:
     extra = modules_of("import opir_core", tmp_path) - bare
-    assert {name for name in extra if name.startswith("opir_core")} == {"opir_core", "opir_core.doors"}
+    assert {name for name in extra if name.startswith("opir_core")} == {
+        "opir_core",
+        "opir_core.doors",
+    }
 
 
 @pytest.mark.slow
@@ -69,18 +93,37 @@ def test_a_first_run_builds_few_classes(tmp_path: Path) -> None:
     counted = (
         "import sys\n"
         "own = {each for name, module in list(sys.modules.items()) if name.startswith('opir_')"
-        " for each in vars(module).values() if isinstance(each, type) and '__attrs_attrs__' in vars(each)}\n"
+        " for each in vars(module).values() if isinstance(each, type) and '__attrs_attrs__' in"
+        " vars(each)}\n"
         f"assert 100 < len(own) <= {CLASSES_BUDGET}, len(own)"
     )
     modules_of(command("run", str(EXAMPLES / "first_light.yaml"), "--quiet") + counted, tmp_path)
 
 
-def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_heavy(tmp_path: Path) -> None:
+def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_heavy(
+    tmp_path: Path,
+) -> None:
     loaded = modules_of(command("run", str(EXAMPLES / "first_light.yaml"), "--quiet"), tmp_path)
     roots = {name.split(".")[0] for name in loaded}
     assert "opir_dsp" in roots
-    others = {"opir_sbirs", "opir_nextgen", "opir_heo", "opir_leo", "opir_http", "opir_kafka", "opir_stonesoup"}
-    others |= {"opir_export", "opir_paper", "opir_readers", "opir_report", "opir_scoring", "opir_studies", "opir_dask"}
+    others = {
+        "opir_sbirs",
+        "opir_nextgen",
+        "opir_heo",
+        "opir_leo",
+        "opir_http",
+        "opir_kafka",
+        "opir_stonesoup",
+    }
+    others |= {
+        "opir_export",
+        "opir_paper",
+        "opir_readers",
+        "opir_report",
+        "opir_scoring",
+        "opir_studies",
+        "opir_dask",
+    }
     assert not roots & {*others, "opir_coverage", "stonesoup", "xarray"}
     assert not roots & set(HEAVY)
 
@@ -88,7 +131,8 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_
 @pytest.mark.slow
 def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
     loaded = modules_of(
-        command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"), tmp_path
+        command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"),
+        tmp_path,
     )
     assert not {name for name in loaded if name.startswith("opir_photons.radiometry")}
 
@@ -96,7 +140,8 @@ def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None:
     loaded = modules_of(
-        command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"), tmp_path
+        command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"),
+        tmp_path,
     )
     heavier = {"forces", "propagation", "integration", "gravity_and_drag", "dop853"}
     assert not {f"opir_core.flight.{name}" for name in heavier} & loaded
@@ -113,7 +158,15 @@ def test_a_sink_that_encodes_nothing_imports_no_encoder(tmp_path: Path, sink: st
 
 def test_events_and_truth_of_a_run_become_parquet_without_pandas(tmp_path: Path) -> None:
     outputs = "outputs=[{parquet: {path: events.parquet}}]"
-    words = ("run", str(EXAMPLES / "first_light.yaml"), "--set", outputs, "--truth", "truth.parquet", "--quiet")
+    words = (
+        "run",
+        str(EXAMPLES / "first_light.yaml"),
+        "--set",
+        outputs,
+        "--truth",
+        "truth.parquet",
+        "--quiet",
+    )
     loaded = modules_of(command(*words), tmp_path)
     assert "pyarrow" in loaded
     assert not {"pandas", "polars"} & loaded

@@ -7,10 +7,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")])
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")]
+)
 
 #: References that are generated whole, and the changelog, are as long as what they list.
-GENERATED = re.compile(r"docs/reference/(api/.*|claims|commands|components|http|paper-figures|scene)\.md|CHANGELOG\.md")
+GENERATED = re.compile(
+    r"docs/reference/(api/.*|claims|commands|components|http|paper-figures|scene)\.md|CHANGELOG\.md"
+)
 
 MOST_WORDS = 1500
 MOST_ROWS = 20
@@ -24,7 +28,8 @@ GUESSED = {
     r"\bas if so many\b": "say how many",
     r"\bcannot be meant\b": "is invalid",
     r"\bmore is too sure\b": "above 1 is overconfident",
-    r"\b(rays?|spots?|doubles|strays?) of (tracks?|targets?)\b": "lines of sight, clusters, duplicates, outliers",
+    r"\b(rays?|spots?|doubles|strays?) of (tracks?|targets?)\b": "lines of sight, clusters,"
+    " duplicates, outliers",
 }
 
 
@@ -45,10 +50,17 @@ def table_rows(text: str) -> Iterator[int]:
 def test_pages_are_short(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert len(text.split()) <= MOST_WORDS
-    assert max(table_rows(text), default=0) <= MOST_ROWS, "plot it, and put the data beside the page as CSV"
+    assert max(table_rows(text), default=0) <= MOST_ROWS, (
+        "plot it, and put the data beside the page as CSV"
+    )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_pages_use_the_fields_words(page: Path) -> None:
     text = " ".join(page.read_text(encoding="utf-8").split())
-    assert not {found[0]: better for words, better in GUESSED.items() for found in [re.search(words, text)] if found}
+    assert not {
+        found[0]: better
+        for words, better in GUESSED.items()
+        for found in [re.search(words, text)]
+        if found
+    }

@@ -63,7 +63,9 @@ def ellipse(**changes: float) -> dict[str, Any]:
     ],
     ids=str,
 )
-def test_other_last_digits_are_the_same(comparison: ModuleType, tmp_path: Path, change: dict[str, Any]) -> None:
+def test_other_last_digits_are_the_same(
+    comparison: ModuleType, tmp_path: Path, change: dict[str, Any]
+) -> None:
     assert compared(comparison, tmp_path, {**EVENT, **change})
 
 
@@ -88,7 +90,10 @@ def test_other_last_digits_are_the_same(comparison: ModuleType, tmp_path: Path, 
     ids=str,
 )
 def test_other_values_are_found(
-    comparison: ModuleType, tmp_path: Path, change: dict[str, Any], capsys: pytest.CaptureFixture[str]
+    comparison: ModuleType,
+    tmp_path: Path,
+    change: dict[str, Any],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert not compared(comparison, tmp_path, {**EVENT, **change})
     key = next(iter(change))
@@ -102,12 +107,18 @@ def test_another_number_of_events_is_found(
     assert not compared(comparison, tmp_path, *others)
 
 
-def test_a_missing_key_is_found(comparison: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert not compared(comparison, tmp_path, {key: value for key, value in EVENT.items() if key != "track_id"})
+def test_a_missing_key_is_found(
+    comparison: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert not compared(
+        comparison, tmp_path, {key: value for key, value in EVENT.items() if key != "track_id"}
+    )
     assert "event 1: track_id is 3, and absent" in capsys.readouterr().out
 
 
 def test_the_bearing_of_a_circle_is_arbitrary(comparison: ModuleType) -> None:
     round_one = {"semi_major_m": 300.0, "semi_minor_m": 300.0, "bearing_deg": 20.0}
-    ((_, _, _, size),) = comparison.differences("", round_one, {**round_one, "bearing_deg": 80.0}, {})
+    ((_, _, _, size),) = comparison.differences(
+        "", round_one, {**round_one, "bearing_deg": 80.0}, {}
+    )
     assert size == 0.0

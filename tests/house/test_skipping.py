@@ -1,4 +1,6 @@
-"""A scene pays only for what it names: what it does not name is not imported, not called, and allocates nothing."""
+"""A scene pays only for what it names: what it does not name is not imported, not called, and
+allocates nothing.
+"""
 
 import json
 import sys
@@ -37,7 +39,9 @@ NEVER = (
 
 @cache
 def run_of(words: tuple[str, ...]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Return the modules, calls and bytes of a run, and its events, without their numbers in the file."""
+    """Return the modules, calls and bytes of a run, and its events, without their numbers in the
+    file.
+    """
     with tempfile.TemporaryDirectory() as folder:
         found = used(words, Path(folder))
         lines = Path(folder, "events.jsonl").read_text(encoding="utf-8").splitlines()
@@ -46,12 +50,22 @@ def run_of(words: tuple[str, ...]) -> tuple[dict[str, Any], list[dict[str, Any]]
 
 def measured(event: dict[str, Any]) -> dict[str, Any]:
     """Return the fields of an event that no tracker fills."""
-    filled = {"track_id", "launch_point", "impact_point", "latitude_deg", "longitude_deg", "altitude_m"}
+    filled = {
+        "track_id",
+        "launch_point",
+        "impact_point",
+        "latitude_deg",
+        "longitude_deg",
+        "altitude_m",
+    }
     return {key: value for key, value in event.items() if key not in filled}
 
 
 #: Scenes with radiometry are followed call by call, which takes seconds.
-PLAIN_OR_SLOW = [pytest.param(part, id=part.name, marks=pytest.mark.slow if part.beside else ()) for part in PARTS]
+PLAIN_OR_SLOW = [
+    pytest.param(part, id=part.name, marks=pytest.mark.slow if part.beside else ())
+    for part in PARTS
+]
 
 
 @pytest.mark.slow
@@ -83,7 +97,9 @@ def test_what_a_scene_names_is_called_and_leaves_the_other_events_alone(part: Pa
         assert any(event["track_id"] is not None for event in events)
     elif part.events == ADDED:
         assert [
-            event for event in events if event["detection_id"] in {each["detection_id"] for each in before}
+            event
+            for event in events
+            if event["detection_id"] in {each["detection_id"] for each in before}
         ] == before
         assert len(events) > len(before)
     else:
@@ -91,14 +107,19 @@ def test_what_a_scene_names_is_called_and_leaves_the_other_events_alone(part: Pa
 
 
 def test_the_work_of_a_plan_is_counted_with_what_it_skips_and_why() -> None:
-    sensors = [{"model": "DSP", "id": f"S{slot}", "orbital_slot_deg": float(slot)} for slot in (-135, 45, -60)]
+    sensors = [
+        {"model": "DSP", "id": f"S{slot}", "orbital_slot_deg": float(slot)}
+        for slot in (-135, 45, -60)
+    ]
     launch = {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 10.0}
     mapping = {
         "scene": "skipped",
         "epoch": "2026-04-01T12:00:00Z",
         "duration_s": 120,
         "sensors": sensors,
-        "targets": [{"id": "T", "type": "ICBM", "launch": launch, "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}],
+        "targets": [
+            {"id": "T", "type": "ICBM", "launch": launch, "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}
+        ],
     }
     host = Host.discover(["dsp"])
     plan = compile_plan(scene_from_mapping(mapping, host=host), host)
@@ -106,5 +127,7 @@ def test_the_work_of_a_plan_is_counted_with_what_it_skips_and_why() -> None:
     assert work == run_of_plan(plan).summary["work"]
     assert work["pairs"] == 3
     assert work["pairs_skipped"] == {"behind_earth": 1}
-    assert work["looks"] == work["looks_visible_throughout"] + work["looks_tested_for_visibility"] > 0
+    assert (
+        work["looks"] == work["looks_visible_throughout"] + work["looks_tested_for_visibility"] > 0
+    )
     assert json.loads(json.dumps(work)) == work

@@ -9,7 +9,9 @@ IDS = [f"tests/core/test_{number}.py::test_it[{case}]" for number in range(100) 
 
 
 def test_each_test_is_in_one_third() -> None:
-    thirds = Counter(third for third in ("1/3", "2/3", "3/3") for node_id in IDS if chooser(third)(node_id))
+    thirds = Counter(
+        third for third in ("1/3", "2/3", "3/3") for node_id in IDS if chooser(third)(node_id)
+    )
     assert sum(thirds.values()) == len(IDS)
     assert min(thirds.values()) > 70
     assert all(sum(chooser(third)(node_id) for third in thirds) == 1 for node_id in IDS)

@@ -1,4 +1,5 @@
-"""Trackers know no target models: nothing on their side imports a boost, a target model or the tables of either.
+"""Trackers know no target models: nothing on their side imports a boost, a target model or the
+tables of either.
 
 A tracker that knows the flights that the simulator draws is judged on its own answers.
 """
@@ -15,7 +16,11 @@ from public_names import PUBLIC
 from repository import ROOT
 
 #: Where trackers and their mathematics live.
-FOLDERS = ("plugins/opir_trackers/opir_trackers", "plugins/opir_stonesoup/opir_stonesoup", "opir_core/estimation")
+FOLDERS = (
+    "plugins/opir_trackers/opir_trackers",
+    "plugins/opir_stonesoup/opir_stonesoup",
+    "opir_core/estimation",
+)
 
 #: Boosts, target models and plumes; a module counts with those within it.
 TARGET_MODELS = (
@@ -36,7 +41,8 @@ TARGET_MODELS = (
     "opir_readers",
 )
 
-#: Records of classes and profiles, which contexts and the kit for plugins have to name: no tracker imports them itself.
+#: Records of classes and profiles, which contexts and the kit for plugins have to name: no tracker
+#: imports them itself.
 RECORDS = ("opir_core.scene.target_classes",)
 
 #: Their tables, by the beginning of the file's name.
@@ -51,7 +57,9 @@ def is_among(module: str, known: tuple[str, ...]) -> bool:
 
 
 def imported(tree: ast.Module) -> Iterator[str]:
-    """Yield the modules that a source imports or uses by the name of a door, wherever in it, types included."""
+    """Yield the modules that a source imports or uses by the name of a door, wherever in it, types
+    included.
+    """
     doors = dict[str, str]()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -70,7 +78,9 @@ def imported(tree: ast.Module) -> Iterator[str]:
 
 
 def home_of(module: str, name: str) -> str:
-    """Return the module that a name of a module comes from: the name itself where it is a module."""
+    """Return the module that a name of a module comes from: the name itself where it is a
+    module.
+    """
     if not module.startswith("opir_core"):
         return module
     found: Any = getattr(import_module(module), name, None)
@@ -90,16 +100,22 @@ def texts(tree: ast.Module) -> Iterator[str]:
 
 @cache
 def imports_of(module: str) -> tuple[str, ...]:
-    """Return what a module of the core imports; doors, and what is no module of the core, import nothing."""
+    """Return what a module of the core imports; doors, and what is no module of the core, import
+    nothing.
+    """
     path = ROOT / module.replace(".", "/")
-    source = next((each for each in (path.with_suffix(".py"), path / "__init__.py") if each.is_file()), None)
+    source = next(
+        (each for each in (path.with_suffix(".py"), path / "__init__.py") if each.is_file()), None
+    )
     if source is None or module in DOORS or not module.startswith("opir_core"):
         return ()
     return tuple(imported(ast.parse(source.read_text(encoding="utf-8"))))
 
 
 def reached(modules: list[str]) -> dict[str, str]:
-    """Return the modules that modules import in the end, with the way there; the way does not lead through doors."""
+    """Return the modules that modules import in the end, with the way there; the way does not lead
+    through doors.
+    """
     ways = {module: module for module in modules}
     left = list(modules)
     while left:
@@ -151,7 +167,10 @@ def test_nothing_on_the_side_of_trackers_knows_target_models() -> None:
         "import opir_core.flight\nopir_core.flight.aim(1)",
         "from opir_core import flight\nflight.boost_profiles()",
         "from opir_core.scene.target_classes import core_profiles",
-        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from opir_core.flight.aiming import Aim",
+        (
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from opir_core.flight.aiming"
+            " import Aim"
+        ),
         "def late():\n    from opir_core.builtin.targets import ballistic_targets",
         "from opir_photons.classification.synthetic_looks import synthetic_launches",
         "from importlib import import_module\nimport_module('opir_core.flight.boost')",

@@ -1,4 +1,6 @@
-"""Somebody else's environment: opir-core from its wheel, packages of their own, and nothing of this checkout."""
+"""Somebody else's environment: opir-core from its wheel, packages of their own, and nothing of this
+checkout.
+"""
 
 import os
 import subprocess
@@ -13,7 +15,9 @@ from repository import ROOT
 
 @frozen
 class Outsider:
-    """An environment with opir-core installed from its wheel; third-party packages are those of this environment."""
+    """An environment with opir-core installed from its wheel; third-party packages are those of
+    this environment.
+    """
 
     folder: Path
     environment: Path
@@ -29,17 +33,29 @@ class Outsider:
     def install(self, *what: str, cwd: Path | None = None) -> None:
         """Install wheels and folders, without asking an index."""
         python = str(self.environment / "bin" / "python")
-        offline = ("--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check")
-        done = self.run(sys.executable, "-m", "pip", "--python", python, "install", *offline, *what, cwd=cwd)
+        offline = (
+            "--quiet",
+            "--no-deps",
+            "--no-index",
+            "--no-build-isolation",
+            "--disable-pip-version-check",
+        )
+        done = self.run(
+            sys.executable, "-m", "pip", "--python", python, "install", *offline, *what, cwd=cwd
+        )
         assert done.returncode == 0, done.stderr
 
     def run(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
         """Run a command with that environment first on the path."""
         given = self.variables()
-        return subprocess.run(words, cwd=cwd or self.folder, env=given, capture_output=True, text=True, check=False)
+        return subprocess.run(
+            words, cwd=cwd or self.folder, env=given, capture_output=True, text=True, check=False
+        )
 
     def variables(self) -> dict[str, str]:
-        """Return the environment's variables: that environment first on the path, and nothing of ours."""
+        """Return the environment's variables: that environment first on the path, and nothing of
+        ours.
+        """
         ours = ("PYTHONPATH", "OPIR_PLUGINS", "PYTEST_ADDOPTS")
         clean = {key: value for key, value in os.environ.items() if key not in ours}
         return {**clean, "PATH": f"{self.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"}
@@ -63,7 +79,9 @@ def outsider(tmp_path_factory: pytest.TempPathFactory) -> Outsider:
     made = Outsider(folder, folder / "environment")
     build = ("-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder / "wheels"))
     for source in (ROOT, *(ROOT / "plugins" / name for name in ("opir_photons", "opir_testing"))):
-        done = subprocess.run([sys.executable, *build], cwd=source, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [sys.executable, *build], cwd=source, capture_output=True, text=True, check=False
+        )
         assert done.returncode == 0, done.stderr
     venv.create(made.environment, symlinks=True)
     (site,) = (made.environment / "lib").glob("python3.*/site-packages")

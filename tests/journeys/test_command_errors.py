@@ -1,4 +1,6 @@
-"""What a user may type by mistake, and files that something else wrote: one clear message each, and nothing lost."""
+"""What a user may type by mistake, and files that something else wrote: one clear message each, and
+nothing lost.
+"""
 
 import json
 import re
@@ -49,21 +51,53 @@ TRACKED = (*RUN, "--tracker", "kepler-arc")
 WRITING = [
     (("--out", ""), 5, "the path is empty; give the path of a file"),
     (("--out", "/"), 5, "is a directory; give the path of a file in it"),
-    (("--out", "scene.yaml"), 2, "the events would overwrite scene.yaml, the path of the scene; give another path"),
+    (
+        ("--out", "scene.yaml"),
+        2,
+        "the events would overwrite scene.yaml, the path of the scene; give another path",
+    ),
     (("--out", "x", "--truth", "./x"), 2, "the truth would overwrite x, the path of the events"),
-    (("--out", "x", "--truth", "y", "--manifest", "y"), 2, "the manifest would overwrite y, the path of the truth"),
-    (("--out", "x", "--tracks", "y"), 2, "--tracks: the tracker none makes no tracks; omit this option"),
-    (("--out", "x", "--truth", "no/y"), 5, "the truth file no/y cannot be written: no such file or directory; create"),
-    (("--out", "x", "--truth", "folder"), 5, "the truth file folder cannot be written: is a directory; give"),
-    (("--out", "x", "--truth", "/dev/full"), 5, "the truth file /dev/full cannot be written: no space left"),
-    (("--out", "x", "--manifest", "no/y"), 5, "the manifest no/y cannot be written: no such file or directory; create"),
+    (
+        ("--out", "x", "--truth", "y", "--manifest", "y"),
+        2,
+        "the manifest would overwrite y, the path of the truth",
+    ),
+    (
+        ("--out", "x", "--tracks", "y"),
+        2,
+        "--tracks: the tracker none makes no tracks; omit this option",
+    ),
+    (
+        ("--out", "x", "--truth", "no/y"),
+        5,
+        "the truth file no/y cannot be written: no such file or directory; create",
+    ),
+    (
+        ("--out", "x", "--truth", "folder"),
+        5,
+        "the truth file folder cannot be written: is a directory; give",
+    ),
+    (
+        ("--out", "x", "--truth", "/dev/full"),
+        5,
+        "the truth file /dev/full cannot be written: no space left",
+    ),
+    (
+        ("--out", "x", "--manifest", "no/y"),
+        5,
+        "the manifest no/y cannot be written: no such file or directory; create",
+    ),
 ]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("words", "code", "message"), WRITING)
 def test_files_that_cannot_be_written_are_reported(
-    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], code: int, message: str
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+    code: int,
+    message: str,
 ) -> None:
     assert message in reported(capsys, *RUN, *words, code=code)
     assert (folder / "scene.yaml").read_bytes() == EXAMPLE.read_bytes()
@@ -78,7 +112,9 @@ def test_tracks_that_cannot_be_written_are_reported(
 
 
 def test_what_keeps_nothing_may_take_several(folder: Path) -> None:
-    assert main([*RUN, "--out", "/dev/null", "--truth", "/dev/null", "--manifest", "/dev/null"]) == 0
+    assert (
+        main([*RUN, "--out", "/dev/null", "--truth", "/dev/null", "--manifest", "/dev/null"]) == 0
+    )
 
 
 TRACKS = "run.tracks.jsonl"
@@ -87,10 +123,30 @@ EVENTS = "run.jsonl"
 MANIFEST = "run.manifest.json"
 
 BROKEN = [
-    (TRACKS, r'\{"time_s":[0-9.]+', '{"time_s":"x"', "line 1: time_s: not what opir writes: expected `float`"),
-    (TRACKS, r'"track_id":[0-9]+', '"track_id":null', "line 1: track_id: not what opir writes: expected `int`"),
-    (TRACKS, r'"track_id":[0-9]+', '"track_id":1e300', "line 1: track_id: not what opir writes: expected `int`"),
-    (TRACKS, r'"track_id":[0-9]+', '"track_id":99999999999999999999', "line 1: track_id: not what opir writes: "),
+    (
+        TRACKS,
+        r'\{"time_s":[0-9.]+',
+        '{"time_s":"x"',
+        "line 1: time_s: not what opir writes: expected `float`",
+    ),
+    (
+        TRACKS,
+        r'"track_id":[0-9]+',
+        '"track_id":null',
+        "line 1: track_id: not what opir writes: expected `int`",
+    ),
+    (
+        TRACKS,
+        r'"track_id":[0-9]+',
+        '"track_id":1e300',
+        "line 1: track_id: not what opir writes: expected `int`",
+    ),
+    (
+        TRACKS,
+        r'"track_id":[0-9]+',
+        '"track_id":99999999999999999999',
+        "line 1: track_id: not what opir writes: ",
+    ),
     (TRACKS, r'\A\{"time_s":[0-9.]+', r'{"time_s":0.5', "not the tracks of the manifest's run"),
     (TRACKS, r'\{"time_s":[0-9.]+', '{"time_s":7.5', "line 2: track 0 has two rows at 7.5 s"),
     (
@@ -102,7 +158,12 @@ BROKEN = [
     (TRUTH, r'"target_id":"T1"', '"target_id":[]', "line 1: is not a line of opir's truth"),
     (TRUTH, r'"detection_id"', '"x"', "is not in the truth: the files are of different runs"),
     (EVENTS, r'"timestamp":"[^"]*"', '"timestamp":"x"', "timestamp: is not a timestamp of opir"),
-    (EVENTS, r'"sensor_id":"[^"]*"', '"sensor_id":"X"', "has no sensor X: the files are of different runs"),
+    (
+        EVENTS,
+        r'"sensor_id":"[^"]*"',
+        '"sensor_id":"X"',
+        "has no sensor X: the files are of different runs",
+    ),
     (MANIFEST, r"(?s)\A.*", "[]", "not what opir writes: a manifest has a block scene"),
     (MANIFEST, r"(?s)\A.*", "{}", "not what opir writes: a manifest has a block scene"),
     (MANIFEST, r"(?s)\A.*", "{", "not what opir writes: "),
@@ -112,16 +173,26 @@ BROKEN = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "pattern", "other", "message"), BROKEN)
 def test_a_run_s_files_that_something_else_wrote_are_reported(
-    folder: Path, capsys: pytest.CaptureFixture[str], name: str, pattern: str, other: str, message: str
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    pattern: str,
+    other: str,
+    message: str,
 ) -> None:
     written = (folder / name).read_text()
     broken = re.sub(pattern, other, written)
     assert broken != written
     (folder / name).write_text(broken)
-    assert re.search(rf"opir: run\.\S+: 1 problem\n.*{re.escape(message)}", reported(capsys, "score", EVENTS, code=2))
+    assert re.search(
+        rf"opir: run\.\S+: 1 problem\n.*{re.escape(message)}",
+        reported(capsys, "score", EVENTS, code=2),
+    )
 
 
-def test_scores_of_what_is_no_run_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scores_of_what_is_no_run_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert "is not a file of events" in reported(capsys, "score", "", code=2)
     (folder / TRACKS).unlink()
     assert "there is no tracks file" in reported(capsys, "score", EVENTS, code=2)
@@ -130,18 +201,27 @@ def test_scores_of_what_is_no_run_are_refused(folder: Path, capsys: pytest.Captu
 TABLE = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n0,{x},0,0\n10,7e6,1,0\n"
 
 
-def test_tables_that_are_none_are_reported(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_that_are_none_are_reported(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for x in ("1e300", "7e12"):
         (folder / "far.csv").write_text(TABLE.format(x=x))
         assert "beyond the Moon; check its units" in _reported_of_table(capsys, "far.csv")
     assert "targets[0].file: the path is empty" in _reported_of_table(capsys, "")
 
 
-def test_sources_that_are_none_are_reported(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sources_that_are_none_are_reported(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (folder / "fires.csv").write_bytes(b"lat_deg,lon_deg\n\xff,0\n")
-    for path, words in (("fires.csv", "fires.csv, line 2: is not UTF-8 text"), ("", "the path is empty")):
+    for path, words in (
+        ("fires.csv", "fires.csv, line 2: is not UTF-8 text"),
+        ("", "the path is empty"),
+    ):
         sources = json.dumps([{"id": "F", "model": "fires", "csv": path}])
-        message = reported(capsys, *RUN, "--set", f"sources={sources}", "--set", "detection=snr", code=2)
+        message = reported(
+            capsys, *RUN, "--set", f"sources={sources}", "--set", "detection=snr", code=2
+        )
         assert "sources[0].csv: " in message
         assert words in message
 
@@ -151,7 +231,9 @@ def _reported_of_table(capsys: pytest.CaptureFixture[str], file: str) -> str:
     return reported(capsys, *RUN, "--set", f"targets={target}", code=2)
 
 
-def test_a_command_that_is_none_is_reported_all_that_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_that_is_none_is_reported_all_that_are(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     with pytest.raises(SystemExit) as left:
         main(["srve"])
     assert left.value.code == 2
@@ -179,7 +261,10 @@ def test_a_missing_package_of_this_project_is_named(
 ) -> None:
     monkeypatch.setattr(discovery, "distributions_with", lambda groups: [])
     message = reported(capsys, *words, code=3)
-    assert f"{package} provides it: python -m pip install {package} (in a clone of opir: ./plugins/" in message
+    assert (
+        f"{package} provides it: python -m pip install {package} (in a clone of opir: ./plugins/"
+        in message
+    )
 
 
 @pytest.mark.parametrize(
@@ -219,8 +304,12 @@ def test_an_unknown_option_is_refused_with_the_usage_of_its_command(
     assert message.endswith(f"\n{error}\n")
 
 
-@pytest.mark.parametrize("words", [("-q", "-o", "short.jsonl"), ("--quiet", "--out", "short.jsonl")])
-def test_common_options_have_letters(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    "words", [("-q", "-o", "short.jsonl"), ("--quiet", "--out", "short.jsonl")]
+)
+def test_common_options_have_letters(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
     assert main(["run", "scene.yaml", "--set", "duration_s=12", *words]) == 0
     assert capsys.readouterr() == ("", "")
     assert Path("short.jsonl").is_file()
@@ -236,8 +325,15 @@ def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> No
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("words", [("plugins",), ("explain", str(EXAMPLE)), ("run", str(EXAMPLE))])
-def test_a_full_standard_output_is_an_output_that_failed(words: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_full_standard_output_is_an_output_that_failed(
+    words: tuple[str, ...], tmp_path: Path
+) -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         command = [sys.executable, "-m", "opir_core", *words]
-        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert (done.returncode, done.stderr) == (5, "opir: stdout cannot be written: no space left on device\n")
+        done = subprocess.run(
+            command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert (done.returncode, done.stderr) == (
+        5,
+        "opir: stdout cannot be written: no space left on device\n",
+    )

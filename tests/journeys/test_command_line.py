@@ -48,7 +48,9 @@ def test_the_command_has_one_thread_for_linear_algebra_unless_the_user_says_othe
 
 
 @pytest.fixture
-def opir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Opir:
+def opir(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Opir:
     """Return a function that runs the command in this process."""
     monkeypatch.chdir(tmp_path)
 
@@ -65,7 +67,9 @@ def opir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
 
 @pytest.fixture(scope="module")
-def pacific(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+def pacific(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
     """Return the folder of a run in a process of its own, and what it said."""
     folder = tmp_path_factory.mktemp("pacific")
     return folder, process(folder, "run", *SHORT, PYTHONHASHSEED="42")
@@ -91,7 +95,10 @@ def test_a_run_writes_events_truth_and_manifest_and_says_so(
         event["detection_id"] for event in events
     ]
     assert {event["sensor_type"] for event in events} == {"DSP", "SBIRS-GEO", "NEXTGEN-GEO"}
-    assert all(name in done.stdout for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json"))
+    assert all(
+        name in done.stdout
+        for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json")
+    )
 
 
 @pytest.mark.slow
@@ -99,9 +106,15 @@ def test_a_run_says_first_who_saw_what_and_where_it_goes(
     pacific: tuple[Path, subprocess.CompletedProcess[str]],
 ) -> None:
     folder, done = pacific
-    truth = {row["target_id"]: row for row in lines(folder / "events.truth.jsonl") if row["record"] == "target"}
+    truth = {
+        row["target_id"]: row
+        for row in lines(folder / "events.truth.jsonl")
+        if row["record"] == "target"
+    }
     ids = {
-        row["detection_id"]: row["target_id"] for row in lines(folder / "events.truth.jsonl") if "detection_id" in row
+        row["detection_id"]: row["target_id"]
+        for row in lines(folder / "events.truth.jsonl")
+        if "detection_id" in row
     }
     answers = dict(line.split(": ", 1) for line in done.stdout.splitlines()[2 : 2 + len(truth)])
     first = {}
@@ -110,7 +123,8 @@ def test_a_run_says_first_who_saw_what_and_where_it_goes(
     for name, row in truth.items():
         reported = answers[f"{name} ({row['type']})"]
         assert reported.startswith(f"first seen by {first[name]} after ")
-        # In mid-burn an intercontinental missile may as well be a space launch: then the answer is one of both.
+        # In mid-burn an intercontinental missile may as well be a space launch: then the answer is
+        # one of both.
         answers_for = {"ICBM": "(ICBM|SLV)"}.get(row["type"], row["type"])
         assert re.search(rf"; (tracker|detections): {answers_for}\b", reported)
         if "from" in reported:
@@ -122,8 +136,16 @@ def test_a_run_says_first_who_saw_what_and_where_it_goes(
 
 def test_many_targets_are_answered_in_few_lines(tmp_path: Path, opir: Opir) -> None:
     scene = tmp_path / "raid.yaml"
-    target = {"type": "SRBM", "launch": {"lat_deg": 10.0, "lon_deg": 120.0}, "aim": {"lat_deg": 12.0, "lon_deg": 121.0}}
-    hidden = {**target, "launch": {"lat_deg": 10.0, "lon_deg": -60.0}, "aim": {"lat_deg": 12.0, "lon_deg": -61.0}}
+    target = {
+        "type": "SRBM",
+        "launch": {"lat_deg": 10.0, "lon_deg": 120.0},
+        "aim": {"lat_deg": 12.0, "lon_deg": 121.0},
+    }
+    hidden = {
+        **target,
+        "launch": {"lat_deg": 10.0, "lon_deg": -60.0},
+        "aim": {"lat_deg": 12.0, "lon_deg": -61.0},
+    }
     targets = [{"id": f"T{number}", **(target if number else hidden)} for number in range(9)]
     sensors = [{"model": "DSP", "id": "D", "orbital_slot_deg": 120.0}]
     head = {"scene": "raid", "epoch": "2026-04-01T12:00:00Z", "duration_s": 60, "seed": 1}
@@ -201,7 +223,9 @@ def test_events_on_standard_output_leave_the_summary_to_standard_error(tmp_path:
 @pytest.mark.slow
 def test_a_reader_that_goes_away_ends_the_run_quietly(tmp_path: Path) -> None:
     command = f"{sys.executable} -m opir_core run {FIRST_LIGHT} --out - --quiet | head -1"
-    done = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert json.loads(done.stdout)["detection_id"]
     assert "Traceback" not in done.stderr
 
@@ -240,7 +264,8 @@ def test_explain_tells_pairs_and_what_is_skipped(opir: Opir) -> None:
     assert reported["noise"] == []
     noisy = json.loads(opir("explain", PACIFIC, "--set", "detection=snr", "--json").stdout)["noise"]
     rates = {row["sensor_id"]: row["per_scan"] for row in noisy}
-    # DSP: 8.73 exceedances of 5 standard deviations a scan, of which the gates of the two scans before confirm few.
+    # DSP: 8.73 exceedances of 5 standard deviations a scan, of which the gates of the two scans
+    # before confirm few.
     radius = gate_radius_cells([1, 2], 0.2, 56e-6, 35_786e3, 8000.0)
     confirmed = false_confirmation_probability(2.8665e-7, 2, radius)
     assert max(rates.values()) == pytest.approx(8.73 * confirmed, rel=1e-3)
@@ -260,7 +285,10 @@ def test_aligned_scans_on_ignitions_are_warned_of(tmp_path: Path, opir: Opir) ->
     assert "warning" not in opir("explain", FIRST_LIGHT).stdout
 
 
-LATE = ("--set", "sensors[0].reporting={downlink: {mean_s: 2}, processing: {mean_s: 5, sigma_s: 1.5}}")
+LATE = (
+    "--set",
+    "sensors[0].reporting={downlink: {mean_s: 2}, processing: {mean_s: 5, sigma_s: 1.5}}",
+)
 
 
 def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir: Opir) -> None:
@@ -282,10 +310,20 @@ def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir: 
 
 
 def test_explain_tells_each_sensor_s_latency_and_the_order_of_tracking(opir: Opir) -> None:
-    reported = opir("explain", FIRST_LIGHT, *LATE, "--set", "tracking_order=report", "--set", "tracking_lag_s=9.5")
+    reported = opir(
+        "explain",
+        FIRST_LIGHT,
+        *LATE,
+        "--set",
+        "tracking_order=report",
+        "--set",
+        "tracking_lag_s=9.5",
+    )
     assert reported.returncode == 0, reported.stderr
     rows = reported.stdout.splitlines()
-    place = next(number for number, row in enumerate(rows) if row.startswith("sensor  reports after s"))
+    place = next(
+        number for number, row in enumerate(rows) if row.startswith("sensor  reports after s")
+    )
     assert rows[place + 1].split("  ")[0] == "DSP-1"
     assert rows[place + 1].endswith("downlink 2, processing 5 ± 1.5")
     assert "tracking in the order of report, 9.500 s after the ticks" in rows
@@ -298,7 +336,12 @@ def test_explain_tells_each_sensor_s_latency_and_the_order_of_tracking(opir: Opi
 
 def test_plugins_are_listed_with_their_versions(opir: Opir) -> None:
     rows = json.loads(opir("plugins", "--json").stdout)
-    assert {row["distribution"] for row in rows} >= {"opir-core", "opir-dsp", "opir-sbirs", "opir-nextgen"}
+    assert {row["distribution"] for row in rows} >= {
+        "opir-core",
+        "opir-dsp",
+        "opir-sbirs",
+        "opir-nextgen",
+    }
     assert "NEXTGEN-GEO" in opir("plugins").stdout
 
 
@@ -342,7 +385,9 @@ def test_what_cannot_be_done_is_one_message_and_an_exit_code(
 
 
 @pytest.mark.slow
-def test_hash_seeds_change_no_byte(tmp_path: Path, pacific: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+def test_hash_seeds_change_no_byte(
+    tmp_path: Path, pacific: tuple[Path, subprocess.CompletedProcess[str]]
+) -> None:
     process(tmp_path, "run", *SHORT, "--quiet", PYTHONHASHSEED="0")
     for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json"):
         assert (tmp_path / name).read_bytes() == (pacific[0] / name).read_bytes()

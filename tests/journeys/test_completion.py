@@ -30,7 +30,8 @@ COMP_WORDS=(opir {words}); COMP_CWORD=$(( ${{#COMP_WORDS[@]}} - 1 )); _shtab_opi
 
 FISH = "source {script}; complete -C 'opir {words}'"
 
-#: zsh completes only what is typed at a terminal, and `zpty` is one: the tab key is sent once zsh reads a line.
+#: zsh completes only what is typed at a terminal, and `zpty` is one: the tab key is sent once zsh
+#: reads a line.
 ZSH = """
 zmodload zsh/zpty
 zpty terminal 'TERM=dumb ZDOTDIR={folder} zsh -d -i'
@@ -51,7 +52,9 @@ finish() {{ print -r -- finished; exit }}; comppostfuncs=(finish)
 
 
 @pytest.fixture(scope="module", params=["bash", "zsh", "fish"])
-def script(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+def script(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[str, Path]:
     """A shell and its script in a file."""
     path = tmp_path_factory.mktemp("completion") / f"opir.{request.param}"
     with path.open("w", encoding="utf-8") as stream, redirect_stdout(stream):
@@ -72,7 +75,9 @@ def test_the_shell_accepts_the_script(script: tuple[str, Path]) -> None:
 
 
 @pytest.mark.parametrize(("words", "completed"), TYPED, ids=[" ".join(words) for words, _ in TYPED])
-def test_words_are_completed(script: tuple[str, Path], words: list[str], completed: list[str]) -> None:
+def test_words_are_completed(
+    script: tuple[str, Path], words: list[str], completed: list[str]
+) -> None:
     shell, path = script
     offered = offered_words(shell, path, " ".join(words))
     assert set(completed) <= set(offered)
@@ -82,7 +87,9 @@ def test_words_are_completed(script: tuple[str, Path], words: list[str], complet
 def offered_words(shell: str, script: Path, words: str) -> list[str]:
     """Return the words that a shell offers for the last of those typed after `opir`."""
     (script.parent / ".zshrc").write_text(ZSHRC.format(script=script), encoding="utf-8")
-    code = {"bash": BASH, "zsh": ZSH, "fish": FISH}[shell].format(script=script, folder=script.parent, words=words)
+    code = {"bash": BASH, "zsh": ZSH, "fish": FISH}[shell].format(
+        script=script, folder=script.parent, words=words
+    )
     done = run_in(shell, code, script.parent)
     done.check_returncode()
     if shell == "zsh":
@@ -91,9 +98,17 @@ def offered_words(shell: str, script: Path, words: str) -> list[str]:
 
 
 def run_in(shell: str, code: str, home: Path) -> "subprocess.CompletedProcess[str]":
-    """Run code in a shell without the user's settings; without the shell, skip the test unless it is required."""
+    """Run code in a shell without the user's settings; without the shell, skip the test unless it
+    is required.
+    """
     if shutil.which(shell) is None and os.environ.get("OPIR_SHELLS") != "required":
         pytest.skip(f"{shell} is not installed")
-    given = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ZDOTDIR"))}
+    given = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("XDG_", "ZDOTDIR"))
+    }
     given["HOME"] = str(home)
-    return subprocess.run([shell, "-c", code], capture_output=True, text=True, check=False, timeout=60, env=given)
+    return subprocess.run(
+        [shell, "-c", code], capture_output=True, text=True, check=False, timeout=60, env=given
+    )

@@ -1,4 +1,6 @@
-"""Whatever a component does in `opir run`, the command ends with one message and a code that is not success."""
+"""Whatever a component does in `opir run`, the command ends with one message and a code that is not
+success.
+"""
 
 import subprocess
 import sys
@@ -14,20 +16,42 @@ MODEL = ("opir_detection_models", "constant", "pair_probability", "detection: ro
 SINK = ("opir_sinks", "memory", "write", "")
 
 
-def ran(folder: Path, part: tuple[str, ...], deed: str, *words: str) -> "subprocess.CompletedProcess[str]":
+def ran(
+    folder: Path, part: tuple[str, ...], deed: str, *words: str
+) -> "subprocess.CompletedProcess[str]":
     """Run a scene with a component that misbehaves."""
     hook, sound, method, more = part
-    outputs = '[{"rogue": {}}]' if part is SINK else f'[{{"jsonl": {{"path": "{folder / "events.jsonl"}"}}}}]'
+    outputs = (
+        '[{"rogue": {}}]'
+        if part is SINK
+        else f'[{{"jsonl": {{"path": "{folder / "events.jsonl"}"}}}}]'
+    )
     scene = SCENE.replace('outputs: ["null"]', f"outputs: {outputs}") + more
     (folder / "scene.yaml").write_text(scene, encoding="utf-8")
-    command = [sys.executable, str(RUN), hook, sound, method, deed, "run", str(folder / "scene.yaml"), *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=folder)
+    command = [
+        sys.executable,
+        str(RUN),
+        hook,
+        sound,
+        method,
+        deed,
+        "run",
+        str(folder / "scene.yaml"),
+        *words,
+    ]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=300, check=False, cwd=folder
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("deed", ["SystemExit", "GeneratorExit", "KeyboardInterrupt", "ZeroDivisionError"])
+@pytest.mark.parametrize(
+    "deed", ["SystemExit", "GeneratorExit", "KeyboardInterrupt", "ZeroDivisionError"]
+)
 @pytest.mark.parametrize("part", [TRACKER, MODEL, SINK], ids=["tracker", "model", "sink"])
-def test_a_run_that_a_component_ends_is_no_success(tmp_path: Path, part: tuple[str, ...], deed: str) -> None:
+def test_a_run_that_a_component_ends_is_no_success(
+    tmp_path: Path, part: tuple[str, ...], deed: str
+) -> None:
     done = ran(tmp_path, part, deed, "--quiet")
     assert done.returncode not in (0, None)
     assert "Traceback" not in done.stderr

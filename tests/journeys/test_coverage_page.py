@@ -1,4 +1,6 @@
-"""The page of a coverage in a browser without a network: maps of every layer, no complaint, no overflow, and print."""
+"""The page of a coverage in a browser without a network: maps of every layer, no complaint, no
+overflow, and print.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,15 +40,21 @@ _MIDDLE = """(() => {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
-def test_every_layer_is_drawn_without_a_network(browser: Browser, written: Path, width: int, scheme: str) -> None:
-    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True)
+def test_every_layer_is_drawn_without_a_network(
+    browser: Browser, written: Path, width: int, scheme: str
+) -> None:
+    context = browser.new_context(
+        viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
+    )
     page = context.new_page()
     said: list[str] = []
     page.on("console", lambda message: said.append(message.text))
     page.on("pageerror", lambda error: said.append(str(error)))
     page.goto(written.as_uri())
     page.wait_for_selector("body[data-ready=in_view]")
-    names = page.evaluate("JSON.parse(document.getElementById('data').textContent).layers.map((one) => one.name)")
+    names = page.evaluate(
+        "JSON.parse(document.getElementById('data').textContent).layers.map((one) => one.name)"
+    )
     assert "revisit_time_max" in names
     for number, name in enumerate(names):
         page.select_option("#layer", str(number))
@@ -64,7 +72,9 @@ def test_every_layer_is_drawn_without_a_network(browser: Browser, written: Path,
 
 
 @pytest.mark.slow
-def test_print_has_the_map_and_no_controls_that_cannot_be_used(browser: Browser, written: Path) -> None:
+def test_print_has_the_map_and_no_controls_that_cannot_be_used(
+    browser: Browser, written: Path
+) -> None:
     page = browser.new_context(color_scheme="dark", offline=True).new_page()
     page.goto(written.as_uri())
     page.wait_for_selector("body[data-ready=in_view]")

@@ -1,4 +1,6 @@
-"""`opir describe`: what a scene may set of a component, from the same fields that read the scene."""
+"""`opir describe`: what a scene may set of a component, from the same fields that read the
+scene.
+"""
 
 import json
 import subprocess
@@ -15,7 +17,9 @@ from opir_core.host.host import Host
 
 
 def opir(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "opir_core", *words], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "opir_core", *words], capture_output=True, text=True, check=False
+    )
 
 
 def test_text_has_every_field_with_unit_range_default_meaning_and_source() -> None:
@@ -26,8 +30,8 @@ def test_text_has_every_field_with_unit_range_default_meaning_and_source() -> No
         "weighted sum of confirming bands, number of detections and elevation (the paper's)",
     ]
     assert (
-        "band: number, [0, 1], default 0.4\n    weight of the fraction of bands that confirm\n    default: opir-"
-        in (done.stdout)
+        "band: number, [0, 1], default 0.4\n    weight of the fraction of bands that confirm\n   "
+        " default: opir-" in (done.stdout)
     )
 
 
@@ -38,7 +42,9 @@ def test_json_of_every_component_of_the_core_has_every_field() -> None:
     for kind, hook in HOOK_BY_KIND.items():
         for name in host.names(hook):
             (owned,) = components_named(host, name, kind)
-            reported = json.loads(json.dumps(described(owned.component, owned.owner), allow_nan=False))
+            reported = json.loads(
+                json.dumps(described(owned.component, owned.owner), allow_nan=False)
+            )
             if hook == "opir_target_classes":
                 continue
             assert isinstance(owned.component, Component)
@@ -49,7 +55,11 @@ def test_json_of_every_component_of_the_core_has_every_field() -> None:
 
 def test_one_name_of_several_kinds_is_reported_of_each_or_of_one() -> None:
     everyone: list[dict[str, Any]] = json.loads(opir("describe", "always", "--json").stdout)
-    assert [reported["kind"] for reported in everyone] == ["detection model", "confidence model", "classifier"]
+    assert [reported["kind"] for reported in everyone] == [
+        "detection model",
+        "confidence model",
+        "classifier",
+    ]
     (one,) = json.loads(opir("describe", "always", "--kind", "classifier", "--json").stdout)
     assert one["kind"] == "classifier"
 
@@ -79,7 +89,8 @@ def test_a_missing_setting_is_reported_with_what_it_is_to_hold(tmp_path: Path) -
 
 def test_listing_plugins_imports_no_numpy() -> None:
     code = (
-        "from opir_core.cli.main import main; import sys; main(['plugins', '--json']); sys.exit('numpy' in sys.modules)"
+        "from opir_core.cli.main import main; import sys; main(['plugins', '--json']);"
+        " sys.exit('numpy' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0

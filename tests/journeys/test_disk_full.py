@@ -1,4 +1,6 @@
-"""A disk that is really full under a spool: the run says so, keeps what it has written, and nothing of that is lost."""
+"""A disk that is really full under a spool: the run says so, keeps what it has written, and nothing
+of that is lost.
+"""
 
 import json
 import re
@@ -15,7 +17,8 @@ from repository import EXAMPLES
 SCENE = str(EXAMPLES / "pacific_test_range.yaml")
 SIZE = "4000k"
 
-#: In a name space of its own: a disk of that size, the command, and what is left on the disk copied out.
+#: In a name space of its own: a disk of that size, the command, and what is left on the disk copied
+#: out.
 ON_A_SMALL_DISK = (
     'mount -t tmpfs -o size=$1 none "$2" && disk=$2 && kept=$3 && shift 3 && "$@";'
     ' code=$?; cp -a "$disk/." "$kept"; exit $code'
@@ -25,7 +28,8 @@ PROBE = ["unshare", "-rm", "sh", "-c", "mount -t tmpfs -o size=100k none /mnt"]
 
 def can_mount() -> bool:
     return (
-        shutil.which("unshare") is not None and subprocess.run(PROBE, capture_output=True, check=False).returncode == 0
+        shutil.which("unshare") is not None
+        and subprocess.run(PROBE, capture_output=True, check=False).returncode == 0
     )
 
 
@@ -40,24 +44,51 @@ def test_what_a_full_disk_kept_arrives_from_it(tmp_path: Path) -> None:
         topic = broker.topic()
         first = opir(dead_address(), topic, disk / "spool", tmp_path, small=(disk, kept))
         assert first.returncode == 5, first.stderr
-        found = re.search(r"its spool \S+ is full, with (\d+) events that wait: no broker answers", first.stderr)
+        found = re.search(
+            r"its spool \S+ is full, with (\d+) events that wait: no broker answers", first.stderr
+        )
         assert found, first.stderr
         assert "Traceback" not in first.stderr
         assert int(found[1]) > 1000
         rest = opir(broker.address, topic, kept / "spool", tmp_path, "--set", "targets=[]")
         assert rest.returncode == 0, rest.stderr
         assert "of them from the spool of an earlier run" in rest.stdout + rest.stderr
-        ids = [json.loads(message.value())["detection_id"] for message in messages(broker.address, topic)]
+        ids = [
+            json.loads(message.value())["detection_id"]
+            for message in messages(broker.address, topic)
+        ]
     assert len(set(ids)) == len(ids) == int(found[1])
 
 
 def opir(
-    server: str, topic: str, spool: Path, folder: Path, *words: str, small: tuple[Path, Path] | None = None
+    server: str,
+    topic: str,
+    spool: Path,
+    folder: Path,
+    *words: str,
+    small: tuple[Path, Path] | None = None,
 ) -> "subprocess.CompletedProcess[str]":
     """Run the scene into Kafka through a spool, which may be on a small disk of its own."""
-    kafka = {"bootstrap_servers": server, "topic": topic, **kafka_broker.BRISK, "spool": {"path": str(spool)}}
+    kafka = {
+        "bootstrap_servers": server,
+        "topic": topic,
+        **kafka_broker.BRISK,
+        "spool": {"path": str(spool)},
+    }
     outputs = f"outputs=[{{kafka: {json.dumps(kafka)}}}]"
     command = [sys.executable, "-m", "opir_core", "run", SCENE, "--set", outputs, *words]
     if small is not None:
-        command = ["unshare", "-rm", "sh", "-c", ON_A_SMALL_DISK, "sh", SIZE, *map(str, small), *command]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+        command = [
+            "unshare",
+            "-rm",
+            "sh",
+            "-c",
+            ON_A_SMALL_DISK,
+            "sh",
+            SIZE,
+            *map(str, small),
+            *command,
+        ]
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=300, check=False
+    )

@@ -1,7 +1,8 @@
 """Nothing but the Earth's turning tells one longitude, or one sidereal day, from another.
 
-A scene turned as a whole about the Earth's axis (slots and nodes of sensors, launches and aims), or shifted by whole
-sidereal days, has the same looks and detections, and its truth, ranges, angles and probabilities stay to 1e-9.
+A scene turned as a whole about the Earth's axis (slots and nodes of sensors, launches and aims), or
+shifted by whole sidereal days, has the same looks and detections, and its truth, ranges, angles and
+probabilities stay to 1e-9.
 """
 
 from typing import Any
@@ -18,7 +19,10 @@ from opir_core.simulation.run import Run, simulate
 EPOCH = "2026-04-01T12:00:00Z"
 BAR = 1e-9
 CIRCULAR = {"altitude_km": 1400.0, "inclination_deg": 64.0, "arg_latitude_deg": 25.0}
-FORCES: dict[str, Any] = {"kepler": "kepler", "drag": ["j2", "j3", {"drag": {"ballistic_coefficient_kg_m2": 900.0}}]}
+FORCES: dict[str, Any] = {
+    "kepler": "kepler",
+    "drag": ["j2", "j3", {"drag": {"ballistic_coefficient_kg_m2": 900.0}}],
+}
 TURNS_DEG = (37.25, 180.0, -92.625)
 
 
@@ -26,8 +30,12 @@ def lon_deg(degrees: float) -> float:
     return (degrees + 180.0) % 360.0 - 180.0
 
 
-def scene(forces: Any, turn_deg: float = 0.0, epoch: str = EPOCH, node: str = "lon_asc_node_deg") -> dict[str, Any]:
-    """Return a scene turned as a whole: two slots, a random scan, an orbit that moves, and a target of each class."""
+def scene(
+    forces: Any, turn_deg: float = 0.0, epoch: str = EPOCH, node: str = "lon_asc_node_deg"
+) -> dict[str, Any]:
+    """Return a scene turned as a whole: two slots, a random scan, an orbit that moves, and a target
+    of each class.
+    """
     places = (
         ("ICBM", 34.73, -120.57, 9.0, 167.7),
         ("IRBM", 22.02, -159.78, 9.0, 167.7),
@@ -42,14 +50,23 @@ def scene(forces: Any, turn_deg: float = 0.0, epoch: str = EPOCH, node: str = "l
         "forces": forces,
         "sensors": [
             {"model": "DSP", "id": "A", "orbital_slot_deg": lon_deg(-125.0 + turn_deg)},
-            {"model": "DSP", "id": "B", "orbital_slot_deg": lon_deg(-175.5 + turn_deg), "scan_phase": "random"},
+            {
+                "model": "DSP",
+                "id": "B",
+                "orbital_slot_deg": lon_deg(-175.5 + turn_deg),
+                "scan_phase": "random",
+            },
             {"model": "SBIRS-GEO", "id": "C", "orbit": {"circular": {**CIRCULAR, node: node_deg}}},
         ],
         "targets": [
             {
                 "id": f"T{number}",
                 "type": kind,
-                "launch": {"lat_deg": lat, "lon_deg": lon_deg(lon + turn_deg), "time_s": 7.0 * number},
+                "launch": {
+                    "lat_deg": lat,
+                    "lon_deg": lon_deg(lon + turn_deg),
+                    "time_s": 7.0 * number,
+                },
                 "aim": {"lat_deg": aim_lat, "lon_deg": lon_deg(aim_lon + turn_deg)},
             }
             for number, (kind, lat, lon, aim_lat, aim_lon) in enumerate(places)
@@ -63,13 +80,17 @@ def whole(mapping: dict[str, Any]) -> tuple[Plan, Run]:
 
 
 def assert_same(one: tuple[Plan, Run], other: tuple[Plan, Run], turn_deg: float) -> None:
-    """Check looks exactly, and all else to the bar: of the Earth's radius, of the circle, of each number."""
+    """Check looks exactly, and all else to the bar: of the Earth's radius, of the circle, of each
+    number.
+    """
     (plan, run), (plan_2, run_2) = one, other
     assert plan.pairs.looks.tobytes() == plan_2.pairs.looks.tobytes()
     assert plan.pairs.blocked.tobytes() == plan_2.pairs.blocked.tobytes()
     assert len(run.detections) > 400
     for name in ("time_ns", "sensor", "scan", "reported_type", "bands", "detection_count"):
-        assert getattr(run.detections, name).tobytes() == getattr(run_2.detections, name).tobytes(), name
+        assert (
+            getattr(run.detections, name).tobytes() == getattr(run_2.detections, name).tobytes()
+        ), name
     for name in ("confidence", "azimuth_rad", "elevation_rad"):
         close(getattr(run_2.detections, name), getattr(run.detections, name))
     for name in ("range_m", "emission_time_s", "probability", "target_elevation_sine"):
@@ -113,9 +134,13 @@ def test_turning_the_sensors_alone_changes_much() -> None:
 @pytest.mark.parametrize("days", [1, 366, 5000])
 @pytest.mark.parametrize("node", ["lon_asc_node_deg", "raan_deg"])
 def test_whole_sidereal_days_change_nothing(days: int, node: str) -> None:
-    """A node in right ascension comes back over the same ground, as nearly as epochs are whole microseconds."""
+    """A node in right ascension comes back over the same ground, as nearly as epochs are whole
+    microseconds.
+    """
     shifted = text_of_epoch_us(after_sidereal_days(days))
-    assert_same(whole(scene("kepler", node=node)), whole(scene("kepler", epoch=shifted, node=node)), 0.0)
+    assert_same(
+        whole(scene("kepler", node=node)), whole(scene("kepler", epoch=shifted, node=node)), 0.0
+    )
 
 
 def after_sidereal_days(days: int) -> int:

@@ -1,4 +1,6 @@
-"""Events are the same bytes whatever does not belong to them: windows, hash seeds, neighbours, the order of plugins."""
+"""Events are the same bytes whatever does not belong to them: windows, hash seeds, neighbours, the
+order of plugins.
+"""
 
 import json
 from collections.abc import Mapping
@@ -16,7 +18,10 @@ from opir_core.simulation.run import plan_windows
 
 EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
 #: Without a tracker: an estimate depends on all sensors and targets, and events carry it.
-SCENE: Mapping[str, Any] = {**yaml.safe_load(EXAMPLE.read_text(encoding="utf-8")), "tracker": "none"}
+SCENE: Mapping[str, Any] = {
+    **yaml.safe_load(EXAMPLE.read_text(encoding="utf-8")),
+    "tracker": "none",
+}
 
 
 def events(scene: Mapping[str, Any], window_s: float | None = None) -> bytes:
@@ -32,7 +37,9 @@ def whole() -> bytes:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("window_s", [pytest.param(0.2, marks=pytest.mark.slow), 0.77, 1.0, 13.0, 299.999, None])
+@pytest.mark.parametrize(
+    "window_s", [pytest.param(0.2, marks=pytest.mark.slow), 0.77, 1.0, 13.0, 299.999, None]
+)
 def test_window_sizes_change_no_byte(whole: bytes, window_s: float | None) -> None:
     assert events(SCENE, window_s) == whole
 
@@ -59,7 +66,11 @@ def test_one_more_target_leaves_the_other_targets_events_alone(whole: bytes, pla
     targets = [*SCENE["targets"][:place], newcomer, *SCENE["targets"][place:]]
     scene = {**SCENE, "targets": targets}
     added = of_target(scene, "NEW")
-    kept = [line for line in events(scene).splitlines(keepends=True) if json.loads(line)["detection_id"] not in added]
+    kept = [
+        line
+        for line in events(scene).splitlines(keepends=True)
+        if json.loads(line)["detection_id"] not in added
+    ]
     assert added
     assert b"".join(kept) == whole
 
@@ -95,4 +106,6 @@ def test_streaming_and_whole_runs_agree() -> None:
     scene = opir.scene_from_mapping(dict(SCENE))
     run = opir.simulate(scene)
     assert run.manifest["counts"]["detections"] == len(run.detections)
-    assert sum(len(window.detections) for window in opir.windows(scene, window_s=7.0)) == len(run.detections)
+    assert sum(len(window.detections) for window in opir.windows(scene, window_s=7.0)) == len(
+        run.detections
+    )

@@ -1,7 +1,8 @@
 """Extreme scenes: no warning, no nan where a number exists, no number where none exists.
 
-Launches at the pole, on the antimeridian, under a satellite and at its limb; aims on the launch, a kilometre and 20 000
-km away; epochs of 1970 and 2099; looks a nanosecond apart. `OPIR_EXTREME_SCENES=20000` asks for that many scenes.
+Launches at the pole, on the antimeridian, under a satellite and at its limb; aims on the launch, a
+kilometre and 20 000 km away; epochs of 1970 and 2099; looks a nanosecond apart.
+`OPIR_EXTREME_SCENES=20000` asks for that many scenes.
 """
 
 import math
@@ -27,15 +28,21 @@ HOST = Host.discover(["dsp", "sbirs", "nextgen"])
 #: How far from the point under a geostationary satellite its limb is, degrees: acos(a/r).
 LIMB_DEG = math.degrees(math.acos(6378137.0 / 42164172.0))
 
-LATITUDES = st.sampled_from([90.0, -90.0, 89.9999999999, 0.0, 1e-300, -1e-9, 45.0]) | st.floats(-90.0, 90.0)
-LONGITUDES = st.sampled_from([180.0, -180.0, 179.99999999999997, 0.0, -1e-12]) | st.floats(-180.0, 180.0)
-HEIGHTS = st.sampled_from([0.0, -500.0, 9000.0, 1e-9])
-RANGES_M = st.sampled_from([0.0, 1e-6, 1e3, 60e3, 1e6, 5.5e6, 1.2e7, 2.0e7]) | st.floats(0.0, 2.0e7)
-EPOCHS = st.sampled_from(["1970-01-01T00:00:00Z", "2026-04-01T12:00:00.000001Z", "2099-12-31T23:59:59.999999Z"])
-FORCES = st.sampled_from(["kepler", "kepler", ["j2"], ["j2", "j3", "j4"], ["j2", {"drag": {}}]])
-OFFSETS_DEG = st.sampled_from([0.0, LIMB_DEG, -LIMB_DEG, LIMB_DEG + 1e-9, 180.0, 90.0, 1e-12]) | st.floats(
+LATITUDES = st.sampled_from([90.0, -90.0, 89.9999999999, 0.0, 1e-300, -1e-9, 45.0]) | st.floats(
+    -90.0, 90.0
+)
+LONGITUDES = st.sampled_from([180.0, -180.0, 179.99999999999997, 0.0, -1e-12]) | st.floats(
     -180.0, 180.0
 )
+HEIGHTS = st.sampled_from([0.0, -500.0, 9000.0, 1e-9])
+RANGES_M = st.sampled_from([0.0, 1e-6, 1e3, 60e3, 1e6, 5.5e6, 1.2e7, 2.0e7]) | st.floats(0.0, 2.0e7)
+EPOCHS = st.sampled_from(
+    ["1970-01-01T00:00:00Z", "2026-04-01T12:00:00.000001Z", "2099-12-31T23:59:59.999999Z"]
+)
+FORCES = st.sampled_from(["kepler", "kepler", ["j2"], ["j2", "j3", "j4"], ["j2", {"drag": {}}]])
+OFFSETS_DEG = st.sampled_from(
+    [0.0, LIMB_DEG, -LIMB_DEG, LIMB_DEG + 1e-9, 180.0, 90.0, 1e-12]
+) | st.floats(-180.0, 180.0)
 
 
 @st.composite
@@ -44,11 +51,16 @@ def targets(draw: st.DrawFn, number: int) -> dict[str, Any]:
     longitude = draw(LONGITUDES)
     bearing = draw(st.sampled_from([0.0, 90.0, 180.0, 270.0]) | st.floats(0.0, 360.0))
     range_m = draw(RANGES_M)
-    there = geodesic_direct(*(math.radians(value) for value in (latitude, longitude, bearing)), range_m)
+    there = geodesic_direct(
+        *(math.radians(value) for value in (latitude, longitude, bearing)), range_m
+    )
     aim = {"lat_deg": latitude, "lon_deg": longitude}
     if range_m > 0.0:
         aim = {"lat_deg": math.degrees(there[0]), "lon_deg": math.degrees(there[1])}
-        aim = {key: max(-bound, min(bound, aim[key])) for key, bound in (("lat_deg", 90.0), ("lon_deg", 180.0))}
+        aim = {
+            key: max(-bound, min(bound, aim[key]))
+            for key, bound in (("lat_deg", 90.0), ("lon_deg", 180.0))
+        }
     return {
         "id": f"T{number}",
         "type": draw(st.sampled_from(["ICBM", "IRBM", "SRBM"])),
@@ -87,12 +99,15 @@ def sensors(draw: st.DrawFn, under: float, period_ms: float) -> list[dict[str, A
 
 @st.composite
 def scenes(draw: st.DrawFn) -> dict[str, Any]:
-    """Return a scene of looks at usual distances, or of ten microseconds with a nanosecond between looks."""
+    """Return a scene of looks at usual distances, or of ten microseconds with a nanosecond between
+    looks.
+    """
     period_ms, duration_s = draw(st.sampled_from([(200.0, 400.0), (1e-6, 1e-5)]))
     launches = [draw(targets(number)) for number in range(draw(st.integers(1, 3)))]
     if duration_s < 1.0:
         launches = [
-            {**each, "launch": {**each["launch"], "time_s": each["launch"]["time_s"] % 9e-6}} for each in launches
+            {**each, "launch": {**each["launch"], "time_s": each["launch"]["time_s"] % 9e-6}}
+            for each in launches
         ]
     return {
         "scene": "extreme",
@@ -128,7 +143,11 @@ def test_every_scene_has_its_numbers_or_says_why_not(mapping: dict[str, Any]) ->
 
 def assert_only_out_of_reach(mapping: dict[str, Any], reported: str) -> None:
     """Check that the targets refused are those whose aim lies outside all that their type flies."""
-    refused = [number for number in range(len(mapping["targets"])) if f"targets[{number}].aim: " in reported]
+    refused = [
+        number
+        for number in range(len(mapping["targets"]))
+        if f"targets[{number}].aim: " in reported
+    ]
     assert refused
     assert reported.count("targets[") == len(refused)
     assert "no flight of" not in reported, reported
@@ -146,11 +165,16 @@ def assert_trajectories(plan: Plan, mapping: dict[str, Any]) -> None:
     for reported, asked in zip(targets.truth(), mapping["targets"], strict=True):
         assert reported["miss_m"] <= 0.01
         assert reported["impact"]["time_s"] > reported["burnout_s"]
-        assert np.isfinite([*reported["burnout"]["position_ecef_m"], *reported["burnout"]["velocity_ecef_m_s"]]).all()
+        assert np.isfinite(
+            [*reported["burnout"]["position_ecef_m"], *reported["burnout"]["velocity_ecef_m_s"]]
+        ).all()
         launch = asked["launch"]
-        place = Geodetic(math.radians(launch["lat_deg"]), math.radians(launch["lon_deg"]), launch["height_m"])
+        place = Geodetic(
+            math.radians(launch["lat_deg"]), math.radians(launch["lon_deg"]), launch["height_m"]
+        )
         first = targets.position_ecef_m(
-            np.array([targets.ids.index(reported["id"])], np.int32), np.array([reported["ignition_s"]])
+            np.array([targets.ids.index(reported["id"])], np.int32),
+            np.array([reported["ignition_s"]]),
         )
         assert np.linalg.norm(first - geodetic_to_ecef(*place)) <= 0.02
 
@@ -159,9 +183,20 @@ def assert_detections(plan: Plan, run: Run) -> None:
     seen = run.detections
     truth = run.truth
     azimuth, elevation = seen.angles()
-    for column in (seen.confidence, seen.line_of_sight_ecef, seen.sensor_ecef_m, azimuth, elevation):
+    for column in (
+        seen.confidence,
+        seen.line_of_sight_ecef,
+        seen.sensor_ecef_m,
+        azimuth,
+        elevation,
+    ):
         assert np.isfinite(column).all()
-    for column in (truth.range_m, truth.emission_time_s, truth.probability, truth.target_elevation_rad):
+    for column in (
+        truth.range_m,
+        truth.emission_time_s,
+        truth.probability,
+        truth.target_elevation_rad,
+    ):
         assert np.isfinite(column).all()
     assert ((seen.time_ns >= 0) & (seen.time_ns <= plan.end_ns)).all()
     assert ((azimuth >= 0.0) & (azimuth < 2.0 * np.pi) & (np.abs(elevation) <= 0.5 * np.pi)).all()
@@ -177,7 +212,9 @@ def assert_detections(plan: Plan, run: Run) -> None:
 
 
 def assert_in_view(plan: Plan, run: Run) -> None:
-    """Check that nothing is seen through the Earth: by the geometry of each detection, not by the plan's."""
+    """Check that nothing is seen through the Earth: by the geometry of each detection, not by the
+    plan's.
+    """
     span = plan.targets.ignition_s[run.truth.target], plan.targets.burnout_s[run.truth.target]
     emitted = np.clip(run.truth.emission_time_s, *span)
     positions = plan.targets.position_ecef_m(run.truth.target, emitted)

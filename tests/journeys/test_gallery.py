@@ -11,7 +11,8 @@ from repository import EXAMPLES, ROOT
 
 SCRIPTS = sorted((EXAMPLES / "gallery").glob("plot_*.py"))
 
-#: Runs scripts in one process, and each scene once for all of them; prints how many figures each has made.
+#: Runs scripts in one process, and each scene once for all of them; prints how many figures each
+#: has made.
 RUN = """
 import json, runpy, sys
 import opir_core
@@ -45,10 +46,19 @@ print(json.dumps(made))
 def test_each_script_of_the_gallery_makes_its_figures(tmp_path: Path) -> None:
     environment = {**os.environ, "MPLBACKEND": "agg", "MPLCONFIGDIR": str(tmp_path)}
     words = [sys.executable, "-c", RUN, str(tmp_path), *map(str, SCRIPTS)]
-    done = subprocess.run(words, cwd=EXAMPLES / "gallery", env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        words,
+        cwd=EXAMPLES / "gallery",
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     made = json.loads(done.stdout.splitlines()[-1])
-    assert made == {str(script): 1 + script.read_text(encoding="utf-8").count("\n# %%\n") for script in SCRIPTS}
+    assert made == {
+        str(script): 1 + script.read_text(encoding="utf-8").count("\n# %%\n") for script in SCRIPTS
+    }
 
 
 def test_the_pictures_of_pages_are_those_of_the_gallery() -> None:

@@ -1,4 +1,6 @@
-"""A crowd of tracks on the page: all are drawn where they are, have lines in the table, and can be selected."""
+"""A crowd of tracks on the page: all are drawn where they are, have lines in the table, and can be
+selected.
+"""
 
 from collections.abc import Iterator
 
@@ -49,14 +51,19 @@ def page(stand: Stand) -> Iterator[Page]:
 @pytest.mark.slow
 def test_every_track_of_a_crowd_is_drawn(page: Page) -> None:
     page.wait_for_function(
-        f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}", timeout=PATIENCE_MS
+        f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}",
+        timeout=PATIENCE_MS,
     )
     assert page.evaluate("opirMap.drawn.impacts") >= COUNT
 
 
 @pytest.mark.slow
-def test_every_track_of_a_crowd_has_a_line_in_the_table_of_which_those_in_view_are_made(page: Page) -> None:
-    page.wait_for_function(f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}")
+def test_every_track_of_a_crowd_has_a_line_in_the_table_of_which_those_in_view_are_made(
+    page: Page,
+) -> None:
+    page.wait_for_function(
+        f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}"
+    )
     page.locator("#play").click()  # no new tracks while lines are counted
     found = page.evaluate(LINES)
     assert len(found["ids"]) == page.evaluate("opirMap.drawn.tracks")
@@ -70,18 +77,26 @@ def test_every_track_of_a_crowd_has_a_line_in_the_table_of_which_those_in_view_a
 
 @pytest.mark.slow
 def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page: Page) -> None:
-    page.wait_for_function(f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}")
+    page.wait_for_function(
+        f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}"
+    )
     page.locator("#play").click()
     page.locator("#track-rows button").first.focus()
     first = int(page.evaluate("document.activeElement.textContent"))
     for _ in range(50):
         page.keyboard.press("Tab")
-        page.evaluate("() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")
+        page.evaluate(
+            "() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))"
+        )
     numbers = page.evaluate("[...opirStore.tracks.keys()].sort((one, other) => one - other)")
-    assert int(page.evaluate("document.activeElement.textContent")) == numbers[numbers.index(first) + 50]
+    assert (
+        int(page.evaluate("document.activeElement.textContent"))
+        == numbers[numbers.index(first) + 50]
+    )
 
 
-#: Scrolls through the table; returns numbers, texts and places of all lines in order, and how many there were at once.
+#: Scrolls through the table; returns numbers, texts and places of all lines in order, and how many
+#: there were at once.
 LINES = """async () => {
   const box = document.querySelector('.tracks .scroll'), lines = new Map(), heights = [];
   let most = 0;

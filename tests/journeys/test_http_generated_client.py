@@ -1,4 +1,6 @@
-"""A Python client that openapi-python-client generates from the OpenAPI document, against a service."""
+"""A Python client that openapi-python-client generates from the OpenAPI document, against a
+service.
+"""
 
 import json
 import subprocess
@@ -14,18 +16,25 @@ from waiting import until
 pytestmark = pytest.mark.slow
 
 
-def test_a_generated_client_launches_and_reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_generated_client_launches_and_reads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "openapi.json").write_text(json.dumps(document()), encoding="utf-8")
     words = ["generate", "--path", "openapi.json", "--meta", "none", "--output-path", "opir_client"]
     command = [sys.executable, "-m", openapi_python_client.__name__, *words]
-    made = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120.0)
+    made = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120.0
+    )
     assert "Unable to" not in made.stdout + made.stderr
     monkeypatch.syspath_prepend(str(tmp_path))
     from opir_client import Client  # type: ignore[import-not-found]
     from opir_client.api.default import detections, ready, status, tracks, trigger  # type: ignore[import-not-found]
     from opir_client.models import TracksTrail, Trigger  # type: ignore[import-not-found]
 
-    with serving(tmp_path, "--speed", "20") as stand, Client(base_url=f"http://127.0.0.1:{stand.port}") as client:
+    with (
+        serving(tmp_path, "--speed", "20") as stand,
+        Client(base_url=f"http://127.0.0.1:{stand.port}") as client,
+    ):
         until(lambda: ready.sync(client=client).ready)
         launched = trigger.sync(client=client, body=Trigger.from_dict(LAUNCH))
         assert launched.id.startswith("live-")

@@ -1,4 +1,6 @@
-"""The page for an operator: live launches first, earlier laps folded, filter, plots, sensors, coverage."""
+"""The page for an operator: live launches first, earlier laps folded, filter, plots, sensors,
+coverage.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,7 +12,10 @@ from playwright.sync_api import Browser, Page, expect
 
 pytestmark = pytest.mark.browser
 
-ROWS = "() => [...document.querySelectorAll('#track-rows tr[data-track]')].map((row) => Number(row.dataset.track))"
+ROWS = (
+    "() => [...document.querySelectorAll('#track-rows tr[data-track]')].map((row) =>"
+    " Number(row.dataset.track))"
+)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +35,12 @@ def track(number: int, ago_s: float, **own: Any) -> dict[str, Any]:
     types = {"ICBM": 0.9, "IRBM": 0.04, "SRBM": 0.04, "UNKNOWN": 0.02}
     place = {"latitude_deg": 10.0, "longitude_deg": -150.0 + number, "altitude_m": 1e3 * number}
     nothing = dict.fromkeys(("launch_point", "impact_point", "probability_launch", "end"))
-    rest = {"probability_burning": 0.5, "type_probability": types, "impact_regions": [], "hypotheses": None}
+    rest = {
+        "probability_burning": 0.5,
+        "type_probability": types,
+        "impact_regions": [],
+        "hypotheses": None,
+    }
     return {"track_id": number, "ago_s": ago_s, **place, **nothing, **rest, **own}
 
 
@@ -41,7 +51,8 @@ def shown(page: Page, tracks: list[dict[str, Any]]) -> None:
         "(tracks) => { document.getElementById('play').click(); opirStore.clear();"
         " opirStore.addTrack = Object.getPrototypeOf(opirStore).addTrack;"
         " for (const { ago_s: ago, ...each } of tracks)"
-        " opirStore.addTrack({ ...each, timestamp: new Date((opirPlayer.timeS - ago) * 1000).toISOString() });"
+        " opirStore.addTrack({ ...each, timestamp: new Date((opirPlayer.timeS - ago) *"
+        " 1000).toISOString() });"
         " opirStore.addTrack = () => {}; }",
         tracks,
     )
@@ -79,7 +90,9 @@ def test_live_launches_are_first_and_ended_tracks_folded(browser: Browser, stand
 
 @pytest.mark.slow
 def test_tracks_of_earlier_laps_are_folded(browser: Browser, stand: Stand) -> None:
-    """By the clock of a looped scene: its laps begin at the epoch and one duration after another."""
+    """By the clock of a looped scene: its laps begin at the epoch and one duration after
+    another.
+    """
     page, _, _ = opened(browser, stand.port, 1280, "dark")
     script = """async () => {
       const { Order } = await import("/page/order.js"), order = new Order();
@@ -98,7 +111,12 @@ def test_tracks_of_earlier_laps_are_folded(browser: Browser, stand: Stand) -> No
 def test_a_selected_track_has_its_history_and_region(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     ring = [[-151.0, 9.0], [-149.0, 9.0], [-149.0, 11.0], [-151.0, 11.0], [-151.0, 9.0]]
-    figures = {"containment": 0.95, "condition": "burn over", "probability": 1.0, "effective_samples": 500.0}
+    figures = {
+        "containment": 0.95,
+        "condition": "burn over",
+        "probability": 1.0,
+        "effective_samples": 500.0,
+    }
     geometry = {"type": "Polygon", "coordinates": [ring]}
     made = [
         track(
@@ -133,7 +151,9 @@ def test_a_selected_track_has_its_history_and_region(browser: Browser, stand: St
 @pytest.mark.slow
 def test_sensors_show_registration_and_innovations(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
-    expect(page.locator("#sensor-rows tr[data-sensor]")).to_have_count(len(stand.service.status()["sensors"]))
+    expect(page.locator("#sensor-rows tr[data-sensor]")).to_have_count(
+        len(stand.service.status()["sensors"])
+    )
     health = {
         "bias_rad": [60e-6, -12.4e-6], "bias_sigma_rad": [5e-6, 6e-6], "clock_s": 0.02, "clock_sigma_s": 0.01,
         "innovations": 1.04, "outlier_share": 0.02,
@@ -141,7 +161,10 @@ def test_sensors_show_registration_and_innovations(browser: Browser, stand: Stan
     script = "async (sensor) => (await import('/page/sensors.js')).lineOf(sensor)"
     sensor = {"sensor_id": "S1", "state": "detecting", "health": health}
     odd = page.evaluate(script, sensor)
-    assert odd == {"cells": ["S1", "detecting", "60 ± 5, -12 ± 6", "20 ± 10", "1.04", "0.02"], "isOdd": True}
+    assert odd == {
+        "cells": ["S1", "detecting", "60 ± 5, -12 ± 6", "20 ± 10", "1.04", "0.02"],
+        "isOdd": True,
+    }
     fine = page.evaluate(script, sensor | {"health": health | {"bias_rad": [5e-6, 0.0]}})
     assert not fine["isOdd"]
     none = page.evaluate(script, sensor | {"health": None})
@@ -154,12 +177,19 @@ def test_sensors_show_registration_and_innovations(browser: Browser, stand: Stan
 
 @pytest.mark.slow
 def test_coverage_marks_what_nobody_or_one_satellite_sees(browser: Browser, stand: Stand) -> None:
-    """Of one geostationary satellite the cap of its horizon, acos(1/6.61) = 81.3°, has the share (1 - 1/6.61)/2."""
+    """Of one geostationary satellite the cap of its horizon, acos(1/6.61) = 81.3°, has the share (1
+    - 1/6.61)/2.
+    """
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     alone = [{"position_ecef_m": [42_164_170.0, 0.0, 0.0], "field_of_regard_half_angle_deg": 10.0}]
-    script = "async (fleet) => (await import('/page/coverage.js')).coverage(fleet).map((each) => each.count)"
+    script = (
+        "async (fleet) => (await import('/page/coverage.js')).coverage(fleet).map((each) =>"
+        " each.count)"
+    )
     counts = page.evaluate(script, alone)
-    assert sum(counts) / len(counts) == pytest.approx(0.5 * (1.0 - 6_378_137.0 / 42_164_170.0), abs=0.01)
+    assert sum(counts) / len(counts) == pytest.approx(
+        0.5 * (1.0 - 6_378_137.0 / 42_164_170.0), abs=0.01
+    )
     narrow = [alone[0] | {"field_of_regard_half_angle_deg": 4.0}]
     assert 0 < sum(page.evaluate(script, narrow)) < 0.5 * sum(counts)
     assert set(page.evaluate(script, alone * 2)) == {0, 2}

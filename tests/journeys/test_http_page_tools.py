@@ -1,4 +1,6 @@
-"""The page as a tool: globe and map, picking, choosing places, the time axis, a saved run, and axe's rules."""
+"""The page as a tool: globe and map, picking, choosing places, the time axis, a saved run, and
+axe's rules.
+"""
 
 import json
 import math
@@ -28,7 +30,9 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
-    with serving(tmp_path_factory.mktemp("tools"), "--speed", "20", "--tracker", "imm", "--loop") as running:
+    with serving(
+        tmp_path_factory.mktemp("tools"), "--speed", "20", "--tracker", "imm", "--loop"
+    ) as running:
         yield running
 
 
@@ -36,7 +40,15 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 def saved_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     folder = tmp_path_factory.mktemp("saved")
     (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    words = ["--tracker", "imm", "--set", "duration_s=240", "--out", str(folder / "events.jsonl"), "--quiet"]
+    words = [
+        "--tracker",
+        "imm",
+        "--set",
+        "duration_s=240",
+        "--out",
+        str(folder / "events.jsonl"),
+        "--quiet",
+    ]
     assert main(["run", str(folder / "scene.yaml"), *words]) == 0
     with viewing(Replay(load_run(Path(folder)))) as port:
         yield port
@@ -67,7 +79,10 @@ def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> Non
     chosen = page.locator(f"#track-rows tr[data-track='{selected.removeprefix('track ')}']")
     expect(chosen.get_by_role("button")).to_have_attribute("aria-pressed", "true")
     expect(page.locator("#picked")).to_contain_text("P(burning)")
-    assert page.evaluate("opirMap.drawn.tracks") == page.locator("#track-rows tr[data-track]:not([hidden])").count()
+    assert (
+        page.evaluate("opirMap.drawn.tracks")
+        == page.locator("#track-rows tr[data-track]:not([hidden])").count()
+    )
     assert not complaints
     page.context.close()
 
@@ -81,7 +96,10 @@ def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -
     for lon, lat in ((-155.0, 20.0), (170.0, 5.0)):
         x, y = page.evaluate(f"opirMap.xy({lon}, {lat})")
         page.locator("#map").click(position={"x": x, "y": y})
-    given = [float(page.locator(f"[name={name}]").input_value()) for name in ("launch_lon", "launch_lat", "aim_lon")]
+    given = [
+        float(page.locator(f"[name={name}]").input_value())
+        for name in ("launch_lon", "launch_lat", "aim_lon")
+    ]
     assert given == pytest.approx([-155.0, 20.0, 170.0], abs=0.5)
     page.get_by_label("Type").select_option("IRBM")
     page.get_by_role("button", name="Launch", exact=True).click()
@@ -92,7 +110,9 @@ def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["map", "globe"])
-def test_places_are_where_d3_has_them_and_keys_move_them(browser: Browser, stand: Stand, kind: str) -> None:
+def test_places_are_where_d3_has_them_and_keys_move_them(
+    browser: Browser, stand: Stand, kind: str
+) -> None:
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     page.locator(f"#to-{kind}").click()
     canvas = page.locator("#map")
@@ -100,8 +120,10 @@ def test_places_are_where_d3_has_them_and_keys_move_them(browser: Browser, stand
         canvas.press(key)
     script = (
         "() => { const view = opirMap.view, far = []; for (let lon = -175; lon < 180; lon += 10)"
-        " for (let lat = -85; lat < 90; lat += 10) { const found = opirMap.xy(lon, lat); if (!found) continue;"
-        " const d3 = view.projection([lon, lat]); far.push(Math.hypot(found[0] - d3[0], found[1] - d3[1])); }"
+        " for (let lat = -85; lat < 90; lat += 10) { const found = opirMap.xy(lon, lat); if"
+        " (!found) continue;"
+        " const d3 = view.projection([lon, lat]); far.push(Math.hypot(found[0] - d3[0], found[1] -"
+        " d3[1])); }"
         " return [far.length, Math.max(...far)]; }"
     )
     count, farthest = page.evaluate(script)
@@ -111,7 +133,9 @@ def test_places_are_where_d3_has_them_and_keys_move_them(browser: Browser, stand
     canvas.press("ArrowRight")
     canvas.press("+")
     after = page.evaluate("[opirMap.view.lon, opirMap.view.zoom]")
-    assert (after[0] - before[0]) % 360.0 == pytest.approx(60.0 / (math.pi / 180 * radius(page) / 1.4), rel=0.7)
+    assert (after[0] - before[0]) % 360.0 == pytest.approx(
+        60.0 / (math.pi / 180 * radius(page) / 1.4), rel=0.7
+    )
     assert after[1] == pytest.approx(1.4 * before[1])
     assert not complaints
     page.context.close()
@@ -122,13 +146,19 @@ def radius(page: Page) -> float:
 
 
 @pytest.mark.slow
-def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(browser: Browser, stand: Stand) -> None:
+def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(
+    browser: Browser, stand: Stand
+) -> None:
     page, _, _ = opened(browser, stand.port, 1280, "light")
     page.locator("#to-globe").click()
     page.evaluate("(opirMap.view.zoom = 0.13, opirMap.view.lookAt(0, 0))")
-    seen = "([lon, height]) => import('/page/view.js').then((view) => opirMap.view.at(view.prepared(lon, 0, height)))"
+    seen = (
+        "([lon, height]) => import('/page/view.js').then((view) =>"
+        " opirMap.view.at(view.prepared(lon, 0, height)))"
+    )
     height_m = 35_786_000.0
-    # Seen from far in front, a body at this distance passes behind the Earth's disc within asin(R / r) of its back.
+    # Seen from far in front, a body at this distance passes behind the Earth's disc within asin(R /
+    # r) of its back.
     hidden_deg = math.degrees(math.asin(6_378_137.0 / (6_378_137.0 + height_m)))
     for away_deg, is_seen in ((hidden_deg + 0.5, True), (hidden_deg - 0.5, False), (90.0, True)):
         assert page.evaluate(seen, [180.0 - away_deg, height_m]) is is_seen
@@ -141,7 +171,9 @@ def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(browser: Browser
 def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None:
     first, _, _ = opened(browser, stand.port, 1280, "light")
     number = tracked(first)
-    first.wait_for_function(f"() => opirStore.tracks.get({number}).trail.length > 5", timeout=PATIENCE_MS)
+    first.wait_for_function(
+        f"() => opirStore.tracks.get({number}).trail.length > 5", timeout=PATIENCE_MS
+    )
     first.context.close()
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     page.wait_for_function("() => opirStore.hits.length > 0 && opirStore.tracks.size > 0")
@@ -161,11 +193,15 @@ def test_a_saved_run_plays_and_is_searched(browser: Browser, saved_port: int) ->
     page.get_by_role("button", name="Pause").click()
     held = page.evaluate("opirPlayer.timeS")
     page.evaluate(SEEK, 180)
-    page.wait_for_function("() => opirStore.tracks.size > 0 && opirPlayer.loadedS > opirPlayer.timeS")
+    page.wait_for_function(
+        "() => opirStore.tracks.size > 0 && opirPlayer.loadedS > opirPlayer.timeS"
+    )
     base = page.evaluate("opirPlayer.baseS()")
     assert page.evaluate("opirPlayer.timeS") - base == pytest.approx(180.0, abs=0.2)
     assert held != page.evaluate("opirPlayer.timeS")
-    shown = page.evaluate("opirStore.documentAt([...opirStore.tracks.values()][0], opirPlayer.timeS).timestamp")
+    shown = page.evaluate(
+        "opirStore.documentAt([...opirStore.tracks.values()][0], opirPlayer.timeS).timestamp"
+    )
     assert "12:02:" in shown or "12:03:00" in shown
     page.evaluate(SEEK, 0.5)
     expect(page.locator("#track-rows")).to_contain_text("None yet")
@@ -184,7 +220,9 @@ SEEK = (
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [400, 1024, 1600])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing(browser: Browser, stand: Stand, saved_port: int, width: int, scheme: str) -> None:
+def test_axe_finds_nothing(
+    browser: Browser, stand: Stand, saved_port: int, width: int, scheme: str
+) -> None:
     for port, state in ((stand.port, "running"), (saved_port, "saved")):
         page, complaints, _ = opened(browser, port, width, scheme, state)
         tracked(page)

@@ -26,7 +26,9 @@ AIM = (32.0, -124.0)
 
 @pytest.mark.slow
 def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_path: Path) -> None:
-    scene = http_service.SCENE.replace("duration_s: 600", "duration_s: 140").replace("type: ICBM", "type: SRBM")
+    scene = http_service.SCENE.replace("duration_s: 600", "duration_s: 140").replace(
+        "type: ICBM", "type: SRBM"
+    )
     scene = scene.replace("{lat_deg: 9.0, lon_deg: 167.7}", "{lat_deg: 32.0, lon_deg: -124.0}")
     scene += "tracker: imm\n"
     with serving(tmp_path, "--speed", "max", scene=scene) as running:
@@ -69,7 +71,10 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
         state_sigmas=np.array([1.5, 3.0, 4.25]),
     )
     (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(reported)))["tracks"]
-    axes = [track["impact_point"][name]["semi_major_m"] for name in ("ellipse_50", "ellipse_90", "ellipse")]
+    axes = [
+        track["impact_point"][name]["semi_major_m"]
+        for name in ("ellipse_50", "ellipse_90", "ellipse")
+    ]
     assert axes == [1500.0, 3000.0, 5500.0]
     assert track["launch_point"]["ellipse_50"]["semi_major_m"] == 2354.82
     assert track["state"]["ellipsoid_sigmas"] == [1.5, 3.0, 4.25]
@@ -82,30 +87,44 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
 
 
 def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() -> None:
-    over = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0)
+    over = stub_regions(
+        9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
+    )
     again = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
     reported = stub_estimates(
         2,
         track=[0, 1],
-        hypothesis_probability=[stub_hypotheses(ICBM=0.9, SLV=0.05), np.full(len(HYPOTHESES), np.nan)],
+        hypothesis_probability=[
+            stub_hypotheses(ICBM=0.9, SLV=0.05),
+            np.full(len(HYPOTHESES), np.nan),
+        ],
         impact_regions=[(*over, *again), over],
         end=[0, 3],
     )
-    first, second = json.loads(msgspec.json.encode(TrackDocuments(0, hypotheses=HYPOTHESES).take(reported)))["tracks"]
+    first, second = json.loads(
+        msgspec.json.encode(TrackDocuments(0, hypotheses=HYPOTHESES).take(reported))
+    )["tracks"]
     validate({"tracks": [first, second]})
     assert list(first["hypotheses"]) == list(HYPOTHESES)
     assert (first["hypotheses"]["ICBM"], first["hypotheses"]["none of these"]) == (0.9, 0.05)
     sums = [first[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
     assert (sums, first["end"]) == ([0.95, 0.9, 0.05, 0.875], None)
     figures = [
-        [each[name] for name in ("condition", "probability", "effective_samples")] for each in first["impact_regions"]
+        [each[name] for name in ("condition", "probability", "effective_samples")]
+        for each in first["impact_regions"]
     ]
     assert figures == [["burn over", 0.75, 500.0]] * 3 + [["relights", 0.125, None]] * 3
-    assert (second["hypotheses"], second["probability_launch"], second["probability_comes_down"]) == (None, None, None)
+    assert (
+        second["hypotheses"],
+        second["probability_launch"],
+        second["probability_comes_down"],
+    ) == (None, None, None)
     assert second["end"] == "lost"
 
 
-def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts() -> None:
+def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts() -> (
+    None
+):
     reported = stub_estimates(
         1,
         impact=np.radians([9.0, 179.9, 0.0]),
@@ -138,7 +157,9 @@ def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_a
     for second in range(1, 301):
         place = np.array([6.5e6, 1e3 * second, 0.0, 0.0, 0.0, 0.0])
         (track,) = documents.take(stub_estimates(1, tick_s=float(second), state=place))["tracks"]
-        reported.append([track[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")])
+        reported.append(
+            [track[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")]
+        )
     assert "trail" not in documents.latest(1)[0]
     found = json.loads(msgspec.json.encode(documents.latest(1, trail=True)))
     validate({"tracks": found})
@@ -151,7 +172,9 @@ def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_a
 
 def validate(tracks: Any) -> None:
     """Require documents to follow the service's OpenAPI document."""
-    jsonschema.validate(tracks, {"$ref": "#/components/schemas/Tracks", "components": document()["components"]})
+    jsonschema.validate(
+        tracks, {"$ref": "#/components/schemas/Tracks", "components": document()["components"]}
+    )
 
 
 def positive(terms: list[float]) -> bool:
@@ -186,5 +209,8 @@ def away_km(point: Any, place: tuple[float, float]) -> float:
     first = math.radians(point["lat_deg"])
     second = math.radians(place[0])
     across = math.radians(point["lon_deg"] - place[1])
-    half = math.sin((second - first) / 2) ** 2 + math.cos(first) * math.cos(second) * math.sin(across / 2) ** 2
+    half = (
+        math.sin((second - first) / 2) ** 2
+        + math.cos(first) * math.cos(second) * math.sin(across / 2) ** 2
+    )
     return 2 * 6371.0 * math.asin(math.sqrt(half))

@@ -1,4 +1,6 @@
-"""Types that openapi-typescript generates from the OpenAPI document, and a program that reads a service with them."""
+"""Types that openapi-typescript generates from the OpenAPI document, and a program that reads a
+service with them.
+"""
 
 import hashlib
 import json
@@ -16,30 +18,52 @@ pytestmark = pytest.mark.slow
 SOURCES = Path(__file__).parents[1] / "support" / "typescript"
 #: Declares the two names of node that the program uses, in place of the types of all of node.
 NODE = "declare const process: { argv: string[] };\n"
-CHECKED = ("--strict", "--target", "es2022", "--module", "nodenext", "--types", "--lib", "es2022,dom")
+CHECKED = (
+    "--strict",
+    "--target",
+    "es2022",
+    "--module",
+    "nodenext",
+    "--types",
+    "--lib",
+    "es2022,dom",
+)
 
 
 @pytest.fixture(scope="module")
 def modules() -> Path:
-    """Return the folder `node_modules` with the generator and the compiler; npm installs them once."""
+    """Return the folder `node_modules` with the generator and the compiler; npm installs them
+    once.
+    """
     if missing := [name for name in ("node", "npm") if shutil.which(name) is None]:
         pytest.skip(f"the TypeScript client is left out: there is no {' and no '.join(missing)}")
     package = SOURCES / "package.json"
     mark = hashlib.sha256(package.read_bytes()).hexdigest()[:16]
-    kept = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "opir-tests" / f"typescript-{mark}"
+    kept = (
+        Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+        / "opir-tests"
+        / f"typescript-{mark}"
+    )
     if not (kept / "complete").is_file():
         kept.mkdir(parents=True, exist_ok=True)
         shutil.copy(package, kept)
         words = ["npm", "install", "--ignore-scripts", "--no-audit", "--no-fund"]
-        done = subprocess.run(words, cwd=kept, capture_output=True, text=True, timeout=300, check=False)
+        done = subprocess.run(
+            words, cwd=kept, capture_output=True, text=True, timeout=300, check=False
+        )
         if done.returncode:
-            pytest.skip(f"the TypeScript client is left out: npm does not get the packages: {done.stderr[-200:]}")
+            pytest.skip(
+                f"the TypeScript client is left out: npm does not get the packages:"
+                f" {done.stderr[-200:]}"
+            )
         (kept / "complete").touch()
     return kept / "node_modules"
 
 
 def run(folder: Path, *words: str) -> str:
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        words, cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -51,7 +75,14 @@ def program(modules: Path, tmp_path: Path) -> Path:
     (tmp_path / "package.json").write_text('{"type": "module"}')
     (tmp_path / "node.d.ts").write_text(NODE)
     (tmp_path / "openapi.json").write_text(json.dumps(document()), encoding="utf-8")
-    run(tmp_path, "node", f"{modules}/openapi-typescript/bin/cli.js", "openapi.json", "--output", "opir.d.ts")
+    run(
+        tmp_path,
+        "node",
+        f"{modules}/openapi-typescript/bin/cli.js",
+        "openapi.json",
+        "--output",
+        "opir.d.ts",
+    )
     return tmp_path
 
 
@@ -68,6 +99,8 @@ def test_a_name_that_is_not_in_the_document_is_an_error(modules: Path, program: 
     source = program / "reads.ts"
     source.write_text(source.read_text().replace("targets_launched", "targets_flown"))
     words = ("node", f"{modules}/typescript/bin/tsc", *CHECKED, "--noEmit", "reads.ts", "node.d.ts")
-    done = subprocess.run(words, cwd=program, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        words, cwd=program, capture_output=True, text=True, timeout=120, check=False
+    )
     assert done.returncode
     assert "Property 'targets_flown' does not exist" in done.stdout

@@ -1,4 +1,6 @@
-"""The tracker `imm` in whole runs: it follows what there is, whatever the slicing, and says how surely."""
+"""The tracker `imm` in whole runs: it follows what there is, whatever the slicing, and says how
+surely.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -74,14 +76,23 @@ def test_each_target_has_one_track_near_the_truth(tracker: Mapping[str, Any]) ->
     nearest = np.argmin(apart, axis=1)
     assert sorted(nearest.tolist()) == [0, 1]
     error = last.state[:, :3] - truth[nearest]
-    distance = np.einsum("ni,nij,nj->n", error, np.linalg.inv(last.state_covariance[:, :3, :3]), error)
+    distance = np.einsum(
+        "ni,nij,nj->n", error, np.linalg.inv(last.state_covariance[:, :3, :3]), error
+    )
     assert np.all(distance < 21.1), "99.99 % of a chi-squared of three"
     assert np.all(apart[[0, 1], nearest] < 1000.0)
 
 
 def test_one_sensor_alone_is_honest_about_the_depth() -> None:
-    """Along the line of sight little is known early on, and the covariance says so; before, it is probably a fire."""
-    scene = {**SCENE, "sensors": [SCENE["sensors"][0]], "duration_s": 50, "targets": [SCENE["targets"][0]]}
+    """Along the line of sight little is known early on, and the covariance says so; before, it is
+    probably a fire.
+    """
+    scene = {
+        **SCENE,
+        "sensors": [SCENE["sensors"][0]],
+        "duration_s": 50,
+        "targets": [SCENE["targets"][0]],
+    }
     tracks, _ = tracks_of(scene)
     tracks = tracks.take(np.flatnonzero(tracks.probability_launch > 0.5))
     truth = compile_plan(opir.scene_from_mapping(scene)).targets.position_ecef_m(
@@ -104,7 +115,9 @@ def test_of_how_many_scans_a_target_has_to_be_seen_in_the_user_decides(model: st
     first_s = []
     for needed in (2, 10, 20):
         tracker = {"model": model, "needed_scans": needed, "recent_scans": 40}
-        tracks, _ = tracks_of({**SCENE, "targets": [SCENE["targets"][0]], "duration_s": 15, "tracker": tracker})
+        tracks, _ = tracks_of(
+            {**SCENE, "targets": [SCENE["targets"][0]], "duration_s": 15, "tracker": tracker}
+        )
         first_s.append(float(tracks.tick_s[0]))
     assert first_s == sorted(first_s)
     assert first_s[0] < first_s[-1]
@@ -119,7 +132,11 @@ def test_more_scans_than_are_kept_are_reported_with_their_place(model: str) -> N
 def test_bad_settings_are_reported_with_their_place() -> None:
     with pytest.raises(opir.SceneError, match=r"tracker\.motion"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "motion": "glide"}})
-    for gone, value in (("association", "joint"), ("boost_model", "jerk"), ("jerk_noise_m_s3", 0.3)):
+    for gone, value in (
+        ("association", "joint"),
+        ("boost_model", "jerk"),
+        ("jerk_noise_m_s3", 0.3),
+    ):
         with pytest.raises(opir.SceneError, match=rf"tracker\.{gone}: unknown key"):
             opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", gone: value}})
 
@@ -127,14 +144,24 @@ def test_bad_settings_are_reported_with_their_place() -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down() -> None:
-    """Nothing is seen after the burn, and little acts on a free flight: where it comes down is as sure as it was."""
+    """Nothing is seen after the burn, and little acts on a free flight: where it comes down is as
+    sure as it was.
+    """
     scanner = {"model": "generic-scanner"}
     slots = {"A": -135.0, "B": -90.0}
     launch = {"lat_deg": 11.0, "lon_deg": -120.0, "time_s": 10.0}
-    target = {"id": "T", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 9.0, "lon_deg": -123.3}}
+    target = {
+        "id": "T",
+        "type": "SRBM",
+        "launch": launch,
+        "aim": {"lat_deg": 9.0, "lon_deg": -123.3},
+    }
     changes = {
         "duration_s": 400,
-        "sensors": [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()],
+        "sensors": [
+            {**scanner, "id": name, "orbital_slot_deg": slot_deg}
+            for name, slot_deg in slots.items()
+        ],
         "targets": [target],
         "tracker": "imm",
     }
@@ -157,8 +184,13 @@ def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: flo
     scanner = {"model": "generic-scanner", "line_of_sight_sigma_urad": sigma_urad}
     launch = {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 5.0}
     changes = {
-        "sensors": [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()],
-        "targets": [{"id": "T", "type": "ICBM", "launch": launch, "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}],
+        "sensors": [
+            {**scanner, "id": name, "orbital_slot_deg": slot_deg}
+            for name, slot_deg in slots.items()
+        ],
+        "targets": [
+            {"id": "T", "type": "ICBM", "launch": launch, "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}
+        ],
         "tracker": tracker,
     }
     tracks = opir.simulate(opir.scene_from_mapping({**SCENE, **changes})).tracks
@@ -170,14 +202,24 @@ def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: flo
 
 @pytest.mark.slow
 def test_sharp_sensors_that_look_at_one_instant_begin_tracks() -> None:
-    """Five sensors of 1 urad that first see two launches in one scan: all unclaimed rays are of one instant."""
+    """Five sensors of 1 urad that first see two launches in one scan: all unclaimed rays are of one
+    instant.
+    """
     scanner = {"model": "generic-scanner", "line_of_sight_sigma_urad": 1.0, "scan_phase": "aligned"}
     sites = {"A": (34.73, -120.57), "B": (20.0, -110.0)}
     aim = {"lat_deg": 9.0, "lon_deg": 167.7}
     changes = {
-        "sensors": [{**scanner, "id": f"S{number}", "orbital_slot_deg": -150.0 + 15.0 * number} for number in range(5)],
+        "sensors": [
+            {**scanner, "id": f"S{number}", "orbital_slot_deg": -150.0 + 15.0 * number}
+            for number in range(5)
+        ],
         "targets": [
-            {"id": name, "type": "ICBM", "launch": {"lat_deg": lat_deg, "lon_deg": lon_deg, "time_s": 5.0}, "aim": aim}
+            {
+                "id": name,
+                "type": "ICBM",
+                "launch": {"lat_deg": lat_deg, "lon_deg": lon_deg, "time_s": 5.0},
+                "aim": aim,
+            }
             for name, (lat_deg, lon_deg) in sites.items()
         ],
     }

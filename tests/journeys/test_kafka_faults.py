@@ -1,8 +1,9 @@
-"""The fault campaign of the Kafka sink: whatever befalls broker, disk or process, events in are events out.
+"""The fault campaign of the Kafka sink: whatever befalls broker, disk or process, events in are
+events out.
 
-Every scenario ends with the same examination: all events are in the topic, each sensor's in order by their first
-arrival, what is there twice is there unchanged. Scenarios that have to spoil the broker need the mock one; the others
-run against any broker that KAFKA_BOOTSTRAP names.
+Every scenario ends with the same examination: all events are in the topic, each sensor's in order
+by their first arrival, what is there twice is there unchanged. Scenarios that have to spoil the
+broker need the mock one; the others run against any broker that KAFKA_BOOTSTRAP names.
 """
 
 import json
@@ -44,9 +45,35 @@ from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.policy import Policy
 from opir_core.output.spool.transport_sink import TransportSink
 
-#: Codes that the protocol's table gives for taking messages and that may pass. 46 (DUPLICATE_SEQUENCE_NUMBER) is not
-#: among them: it says that the message is there.
-PASSING_CODES = (-1, 2, 3, 5, 6, 7, 8, 9, 13, 14, 15, 16, 19, 20, 41, 45, 47, 49, 51, 56, 59, 72, 74, 75, 89)
+#: Codes that the protocol's table gives for taking messages and that may pass. 46
+#: (DUPLICATE_SEQUENCE_NUMBER) is not among them: it says that the message is there.
+PASSING_CODES = (
+    -1,
+    2,
+    3,
+    5,
+    6,
+    7,
+    8,
+    9,
+    13,
+    14,
+    15,
+    16,
+    19,
+    20,
+    41,
+    45,
+    47,
+    49,
+    51,
+    56,
+    59,
+    72,
+    74,
+    75,
+    89,
+)
 
 
 @pytest.fixture(scope="module")
@@ -80,10 +107,15 @@ def test_all_is_well(broker: Any, spool: Path) -> None:
     assert closed(sink) == Delivery(delivered=2100)
     examine(broker, topic, 2100)
     message = messages(broker.address, topic)[0]
-    assert dict(message.headers()) == {"content-type": b"application/json", "schema-version": b"1.0"}
+    assert dict(message.headers()) == {
+        "content-type": b"application/json",
+        "schema-version": b"1.0",
+    }
 
 
-def test_the_broker_is_absent_from_first_to_last_and_there_at_the_next_run(broker: Any, spool: Path) -> None:
+def test_the_broker_is_absent_from_first_to_last_and_there_at_the_next_run(
+    broker: Any, spool: Path
+) -> None:
     topic = broker.topic()
     absent = kafka_sink(dead_address(), topic, spool, brief())
     fill(absent, 3, 50, 0, 0.0)
@@ -232,7 +264,9 @@ def test_the_broker_answers_with_a_code_that_cannot_pass(mock: Any, spool: Path,
 
 
 @pytest.mark.parametrize("is_reported", [False, True])
-def test_a_permission_that_is_lost_and_given_back_loses_nothing(mock: Any, spool: Path, is_reported: bool) -> None:
+def test_a_permission_that_is_lost_and_given_back_loses_nothing(
+    mock: Any, spool: Path, is_reported: bool
+) -> None:
     topic = mock.topic()
     policy = evolve(brief(stall_s=8.0), retry_s=60.0 if is_reported else 0.3)
     sink = kafka_sink(mock.address, topic, spool, policy)
@@ -241,7 +275,9 @@ def test_a_permission_that_is_lost_and_given_back_loses_nothing(mock: Any, spool
     mock.tell("error", PRODUCE, *[29] * 20)
     fill(sink, 5, 20, 100, 0.0)
     until(lambda: sink.parked is not None)
-    assert "TopicAuthorizationFailedError (code 29); let this login write to the topic" in (sink.parked or "")
+    assert "TopicAuthorizationFailedError (code 29); let this login write to the topic" in (
+        sink.parked or ""
+    )
     fill(sink, 5, 20, 200, 0.01)
     mock.tell("clear", PRODUCE)
     assert not is_reported or sink.retry()
@@ -264,7 +300,9 @@ def test_a_login_that_is_refused_and_let_in_loses_nothing(mock: Any, spool: Path
 
     transport = KafkaTransport(settings, refused_at_first)
     policy = evolve(brief(stall_s=8.0), retry_s=60.0)
-    sink = TransportSink("kafka", transport, Journal(str(spool), 64 << 20), EncodedBatcher(ENCODER, SENSORS), policy)
+    sink = TransportSink(
+        "kafka", transport, Journal(str(spool), 64 << 20), EncodedBatcher(ENCODER, SENSORS), policy
+    )
     fill(sink, 5, 20, 0, 0.0)
     until(lambda: sink.parked is not None)
     assert "(code 58); see security.username" in (sink.parked or "")
@@ -308,7 +346,9 @@ def test_the_disk_is_full_and_the_broker_away(broker: Any, spool: Path) -> None:
         fill(sink, 1000, 100, 0, 0.0)
     kept = closed(sink).spooled
     assert kept >= 1000
-    assert closed(kafka_sink(broker.address, topic, spool)) == Delivery(delivered=kept, recovered=kept)
+    assert closed(kafka_sink(broker.address, topic, spool)) == Delivery(
+        delivered=kept, recovered=kept
+    )
     examine(broker, topic, kept)
 
 
@@ -354,7 +394,9 @@ def test_without_a_spool_what_is_lost_is_counted(spool: Path) -> None:
 @pytest.mark.slow
 def test_the_process_is_killed_at_20_moments(broker: Any, tmp_path: Path) -> None:
     topic = broker.topic()
-    first = killed_at_random("kafka_broker", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic)
+    first = killed_at_random(
+        "kafka_broker", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic
+    )
     rest = kafka_sink(broker.address, topic, tmp_path / "spool")
     rest.write(window(7, first))  # the window whose writing was not noted may have been taken
     reported_last = closed(rest)
@@ -372,7 +414,9 @@ PATIENT = {"connect_timeout_s": 20.0, "request_timeout_s": 20.0, "acknowledgemen
 
 @pytest.mark.slow
 @pytest.mark.parametrize("slow_ms", [200, 1_000, 1_500, 5_000])
-def test_a_broker_that_answers_slowly_gets_everything_once(mock: Any, spool: Path, slow_ms: int) -> None:
+def test_a_broker_that_answers_slowly_gets_everything_once(
+    mock: Any, spool: Path, slow_ms: int
+) -> None:
     topic = mock.topic(1)
     sink = kafka_sink(mock.address, topic, spool, Policy(stall_s=30.0, trouble_s=3.0), **PATIENT)
     until(lambda: sink.delivery_so_far().complaint is None)

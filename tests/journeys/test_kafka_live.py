@@ -1,4 +1,6 @@
-"""The live engine with the Kafka sink: stopping is quick whatever the broker does, and nothing is lost."""
+"""The live engine with the Kafka sink: stopping is quick whatever the broker does, and nothing is
+lost.
+"""
 
 import json
 import time
@@ -21,7 +23,12 @@ STOP_S = 60.0
 
 
 def run_of(address: str, topic: str, spool: Path, host: Host) -> LiveRun:
-    kafka = {"bootstrap_servers": address, "topic": topic, **kafka_broker.BRISK, "spool": {"path": str(spool)}}
+    kafka = {
+        "bootstrap_servers": address,
+        "topic": topic,
+        **kafka_broker.BRISK,
+        "spool": {"path": str(spool)},
+    }
     scene = load_scene(SCENE, overrides=[f"outputs=[{{kafka: {json.dumps(kafka)}}}]"], host=host)
     return LiveRun(scene, host, LiveSettings(speed=None))
 
@@ -34,7 +41,9 @@ def stopped(run: LiveRun) -> Any:
 
 
 @pytest.mark.slow
-def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_delivers_all(tmp_path: Path) -> None:
+def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_delivers_all(
+    tmp_path: Path,
+) -> None:
     host = Host.discover()
     with kafka_broker.broker() as broker:
         topic = broker.topic()
@@ -47,7 +56,15 @@ def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_deliver
         second.start()
         until(lambda: second.status().sinks[0].delivered == 1500)
         reported = stopped(second)
-        assert (reported.delivered, reported.spooled, reported.dropped, reported.error) == (1500, 0, 0, None)
-        ids = [json.loads(message.value())["detection_id"] for message in messages(broker.address, topic)]
+        assert (reported.delivered, reported.spooled, reported.dropped, reported.error) == (
+            1500,
+            0,
+            0,
+            None,
+        )
+        ids = [
+            json.loads(message.value())["detection_id"]
+            for message in messages(broker.address, topic)
+        ]
     assert len(ids) == 1500
     assert ids[:750] == ids[750:]

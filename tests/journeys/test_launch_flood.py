@@ -1,4 +1,6 @@
-"""A thousand launches, as fast as the service answers: each is accepted or refused by pace, and none makes it late."""
+"""A thousand launches, as fast as the service answers: each is accepted or refused by pace, and
+none makes it late.
+"""
 
 import http.client
 import json
@@ -32,7 +34,16 @@ REFUSED = 429
 def served(folder: Path) -> Iterator[int]:
     """Yield the port of a service in a process of its own."""
     (folder / "scene.yaml").write_text(SCENE + "tracker: imm\n", encoding="utf-8")
-    command = [sys.executable, "-m", "opir_core", "serve", str(folder / "scene.yaml"), "--loop", "--port", "0"]
+    command = [
+        sys.executable,
+        "-m",
+        "opir_core",
+        "serve",
+        str(folder / "scene.yaml"),
+        "--loop",
+        "--port",
+        "0",
+    ]
     with (folder / "log").open("wb") as log:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
     try:
@@ -47,7 +58,9 @@ def connected(port: int) -> closing[http.client.HTTPConnection]:
     return closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60.0))
 
 
-def asked(connection: http.client.HTTPConnection, method: str, path: str, body: Any = None) -> tuple[int, Any]:
+def asked(
+    connection: http.client.HTTPConnection, method: str, path: str, body: Any = None
+) -> tuple[int, Any]:
     headers = {} if body is None else {"Content-Type": "application/json", "If-Match": "*"}
     connection.request(method, path, None if body is None else json.dumps(body), headers)
     answer = connection.getresponse()
@@ -55,7 +68,9 @@ def asked(connection: http.client.HTTPConnection, method: str, path: str, body: 
 
 
 class Watch(threading.Thread):
-    """Reads the status again and again; `late_s` are the lateness and the age of the last cycle while it was ready."""
+    """Reads the status again and again; `late_s` are the lateness and the age of the last cycle
+    while it was ready.
+    """
 
     def __init__(self, port: int) -> None:
         super().__init__(daemon=True)
@@ -69,14 +84,18 @@ class Watch(threading.Thread):
             while not self.over.wait(0.05):
                 _, status = asked(connection, "GET", "/status")
                 if status["health"]["ready"]:
-                    self.late_s.append(max(status["clock"]["late_s"], status["clock"]["cycle_age_s"]))
+                    self.late_s.append(
+                        max(status["clock"]["late_s"], status["clock"]["cycle_age_s"])
+                    )
 
 
 def launch_of(rng: random.Random) -> dict[str, Any]:
     """Return a launch from anywhere near the equator to 80 degrees further east."""
     latitude_deg = rng.uniform(-30.0, 30.0)
     longitude_deg = rng.uniform(-180.0, 100.0)
-    site, aim = ({"lat_deg": latitude_deg, "lon_deg": longitude_deg + east_deg} for east_deg in (0.0, 80.0))
+    site, aim = (
+        {"lat_deg": latitude_deg, "lon_deg": longitude_deg + east_deg} for east_deg in (0.0, 80.0)
+    )
     return {"type": "ICBM", "launch": site, "aim": aim}
 
 

@@ -1,4 +1,6 @@
-"""`opir new-plugin`: what it writes installs beside a wheel, passes its contract and runs its scene, at once."""
+"""`opir new-plugin`: what it writes installs beside a wheel, passes its contract and runs its
+scene, at once.
+"""
 
 import ast
 import json
@@ -24,7 +26,9 @@ Opir = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def opir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Opir:
+def opir(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Opir:
     monkeypatch.chdir(tmp_path)
 
     def run(*words: str) -> tuple[int, str, str]:
@@ -36,7 +40,9 @@ def opir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_package_has_what_a_package_needs_and_no_placeholder_left(opir: Opir, tmp_path: Path, kind: str) -> None:
+def test_a_package_has_what_a_package_needs_and_no_placeholder_left(
+    opir: Opir, tmp_path: Path, kind: str
+) -> None:
     code, out, _ = opir("new-plugin", kind, "my-part")
     assert code == 0
     written = sorted(path.name for path in (tmp_path / "my-part").iterdir())
@@ -73,7 +79,10 @@ def test_every_kind_of_component_has_a_template() -> None:
 
 
 def out_order(names: list[str]) -> list[str]:
-    return sorted(names, key=["pyproject.toml", "README.md", "my_part.py", "scene.yaml", "test_my_part.py"].index)
+    return sorted(
+        names,
+        key=["pyproject.toml", "README.md", "my_part.py", "scene.yaml", "test_my_part.py"].index,
+    )
 
 
 @pytest.mark.parametrize(
@@ -91,7 +100,9 @@ def out_order(names: list[str]) -> list[str]:
         (("tracker", "dsp"), "a plugin of that name is installed"),
     ],
 )
-def test_a_name_that_cannot_be_is_reported_why(opir: Opir, tmp_path: Path, words: tuple[str, str], reason: str) -> None:
+def test_a_name_that_cannot_be_is_reported_why(
+    opir: Opir, tmp_path: Path, words: tuple[str, str], reason: str
+) -> None:
     code, _, reported = opir("new-plugin", *words)
     assert code == 3
     assert f"cannot be named {words[1]!r}" in reported
@@ -119,8 +130,8 @@ def test_a_place_that_cannot_be_written_is_reported(opir: Opir, tmp_path: Path) 
 def packages(outsider: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A package of each kind, written by the wheel's `opir` and installed beside it.
 
-    Made once per process, as `outsider` is: with `--dist=worksteal` a worker may come back to a module, and `opir` does
-    not write a package whose name is installed.
+    Made once per process, as `outsider` is: with `--dist=worksteal` a worker may come back to a
+    module, and `opir` does not write a package whose name is installed.
     """
     folder = tmp_path_factory.mktemp("packages")
     for kind, name in NAMES.items():
@@ -132,7 +143,9 @@ def packages(outsider: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_each_kind_installs_and_passes_its_contract(outsider: Any, packages: Path) -> None:
-    done = outsider.python("-m", "pytest", "-q", "-p", "no:cacheprovider", *NAMES.values(), cwd=packages)
+    done = outsider.python(
+        "-m", "pytest", "-q", "-p", "no:cacheprovider", *NAMES.values(), cwd=packages
+    )
     assert done.returncode == 0, done.stdout
     assert "passed" in done.stdout
 
@@ -153,8 +166,13 @@ def test_each_kind_runs_its_scene(outsider: Any, packages: Path, kind: str, tmp_
 
 
 @pytest.mark.slow
-def test_installed_plugins_are_listed_with_the_api_they_declare(outsider: Any, packages: Path) -> None:
-    rows = {row["plugin"]: row for row in json.loads(outsider.opir("plugins", "--json", cwd=packages).stdout)}
+def test_installed_plugins_are_listed_with_the_api_they_declare(
+    outsider: Any, packages: Path
+) -> None:
+    rows = {
+        row["plugin"]: row
+        for row in json.loads(outsider.opir("plugins", "--json", cwd=packages).stdout)
+    }
     for name in NAMES.values():
         assert (rows[name]["distribution"], rows[name]["requires_core"], rows[name]["state"]) == (
             name,
@@ -168,11 +186,20 @@ MINIMAL = EXAMPLES / "minimal_plugin"
 
 
 def test_the_minimal_plugin_is_minimal() -> None:
-    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in MINIMAL.iterdir() if path.is_file()) <= 60
+    assert (
+        sum(
+            len(path.read_text(encoding="utf-8").splitlines())
+            for path in MINIMAL.iterdir()
+            if path.is_file()
+        )
+        <= 60
+    )
 
 
 @pytest.mark.slow
-def test_the_minimal_plugin_installs_beside_the_wheel_and_runs(outsider: Any, tmp_path: Path) -> None:
+def test_the_minimal_plugin_installs_beside_the_wheel_and_runs(
+    outsider: Any, tmp_path: Path
+) -> None:
     copied = tmp_path / "minimal_plugin"
     copied.mkdir()
     for path in MINIMAL.glob("*.*"):
@@ -180,5 +207,8 @@ def test_the_minimal_plugin_installs_beside_the_wheel_and_runs(outsider: Any, tm
     outsider.install("./minimal_plugin", cwd=tmp_path)
     done = outsider.opir("run", "minimal_plugin/scene.yaml", "--quiet", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()]
+    events = [
+        json.loads(line)
+        for line in (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    ]
     assert [round(event["confidence"], 6) for event in events[4::5]][:2] == [0.5, 0.75]

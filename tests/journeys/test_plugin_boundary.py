@@ -1,4 +1,6 @@
-"""What a component of a plugin raises, returns wrongly or prints: one message with its owner, method and remedy."""
+"""What a component of a plugin raises, returns wrongly or prints: one message with its owner,
+method and remedy.
+"""
 
 import subprocess
 import sys
@@ -61,9 +63,13 @@ def error_of(part: tuple[Any, ...], deed: Deed) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("error", [ZeroDivisionError("x\x1b[31m"), SystemExit(0), GeneratorExit(), RecursionError()])
+@pytest.mark.parametrize(
+    "error", [ZeroDivisionError("x\x1b[31m"), SystemExit(0), GeneratorExit(), RecursionError()]
+)
 @pytest.mark.parametrize("part", PARTS)
-def test_an_exception_names_the_plugin_the_method_the_line_and_the_remedy(part: str, error: BaseException) -> None:
+def test_an_exception_names_the_plugin_the_method_the_line_and_the_remedy(
+    part: str, error: BaseException
+) -> None:
     reported = error_of(PARTS[part], raising(error))
     assert "'rogue' of plugin rogue (registered by this program)" in reported
     assert f"raised {type(error).__name__}" in reported
@@ -85,7 +91,9 @@ WRONG = {
     ),
     "degrees": (
         MEASURE,
-        lambda measured: evolve(measured, line_of_sight_sigma_rad=np.full(len(measured.bands), 5.0)),
+        lambda measured: evolve(
+            measured, line_of_sight_sigma_rad=np.full(len(measured.bands), 5.0)
+        ),
         "returned 5 in row 0; [0, 0.5] rad is required",
     ),
     "codes": (TYPES, lambda codes: codes + np.uint8(9), "codes are 0 to 3"),
@@ -99,7 +107,9 @@ WRONG = {
     ),
     "asymmetric": (
         TRACKER,
-        lambda tracks: evolve(tracks, state_covariance=tracks.state_covariance + np.triu(np.full((6, 6), 1e9), 1)),
+        lambda tracks: evolve(
+            tracks, state_covariance=tracks.state_covariance + np.triu(np.full((6, 6), 1e9), 1)
+        ),
         "state_covariance that is not symmetric",
     ),
     "unnormalised": (
@@ -112,15 +122,47 @@ WRONG = {
         lambda tracks: evolve(tracks, launch=tracks.launch * [57.3, 57.3, 1.0]),
         "launch with a latitude or longitude outside the range of radians",
     ),
-    "percent": (AIR, lambda through: 100.0 * through, "transmittance returned 100 in row 0; [0, 1] is required"),
-    "air of another length": (AIR, lambda through: through[:-1], "transmittance returned float64 ("),
-    "air of whole numbers": (AIR, lambda through: through.astype(int), "transmittance returned int64 ("),
+    "percent": (
+        AIR,
+        lambda through: 100.0 * through,
+        "transmittance returned 100 in row 0; [0, 1] is required",
+    ),
+    "air of another length": (
+        AIR,
+        lambda through: through[:-1],
+        "transmittance returned float64 (",
+    ),
+    "air of whole numbers": (
+        AIR,
+        lambda through: through.astype(int),
+        "transmittance returned int64 (",
+    ),
     "nan air": (ALL_AIR, lambda through: through * np.nan, "transmittance returned nan in row 0"),
-    "dark sky": (SKY, lambda radiance: radiance - 1.0, "radiance_w_m2_sr returned -1 in row 0; [0, inf) W/(m2 sr)"),
-    "endless clutter": (CLUTTER, lambda clutter: clutter + np.inf, "clutter_w_m2_sr returned inf in row 0"),
-    "angle in degrees": (SENSOR, lambda sensor: evolve(sensor, field_of_regard_half_angle_rad=10.0), "[0, 3.142]"),
-    "sigma": (SENSOR, lambda sensor: evolve(sensor, line_of_sight_sigma_rad=float("nan")), "sigma_rad nan; [0, 0.5]"),
-    "confusion": (SENSOR, lambda sensor: evolve(sensor, confusion={"ICBM": {"ICBM": 0.5}}), "sums to 0.5, not to 1"),
+    "dark sky": (
+        SKY,
+        lambda radiance: radiance - 1.0,
+        "radiance_w_m2_sr returned -1 in row 0; [0, inf) W/(m2 sr)",
+    ),
+    "endless clutter": (
+        CLUTTER,
+        lambda clutter: clutter + np.inf,
+        "clutter_w_m2_sr returned inf in row 0",
+    ),
+    "angle in degrees": (
+        SENSOR,
+        lambda sensor: evolve(sensor, field_of_regard_half_angle_rad=10.0),
+        "[0, 3.142]",
+    ),
+    "sigma": (
+        SENSOR,
+        lambda sensor: evolve(sensor, line_of_sight_sigma_rad=float("nan")),
+        "sigma_rad nan; [0, 0.5]",
+    ),
+    "confusion": (
+        SENSOR,
+        lambda sensor: evolve(sensor, confusion={"ICBM": {"ICBM": 0.5}}),
+        "sums to 0.5, not to 1",
+    ),
     "no sensor": (SENSOR, lambda _sensor: 3, "build made an int, no opir_core.plugin.Sensor"),
 }
 
@@ -137,7 +179,9 @@ def test_a_wrong_result_names_the_plugin_the_method_and_the_remedy(case: str) ->
 
 @pytest.mark.parametrize("method", ["write", "close"])
 @pytest.mark.parametrize("deed", [raising(SystemExit(0)), raising(KeyError("x"))])
-def test_a_sink_that_fails_is_named_and_the_others_go_on(tmp_path: Path, method: str, deed: Deed) -> None:
+def test_a_sink_that_fails_is_named_and_the_others_go_on(
+    tmp_path: Path, method: str, deed: Deed
+) -> None:
     host = rogue_host("opir_sinks", "memory", method, deed)
     outputs = [{"rogue": {}}, {"jsonl": {"path": str(tmp_path / "events.jsonl")}}]
     outcome = deliver(compile_plan(scene_from_mapping(mapping(outputs=outputs), host=host), host))
@@ -149,8 +193,12 @@ def test_a_sink_that_fails_is_named_and_the_others_go_on(tmp_path: Path, method:
 
 def test_a_sink_whose_counts_are_none_is_named(tmp_path: Path) -> None:
     host = rogue_host("opir_sinks", "memory", "close", lambda delivery: delivery.delivered)
-    outcome = deliver(compile_plan(scene_from_mapping(mapping(outputs=[{"rogue": {}}]), host=host), host))
-    assert "close returned an int, no opir_core.plugin.Delivery" in (outcome.report.sinks[0].error or "")
+    outcome = deliver(
+        compile_plan(scene_from_mapping(mapping(outputs=[{"rogue": {}}]), host=host), host)
+    )
+    assert "close returned an int, no opir_core.plugin.Delivery" in (
+        outcome.report.sinks[0].error or ""
+    )
     assert Delivery(delivered=1).delivered == 1
 
 
@@ -218,7 +266,12 @@ def test_what_a_plugin_prints_does_not_reach_the_events(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(json.dumps(mapping(tracker="rogue")), encoding="utf-8")
     command = [sys.executable, "-c", PRINTING, "run", "scene.yaml", "--out", "-"]
     done = subprocess.run(
-        command, capture_output=True, cwd=tmp_path, timeout=60.0, check=True, env={"PYTHONPATH": str(support)}
+        command,
+        capture_output=True,
+        cwd=tmp_path,
+        timeout=60.0,
+        check=True,
+        env={"PYTHONPATH": str(support)},
     )
     lines = done.stdout.splitlines()
     assert len(lines) > 100

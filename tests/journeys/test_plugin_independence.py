@@ -1,4 +1,6 @@
-"""A scene's results are those of the components it names: what else is installed, in which order, changes no byte."""
+"""A scene's results are those of the components it names: what else is installed, in which order,
+changes no byte.
+"""
 
 import json
 import random
@@ -21,7 +23,9 @@ from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
 
 PLUGINS = sorted(
-    path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml") if "entry-points" in path.read_text("utf-8")
+    path.parent
+    for path in (ROOT / "plugins").glob("*/pyproject.toml")
+    if "entry-points" in path.read_text("utf-8")
 )
 
 #: Scenes by name, and the plugins that each needs.
@@ -30,7 +34,8 @@ SCENES = {
     "pacific_test_range": {"opir_dsp", "opir_sbirs", "opir_nextgen", "opir_trackers"},
 }
 
-#: What somebody else's plugins are like: they offer names of their own, under hooks that the scenes use.
+#: What somebody else's plugins are like: they offer names of their own, under hooks that the scenes
+#: use.
 FOREIGN = """
 from opir_core.plugin import *
 from opir_core.builtin import plugin as core
@@ -55,10 +60,14 @@ BROKEN = "raise RuntimeError('broken, as plugins are at times')\n"
 Choose = Callable[[Sequence[Path]], None]
 
 
-def metadata(folder: Path, name: str, version: str, groups: Mapping[str, Mapping[str, str]]) -> None:
+def metadata(
+    folder: Path, name: str, version: str, groups: Mapping[str, Mapping[str, str]]
+) -> None:
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.3\nName: {name}\nVersion: {version}\n\n", encoding="utf-8")
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.3\nName: {name}\nVersion: {version}\n\n", encoding="utf-8"
+    )
     lines = [
         line
         for group, entries in groups.items()
@@ -69,7 +78,9 @@ def metadata(folder: Path, name: str, version: str, groups: Mapping[str, Mapping
 
 def real(folder: Path, source: Path) -> Path:
     """Install a plugin of this house into a folder of its own."""
-    project: dict[str, Any] = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project: dict[str, Any] = tomllib.loads(
+        (source / "pyproject.toml").read_text(encoding="utf-8")
+    )["project"]
     place = folder / source.name
     metadata(place, project["name"], project["version"], project["entry-points"])
     (place / source.name).symlink_to(source / source.name)
@@ -86,10 +97,14 @@ def foreign_plugin(folder: Path, name: str, code: str) -> Path:
 
 @pytest.fixture(scope="module")
 def shelf(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
-    """Every plugin of this house, and some of others, each in a folder that is not yet on the path."""
+    """Every plugin of this house, and some of others, each in a folder that is not yet on the
+    path.
+    """
     folder = tmp_path_factory.mktemp("shelf")
     house = {source.name: real(folder, source) for source in PLUGINS}
-    foreign = {name: foreign_plugin(folder, name, FOREIGN) for name in ("aardvark", "mole", "zebra")}
+    foreign = {
+        name: foreign_plugin(folder, name, FOREIGN) for name in ("aardvark", "mole", "zebra")
+    }
     return {**house, **foreign, "wreck": foreign_plugin(folder, "wreck", BROKEN)}
 
 
@@ -133,11 +148,16 @@ def orders(needed: Sequence[str], others: Sequence[str]) -> Iterator[list[str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["first_light", pytest.param("pacific_test_range", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["first_light", pytest.param("pacific_test_range", marks=pytest.mark.slow)]
+)
 def test_other_plugins_and_their_order_change_no_byte(
     name: str, shelf: Mapping[str, Path], path_of_folders: Choose
 ) -> None:
-    scene = {**yaml.safe_load((ROOT / "examples" / f"{name}.yaml").read_text(encoding="utf-8")), "duration_s": 80.0}
+    scene = {
+        **yaml.safe_load((ROOT / "examples" / f"{name}.yaml").read_text(encoding="utf-8")),
+        "duration_s": 80.0,
+    }
     scene.pop("outputs", None)
     everything = results(scene)
     assert len(everything[0]) > 1000
@@ -147,6 +167,10 @@ def test_other_plugins_and_their_order_change_no_byte(
         catalogue = Host.discover().catalogue()
         rows = {row.plugin: row.state for row in catalogue}
         of_others = {row.distribution for row in catalogue if row.plugin not in CORE_PLUGINS}
-        assert {name.removeprefix("opir-") for name in of_others} == {one.removeprefix("opir_") for one in order}
-        assert [plugin for plugin, state in rows.items() if state == "failed"] == ["wreck"] * ("wreck" in order)
+        assert {name.removeprefix("opir-") for name in of_others} == {
+            one.removeprefix("opir_") for one in order
+        }
+        assert [plugin for plugin, state in rows.items() if state == "failed"] == ["wreck"] * (
+            "wreck" in order
+        )
         assert results(scene) == everything, order

@@ -1,4 +1,6 @@
-"""Runs, exports, reports, studies, imports through power cuts and kills: the files before or the new ones, whole."""
+"""Runs, exports, reports, studies, imports through power cuts and kills: the files before or the
+new ones, whole.
+"""
 
 import json
 import os
@@ -26,17 +28,22 @@ from power_cuts import note
 assert main(sys.argv[2:]) == 0
 note(Path(sys.argv[1]), "done")
 """
-EPHEMERIS = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n" + "".join(f"{t},{-2.6e6 + t},{-4.6e6},{3.6e6}\n" for t in range(2000))
+EPHEMERIS = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n" + "".join(
+    f"{t},{-2.6e6 + t},{-4.6e6},{3.6e6}\n" for t in range(2000)
+)
 
-#: Arguments of a command that writes into the folder {disk}; {number} is 1 of the files before and 2 of the new ones.
+#: Arguments of a command that writes into the folder {disk}; {number} is 1 of the files before and
+#: 2 of the new ones.
 COMMANDS = {
     "run": "run {scene} --set seed={number} --out {disk}/e.jsonl --quiet",
     "run of columns": "run {scene} --set seed={number} --out {disk}/e.parquet --quiet",
-    "run into two folders": "run {scene} --set seed={number} --out {disk}/a/e.jsonl --truth {disk}/b/t.jsonl --quiet",
+    "run into two folders": "run {scene} --set seed={number} --out {disk}/a/e.jsonl --truth"
+    " {disk}/b/t.jsonl --quiet",
     "export of a file": "export {run} --to kml --out {disk}/run.kml",
     "export of a folder": "export {run} --to parquet --out {disk}/tables",
     "report": "report {run} --out {disk}/report.html",
-    "sweep": "sweep {scene} --set seed={number} --vary {period}=100,400 --metric latency --runs 2 --executor serial"
+    "sweep": "sweep {scene} --set seed={number} --vary {period}=100,400 --metric latency --runs 2"
+    " --executor serial"
     " --out {disk}/study --quiet",
     "import": "import {ephemeris} --out {disk}/states.csv",
 }
@@ -90,7 +97,9 @@ class Stage:
         """Return the arguments of the command with the files before, 1, or the new ones, 2."""
         places = {"scene": "scene.yaml", "ephemeris": f"states{number}.csv", "run": f"run{number}"}
         given = {key: self.scratch / name for key, name in places.items()}
-        return self._command.format(**given, disk=disk or self.disk, number=number, period=PERIOD).split()
+        return self._command.format(
+            **given, disk=disk or self.disk, number=number, period=PERIOD
+        ).split()
 
 
 @pytest.fixture
@@ -105,8 +114,12 @@ def recorded(stage: Stage) -> tuple[Recording, dict[str, bytes], dict[str, bytes
     return recording, before, contents(stage.disk)
 
 
-def require_old_or_new(stage: Stage, interrupted: Callable[[Recording], Iterable[PowerCut]]) -> set[bool]:
-    """Return whether the new files were there after interruptions; fail if neither they nor those before were."""
+def require_old_or_new(
+    stage: Stage, interrupted: Callable[[Recording], Iterable[PowerCut]]
+) -> set[bool]:
+    """Return whether the new files were there after interruptions; fail if neither they nor those
+    before were.
+    """
     recording, old, new = recorded(stage)
     known = parts(stage.disk)
     found_new = set[bool]()
@@ -128,7 +141,9 @@ def require_resumable(stage: Stage, seeds: Sequence[int]) -> None:
         place = cut.make(stage.scratch / "cut")
         assert main(stage.arguments(2, place)) == 0
         found = contents(place)
-        different = {path for path in new if found[path] != new[path] and not path.endswith(".manifest.json")}
+        different = {
+            path for path in new if found[path] != new[path] and not path.endswith(".manifest.json")
+        }
         assert not different, f"cut {cut.seed} after call {cut.calls}"
 
 
@@ -141,11 +156,16 @@ def test_a_run_over_another_is_old_or_new_after_a_power_cut(stage: Callable[[str
 @pytest.mark.slow
 @pytest.mark.parametrize("is_first", [True, False])
 @pytest.mark.parametrize("name", COMMANDS)
-def test_files_are_old_or_new_after_a_power_cut(stage: Callable[[str], Stage], name: str, is_first: bool) -> None:
+def test_files_are_old_or_new_after_a_power_cut(
+    stage: Callable[[str], Stage], name: str, is_first: bool
+) -> None:
     of_command = stage(name)
     if not is_first:
         assert main(of_command.arguments(1)) == 0
-    assert require_old_or_new(of_command, lambda calls: power_cuts(calls, range(CUTS))) == {True, False}
+    assert require_old_or_new(of_command, lambda calls: power_cuts(calls, range(CUTS))) == {
+        True,
+        False,
+    }
 
 
 @pytest.mark.slow

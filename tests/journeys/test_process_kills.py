@@ -1,4 +1,6 @@
-"""`opir` killed with SIGKILL at random moments and started again: whatever anyone has seen of an event, it arrives."""
+"""`opir` killed with SIGKILL at random moments and started again: whatever anyone has seen of an
+event, it arrives.
+"""
 
 import http.client
 import json
@@ -76,7 +78,10 @@ class Viewer(threading.Thread):
 
     def ids(self) -> set[str]:
         """Return the ids of all detections that came whole."""
-        return {found.decode() for found in re.findall(rb'"detection_id":"([0-9a-f-]{36})"', bytes(self._received))}
+        return {
+            found.decode()
+            for found in re.findall(rb'"detection_id":"([0-9a-f-]{36})"', bytes(self._received))
+        }
 
 
 def status(port: int) -> Any:
@@ -94,7 +99,9 @@ def killed(number: int) -> None:
 
 
 @pytest.mark.slow
-def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nursery, tmp_path: Path) -> None:
+def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(
+    nurse: Nursery, tmp_path: Path
+) -> None:
     scene = tmp_path / "scene.yaml"
     log = tmp_path / "log"
     lines = tmp_path / "lines"
@@ -105,8 +112,20 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nurse
         topic = broker.topic()
         kafka = {"bootstrap_servers": broker.address, "topic": topic, **kafka_broker.BRISK}
         spools = [{"path": str(tmp_path / name)} for name in ("a", "b")]
-        sinks = [{"jsonl": {"path": str(lines), "spool": spools[0]}}, {"kafka": {**kafka, "spool": spools[1]}}]
-        words = ("serve", str(scene), "--port", "0", "--speed", "20", "--set", f"outputs={json.dumps(sinks)}")
+        sinks = [
+            {"jsonl": {"path": str(lines), "spool": spools[0]}},
+            {"kafka": {**kafka, "spool": spools[1]}},
+        ]
+        words = (
+            "serve",
+            str(scene),
+            "--port",
+            "0",
+            "--speed",
+            "20",
+            "--set",
+            f"outputs={json.dumps(sinks)}",
+        )
         for life in range(KILLS + 1):
             log.unlink(missing_ok=True)
             number = nurse.born(log, *words, "--set", f"seed={life}")
@@ -118,10 +137,16 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nurse
                 killed(number)
                 viewer.join()
                 seen.append(viewer.ids())
-        until(lambda: all(sink["delivered"] > sink["recovered"] for sink in status(viewer.port)["sinks"]))
+        until(
+            lambda: all(
+                sink["delivered"] > sink["recovered"] for sink in status(viewer.port)["sinks"]
+            )
+        )
         os.kill(number, signal.SIGTERM)
         until(lambda: not is_alive(number))
-        assert log.read_text(encoding="utf-8").count(" 0 spooled, 0 dropped") == 2, log.read_text(encoding="utf-8")
+        assert log.read_text(encoding="utf-8").count(" 0 spooled, 0 dropped") == 2, log.read_text(
+            encoding="utf-8"
+        )
         carried = [message.value() for message in messages(broker.address, topic)]
     host = Host.discover()
     delivered = [list(map(json.loads, each)) for each in (lines.read_bytes().splitlines(), carried)]
@@ -165,7 +190,9 @@ def batch(scene: Path, seed: int, host: Host) -> list[Any]:
 
 
 def arrived_in_order(events: Sequence[Any], wanted: Sequence[Any]) -> set[str]:
-    """Return the ids of a run's events that arrived; of each sensor, they are its first, in their order, unchanged."""
+    """Return the ids of a run's events that arrived; of each sensor, they are its first, in their
+    order, unchanged.
+    """
     whole = {event["detection_id"]: event for event in wanted}
     events = [event for event in events if event["detection_id"] in whole]
     assert all(whole[event["detection_id"]] == event for event in events)

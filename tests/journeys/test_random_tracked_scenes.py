@@ -1,4 +1,6 @@
-"""Scenes at random, far from any that trackers were made on: what is reported is sound, whatever it is worth."""
+"""Scenes at random, far from any that trackers were made on: what is reported is sound, whatever it
+is worth.
+"""
 
 from typing import Any
 
@@ -11,11 +13,17 @@ import opir_core as opir
 from examples import examples
 from opir_core.interfaces.records import Tracks
 
-SEEN = {"launch": "launch_covariance", "impact": "impact_covariance", "burnout": "burnout_covariance"}
+SEEN = {
+    "launch": "launch_covariance",
+    "impact": "impact_covariance",
+    "burnout": "burnout_covariance",
+}
 
 
 def assert_sound(covariance: np.ndarray, where: str) -> None:
-    """Fail where covariances (n, d, d) are neither positive definite, each scaled to a unit diagonal, nor all nan."""
+    """Fail where covariances (n, d, d) are neither positive definite, each scaled to a unit
+    diagonal, nor all nan.
+    """
     known = np.isfinite(covariance).all(axis=(1, 2))
     assert np.isnan(covariance[~known]).all(), where
     some = covariance[known]
@@ -23,11 +31,14 @@ def assert_sound(covariance: np.ndarray, where: str) -> None:
     variance = np.diagonal(some, axis1=1, axis2=2)
     assert (variance > 0.0).all(), where
     sigma = np.sqrt(variance)
-    assert np.linalg.eigvalsh(some / sigma[:, :, None] / sigma[:, None]).min(initial=1.0) > -1e-9, where
+    assert np.linalg.eigvalsh(some / sigma[:, :, None] / sigma[:, None]).min(initial=1.0) > -1e-9, (
+        where
+    )
 
 
 def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
-    # A track may have no Keplerian arc yet, and an arc through a thrusting target may be as fast as it likes.
+    # A track may have no Keplerian arc yet, and an arc through a thrusting target may be as fast as
+    # it likes.
     assert is_arc or np.isfinite(tracks.state).all()
     assert is_arc or np.linalg.norm(tracks.state[:, 3:], axis=1).max(initial=0.0) < 20e3
     assert_sound(tracks.state_covariance, "state")
@@ -47,7 +58,12 @@ def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @settings(examples(24), derandomize=True)
-@given(sensors=sensors(), targets=targets(), tracker=st.sampled_from(TRACKERS), seed=st.integers(0, 1000))
+@given(
+    sensors=sensors(),
+    targets=targets(),
+    tracker=st.sampled_from(TRACKERS),
+    seed=st.integers(0, 1000),
+)
 def test_what_is_reported_is_sound(
     sensors: list[dict[str, Any]], targets: list[dict[str, Any]], tracker: Any, seed: int
 ) -> None:

@@ -1,7 +1,8 @@
-"""The Kafka sink before Apache Kafka itself: restarts, leaders, replicas, logins, permissions, topics, sizes, quotas.
+"""The Kafka sink before Apache Kafka itself: restarts, leaders, replicas, logins, permissions,
+topics, sizes, quotas.
 
-Each test ends with the examination of the fault campaign: an independent consumer (librdkafka) finds all events, each
-sensor's in order by their first arrival, what is there twice unchanged.
+Each test ends with the examination of the fault campaign: an independent consumer (librdkafka)
+finds all events, each sensor's in order by their first arrival, what is there twice unchanged.
 """
 
 import json
@@ -66,7 +67,9 @@ def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 
 @pytest.fixture(scope="module")
 def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    """Return three brokers; a topic with three replicas takes messages while two of them are in sync."""
+    """Return three brokers; a topic with three replicas takes messages while two of them are in
+    sync.
+    """
     if kafka_cluster.why_absent():
         pytest.skip(kafka_cluster.why_absent())
     with kafka_cluster.cluster(tmp_path_factory.mktemp("three"), 3) as made:
@@ -81,7 +84,9 @@ def spool(tmp_path: Path) -> Path:
 @pytest.fixture
 def login(monkeypatch: pytest.MonkeyPatch) -> SecurityConfig:
     monkeypatch.setenv("OPIR_TEST_PASSWORD", PASSWORD)
-    return SecurityConfig(protocol="SASL_PLAINTEXT", username="opir", password_variable="OPIR_TEST_PASSWORD")
+    return SecurityConfig(
+        protocol="SASL_PLAINTEXT", username="opir", password_variable="OPIR_TEST_PASSWORD"
+    )
 
 
 def let_in(admin: Any) -> None:
@@ -191,7 +196,9 @@ def test_a_login_is_refused_until_what_it_lacks_is_given(
     examine(one, topic, 100)
 
 
-def test_a_permission_is_missing_given_taken_and_given_back(one: Cluster, spool: Path, login: SecurityConfig) -> None:
+def test_a_permission_is_missing_given_taken_and_given_back(
+    one: Cluster, spool: Path, login: SecurityConfig
+) -> None:
     topic = one.topic()
     other = one.topic()
     admin = one.admin()
@@ -214,7 +221,9 @@ def test_a_permission_is_missing_given_taken_and_given_back(one: Cluster, spool:
     examine(one, topic, 300)
 
 
-def test_a_login_refused_after_a_good_one_is_parked(one: Cluster, spool: Path, login: SecurityConfig) -> None:
+def test_a_login_refused_after_a_good_one_is_parked(
+    one: Cluster, spool: Path, login: SecurityConfig
+) -> None:
     topic = one.topic()
     admin = one.admin()
     let_in(admin)
@@ -287,7 +296,9 @@ def test_batches_larger_than_the_topic_takes_arrive_in_parts(one: Cluster, spool
     examine(one, topic, 1500)
 
 
-def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(one: Cluster, spool: Path) -> None:
+def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(
+    one: Cluster, spool: Path
+) -> None:
     topic = one.topic(1, max_message_bytes="300")
     admin = one.admin()
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
@@ -296,7 +307,9 @@ def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(one: Clust
     until(lambda: sink.parked is not None)
     assert "(code 10)" in (sink.parked or "")
     wider = confluent_kafka.admin.ConfigEntry(
-        "max.message.bytes", "1000000", incremental_operation=confluent_kafka.admin.AlterConfigOpType.SET
+        "max.message.bytes",
+        "1000000",
+        incremental_operation=confluent_kafka.admin.AlterConfigOpType.SET,
     )
     resource = confluent_kafka.admin.ConfigResource("topic", topic, incremental_configs=[wider])
     for done in admin.incremental_alter_configs([resource]).values():
@@ -310,9 +323,13 @@ def test_a_quota_slows_and_loses_nothing(one: Cluster, spool: Path) -> None:
     topic = one.topic()
     who = ("--entity-type", "clients", "--entity-name", "slow")
     words = ("--bootstrap-server", one.address, "--alter", *who)
-    kafka_cluster.java("kafka.admin.ConfigCommand", *words, "--add-config", "producer_byte_rate=60000")
+    kafka_cluster.java(
+        "kafka.admin.ConfigCommand", *words, "--add-config", "producer_byte_rate=60000"
+    )
     # In batches of 10 kB: the quota is an average, and a broker slows only what follows.
-    sink = kafka_sink(one.address, topic, spool, PATIENT, client_id="slow", compression="none", batch_bytes=10_000)
+    sink = kafka_sink(
+        one.address, topic, spool, PATIENT, client_id="slow", compression="none", batch_bytes=10_000
+    )
     began = time.monotonic()
     fill(sink, 4, 500, 0, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 2000, within_s=200.0)
@@ -321,14 +338,21 @@ def test_a_quota_slows_and_loses_nothing(one: Cluster, spool: Path) -> None:
     examine(one, topic, 2000)
 
 
-def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one: Cluster, spool: Path) -> None:
+def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(
+    one: Cluster, spool: Path
+) -> None:
     topic = one.topic(4)
     found = defaultdict(list)
     stop = threading.Event()
     group = f"group-{time.time_ns()}"
 
     def consume(until_stopped: threading.Event) -> None:
-        settings = {"group.id": group, "auto.offset.reset": "earliest", "enable.auto.commit": False, "log_level": 0}
+        settings = {
+            "group.id": group,
+            "auto.offset.reset": "earliest",
+            "enable.auto.commit": False,
+            "log_level": 0,
+        }
         consumer = confluent_kafka.Consumer({"bootstrap.servers": one.address, **settings})
         consumer.subscribe([topic])
         while not until_stopped.is_set():
@@ -350,7 +374,11 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one: Clu
     leaves.set()
     fill(sink, 10, 20, 600, 0.05)
     assert closed(sink) == Delivery(delivered=800)
-    ids = lambda: {json.loads(value)["detection_id"] for rows in found.values() for _, value in rows}  # noqa: E731
+
+    def ids() -> set[str]:
+        values = (value for rows in found.values() for _, value in rows)
+        return {json.loads(value)["detection_id"] for value in values}
+
     try:
         until(lambda: len(ids()) == 800, within_s=120.0)
     finally:
@@ -386,13 +414,18 @@ def test_a_rolling_restart_loses_nothing(three: Cluster, spool: Path) -> None:
         fill(sink, 10, 30, 600 * number + 300, 0.05)
         node.start()
         three.wait_for_brokers(3)
-        until(lambda: all(len(part.isrs) == 3 for part in three.partitions(topic).values()), within_s=120.0)
+        until(
+            lambda: all(len(part.isrs) == 3 for part in three.partitions(topic).values()),
+            within_s=120.0,
+        )
     until(lambda: sink.delivery_so_far().delivered == 1800, within_s=120.0)
     assert sink.close() == Delivery(delivered=1800)
     examine(three, topic, 1800)
 
 
-def test_too_few_replicas_acknowledge_nothing_and_nothing_is_lost(three: Cluster, spool: Path) -> None:
+def test_too_few_replicas_acknowledge_nothing_and_nothing_is_lost(
+    three: Cluster, spool: Path
+) -> None:
     topic = three.topic(1, 3, min_insync_replicas="3")
     sink = kafka_sink(three.address, topic, spool, PATIENT)
     fill(sink, 5, 20, 0, 0.01)

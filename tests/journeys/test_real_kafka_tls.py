@@ -1,4 +1,6 @@
-"""The Kafka sink and TLS before Apache Kafka itself: what comes through, and what is said of what does not."""
+"""The Kafka sink and TLS before Apache Kafka itself: what comes through, and what is said of what
+does not.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -54,12 +56,21 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 
 def _settings(store: Path, trusted: Path) -> dict[str, str]:
     """Return the settings of the listeners; Kafka reads PEM files itself."""
-    pem = {"keystore.type": "PEM", "keystore.location": store, "truststore.type": "PEM", "truststore.location": trusted}
+    pem = {
+        "keystore.type": "PEM",
+        "keystore.location": store,
+        "truststore.type": "PEM",
+        "truststore.location": trusted,
+    }
     scram = "org.apache.kafka.common.security.scram.ScramLoginModule required;"
     return {
         "listener.security.protocol.map": "PLAINTEXT:PLAINTEXT,CONTROLLER:PLAINTEXT,SSL:SSL,MUTUAL:SSL,"
         "SASL_PLAINTEXT:SASL_PLAINTEXT",
-        **{f"listener.name.{name}.ssl.{key}": str(file) for name in ("ssl", "mutual") for key, file in pem.items()},
+        **{
+            f"listener.name.{name}.ssl.{key}": str(file)
+            for name in ("ssl", "mutual")
+            for key, file in pem.items()
+        },
         "listener.name.mutual.ssl.client.auth": "required",
         "sasl.enabled.mechanisms": "SCRAM-SHA-512",
         "listener.name.sasl_plaintext.scram-sha-512.sasl.jaas.config": scram,
@@ -71,7 +82,9 @@ def test_events_arrive_through_tls(stand: Stand, tmp_path: Path, listener: str) 
     topic = stand.cluster.topic()
     files = stand.client if listener == "MUTUAL" else {}
     security = SecurityConfig(protocol="SSL", ca_file=stand.ca, **files)
-    sink = kafka_sink(stand.cluster.addresses(listener), topic, tmp_path / "spool", security=security)
+    sink = kafka_sink(
+        stand.cluster.addresses(listener), topic, tmp_path / "spool", security=security
+    )
     fill(sink, 3, 700, 0, 0.0)
     assert closed(sink) == Delivery(delivered=2100)
     examine(stand.cluster, topic, 2100)
@@ -88,16 +101,31 @@ def test_events_arrive_through_tls(stand: Stand, tmp_path: Path, listener: str) 
             lambda stand: {"ca_file": stand.ca},
             "not valid for 'localhost'; write a name of the certificate in bootstrap_servers",
         ),
-        ("MUTUAL", ADDRESS, lambda stand: {"ca_file": stand.ca}, "see security.certificate_file and security.key_file"),
+        (
+            "MUTUAL",
+            ADDRESS,
+            lambda stand: {"ca_file": stand.ca},
+            "see security.certificate_file and security.key_file",
+        ),
         (
             "MUTUAL",
             ADDRESS,
             lambda stand: {"ca_file": stand.ca, **stand.other_client},
             "refuses the client's certificate, or that there is none",
         ),
-        ("PLAINTEXT", ADDRESS, lambda stand: {"ca_file": stand.ca}, "closes encrypted connections at their start"),
+        (
+            "PLAINTEXT",
+            ADDRESS,
+            lambda stand: {"ca_file": stand.ca},
+            "closes encrypted connections at their start",
+        ),
         ("SSL", ADDRESS, lambda _: {"protocol": "PLAINTEXT"}, "speaks TLS; see security.protocol"),
-        ("SASL_PLAINTEXT", ADDRESS, lambda _: {"protocol": "PLAINTEXT"}, "for want of a login; see security.protocol"),
+        (
+            "SASL_PLAINTEXT",
+            ADDRESS,
+            lambda _: {"protocol": "PLAINTEXT"},
+            "for want of a login; see security.protocol",
+        ),
     ],
     ids=[
         "another authority",
@@ -130,13 +158,17 @@ def test_a_certificate_that_is_refused_is_mended_under_a_run(stand: Stand, tmp_p
     trusted.write_text(Path(stand.other_ca).read_text())
     security = SecurityConfig(protocol="SSL", ca_file=str(trusted))
     policy = brief(stall_s=30.0)
-    first = kafka_sink(stand.cluster.addresses("SSL"), topic, tmp_path / "spool", policy, security=security)
+    first = kafka_sink(
+        stand.cluster.addresses("SSL"), topic, tmp_path / "spool", policy, security=security
+    )
     fill(first, 5, 20, 0, 0.0)
     until(lambda: first.parked is not None)
     assert "see security.ca_file" in (first.parked or "")
     assert closed(first).spooled == 100
     trusted.write_text(Path(stand.ca).read_text())
-    second = kafka_sink(stand.cluster.addresses("SSL"), topic, tmp_path / "spool", security=security)
+    second = kafka_sink(
+        stand.cluster.addresses("SSL"), topic, tmp_path / "spool", security=security
+    )
     until(lambda: second.delivery_so_far().recovered == 100)
     assert closed(second).recovered == 100
     examine(stand.cluster, topic, 100)

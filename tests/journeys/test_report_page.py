@@ -1,4 +1,6 @@
-"""The report in a browser without a network: no request, no complaint, no overflow, in light, dark and print."""
+"""The report in a browser without a network: no request, no complaint, no overflow, in light, dark
+and print.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,13 +28,20 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 400])
-def test_the_report_opens_without_a_network(browser: Browser, report: Path, width: int, scheme: str) -> None:
-    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True)
+def test_the_report_opens_without_a_network(
+    browser: Browser, report: Path, width: int, scheme: str
+) -> None:
+    context = browser.new_context(
+        viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
+    )
     page = context.new_page()
     said: list[str] = []
     page.on("console", lambda message: said.append(message.text))
     page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: said.append(request.url) if request.url != report.as_uri() else None)
+    page.on(
+        "request",
+        lambda request: said.append(request.url) if request.url != report.as_uri() else None,
+    )
     page.goto(report.as_uri())
     assert not said
     assert page.evaluate("document.documentElement.scrollWidth") <= width
@@ -60,5 +69,7 @@ def test_print_is_light_and_no_picture_is_cut(browser: Browser, report: Path) ->
     page.goto(report.as_uri())
     page.emulate_media(media="print")
     assert brightness(page.evaluate(_PAPER)) > 700
-    assert page.evaluate("getComputedStyle(document.querySelector('figure')).breakInside") == "avoid"
+    assert (
+        page.evaluate("getComputedStyle(document.querySelector('figure')).breakInside") == "avoid"
+    )
     assert page.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"

@@ -1,7 +1,9 @@
-"""A service through any sequence of launches, settings, restarts, kills, and faults of broker and disk keeps its books.
+"""A service through any sequence of launches, settings, restarts, kills, and faults of broker and
+disk keeps its books.
 
-At any moment: given + recovered = delivered + spooled + withheld + dropped, and it is ready only while cycles end. Once
-all faults are over: it is ready again, and everything has arrived, each sensor's events in order, none changed.
+At any moment: given + recovered = delivered + spooled + withheld + dropped, and it is ready only
+while cycles end. Once all faults are over: it is ready again, and everything has arrived, each
+sensor's events in order, none changed.
 
 OPIR_SERVICE_MACHINE_S=3600 lets it run for that time, with new sequences.
 """
@@ -36,7 +38,9 @@ STEPS = 10
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.timeout(LONG_S + 900.0),
-    pytest.mark.skipif(not hasattr(os, "fork") or not can_fail(), reason="needs POSIX processes and SQLite's calls"),
+    pytest.mark.skipif(
+        not hasattr(os, "fork") or not can_fail(), reason="needs POSIX processes and SQLite's calls"
+    ),
 ]
 
 ERRORS = st.sampled_from([errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, SHORT])
@@ -60,7 +64,10 @@ class ServiceMachine(RuleBasedStateMachine):
         self.service.launch()
 
     @precondition(lambda self: not self.service.is_faulty)
-    @rule(period_ms=st.sampled_from([1000.0, 5000.0, 10000.0]), client=st.sampled_from(["opir", "other"]))
+    @rule(
+        period_ms=st.sampled_from([1000.0, 5000.0, 10000.0]),
+        client=st.sampled_from(["opir", "other"]),
+    )
     def configure(self, period_ms: float, client: str) -> None:
         self.service.configure(period_ms, client)
 
@@ -74,7 +81,9 @@ class ServiceMachine(RuleBasedStateMachine):
         if not self.service.is_frozen:
             self.broker.tell("error", PRODUCE, *[code] * count)
 
-    @rule(api=st.sampled_from([METADATA, INIT_PRODUCER_ID]), slow_ms=st.sampled_from([0, 100, 2500]))
+    @rule(
+        api=st.sampled_from([METADATA, INIT_PRODUCER_ID]), slow_ms=st.sampled_from([0, 100, 2500])
+    )
     def broker_is_slow(self, api: int, slow_ms: int) -> None:
         if not self.service.is_frozen:
             self.broker.tell("slow", slow_ms)
@@ -105,7 +114,11 @@ class ServiceMachine(RuleBasedStateMachine):
         (self.service.kill if is_killed else self.service.stop)()
         self.service.start()
 
-    @rule(name=st.sampled_from(["a.spool", "b.spool"]), seed=st.integers(0, 99), flips=st.sampled_from([1, 64]))
+    @rule(
+        name=st.sampled_from(["a.spool", "b.spool"]),
+        seed=st.integers(0, 99),
+        flips=st.sampled_from([1, 64]),
+    )
     def spool_is_damaged(self, name: str, seed: int, flips: int) -> None:
         self.service.stop()
         self.service.damage(name, seed, flips)
@@ -146,7 +159,9 @@ def profile(**changes: Any) -> settings:
 def test_any_sequence_keeps_the_books() -> None:
     if not LONG_S:
         with surroundings():
-            run_state_machine_as_test(ServiceMachine, settings=profile(max_examples=EXAMPLES, derandomize=True))
+            run_state_machine_as_test(
+                ServiceMachine, settings=profile(max_examples=EXAMPLES, derandomize=True)
+            )
         return
     give_up_at = time.monotonic() + LONG_S
     while time.monotonic() < give_up_at:

@@ -23,8 +23,8 @@ from kafka_broker import dead_address
 from opir_http import serving as serving_
 from waiting import until, within
 
-#: Time limit, s, for a service to end after SIGTERM while it waits for what never comes. It ends within 5 s on a
-#: machine that does nothing else.
+#: Time limit, s, for a service to end after SIGTERM while it waits for what never comes. It ends
+#: within 5 s on a machine that does nothing else.
 STOP_S = 60.0
 
 SCENE = """
@@ -53,7 +53,9 @@ class Running:
     def ask(self, method: str, path: str, body: Any = None) -> tuple[int, Any]:
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
         try:
-            connection.request(method, path, None if body is None else json.dumps(body), JSON if body else {})
+            connection.request(
+                method, path, None if body is None else json.dumps(body), JSON if body else {}
+            )
             answer = connection.getresponse()
             return answer.status, json.loads(answer.read())
         finally:
@@ -98,7 +100,11 @@ def test_what_a_stop_may_take_adds_up_to_five_seconds() -> None:
 
 @pytest.mark.slow
 def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path: Path) -> None:
-    kafka = {"bootstrap_servers": dead_address(), "topic": "t", "spool": {"path": str(tmp_path / "spool")}}
+    kafka = {
+        "bootstrap_servers": dead_address(),
+        "topic": "t",
+        "spool": {"path": str(tmp_path / "spool")},
+    }
     outputs = f"outputs=[{{kafka: {json.dumps(kafka)}}}]"
     with serving(tmp_path, "--set", outputs, "--speed", "10", "--loop") as running:
         with socket.create_connection(("127.0.0.1", running.port), timeout=60.0) as viewer:
@@ -108,13 +114,17 @@ def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path
             viewer.settimeout(60.0)
             assert b"event: end" in b"".join(iter(lambda: viewer.recv(65536), b""))
         assert running.process.returncode == 0
-    found = re.search(r"(\d+) detections.*\n.*kafka\): 0 delivered, (\d+) spooled, 0 dropped", reported)
+    found = re.search(
+        r"(\d+) detections.*\n.*kafka\): 0 delivered, (\d+) spooled, 0 dropped", reported
+    )
     assert found, reported
     assert int(found[1]) == int(found[2]) == waiting(tmp_path / "spool")
 
 
 @pytest.mark.slow
-def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(tmp_path: Path) -> None:
+def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(
+    tmp_path: Path,
+) -> None:
     words = ("--set", 'outputs=["null"]', "--speed", "max", "--loop")
     with serving(tmp_path, *words, stderr=subprocess.STDOUT) as running, socket.socket() as viewer:
         viewer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 12)
@@ -128,7 +138,9 @@ def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(tmp
 
 
 @pytest.mark.slow
-def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_waits(tmp_path: Path) -> None:
+def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_waits(
+    tmp_path: Path,
+) -> None:
     pipe = tmp_path / "pipe"
     spool = tmp_path / "spool"
     os.mkfifo(pipe)
@@ -139,12 +151,16 @@ def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_w
         with serving(tmp_path, "--set", outputs, "--speed", "max", "--loop") as running:
             until(lambda: running.sink()["waits"] > 0)
             answers: list[tuple[int, Any]] = []
-            asking = threading.Thread(target=lambda: answers.append(running.ask("POST", "/trigger", LAUNCH)))
+            asking = threading.Thread(
+                target=lambda: answers.append(running.ask("POST", "/trigger", LAUNCH))
+            )
             asking.start()
             time.sleep(2.0)  # until the service has read the request: nothing shows that it waits
             reported = running.terminated()
             asking.join(30.0)
-            assert running.process.returncode == 5, reported  # the window that waited for room is lost, and reported
+            assert running.process.returncode == 5, (
+                reported
+            )  # the window that waited for room is lost, and reported
     finally:
         os.close(reading)
     assert answers[0][0] == 409
@@ -157,7 +173,16 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX s
 
 @pytest.mark.slow
 def test_a_service_that_was_paused_for_longer_than_it_may_be_stuck_goes_on(tmp_path: Path) -> None:
-    words = ("--set", 'outputs=["null"]', "--loop", "--supervise", "--dead-after", "4", "--unready-after", "2")
+    words = (
+        "--set",
+        'outputs=["null"]',
+        "--loop",
+        "--supervise",
+        "--dead-after",
+        "4",
+        "--unready-after",
+        "2",
+    )
     with serving(tmp_path, *words) as running:
         until(lambda: running.sink()["given"] > 0)
         running.process.send_signal(signal.SIGSTOP)
@@ -172,7 +197,9 @@ def test_a_service_that_was_paused_for_longer_than_it_may_be_stuck_goes_on(tmp_p
 
 
 @pytest.mark.slow
-def test_a_service_that_dropped_events_ends_with_the_exit_code_of_a_run_that_did(tmp_path: Path) -> None:
+def test_a_service_that_dropped_events_ends_with_the_exit_code_of_a_run_that_did(
+    tmp_path: Path,
+) -> None:
     with serving(tmp_path, "--set", "outputs=[{jsonl: {path: /dev/full}}]", "--loop") as running:
         until(lambda: running.sink()["dropped"] > 0)
         assert "no space left" in running.sink()["error"]

@@ -17,7 +17,9 @@ def test_a_slow_step_is_reported(
     lines = capsys.readouterr().err.splitlines()
     assert (
         lines[:2]
-        == ["opir: reading scene.yaml, 0.01 s so far", "opir: reading scene.yaml, 0.02 s so far"][: 2 * is_shown]
+        == ["opir: reading scene.yaml, 0.01 s so far", "opir: reading scene.yaml, 0.02 s so far"][
+            : 2 * is_shown
+        ]
     )
     assert len(lines) <= 6
 

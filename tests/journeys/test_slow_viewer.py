@@ -1,4 +1,6 @@
-"""A viewer that does not read loses the oldest and is notified; neither run, sink nor other viewers wait for it."""
+"""A viewer that does not read loses the oldest and is notified; neither run, sink nor other viewers
+wait for it.
+"""
 
 import re
 import socket
@@ -12,7 +14,11 @@ from http_service import Stand, serving
 
 @pytest.mark.slow
 def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
-    with serving(tmp_path, "--speed", "max", "--loop") as running, viewer(running) as idle, viewer(running) as busy:
+    with (
+        serving(tmp_path, "--speed", "max", "--loop") as running,
+        viewer(running) as idle,
+        viewer(running) as busy,
+    ):
         give_up_at = time.monotonic() + 60.0
         received = bytearray()
         while not dropped(running):

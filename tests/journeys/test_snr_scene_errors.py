@@ -1,4 +1,6 @@
-"""What a user of `detection: snr` may type wrong: each gives one message with its place and the way out."""
+"""What a user of `detection: snr` may type wrong: each gives one message with its place and the way
+out.
+"""
 
 from pathlib import Path
 
@@ -17,7 +19,11 @@ MISTAKES = {
         2,
         "sensors[0].nei_w_m: unknown key; did you mean nei_w_m2?",
     ),
-    "noise below zero": (["sensors[0].nei_w_m2=-1"], 2, "sensors[0].nei_w_m2: -1.0 is outside [0, 1000000] W/m²"),
+    "noise below zero": (
+        ["sensors[0].nei_w_m2=-1"],
+        2,
+        "sensors[0].nei_w_m2: -1.0 is outside [0, 1000000] W/m²",
+    ),
     "noise of a band that is not there": (
         ["sensors[1].band_nei_w_m2={MWR: 1e-12}"],
         2,
@@ -33,18 +39,27 @@ MISTAKES = {
         2,
         "sensors[0].false_alarm_probability: 0.0 is outside (0, 1)",
     ),
-    "cover below zero": (["atmosphere.cloud={cover: -0.5}"], 2, "atmosphere.cloud.cover: -0.5 is outside [0, 1]"),
+    "cover below zero": (
+        ["atmosphere.cloud={cover: -0.5}"],
+        2,
+        "atmosphere.cloud.cover: -0.5 is outside [0, 1]",
+    ),
     "climate": (
         ["atmosphere.climate=arctic"],
         2,
-        "atmosphere.climate: 'arctic' is not one of us1976, tropical, midlat_summer, midlat_winter, subarctic_winter",
+        (
+            "atmosphere.climate: 'arctic' is not one of us1976, tropical, midlat_summer, midlat_winter,"
+            " subarctic_winter"
+        ),
     ),
     "a band outside the table": (
         [NARROW],
         4,
         (
-            "atmosphere: the band MWIR, 3.4 to 4.1 um, is not one of LOWTRAN's table (SWIR 2.5-3, SWIR_N 2.69-2.95,"
-            " MWIR 4-5, MWIR_N 4.2-4.45, LWIR 8-12, STG_2.0_2.4 2-2.4, MWIRW_3.5_4.0 3.5-4, ABI_07 3.8-4, ABI_08"
+            "atmosphere: the band MWIR, 3.4 to 4.1 um, is not one of LOWTRAN's table (SWIR 2.5-3,"
+            " SWIR_N 2.69-2.95,"
+            " MWIR 4-5, MWIR_N 4.2-4.45, LWIR 8-12, STG_2.0_2.4 2-2.4, MWIRW_3.5_4.0 3.5-4, ABI_07"
+            " 3.8-4, ABI_08"
             " 5.77-6.6, ABI_09 6.75-7.15, ABI_10 7.24-7.44), nor made of them side by side; say"
             " in atmosphere.bands which of them stands for it, as in bands: {MWIR: MWIRW_3.5_4.0}"
         ),
@@ -55,11 +70,17 @@ MISTAKES = {
         "say in background.bands which of them stands for it, as in bands: {MWIR: MWIRW_3.5_4.0}",
     ),
     "ratios that leave the reference out": (
-        ["detection={model: snr, calibrate: paper}", RATIOS, "sensors[1].spectral_discrimination=dual-band-ratio"],
+        [
+            "detection={model: snr, calibrate: paper}",
+            RATIOS,
+            "sensors[1].spectral_discrimination=dual-band-ratio",
+        ],
         4,
         (
-            "sensor SBIRS-1 (SBIRS-GEO): calibrate: paper finds no noise with which the reference ICBM, 1.34e+06,"
-            " 1.31e+06 W/sr in the sensor's bands, is detected with probability 0.8; give it bands and plausible_ratios"
+            "sensor SBIRS-1 (SBIRS-GEO): calibrate: paper finds no noise with which the reference"
+            " ICBM, 1.34e+06,"
+            " 1.31e+06 W/sr in the sensor's bands, is detected with probability 0.8; give it bands"
+            " and plausible_ratios"
             " that do not leave the ICBM out, or calibrate: none"
         ),
     ),
@@ -77,9 +98,14 @@ MISTAKES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_reported_with_its_place_and_the_way_out(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_mistake_is_reported_with_its_place_and_the_way_out(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     changes, code, message = MISTAKES[name]
-    assert main(["validate", SCENE, *(part for change in changes for part in ("--set", change))]) == code
+    assert (
+        main(["validate", SCENE, *(part for change in changes for part in ("--set", change))])
+        == code
+    )
     reported = capsys.readouterr().err
     assert message in reported
     assert "Traceback" not in reported
@@ -107,7 +133,16 @@ def test_a_bad_row_of_fires_is_reported_with_file_and_line(
 @pytest.mark.slow
 def test_what_opir_advises_for_a_band_works(capsys: pytest.CaptureFixture[str]) -> None:
     advice = [f"{sky}.bands={{MWIR: MWIRW_3.5_4.0}}" for sky in ("atmosphere", "background")]
-    assert main(["validate", SCENE, *(part for change in (NARROW, *advice) for part in ("--set", change))]) == 0
+    assert (
+        main(
+            [
+                "validate",
+                SCENE,
+                *(part for change in (NARROW, *advice) for part in ("--set", change)),
+            ]
+        )
+        == 0
+    )
 
 
 def test_physics_refuses_what_is_no_number_in_words(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,6 @@
-"""Spools and the files behind them through power cuts: nothing that counts as kept is lost, and no file is damaged."""
+"""Spools and the files behind them through power cuts: nothing that counts as kept is lost, and no
+file is damaged.
+"""
 
 import os
 import shutil
@@ -20,15 +22,20 @@ FEW = 30
 #: How long a recorded session lasts, s.
 LONG_S = 6.0
 SHORT_S = 1.0
-#: Longest time, s, for which a power cut may undo what a spool without `survives_power_cut` has taken.
+#: Longest time, s, for which a power cut may undo what a spool without `survives_power_cut` has
+#: taken.
 UNDONE_S = 1.0
 
 pytestmark = pytest.mark.skipif(not can_record(), reason="needs Linux and a C compiler")
 
 FILL = "import runpy, sys; runpy.run_module('spool_sessions', run_name='__main__')"
-SALVAGE = "import sys; from opir_core.output.spool.salvage import salvage; assert salvage(sys.argv[1]) is not None"
+SALVAGE = (
+    "import sys; from opir_core.output.spool.salvage import salvage; assert salvage(sys.argv[1]) is"
+    " not None"
+)
 FINISH = (
-    "import pathlib, sys; from opir_core.output.spool.salvage import finish_salvage as f; f(pathlib.Path(sys.argv[1]))"
+    "import pathlib, sys; from opir_core.output.spool.salvage import finish_salvage as f;"
+    " f(pathlib.Path(sys.argv[1]))"
 )
 #: Leaves a spool with a damaged batch, its log not merged, as a killed process does.
 DAMAGE = """
@@ -46,14 +53,20 @@ def filled(tmp_path: Path, kind: str, *, survives: bool, seconds: float) -> Reco
     return record(disk, FILL, tmp_path, disk, kind, survives, seconds)
 
 
-def require_kept(tmp_path: Path, kind: str, *, survives: bool, seconds: float, cuts: int) -> tuple[int, float]:
-    """Fail if a cut damages or loses more than it may; return the most events lost, and from how long before, s."""
+def require_kept(
+    tmp_path: Path, kind: str, *, survives: bool, seconds: float, cuts: int
+) -> tuple[int, float]:
+    """Fail if a cut damages or loses more than it may; return the most events lost, and from how
+    long before, s.
+    """
     most = 0
     longest_s = 0.0
     for cut in power_cuts(filled(tmp_path, kind, survives=survives, seconds=seconds), range(cuts)):
         found = left(cut, cut.make(tmp_path / "cut"), kind)
         where = f"cut {cut.seed} after call {cut.calls}"
-        assert found.lost_s <= (0.0 if survives else UNDONE_S), f"{where}: {len(found.lost)} events lost"
+        assert found.lost_s <= (0.0 if survives else UNDONE_S), (
+            f"{where}: {len(found.lost)} events lost"
+        )
         most = max(most, len(found.lost))
         longest_s = max(longest_s, found.lost_s)
     return most, longest_s
@@ -68,7 +81,9 @@ def test_a_power_cut_takes_nothing_from_a_spool_that_survives_it(tmp_path: Path,
 @pytest.mark.timeout(100 + CUTS)
 @pytest.mark.parametrize("survives", [True, False])
 @pytest.mark.parametrize("kind", ["held", "jsonl"])
-def test_a_power_cut_takes_at_most_the_last_second_from_a_spool(tmp_path: Path, kind: str, survives: bool) -> None:
+def test_a_power_cut_takes_at_most_the_last_second_from_a_spool(
+    tmp_path: Path, kind: str, survives: bool
+) -> None:
     most, _ = require_kept(tmp_path, kind, survives=survives, seconds=LONG_S, cuts=CUTS)
     assert survives or most > 0
 
@@ -79,12 +94,17 @@ def damaged(disk: Path) -> set[str]:
     filled_spool(disk / SPOOL, 6, 20)
     subprocess.run([sys.executable, "-c", DAMAGE, str(disk / SPOOL)], check=True)
     assert (disk / f"{SPOOL}-wal").exists()
-    batches = [next(EncodedBatcher(ENCODER, SENSORS).batches(window(20, 20 * number))) for number in range(6)]
+    batches = [
+        next(EncodedBatcher(ENCODER, SENSORS).batches(window(20, 20 * number)))
+        for number in range(6)
+    ]
     return {each for number, batch in enumerate(batches) if number != 2 for each in ids_in(batch)}
 
 
 def cut_off(disk: Path) -> None:
-    """Make of a damaged spool what a power cut leaves before its end: the new spool is ready, the old one has a log."""
+    """Make of a damaged spool what a power cut leaves before its end: the new spool is ready, the
+    old one has a log.
+    """
     copy = Path(shutil.copytree(disk, disk.with_name("copy")))
     salvage(copy / SPOOL)
     shutil.copy(copy / SPOOL, disk / f"{SPOOL}.salvaged")
@@ -94,7 +114,9 @@ def cut_off(disk: Path) -> None:
 @pytest.mark.parametrize(
     "cuts", [3 * FEW, pytest.param(CUTS, marks=[pytest.mark.slow, pytest.mark.timeout(100 + CUTS)])]
 )
-def test_a_power_cut_while_a_spool_is_salvaged_loses_no_whole_batch(tmp_path: Path, program: str, cuts: int) -> None:
+def test_a_power_cut_while_a_spool_is_salvaged_loses_no_whole_batch(
+    tmp_path: Path, program: str, cuts: int
+) -> None:
     disk = tmp_path / "disk"
     whole = damaged(disk)
     if program == FINISH:

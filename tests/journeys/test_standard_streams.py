@@ -1,4 +1,6 @@
-"""Commands whose standard streams are closed, are not UTF-8, or are handed text that would act on a terminal."""
+"""Commands whose standard streams are closed, are not UTF-8, or are handed text that would act on a
+terminal.
+"""
 
 import os
 import subprocess
@@ -13,7 +15,9 @@ pytestmark = pytest.mark.slow
 SCENE = str(EXAMPLES / "first_light.yaml")
 
 
-def opir(folder: Path, *words: str, closed: str = "", **environment: str) -> subprocess.CompletedProcess[bytes]:
+def opir(
+    folder: Path, *words: str, closed: str = "", **environment: str
+) -> subprocess.CompletedProcess[bytes]:
     """Return a finished command; `closed` are redirections of the shell."""
     line = f'exec "$0" -m opir_core "$@" {closed}'
     return subprocess.run(
@@ -47,15 +51,21 @@ def test_events_for_a_closed_standard_output_are_not_lost_in_silence(tmp_path: P
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1", "cp437"])
 @pytest.mark.parametrize("words", [("run", SCENE), ("explain", SCENE), ("describe", "DSP")])
-def test_a_console_that_is_not_utf_8_is_no_error(tmp_path: Path, encoding: str, words: tuple[str, ...]) -> None:
+def test_a_console_that_is_not_utf_8_is_no_error(
+    tmp_path: Path, encoding: str, words: tuple[str, ...]
+) -> None:
     done = opir(tmp_path, *words, PYTHONIOENCODING=encoding)
     assert (done.returncode, done.stderr) == (0, b"")
     assert done.stdout.decode(encoding)
 
 
 def test_what_a_console_cannot_show_is_written_out(tmp_path: Path) -> None:
-    assert opir(tmp_path, "validate", "σ.yaml", PYTHONIOENCODING="ascii").stderr.startswith(b"opir: \\u03c3.yaml: ")
-    assert opir(tmp_path, "validate", "σ.yaml", PYTHONIOENCODING="utf-8").stderr.startswith("opir: σ.yaml: ".encode())
+    assert opir(tmp_path, "validate", "σ.yaml", PYTHONIOENCODING="ascii").stderr.startswith(
+        b"opir: \\u03c3.yaml: "
+    )
+    assert opir(tmp_path, "validate", "σ.yaml", PYTHONIOENCODING="utf-8").stderr.startswith(
+        "opir: σ.yaml: ".encode()
+    )
 
 
 @pytest.mark.parametrize(
@@ -82,9 +92,15 @@ def test_the_name_of_a_scene_does_not_act_on_the_terminal(tmp_path: Path) -> Non
 def test_links_to_nowhere_are_reported_as_links(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").symlink_to("gone.yaml")
     (tmp_path / "events.jsonl").symlink_to("gone/events.jsonl")
-    assert b"is a link to 'gone.yaml', which is not there" in opir(tmp_path, "validate", "scene.yaml").stderr
+    assert (
+        b"is a link to 'gone.yaml', which is not there"
+        in opir(tmp_path, "validate", "scene.yaml").stderr
+    )
     reported = opir(tmp_path, "run", SCENE, "-o", "events.jsonl").stderr
-    assert b"it is a link to 'gone/events.jsonl', whose folder is not there; remove it or give another path" in reported
+    assert (
+        b"it is a link to 'gone/events.jsonl', whose folder is not there; remove it or give another path"
+        in reported
+    )
     (tmp_path / "events.jsonl").unlink()
     (tmp_path / "events.jsonl").symlink_to("real.jsonl")
     assert opir(tmp_path, "run", SCENE, "-o", "events.jsonl").returncode == 0

@@ -1,4 +1,6 @@
-"""Components that hang: each command ends within its limit, names the part, and has the exit code for it."""
+"""Components that hang: each command ends within its limit, names the part, and has the exit code
+for it.
+"""
 
 import subprocess
 import sys
@@ -28,11 +30,15 @@ SCENE: dict[str, Any] = {
 TRACKER = ("opir_trackers", "kepler-arc")
 
 
-def ended(folder: Path, part: tuple[str, ...], *words: str, **changes: Any) -> subprocess.CompletedProcess[str]:
+def ended(
+    folder: Path, part: tuple[str, ...], *words: str, **changes: Any
+) -> subprocess.CompletedProcess[str]:
     """Run a command whose component `rogue` hangs; it may take a minute at most."""
     (folder / "scene.yaml").write_text(yaml.safe_dump({**SCENE, **changes}), encoding="utf-8")
     command = [sys.executable, str(SCRIPT), *part, "hang", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60.0, check=False)
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=60.0, check=False
+    )
 
 
 @pytest.mark.parametrize("workers", ["1", "2"])
@@ -40,11 +46,19 @@ def ended(folder: Path, part: tuple[str, ...], *words: str, **changes: Any) -> s
     ("part", "changes", "reported"),
     [
         ((*TRACKER, "step"), {"tracker": "rogue"}, "tracker: the tracker 'rogue'"),
-        (("opir_classifiers", "paper", "pair_type"), {"classification": "rogue"}, "a component of the scene stuck"),
+        (
+            ("opir_classifiers", "paper", "pair_type"),
+            {"classification": "rogue"},
+            "a component of the scene stuck",
+        ),
     ],
 )
-def test_a_run(tmp_path: Path, workers: str, part: tuple[str, ...], changes: dict[str, Any], reported: str) -> None:
-    done = ended(tmp_path, part, "run", "scene.yaml", "--dead-after", "2", "--workers", workers, **changes)
+def test_a_run(
+    tmp_path: Path, workers: str, part: tuple[str, ...], changes: dict[str, Any], reported: str
+) -> None:
+    done = ended(
+        tmp_path, part, "run", "scene.yaml", "--dead-after", "2", "--workers", workers, **changes
+    )
     assert done.returncode == 6, done.stderr
     assert f"opir: {reported}" in done.stderr
     assert "has not returned for 2." in done.stderr
@@ -54,7 +68,9 @@ def test_a_run(tmp_path: Path, workers: str, part: tuple[str, ...], changes: dic
 def test_the_start_of_a_service(tmp_path: Path) -> None:
     target = {**SCENE["targets"][0], "model": "rogue"}
     part = ("opir_target_models", "ballistic", "build")
-    done = ended(tmp_path, part, "serve", "scene.yaml", "--port", "0", "--dead-after", "2", targets=[target])
+    done = ended(
+        tmp_path, part, "serve", "scene.yaml", "--port", "0", "--dead-after", "2", targets=[target]
+    )
     assert done.returncode == 6
     assert "opir: targets[0]: the target model 'rogue' of " in done.stderr
     assert "build has not returned for 2." in done.stderr
@@ -64,9 +80,13 @@ def test_the_start_of_a_service(tmp_path: Path) -> None:
     ("method", "words", "limit_s"),
     [("write", ("--dead-after", "3"), 3), ("close", ("--dead-after", "36"), 36), ("close", (), 30)],
 )
-def test_a_sink_of_a_run_fails_alone(tmp_path: Path, method: str, words: tuple[str, ...], limit_s: int) -> None:
+def test_a_sink_of_a_run_fails_alone(
+    tmp_path: Path, method: str, words: tuple[str, ...], limit_s: int
+) -> None:
     outputs = [{"jsonl": {"path": "other.jsonl"}}, "rogue"]
-    done = ended(tmp_path, ("opir_sinks", "null", method), "run", "scene.yaml", "-q", *words, outputs=outputs)
+    done = ended(
+        tmp_path, ("opir_sinks", "null", method), "run", "scene.yaml", "-q", *words, outputs=outputs
+    )
     assert done.returncode == 5
     assert "outputs[1]: the sink 'rogue' of plugin rogue" in done.stderr
     assert f"{method} has not returned for {limit_s} s" in done.stderr

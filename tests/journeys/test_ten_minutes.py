@@ -12,8 +12,8 @@ PAGE = ROOT / "docs" / "tutorials" / "ten-minutes.md"
 BLOCK = re.compile(r"^```shell-session\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
 
-#: pip installs from this computer alone. No bytecode: Python takes it for current if a source of the same size was
-#: changed within the same second, as it is here.
+#: pip installs from this computer alone. No bytecode: Python takes it for current if a source of
+#: the same size was changed within the same second, as it is here.
 SETTINGS = {
     "PYTHONDONTWRITEBYTECODE": "1",
     "PIP_NO_INDEX": "1",
@@ -24,7 +24,9 @@ SETTINGS = {
 
 
 def reported(outsider: Any, command: str, folder: Path) -> str:
-    """Return what a command prints in somebody else's environment, both streams, without what never repeats."""
+    """Return what a command prints in somebody else's environment, both streams, without what never
+    repeats.
+    """
     done = subprocess.run(
         command,
         shell=True,
@@ -35,7 +37,11 @@ def reported(outsider: Any, command: str, folder: Path) -> str:
         stderr=subprocess.STDOUT,
         check=False,
     )
-    return re.sub(r" in \d+\.\d+s\b", " in 0.00s", "\n".join(map(str.rstrip, done.stdout.strip().splitlines())))
+    return re.sub(
+        r" in \d+\.\d+s\b",
+        " in 0.00s",
+        "\n".join(map(str.rstrip, done.stdout.strip().splitlines())),
+    )
 
 
 @pytest.mark.slow

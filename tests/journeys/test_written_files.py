@@ -1,4 +1,6 @@
-"""Files of runs, exports, reports and studies: regular files alone are replaced, whole, and what was written lasts."""
+"""Files of runs, exports, reports and studies: regular files alone are replaced, whole, and what
+was written lasts.
+"""
 
 import os
 import stat
@@ -34,7 +36,20 @@ def events(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run_into(path: Path, *more: str) -> int:
     scene = str(EXAMPLES / "first_light.yaml")
-    return main(["run", scene, "--set", "duration_s=20", "--tracker", "imm", "--out", str(path), "--quiet", *more])
+    return main(
+        [
+            "run",
+            scene,
+            "--set",
+            "duration_s=20",
+            "--tracker",
+            "imm",
+            "--out",
+            str(path),
+            "--quiet",
+            *more,
+        ]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +79,9 @@ WRITERS: dict[str, Callable[[Any, Path], object]] = {
 
 
 @pytest.mark.parametrize("name", ONE_FILE)
-def test_an_export_is_written_through_a_pipe_which_stays_one(run: Any, tmp_path: Path, name: str) -> None:
+def test_an_export_is_written_through_a_pipe_which_stays_one(
+    run: Any, tmp_path: Path, name: str
+) -> None:
     pipe = tmp_path / "pipe"
     read = list[bytes]()
     os.mkfifo(pipe)
@@ -118,11 +135,18 @@ PARTS = tuple(f"{name}.part" for name in ("e.jsonl", *MADE_UP))
     ("name", "plant"),
     [
         *((name, linked) for name in (*MADE_UP, *PARTS)),
-        *((name, plant) for name in (MADE_UP[0], PARTS[0], PARTS[-1]) for plant in (hard_linked, dangling)),
+        *(
+            (name, plant)
+            for name in (MADE_UP[0], PARTS[0], PARTS[-1])
+            for plant in (hard_linked, dangling)
+        ),
     ],
 )
 def test_a_run_writes_through_no_link_under_a_name_that_it_makes_up(
-    tmp_path: Path, name: str, plant: Callable[[Path, Path], None], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    name: str,
+    plant: Callable[[Path, Path], None],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     victim = tmp_path / "victim"
     folder = tmp_path / "out"
@@ -152,7 +176,9 @@ def test_a_path_that_the_user_gives_may_be_a_link_which_stays_one(tmp_path: Path
     assert (tmp_path / "t.jsonl").is_symlink()
 
 
-def test_a_pipe_under_a_name_that_opir_makes_up_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pipe_under_a_name_that_opir_makes_up_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     os.mkfifo(tmp_path / "e.truth.jsonl")
     assert run_into(tmp_path / "e.jsonl") == 5
     assert "a device or a pipe has its name" in capsys.readouterr().err
@@ -178,12 +204,18 @@ def test_exports_reports_and_studies_write_through_no_planted_link(
     run: Any, tmp_path: Path, name: str, place: str
 ) -> None:
     victim = tmp_path / "victim"
-    victim.mkdir() if place.endswith((".data", "parts")) else victim.write_bytes(b"of somebody else")
+    victim.mkdir() if place.endswith((".data", "parts")) else victim.write_bytes(
+        b"of somebody else"
+    )
     (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / place).symlink_to(victim)
     with pytest.raises(SinkError, match=r"a link has its name"):
         WRITERS[name](run, tmp_path / "out")
-    assert not list(victim.iterdir()) if victim.is_dir() else victim.read_bytes() == b"of somebody else"
+    assert (
+        not list(victim.iterdir())
+        if victim.is_dir()
+        else victim.read_bytes() == b"of somebody else"
+    )
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -221,7 +253,9 @@ def test_what_is_renamed_and_every_folder_that_was_made_is_on_disk(
 
 
 def killed_at(number: int, write: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> bool:
-    """Let a process be killed at the n-th call that changes names or syncs, and return whether it was."""
+    """Let a process be killed at the n-th call that changes names or syncs, and return whether it
+    was.
+    """
     child = os.fork()
     if child:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
@@ -282,8 +316,12 @@ def test_a_kill_leaves_the_old_files_or_the_new_ones(
         if not killed_at(number, lambda: write(other, path), monkeypatch):
             break
         found = contents(tmp_path / "out") if path.is_dir() else {"out": path.read_bytes()}
-        old, new = ({name.removeprefix("out/"): text for name, text in each.items()} for each in states)
-        assert all(found[name] in (old[name], new[name]) for name in old), f"half a file at call {number}"
+        old, new = (
+            {name.removeprefix("out/"): text for name, text in each.items()} for each in states
+        )
+        assert all(found[name] in (old[name], new[name]) for name in old), (
+            f"half a file at call {number}"
+        )
         stages.add(found == old)
     assert stages == {True, False} or name == "parquet"
     assert number > 5
@@ -296,7 +334,9 @@ def test_a_flipped_bit_in_a_study_is_reported(tmp_path: Path, file: str) -> None
     content = path.read_bytes()
     step = max(1, len(content) // 40)
     for place in range(0, len(content), step):
-        path.write_bytes(content[:place] + bytes([content[place] ^ 1 << place % 8]) + content[place + 1 :])
+        path.write_bytes(
+            content[:place] + bytes([content[place] ^ 1 << place % 8]) + content[place + 1 :]
+        )
         with pytest.raises(SceneError, match="is not what was written"):
             sweep(small_study(), tmp_path) if file == "part" else load_study(tmp_path)
     path.write_bytes(content)

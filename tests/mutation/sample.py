@@ -1,16 +1,17 @@
-"""Draw mutants of opir_core and the plugins, each different in one token, and print those that no test detects.
+"""Draw mutants of opir_core and the plugins, each different in one token, and print those that no
+test detects.
 
 `python tests/mutation/sample.py --draws 100 --seed 1 --jobs 2 --out mutants.json`
 
-All tokens that may change are equally likely. Each mutant is made in a copy of the checkout and meets the quick tests
-of its folder, then the slow ones, then the other quick tests that import it, nearest first, and those of the
-documentation, then the other slow ones. The first test that fails kills it. So does a hang: a test that does not end
-within a limit, if it ends within a tenth of it without the mutant. A mutant survives if no test fails within the time
-limit of each of the four.
+All tokens that may change are equally likely. Each mutant is made in a copy of the checkout and
+meets the quick tests of its folder, then the slow ones, then the other quick tests that import it,
+nearest first, and those of the documentation, then the other slow ones. The first test that fails
+kills it. So does a hang: a test that does not end within a limit, if it ends within a tenth of it
+without the mutant. A mutant survives if no test fails within the time limit of each of the four.
 
-Each test that kills runs again without the mutant. If it fails then too, the environment is refused: nothing that it
-says of mutants is true. So is one without the libraries of the extra `peers`, or where this checkout is not installed
-editable.
+Each test that kills runs again without the mutant. If it fails then too, the environment is
+refused: nothing that it says of mutants is true. So is one without the libraries of the extra
+`peers`, or where this checkout is not installed editable.
 """
 
 import argparse
@@ -40,13 +41,14 @@ from import_distances import distances, imports_of, source_files  # noqa: E402
 from mutation_environment import UnfitEnvironment, check_installation, check_libraries, packages_of  # noqa: E402
 from one_token_mutants import Site, mutated, sites  # noqa: E402
 
-#: Folders of tests that import the code, and tests of tests/house that run it without an import of their own.
+#: Folders of tests that import the code, and tests of tests/house that run it without an import of
+#: their own.
 RUNNING = ("core", "plugins", "contracts", "against", "journeys")
 DOCUMENTED = ("tests/house/test_documentation.py", "tests/house/test_modelled_pages.py")
 PYTEST = ("-q", "-x", "-n", "0", "-p", "no:cacheprovider", "--tb=line", "-rfE")
 PROPERTIES = ("--hypothesis-profile=unshrunk", "--hypothesis-seed=0")
-#: A mutant may allocate without end. The test that was started last is the one that failed or hangs; beside its name
-#: is how long it took.
+#: A mutant may allocate without end. The test that was started last is the one that failed or
+#: hangs; beside its name is how long it took.
 MOST_BYTES = 16 << 30
 LAST_TEST = "last_test.json"
 START = f"""
@@ -72,7 +74,9 @@ OUT_OF_TIME = "tests left out at the time limit"
 
 @frozen
 class Mutant:
-    """A change of one token: file, line number, the token and what it becomes, and the line before and after."""
+    """A change of one token: file, line number, the token and what it becomes, and the line before
+    and after.
+    """
 
     file: str
     line: int
@@ -84,7 +88,9 @@ class Mutant:
 
 @frozen
 class Result:
-    """What became of a mutant: killed, hang or survived; the test that failed, or how far the tests came."""
+    """What became of a mutant: killed, hang or survived; the test that failed, or how far the tests
+    came.
+    """
 
     mutant: Mutant
     outcome: str
@@ -102,7 +108,9 @@ class Limits:
 
 @frozen
 class Stage:
-    """Tests of a mutant that run together: files, which of their tests by an expression of `-m`, and which not."""
+    """Tests of a mutant that run together: files, which of their tests by an expression of `-m`,
+    and which not.
+    """
 
     files: list[str]
     chosen: str
@@ -112,15 +120,22 @@ class Stage:
     def words(self) -> list[str]:
         """Return these tests as arguments of pytest."""
         left_out = (f"--deselect={test}" for test in self.left_out)
-        return ["-m", self.chosen, *left_out, *["--collect-only"] * self.collected_only, *self.files]
+        return [
+            "-m",
+            self.chosen,
+            *left_out,
+            *["--collect-only"] * self.collected_only,
+            *self.files,
+        ]
 
 
 @frozen
 class Outcome:
-    """What tests say: killed, hang or survived; the line that says so; the test started last, and its time.
+    """What tests say: killed, hang or survived; the line that says so; the test started last, and
+    its time.
 
-    `test` is empty if none was started, as of files that cannot be collected: `seconds` is then the time of all.
-    `seconds` is infinite if the test did not end.
+    `test` is empty if none was started, as of files that cannot be collected: `seconds` is then the
+    time of all. `seconds` is infinite if the test did not end.
     """
 
     kind: str
@@ -158,7 +173,9 @@ def main() -> None:
             results.append(_judged(done, pool))
             print(f"{len(results)}/{len(work)} {_words(results[-1])}", flush=True)
             if asked.out:
-                asked.out.write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
+                asked.out.write_text(
+                    json.dumps([asdict(result) for result in results], indent=1) + "\n"
+                )
     _print_summary(results)
 
 
@@ -167,9 +184,15 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--draws", type=int, default=20, help="mutants to draw (default 20)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw (default 1)")
     parser.add_argument("--jobs", type=int, default=2, help="mutants at a time (default 2)")
-    parser.add_argument("--test-limit-s", type=float, default=90.0, help="a longer test is a hang (default 90)")
-    parser.add_argument("--limit-s", type=float, default=240.0, help="time for each stage of tests (default 240)")
-    parser.add_argument("--deselect", action="append", default=[], help="a test that fails without a mutant as well")
+    parser.add_argument(
+        "--test-limit-s", type=float, default=90.0, help="a longer test is a hang (default 90)"
+    )
+    parser.add_argument(
+        "--limit-s", type=float, default=240.0, help="time for each stage of tests (default 240)"
+    )
+    parser.add_argument(
+        "--deselect", action="append", default=[], help="a test that fails without a mutant as well"
+    )
     parser.add_argument("--out", type=Path, help="write the results to this JSON file")
     return parser.parse_args()
 
@@ -177,14 +200,20 @@ def _arguments() -> argparse.Namespace:
 def _work(draws: int, seed: int, left_out: Sequence[str]) -> list[Work]:
     files = source_files(ROOT)
     tests = [path for folder in RUNNING for path in (ROOT / "tests" / folder).rglob("*.py")]
-    others = [str(path.relative_to(ROOT)) for path in [*tests, *(ROOT / "tests" / "support").glob("*.py")]]
+    others = [
+        str(path.relative_to(ROOT)) for path in [*tests, *(ROOT / "tests" / "support").glob("*.py")]
+    ]
     imports = imports_of(ROOT, [*files, *others])
     drawn = draw({file: (ROOT / file).read_text(encoding="utf-8") for file in files}, draws, seed)
-    return [Work(mutant, source, stages_of(mutant.file, imports, left_out)) for mutant, source in drawn]
+    return [
+        Work(mutant, source, stages_of(mutant.file, imports, left_out)) for mutant, source in drawn
+    ]
 
 
 def draw(sources: dict[str, str], draws: int, seed: int) -> list[tuple[Mutant, str]]:
-    """Return mutants of different tokens of `sources` (by file), all equally likely, with their sources."""
+    """Return mutants of different tokens of `sources` (by file), all equally likely, with their
+    sources.
+    """
     rng = random.Random(seed)
     places = [(file, site) for file, source in sources.items() for site in sites(source)]
     chosen = rng.sample(places, min(draws, len(places)))
@@ -200,12 +229,19 @@ def _mutant(file: str, source: str, site: Site, choice: str) -> tuple[Mutant, st
 def stages_of(file: str, imports: dict[str, set[str]], left_out: Sequence[str] = ()) -> list[Stage]:
     """Return the stages of a module's mutants that have files."""
     own, others = tests_of(file, imports)
-    stages = [(own, "not slow"), (own, "slow"), ([*others, *DOCUMENTED], "not slow"), (others, "slow")]
+    stages = [
+        (own, "not slow"),
+        (own, "slow"),
+        ([*others, *DOCUMENTED], "not slow"),
+        (others, "slow"),
+    ]
     return [Stage(files, chosen, tuple(left_out)) for files, chosen in stages if files]
 
 
 def tests_of(file: str, imports: dict[str, set[str]]) -> tuple[list[str], list[str]]:
-    """Return the test files of a module's folder, and the others that import the module; in each, the nearest first."""
+    """Return the test files of a module's folder, and the others that import the module; in each,
+    the nearest first.
+    """
     steps = distances(file, imports)
     users = {test for test in steps if Path(test).name.startswith("test_")}
     folder = mirror(file)
@@ -225,13 +261,17 @@ def mirror(file: str) -> Path | None:
     top = ("core",) if parts[0] == "opir_core" else ("plugins", parts[1].removeprefix("opir_"))
     inner = parts[1:] if parts[0] == "opir_core" else parts[3:]
     least = 1 if parts[0] == "opir_core" else 0
-    folders = (Path(ROOT, "tests", *top, *inner[:depth]) for depth in range(len(inner), least - 1, -1))
+    folders = (
+        Path(ROOT, "tests", *top, *inner[:depth]) for depth in range(len(inner), least - 1, -1)
+    )
     return next((folder for folder in folders if folder.is_dir()), None)
 
 
 def _copy(place: Path) -> Path:
     """Copy the files that git knows."""
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
     for name in filter(None, listed.split("\0")):
         if (ROOT / name).is_file():
             (place / name).parent.mkdir(parents=True, exist_ok=True)
@@ -272,10 +312,11 @@ def _result(work: Work, copies: "queue.SimpleQueue[Path]", limits: Limits) -> Re
 
 
 def _confirmed(copy: Path, stage: Stage, outcome: Outcome, limits: Limits) -> Outcome:
-    """Return the outcome of a stage, or "survived" for a hang of a test that takes its time without the mutant too.
+    """Return the outcome of a stage, or "survived" for a hang of a test that takes its time without
+    the mutant too.
 
-    Runs the test again in `copy`, unmutated, or collects the stage's files if none was started. Raises
-    `UnfitEnvironment` if that fails.
+    Runs the test again in `copy`, unmutated, or collects the stage's files if none was started.
+    Raises `UnfitEnvironment` if that fails.
     """
     if outcome.kind == "survived":
         return outcome
@@ -284,15 +325,22 @@ def _confirmed(copy: Path, stage: Stage, outcome: Outcome, limits: Limits) -> Ou
     longest = _longest(stage, limits)
     unmutated = _outcome(copy, again, evolve(longest, all_s=max(longest.test_s, longest.all_s)))
     if unmutated.kind == "killed":
-        raise UnfitEnvironment(f"this fails without a mutant too (or else leave it out, --deselect): {unmutated.by}")
+        raise UnfitEnvironment(
+            f"this fails without a mutant too (or else leave it out, --deselect): {unmutated.by}"
+        )
     if outcome.kind == "hang" and unmutated.seconds > QUICK_PART * longest.test_s:
         test = outcome.test or "collecting the tests"
-        return Outcome("survived", f"no kill: {test} takes over {QUICK_PART:.0%} of its limit without the mutant too")
+        return Outcome(
+            "survived",
+            f"no kill: {test} takes over {QUICK_PART:.0%} of its limit without the mutant too",
+        )
     return outcome
 
 
 def _write(path: Path, source: str) -> None:
-    """Write a module, and remove what Python compiled: the size and the second of a change may be the same."""
+    """Write a module, and remove what Python compiled: the size and the second of a change may be
+    the same.
+    """
     path.write_text(source, encoding="utf-8")
     for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
         compiled.unlink()
@@ -329,12 +377,18 @@ def _said(code: int, output: Path, stage: Stage) -> tuple[str, str]:
 
 
 def _variables(copy: Path) -> dict[str, str]:
-    path = os.pathsep.join([str(copy), *(str(folder) for folder in sorted((copy / "plugins").iterdir()))])
+    path = os.pathsep.join(
+        [str(copy), *(str(folder) for folder in sorted((copy / "plugins").iterdir()))]
+    )
     return {**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1", "PYTHONHASHSEED": "0"}
 
 
-def _stopped(process: "subprocess.Popen[bytes]", output: Path, limits: Limits) -> tuple[str, str] | None:
-    """Wait until the tests end; stop them at a limit and return what that means: silence is a hang."""
+def _stopped(
+    process: "subprocess.Popen[bytes]", output: Path, limits: Limits
+) -> tuple[str, str] | None:
+    """Wait until the tests end; stop them at a limit and return what that means: silence is a
+    hang.
+    """
     start = time.monotonic()
     while process.poll() is None:
         silent_s = time.time() - output.stat().st_mtime
@@ -342,7 +396,11 @@ def _stopped(process: "subprocess.Popen[bytes]", output: Path, limits: Limits) -
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
             hang = silent_s > limits.test_s
-            return ("hang", f"no test ended in {limits.test_s:g} s") if hang else ("survived", OUT_OF_TIME)
+            return (
+                ("hang", f"no test ended in {limits.test_s:g} s")
+                if hang
+                else ("survived", OUT_OF_TIME)
+            )
         time.sleep(POLL_S)
     return None
 
@@ -358,7 +416,10 @@ def _words(result: Result) -> str:
 def _print_summary(results: Sequence[Result]) -> None:
     counts = Counter(result.outcome for result in results)
     killed = counts["killed"] + counts["hang"]
-    print(f"\n{killed} of {len(results)} mutants were killed, {counts['hang']} of them by a hang. Survivors:")
+    print(
+        f"\n{killed} of {len(results)} mutants were killed, {counts['hang']} of them by a hang."
+        f" Survivors:"
+    )
     for result in sorted(results, key=lambda result: (result.mutant.file, result.mutant.line)):
         if result.outcome == "survived":
             print(_words(result))

@@ -1,4 +1,6 @@
-"""Where a module may change by one token, and into what; what only people and type checkers read stays."""
+"""Where a module may change by one token, and into what; what only people and type checkers read
+stays.
+"""
 
 import ast
 

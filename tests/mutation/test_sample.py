@@ -1,4 +1,6 @@
-"""The sampler: all tokens are equally likely, and which tests a mutant meets, in which order, and what they say."""
+"""The sampler: all tokens are equally likely, and which tests a mutant meets, in which order, and
+what they say.
+"""
 
 import importlib.util
 import sys
@@ -11,7 +13,9 @@ from import_distances import distances, imports_of
 from repository import ROOT
 from scipy.stats import chisquare
 
-SPEC = importlib.util.spec_from_file_location("mutation_sample", Path(__file__).with_name("sample.py"))
+SPEC = importlib.util.spec_from_file_location(
+    "mutation_sample", Path(__file__).with_name("sample.py")
+)
 assert SPEC is not None
 assert SPEC.loader is not None
 sample = importlib.util.module_from_spec(SPEC)
@@ -22,7 +26,9 @@ SOURCES = {"one.py": "a = 1\n", "two.py": "b = c + d\nreturned = not e < f\n"}
 
 
 def test_all_tokens_are_equally_likely() -> None:
-    """Chi-squared over 4 tokens in 800 draws, at 1e-4; two of three files' tokens are in the longer file."""
+    """Chi-squared over 4 tokens in 800 draws, at 1e-4; two of three files' tokens are in the longer
+    file.
+    """
     drawn = [sample.draw(SOURCES, 1, seed)[0][0] for seed in range(800)]
     counts = Counter((mutant.file, mutant.token) for mutant in drawn)
     assert set(counts) == {("one.py", "1"), ("two.py", "+"), ("two.py", "not"), ("two.py", "<")}
@@ -41,7 +47,11 @@ def test_tokens_are_drawn_once_each_and_a_seed_repeats_the_draw() -> None:
 
 def test_a_mutant_is_reported_with_its_line_before_and_after() -> None:
     (mutant,) = (mutant for mutant, _ in sample.draw(SOURCES, 4, 5) if mutant.token == "not")
-    assert (mutant.line, mutant.before, mutant.after) == (2, "returned = not e < f", "returned =  e < f")
+    assert (mutant.line, mutant.before, mutant.after) == (
+        2,
+        "returned = not e < f",
+        "returned =  e < f",
+    )
 
 
 @pytest.mark.parametrize(
@@ -60,7 +70,9 @@ def test_tests_lie_where_their_modules_do(file: str, folder: str | None) -> None
     assert sample.mirror(file) == (folder and ROOT / folder)
 
 
-def test_tests_of_the_folder_come_first_and_the_nearest_first(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_tests_of_the_folder_come_first_and_the_nearest_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     files = {
         "opir_core/flight/arc.py": "",
         "opir_core/flight/motion.py": "from opir_core.flight import arc",
@@ -72,7 +84,9 @@ def test_tests_of_the_folder_come_first_and_the_nearest_first(monkeypatch: pytes
     }
     write(tmp_path, files)
     monkeypatch.setattr(sample, "ROOT", tmp_path)
-    stages = sample.stages_of("opir_core/flight/arc.py", imports_of(tmp_path, files), ["test_x.py::test_y"])
+    stages = sample.stages_of(
+        "opir_core/flight/arc.py", imports_of(tmp_path, files), ["test_x.py::test_y"]
+    )
     own = ["tests/core/flight/test_arc.py", "tests/core/flight/test_aiming.py"]
     others = ["tests/core/scene/test_near.py", "tests/core/scene/test_a_far.py"]
     left_out = "--deselect=test_x.py::test_y"
@@ -115,14 +129,21 @@ def write(folder: Path, files: dict[str, str]) -> None:
         ("def test_a(): assert False", (60, 90), "killed", "FAILED test_a.py::test_a"),
         ("import nothing_of_this_name", (60, 90), "killed", "ERROR test_a.py"),
         ("import time\ndef test_a(): time.sleep(90)", (5, 90), "hang", "no test ended in 5 s"),
-        ("import time\ndef test_a(): time.sleep(90)", (60, 5), "survived", "tests left out at the time limit"),
+        (
+            "import time\ndef test_a(): time.sleep(90)",
+            (60, 5),
+            "survived",
+            "tests left out at the time limit",
+        ),
     ],
 )
 def test_what_tests_say_of_a_mutant(
     tmp_path: Path, source: str, limits_s: tuple[float, float], outcome: str, reported: str
 ) -> None:
     said = sample._outcome(
-        checkout(tmp_path, source), sample.Stage(["test_a.py"], "not slow"), sample.Limits(*limits_s)
+        checkout(tmp_path, source),
+        sample.Stage(["test_a.py"], "not slow"),
+        sample.Limits(*limits_s),
     )
     assert said.kind == outcome
     assert said.by.startswith(reported)
@@ -130,12 +151,15 @@ def test_what_tests_say_of_a_mutant(
 
 def checkout(folder: Path, source: str) -> Path:
     """Return a folder like a copy of the checkout, with one file of tests."""
-    settings = "from hypothesis import settings\nsettings.register_profile('unshrunk', max_examples=1)\n"
+    settings = (
+        "from hypothesis import settings\nsettings.register_profile('unshrunk', max_examples=1)\n"
+    )
     files = {
         "test_a.py": source,
         "conftest.py": settings,
         "plugins/opir_x/x.py": "",
-        "pytest.ini": "[pytest]\nmarkers = slow\naddopts = --disable-plugin-autoload -p hypothesispytest -p xdist",
+        "pytest.ini": "[pytest]\nmarkers = slow\naddopts = --disable-plugin-autoload -p"
+        " hypothesispytest -p xdist",
     }
     write(folder, files)
     return folder
@@ -160,7 +184,9 @@ SLEEPS = "import time\ndef test_a(): time.sleep({})\n"
 def test_a_kill_counts_if_its_test_ends_well_without_the_mutant(
     tmp_path: Path, outcome: tuple[str, str, str], unmutated: str, confirmed: str
 ) -> None:
-    """The limit is 20 s: a hang counts if the test takes less than 2 s, however long the process takes."""
+    """The limit is 20 s: a hang counts if the test takes less than 2 s, however long the process
+    takes.
+    """
     stage = sample.Stage(["test_a.py"], "not slow")
     copy = checkout(tmp_path, unmutated)
     said = sample._confirmed(copy, stage, sample.Outcome(*outcome), sample.Limits(20.0, 60.0))
@@ -168,24 +194,34 @@ def test_a_kill_counts_if_its_test_ends_well_without_the_mutant(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("unmutated", "test"), [(FAILS, ""), ("def test_a(): assert False", "test_a.py::test_a")])
+@pytest.mark.parametrize(
+    ("unmutated", "test"), [(FAILS, ""), ("def test_a(): assert False", "test_a.py::test_a")]
+)
 def test_an_environment_in_which_a_killing_test_fails_anyway_is_refused(
     tmp_path: Path, unmutated: str, test: str
 ) -> None:
     stage = sample.Stage(["test_a.py"], "not slow")
     outcome = sample.Outcome("killed", "by", test)
-    with pytest.raises(SystemExit, match=r"(?s)cannot be judged .*fails without a mutant.* test_a.py.*make install"):
+    with pytest.raises(
+        SystemExit, match=r"(?s)cannot be judged .*fails without a mutant.* test_a.py.*make install"
+    ):
         sample._confirmed(checkout(tmp_path, unmutated), stage, outcome, sample.Limits(60.0, 60.0))
 
 
-def test_an_environment_without_the_libraries_of_tests_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mutation_environment.peer_libraries, "missing", lambda: {"numba", "astropy"})
+def test_an_environment_without_the_libraries_of_tests_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        mutation_environment.peer_libraries, "missing", lambda: {"numba", "astropy"}
+    )
     with pytest.raises(SystemExit, match=r"(?s)`peers` is missing: astropy, numba\..*make install"):
         mutation_environment.check_libraries()
 
 
 def test_packages_that_are_imported_from_elsewhere_are_refused(tmp_path: Path) -> None:
-    """In a copy, `json` of the standard library is elsewhere, and `opir_x` is that of the copy with its path only."""
+    """In a copy, `json` of the standard library is elsewhere, and `opir_x` is that of the copy with
+    its path only.
+    """
     copy = tmp_path.resolve()
     write(copy, {"plugins/opir_x/opir_x/__init__.py": "", "tests/a": ""})
     assert mutation_environment.packages_of(["plugins/opir_x/opir_x/a.py", "opir_core/b/c.py"]) == [
@@ -193,7 +229,9 @@ def test_packages_that_are_imported_from_elsewhere_are_refused(tmp_path: Path) -
         "opir_x",
     ]
     mutation_environment.check_installation(copy, ["opir_x"], sample._variables(copy))
-    with pytest.raises(SystemExit, match=r"(?s)not imported from .*opir_x \(not installed\).*make install"):
+    with pytest.raises(
+        SystemExit, match=r"(?s)not imported from .*opir_x \(not installed\).*make install"
+    ):
         mutation_environment.check_installation(copy, ["opir_x"])
     with pytest.raises(SystemExit, match=r"json \(.*__init__\.py\)"):
         mutation_environment.check_installation(copy, ["json", "opir_x"], sample._variables(copy))
@@ -201,11 +239,16 @@ def test_packages_that_are_imported_from_elsewhere_are_refused(tmp_path: Path) -
 
 @pytest.mark.slow
 def test_a_changed_module_is_what_its_tests_import_and_then_is_as_before(tmp_path: Path) -> None:
-    """Sizes and times of the sources are the same, so that a stale compiled file would be believed."""
+    """Sizes and times of the sources are the same, so that a stale compiled file would be
+    believed.
+    """
     write(tmp_path, {"opir_a.py": "A = 1\n", "pytest.ini": "[pytest]\npythonpath = .\n"})
     for value in (1, 2, 3):
         sample._write(tmp_path / "opir_a.py", f"A = {value}\n")
         found = sample.subprocess.run(
-            [sys.executable, "-c", "import opir_a; print(opir_a.A)"], cwd=tmp_path, capture_output=True, text=True
+            [sys.executable, "-c", "import opir_a; print(opir_a.A)"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
         )
         assert found.stdout == f"{value}\n"

@@ -20,15 +20,36 @@ class Authority:
         _openssl("req", "-x509", "-newkey", "rsa:2048", "-noenc", "-days", "2", *made)
 
     def signed(self, name: str, alternative: str = "", *, days: int = 2) -> tuple[Path, Path]:
-        """Return the files of a certificate and its key; `alternative` is its subjectAltName, as `DNS:localhost`."""
-        certificate, key, request = (self._folder / f"{self._name}-{name}.{kind}" for kind in ("pem", "key", "csr"))
+        """Return the files of a certificate and its key; `alternative` is its subjectAltName, as
+        `DNS:localhost`.
+        """
+        certificate, key, request = (
+            self._folder / f"{self._name}-{name}.{kind}" for kind in ("pem", "key", "csr")
+        )
         extension = ("-addext", f"subjectAltName={alternative}") if alternative else ()
         _openssl(
             *("req", "-newkey", "rsa:2048", "-noenc", "-subj", f"/CN={name}", *extension),
             *("-keyout", str(key), "-out", str(request)),
         )
-        signing = ("-CA", str(self.certificate), "-CAkey", str(self._key), "-copy_extensions", "copy")
-        _openssl("x509", "-req", "-in", str(request), *signing, "-days", str(days), "-out", str(certificate))
+        signing = (
+            "-CA",
+            str(self.certificate),
+            "-CAkey",
+            str(self._key),
+            "-copy_extensions",
+            "copy",
+        )
+        _openssl(
+            "x509",
+            "-req",
+            "-in",
+            str(request),
+            *signing,
+            "-days",
+            str(days),
+            "-out",
+            str(certificate),
+        )
         return certificate, key
 
 

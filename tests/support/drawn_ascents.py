@@ -1,10 +1,13 @@
-"""Ascents that share no code with opir: launchers with throttle, dark gaps and burns against the motion, and missiles.
+"""Ascents that share no code with opir: launchers with throttle, dark gaps and burns against the
+motion, and missiles.
 
-Notional point masses over a sphere that rotates, integrated by RK4, all flights at once. First stages rise, pitch over
-and follow their velocity, with a throttle bucket, a limit of acceleration and a tail-off; second stages of 6 to 12 m/s²
-burn for minutes, steered to a height; a stage that flies back burns against its horizontal motion.
+Notional point masses over a sphere that rotates, integrated by RK4, all flights at once. First
+stages rise, pitch over and follow their velocity, with a throttle bucket, a limit of acceleration
+and a tail-off; second stages of 6 to 12 m/s² burn for minutes, steered to a height; a stage that
+flies back burns against its horizontal motion.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,10 +21,12 @@ STEP_S = 0.1
 
 
 class Plan(NamedTuple):
-    """Burns of flights (n, k): begin, end, s, first acceleration, m/s², growth; steering ("rise", "orbit" or "back").
+    """Burns of flights (n, k): begin, end, s, first acceleration, m/s², growth; steering ("rise",
+    "orbit" or "back").
 
-    `bucket` (n, 3): begin, end, s, and depth of the throttle bucket; `limit` (n,) of acceleration, m/s²; `tail_s` (n,)
-    in which thrust falls before the first cut-off; `kick` (n,), rad, of the pitch-over; `height_m` (n,) steered to.
+    `bucket` (n, 3): begin, end, s, and depth of the throttle bucket; `limit` (n,) of acceleration,
+    m/s²; `tail_s` (n,) in which thrust falls before the first cut-off; `kick` (n,), rad, of the
+    pitch-over; `height_m` (n,) steered to.
     """
 
     begin_s: np.ndarray
@@ -37,7 +42,9 @@ class Plan(NamedTuple):
 
 
 def plans(kind, count, rng):
-    """Return plans of "orbit", "boostback", "long gap" (22 to 40 s) or "three" stages with gaps of 2 to 40 s."""
+    """Return plans of "orbit", "boostback", "long gap" (22 to 40 s) or "three" stages with gaps of
+    2 to 40 s.
+    """
     u = lambda low, high, *shape: rng.uniform(low, high, (count, *shape))  # noqa: E731
     if kind in ("orbit", "boostback"):
         back = kind == "boostback"
@@ -74,13 +81,16 @@ def plans(kind, count, rng):
     )
 
 
-#: Plans per flight, of which those that fly as meant are taken; and where: heights at the first cut-off, m.
+#: Plans per flight, of which those that fly as meant are taken; and where: heights at the first
+#: cut-off, m.
 _PLANS = 12
 _FIRST_CUT_M = {"orbit": (45e3, 110e3), "boostback": (45e3, 90e3), "long gap": (15e3, 120e3)}
 
 
 def ascents(kind, count, seed):
-    """Return drawn ascents, far from each other, and the times of their burns since the scene's start, (n, k, 2), s."""
+    """Return drawn ascents, far from each other, and the times of their burns since the scene's
+    start, (n, k, 2), s.
+    """
     rng = np.random.default_rng([11, seed])
     launch, axes, azimuth = (np.repeat(each, _PLANS, axis=0) for each in _launches(count, rng))
     plan = plans(kind, len(launch), rng)
@@ -91,7 +101,12 @@ def ascents(kind, count, seed):
     height = np.linalg.norm(position, axis=2) - np.linalg.norm(launch, axis=1)[:, None]
     cut = height[np.arange(len(launch)), (plan.end_s[:, 0] / last * (ROWS - 1)).astype(np.int64)]
     low, high = _FIRST_CUT_M.get(kind, (10e3, 80e3))
-    good = (cut > low) & (cut < high) & (height[:, -1] > cut) & (np.linalg.norm(velocity[:, -1], axis=1) < 8300.0)
+    good = (
+        (cut > low)
+        & (cut < high)
+        & (height[:, -1] > cut)
+        & (np.linalg.norm(velocity[:, -1], axis=1) < 8300.0)
+    )
     good &= height.min(axis=1) > -1.0
     rows = np.flatnonzero(good.reshape(count, -1).any(axis=1)) * _PLANS
     rows += good.reshape(count, -1).argmax(axis=1)[rows // _PLANS]
@@ -114,7 +129,9 @@ def _launches(count, rng):
 
 
 def _flown(plan, launch, up, ahead, last_s):
-    """Return ECEF positions and velocities (n, ROWS, 3), evenly over the time to the last cut-off."""
+    """Return ECEF positions and velocities (n, ROWS, 3), evenly over the time to the last
+    cut-off.
+    """
     count = len(launch)
     steps = int(np.ceil(last_s.max() / STEP_S)) + 1
     state = np.concatenate([launch, 1e-3 * up], axis=1)
@@ -122,7 +139,7 @@ def _flown(plan, launch, up, ahead, last_s):
     for step in range(steps + 1):
         states[step] = state
         # The force of the step is that of its middle: burns end at whole steps.
-        rates = lambda now, then, t=(step + 0.5) * STEP_S: _rates(plan, launch, up, ahead, t, now, then)  # noqa: E731
+        rates = partial(_rates, plan, launch, up, ahead, (step + 0.5) * STEP_S)
         one = rates(state, state)
         two = rates(state + 0.5 * STEP_S * one, state)
         three = rates(state + 0.5 * STEP_S * two, state)
@@ -132,7 +149,9 @@ def _flown(plan, launch, up, ahead, last_s):
     low = np.minimum((time_s / STEP_S).astype(np.int64), steps - 1)
     s = (time_s / STEP_S - low)[..., None]
     row = np.arange(count)[:, None]
-    p, q, v, w = (states[low + k, row][..., part] for part in (slice(3), slice(3, 6)) for k in (0, 1))
+    p, q, v, w = (
+        states[low + k, row][..., part] for part in (slice(3), slice(3, 6)) for k in (0, 1)
+    )
     place = (1 + 2 * s) * (1 - s) ** 2 * p + s**2 * (3 - 2 * s) * q
     place += STEP_S * (s * (1 - s) ** 2 * v - s**2 * (1 - s) * w)
     return place, (1 - s) * v + s * w
@@ -162,9 +181,13 @@ def _thrust(plan, time_s):
         own = plan.first[:, k] / (1.0 - (1.0 - 1.0 / plan.growth[:, k]) * np.clip(share, 0.0, 1.0))
         if k == 0:
             low, high, depth = plan.bucket.T
-            own = np.minimum(own * np.where((time_s > low) & (time_s < high), 1.0 - depth, 1.0), plan.limit)
+            own = np.minimum(
+                own * np.where((time_s > low) & (time_s < high), 1.0 - depth, 1.0), plan.limit
+            )
             left = plan.end_s[:, 0] - time_s
-            own = own * np.where(left < plan.tail_s, 0.4 + 0.6 * left / np.maximum(plan.tail_s, 1e-9), 1.0)
+            own = own * np.where(
+                left < plan.tail_s, 0.4 + 0.6 * left / np.maximum(plan.tail_s, 1e-9), 1.0
+            )
         size = np.where(burns, own, size)
         which = np.where(burns, k, which)
     return size, which
@@ -182,18 +205,31 @@ def _direction(plan, launch, up, ahead, time_s, size, stage, state):
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9)
     for k, steering in enumerate(plan.steering):
         if steering in ("orbit", "back"):
-            lift = _lift(plan, launch, state, climb, time_s, size, k) if steering == "orbit" else -0.05 * np.ones(1)
+            lift = (
+                _lift(plan, launch, state, climb, time_s, size, k)
+                if steering == "orbit"
+                else -0.05 * np.ones(1)
+            )
             side = np.sqrt(1.0 - lift**2)[:, None] * (1.0 if steering == "orbit" else -1.0)
-            unit = np.where((stage == k)[:, None] & (time_s > 30.0), lift[:, None] * here + side * flat, unit)
+            unit = np.where(
+                (stage == k)[:, None] & (time_s > 30.0), lift[:, None] * here + side * flat, unit
+            )
     return unit / np.linalg.norm(unit, axis=1, keepdims=True)
 
 
 def _lift(plan, launch, state, climb, time_s, size, stage):
-    """Return the sine of the pitch that leads to the height and level flight at the end of a stage."""
+    """Return the sine of the pitch that leads to the height and level flight at the end of a
+    stage.
+    """
     left = np.maximum(plan.end_s[:, stage] - time_s, 30.0)
     radius = np.linalg.norm(state[:, :3], axis=1)
     inertial = state[:, 3:] + np.cross(SPIN, state[:, :3])
     round_ = np.sum(inertial**2, axis=1) - climb**2
     height = radius - np.linalg.norm(launch, axis=1)
-    wanted = 6.0 * (plan.height_m - height) / left**2 - 4.0 * climb / left + MU / radius**2 - round_ / radius
+    wanted = (
+        6.0 * (plan.height_m - height) / left**2
+        - 4.0 * climb / left
+        + MU / radius**2
+        - round_ / radius
+    )
     return np.clip(wanted / np.maximum(size, 1.0), -0.6, 0.6)

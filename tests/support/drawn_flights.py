@@ -1,7 +1,8 @@
 """Drawn flights as tables, and what geostationary sensors see of them.
 
-Kinematic and notional: speed, angle from the vertical and heading by share of the burn, integrated over a sphere. Burn
-times, burnout speeds and turns are drawn about medians of the type; the course between is smooth, staged or tabulated.
+Kinematic and notional: speed, angle from the vertical and heading by share of the burn, integrated
+over a sphere. Burn times, burnout speeds and turns are drawn about medians of the type; the course
+between is smooth, staged or tabulated.
 """
 
 from typing import NamedTuple
@@ -33,17 +34,20 @@ ROWS = 2001
 #: Radius of the sphere over which courses are integrated, m.
 RADIUS_M = 6.371e6
 
-#: Medians and sigmas of the logarithms of burn time, s, and burnout speed, m/s; mean and sigma of the turn, degrees.
+#: Medians and sigmas of the logarithms of burn time, s, and burnout speed, m/s; mean and sigma of
+#: the turn, degrees.
 BURNS = {
     "SRBM": ((65.0, 0.2), (1600.0, 0.3), (48.0, 6.0)),
     "IRBM": ((118.0, 0.2), (4000.0, 0.25), (52.0, 6.0)),
     "ICBM": ((206.0, 0.2), (6800.0, 0.06), (64.0, 5.0)),
 }
 
-#: Of smooth courses: k of a speed like expm1(k share), exponent of the turn; of all: share of the vertical rise.
+#: Of smooth courses: k of a speed like expm1(k share), exponent of the turn; of all: share of the
+#: vertical rise.
 SMOOTH = {"SRBM": (0.95, 0.85, 0.09), "IRBM": (1.45, 0.55, 0.068), "ICBM": (1.8, 0.525, 0.048)}
 
-#: Shares of the burns of stages, of the speed they add, and how much the acceleration grows within one.
+#: Shares of the burns of stages, of the speed they add, and how much the acceleration grows within
+#: one.
 STAGES = {"SRBM": (2, (0.45, 0.55)), "IRBM": (2, (0.4, 0.6)), "ICBM": (3, (0.27, 0.35, 0.38))}
 EVENNESS = 60.0
 GROWTH = (2.0, 3.5)
@@ -54,7 +58,8 @@ GAP_S = (0.5, 1.5)
 
 @frozen(eq=False)
 class Flown(Columns):
-    """Flights by table: starts and burns (n,), s, ECEF positions and velocities (n, 2001, 3), dark spells (n, 2, 2).
+    """Flights by table: starts and burns (n,), s, ECEF positions and velocities (n, 2001, 3), dark
+    spells (n, 2, 2).
 
     A spell is two shares of the burn between which nothing is seen.
     """
@@ -71,7 +76,9 @@ class Flown(Columns):
         return self.start_s + self.burn_s
 
     def at(self, row, time_s):
-        """Return ECEF positions and velocities (m, 3) on the burn, by cubic Hermite arcs; held at both ends."""
+        """Return ECEF positions and velocities (m, 3) on the burn, by cubic Hermite arcs; held at
+        both ends.
+        """
         place = np.clip((time_s - self.start_s[row]) / self.burn_s[row], 0.0, 1.0) * (ROWS - 1)
         low = np.minimum(place.astype(np.int64), ROWS - 2)
         s = (place - low)[:, None]
@@ -93,7 +100,9 @@ class Flown(Columns):
 
     def burnouts(self):
         """Return inertial positions and velocities (n, 3) and times (n,) of the ends of burns."""
-        inertial = ecef_to_eci_state(self.position_m[:, -1], self.velocity_m_s[:, -1], self.burnout_s)
+        inertial = ecef_to_eci_state(
+            self.position_m[:, -1], self.velocity_m_s[:, -1], self.burnout_s
+        )
         return *inertial, self.burnout_s
 
     def states(self, tick_s, forces="kepler"):
@@ -104,11 +113,15 @@ class Flown(Columns):
         position, velocity, end_s = (each[late] for each in self.burnouts())
         if len(late):
             flown = _flown(position, velocity, tick_s - end_s, forces)
-            state[late] = np.concatenate(eci_to_ecef_state(*flown, np.full(len(late), tick_s)), axis=1)
+            state[late] = np.concatenate(
+                eci_to_ecef_state(*flown, np.full(len(late), tick_s)), axis=1
+            )
         return state
 
     def impacts(self, forces="kepler"):
-        """Return impacts (n, 3): latitude and longitude, rad, and time, s; nan of flights that do not come down."""
+        """Return impacts (n, 3): latitude and longitude, rad, and time, s; nan of flights that do
+        not come down.
+        """
         position, velocity, end_s = self.burnouts()
         if forces == "kepler":
             duration_s, point_m = kepler_impact(position, velocity)
@@ -130,7 +143,9 @@ def _flown(position, velocity, span_s, forces):
 
 
 class Course(NamedTuple):
-    """Speed over that at burnout, angle from the vertical and turn of the heading, rad, (n, 2001), and dark spells."""
+    """Speed over that at burnout, angle from the vertical and turn of the heading, rad, (n, 2001),
+    and dark spells.
+    """
 
     pace: np.ndarray
     lean_rad: np.ndarray
@@ -139,7 +154,9 @@ class Course(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """What flights (n,) have whatever their course: starts and burns, s, burnout speed and turn, and axes at launch."""
+    """What flights (n,) have whatever their course: starts and burns, s, burnout speed and turn,
+    and axes at launch.
+    """
 
     start_s: np.ndarray
     burn_s: np.ndarray
@@ -153,7 +170,9 @@ class Drawn(NamedTuple):
 
 
 def flown(kind, count, seed, course):
-    """Return flights of a type far from each other; `course` is "smooth", "staged" or "tabulated"."""
+    """Return flights of a type far from each other; `course` is "smooth", "staged" or
+    "tabulated".
+    """
     drawn = _drawn(kind, count, seed)
     share = np.linspace(0.0, 1.0, ROWS)
     way = {"smooth": _smooth, "staged": _staged, "tabulated": _tabulated}[course]
@@ -162,7 +181,9 @@ def flown(kind, count, seed, course):
 
 
 def _drawn(kind, count, seed):
-    """Return flights from a jittered grid over what both sensors see, hundreds of kilometres apart."""
+    """Return flights from a jittered grid over what both sensors see, hundreds of kilometres
+    apart.
+    """
     rng = np.random.default_rng(3000 + seed)
     (burn, speed, turn) = BURNS[kind]
     columns = int(np.ceil(np.sqrt(0.6 * count)))
@@ -204,7 +225,9 @@ def _since_lift(drawn, share):
 
 
 def _staged(kind, drawn, share, rng):
-    """Return courses of stages with a short gap between them, whose acceleration grows within each."""
+    """Return courses of stages with a short gap between them, whose acceleration grows within
+    each.
+    """
     count = len(drawn.start_s)
     (stages, gains) = STAGES[kind]
     burns = rng.dirichlet(EVENNESS * np.ones(stages) / stages, count)
@@ -221,7 +244,8 @@ def _staged(kind, drawn, share, rng):
             dark[:, stage - 1, 1] = first
         s = np.clip((share - first[:, None]) / (ends[:, stage + 1] - first)[:, None], 0.0, 1.0)
         rate = growth[:, stage, None] - 1.0
-        # Acceleration goes like 1 / (1 - m s) with the mass that is left: the speed like its integral.
+        # Acceleration goes like 1 / (1 - m s) with the mass that is left: the speed like its
+        # integral.
         mass = rate / (1.0 + rate)
         pace += gains[:, stage, None] * np.log1p(-mass * s) / np.log1p(-mass)
     bend = rng.uniform(0.5, 2.5, (count, 1))
@@ -231,7 +255,9 @@ def _staged(kind, drawn, share, rng):
 
 
 def _tabulated(kind, drawn, share, rng):
-    """Return courses that no formula comes near: thrust that sags, a turn that overshoots, a swerve."""
+    """Return courses that no formula comes near: thrust that sags, a turn that overshoots, a
+    swerve.
+    """
     count = len(drawn.start_s)
     sag = rng.uniform(0.1, 0.25, (count, 1))
     pace = share**1.3 + sag * np.sin(2.0 * np.pi * share) * share / (2.0 * np.pi)
@@ -271,10 +297,12 @@ def _summed(rate, step):
 
 
 class Seeing(NamedTuple):
-    """How like sensors see: scan period, s, error, rad, chance of a detection, bias, rad, and what goes wrong.
+    """How like sensors see: scan period, s, error, rad, chance of a detection, bias, rad, and what
+    goes wrong.
 
-    `outliers` is the share of lines of sight that point elsewhere: evenly within `astray_rad` of the target, or of the
-    Earth's middle where `everywhere`. The second sensor sees nothing after the share `dies` of a burn.
+    `outliers` is the share of lines of sight that point elsewhere: evenly within `astray_rad` of
+    the target, or of the Earth's middle where `everywhere`. The second sensor sees nothing after
+    the share `dies` of a burn.
     """
 
     period_s: float
@@ -335,7 +363,9 @@ def seen(truth, seeing, seed, sensors=2):
 
 
 def away_from(reported, truth):
-    """Return by how much places on the ground (n, 3) differ from true ones (n, 2), m east and north."""
+    """Return by how much places on the ground (n, 3) differ from true ones (n, 2), m east and
+    north.
+    """
     there = geodetic_to_ecef(truth[:, 0], truth[:, 1], 0.0)
     gap = geodetic_to_ecef(reported[:, 0], reported[:, 1], 0.0) - there
     return np.einsum("nij,nj->ni", local_axes(there)[:, :2], gap)

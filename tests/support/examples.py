@@ -6,5 +6,7 @@ from hypothesis import settings
 
 
 def examples(count: int) -> settings:
-    """Return settings with `count` examples in the profile `full`, and with the same share fewer in other profiles."""
+    """Return settings with `count` examples in the profile `full`, and with the same share fewer in
+    other profiles.
+    """
     return settings(max_examples=ceil(count * settings().max_examples / 100))

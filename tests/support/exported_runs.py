@@ -1,4 +1,6 @@
-"""Runs for the tests of exports: one in memory, the same one read back from its files, and what opir export writes."""
+"""Runs for the tests of exports: one in memory, the same one read back from its files, and what
+opir export writes.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -15,7 +17,9 @@ SCENE = EXAMPLES / "pacific_test_range.yaml"
 
 @cache
 def short_run() -> opir_core.Run:
-    """Return the first 90 s of the Pacific test range: an ICBM and an IRBM in their boosts, with tracks and regions."""
+    """Return the first 90 s of the Pacific test range: an ICBM and an IRBM in their boosts, with
+    tracks and regions.
+    """
     return opir_core.simulate(opir_core.load_scene(SCENE, overrides=["duration_s=90"]))
 
 

@@ -1,13 +1,15 @@
-"""A disk that fails: the n-th call that touches a file of a folder is answered with an error, Python's or SQLite's own.
+"""A disk that fails: the n-th call that touches a file of a folder is answered with an error,
+Python's or SQLite's own.
 
     with FailingDisk(folder) as disk:
         disk.fail_at(7, errno.EIO)
         ...
     disk.calls      # what was called, in order, and of which file
 
-Python's calls are those of `os` and of files that it opens to write. SQLite's are taken where its own tests take them:
-`xSetSystemCall` of its `unix` interface to files, and the methods of each file it opens
-(https://www.sqlite.org/c3ref/vfs.html). Nothing is loaded beforehand, and other files are left alone.
+Python's calls are those of `os` and of files that it opens to write. SQLite's are taken where its
+own tests take them: `xSetSystemCall` of its `unix` interface to files, and the methods of each file
+it opens (https://www.sqlite.org/c3ref/vfs.html). Nothing is loaded beforehand, and other files are
+left alone.
 """
 
 import _sqlite3
@@ -31,9 +33,11 @@ REMOVE = "unlink"
 READ = "read"
 #: What a disk is asked that takes bytes.
 WRITING = (OPEN, WRITE, SYNC, TRUNCATE, RENAME, REMOVE)
-#: Half of the bytes are taken, and no error is raised: the caller writes the rest. If it lasts, what follows is EIO.
+#: Half of the bytes are taken, and no error is raised: the caller writes the rest. If it lasts,
+#: what follows is EIO.
 SHORT = -1
-#: Every answer of a disk that is full, over its quota or a limit, failing, or mounted anew to be read only.
+#: Every answer of a disk that is full, over its quota or a limit, failing, or mounted anew to be
+#: read only.
 ERRORS = (errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
@@ -55,7 +59,8 @@ class FailingDisk:
         kinds: Collection[str] = WRITING,
         of: Callable[[str], bool] = lambda _name: True,
     ) -> None:
-        """Let the call of that number from now on fail, of those of some kinds; with `lasts` every later one too.
+        """Let the call of that number from now on fail, of those of some kinds; with `lasts` every
+        later one too.
 
         Only calls of files whose names `of` is true of count.
         """
@@ -87,7 +92,9 @@ class FailingDisk:
             if kind not in self._kinds or not self._of(Path(name).name):
                 return 0
             self._seen += 1
-            is_due = self._number and (self._seen >= self._number if self._lasts else self._seen == self._number)
+            is_due = self._number and (
+                self._seen >= self._number if self._lasts else self._seen == self._number
+            )
             if not is_due:
                 return 0
             error = errno.EIO if self._error == SHORT and self.failed else self._error
@@ -123,7 +130,10 @@ def _raise(error: int, path: Any) -> None:
 
 def _python_calls(disk: FailingDisk) -> dict[str, Callable[..., Any]]:
     """Return the functions of `os` as such a disk has them."""
-    real = {name: getattr(os, name) for name in ("open", "write", "fsync", "ftruncate", "replace", "rename", "unlink")}
+    real = {
+        name: getattr(os, name)
+        for name in ("open", "write", "fsync", "ftruncate", "replace", "rename", "unlink")
+    }
 
     def of_descriptor(name: str, kind: str) -> Callable[..., Any]:
         def call(descriptor: int, *rest: Any) -> Any:
@@ -193,7 +203,8 @@ _IOERR_FSYNC = 1034
 _FILE_METHOD = c.CFUNCTYPE(c.c_int, c.c_void_p, c.c_int)
 _FILE_OPEN = c.CFUNCTYPE(c.c_int, c.c_void_p, c.c_void_p, c.c_void_p, c.c_int, c.c_void_p)
 _TRANSFER = c.CFUNCTYPE(c.c_ssize_t, c.c_int, c.c_void_p, c.c_size_t, c.c_int64, use_errno=True)
-#: SQLite's names of calls of the system: kind, type, and whether the first argument is a descriptor.
+#: SQLite's names of calls of the system: kind, type, and whether the first argument is a
+#: descriptor.
 _SYSTEM_CALLS: dict[bytes, tuple[str, Any, bool]] = {
     b"open": (OPEN, c.CFUNCTYPE(c.c_int, c.c_char_p, c.c_int, c.c_int, use_errno=True), False),
     b"pread": (READ, _TRANSFER, True),
@@ -206,7 +217,9 @@ _SYSTEM_CALLS: dict[bytes, tuple[str, Any, bool]] = {
 
 
 class _Sqlite:
-    """SQLite with our calls, for the rest of the process: open files keep their methods; `disk` is None at rest."""
+    """SQLite with our calls, for the rest of the process: open files keep their methods; `disk` is
+    None at rest.
+    """
 
     def __init__(self) -> None:
         self.disk: FailingDisk | None = None
@@ -231,7 +244,11 @@ class _Sqlite:
     def _system_call(self, real: Any, kind: str, has_descriptor: bool) -> Callable[..., int]:
         def call(first: Any, *rest: Any) -> int:
             disk = self.disk
-            error = 0 if disk is None else disk.answer(kind, _name_of(first) if has_descriptor else first)
+            error = (
+                0
+                if disk is None
+                else disk.answer(kind, _name_of(first) if has_descriptor else first)
+            )
             if error == SHORT:
                 rest = (rest[0], max(1, rest[1] // 2), *rest[2:])
             elif error:
@@ -242,7 +259,9 @@ class _Sqlite:
         return call
 
     def _opened(self, vfs: int, name: int | None, file: int, flags: int, given: int | None) -> int:
-        code = int(self._real_open(vfs, name, file, flags, given))  # the name as it came: SQLite keeps the pointer
+        code = int(
+            self._real_open(vfs, name, file, flags, given)
+        )  # the name as it came: SQLite keeps the pointer
         methods = c.cast(file, c.POINTER(c.c_void_p))
         if code == 0 and name is not None and methods[0]:
             self._names[file] = c.string_at(name)

@@ -62,7 +62,9 @@ class Scanner:
         help="by target type", minimum=0.0, maximum=1.0, default=Factory(dict)
     )
     bands: tuple[str, ...] = nested(help="bands", default=("SWIR",))
-    edges_um: tuple[float, float] | None = nested(help="band edges", unit="um", minimum=0.0, default=None)
+    edges_um: tuple[float, float] | None = nested(
+        help="band edges", unit="um", minimum=0.0, default=None
+    )
     notes: Any = nested(help="anything", default=None)
 
 
@@ -95,7 +97,11 @@ class Arc:
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     presets = {
-        "slow": {"scan_period_ms": 10_000, "bands": ("SWIR", "MWIR"), "detection_probability": {"ICBM": 0.5}},
+        "slow": {
+            "scan_period_ms": 10_000,
+            "bands": ("SWIR", "MWIR"),
+            "detection_probability": {"ICBM": 0.5},
+        },
         "broken": {"rows": 0.5},
     }
     yield SensorModel(name="SCANNER", summary="scans", config=Scanner, build=print, presets=presets)
@@ -104,10 +110,18 @@ def opir_sensor_models() -> Iterable[SensorModel]:
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
-    satellites = [{"id": f"FLEET-{n}", "orbital_slot_deg": slot} for n, slot in ((1, -75.0), (2, 10))]
-    yield Constellation(name="FLEET", summary="two scanners", model="SCANNER", satellites=satellites)
-    yield Constellation(name="ODD", summary="a bad id", model="SCANNER", satellites=[{"id": "not an id"}])
-    yield Constellation(name="LOST", summary="of no model", model="NOWHERE", satellites=[{"id": "LOST-1"}])
+    satellites = [
+        {"id": f"FLEET-{n}", "orbital_slot_deg": slot} for n, slot in ((1, -75.0), (2, 10))
+    ]
+    yield Constellation(
+        name="FLEET", summary="two scanners", model="SCANNER", satellites=satellites
+    )
+    yield Constellation(
+        name="ODD", summary="a bad id", model="SCANNER", satellites=[{"id": "not an id"}]
+    )
+    yield Constellation(
+        name="LOST", summary="of no model", model="NOWHERE", satellites=[{"id": "LOST-1"}]
+    )
     bent = [{"id": f"BENT-{n}", "orbital_slot_deg": 400.0} for n in (1, 2)]
     yield Constellation(name="BENT", summary="a bad slot", model="SCANNER", satellites=bent)
 
@@ -191,7 +205,9 @@ def scanner_settings() -> dict[str, Any]:
 
 
 def good_mapping() -> dict[str, Any]:
-    """Return a scene with every kind of block; every setting stands where `scene_mapping` puts it."""
+    """Return a scene with every kind of block; every setting stands where `scene_mapping` puts
+    it.
+    """
     targets = [
         {
             "id": f"T{number}",
@@ -212,7 +228,10 @@ def good_mapping() -> dict[str, Any]:
         "light_time": True,
         "forces": ["j2", {"drag": {"ballistic_coefficient_kg_m2": 2500.0, "exponential": None}}],
         "sensors": [
-            {"constellation": "FLEET", "members": [{"id": "FLEET-1", "model": "SCANNER", **scanner_settings()}]},
+            {
+                "constellation": "FLEET",
+                "members": [{"id": "FLEET-1", "model": "SCANNER", **scanner_settings()}],
+            },
             {"id": "S2", "model": "STARER", **scanner_settings()},
         ],
         "targets": targets,

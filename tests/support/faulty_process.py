@@ -14,7 +14,9 @@ IMPORTED = serve_process.IMPORTED
 
 
 def opir(log: str, folder: str, control: str, *words: str) -> None:
-    """Be `opir` with these words, on a disk with the files of a folder; commands come from the pipe `control`."""
+    """Be `opir` with these words, on a disk with the files of a folder; commands come from the pipe
+    `control`.
+    """
     disk = FailingDisk(Path(folder))
     threading.Thread(target=_obey, args=(disk, control), daemon=True).start()
     with disk:

@@ -51,12 +51,16 @@ def broken_rules(figure: Figure) -> list[str]:
 def _texts(figure: Figure) -> list[tuple[Text, Any]]:
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
     hidden = {id(text) for axes in figure.findobj(Axes) for text in _hidden(axes)}
-    shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    shown = [
+        text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()
+    ]
     return [(text, text.get_window_extent(renderer)) for text in shown if id(text) not in hidden]
 
 
 def _hidden(axes: Axes) -> Iterator[Text]:
-    """Yield the labels of ticks that are not drawn: those outside the view, and all of axes that are off."""
+    """Yield the labels of ticks that are not drawn: those outside the view, and all of axes that
+    are off.
+    """
     for axis in (axes.xaxis, axes.yaxis):
         is_off = not axes.get_visible() or not axes.axison
         drawn = set() if is_off else {id(tick) for tick in axis._update_ticks()}  # no public way
@@ -72,12 +76,20 @@ def _text_rules(figure: Figure) -> Iterator[str]:
     height = figure.bbox.height
     texts = _texts(figure)
     for text, box in texts:
-        if box.x0 < -_SLACK or box.y0 < -_SLACK or box.x1 > width + _SLACK or box.y1 > height + _SLACK:
+        if (
+            box.x0 < -_SLACK
+            or box.y0 < -_SLACK
+            or box.x1 > width + _SLACK
+            or box.y1 > height + _SLACK
+        ):
             yield f"{text.get_text()!r} is cut by the edge"
         if text.get_fontsize() < _SMALLEST_PT:
             yield f"{text.get_text()!r} has {text.get_fontsize():g} pt"
     for (one, box), (other, second) in combinations(texts, 2):
-        overlap = min(box.x1, second.x1) - max(box.x0, second.x0), min(box.y1, second.y1) - max(box.y0, second.y0)
+        overlap = (
+            min(box.x1, second.x1) - max(box.x0, second.x0),
+            min(box.y1, second.y1) - max(box.y0, second.y0),
+        )
         is_level = not one.get_rotation() % 90.0 and not other.get_rotation() % 90.0
         if is_level and one.get_text() != other.get_text() and min(overlap) > 2.0 * _SLACK:
             yield f"{one.get_text()!r} is printed over {other.get_text()!r}"
@@ -90,10 +102,16 @@ def _axis_rules(axes: Axes) -> Iterator[str]:
         low, high = sorted(axis.get_view_interval())
         if axis.get_scale() == "log":
             places = zip(axis.get_majorticklocs(), axis.get_ticklabels(), strict=False)
-            written = [text.get_text() for place, text in places if low <= place <= high and text.get_text()]
+            written = [
+                text.get_text()
+                for place, text in places
+                if low <= place <= high and text.get_text()
+            ]
             if len(written) < 2 and any(text.get_visible() for text in axis.get_ticklabels()):
                 yield f"the logarithmic {name} axis has {len(written)} labels"
-        shared = (axes.get_shared_x_axes() if values == 0 else axes.get_shared_y_axes()).get_siblings(axes)
+        shared = (
+            axes.get_shared_x_axes() if values == 0 else axes.get_shared_y_axes()
+        ).get_siblings(axes)
         data = np.concatenate([_data(each, values) for each in shared])
         if len(data) and axes.get_aspect() != 1.0:
             span = axis.get_transform().transform(np.array([data.min(), data.max(), low, high]))
@@ -103,8 +121,14 @@ def _axis_rules(axes: Axes) -> Iterator[str]:
 
 
 def _data(axes: Axes, column: int) -> Any:
-    """Return the values along x or y of lines in data coordinates, without lines across the axes."""
-    lines = [line for line in axes.lines if line.get_transform() == axes.transData and len(line.get_xdata()) > 0]
+    """Return the values along x or y of lines in data coordinates, without lines across the
+    axes.
+    """
+    lines = [
+        line
+        for line in axes.lines
+        if line.get_transform() == axes.transData and len(line.get_xdata()) > 0
+    ]
     parts = [np.asarray(line.get_xydata(), dtype=np.float64)[:, column] for line in lines]
     bars = [
         np.concatenate(each.get_segments())[:, column]
@@ -120,12 +144,17 @@ def _data(axes: Axes, column: int) -> Any:
     ]
     patches = [
         box.get_points()[:, column]
-        for box in (each.get_extents().transformed(axes.transData.inverted()) for each in axes.patches)
+        for box in (
+            each.get_extents().transformed(axes.transData.inverted()) for each in axes.patches
+        )
     ]
     every = np.concatenate([*parts, *bars, *patches]) if parts or bars or patches else np.empty(0)
     return every[
         np.isfinite(every)
-        & ((every > 0.0) | (axes.get_xscale() != "log" if column == 0 else axes.get_yscale() != "log"))
+        & (
+            (every > 0.0)
+            | (axes.get_xscale() != "log" if column == 0 else axes.get_yscale() != "log")
+        )
     ]
 
 
@@ -141,7 +170,11 @@ def _interval_rules(axes: Axes) -> Iterator[str]:
 def _legend_rules(figure: Figure, legend: Legend) -> Iterator[str]:
     axes = [legend.axes] if legend.axes is not None else figure.findobj(Axes)
     box = legend.get_window_extent()
-    if box.x1 > figure.bbox.width + _SLACK or box.x0 < -_SLACK or box.y1 > figure.bbox.height + _SLACK:
+    if (
+        box.x1 > figure.bbox.width + _SLACK
+        or box.x0 < -_SLACK
+        or box.y1 > figure.bbox.height + _SLACK
+    ):
         yield "the legend is cut by the edge"
     for each in axes:
         for line in each.lines:
@@ -152,7 +185,10 @@ def _legend_rules(figure: Figure, legend: Legend) -> Iterator[str]:
                 break
     drawn = {(_colour(line), _dashes(line)) for each in axes for line in each.lines}
     drawn |= {
-        (to_hex(each.get_edgecolor()), None) for one in axes for each in one.patches if isinstance(each, StepPatch)
+        (to_hex(each.get_edgecolor()), None)
+        for one in axes
+        for each in one.patches
+        if isinstance(each, StepPatch)
     }
     for handle in legend.legend_handles:
         if (
@@ -177,7 +213,12 @@ def _drawn_points(line: Any) -> Any:
 def _covered(box: Any, points: Any) -> int:
     if box is None:
         return 0
-    inside = (points[:, 0] > box.x0) & (points[:, 0] < box.x1) & (points[:, 1] > box.y0) & (points[:, 1] < box.y1)
+    inside = (
+        (points[:, 0] > box.x0)
+        & (points[:, 0] < box.x1)
+        & (points[:, 1] > box.y0)
+        & (points[:, 1] < box.y1)
+    )
     return int(np.count_nonzero(inside))
 
 

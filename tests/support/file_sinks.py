@@ -14,13 +14,17 @@ from opir_core.interfaces.outputs import Encoder
 
 
 def encoder() -> Encoder:
-    made: Encoder = ENCODERS[0].build(ENCODERS[0].config(), EncoderContext(sensors=(stub_sensor(),), epoch_us=0))
+    made: Encoder = ENCODERS[0].build(
+        ENCODERS[0].config(), EncoderContext(sensors=(stub_sensor(),), epoch_us=0)
+    )
     return made
 
 
 def sink(name: str, make_encoder: Callable[[], Encoder] = encoder, **config: Any) -> Any:
     (component,) = (each for each in SINKS if each.name == name)
-    return component.build(component.config(**config), SinkContext(make_encoder=make_encoder, scene_name="stub"))
+    return component.build(
+        component.config(**config), SinkContext(make_encoder=make_encoder, scene_name="stub")
+    )
 
 
 def python(program: str, *arguments: str) -> "subprocess.CompletedProcess[bytes]":

@@ -13,8 +13,12 @@ from opir_core.output.events.forge import ForgeEncoder
 EPOCH_US = 1_775_044_800_000_000
 SENSORS = (
     stub_sensor("SBIRS-GEO-1", -75.5, bands=(Band("SWIR", 2.6, 2.8), Band("MWIR", 4.2, 4.4))),
-    stub_sensor('"quoted"\n\\ \u00c4\u2028\U0001f680', orbital_slot_deg=None, type="H\tEO", bands=()),
-    stub_sensor("LEO-1", orbital_slot_deg=None, bands=tuple(Band(f"B{n}", 1.0, 2.0) for n in range(8))),
+    stub_sensor(
+        '"quoted"\n\\ \u00c4\u2028\U0001f680', orbital_slot_deg=None, type="H\tEO", bands=()
+    ),
+    stub_sensor(
+        "LEO-1", orbital_slot_deg=None, bands=tuple(Band(f"B{n}", 1.0, 2.0) for n in range(8))
+    ),
 )
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US))
 

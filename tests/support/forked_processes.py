@@ -2,7 +2,8 @@
 
     python forked_processes.py MODULE
 
-imports the module, then starts a process for each line `FUNCTION JSON-ARGUMENTS` and prints its number.
+imports the module, then starts a process for each line `FUNCTION JSON-ARGUMENTS` and prints its
+number.
 """
 
 import json
@@ -32,14 +33,19 @@ def main() -> None:
         sys.stdout.flush()
 
 
-def killed_at_random(module: str, function: str, folder: Path, moments: int, longest_s: float, *more: Any) -> int:
-    """Run `function(folder, first, *more)` until it is killed, that many times; return how many events were taken.
+def killed_at_random(
+    module: str, function: str, folder: Path, moments: int, longest_s: float, *more: Any
+) -> int:
+    """Run `function(folder, first, *more)` until it is killed, that many times; return how many
+    events were taken.
 
-    The function appends the number of the first event of each window of 7 to the file `taken`, once it is written; the
-    next process goes on from there. Its first window is always taken.
+    The function appends the number of the first event of each window of 7 to the file `taken`, once
+    it is written; the next process goes on from there. Its first window is always taken.
     """
     command = [sys.executable, __file__, module]
-    folk = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
+    folk = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+    )
     assert folk.stdin is not None
     assert folk.stdout is not None
     rng = random.Random(moments)

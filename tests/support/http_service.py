@@ -77,7 +77,9 @@ class Stand:
         *,
         timeout_s: float = 60,
     ) -> Answer:
-        """Make one request; a body that is not bytes is sent as JSON. An answer that does not end in time fails."""
+        """Make one request; a body that is not bytes is sent as JSON. An answer that does not end
+        in time fails.
+        """
         raw = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
         given = {**(JSON if raw is not None else {}), **(headers or {})}
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)
@@ -96,7 +98,11 @@ class Stand:
 
 @contextmanager
 def serving(
-    folder: Path, *words: str, scene: str = SCENE, token: str | None = None, host: Host | None = None
+    folder: Path,
+    *words: str,
+    scene: str = SCENE,
+    token: str | None = None,
+    host: Host | None = None,
 ) -> Iterator[Stand]:
     """Serve a scene with further arguments of `opir serve`."""
     path = folder / "scene.yaml"
@@ -131,4 +137,6 @@ def serving(
 def conforms(value: Any, name: str) -> None:
     """Fail if a value does not conform to a schema of the service's OpenAPI document."""
     whole = document()
-    jsonschema.validate(value, {"$ref": f"#/components/schemas/{name}", "components": whole["components"]})
+    jsonschema.validate(
+        value, {"$ref": f"#/components/schemas/{name}", "components": whole["components"]}
+    )

@@ -1,9 +1,10 @@
 """Ill-conditioned filtering problems, and their solution in 50 digits.
 
-A case is a two-body path seen by sensors under conditions that ruin covariances: almost no baseline, almost no noise,
-almost no prior knowledge, a very long time, rays in one line, the antimeridian, the poles. The linear problem of every
-slice (transition, noise, whitened rows) is handed to the reference as the float64 numbers it is: so the reference says
-what the filter would have found had it not rounded.
+A case is a two-body path seen by sensors under conditions that ruin covariances: almost no
+baseline, almost no noise, almost no prior knowledge, a very long time, rays in one line, the
+antimeridian, the poles. The linear problem of every slice (transition, noise, whitened rows) is
+handed to the reference as the float64 numbers it is: so the reference says what the filter would
+have found had it not rounded.
 """
 
 from collections.abc import Iterator
@@ -26,7 +27,9 @@ GEO_M = 42164e3
 
 
 class Case(NamedTuple):
-    """One problem: the mode's size, sensors (k, 3), start (6,), noise of looks and motion, prior deviations, times."""
+    """One problem: the mode's size, sensors (k, 3), start (6,), noise of looks and motion, prior
+    deviations, times.
+    """
 
     name: str
     size: int
@@ -60,8 +63,20 @@ def launch(latitude_deg: float, longitude_deg: float, height_m: float = 150e3) -
     """Return a state that climbs northward, or towards the pole's other side."""
     latitude = np.radians(latitude_deg)
     longitude = np.radians(longitude_deg)
-    up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
-    north = np.array([-np.sin(latitude) * np.cos(longitude), -np.sin(latitude) * np.sin(longitude), np.cos(latitude)])
+    up = np.array(
+        [
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ]
+    )
+    north = np.array(
+        [
+            -np.sin(latitude) * np.cos(longitude),
+            -np.sin(latitude) * np.sin(longitude),
+            np.cos(latitude),
+        ]
+    )
     return np.concatenate([(RADIUS_M + height_m) * up, 2500.0 * up + 5500.0 * north])
 
 
@@ -83,10 +98,36 @@ def cases(each: int = 10) -> Iterator[Case]:
         yield Case("prior variance 1e9 m²", size, WIDE, mid, 2e-5, 0.1, DIFFUSE, 10.0, 1.0, 25, k)
         yield Case("all three at once", size, CLOSE, mid, 1e-9, 0.0, DIFFUSE, 10.0, 1.0, 25, k)
         line = np.stack([ABOVE, ABOVE * (1.0 + 1e-3 * (k + 1))])
-        yield Case("sensors in one line", size, line, launch(35.0, 55.0), 2e-5, 0.1, USUAL, 10.0, 1.0, 25, k)
-        yield Case("one sensor, no prior", size, WIDE[:1], mid, 2e-5, 0.1, DIFFUSE, 10.0, 1.0, 25, k)
+        yield Case(
+            "sensors in one line",
+            size,
+            line,
+            launch(35.0, 55.0),
+            2e-5,
+            0.1,
+            USUAL,
+            10.0,
+            1.0,
+            25,
+            k,
+        )
+        yield Case(
+            "one sensor, no prior", size, WIDE[:1], mid, 2e-5, 0.1, DIFFUSE, 10.0, 1.0, 25, k
+        )
         across = geostationary(179.9, -179.9)
-        yield Case("antimeridian", size, across, launch(20.0, 179.999 + 1e-4 * k), 1e-9, 0.1, DIFFUSE, 10.0, 1.0, 25, k)
+        yield Case(
+            "antimeridian",
+            size,
+            across,
+            launch(20.0, 179.999 + 1e-4 * k),
+            1e-9,
+            0.1,
+            DIFFUSE,
+            10.0,
+            1.0,
+            25,
+            k,
+        )
         pole = launch(90.0 - 1e-7 * k, 0.0)
         yield Case("pole", size, WIDE, pole, 1e-8, 0.1, DIFFUSE, 10.0, 1.0, 25, k)
         yield Case("no noise of motion", size, CLOSE, mid, 1e-8, 0.0, USUAL, 20.0, 1.0, 40, k)
@@ -106,7 +147,9 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
     filter_ = ImmFilter(motion, motion, np.inf, np.inf, rounds=4)
     truth = np.concatenate([case.start, np.zeros(case.size - 6)])[None]
     sigma = case.prior[: case.size]
-    mean = truth + rng.normal(size=truth.shape) * np.minimum(sigma, np.repeat([1e3, 1e2, 10.0, 1.0], 3)[: case.size])
+    mean = truth + rng.normal(size=truth.shape) * np.minimum(
+        sigma, np.repeat([1e3, 1e2, 10.0, 1.0], 3)[: case.size]
+    )
     root = np.diag(1.0 / sigma)[None]
     reference = Reference(root[0])
     found = []
@@ -123,7 +166,8 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
         before = mean
         start_root = root
         mean, root, _ = filter_.mode_updated(motion, mean, root, 0.0, sights)
-        # The last point of linearisation is where the filter would have stopped: one more step from it changes nothing.
+        # The last point of linearisation is where the filter would have stopped: one more step from
+        # it changes nothing.
         mean, root, rows = one_more(motion, before, start_root, mean, sights)
         reference.take_in(rows, before[0], mean[0])
         if number % every == 0 or number == case.slices:
@@ -131,37 +175,55 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
     return found
 
 
-def looks(case: Case, motion: Motion, truth: np.ndarray, rng: np.random.Generator) -> AngleMeasurements:
+def looks(
+    case: Case, motion: Motion, truth: np.ndarray, rng: np.random.Generator
+) -> AngleMeasurements:
     """Return the looks of a slice that ends at time 0, each sensor's at its own instants."""
     count = max(1, round(case.rate_hz * case.slice_s))
     sensors = len(case.sensors_m)
     time_s = np.repeat(-case.slice_s * np.arange(count) / count, sensors)
     origin = np.tile(case.sensors_m, (count, 1))
-    place = taylor_positions(np.repeat(motion.taylor(truth), len(time_s), axis=0), taylor_weights(time_s))
+    place = taylor_positions(
+        np.repeat(motion.taylor(truth), len(time_s), axis=0), taylor_weights(time_s)
+    )
     apart = place - origin
     axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
     seen = rng.normal(size=(len(time_s), 2)) * case.sigma_rad
     whitener = np.tile(np.eye(2) / case.sigma_rad, (len(time_s), 1, 1))
-    return AngleMeasurements(np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener)
+    return AngleMeasurements(
+        np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener
+    )
 
 
 def one_more(
-    motion: Motion, before: np.ndarray, root: np.ndarray, point: np.ndarray, sights: AngleMeasurements
+    motion: Motion,
+    before: np.ndarray,
+    root: np.ndarray,
+    point: np.ndarray,
+    sights: AngleMeasurements,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the update linearised at a point, and its rows [H | residual + H point]."""
     path = np.repeat(motion.taylor(point), len(sights), axis=0)
     weight = taylor_weights(sights.time_s)
     residual, slope = sights.residuals(taylor_positions(path, weight))
     blocks = motion.size // 3
-    rows = (slope[:, :, None, :] * weight[:, None, :blocks, None]).reshape(2 * len(sights), motion.size)
+    rows = (slope[:, :, None, :] * weight[:, None, :blocks, None]).reshape(
+        2 * len(sights), motion.size
+    )
     whole = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)
     owed = (root[0] @ (before - point)[0])[None]
     after, step, _ = measurement_update(root, owed, whole[None])
-    return point + step, after, np.concatenate([whole, np.broadcast_to(step, (len(whole), motion.size))], axis=1)
+    return (
+        point + step,
+        after,
+        np.concatenate([whole, np.broadcast_to(step, (len(whole), motion.size))], axis=1),
+    )
 
 
 class Reference:
-    """The same estimate in 50 digits: its covariance or information, and how far off the filter's mean is."""
+    """The same estimate in 50 digits: its covariance or information, and how far off the filter's
+    mean is.
+    """
 
     def __init__(self, root: np.ndarray) -> None:
         mpmath.mp.dps = DIGITS
@@ -189,7 +251,9 @@ class Reference:
         self.off = mpmath.lu_solve(self.information, pull)
 
     def compared(self, root: np.ndarray) -> Sample:
-        """Return how a root of information compares: errors are of P against the reference, in its own directions."""
+        """Return how a root of information compares: errors are of P against the reference, in its
+        own directions.
+        """
         upper = mpmath.cholesky(self.information).T
         # R_ref⁻ᵀ (Rᵀ R) R_ref⁻¹ is the identity where nothing was lost.
         mine = mpmath.matrix(root.tolist()) * upper**-1

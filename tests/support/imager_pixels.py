@@ -23,35 +23,63 @@ def intensities_w_sr(look: dict[str, Any]) -> dict[str, float]:
     scale = look["jet_power_w"] / usual_w
     config = PlumeConfig(propellant=look["propellant"], scale=scale, stages=1, rise_time_s=0.0)
     context = SignatureContext(
-        bands=BANDS, ids=("T",), paths=("t",), types=("SLV",), profiles=("SLV",), burn_time_s=np.array([500.0])
+        bands=BANDS,
+        ids=("T",),
+        paths=("t",),
+        types=("SLV",),
+        profiles=("SLV",),
+        burn_time_s=np.array([500.0]),
     )
     signatures = plume_signatures([config], context)
     target = np.zeros(1, dtype=np.int32)
-    place = np.array([100.0]), np.array([look["altitude_km"] * 1e3]), np.radians([look["aspect_deg"]])
-    return {band.name: float(signatures.intensity_w_sr(row, target, *place)[0]) for row, band in enumerate(BANDS)}
+    place = (
+        np.array([100.0]),
+        np.array([look["altitude_km"] * 1e3]),
+        np.radians([look["aspect_deg"]]),
+    )
+    return {
+        band.name: float(signatures.intensity_w_sr(row, target, *place)[0])
+        for row, band in enumerate(BANDS)
+    }
 
 
 def pixel_k(
-    look: dict[str, Any], name: str, share: float, factor: float = 1.0, ground_k: float | None = None
+    look: dict[str, Any],
+    name: str,
+    share: float,
+    factor: float = 1.0,
+    ground_k: float | None = None,
 ) -> tuple[float, float]:
-    """Return the temperatures, in one band, of a pixel beside the plume, and of the brightest one, K.
+    """Return the temperatures, in one band, of a pixel beside the plume, and of the brightest one,
+    K.
 
-    `share` of the light is in that pixel; the plume is `factor` times as bright as opir's; `ground_k` is the brightness
-    temperature of the neighbours, by default that of opir's background.
+    `share` of the light is in that pixel; the plume is `factor` times as bright as opir's;
+    `ground_k` is the brightness temperature of the neighbours, by default that of opir's
+    background.
     """
     band = next(one for one in BANDS if one.name == name)
     edges = (band.lower_um, band.upper_um)
     passed, behind = _air(look["climate"], edges, look["altitude_km"], look["zenith_deg"])
     behind = behind if ground_k is None else float(band_radiance(ground_k, *edges))
-    arriving = share * factor * intensities_w_sr(look)[name] * passed / (look["range_km"] * 1e3) ** 2
-    beside, brightest = pixel_temperature_k(np.array([0.0, arriving]), behind, PIXEL_URAD * 1e-6, band).tolist()
+    arriving = (
+        share * factor * intensities_w_sr(look)[name] * passed / (look["range_km"] * 1e3) ** 2
+    )
+    beside, brightest = pixel_temperature_k(
+        np.array([0.0, arriving]), behind, PIXEL_URAD * 1e-6, band
+    ).tolist()
     return beside, brightest
 
 
 @cache
-def _air(climate: str, edges: tuple[float, float], altitude_km: float, zenith_deg: float) -> tuple[float, float]:
+def _air(
+    climate: str, edges: tuple[float, float], altitude_km: float, zenith_deg: float
+) -> tuple[float, float]:
     """Return the transmittance to the imager, and the radiance behind, W m⁻² sr⁻¹."""
     elevation = np.radians(90.0 - zenith_deg)
     passed = float(band_transmittance(*edges, altitude_km * 1e3, elevation, climate=climate))
-    own = next(one for one in sky_tables(climate, "clear") if (one.band.lower_um, one.band.upper_um) == edges)
+    own = next(
+        one
+        for one in sky_tables(climate, "clear")
+        if (one.band.lower_um, one.band.upper_um) == edges
+    )
     return passed, float(np.interp(np.sin(elevation), own.night_sine, own.night))

@@ -13,7 +13,9 @@ def source_files(root: Path) -> list[str]:
 
 
 def imports_of(root: Path, files: Iterable[str]) -> dict[str, set[str]]:
-    """Return, for every file, those of the files that it imports or names in a string, as entry points do."""
+    """Return, for every file, those of the files that it imports or names in a string, as entry
+    points do.
+    """
     modules = {module_of(file): file for file in files}
     return {file: _named(root, file, module, modules) - {file} for module, file in modules.items()}
 
@@ -29,7 +31,9 @@ def distances(file: str, imports: dict[str, set[str]]) -> dict[str, int]:
 
 
 def module_of(file: str) -> str:
-    """Return the name under which others import a file: a plugin's and a test's lie below folders on the path."""
+    """Return the name under which others import a file: a plugin's and a test's lie below folders
+    on the path.
+    """
     parts = Path(file).with_suffix("").parts
     inner = parts[2:] if parts[0] in ("plugins", "tests") else parts
     return ".".join(inner[:-1] if inner[-1] == "__init__" else inner)
@@ -44,14 +48,28 @@ def _named(root: Path, file: str, module: str, modules: dict[str, str]) -> set[s
             names |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom):
             homes = _homes((root / modules.get(node.module or "", "")).with_suffix(".pyi"))
-            names |= {homes.get(name.name, f"{node.module}.{name.name}") for name in node.names} | {node.module or ""}
+            names |= {homes.get(name.name, f"{node.module}.{name.name}") for name in node.names} | {
+                node.module or ""
+            }
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            names |= {node.value, f"{node.value}.plugin", f"{package}.{node.value}", f"opir_core.{node.value}"}
+            names |= {
+                node.value,
+                f"{node.value}.plugin",
+                f"{package}.{node.value}",
+                f"opir_core.{node.value}",
+            }
     return {modules[name] for name in names if name in modules}
 
 
 @cache
 def _homes(stub: Path) -> dict[str, str]:
-    """Return the modules of the names that the stub of a package hands on; none where there is no stub."""
+    """Return the modules of the names that the stub of a package hands on; none where there is no
+    stub.
+    """
     nodes = ast.parse(stub.read_text(encoding="utf-8")).body if stub.is_file() else []
-    return {name.name: str(node.module) for node in nodes if isinstance(node, ast.ImportFrom) for name in node.names}
+    return {
+        name.name: str(node.module)
+        for node in nodes
+        if isinstance(node, ast.ImportFrom)
+        for name in node.names
+    }

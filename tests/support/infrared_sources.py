@@ -1,4 +1,6 @@
-"""What tests of sources have in common: a context, a region, random fields, and what a sensor is sent."""
+"""What tests of sources have in common: a context, a region, random fields, and what a sensor is
+sent.
+"""
 
 import numpy as np
 from opir_photons.radiometry.source_configs import FieldConfig, RegionConfig
@@ -23,7 +25,9 @@ def region(south=-10.0, north=20.0, west=30.0, east=60.0):
 
 
 def field(per_million_km2=20.0, where=None, sigma=1.0):
-    return FieldConfig(region=where or region(), per_million_km2=per_million_km2, area_log_sigma=sigma)
+    return FieldConfig(
+        region=where or region(), per_million_km2=per_million_km2, area_log_sigma=sigma
+    )
 
 
 def intensity(sources, band=0, time_s=100.0, to_sensor=None, rows=None):

@@ -1,4 +1,6 @@
-"""A stand for the Kafka sink: a broker to spoil, a topic of one's own, and a consumer that says what is in it."""
+"""A stand for the Kafka sink: a broker to spoil, a topic of one's own, and a consumer that says
+what is in it.
+"""
 
 import itertools
 import json
@@ -35,8 +37,9 @@ METADATA = 3
 INIT_PRODUCER_ID = 22
 #: What closing may take: the policy's stall, the goodbyes of a connection, and a slow machine.
 CLOSE_S = 8.0 + 6.0
-#: Errors that the protocol's table (https://kafka.apache.org/protocol#protocol_error_codes) calls not retriable, caused
-#: by the message, the request or the permission alone. 58, a refused login, occurs only in connecting.
+#: Errors that the protocol's table (https://kafka.apache.org/protocol#protocol_error_codes) calls
+#: not retriable, caused by the message, the request or the permission alone. 58, a refused login,
+#: occurs only in connecting.
 PERMANENT_CODES = {
     10: "MESSAGE_TOO_LARGE",
     17: "INVALID_TOPIC_EXCEPTION",
@@ -75,7 +78,11 @@ class MockBroker:
     def __init__(self) -> None:
         program = str(Path(__file__).with_name("mock_broker.py"))
         self._process = subprocess.Popen(
-            [sys.executable, program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+            [sys.executable, program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            bufsize=1,
         )
         assert self._process.stdout is not None
         self.address = within(30.0, self._process.stdout.readline).strip()
@@ -118,11 +125,15 @@ class NamedBroker:
         self.address = address
 
     def topic(self, partitions: int = PARTITIONS) -> str:
-        """Return a topic that the broker makes because it is asked for, or else because it is instructed to."""
+        """Return a topic that the broker makes because it is asked for, or else because it is
+        instructed to.
+        """
         from confluent_kafka.admin import AdminClient, NewTopic
 
         name = next(_names)
-        client = confluent_kafka.Producer({"bootstrap.servers": self.address, "allow.auto.create.topics": True})
+        client = confluent_kafka.Producer(
+            {"bootstrap.servers": self.address, "allow.auto.create.topics": True}
+        )
         give_up_at = time.monotonic() + 3.0
         while time.monotonic() < give_up_at:
             if client.list_topics(name, timeout=10.0).topics[name].partitions:
@@ -170,7 +181,11 @@ def kafka_sink(
     backlog = MemoryBacklog(64 << 20) if spool is None else Journal(str(spool), 64 << 20)
     made = carrier(address, topic, **settings)
     return TransportSink(
-        "kafka", made, backlog, EncodedBatcher(ENCODER, SENSORS), policy or Policy(wait_s=1.0, stall_s=8.0)
+        "kafka",
+        made,
+        backlog,
+        EncodedBatcher(ENCODER, SENSORS),
+        policy or Policy(wait_s=1.0, stall_s=8.0),
     )
 
 
@@ -201,7 +216,10 @@ def _to_the_end(consumer: Any, parts: set[int]) -> Iterator[confluent_kafka.Mess
         message = consumer.poll(0.1)
         if message is not None and message.error() is None:
             yield message
-        elif message is not None and message.error().code() == confluent_kafka.KafkaError._PARTITION_EOF:
+        elif (
+            message is not None
+            and message.error().code() == confluent_kafka.KafkaError._PARTITION_EOF
+        ):
             parts.discard(message.partition())
 
 

@@ -1,6 +1,8 @@
-"""Apache Kafka itself, one node or several on loopback (KRaft), from its artefacts in a Maven repository.
+"""Apache Kafka itself, one node or several on loopback (KRaft), from its artefacts in a Maven
+repository.
 
-Java 17 or later and Maven are needed; `why_absent` says what is missing. Nodes log to files in the folder of a cluster.
+Java 17 or later and Maven are needed; `why_absent` says what is missing. Nodes log to files in the
+folder of a cluster.
 """
 
 import base64
@@ -53,7 +55,10 @@ def why_absent() -> str:
         classpath()
     except (OSError, subprocess.SubprocessError) as error:
         said = getattr(error, "stdout", b"") or b""
-        return f"Apache Kafka is left out: Maven does not get it ({error}) {said.decode(errors='replace')[-300:]}"
+        return (
+            f"Apache Kafka is left out: Maven does not get it ({error})"
+            f" {said.decode(errors='replace')[-300:]}"
+        )
     return ""
 
 
@@ -61,22 +66,43 @@ def why_absent() -> str:
 def classpath() -> str:
     """Return the class path of Kafka; Maven fetches what is not in its repository yet."""
     mark = hashlib.sha256(POM.read_bytes()).hexdigest()[:16]
-    kept = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "opir-tests" / f"kafka-{mark}.txt"
-    if kept.is_file() and all(Path(part).is_file() for part in kept.read_text().strip().split(os.pathsep)):
+    kept = (
+        Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+        / "opir-tests"
+        / f"kafka-{mark}.txt"
+    )
+    if kept.is_file() and all(
+        Path(part).is_file() for part in kept.read_text().strip().split(os.pathsep)
+    ):
         return kept.read_text().strip()
     kept.parent.mkdir(parents=True, exist_ok=True)
     fresh = kept.with_suffix(f".{os.getpid()}")
-    words = ["mvn", "-B", "-q", "-f", str(POM), "dependency:build-classpath", f"-Dmdep.outputFile={fresh}"]
+    words = [
+        "mvn",
+        "-B",
+        "-q",
+        "-f",
+        str(POM),
+        "dependency:build-classpath",
+        f"-Dmdep.outputFile={fresh}",
+    ]
     subprocess.run(words, check=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
     fresh.replace(kept)
     return kept.read_text().strip()
 
 
 def java(main: str, *words: str, timeout_s: float = _START_S) -> str:
-    """Run a Java main class of Kafka and return what it prints; `CalledProcessError` if it fails."""
+    """Run a Java main class of Kafka and return what it prints; `CalledProcessError` if it
+    fails.
+    """
     command = ["java", *_HEAP, "-cp", classpath(), main, *words]
     done = subprocess.run(
-        command, check=True, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=timeout_s
+        command,
+        check=True,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=timeout_s,
     )
     return done.stdout
 
@@ -126,7 +152,11 @@ class Cluster:
     can_be_spoilt = False
 
     def __init__(
-        self, folder: Path, nodes: int = 1, listeners: Sequence[str] = (), settings: Mapping[str, str] | None = None
+        self,
+        folder: Path,
+        nodes: int = 1,
+        listeners: Sequence[str] = (),
+        settings: Mapping[str, str] | None = None,
     ) -> None:
         self._admin: Any = None
         names = ["PLAINTEXT", *listeners]
@@ -168,7 +198,9 @@ class Cluster:
         return self.addresses()
 
     def admin(self) -> Any:
-        """Return a client that may do all; it lives as long as the cluster, for its answers come later."""
+        """Return a client that may do all; it lives as long as the cluster, for its answers come
+        later.
+        """
         if self._admin is None:
             self._admin = AdminClient({"bootstrap.servers": self.address, "log_level": 0})
         return self._admin
@@ -188,14 +220,24 @@ class Cluster:
         """Make a topic and return its name."""
         name = name or f"opir-{os.getpid()}-{time.time_ns()}"
         config = {key.replace("_", "."): value for key, value in settings.items()}
-        self.admin().create_topics([NewTopic(name, partitions, replicas, config=config)])[name].result(60.0)
+        self.admin().create_topics([NewTopic(name, partitions, replicas, config=config)])[
+            name
+        ].result(60.0)
         until(lambda: len(self.partitions(name)) == partitions, within_s=60.0)
         return name
 
     def partitions(self, topic: str) -> Mapping[int, Any]:
-        """Return the partitions of a topic by number, each with its leader and its replicas in sync."""
-        found: Mapping[int, Any] = self.admin().list_topics(topic, timeout=30.0).topics[topic].partitions
-        return {number: part for number, part in found.items() if part.error is None and part.leader >= 0}
+        """Return the partitions of a topic by number, each with its leader and its replicas in
+        sync.
+        """
+        found: Mapping[int, Any] = (
+            self.admin().list_topics(topic, timeout=30.0).topics[topic].partitions
+        )
+        return {
+            number: part
+            for number, part in found.items()
+            if part.error is None and part.leader >= 0
+        }
 
     def heal(self) -> None:
         """Do nothing: who stops a node starts it again."""

@@ -8,7 +8,11 @@ import opir_core as opir
 NS = 1_000_000_000
 
 #: Latencies whose reports overtake each other.
-UNEVEN = {"on_board": {"mean_s": 0.5}, "downlink": {"mean_s": 3.0, "sigma_s": 2.0}, "processing": {"mean_s": 2.0}}
+UNEVEN = {
+    "on_board": {"mean_s": 0.5},
+    "downlink": {"mean_s": 3.0, "sigma_s": 2.0},
+    "processing": {"mean_s": 2.0},
+}
 CONSTANT = {"processing": {"mean_s": 7.25}}
 
 
@@ -35,7 +39,11 @@ def late_scene(
             {
                 "id": f"T{number}",
                 "type": "ICBM",
-                "launch": {"lat_deg": 34.7, "lon_deg": -120.6 + 3.0 * number, "time_s": 3.1 + 4.0 * number},
+                "launch": {
+                    "lat_deg": 34.7,
+                    "lon_deg": -120.6 + 3.0 * number,
+                    "time_s": 3.1 + 4.0 * number,
+                },
                 "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
             }
             for number in range(targets)

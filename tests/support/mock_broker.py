@@ -1,4 +1,5 @@
-"""A Kafka broker in a process of its own: librdkafka's mock cluster, from the wheel of confluent-kafka.
+"""A Kafka broker in a process of its own: librdkafka's mock cluster, from the wheel of
+confluent-kafka.
 
     python mock_broker.py TOPIC:PARTITIONS ...
 
@@ -28,7 +29,10 @@ _FUNCTIONS = {
     "mock_broker_set_down": (c.c_int, [c.c_void_p, c.c_int32]),
     "mock_broker_set_up": (c.c_int, [c.c_void_p, c.c_int32]),
     "mock_broker_set_rtt": (c.c_int, [c.c_void_p, c.c_int32, c.c_int]),
-    "mock_push_request_errors_array": (None, [c.c_void_p, c.c_int16, c.c_size_t, c.POINTER(c.c_int)]),
+    "mock_push_request_errors_array": (
+        None,
+        [c.c_void_p, c.c_int16, c.c_size_t, c.POINTER(c.c_int)],
+    ),
     "mock_clear_request_errors": (None, [c.c_void_p, c.c_int16]),
 }
 _PRODUCER = 0
@@ -61,7 +65,9 @@ class MockCluster:
         return reported.decode()
 
     def topic(self, name: str, partitions: str) -> None:
-        self._library.rd_kafka_mock_topic_create(self._cluster, name.encode(), int(partitions), _ONE)
+        self._library.rd_kafka_mock_topic_create(
+            self._cluster, name.encode(), int(partitions), _ONE
+        )
 
     def topic_error(self, name: str, code: str) -> None:
         self._library.rd_kafka_mock_topic_set_error(self._cluster, name.encode(), int(code))
@@ -77,7 +83,9 @@ class MockCluster:
 
     def error(self, api: str, *codes: str) -> None:
         array = (c.c_int * len(codes))(*map(int, codes))
-        self._library.rd_kafka_mock_push_request_errors_array(self._cluster, int(api), len(codes), array)
+        self._library.rd_kafka_mock_push_request_errors_array(
+            self._cluster, int(api), len(codes), array
+        )
 
     def clear(self, api: str) -> None:
         self._library.rd_kafka_mock_clear_request_errors(self._cluster, int(api))

@@ -1,4 +1,6 @@
-"""Scenes spoilt by chance: a written form that can hold what YAML can, ways to spoil it, and what it means."""
+"""Scenes spoilt by chance: a written form that can hold what YAML can, ways to spoil it, and what
+it means.
+"""
 
 import copy
 import json
@@ -37,7 +39,13 @@ WITH_BLANKS = """
     &a 3, !!int 3, !!str 3, [1 010], {a: 1}, 900 s, 1 # one, - 1, ? 1, 'a b', a 'b
 """
 RAW_VALUES = [
-    Raw(text) for text in (*WITHOUT_BLANKS.split(), *map(str.strip, WITH_BLANKS.split(",")), "\u0663", "\u00b2")
+    Raw(text)
+    for text in (
+        *WITHOUT_BLANKS.split(),
+        *map(str.strip, WITH_BLANKS.split(",")),
+        "\u0663",
+        "\u00b2",
+    )
 ]
 PYTHON_VALUES: list[Any] = [
     None, True, 0, 1, -1, 7, 10**19, 2**53 + 1, 10**29, 10**400, 0.5, -0.0, 1e300, float("nan"), float("inf"), "", "50",
@@ -90,24 +98,34 @@ def spoilt(draw: st.DrawFn, values: list[Any], doubles: bool = True) -> Any:
         full = [container for container in containers(tree) if container]
         container = draw(st.sampled_from(full))
         index = draw(st.integers(0, len(container) - 1))
-        draw(st.sampled_from(DEEDS if doubles else DEEDS[:-1]))(draw, tree, container, index, values)
+        draw(st.sampled_from(DEEDS if doubles else DEEDS[:-1]))(
+            draw, tree, container, index, values
+        )
     return tree
 
 
-def drop(_draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]) -> None:
+def drop(
+    _draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
+) -> None:
     del container[index]
 
 
-def replace(draw: st.DrawFn, _tree: Any, container: list[Any], index: int, values: list[Any]) -> None:
+def replace(
+    draw: st.DrawFn, _tree: Any, container: list[Any], index: int, values: list[Any]
+) -> None:
     # A copy: a later deed may spoil what stands here.
     set_value(container, index, copy.deepcopy(draw(st.sampled_from(values))))
 
 
-def rename(draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]) -> None:
+def rename(
+    draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
+) -> None:
     if isinstance(container, Block):
         key, value = container[index]
         renamed = draw(
-            st.sampled_from([f"{key}x", key[:-1], key.upper(), "", "preset", "members", "model", "a b", "\x7f"])
+            st.sampled_from(
+                [f"{key}x", key[:-1], key.upper(), "", "preset", "members", "model", "a b", "\x7f"]
+            )
         )
         if renamed not in (other for other, _ in container):
             container[index] = renamed, value
@@ -120,18 +138,24 @@ def swap(draw: st.DrawFn, tree: Any, container: list[Any], index: int, _values: 
     set_value(container, index, copy.deepcopy(value))
 
 
-def wrap(_draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]) -> None:
+def wrap(
+    _draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
+) -> None:
     set_value(container, index, [value_at(container, index)])
 
 
-def requote(_draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]) -> None:
+def requote(
+    _draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
+) -> None:
     """Put a number in quotes."""
     value = value_at(container, index)
     if isinstance(value, int | float):
         set_value(container, index, str(value))
 
 
-def double(_draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]) -> None:
+def double(
+    _draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
+) -> None:
     container.insert(index, copy.deepcopy(container[index]))
 
 
@@ -147,8 +171,19 @@ def has_doubled_key(tree: Any) -> bool:
 
 
 def meaning(raw: str) -> Any:
-    """Return what an unquoted scalar means, found without opir: a fraction, text, a truth value or None."""
-    words = {"true": True, "false": False, "yes": True, "no": False, "on": True, "off": False, "null": None, "~": None}
+    """Return what an unquoted scalar means, found without opir: a fraction, text, a truth value or
+    None.
+    """
+    words = {
+        "true": True,
+        "false": False,
+        "yes": True,
+        "no": False,
+        "on": True,
+        "off": False,
+        "null": None,
+        "~": None,
+    }
     if raw.lower() in words:
         return words[raw.lower()]
     if raw[0] in "'\"":

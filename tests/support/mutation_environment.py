@@ -1,4 +1,6 @@
-"""Whether this environment can judge mutants: the libraries that tests import, and this checkout, editable."""
+"""Whether this environment can judge mutants: the libraries that tests import, and this checkout,
+editable.
+"""
 
 import json
 import subprocess
@@ -38,16 +40,30 @@ def check_libraries() -> None:
         raise UnfitEnvironment(f"the extra `peers` is missing: {', '.join(missing)}.")
 
 
-def check_installation(root: Path, packages: Iterable[str], variables: Mapping[str, str] | None = None) -> None:
+def check_installation(
+    root: Path, packages: Iterable[str], variables: Mapping[str, str] | None = None
+) -> None:
     """Raise `UnfitEnvironment` if packages are not imported from below `root`.
 
-    Without `variables`, as they are installed; with them, as a process with these variables imports them.
+    Without `variables`, as they are installed; with them, as a process with these variables imports
+    them.
     """
-    settings: dict[str, Any] = {"env": variables, "capture_output": True, "text": True, "check": True}
+    settings: dict[str, Any] = {
+        "env": variables,
+        "capture_output": True,
+        "text": True,
+        "check": True,
+    }
     isolated = [] if variables else ["-I"]
-    done = subprocess.run([sys.executable, *isolated, "-c", ORIGINS, *packages], cwd=root / "tests", **settings)
+    done = subprocess.run(
+        [sys.executable, *isolated, "-c", ORIGINS, *packages], cwd=root / "tests", **settings
+    )
     origins: dict[str, str | None] = json.loads(done.stdout)
-    elsewhere = {name: at for name, at in origins.items() if not (at and Path(at).resolve().is_relative_to(root))}
+    elsewhere = {
+        name: at
+        for name, at in origins.items()
+        if not (at and Path(at).resolve().is_relative_to(root))
+    }
     if elsewhere:
         (name, at), *others = elsewhere.items()
         more = f" and {len(others)} more packages" if others else ""

@@ -1,7 +1,7 @@
 """Mutants that differ from a module in one token: where they are, and what each token may become.
 
-Skipped: annotations, decorators, texts (docstrings, f-strings, joined strings, help texts), `__all__`, and what only
-type checkers read.
+Skipped: annotations, decorators, texts (docstrings, f-strings, joined strings, help texts),
+`__all__`, and what only type checkers read.
 """
 
 import ast
@@ -88,7 +88,9 @@ class _Text:
         self._starts = list(accumulate((len(line) for line in self._lines), initial=0))
         read = tokenize.generate_tokens(io.StringIO(source).readline)
         spelled = (token for token in read if token.type in (tokenize.OP, tokenize.NAME))
-        self._tokens = [(self._at(*token.start), self._at(*token.end), token.string) for token in spelled]
+        self._tokens = [
+            (self._at(*token.start), self._at(*token.end), token.string) for token in spelled
+        ]
 
     def _at(self, line: int, column: int) -> int:
         return self._starts[line - 1] + column
@@ -106,9 +108,13 @@ class _Text:
         return Site(start, end, self.source.count("\n", 0, start) + 1, tuple(choices))
 
     def operator(self, words: str, after: int, before: int, choices: Iterable[str]) -> Site:
-        """Return the site of an operator of one or two words between two operands, or at the start of one."""
+        """Return the site of an operator of one or two words between two operands, or at the start
+        of one.
+        """
         wanted = words.split()
-        inside = self._tokens[bisect_left(self._tokens, (after,)) : bisect_left(self._tokens, (before,))]
+        inside = self._tokens[
+            bisect_left(self._tokens, (after,)) : bisect_left(self._tokens, (before,))
+        ]
         at = next(index for index, (_, _, word) in enumerate(inside) if word == wanted[0])
         return self.site(inside[at][0], inside[at + len(wanted) - 1][1], choices)
 
@@ -117,7 +123,9 @@ def _sites(node: ast.AST, text: _Text, *, in_function: bool = False) -> Iterator
     if _is_skipped(node, in_function=in_function):
         return
     yield from _own_sites(node, text)
-    in_function = in_function or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+    in_function = in_function or isinstance(
+        node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
+    )
     for child in _code_below(node):
         yield from _sites(child, text, in_function=in_function)
 
@@ -139,12 +147,19 @@ def _is_skipped(node: ast.AST, *, in_function: bool) -> bool:
 
 
 def _is_text(node: ast.expr) -> bool:
-    return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str | bytes))
+    return isinstance(node, ast.JoinedStr) or (
+        isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
+    )
 
 
 def _code_below(node: ast.AST) -> list[ast.AST]:
-    """Return the children of a node but annotations, decorators and what only type checkers read."""
-    if isinstance(node, ast.If) and ast.unparse(node.test) in {"TYPE_CHECKING", "typing.TYPE_CHECKING"}:
+    """Return the children of a node but annotations, decorators and what only type checkers
+    read.
+    """
+    if isinstance(node, ast.If) and ast.unparse(node.test) in {
+        "TYPE_CHECKING",
+        "typing.TYPE_CHECKING",
+    }:
         return list(node.orelse)
     skipped = {"annotation", "returns", "decorator_list", "type_params"}
     fields = (value for name, value in ast.iter_fields(node) if name not in skipped)
@@ -157,11 +172,15 @@ def _own_sites(node: ast.AST, text: _Text) -> Iterator[Site]:
     match node:
         case ast.Compare() | ast.BoolOp() | ast.BinOp() | ast.AugAssign() | ast.UnaryOp():
             yield from _operators(node, text)
-        case ast.Return(value=ast.expr() as value) if not (isinstance(value, ast.Constant) and value.value is None):
+        case ast.Return(value=ast.expr() as value) if not (
+            isinstance(value, ast.Constant) and value.value is None
+        ):
             start = text.start(node)
             yield text.site(start, start + len("return"), ["return None;"])
         case ast.Slice():
-            yield from (_bound(bound, text) for bound in (node.lower, node.upper) if bound is not None)
+            yield from (
+                _bound(bound, text) for bound in (node.lower, node.upper) if bound is not None
+            )
         case ast.Constant() | ast.Name() | ast.Attribute():
             yield _word(node, text)
 
@@ -169,7 +188,9 @@ def _own_sites(node: ast.AST, text: _Text) -> Iterator[Site]:
 def _operators(node: ast.AST, text: _Text) -> Iterator[Site]:
     match node:
         case ast.Compare():
-            for op, (left, right) in zip(node.ops, pairwise([node.left, *node.comparators]), strict=True):
+            for op, (left, right) in zip(
+                node.ops, pairwise([node.left, *node.comparators]), strict=True
+            ):
                 words, choices = COMPARISONS[type(op)]
                 yield text.operator(words, text.end(left), text.start(right), choices)
         case ast.BoolOp():
@@ -184,14 +205,20 @@ def _operators(node: ast.AST, text: _Text) -> Iterator[Site]:
             changed = [f"{choice}=" for choice in choices]
             yield text.operator(f"{word}=", text.end(node.target), text.start(node.value), changed)
         case ast.UnaryOp() if type(node.op) in UNARY:
-            yield text.operator(UNARY[type(node.op)], text.start(node), text.start(node.operand), [""])
+            yield text.operator(
+                UNARY[type(node.op)], text.start(node), text.start(node.operand), [""]
+            )
 
 
 def _bound(bound: ast.expr, text: _Text) -> Site:
     start = text.start(bound)
     end = text.end(bound)
     spelled = text.source[start:end]
-    shifted = () if isinstance(bound, ast.Constant | ast.UnaryOp) else (f"({spelled}) + 1", f"({spelled}) - 1")
+    shifted = (
+        ()
+        if isinstance(bound, ast.Constant | ast.UnaryOp)
+        else (f"({spelled}) + 1", f"({spelled}) - 1")
+    )
     return text.site(start, end, ["", *shifted])
 
 
@@ -205,9 +232,15 @@ def _word(node: ast.Constant | ast.Name | ast.Attribute, text: _Text) -> Site:
 
 
 def _other_values(value: object) -> list[str]:
-    """Return the spellings of what a constant may become: the other truth value, or one more and one less."""
+    """Return the spellings of what a constant may become: the other truth value, or one more and
+    one less.
+    """
     if isinstance(value, bool):
         return [repr(not value)]
     if isinstance(value, int | float):
-        return [f"({other!r})" if other < 0 else repr(other) for other in (value + 1, value - 1) if other != value]
+        return [
+            f"({other!r})" if other < 0 else repr(other)
+            for other in (value + 1, value - 1)
+            if other != value
+        ]
     return []

@@ -35,14 +35,22 @@ def chromium() -> Iterator[Browser]:
 def opened(
     browser: Browser, port: int, width: int, scheme: Any, state: str = "running"
 ) -> tuple[Page, list[str], list[str]]:
-    """Open the page; return it with the messages of its console and the addresses that it requests."""
+    """Open the page; return it with the messages of its console and the addresses that it
+    requests.
+    """
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     complaints: list[str] = []
     asked: list[str] = []
-    # Chromium's advice on reading a canvas often is for a test, which does, and not for the page, which never does.
-    page.on("console", lambda said: complaints.extend([said.text] if "willReadFrequently" not in said.text else []))
+    # Chromium's advice on reading a canvas often is for a test, which does, and not for the page,
+    # which never does.
+    page.on(
+        "console",
+        lambda said: complaints.extend(
+            [said.text] if "willReadFrequently" not in said.text else []
+        ),
+    )
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: asked.append(request.url))
     page.goto(f"http://127.0.0.1:{port}/")
@@ -51,7 +59,9 @@ def opened(
 
 
 def settled(page: Page) -> None:
-    """Wait until the map has kept its place and size for a second: a click is at a position of the map as it was."""
+    """Wait until the map has kept its place and size for a second: a click is at a position of the
+    map as it was.
+    """
     page.evaluate(
         "async () => { let same = 0, last = '';"
         " for (let turn = 0; turn < 100 && same < 5; turn++) {"

@@ -1,4 +1,5 @@
-"""Which test files import libraries of the extra `peers`, and which of those libraries are not installed.
+"""Which test files import libraries of the extra `peers`, and which of those libraries are not
+installed.
 
 Files are searched as text: an import at the beginning of a line is one of the module itself.
 """
@@ -36,7 +37,9 @@ IMPORT = re.compile(r"^(?:import|from) (\w+)", re.MULTILINE)
 
 
 def imported_by(file: Path) -> set[str]:
-    """Return the libraries of NAMES that a file of tests imports, itself or through a module of tests/support."""
+    """Return the libraries of NAMES that a file of tests imports, itself or through a module of
+    tests/support.
+    """
     modules = set(IMPORT.findall(file.read_text(encoding="utf-8")))
     return modules.intersection(NAMES).union(*(of_support().get(module, ()) for module in modules))
 

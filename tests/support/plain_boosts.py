@@ -8,11 +8,13 @@ SPIN = np.array([0.0, 0.0, 7.292115e-5])
 
 
 def flown(azimuth, kick, force, growth, until_s, latitude=0.7):
-    """Return start (3,) and ECEF place, velocity and specific force (9,) of a gravity turn on a sphere."""
+    """Return start (3,) and ECEF place, velocity and specific force (9,) of a gravity turn on a
+    sphere.
+    """
     up = np.array([np.cos(latitude), 0.0, np.sin(latitude)])
-    ahead = np.cos(azimuth) * np.array([-np.sin(latitude), 0.0, np.cos(latitude)]) + np.sin(azimuth) * np.array(
-        [0.0, 1.0, 0.0]
-    )
+    ahead = np.cos(azimuth) * np.array([-np.sin(latitude), 0.0, np.cos(latitude)]) + np.sin(
+        azimuth
+    ) * np.array([0.0, 1.0, 0.0])
     place = RADIUS_M * up
     velocity = 1e-3 * up
     step = 0.05

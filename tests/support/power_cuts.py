@@ -1,20 +1,23 @@
-"""Power cuts: what a process does to a folder is recorded, and the folder is made as a cut would have left it.
+"""Power cuts: what a process does to a folder is recorded, and the folder is made as a cut would
+have left it.
 
     recording = record(folder, program, tmp_path)
     for cut in power_cuts(recording, range(1000)):
         cut.make(place)
         ...
 
-A process runs with `recorded_disk.c` loaded before libc, so SQLite's calls and Arrow's are recorded like Python's. What
-the recorder misses (mappings, stdio) would be noticed: all calls together must make the folder that the process left.
+A process runs with `recorded_disk.c` loaded before libc, so SQLite's calls and Arrow's are recorded
+like Python's. What the recorder misses (mappings, stdio) would be noticed: all calls together must
+make the folder that the process left.
 
 The disk is one that orders nothing by itself. After a call, any call, the power fails:
 
-* the data of a file, its length included, last after an fsync of the file. Of what was written or truncated later each
-  call is kept or lost for itself, and a write may be torn: some of its sectors of 512 bytes are kept. A sector that was
-  lost beyond the old end is zeros;
-* a name, whether made, renamed or removed, lasts after an fsync of its folder, of both folders for a rename between
-  two. Of later changes each is kept or lost for itself. A rename is kept or lost as a whole;
+* the data of a file, its length included, last after an fsync of the file. Of what was written or
+  truncated later each call is kept or lost for itself, and a write may be torn: some of its sectors
+  of 512 bytes are kept. A sector that was lost beyond the old end is zeros;
+* a name, whether made, renamed or removed, lasts after an fsync of its folder, of both folders for
+  a rename between two. Of later changes each is kept or lost for itself. A rename is kept or lost
+  as a whole;
 * what is in a folder whose own name is lost is lost.
 """
 
@@ -44,7 +47,9 @@ def can_record() -> bool:
 
 @frozen
 class Call:
-    """A call that changed the disk; `offset` of an `OPEN` is below 0 if it can neither make nor truncate the file."""
+    """A call that changed the disk; `offset` of an `OPEN` is below 0 if it can neither make nor
+    truncate the file.
+    """
 
     kind: int
     path: str
@@ -57,7 +62,9 @@ class Call:
 
 @frozen(eq=False)
 class Recording:
-    """The calls of a process that concern a folder, and what was in it before, by path; None is a folder."""
+    """The calls of a process that concern a folder, and what was in it before, by path; None is a
+    folder.
+    """
 
     folder: Path
     before: dict[str, bytes | None]
@@ -67,7 +74,9 @@ class Recording:
 
 @frozen
 class PowerCut:
-    """What a power cut leaves: files and folders by path, when it was at the latest, and the notes made before it."""
+    """What a power cut leaves: files and folders by path, when it was at the latest, and the notes
+    made before it.
+    """
 
     seed: int
     calls: int
@@ -93,11 +102,20 @@ def record(folder: Path, program: str, scratch: Path, *given: object) -> Recordi
     log = scratch / "calls"
     folder = folder.resolve()
     if not shim.exists():
-        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", shim, _SHIM, "-ldl", "-lpthread"], check=True)
+        subprocess.run(
+            ["cc", "-shared", "-fPIC", "-O1", "-o", shim, _SHIM, "-ldl", "-lpthread"], check=True
+        )
     log.unlink(missing_ok=True)
     before = tree_of(folder)
-    environment = {**os.environ, "LD_PRELOAD": str(shim), "OPIR_DISK": str(folder), "OPIR_DISK_LOG": str(log)}
-    environment["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+    environment = {
+        **os.environ,
+        "LD_PRELOAD": str(shim),
+        "OPIR_DISK": str(folder),
+        "OPIR_DISK_LOG": str(log),
+    }
+    environment["PYTHONPATH"] = os.pathsep.join(
+        [str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
+    )
     command = [sys.executable, "-c", program, *map(str, given)]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
@@ -110,9 +128,14 @@ def record(folder: Path, program: str, scratch: Path, *given: object) -> Recordi
 
 
 def tree_of(folder: Path) -> dict[str, bytes | None]:
-    """Return the files of a folder and of those in it, by path; None is a folder. Notes are left out."""
+    """Return the files of a folder and of those in it, by path; None is a folder. Notes are left
+    out.
+    """
     found = sorted(path for path in folder.rglob("*") if path.name != NOTES)
-    return {str(path.relative_to(folder)): None if path.is_dir() else path.read_bytes() for path in found}
+    return {
+        str(path.relative_to(folder)): None if path.is_dir() else path.read_bytes()
+        for path in found
+    }
 
 
 def note(folder: Path, text: object) -> None:
@@ -132,11 +155,14 @@ def power_cuts(recording: Recording, seeds: Iterable[int]) -> Iterator[PowerCut]
             disk.do(call)
         done = count
         at_s = calls[min(count, len(calls) - 1)].time_s
-        yield PowerCut(seed, count, at_s, disk.after_cut(random.Random(f"cut {seed}")), tuple(disk.notes))
+        yield PowerCut(
+            seed, count, at_s, disk.after_cut(random.Random(f"cut {seed}")), tuple(disk.notes)
+        )
 
 
 def kills(recording: Recording) -> Iterator[PowerCut]:
-    """Yield what SIGKILL leaves at each call, before it and in the middle of a write: all that was written till then.
+    """Yield what SIGKILL leaves at each call, before it and in the middle of a write: all that was
+    written till then.
 
     The kernel keeps what a process has written, whether it was synced or not.
     """
@@ -166,7 +192,9 @@ def _calls(log: bytes) -> Iterator[Call]:
 
 @define(eq=False)
 class _Node:
-    """A file or a folder: content on the disk, and writes (offset, bytes) and truncations (length, None) since."""
+    """A file or a folder: content on the disk, and writes (offset, bytes) and truncations (length,
+    None) since.
+    """
 
     is_folder: bool
     content: bytearray = Factory(bytearray)
@@ -221,7 +249,9 @@ class _Keeps:
 
 @define(eq=False)
 class _Change:
-    """Names that change together, by folder and name, and the folders that have not been synced since."""
+    """Names that change together, by folder and name, and the folders that have not been synced
+    since.
+    """
 
     names: dict[tuple[_Node, str], _Node | None]
     waits: set[_Node] = field(init=False)
@@ -272,7 +302,9 @@ class _Disk:
         return self.tree(_Keeps(rng, rng.choice((0.0, 0.5, 0.9, 1.0, rng.random()))))
 
     def tree(self, keeps: "_Keeps | None" = None) -> dict[str, bytes | None]:
-        """Return files and folders by path, with what is kept of what was not synced; by default all of it."""
+        """Return files and folders by path, with what is kept of what was not synced; by default
+        all of it.
+        """
         keeps = keeps or _Keeps(None)
         names = dict(self._lasting)
         for change in self._changes:

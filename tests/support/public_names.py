@@ -13,9 +13,12 @@ finally:
 
 
 def is_public(module: str, name: str) -> bool:
-    """Return whether a name may be imported from a module: it is in its `__all__`, or a public module itself.
+    """Return whether a name may be imported from a module: it is in its `__all__`, or a public
+    module itself.
 
     Of other distributions the package itself is public.
     """
     is_door = module in PUBLIC or "." not in module
-    return f"{module}.{name}" in PUBLIC or (is_door and name in getattr(import_module(module), "__all__", ()))
+    return f"{module}.{name}" in PUBLIC or (
+        is_door and name in getattr(import_module(module), "__all__", ())
+    )

@@ -10,7 +10,11 @@ def sensors(draw: st.DrawFn) -> list[dict[str, Any]]:
     found = []
     for number in range(draw(st.integers(1, 3))):
         slot = draw(st.floats(-170.0, -60.0))
-        low = {"altitude_km": draw(st.floats(500.0, 3000.0)), "inclination_deg": 80.0, "lon_asc_node_deg": slot}
+        low = {
+            "altitude_km": draw(st.floats(500.0, 3000.0)),
+            "inclination_deg": 80.0,
+            "lon_asc_node_deg": slot,
+        }
         is_low = draw(st.booleans()) and draw(st.booleans())
         chance = draw(st.sampled_from([0.3, 0.7, 1.0]))
         where: dict[str, Any] = {"orbital_slot_deg": slot}

@@ -12,7 +12,9 @@ import opir_core as opir
 def scored_run() -> opir.Run:
     """Return 300 s of one ICBM, seen by two sensors and followed to a predicted impact."""
     tracker = {"model": "imm", "regions_every_s": 15.0}
-    return opir.simulate(opir.scene_from_mapping({**SCENE, "duration_s": 300.0, "tracker": tracker}))
+    return opir.simulate(
+        opir.scene_from_mapping({**SCENE, "duration_s": 300.0, "tracker": tracker})
+    )
 
 
 @cache

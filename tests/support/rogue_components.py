@@ -1,4 +1,6 @@
-"""Components of a plugin that misbehave in one method: they hang, raise what they should not, or return nonsense."""
+"""Components of a plugin that misbehave in one method: they hang, raise what they should not, or
+return nonsense.
+"""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -16,13 +18,19 @@ Deed = Callable[[Any], Any]
 
 
 class Rogue:
-    """A plugin with the component `rogue` of one hook: a sound component with one method that misbehaves."""
+    """A plugin with the component `rogue` of one hook: a sound component with one method that
+    misbehaves.
+    """
 
     def __init__(self, hook: str, sound: str, method: str, deed: Deed) -> None:
         component = Host.discover().component(hook, sound)
 
         def build(config: Any, context: Any) -> Any:
-            return deed(component.build(config, context)) if method == "build" else spoilt(build_sound(config, context))
+            return (
+                deed(component.build(config, context))
+                if method == "build"
+                else spoilt(build_sound(config, context))
+            )
 
         def build_sound(config: Any, context: Any) -> Any:
             return component.build(config, context)
@@ -43,25 +51,37 @@ class Rogue:
 
 
 def with_deed(part: Any, method: str, deed: Deed) -> Any:
-    """Return a part like another, except for one method or attribute; defaults of its contract call the new one."""
+    """Return a part like another, except for one method or attribute; defaults of its contract call
+    the new one.
+    """
     contracts = (each for each in type(part).__mro__[1:] if issubclass(each, PluginPart))
-    contract = next((each for each in contracts if each.__module__.startswith("opir_core.interfaces.")), object)
+    contract = next(
+        (each for each in contracts if each.__module__.startswith("opir_core.interfaces.")), object
+    )
 
     def delegate(name: str) -> Any:
         if callable(getattr(part, name)):
             return lambda _self, *given, **named: getattr(part, name)(*given, **named)
         return property(lambda _self: getattr(part, name))
 
-    members = {name: delegate(name) for name in dir(part) if not name.startswith("_") and has_own(contract, part, name)}
+    members = {
+        name: delegate(name)
+        for name in dir(part)
+        if not name.startswith("_") and has_own(contract, part, name)
+    }
     if callable(getattr(part, method)):
-        members[method] = lambda _self, *given, **named: deed(getattr(part, method)(*given, **named))
+        members[method] = lambda _self, *given, **named: deed(
+            getattr(part, method)(*given, **named)
+        )
     else:
         members[method] = property(lambda _self: deed(getattr(part, method)))
     return type("RoguePart", (), members)()
 
 
 def rogue_host(hook: str, sound: str, method: str, deed: Deed) -> Host:
-    """Return a host of the installed plugins and the component `rogue` of a hook, with a method that misbehaves."""
+    """Return a host of the installed plugins and the component `rogue` of a hook, with a method
+    that misbehaves.
+    """
     host = Host.discover()
     host.register(Rogue(hook, sound, method, deed), "rogue")
     return host

@@ -1,4 +1,5 @@
-"""`opir` as a process with the component `rogue`: `python rogue_service.py HOOK SOUND METHOD DEED WORDS...`.
+"""`opir` as a process with the component `rogue`: `python rogue_service.py HOOK SOUND METHOD DEED
+WORDS...`.
 
 The deed is `hang`, or the name of an exception.
 """
@@ -13,6 +14,8 @@ from opir_core.host.host import Host
 
 if __name__ == "__main__":
     hook, sound, method, name, *words = sys.argv[1:]
-    host = rogue_host(hook, sound, method, Hang() if name == "hang" else raising(getattr(builtins, name)()))
+    host = rogue_host(
+        hook, sound, method, Hang() if name == "hang" else raising(getattr(builtins, name)())
+    )
     Host.discover = classmethod(lambda _cls, *_given: host)  # type: ignore[method-assign,assignment]
     sys.exit(main(words))

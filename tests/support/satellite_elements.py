@@ -26,25 +26,44 @@ OMM = {
     "BSTAR": 0.11606e-4,
     "EPHEMERIS_TYPE": 0,
 }
-OTHER = {**OMM, "OBJECT_NAME": "TWO", "NORAD_CAT_ID": 5, "INCLINATION": 97.0, "EPOCH": "2026-03-12T12:00:00"}
+OTHER = {
+    **OMM,
+    "OBJECT_NAME": "TWO",
+    "NORAD_CAT_ID": 5,
+    "INCLINATION": 97.0,
+    "EPOCH": "2026-03-12T12:00:00",
+}
 
 
 def omm_texts(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """Return the same messages in each form."""
     csv = "\n".join([",".join(rows[0]), *(",".join(map(str, row.values())) for row in rows)])
-    kvn = "\n".join("\n".join(["CCSDS_OMM_VERS = 2.0", *(f"{k} = {v}" for k, v in row.items())]) for row in rows)
+    kvn = "\n".join(
+        "\n".join(["CCSDS_OMM_VERS = 2.0", *(f"{k} = {v}" for k, v in row.items())]) for row in rows
+    )
     blocks = []
     for row in rows:
         cells = {name: f"<{name}>{value}</{name}>" for name, value in row.items()}
         meta = "".join(cells[name] for name in ("OBJECT_NAME", "OBJECT_ID"))
-        mean = "".join(cells[name] for name in ("EPOCH", "MEAN_MOTION", "ECCENTRICITY", "INCLINATION"))
-        mean += "".join(cells[name] for name in ("RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "MEAN_ANOMALY"))
-        tle = "".join(cells[name] for name in ("EPHEMERIS_TYPE", "NORAD_CAT_ID", "BSTAR"))
-        body = (
-            f"<metadata>{meta}</metadata><data><meanElements>{mean}</meanElements><tleParameters>{tle}</tleParameters>"
+        mean = "".join(
+            cells[name] for name in ("EPOCH", "MEAN_MOTION", "ECCENTRICITY", "INCLINATION")
         )
-        blocks.append(f'<omm id="CCSDS_OMM_VERS" version="2.0"><body><segment>{body}</data></segment></body></omm>')
-    return {"json": json.dumps(rows), "csv": csv, "kvn": kvn, "xml": f"<ndm>{''.join(blocks)}</ndm>"}
+        mean += "".join(
+            cells[name] for name in ("RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "MEAN_ANOMALY")
+        )
+        tle = "".join(cells[name] for name in ("EPHEMERIS_TYPE", "NORAD_CAT_ID", "BSTAR"))
+        data = f"<meanElements>{mean}</meanElements><tleParameters>{tle}</tleParameters>"
+        body = f"<metadata>{meta}</metadata><data>{data}"
+        blocks.append(
+            f'<omm id="CCSDS_OMM_VERS"'
+            f' version="2.0"><body><segment>{body}</data></segment></body></omm>'
+        )
+    return {
+        "json": json.dumps(rows),
+        "csv": csv,
+        "kvn": kvn,
+        "xml": f"<ndm>{''.join(blocks)}</ndm>",
+    }
 
 
 TLE = "\n".join(["ISS (ZARYA)", *LINES, "0 TWO", *SECOND, ""])

@@ -13,10 +13,14 @@ TRACKER = "tracker"
 
 
 def written_study(folder: Path) -> Path:
-    """Write a study of two settings: the latency is twice the scan period, the area has no value without a tracker."""
+    """Write a study of two settings: the latency is twice the scan period, the area has no value
+    without a tracker.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     rows = []
-    for number, (period_ms, tracker) in enumerate((each, name) for each in PERIODS_MS for name in TRACKERS):
+    for number, (period_ms, tracker) in enumerate(
+        (each, name) for each in PERIODS_MS for name in TRACKERS
+    ):
         for figure, unit in (("latency_s", "s"), ("area_km2", "km2")):
             mean = 2e-3 * period_ms if unit == "s" else (1e4 if tracker == "imm" else float("nan"))
             first = 2e-3 * PERIODS_MS[0] if unit == "s" else mean

@@ -1,4 +1,6 @@
-"""`opir` as a process to be killed, forked by `forked_processes.py` from one that has imported everything."""
+"""`opir` as a process to be killed, forked by `forked_processes.py` from one that has imported
+everything.
+"""
 
 import json
 import os
@@ -33,7 +35,9 @@ class Nursery:
     def __init__(self, module: str = "serve_process") -> None:
         doomed = str(Path(__file__).with_name("forked_processes.py"))
         command = [sys.executable, doomed, module]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
         self._last = 0
 
     def born(self, log: Path, *words: str) -> int:

@@ -1,4 +1,6 @@
-"""The verification cases that the sgp4 package carries (Vallado, Crawford, Hujsak and Kelso, AIAA 2006-6753)."""
+"""The verification cases that the sgp4 package carries (Vallado, Crawford, Hujsak and Kelso, AIAA
+2006-6753).
+"""
 
 from itertools import pairwise
 from pathlib import Path
@@ -12,10 +14,20 @@ _FOLDER = Path(sgp4.__file__).parent
 _LINES = (_FOLDER / "SGP4-VER.TLE").read_text().splitlines()
 
 #: Two-line element sets by catalogue number.
-TLE = {first[2:7].strip(): (first[:69], second[:69]) for first, second in pairwise(_LINES) if first.startswith("1 ")}
+TLE = {
+    first[2:7].strip(): (first[:69], second[:69])
+    for first, second in pairwise(_LINES)
+    if first.startswith("1 ")
+}
 
 #: The kinds of orbit that SGP4 tells apart.
-KINDS = {"low": "06251", "eccentric": "00005", "deep": "23599", "geosynchronous": "24208", "half a day": "08195"}
+KINDS = {
+    "low": "06251",
+    "eccentric": "00005",
+    "deep": "23599",
+    "geosynchronous": "24208",
+    "half a day": "08195",
+}
 
 
 def published_km() -> dict[str, list[list[float]]]:
@@ -31,6 +43,10 @@ def published_km() -> dict[str, list[list[float]]]:
 
 
 def epoch_of(satellite: Satrec) -> tuple[int, float]:
-    """Return the midnight before the epoch of the elements, in microseconds since 1970, and seconds from there."""
+    """Return the midnight before the epoch of the elements, in microseconds since 1970, and seconds
+    from there.
+    """
     day = int(satellite.jdsatepoch - 2440587.5)
-    return day * US_PER_DAY, (satellite.jdsatepoch - 2440587.5 - day + satellite.jdsatepochF) * 86400.0
+    return day * US_PER_DAY, (
+        satellite.jdsatepoch - 2440587.5 - day + satellite.jdsatepochF
+    ) * 86400.0

@@ -12,7 +12,8 @@ LAUNCHES = (
     {"id": "R", "type": "IRBM", "lat": -3.0, "lon": -140.0, "at": 5.0, "aim": (-28.0, -170.0)},
     {"id": "S", "type": "SRBM", "lat": 2.0, "lon": -135.0, "at": 4.0, "aim": (5.4, -132.0)},
 )
-#: Each detection is reported: confirmation over scans has tests of its own. Noise is given, without a focal plane.
+#: Each detection is reported: confirmation over scans has tests of its own. Noise is given, without
+#: a focal plane.
 PLAIN = {"confirmation_detections": 1, "focal_plane": None}
 DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0, **PLAIN, "nei_w_m2": 5e-13}
 SBIRS = {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0, **PLAIN, "nei_w_m2": 1e-12}
@@ -25,7 +26,8 @@ NEXTGEN = {
     "nei_w_m2": 1e-13,
     "collection_m2_s": 0.02,
 }
-#: With such noise that the three launches are near the threshold for seconds: some looks detect and some do not.
+#: With such noise that the three launches are near the threshold for seconds: some looks detect and
+#: some do not.
 NEAR_THRESHOLD = (
     {**DSP, "nei_w_m2": 2.5e-12},
     {**SBIRS, "nei_w_m2": 3e-11},
@@ -34,7 +36,10 @@ NEAR_THRESHOLD = (
 
 
 def scene(
-    sensors: Sequence[Any] = (DSP, SBIRS, NEXTGEN), names: str = "IRS", signature: Any = "plume", **changes: Any
+    sensors: Sequence[Any] = (DSP, SBIRS, NEXTGEN),
+    names: str = "IRS",
+    signature: Any = "plume",
+    **changes: Any,
 ) -> opir.Scene:
     targets = [
         {

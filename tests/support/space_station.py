@@ -1,4 +1,6 @@
-"""Elements of the space station in September 2008: the usual example of two lines, and the same as an OMM."""
+"""Elements of the space station in September 2008: the usual example of two lines, and the same as
+an OMM.
+"""
 
 LINE_1 = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927"
 LINE_2 = "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537"

@@ -2,8 +2,9 @@
 
     python spool_sessions.py FOLDER OUTPUT SURVIVES SECONDS
 
-fills the spool of an output for so long, twice. OUTPUT is `held`, a destination that acknowledges some batches late, or
-`jsonl`, a file. What the output has taken, and what was acknowledged, are notes of the recording.
+fills the spool of an output for so long, twice. OUTPUT is `held`, a destination that acknowledges
+some batches late, or `jsonl`, a file. What the output has taken, and what was acknowledged, are
+notes of the recording.
 """
 
 import json
@@ -29,7 +30,8 @@ SPOOL = "spool"
 LINES = "events.jsonl"
 EVENTS = 3
 SESSIONS = 2
-#: Batches that are under way when the oldest of them are acknowledged, and how many of them then are.
+#: Batches that are under way when the oldest of them are acknowledged, and how many of them then
+#: are.
 _UNDER_WAY = 6
 _ACKNOWLEDGED = 4
 
@@ -45,7 +47,10 @@ class Late(Holding):
         future = super().send(batch)
         if len(self.held) > _UNDER_WAY:
             oldest = self.parcels[-len(self.held) :][:_ACKNOWLEDGED]
-            note(self._folder, "delivered " + " ".join(id_ for parcel in oldest for id_ in ids_in(parcel)))
+            note(
+                self._folder,
+                "delivered " + " ".join(id_ for parcel in oldest for id_ in ids_in(parcel)),
+            )
             for _ in oldest:
                 self.held.pop(0).set_result(None)
         return future
@@ -88,7 +93,9 @@ def fill(folder: Path, kind: str, seconds: float, *, survives: bool) -> None:
 
 @frozen
 class Left:
-    """What a power cut leaves: the events taken before, with their times; those acknowledged; those still there."""
+    """What a power cut leaves: the events taken before, with their times; those acknowledged; those
+    still there.
+    """
 
     taken: dict[str, float]
     delivered: set[str]
@@ -135,11 +142,17 @@ def spooled_after(place: Path) -> set[str]:
 
 
 def lines_after(place: Path) -> set[str]:
-    """Return the ids in a file after its output is opened again and has emptied its spool; every line is whole."""
+    """Return the ids in a file after its output is opened again and has emptied its spool; every
+    line is whole.
+    """
     delivery = output(place, "jsonl", survives=True, policy=Policy(stall_s=60.0)).close()
     assert (delivery.spooled, delivery.complaint) == (0, None)
     events = [json.loads(line) for line in (place / LINES).read_bytes().splitlines()]
-    first = list(dict.fromkeys((event["sensor_id"], event["timestamp"], event["detection_id"]) for event in events))
+    first = list(
+        dict.fromkeys(
+            (event["sensor_id"], event["timestamp"], event["detection_id"]) for event in events
+        )
+    )
     assert first == sorted(first, key=lambda each: each[1]), "out of order"
     return {event["detection_id"] for event in events}
 

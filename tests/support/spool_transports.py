@@ -1,4 +1,6 @@
-"""A stand for spools: carriers that do as they are reported, and a process that can be killed while it fills one."""
+"""A stand for spools: carriers that do as they are reported, and a process that can be killed while
+it fills one.
+"""
 
 import json
 import os
@@ -39,7 +41,9 @@ def filled_spool(path: Path, batches: int, rows: int) -> Path:
 
 
 class Holding(Transport):
-    """A carrier that acknowledges when reported to, or at once; `mood` is "take", "hold" or "fail"."""
+    """A carrier that acknowledges when reported to, or at once; `mood` is "take", "hold" or
+    "fail".
+    """
 
     def __init__(self, mood: str = "take") -> None:
         self.mood = mood
@@ -82,7 +86,8 @@ class Holding(Transport):
 class Appending(Holding):
     """A carrier that appends lines to a file, a little at a time, as a slow consumer takes them.
 
-    A kill can leave a line torn. The next carrier goes on below it, so that what is sent again is whole.
+    A kill can leave a line torn. The next carrier goes on below it, so that what is sent again is
+    whole.
     """
 
     def __init__(self, path: Path, nap_s: float) -> None:
@@ -104,19 +109,31 @@ class Appending(Holding):
 
 def window(count: int, first: int = 0) -> Window:
     """Return a window whose detections take turns between the sensors."""
-    return stub_window(count, first_scan=first, sensor=np.arange(first, first + count) % len(SENSORS))
+    return stub_window(
+        count, first_scan=first, sensor=np.arange(first, first + count) % len(SENSORS)
+    )
 
 
 def ids_of(*windows: Window) -> list[str]:
-    return [json.loads(line)["detection_id"] for each in windows for line in ENCODER.encode(each).splitlines()]
+    return [
+        json.loads(line)["detection_id"]
+        for each in windows
+        for line in ENCODER.encode(each).splitlines()
+    ]
 
 
-def spooled(path: Path, carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> TransportSink:
-    return TransportSink("stub", carrier, Journal(str(path), max_bytes), EncodedBatcher(ENCODER, SENSORS), policy)
+def spooled(
+    path: Path, carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB
+) -> TransportSink:
+    return TransportSink(
+        "stub", carrier, Journal(str(path), max_bytes), EncodedBatcher(ENCODER, SENSORS), policy
+    )
 
 
 def unspooled(carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> TransportSink:
-    return TransportSink("stub", carrier, MemoryBacklog(max_bytes), EncodedBatcher(ENCODER, SENSORS), policy)
+    return TransportSink(
+        "stub", carrier, MemoryBacklog(max_bytes), EncodedBatcher(ENCODER, SENSORS), policy
+    )
 
 
 def fill(sink: Sink, windows: int, rows: int, first: int, nap_s: float) -> None:
@@ -128,11 +145,15 @@ def fill(sink: Sink, windows: int, rows: int, first: int, nap_s: float) -> None:
 
 def spool_for_ever(folder: str, first: int) -> None:
     """Be a process that fills a spool for ever, to be killed."""
-    take_for_ever(spooled(Path(folder) / "spool", Appending(Path(folder) / "arrived", 0.001)), folder, first)
+    take_for_ever(
+        spooled(Path(folder) / "spool", Appending(Path(folder) / "arrived", 0.001)), folder, first
+    )
 
 
 def take_for_ever(sink: Sink, folder: str, first: int) -> None:
-    """Write windows of 7 events from number `first` on, and note the first of each that is written."""
+    """Write windows of 7 events from number `first` on, and note the first of each that is
+    written.
+    """
     taken = os.open(Path(folder) / "taken", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     for number in range(first, first + 1_000_000, 7):
         sink.write(window(7, number))
@@ -140,7 +161,9 @@ def take_for_ever(sink: Sink, folder: str, first: int) -> None:
         time.sleep(0.001)
 
 
-def small(tmp_path: Path, carrier: Any, when_full: str, *, is_spooled: bool, wait_s: float = 0.2) -> TransportSink:
+def small(
+    tmp_path: Path, carrier: Any, when_full: str, *, is_spooled: bool, wait_s: float = 0.2
+) -> TransportSink:
     policy = Policy(when_full=when_full, wait_s=wait_s, stall_s=0.3)
     if is_spooled:
         return spooled(tmp_path / "spool", carrier, policy, 10 * MIB)

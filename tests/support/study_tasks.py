@@ -13,7 +13,9 @@ def doubled(number: int) -> int:
 
 
 def doubled_or_killed(task: tuple[int, str]) -> int:
-    """Return twice the number; the first worker that gets a task with a path kills itself, and leaves the file."""
+    """Return twice the number; the first worker that gets a task with a path kills itself, and
+    leaves the file.
+    """
     number, path = task
     if path and not Path(path).exists():
         Path(path).touch()
@@ -22,7 +24,8 @@ def doubled_or_killed(task: tuple[int, str]) -> int:
 
 
 def is_beside(task: tuple[str, str, str]) -> bool:
-    """Return whether another task runs at the same time; the first worker of all kills itself, and leaves a file.
+    """Return whether another task runs at the same time; the first worker of all kills itself, and
+    leaves a file.
 
     `task` is the file that tells of the death, this task's own file, and the other's.
     """

@@ -1,4 +1,6 @@
-"""Slow tests in thirds: `OPIR_THIRD=1/3` runs the first third of them, so that three runs of CI run each of them."""
+"""Slow tests in thirds: `OPIR_THIRD=1/3` runs the first third of them, so that three runs of CI run
+each of them.
+"""
 
 import zlib
 from collections.abc import Callable

@@ -1,4 +1,6 @@
-"""The whole tracker `imm` on many drawn flights at once: association, initiation, filter and impacts."""
+"""The whole tracker `imm` on many drawn flights at once: association, initiation, filter and
+impacts.
+"""
 
 from typing import NamedTuple
 
@@ -34,7 +36,13 @@ def sensors_of(chances=CHANCES, bias_rad=0.0):
         {"model": "SBIRS-GEO", "id": f"S{number}", "orbital_slot_deg": float(np.degrees(slot))}
         for number, slot in enumerate(SLOTS_RAD)
     ]
-    scene = {"scene": "followed", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "seed": 1, "sensors": blocks}
+    scene = {
+        "scene": "followed",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 1.0,
+        "seed": 1,
+        "sensors": blocks,
+    }
     launch = {"lat_deg": 0.0, "lon_deg": 0.0, "time_s": 0.0}
     target = {"id": "T", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 2.0, "lon_deg": 2.0}}
     plan = compile_plan(scene_from_mapping({**scene, "targets": [target]}))
@@ -66,7 +74,9 @@ def detections_of(rays):
 
 
 def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", regions_every_s=60.0):
-    """Yield the ticks, one a second, of the tracker that sees flights; of one sensor only the first one's looks."""
+    """Yield the ticks, one a second, of the tracker that sees flights; of one sensor only the first
+    one's looks.
+    """
     sensors = sensors or sensors_of()
     owner, rays = seen(truth, seeing, seed)
     mine = np.flatnonzero(rays.sensor < len(sensors))
@@ -90,7 +100,9 @@ def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", region
 
 
 def rows_of(tracks, shared):
-    """Return the rows (flights,) of the tracks that share most detections with each flight, -1 for none."""
+    """Return the rows (flights,) of the tracks that share most detections with each flight, -1 for
+    none.
+    """
     known = np.flatnonzero(tracks.track < len(shared))
     hits = shared[tracks.track[known], :-1]
     if not len(known):
@@ -99,7 +111,9 @@ def rows_of(tracks, shared):
 
 
 def last_reported(truth, seeing, seed, after_s, forces="kepler"):
-    """Return the reports on flights, one row each, a time after the last burn; each of them has a track."""
+    """Return the reports on flights, one row each, a time after the last burn; each of them has a
+    track.
+    """
     *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces)
     rows = rows_of(last.reported, last.shared)
     assert (rows >= 0).all()

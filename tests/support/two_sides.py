@@ -12,7 +12,9 @@ from opir_core.plugin import Host, NoConfig, Tracker, TrackerModel, hookimpl
 
 
 class TwoSides(Tracker):
-    """A track for what is north of the equator, an ICBM with 0.9, and one for what is south, a fire, which is lost."""
+    """A track for what is north of the equator, an ICBM with 0.9, and one for what is south, a
+    fire, which is lost.
+    """
 
     cadence_s = 1.0
 
@@ -30,8 +32,13 @@ class TwoSides(Tracker):
         chances[1, names.index("ground source")] = 0.998
         chances[1, names.index("SRBM")] = 0.002
         place = np.radians([[34.7, -120.6, 0.0], [-20.0, -80.0, 0.0]])
-        weighed = {"hypothesis_probability": chances, "end": [0, 3 if tick_s == SCENE["duration_s"] else 0]}
-        return stub_estimates(2, self._hypotheses, tick_s=tick_s, track=np.arange(2), launch=place, **weighed)
+        weighed = {
+            "hypothesis_probability": chances,
+            "end": [0, 3 if tick_s == SCENE["duration_s"] else 0],
+        }
+        return stub_estimates(
+            2, self._hypotheses, tick_s=tick_s, track=np.arange(2), launch=place, **weighed
+        )
 
 
 class TwoSidesPlugin:

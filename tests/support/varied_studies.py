@@ -1,4 +1,6 @@
-"""Studies as `opir sweep` writes them: each way to vary settings, figures that span decades, a constant."""
+"""Studies as `opir sweep` writes them: each way to vary settings, figures that span decades, a
+constant.
+"""
 
 import json
 from itertools import product
@@ -19,20 +21,34 @@ STUDIES = {
         {PERIOD: [50.0, 100.0, 200.0, 300.0, 400.0, 500.0], CHANCE: [0.3, 0.5, 0.6, 0.7, 0.9]},
         "factorial",
     ),
-    "names": ({TRACKER: ["imm with a long name of its own", "kepler-arc", "stonesoup"]}, "factorial"),
-    "three-knobs": ({PERIOD: [50.0, 100.0, 5000.0], CHANCE: [0.3, 0.9], TRACKER: ["imm", "kepler-arc"]}, "factorial"),
+    "names": (
+        {TRACKER: ["imm with a long name of its own", "kepler-arc", "stonesoup"]},
+        "factorial",
+    ),
+    "three-knobs": (
+        {PERIOD: [50.0, 100.0, 5000.0], CHANCE: [0.3, 0.9], TRACKER: ["imm", "kepler-arc"]},
+        "factorial",
+    ),
     "one-at-a-time": (
         {PERIOD: [100.0, 50.0, 5000.0], CHANCE: [0.9, 0.3], TRACKER: ["imm", "kepler-arc"]},
         "one-at-a-time",
     ),
     "alone": ({}, "factorial"),
 }
-FIGURES = {"latency_s": "s", "position_rmse_m": "m", "impact_area_km2": "km2", "warned": "", "tracked": ""}
+FIGURES = {
+    "latency_s": "s",
+    "position_rmse_m": "m",
+    "impact_area_km2": "km2",
+    "warned": "",
+    "tracked": "",
+}
 RUNS = 6
 
 
 def written(folder: Path, name: str) -> Path:
-    """Write a study whose figures span decades, with intervals that reach below 0, and a constant."""
+    """Write a study whose figures span decades, with intervals that reach below 0, and a
+    constant.
+    """
     vary, design = STUDIES[name]
     every = list(product(*vary.values()))
     if design == "one-at-a-time":

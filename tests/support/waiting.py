@@ -18,7 +18,9 @@ def until(is_so: Callable[[], Any], within_s: float = 60.0) -> None:
 
 
 def within(seconds: float, call: Callable[[], Result]) -> Result:
-    """Return what a call that may block for ever returns, or raise what it raises; `TimeoutError` at the deadline."""
+    """Return what a call that may block for ever returns, or raise what it raises; `TimeoutError`
+    at the deadline.
+    """
     answer: Future[Result] = Future()
 
     def run() -> None:

@@ -1,7 +1,8 @@
-"""A service in a process of its own, with a broker and a disk that can be spoilt, and the books that it must keep.
+"""A service in a process of its own, with a broker and a disk that can be spoilt, and the books
+that it must keep.
 
-Each life of the service has a day of scene time of its own, so that an event tells its life. Two outputs with a spool
-get the same events: a topic, and a file. What one has must be in the other.
+Each life of the service has a day of scene time of its own, so that an event tells its life. Two
+outputs with a spool get the same events: a topic, and a file. What one has must be in the other.
 """
 
 import http.client
@@ -41,7 +42,11 @@ targets:
     launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 0.1}
     aim: {lat_deg: 9.0, lon_deg: 167.7}
 """
-LAUNCH = {"type": "SRBM", "launch": {"lat_deg": 22.0, "lon_deg": -160.0}, "aim": {"lat_deg": 24.0, "lon_deg": -158.0}}
+LAUNCH = {
+    "type": "SRBM",
+    "launch": {"lat_deg": 22.0, "lon_deg": -160.0},
+    "aim": {"lat_deg": 24.0, "lon_deg": -158.0},
+}
 #: Answers to a request that the run cannot serve now, and says so.
 BUSY = {409, 412, 429, 503}
 UNREADY_S = 3.0
@@ -50,7 +55,11 @@ PARTITIONS = 12
 #: Time for what is whole again to be ready, and for a spool to empty, on a slow machine, s.
 RECOVERY_S = 120.0
 #: Times for a machine that does other work too, s.
-PATIENT = kafka_broker.BRISK | {"request_timeout_s": 3.0, "acknowledgement_timeout_s": 4.0, "connect_timeout_s": 6.0}
+PATIENT = kafka_broker.BRISK | {
+    "request_timeout_s": 3.0,
+    "acknowledgement_timeout_s": 4.0,
+    "connect_timeout_s": 6.0,
+}
 COUNTS = ("delivered", "spooled", "dropped", "withheld")
 
 
@@ -72,7 +81,8 @@ class WatchedService:
         self.number: int | None = None
         self.is_frozen = False
         self.is_faulty = False
-        #: By life: the events given at least, those that viewers have seen, and those that may be missing.
+        #: By life: the events given at least, those that viewers have seen, and those that may be
+        #: missing.
         self.given: dict[int, int] = {}
         self.seen: dict[int, set[str]] = defaultdict(set)
         self.lost = {"lines": 0, "topic": 0}
@@ -89,13 +99,23 @@ class WatchedService:
         kept = {"when_full": "wait", "wait_s": 600}
         kafka = {"bootstrap_servers": self.broker.address, "topic": self.topic, **PATIENT}
         sinks = [
-            {"jsonl": {"path": str(self.disk / "lines"), "spool": {"path": str(self.disk / "a.spool"), **kept}}},
+            {
+                "jsonl": {
+                    "path": str(self.disk / "lines"),
+                    "spool": {"path": str(self.disk / "a.spool"), **kept},
+                }
+            },
             {"kafka": {**kafka, "spool": {"path": str(self.disk / "b.spool"), **kept}}},
         ]
         words = ["serve", str(self.folder / "scene.yaml"), "--port", "0", "--speed", "5", "--loop"]
         words += ["--unready-after", str(UNREADY_S), "--set", f"outputs={json.dumps(sinks)}"]
         # A lap adds 1 to the seed: laps of two lives must not share ids.
-        words += ["--set", f"seed={1000 * self.life}", "--set", f'epoch="2026-04-{self.life + 1:02d}T12:00:00Z"']
+        words += [
+            "--set",
+            f"seed={1000 * self.life}",
+            "--set",
+            f'epoch="2026-04-{self.life + 1:02d}T12:00:00Z"',
+        ]
         self.number = self._nurse.born(self.log, str(self.disk), str(self.control), *words)
         until(lambda: "http://" in self.reported() or not is_alive(self.number or 0))
         assert "http://" in self.reported(), self.reported()
@@ -111,7 +131,9 @@ class WatchedService:
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
         try:
             more = {"Content-Type": "application/json"} if body is not None else {}
-            connection.request(method, path, None if body is None else json.dumps(body), {**more, **headers})
+            connection.request(
+                method, path, None if body is None else json.dumps(body), {**more, **headers}
+            )
             answer = connection.getresponse()
             self.etag = answer.headers.get("ETag", "")
             return answer.status, json.loads(answer.read() or b"null")
@@ -123,7 +145,9 @@ class WatchedService:
         assert status == 202 or status in BUSY, reported
 
     def configure(self, period_ms: float, client: str) -> None:
-        """Change the scan period of the first sensor, and the output to the broker, which is opened anew."""
+        """Change the scan period of the first sensor, and the output to the broker, which is opened
+        anew.
+        """
         _, settings = self.ask("GET", "/config")
         tag = self.etag
         settings["sensors"][0]["members"][0]["scan_period_ms"] = period_ms
@@ -160,7 +184,9 @@ class WatchedService:
         assert "Traceback" not in reported, reported
         dropped = [int(found) for found in re.findall(r"spooled, (\d+) dropped", reported)]
         assert len(dropped) == 2, reported
-        self.lost = {name: self.lost[name] + count for name, count in zip(self.lost, dropped, strict=True)}
+        self.lost = {
+            name: self.lost[name] + count for name, count in zip(self.lost, dropped, strict=True)
+        }
 
     def kill(self) -> None:
         assert self.number is not None
@@ -171,7 +197,9 @@ class WatchedService:
         self.is_faulty = False
 
     def damage(self, name: str, seed: int, flips: int) -> bool:
-        """Flip bits of the spool of a service that was stopped, behind its first page; return whether there is more."""
+        """Flip bits of the spool of a service that was stopped, behind its first page; return
+        whether there is more.
+        """
         import random
 
         path = self.disk / name
@@ -198,15 +226,22 @@ class WatchedService:
             assert sink["unbalanced"] == 0, sink
 
     def _observe_given(self) -> None:
-        """Note how many events were given; a window is counted after it is in the spool, so wait until it is."""
+        """Note how many events were given; a window is counted after it is in the spool, so wait
+        until it is.
+        """
         give_up_s = time.monotonic() + (60.0 if not self.is_faulty else 0.3)
         while True:
             sinks = self.ask("GET", "/status")[1]["sinks"]
-            off = [sum(sink[name] for name in COUNTS) - sink["given"] - sink["recovered"] for sink in sinks]
+            off = [
+                sum(sink[name] for name in COUNTS) - sink["given"] - sink["recovered"]
+                for sink in sinks
+            ]
             if not any(off) or (time.monotonic() > give_up_s and self.is_faulty):
                 break
             assert time.monotonic() < give_up_s, sinks
-        self.given[self.life] = max(self.given.get(self.life, 0), min(sink["given"] for sink in sinks))
+        self.given[self.life] = max(
+            self.given.get(self.life, 0), min(sink["given"] for sink in sinks)
+        )
         self.sinks = sinks
 
     def recover(self) -> None:
@@ -220,7 +255,10 @@ class WatchedService:
         while (health := self.ask("GET", "/health/ready"))[0] != 200:
             assert time.monotonic() < give_up_s, (health, self._sinks(), self.reported())
             self._retry()
-        due = {sink["path"]: sink["given"] + sink["recovered"] for sink in self.ask("GET", "/status")[1]["sinks"]}
+        due = {
+            sink["path"]: sink["given"] + sink["recovered"]
+            for sink in self.ask("GET", "/status")[1]["sinks"]
+        }
         while any(self._done(sink) < due[sink["path"]] for sink in self._sinks()):
             assert time.monotonic() < give_up_s, (due, self._sinks(), self.reported())
             time.sleep(0.1)
@@ -275,8 +313,16 @@ class WatchedService:
                 for events in sensors.values():
                     everything[name] |= {event["detection_id"]: event for event in events}
                     times = [event["timestamp"] for event in events]
-                    at = next((at for at, (one, other) in enumerate(pairwise(times)) if one > other), None)
-                    assert at is None, (name, "out of order", times[at - 3 : at + 5], len(times), self.life)
+                    at = next(
+                        (at for at, (one, other) in enumerate(pairwise(times)) if one > other), None
+                    )
+                    assert at is None, (
+                        name,
+                        "out of order",
+                        times[at - 3 : at + 5],
+                        len(times),
+                        self.life,
+                    )
         both = everything["lines"].keys() & everything["topic"].keys()
         assert all(everything["lines"][each] == everything["topic"][each] for each in both)
         for name in arrived:

@@ -1,1 +1,3 @@
-"""Staged boosts: gravity turns of one to several burns with dark gaps, aimed on the rotating Earth."""
+"""Staged boosts: gravity turns of one to several burns with dark gaps, aimed on the rotating
+Earth.
+"""

@@ -1,9 +1,11 @@
-"""Aiming of gravity turns: the azimuth, kick and cut-off of the last burn with which a flight reaches its aim point.
+"""Aiming of gravity turns: the azimuth, kick and cut-off of the last burn with which a flight
+reaches its aim point.
 
-A kick steeper or flatter than that of minimum energy needs a later cut-off of the last burn. `loft` chooses among the
-kicks that reach the aim point: 0 is the kick of the earliest cut-off; 1 the smallest (lofted) and -1 the largest
-(depressed) with which it is reached before the last `RESERVE` of the last burn; between them the kick is linear. These
-kicks are found in two-body free flight. Azimuth and cut-off then follow by Newton's method under the scene's forces.
+A kick steeper or flatter than that of minimum energy needs a later cut-off of the last burn. `loft`
+chooses among the kicks that reach the aim point: 0 is the kick of the earliest cut-off; 1 the
+smallest (lofted) and -1 the largest (depressed) with which it is reached before the last `RESERVE`
+of the last burn; between them the kick is linear. These kicks are found in two-body free flight.
+Azimuth and cut-off then follow by Newton's method under the scene's forces.
 """
 
 from collections.abc import Sequence
@@ -15,7 +17,15 @@ from attrs import evolve, frozen
 from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.flight.gravity_and_drag import height_and_climb
 from opir_core.flight.landing import AimedLanding, aimed_landing, corrected, polar_rad
-from opir_core.flight.staged.gravity_turn import Boosts, BoostState, Leg, LegKind, Turn, burnout, fineness_needed
+from opir_core.flight.staged.gravity_turn import (
+    Boosts,
+    BoostState,
+    Leg,
+    LegKind,
+    Turn,
+    burnout,
+    fineness_needed,
+)
 from opir_core.flight.staged.staging import Staging
 from opir_core.geometry.vectors import components, length
 
@@ -28,7 +38,8 @@ TOLERANCE_M = 0.1
 #: The share of the last burn that lofted and depressed flights keep in reserve.
 RESERVE = 0.02
 
-#: The smallest and the largest kick, rad; from vertical flight to a turn faster than any staging can fly.
+#: The smallest and the largest kick, rad; from vertical flight to a turn faster than any staging
+#: can fly.
 _KICKS_RAD = (0.002, 1.2)
 
 #: Kicks in a table, and times of cut-off.
@@ -40,7 +51,8 @@ _ITERATIONS = 25
 #: The miss, m, at which the azimuth is good enough for the table of lofts.
 _ROUGH_M = 1e3
 
-#: How much earlier a guess that does not come down is cut off, as a share of the last burn, and how often.
+#: How much earlier a guess that does not come down is cut off, as a share of the last burn, and how
+#: often.
 _EARLIER = 0.01
 _RETREATS = 20
 
@@ -50,7 +62,9 @@ _RESTARTS = 4
 
 @frozen(eq=False, repr=False)
 class StagedShots:
-    """Boosts (n,) with their kicks, earliest and latest times of cut-off and aim points; `forces` None is two-body."""
+    """Boosts (n,) with their kicks, earliest and latest times of cut-off and aim points; `forces`
+    None is two-body.
+    """
 
     boosts: Boosts
     kick_rad: FloatArray
@@ -63,7 +77,11 @@ class StagedShots:
 
     @classmethod
     def of(
-        cls, boosts: Boosts, stagings: Sequence[Staging], aim_ecef_m: FloatArray, aim_height_m: FloatArray
+        cls,
+        boosts: Boosts,
+        stagings: Sequence[Staging],
+        aim_ecef_m: FloatArray,
+        aim_height_m: FloatArray,
     ) -> "StagedShots":
         """Return shots without a kick yet, in two-body free flight."""
         earliest, latest = (
@@ -71,20 +89,33 @@ class StagedShots:
             for name in ("earliest_cut_off_s", "latest_cut_off_s")
         )
         nothing = np.zeros(len(stagings))
-        return cls(boosts, nothing, np.ones(len(stagings)), earliest, latest, aim_ecef_m, aim_height_m)
+        return cls(
+            boosts, nothing, np.ones(len(stagings)), earliest, latest, aim_ecef_m, aim_height_m
+        )
 
     def take(self, rows: RowArray) -> "StagedShots":
         """Return some of the shots."""
-        columns = (self.kick_rad, self.fineness, self.earliest_s, self.latest_s, self.aim_ecef_m, self.aim_height_m)
+        columns = (
+            self.kick_rad,
+            self.fineness,
+            self.earliest_s,
+            self.latest_s,
+            self.aim_ecef_m,
+            self.aim_height_m,
+        )
         forces = None if self.forces is None else self.forces.take(rows)
         kick, fineness, earliest, latest, aim_m, height_m = (column[rows] for column in columns)
-        return StagedShots(self.boosts.take(rows), kick, fineness, earliest, latest, aim_m, height_m, forces)
+        return StagedShots(
+            self.boosts.take(rows), kick, fineness, earliest, latest, aim_m, height_m, forces
+        )
 
     def in_two_body_motion(self) -> "StagedShots":
         """Return the same shots with two-body motion after burnout."""
         return self if self.forces is None else evolve(self, forces=None)
 
-    def burnout(self, azimuth_rad: FloatArray, cut_off_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def burnout(
+        self, azimuth_rad: FloatArray, cut_off_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
         end = burnout(self.boosts, azimuth_rad, self.kick_rad, cut_off_s, self.fineness)
         return end.position_m.T, end.velocity_m_s.T
@@ -99,8 +130,8 @@ class StagedShots:
 class Reach:
     """Ground angles that shots reach, by time of cut-off and kick.
 
-    `kick_rad` (n, k) increases along its rows; `cut_off_s` (n, c); `range_rad` (n, k, c), nan for flights that descend
-    at cut-off, and pi for those that pass the antipode or do not come down.
+    `kick_rad` (n, k) increases along its rows; `cut_off_s` (n, c); `range_rad` (n, k, c), nan for
+    flights that descend at cut-off, and pi for those that pass the antipode or do not come down.
     """
 
     kick_rad: FloatArray
@@ -124,8 +155,12 @@ class Reach:
         return np.where(far.any(axis=2), early_s + share * (late_s - early_s), np.nan)
 
     def extremes_rad(self) -> tuple[FloatArray, FloatArray]:
-        """Return the ranges (n,) of the flights of least energy for the earliest and for the latest cut-off."""
-        nearest, farthest = (np.nanmax(self.range_rad[:, :, cut], axis=1, initial=0.0) for cut in (0, -1))
+        """Return the ranges (n,) of the flights of least energy for the earliest and for the latest
+        cut-off.
+        """
+        nearest, farthest = (
+            np.nanmax(self.range_rad[:, :, cut], axis=1, initial=0.0) for cut in (0, -1)
+        )
         return nearest, farthest
 
 
@@ -150,7 +185,8 @@ def reach(shots: StagedShots, azimuth_rad: FloatArray, kick_rad: FloatArray) -> 
         range_rad[:, cut] = _range_rad(shots.take(every), azimuth, end)
         earlier_s = cut_s
     table = range_rad.reshape(count, kicks, _CUTS)
-    # A larger kick than one into the ground is one into the ground, whatever a trial that has passed through it does.
+    # A larger kick than one into the ground is one into the ground, whatever a trial that has
+    # passed through it does.
     table[np.logical_or.accumulate(np.isnan(table), axis=1)] = np.nan
     return Reach(kick_rad, cut_off_s, table)
 
@@ -161,7 +197,8 @@ def _but_last(boosts: Boosts, cut_off_s: FloatArray) -> list[Leg]:
 
 
 def _range_rad(shots: StagedShots, azimuth_rad: FloatArray, end: BoostState) -> FloatArray:
-    """Return the ground angles of flights with launch azimuths (n,); pi where they pass the antipode or stay aloft.
+    """Return the ground angles of flights with launch azimuths (n,); pi where they pass the
+    antipode or stay aloft.
 
     nan where they descend, or are below the aim point, at burnout.
     """
@@ -170,9 +207,12 @@ def _range_rad(shots: StagedShots, azimuth_rad: FloatArray, end: BoostState) -> 
     with np.errstate(all="ignore"):
         inverse_radius = 1.0 / length(*components(position))
         height, climb = height_and_climb(end.position_m, end.velocity_m_s, inverse_radius)
-        landing = aimed_landing(shots.boosts.site, shots.aim_ecef_m, shots.aim_height_m, (position, velocity), None)
+        landing = aimed_landing(
+            shots.boosts.site, shots.aim_ecef_m, shots.aim_height_m, (position, velocity), None
+        )
         angle, bearing = polar_rad(shots.boosts.site, landing.impact_ecef_m)
-        # Beyond the antipode the shorter way to the impact leads backwards, as it does for short steep flights.
+        # Beyond the antipode the shorter way to the impact leads backwards, as it does for short
+        # steep flights.
         is_beyond = (angle > 0.5 * np.pi) & (np.cos(bearing - azimuth_rad) < 0.0)
         angle = np.where(is_beyond, np.pi, angle)
     is_aloft = (climb > 0.0) & (height > shots.aim_height_m)
@@ -205,7 +245,9 @@ def solved(shots: StagedShots, loft: FloatArray, forces: "Forces | None") -> Sta
     nearest_rad, farthest_rad = table.extremes_rad()
     kick_rad, cut_off_s = _least_energy(table, range_rad)
     shots = evolve(shots, kick_rad=kick_rad)
-    shots = evolve(shots, fineness=fineness_needed(shots.boosts, azimuth_rad, kick_rad, shots.latest_s))
+    shots = evolve(
+        shots, fineness=fineness_needed(shots.boosts, azimuth_rad, kick_rad, shots.latest_s)
+    )
     cut_off_s = _coming_down(shots, azimuth_rad, cut_off_s)
     azimuth_rad, cut_off_s = corrected(shots, azimuth_rad, cut_off_s, _ROUGH_M, _ITERATIONS)
     table = reach(shots, azimuth_rad, _finer(table, range_rad, shots, loft))
@@ -217,14 +259,20 @@ def solved(shots: StagedShots, loft: FloatArray, forces: "Forces | None") -> Sta
         shots = evolve(shots, forces=forces)
         azimuth_rad, cut_off_s = corrected(shots, azimuth_rad, cut_off_s, TOLERANCE_M, _ITERATIONS)
     miss_m = shots.landing(azimuth_rad, cut_off_s).miss_m
-    is_solved = (miss_m <= TOLERANCE_M) & (cut_off_s >= shots.earliest_s) & (cut_off_s <= shots.latest_s)
+    is_solved = (
+        (miss_m <= TOLERANCE_M) & (cut_off_s >= shots.earliest_s) & (cut_off_s <= shots.latest_s)
+    )
     radius_m = length(*components(shots.boosts.site.launch_m))
     reaches_m = nearest_rad * radius_m, farthest_rad * radius_m
-    return StagedSolution(azimuth_rad, kick_rad, cut_off_s, shots.fineness, miss_m, *reaches_m, is_solved)
+    return StagedSolution(
+        azimuth_rad, kick_rad, cut_off_s, shots.fineness, miss_m, *reaches_m, is_solved
+    )
 
 
 def _coming_down(shots: StagedShots, azimuth_rad: FloatArray, cut_off_s: FloatArray) -> FloatArray:
-    """Return guesses of times of cut-off, earlier where flights would not come down: Newton's method needs impacts."""
+    """Return guesses of times of cut-off, earlier where flights would not come down: Newton's
+    method needs impacts.
+    """
     cut_off_s = np.clip(cut_off_s, shots.earliest_s, shots.latest_s)
     step_s = _EARLIER * shots.boosts.stages.burn_time_s[-1]
     rows = np.arange(len(cut_off_s))
@@ -236,10 +284,14 @@ def _coming_down(shots: StagedShots, azimuth_rad: FloatArray, cut_off_s: FloatAr
     return cut_off_s
 
 
-def _aimed(shots: StagedShots, azimuth_rad: FloatArray, guess_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the azimuths and times of cut-off that reach the aim points; trials that miss start again, earlier.
+def _aimed(
+    shots: StagedShots, azimuth_rad: FloatArray, guess_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the azimuths and times of cut-off that reach the aim points; trials that miss start
+    again, earlier.
 
-    Near orbital speed the range grows so fast with the cut-off that Newton's method needs a guess that falls short.
+    Near orbital speed the range grows so fast with the cut-off that Newton's method needs a guess
+    that falls short.
     """
     azimuth, cut_off_s = corrected(shots, azimuth_rad, guess_s, TOLERANCE_M, _ITERATIONS)
     miss_m = shots.landing(azimuth, cut_off_s).miss_m
@@ -259,7 +311,8 @@ def _aimed(shots: StagedShots, azimuth_rad: FloatArray, guess_s: FloatArray) -> 
 
 
 def _least_energy(table: Reach, range_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the kicks and times (n,) of the earliest cut-off; out of reach, those that come nearest.
+    """Return the kicks and times (n,) of the earliest cut-off; out of reach, those that come
+    nearest.
 
     Between kicks the time is a parabola over the logarithm of the kick.
     """
@@ -277,11 +330,17 @@ def _least_energy(table: Reach, range_rad: FloatArray) -> tuple[FloatArray, Floa
     time_s = needed_s[row, best] - np.where(inside, 0.25 * (before_s - after_s) * shift, 0.0)
     farthest = np.nanargmax(np.nan_to_num(table.range_rad[:, :, -1], nan=-1.0), axis=1)
     is_near = np.isfinite(needed_s).any(axis=1)
-    return np.where(is_near, kick_rad, table.kick_rad[row, farthest]), np.where(is_near, time_s, table.cut_off_s[:, -1])
+    return np.where(is_near, kick_rad, table.kick_rad[row, farthest]), np.where(
+        is_near, time_s, table.cut_off_s[:, -1]
+    )
 
 
-def _allowed(table: Reach, range_rad: FloatArray, shots: StagedShots) -> tuple[RowArray, RowArray, BoolArray]:
-    """Return the first and last of the kicks about that of least energy that keep the reserve, and where there are."""
+def _allowed(
+    table: Reach, range_rad: FloatArray, shots: StagedShots
+) -> tuple[RowArray, RowArray, BoolArray]:
+    """Return the first and last of the kicks about that of least energy that keep the reserve, and
+    where there are.
+    """
     needed_s = table.needed_s(range_rad)
     limit_s = shots.latest_s - RESERVE * shots.boosts.stages.burn_time_s[-1]
     fits = needed_s <= limit_s[:, None]
@@ -295,7 +354,9 @@ def _allowed(table: Reach, range_rad: FloatArray, shots: StagedShots) -> tuple[R
 
 
 def _finer(table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatArray) -> FloatArray:
-    """Return kicks (n, k) between the neighbours of that of least energy, or with loft of all that are allowed."""
+    """Return kicks (n, k) between the neighbours of that of least energy, or with loft of all that
+    are allowed.
+    """
     first, last, exists = _allowed(table, range_rad, shots)
     row = np.arange(len(loft))
     step = table.kick_rad[:, 1] / table.kick_rad[:, 0]
@@ -305,8 +366,12 @@ def _finer(table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatA
     return low[:, None] * (high / low)[:, None] ** np.linspace(0.0, 1.0, _KICKS)
 
 
-def _lofted(table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the kicks (n,) of the lofts, and about when the last burn is cut off, s since ignition."""
+def _lofted(
+    table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the kicks (n,) of the lofts, and about when the last burn is cut off, s since
+    ignition.
+    """
     kick_rad, cut_off_s = _least_energy(table, range_rad)
     first, last, exists = _allowed(table, range_rad, shots)
     row = np.arange(len(loft))

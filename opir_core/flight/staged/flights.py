@@ -1,4 +1,6 @@
-"""Flights of gravity turns from ignition to impact: solved, integrated and described as columns over n targets."""
+"""Flights of gravity turns from ignition to impact: solved, integrated and described as columns
+over n targets.
+"""
 
 from collections.abc import Sequence
 
@@ -20,11 +22,12 @@ from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
 class StagedFlights:
     """The flights of n targets: columns (n,), vectors (n, 3), intervals (n, k, 2).
 
-    `azimuth_rad` is clockwise from true north. `cut_off_s` is since ignition: that of the flight to the aim point, less
-    the early shutdown; `earliest_s` and `latest_s` are its limits. ECI is ECEF frozen at scene epoch. `burns_s` are the
-    scene times of ignition and burnout of each stage, nan where a target has fewer; `edges_s` (n, e) those at which the
-    thrust is not smooth. `is_solved` says whether the aim point is reached without the early shutdown; `nearest_m` and
-    `farthest_m` are about how far the stages reach at minimum energy.
+    `azimuth_rad` is clockwise from true north. `cut_off_s` is since ignition: that of the flight to
+    the aim point, less the early shutdown; `earliest_s` and `latest_s` are its limits. ECI is ECEF
+    frozen at scene epoch. `burns_s` are the scene times of ignition and burnout of each stage, nan
+    where a target has fewer; `edges_s` (n, e) those at which the thrust is not smooth. `is_solved`
+    says whether the aim point is reached without the early shutdown; `nearest_m` and `farthest_m`
+    are about how far the stages reach at minimum energy.
     """
 
     azimuth_rad: FloatArray
@@ -49,7 +52,9 @@ class StagedFlights:
     arcs: DenseArcs
 
     def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ECEF positions and velocities relative to the Earth (m, 3) in the boosts of targets at times (m,)."""
+        """Return ECEF positions and velocities relative to the Earth (m, 3) in the boosts of
+        targets at times (m,).
+        """
         last = self.arcs.first[1:] - 1
         burn_s = (self.arcs.begin_s + self.arcs.length_s)[last]
         elapsed_s = np.clip(time_s - self.ignition_s[target], 0.0, burn_s[target])
@@ -65,10 +70,12 @@ def staged_flights(
     early_shutdown_s: FloatArray,
     forces: ForceModel = "kepler",
 ) -> StagedFlights:
-    """Return the flights of n targets with one staging each; places, times and settings are columns (n,).
+    """Return the flights of n targets with one staging each; places, times and settings are columns
+    (n,).
 
-    `forces` act from burnout to impact; during the boost act their gravity, and drag in their air or, without drag, in
-    an exponential atmosphere. See `opir_core.flight.staged.aiming` for the loft.
+    `forces` act from burnout to impact; during the boost act their gravity, and drag in their air
+    or, without drag, in an exponential atmosphere. See `opir_core.flight.staged.aiming` for the
+    loft.
     """
     count = np.array([len(staging.stages) for staging in stagings])
     free = forces_on(forces, len(stagings))
@@ -77,7 +84,10 @@ def staged_flights(
     for stages in np.unique(count).tolist():
         rows = np.flatnonzero(count == stages)
         own = [stagings[row] for row in rows.tolist()]
-        start, end = (Geodetic(*(np.asarray(column)[rows] for column in place)) for place in (launch, aim_point))
+        start, end = (
+            Geodetic(*(np.asarray(column)[rows] for column in place))
+            for place in (launch, aim_point)
+        )
         boosts = Boosts.of(launch_site(*start), own, forces)
         shots = StagedShots.of(boosts, own, geodetic_to_ecef(*end), end.height_m)
         solution = solved(shots, loft[rows], None if free is None else free.take(rows))
@@ -87,18 +97,34 @@ def staged_flights(
             fineness=solution.fineness,
             forces=None if free is None else free.take(rows),
         )
-        columns = _columns(shots, solution, ignition_s[rows], early_shutdown_s[rows], int(count.max()))
+        columns = _columns(
+            shots, solution, ignition_s[rows], early_shutdown_s[rows], int(count.max())
+        )
         for name, column in columns.items():
             whole = merged.setdefault(name, np.full((len(count), *column.shape[1:]), np.nan))
             whole[rows] = column
         cut_off_s = merged["cut_off_s"][rows]
-        record_boosts(recorder, rows, boosts, solution.azimuth_rad, solution.kick_rad, cut_off_s, solution.fineness)
+        record_boosts(
+            recorder,
+            rows,
+            boosts,
+            solution.azimuth_rad,
+            solution.kick_rad,
+            cut_off_s,
+            solution.fineness,
+        )
     is_solved = merged.pop("is_solved") > 0.0
-    return StagedFlights(ignition_s=ignition_s, is_solved=is_solved, arcs=recorder.arcs(len(count)), **merged)
+    return StagedFlights(
+        ignition_s=ignition_s, is_solved=is_solved, arcs=recorder.arcs(len(count)), **merged
+    )
 
 
 def _columns(
-    shots: StagedShots, solution: StagedSolution, ignition_s: FloatArray, early_s: FloatArray, most_stages: int
+    shots: StagedShots,
+    solution: StagedSolution,
+    ignition_s: FloatArray,
+    early_s: FloatArray,
+    most_stages: int,
 ) -> dict[str, FloatArray]:
     """Return the columns of solved launches with one number of stages, by their names."""
     boosts = shots.boosts
@@ -110,7 +136,9 @@ def _columns(
     legs = list(boosts.legs(cut_off_s))
     edges_s = np.stack([ignition_s + leg.stop_s for leg in legs[:-1]], axis=1)
     ignitions_s = ignition_s + boosts.stages.ignition_s
-    burnouts_s = np.concatenate([ignitions_s[:-1] + boosts.stages.burn_time_s[:-1], burnout_s[None]])
+    burnouts_s = np.concatenate(
+        [ignitions_s[:-1] + boosts.stages.burn_time_s[:-1], burnout_s[None]]
+    )
     burns_s = np.stack([ignitions_s, burnouts_s], axis=-1).transpose(1, 0, 2)
     lacking = most_stages - burns_s.shape[1]
     return {

@@ -1,13 +1,16 @@
-"""Gravity turns of many boosts at once: numerical integration in ECEF with thrust, gravity and drag.
+"""Gravity turns of many boosts at once: numerical integration in ECEF with thrust, gravity and
+drag.
 
-Flight begins at rest on the rotating Earth. The thrust points to the geodetic zenith of the launch point during the
-vertical rise; in the pitch-over it leads the velocity by kick · sin²(pi u), u from 0 to 1, towards the launch azimuth;
-after that it follows the velocity relative to the air (Curtis, Orbital Mechanics for Engineering Students, section
-11.4). In ECEF r'' = g(r) + Omega² (x, y, 0) + 2 Omega (vy, -vx, 0) + thrust - rho |v| v / (2 beta).
+Flight begins at rest on the rotating Earth. The thrust points to the geodetic zenith of the launch
+point during the vertical rise; in the pitch-over it leads the velocity by kick · sin²(pi u), u from
+0 to 1, towards the launch azimuth; after that it follows the velocity relative to the air (Curtis,
+Orbital Mechanics for Engineering Students, section 11.4). In ECEF r'' = g(r) + Omega² (x, y, 0) + 2
+Omega (vy, -vx, 0) + thrust - rho |v| v / (2 beta).
 
-Every leg of a flight (rise, pitch-over, burn, tail-off, gap) has the same number of DOP853 steps in all boosts, so that
-the arithmetic is element by element and a result has the same bits in any company. Where the summed error estimates
-exceed the tolerance, a boost takes twice, four times ... as many.
+Every leg of a flight (rise, pitch-over, burn, tail-off, gap) has the same number of DOP853 steps in
+all boosts, so that the arithmetic is element by element and a result has the same bits in any
+company. Where the summed error estimates exceed the tolerance, a boost takes twice, four times ...
+as many.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,7 +33,8 @@ from opir_core.flight.staged.staging import StageColumns, Staging
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
 
-#: The air of boosts in scenes without drag (Curtis, Orbital Mechanics for Engineering Students, appendix D.40).
+#: The air of boosts in scenes without drag (Curtis, Orbital Mechanics for Engineering Students,
+#: appendix D.40).
 TEXTBOOK_AIR = ExponentialAtmosphere(density_kg_m3=1.225, scale_height_m=7500.0)
 
 #: The tolerance of the summed error estimates of velocity, m/s: at most 0.2 m at an impact.
@@ -74,7 +78,8 @@ class Leg:
 
 @frozen(eq=False, repr=False)
 class Boosts:
-    """Boosts of n launches with one number of stages: sites, stages as columns, and times and coefficients (n,).
+    """Boosts of n launches with one number of stages: sites, stages as columns, and times and
+    coefficients (n,).
 
     `zonal` and `air` are common to all.
     """
@@ -90,14 +95,19 @@ class Boosts:
 
     @classmethod
     def of(cls, site: LaunchSite, stagings: Sequence[Staging], forces: "ForceModel") -> "Boosts":
-        """Return the boosts of launches; gravity is that of the scene's forces, and so is the air if they have drag."""
+        """Return the boosts of launches; gravity is that of the scene's forces, and so is the air
+        if they have drag.
+        """
         zonal: tuple[str, ...] = ()
         air: ExponentialAtmosphere | str = TEXTBOOK_AIR
         if not isinstance(forces, str):
             zonal = forces.zonal
             air = air if forces.drag is None else forces.drag.atmosphere
         names = ("vertical_rise_s", "pitch_over_s", "tail_off_s", "ballistic_coefficient_kg_m2")
-        columns = (np.array([getattr(staging, name) for staging in stagings], dtype=np.float64) for name in names)
+        columns = (
+            np.array([getattr(staging, name) for staging in stagings], dtype=np.float64)
+            for name in names
+        )
         return cls(site, StageColumns.of(stagings), zonal, air, *columns)
 
     def __len__(self) -> int:
@@ -105,13 +115,20 @@ class Boosts:
 
     def take(self, rows: RowArray) -> "Boosts":
         """Return some of the boosts."""
-        columns = (self.vertical_rise_s, self.pitch_over_s, self.tail_off_s, self.ballistic_coefficient_kg_m2)
+        columns = (
+            self.vertical_rise_s,
+            self.pitch_over_s,
+            self.tail_off_s,
+            self.ballistic_coefficient_kg_m2,
+        )
         site = self.site.take(rows)
         stages = self.stages.take(rows)
         return Boosts(site, stages, self.zonal, self.air, *(column[rows] for column in columns))
 
     def legs(self, cut_off_s: FloatArray) -> Iterator[Leg]:
-        """Yield the legs of boosts whose last burn is cut off (n,) s after ignition, up to the tail-off of that."""
+        """Yield the legs of boosts whose last burn is cut off (n,) s after ignition, up to the
+        tail-off of that.
+        """
         turn_s = self.vertical_rise_s + self.pitch_over_s
         zero = np.zeros(len(self))
         yield Leg(LegKind.RISE, 0, zero, self.vertical_rise_s)
@@ -131,7 +148,9 @@ class Boosts:
 
 @frozen(eq=False, repr=False)
 class BoostState:
-    """Positions and velocities relative to the Earth (3, n), ECEF, and the summed error estimates of velocity (n,)."""
+    """Positions and velocities relative to the Earth (3, n), ECEF, and the summed error estimates
+    of velocity (n,).
+    """
 
     position_m: FloatArray
     velocity_m_s: FloatArray
@@ -145,11 +164,15 @@ class BoostState:
 
     def take(self, rows: RowArray) -> "BoostState":
         """Return the states of some of the boosts."""
-        return BoostState(self.position_m[:, rows], self.velocity_m_s[:, rows], self.error_m_s[rows])
+        return BoostState(
+            self.position_m[:, rows], self.velocity_m_s[:, rows], self.error_m_s[rows]
+        )
 
 
 class RightSide:
-    """The acceleration of boosts within a leg, at the times of a step's stages one after the other."""
+    """The acceleration of boosts within a leg, at the times of a step's stages one after the
+    other.
+    """
 
     needs_velocity = True
 
@@ -179,8 +202,12 @@ class RightSide:
         squares = velocity * velocity
         speed = np.sqrt(squares[0] + squares[1] + squares[2])
         acceleration -= (density * speed * self._half_inverse_beta) * velocity
-        acceleration[0] += EARTH_ROTATION_RAD_S * (EARTH_ROTATION_RAD_S * position[0] + 2.0 * velocity[1])
-        acceleration[1] += EARTH_ROTATION_RAD_S * (EARTH_ROTATION_RAD_S * position[1] - 2.0 * velocity[0])
+        acceleration[0] += EARTH_ROTATION_RAD_S * (
+            EARTH_ROTATION_RAD_S * position[0] + 2.0 * velocity[1]
+        )
+        acceleration[1] += EARTH_ROTATION_RAD_S * (
+            EARTH_ROTATION_RAD_S * position[1] - 2.0 * velocity[0]
+        )
         time_s = next(self._times)
         if self._leg.kind != LegKind.GAP:
             acceleration += self._thrust(time_s) * self._direction(time_s, velocity, speed)
@@ -262,9 +289,15 @@ class Turn:
 
 
 def burnout(
-    boosts: Boosts, azimuth_rad: FloatArray, kick_rad: FloatArray, cut_off_s: FloatArray, fineness: FloatArray
+    boosts: Boosts,
+    azimuth_rad: FloatArray,
+    kick_rad: FloatArray,
+    cut_off_s: FloatArray,
+    fineness: FloatArray,
 ) -> BoostState:
-    """Return the states at burnout of boosts (n,), each integrated with its own `fineness`, a factor of its steps."""
+    """Return the states at burnout of boosts (n,), each integrated with its own `fineness`, a
+    factor of its steps.
+    """
     position = np.empty((3, len(boosts)))
     velocity = np.empty((3, len(boosts)))
     error = np.empty(len(boosts))
@@ -279,8 +312,12 @@ def burnout(
     return BoostState(position, velocity, error)
 
 
-def fineness_needed(boosts: Boosts, azimuth_rad: FloatArray, kick_rad: FloatArray, cut_off_s: FloatArray) -> FloatArray:
-    """Return the factors (n,) of the numbers of steps with which the summed error estimates meet the tolerance."""
+def fineness_needed(
+    boosts: Boosts, azimuth_rad: FloatArray, kick_rad: FloatArray, cut_off_s: FloatArray
+) -> FloatArray:
+    """Return the factors (n,) of the numbers of steps with which the summed error estimates meet
+    the tolerance.
+    """
     fineness = np.ones(len(boosts))
     rows = np.arange(len(boosts))
     for _ in range(_DOUBLINGS):
@@ -301,7 +338,9 @@ def record_boosts(
     cut_off_s: FloatArray,
     fineness: FloatArray,
 ) -> None:
-    """Record boosts up to burnout as the arcs of these numbers (n,), in ECEF, by time since ignition."""
+    """Record boosts up to burnout as the arcs of these numbers (n,), in ECEF, by time since
+    ignition.
+    """
     for factor in np.unique(fineness).tolist():
         rows = np.flatnonzero(fineness == factor)
         part = boosts.take(rows)

@@ -1,8 +1,10 @@
-"""Stages of boosts as kinematics: burn times, ideal speeds, growth of the acceleration, dark gaps; notional presets.
+"""Stages of boosts as kinematics: burn times, ideal speeds, growth of the acceleration, dark gaps;
+notional presets.
 
-The acceleration of a burn is that of a constant thrust and mass flow, A/(1 - q t/T) with q = 1 - 1/growth over the burn
-time T (Curtis, Orbital Mechanics for Engineering Students, section 11.5), and falls linearly to zero in the tail-off,
-the last seconds of the burn. A is such that its integral over the burn is the ideal speed.
+The acceleration of a burn is that of a constant thrust and mass flow, A/(1 - q t/T) with q = 1 -
+1/growth over the burn time T (Curtis, Orbital Mechanics for Engineering Students, section 11.5),
+and falls linearly to zero in the tail-off, the last seconds of the burn. A is such that its
+integral over the burn is the ideal speed.
 """
 
 import json
@@ -19,11 +21,12 @@ from opir_core.arrays import FloatArray
 
 _TABLE = Path(__file__).parents[2] / "data" / "stagings.json"
 
-#: The largest thrust acceleration, m/s²: with gravity and drag it stays below the 100 m/s² for which visibility is
-#: exact (`opir_core.planning.visibility`).
+#: The largest thrust acceleration, m/s²: with gravity and drag it stays below the 100 m/s² for
+#: which visibility is exact (`opir_core.planning.visibility`).
 MOST_ACCELERATION_M_S2 = 90.0
 
-#: A stage lifts off with at least this thrust acceleration, m/s²: more than gravity anywhere on the Earth.
+#: A stage lifts off with at least this thrust acceleration, m/s²: more than gravity anywhere on the
+#: Earth.
 LEAST_ACCELERATION_M_S2 = 9.9
 
 #: Smaller values of q than this count as this: the acceleration is constant.
@@ -32,8 +35,8 @@ _LEAST_Q = 1e-9
 
 @frozen
 class Stage:
-    """One burn: its time, s, the speed gained without gravity and drag, m/s, last over first acceleration, and the dark
-    gap before the next burn, s."""
+    """One burn: its time, s, the speed gained without gravity and drag, m/s, last over first
+    acceleration, and the dark gap before the next burn, s."""
 
     burn_time_s: float
     ideal_speed_m_s: float
@@ -45,9 +48,10 @@ class Stage:
 class Staging:
     """The stages of a boost and the course of its first seconds.
 
-    Flight is vertical for `vertical_rise_s`; then the thrust is tilted for `pitch_over_s`, and follows the velocity
-    after that. `tail_off_s` is the tail-off of every burn; `ballistic_coefficient_kg_m2` is m/(C_d A) during the boost;
-    `profile` names the class profile whose plume it has. The range limits choose among the stagings of a class.
+    Flight is vertical for `vertical_rise_s`; then the thrust is tilted for `pitch_over_s`, and
+    follows the velocity after that. `tail_off_s` is the tail-off of every burn;
+    `ballistic_coefficient_kg_m2` is m/(C_d A) during the boost; `profile` names the class profile
+    whose plume it has. The range limits choose among the stagings of a class.
     """
 
     name: str
@@ -62,14 +66,21 @@ class Staging:
 
     @property
     def earliest_cut_off_s(self) -> float:
-        """Return when the last burn may be cut off at the earliest: after a tenth of it and after the pitch-over, s."""
+        """Return when the last burn may be cut off at the earliest: after a tenth of it and after
+        the pitch-over, s.
+        """
         before = sum(stage.burn_time_s + stage.gap_s for stage in self.stages[:-1])
-        return max(before + 0.1 * self.stages[-1].burn_time_s, self.vertical_rise_s + self.pitch_over_s)
+        return max(
+            before + 0.1 * self.stages[-1].burn_time_s, self.vertical_rise_s + self.pitch_over_s
+        )
 
     @property
     def latest_cut_off_s(self) -> float:
         """Return when the tail-off of the whole last burn begins, s since ignition."""
-        burns = sum(stage.burn_time_s + stage.gap_s for stage in self.stages[:-1]) + self.stages[-1].burn_time_s
+        burns = (
+            sum(stage.burn_time_s + stage.gap_s for stage in self.stages[:-1])
+            + self.stages[-1].burn_time_s
+        )
         return burns - self.tail_off_s
 
     def fault(self) -> str:
@@ -81,16 +92,22 @@ class Staging:
         columns = StageColumns.of([self])
         for number, stage in enumerate(self.stages, 1):
             if stage.burn_time_s <= self.tail_off_s:
-                return f"stage {number} burns for {stage.burn_time_s:g} s, no longer than its tail-off"
+                return (
+                    f"stage {number} burns for {stage.burn_time_s:g} s, no longer than its tail-off"
+                )
             first = float(columns.amplitude_m_s2[number - 1, 0])
             most = first * max(1.0, stage.growth)
             if most > MOST_ACCELERATION_M_S2:
                 return (
-                    f"stage {number} reaches {most:.0f} m/s²; at most {MOST_ACCELERATION_M_S2:g} are simulated:"
+                    f"stage {number} reaches {most:.0f} m/s²; at most {MOST_ACCELERATION_M_S2:g}"
+                    f" are simulated:"
                     " a longer burn, less speed or less growth helps"
                 )
             if number == 1 and first < LEAST_ACCELERATION_M_S2:
-                return f"stage 1 begins with {first:.2f} m/s²: no lift-off; a shorter burn or less growth helps"
+                return (
+                    f"stage 1 begins with {first:.2f} m/s²: no lift-off; a shorter burn or less"
+                    f" growth helps"
+                )
         return ""
 
 
@@ -98,7 +115,8 @@ class Staging:
 class StageColumns:
     """The stages of n boosts with s stages each, as columns (s, n).
 
-    Times are since ignition: a stage's ignition and burn time; `amplitude_m_s2` and `q` are A and q above.
+    Times are since ignition: a stage's ignition and burn time; `amplitude_m_s2` and `q` are A and q
+    above.
     """
 
     ignition_s: FloatArray
@@ -110,7 +128,10 @@ class StageColumns:
     def of(cls, stagings: Sequence[Staging]) -> "StageColumns":
         """Return the columns of boosts with one number of stages."""
         burn, speed, growth, gap = (
-            np.array([[getattr(stage, name) for stage in staging.stages] for staging in stagings], dtype=np.float64).T
+            np.array(
+                [[getattr(stage, name) for stage in staging.stages] for staging in stagings],
+                dtype=np.float64,
+            ).T
             for name in ("burn_time_s", "ideal_speed_m_s", "growth", "gap_s")
         )
         tail = np.array([staging.tail_off_s for staging in stagings])
@@ -124,11 +145,16 @@ class StageColumns:
     def take(self, rows: Any) -> "StageColumns":
         """Return the stages of some of the boosts."""
         return StageColumns(
-            self.ignition_s[:, rows], self.burn_time_s[:, rows], self.amplitude_m_s2[:, rows], self.q[:, rows]
+            self.ignition_s[:, rows],
+            self.burn_time_s[:, rows],
+            self.amplitude_m_s2[:, rows],
+            self.q[:, rows],
         )
 
     def acceleration_m_s2(self, stage: int, time_s: FloatArray) -> FloatArray:
-        """Return the thrust accelerations (n,) of a stage before its tail-off, at times since ignition (n,)."""
+        """Return the thrust accelerations (n,) of a stage before its tail-off, at times since
+        ignition (n,).
+        """
         share = (time_s - self.ignition_s[stage]) / self.burn_time_s[stage]
         return self.amplitude_m_s2[stage] / (1.0 - self.q[stage] * share)
 
@@ -142,14 +168,23 @@ def stagings() -> Mapping[str, Staging]:
 
 @cache
 def stagings_of_classes() -> Mapping[str, tuple[Staging, ...]]:
-    """Return the presets of each target class; of several, the first whose limits contain the range is flown."""
+    """Return the presets of each target class; of several, the first whose limits contain the range
+    is flown.
+    """
     classes = json.loads(_TABLE.read_text(encoding="utf-8"))["classes"]
-    return MappingProxyType({kind: tuple(stagings()[name] for name in names) for kind, names in classes.items()})
+    return MappingProxyType(
+        {kind: tuple(stagings()[name] for name in names) for kind, names in classes.items()}
+    )
 
 
 def staging_for(presets: Sequence[Staging], range_m: float) -> Staging:
-    """Return the first of the presets that covers a range, or else the one with the nearest limits."""
-    return min(presets, key=lambda each: max(each.minimum_range_m - range_m, range_m - each.maximum_range_m, 0.0))
+    """Return the first of the presets that covers a range, or else the one with the nearest
+    limits.
+    """
+    return min(
+        presets,
+        key=lambda each: max(each.minimum_range_m - range_m, range_m - each.maximum_range_m, 0.0),
+    )
 
 
 def _staging(name: str, row: Mapping[str, Any]) -> Staging:

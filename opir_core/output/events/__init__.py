@@ -1,4 +1,6 @@
-"""Detection events: versions and JSON Schemas of the messages; each encoder is a module of its own."""
+"""Detection events: versions and JSON Schemas of the messages; each encoder is a module of its
+own.
+"""
 
 from typing import Any
 

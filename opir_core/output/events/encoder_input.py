@@ -16,29 +16,36 @@ from opir_core.scene.scene import REPORTED_TYPES
 #: Tracks in a block: a track is a message of 10 kB, with its covariances and regions.
 TRACK_BLOCK_ROWS = 512
 
-#: Detections in a block: enough that numpy's cost per call is small, few enough for the processor's cache.
+#: Detections in a block: enough that numpy's cost per call is small, few enough for the processor's
+#: cache.
 BLOCK_ROWS = 8_192
 
 # Largest error of the length of a unit vector.
 _UNIT_ROUNDING = 1e-6
 
-# Largest component of a position, m, with a square that a double holds: beyond it there is no horizontal.
+# Largest component of a position, m, with a square that a double holds: beyond it there is no
+# horizontal.
 _FARTHEST_M = 1e100
 
 
 def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:
-    """Yield a window as windows of at most `rows` detections; nothing for a window without detections.
+    """Yield a window as windows of at most `rows` detections; nothing for a window without
+    detections.
 
     Each has the window's times and estimates; only the first has its `looks` and `tracks`.
     """
     for start in range(0, len(window.detections), rows):
         block = slice(start, start + rows)
-        part = evolve(window, detections=window.detections.take(block), truth=window.truth.take(block))
+        part = evolve(
+            window, detections=window.detections.take(block), truth=window.truth.take(block)
+        )
         yield part if start == 0 else evolve(part, looks=0, tracks=Tracks.empty())
 
 
 def encoder_blocks(window: Window, encoder: Encoder) -> Iterator[Window]:
-    """Yield a window as windows of a limited number of events for an encoder; nothing for a window without events."""
+    """Yield a window as windows of a limited number of events for an encoder; nothing for a window
+    without events.
+    """
     if not encoder.encodes_tracks:
         yield from window_blocks(window)
         return
@@ -59,7 +66,9 @@ def track_count(window: Window) -> int:
 
 
 def event_counter(encoder: Encoder) -> Callable[[Window], int]:
-    """Return the function that counts the events of a window for an encoder: its detections or its tracks."""
+    """Return the function that counts the events of a window for an encoder: its detections or its
+    tracks.
+    """
     return track_count if encoder.encodes_tracks else detection_count
 
 
@@ -71,8 +80,12 @@ def only_encodable(window: Window, encoder: Encoder) -> Window:
     return evolve(window, detections=window.detections.take(mask), truth=DetectionTruth.empty())
 
 
-def require_valid(window: Window, sensors: Sequence[Sensor], types: int = len(REPORTED_TYPES)) -> None:
-    """Raise `ModelError` if detections have values that no event may have: a nan confidence, an unknown sensor, …"""
+def require_valid(
+    window: Window, sensors: Sequence[Sensor], types: int = len(REPORTED_TYPES)
+) -> None:
+    """Raise `ModelError` if detections have values that no event may have: a nan confidence, an
+    unknown sensor, …
+    """
     detections = window.detections
     for rule, valid in _rules(window, sensors, types):
         if not valid.all():
@@ -80,22 +93,37 @@ def require_valid(window: Window, sensors: Sequence[Sensor], types: int = len(RE
             invalid = len(valid) - int(np.count_nonzero(valid))
             raise ModelError(
                 f"{invalid} of {len(valid)} detections cannot be encoded: {rule}"
-                f" (the first is of sensor {_sensor_name(detections, row, sensors)} at {detections.time_s[row]} s)"
+                f" (the first is of sensor {_sensor_name(detections, row, sensors)} at"
+                f" {detections.time_s[row]} s)"
             )
 
 
-def _rules(window: Window, sensors: Sequence[Sensor], types: int) -> Iterator[tuple[str, BoolArray]]:
+def _rules(
+    window: Window, sensors: Sequence[Sensor], types: int
+) -> Iterator[tuple[str, BoolArray]]:
     """Yield each rule and the rows (n,) that satisfy it; later rules assume the earlier ones."""
     d = window.detections
-    yield f"the sensor must be in 0 to {len(sensors) - 1}", (d.sensor >= 0) & (d.sensor < len(sensors))
+    yield (
+        f"the sensor must be in 0 to {len(sensors) - 1}",
+        (d.sensor >= 0) & (d.sensor < len(sensors)),
+    )
     band_ends = np.array([1 << len(sensor.bands) for sensor in sensors])
     yield "the bands must be the sensor's", d.bands < band_ends[d.sensor]
-    yield f"the reported type must be a code below {types}, the number of types", d.reported_type < types
+    yield (
+        f"the reported type must be a code below {types}, the number of types",
+        d.reported_type < types,
+    )
     yield "the confidence must be in [0, 1]", (d.confidence >= 0.0) & (d.confidence <= 1.0)
     yield "the line of sight must be a unit vector", _is_unit(d.line_of_sight_ecef)
-    yield "the standard deviation of the line of sight must be finite and not negative", _is_sigma(d)
+    yield (
+        "the standard deviation of the line of sight must be finite and not negative",
+        _is_sigma(d),
+    )
     x, y, z = (np.abs(d.sensor_ecef_m) <= _FARTHEST_M).T
-    yield f"the sensor's position must be finite, each component at most {_FARTHEST_M:g} m", x & y & z
+    yield (
+        f"the sensor's position must be finite, each component at most {_FARTHEST_M:g} m",
+        x & y & z,
+    )
     yield (
         "the estimate must be a row of the window's estimates",
         (d.estimate >= -1) & (d.estimate < len(window.estimates)),

@@ -1,4 +1,5 @@
-"""Track estimates as JSON: launch and impact points with error ellipses, states with covariances, type probabilities.
+"""Track estimates as JSON: launch and impact points with error ellipses, states with covariances,
+type probabilities.
 
 Unknown values are null.
 """
@@ -27,14 +28,17 @@ from opir_core.output.events.text import (
 )
 from opir_core.scene.scene import REPORTED_TYPES
 
-#: Containment probabilities of the other two ellipses of an event; that of the first is `CONTAINMENT`.
+#: Containment probabilities of the other two ellipses of an event; that of the first is
+#: `CONTAINMENT`.
 OTHER_CONTAINMENTS = (0.5, 0.9)
 #: The code of the impact method without a stated containment.
 PAPER = IMPACT_METHODS.index("paper")
 
 
 class UncertaintyEllipse(msgspec.Struct):
-    """Ellipse that contains the point with probability `containment`; `bearing_deg` of the major axis, from north."""
+    """Ellipse that contains the point with probability `containment`; `bearing_deg` of the major
+    axis, from north.
+    """
 
     semi_major_m: float
     semi_minor_m: float
@@ -43,7 +47,9 @@ class UncertaintyEllipse(msgspec.Struct):
 
 
 class EstimatedPoint(msgspec.Struct):
-    """A launch or impact point: geodetic WGS 84 position, UTC, and their uncertainties; unknown values are None."""
+    """A launch or impact point: geodetic WGS 84 position, UTC, and their uncertainties; unknown
+    values are None.
+    """
 
     lat_deg: float
     lon_deg: float
@@ -57,8 +63,8 @@ class EstimatedPoint(msgspec.Struct):
 class ImpactPoint(EstimatedPoint):
     """An impact point, and how it was predicted.
 
-    `containment` is the probability of `ellipse`. The method `paper` states none: it has `sigma_m`, the σ per axis of
-    the paper's law, in place of ellipses.
+    `containment` is the probability of `ellipse`. The method `paper` states none: it has `sigma_m`,
+    the σ per axis of the paper's law, in place of ellipses.
     """
 
     method: str
@@ -67,11 +73,13 @@ class ImpactPoint(EstimatedPoint):
 
 
 class TrackState(msgspec.Struct):
-    """ECEF position, m, and velocity relative to the Earth, m/s, at a time, with covariance; unknown values are None.
+    """ECEF position, m, and velocity relative to the Earth, m/s, at a time, with covariance;
+    unknown values are None.
 
-    The covariance is of x, y, z and their rates, at burnout also of its time, s: the lower triangle, row by row.
-    `ellipsoid_sigmas` are the radii, in standard deviations, of the ellipsoids that contain the state with the
-    probabilities `TRACK_CONTAINMENTS`; None for a normal distribution.
+    The covariance is of x, y, z and their rates, at burnout also of its time, s: the lower
+    triangle, row by row. `ellipsoid_sigmas` are the radii, in standard deviations, of the
+    ellipsoids that contain the state with the probabilities `TRACK_CONTAINMENTS`; None for a normal
+    distribution.
     """
 
     timestamp: str | None
@@ -89,14 +97,19 @@ _encode = msgspec.json.Encoder().encode
 
 
 def launch_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
-    """Return the launch points of estimates as JSON, `null` if the position is unknown or not on the Earth."""
+    """Return the launch points of estimates as JSON, `null` if the position is unknown or not on
+    the Earth.
+    """
     return _point_texts(
-        EstimatedPoint, _point_columns(tracks.launch, tracks.launch_covariance, epoch_us), tracks.launch
+        EstimatedPoint,
+        _point_columns(tracks.launch, tracks.launch_covariance, epoch_us),
+        tracks.launch,
     )
 
 
 def impact_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
-    """Return the predicted impact points of estimates as JSON, `null` if the position is unknown or not on the Earth.
+    """Return the predicted impact points of estimates as JSON, `null` if the position is unknown or
+    not on the Earth.
 
     Impacts by the paper's law have no ellipses.
     """
@@ -116,7 +129,9 @@ def impact_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
 
 @np.errstate(over="ignore", invalid="ignore")
 def paper_sigma_m(tracks: Tracks) -> list[float | None]:
-    """Return the standard deviations per axis (n,), m, of impacts by the paper's law; None for others."""
+    """Return the standard deviations per axis (n,), m, of impacts by the paper's law; None for
+    others.
+    """
     variance = 0.5 * (tracks.impact_covariance[:, 0, 0] + tracks.impact_covariance[:, 1, 1])
     known = (variance >= 0.0) & (variance < np.inf) & (tracks.impact_method == PAPER)
     sigma_m = np.sqrt(np.where(known, variance, 0.0)).tolist()
@@ -128,29 +143,44 @@ _ELLIPSE = EstimatedPoint.__struct_fields__.index("ellipse")
 
 
 def _point_columns(
-    place: FloatArray, covariance: FloatArray, epoch_us: int, reported_sigmas: FloatArray | None = None
+    place: FloatArray,
+    covariance: FloatArray,
+    epoch_us: int,
+    reported_sigmas: FloatArray | None = None,
 ) -> Sequence[Sequence[Any]]:
-    """Return the values of `EstimatedPoint` for points (n, 3), latitude_rad, longitude_rad and scene time_s.
+    """Return the values of `EstimatedPoint` for points (n, 3), latitude_rad, longitude_rad and
+    scene time_s.
 
-    `covariance` (n, 3, 3) is of east and north, m, and time, s; `reported_sigmas` (n, 3) as in `containment_ellipse`.
+    `covariance` (n, 3, 3) is of east and north, m, and time, s; `reported_sigmas` (n, 3) as in
+    `containment_ellipse`.
     """
     filled = np.where(are_on_earth(place)[:, np.newaxis], place, 0.0)
     return (
         rounded_degrees(filled[:, 0]).tolist(),
         rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)).tolist(),
         time_texts(filled[:, 2], epoch_us),
-        *(_ellipses(covariance[:, :2, :2], share, reported_sigmas) for share in (CONTAINMENT, *OTHER_CONTAINMENTS)),
+        *(
+            _ellipses(covariance[:, :2, :2], share, reported_sigmas)
+            for share in (CONTAINMENT, *OTHER_CONTAINMENTS)
+        ),
         _sigmas(covariance[:, 2, 2]),
     )
 
 
-def _point_texts(kind: type[EstimatedPoint], columns: Sequence[Sequence[Any]], place: FloatArray) -> list[bytes]:
+def _point_texts(
+    kind: type[EstimatedPoint], columns: Sequence[Sequence[Any]], place: FloatArray
+) -> list[bytes]:
     points = (kind(*values) for values in zip(*columns, strict=True))
-    return [_encode(point if here else None) for here, point in zip(are_on_earth(place).tolist(), points, strict=True)]
+    return [
+        _encode(point if here else None)
+        for here, point in zip(are_on_earth(place).tolist(), points, strict=True)
+    ]
 
 
 def are_on_earth(place: FloatArray) -> BoolArray:
-    """Return which points (n, 3), latitude_rad, longitude_rad and time, have a known position on the Earth."""
+    """Return which points (n, 3), latitude_rad, longitude_rad and time, have a known position on
+    the Earth.
+    """
     return np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
 
 
@@ -182,7 +212,8 @@ def _ellipses(
 
 
 def track_fields(window: Window, epoch_us: int, hypotheses: Sequence[str]) -> Looked:
-    """Return what is estimated of each detection's track but launch and impact, of its estimate's tick.
+    """Return what is estimated of each detection's track but launch and impact, of its estimate's
+    tick.
 
     `hypotheses` are the names of the columns of `hypothesis_probability`.
     """
@@ -193,7 +224,10 @@ def track_fields(window: Window, epoch_us: int, hypotheses: Sequence[str]) -> Lo
         state_texts(used, epoch_us),
         burnout_texts(used, epoch_us),
         type_texts(used),
-        *(map(_encode, column) for column in hypothesis_columns(used, hypotheses, RATIO_DECIMALS).values()),
+        *(
+            map(_encode, column)
+            for column in hypothesis_columns(used, hypotheses, RATIO_DECIMALS).values()
+        ),
         map(_encode, time_texts(used.available_s, epoch_us)),
     )
     known = [_TRACK_FIELDS % values for values in zip(*columns, strict=True)]
@@ -202,13 +236,17 @@ def track_fields(window: Window, epoch_us: int, hypotheses: Sequence[str]) -> Lo
 
 def state_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
     """Return the states of estimates at their ticks as JSON, `null` if unknown."""
-    return _state_texts(tracks.state, tracks.tick_s, tracks.state_covariance, tracks.state_sigmas, epoch_us)
+    return _state_texts(
+        tracks.state, tracks.tick_s, tracks.state_covariance, tracks.state_sigmas, epoch_us
+    )
 
 
 def burnout_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
     """Return the states at burnout as JSON, `null` if unknown."""
     radii = np.full((len(tracks), len(TRACK_CONTAINMENTS)), np.nan)
-    return _state_texts(tracks.burnout[:, :6], tracks.burnout[:, 6], tracks.burnout_covariance, radii, epoch_us)
+    return _state_texts(
+        tracks.burnout[:, :6], tracks.burnout[:, 6], tracks.burnout_covariance, radii, epoch_us
+    )
 
 
 def type_texts(tracks: Tracks) -> list[bytes]:
@@ -224,7 +262,8 @@ def type_texts(tracks: Tracks) -> list[bytes]:
 def _state_texts(
     state: FloatArray, time_s: FloatArray, covariance: FloatArray, radii: FloatArray, epoch_us: int
 ) -> list[bytes]:
-    """Return states (n, 6) at scene times (n,) with covariances (n, d, d) and radii of ellipsoids (n, 3).
+    """Return states (n, 6) at scene times (n,) with covariances (n, d, d) and radii of ellipsoids
+    (n, 3).
 
     Covariances keep all digits: a nearly singular one, rounded, may not be positive semidefinite.
     """
@@ -233,8 +272,14 @@ def _state_texts(
     rows, columns = np.tril_indices(covariance.shape[1])
     lower = covariance[:, rows, columns]
     times = time_texts(time_s, epoch_us)
-    sigmas_or_none = [each if valid else None for valid, each in zip(_is_finite(radii), radii.tolist(), strict=True)]
-    terms = [each if valid else None for valid, each in zip(_is_finite(lower), lower.tolist(), strict=True)]
+    sigmas_or_none = [
+        each if valid else None
+        for valid, each in zip(_is_finite(radii), radii.tolist(), strict=True)
+    ]
+    terms = [
+        each if valid else None
+        for valid, each in zip(_is_finite(lower), lower.tolist(), strict=True)
+    ]
     values = zip(finite.tolist(), times, places, terms, sigmas_or_none, strict=True)
     return [
         _encode(TrackState(time, place[:3], place[3:], *spread) if here else None)

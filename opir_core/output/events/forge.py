@@ -1,7 +1,9 @@
-"""The encoders `forge`, `forge-bands` and `forge-tracks`: one flat JSON object per line, fields in the schema's order.
+"""The encoders `forge`, `forge-bands` and `forge-tracks`: one flat JSON object per line, fields in
+the schema's order.
 
-A line has typed columns, which a renderer joins: text shared by many events (a sensor's name, a track's launch point)
-is encoded once and looked up. `benchmarks/encoding.py` compares this with other methods.
+A line has typed columns, which a renderer joins: text shared by many events (a sensor's name, a
+track's launch point) is encoded once and looked up. `benchmarks/encoding.py` compares this with
+other methods.
 """
 
 from collections.abc import Sequence
@@ -47,7 +49,9 @@ class IrradianceTexts:
         self._names = [[_name(sensor, place) for sensor in sensors] for place in range(most)]
 
     def columns(self, detections: Detections, sensor: IntArray) -> list[Column]:
-        """Return the columns of `,"band_irradiance_w_m2":{...}`; none if the detection model measures no irradiance."""
+        """Return the columns of `,"band_irradiance_w_m2":{...}`; none if the detection model
+        measures no irradiance.
+        """
         measured = detections.band_irradiance_w_m2
         if not measured.shape[1]:
             return []
@@ -81,7 +85,10 @@ _TRACK = b'","track_id":%b,"azimuth_deg":'
 _SIGMA = b',"line_of_sight_sigma_urad":'
 _BANDS = b',"bands":%b,"snr":'
 _POSITION = b',"sensor_position_ecef_m":[%b],'
-_TYPES = [b'"type_probability":{"ICBM":', *(b',"%b":' % name.encode() for name in REPORTED_TYPES[1:])]
+_TYPES = [
+    b'"type_probability":{"ICBM":',
+    *(b',"%b":' % name.encode() for name in REPORTED_TYPES[1:]),
+]
 _NO_TRACK = _TRACK % b"null"
 _NO_POSITION = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
 
@@ -91,15 +98,17 @@ _URAD_PER_RAD = 1e6
 class ForgeEncoder(Encoder):
     """Detections as lines of JSON, one flat object each; the bytes do not depend on the windows.
 
-    With `has_irradiances` an event has the irradiance measured in each band, if the detection model measures it; with
-    `has_tracks` the state of its track, the state at burnout, their covariances, the probabilities of types and
-    hypotheses, and how it ended.
+    With `has_irradiances` an event has the irradiance measured in each band, if the detection model
+    measures it; with `has_tracks` the state of its track, the state at burnout, their covariances,
+    the probabilities of types and hypotheses, and how it ended.
     """
 
     content_type = "application/json"
     schema_version = SCHEMA_VERSION
 
-    def __init__(self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False) -> None:
+    def __init__(
+        self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False
+    ) -> None:
         self._sensors = context.sensors
         self._types = len(context.reported_types)
         self._irradiances = IrradianceTexts(context.sensors) if has_irradiances else None
@@ -107,10 +116,14 @@ class ForgeEncoder(Encoder):
         self._has_tracks = has_tracks
         self._hypotheses = context.hypotheses
         sensors = context.sensors
-        self._sensor_texts = [text for sensor in sensors for text in _sensor_texts(sensor, context.reported_types)]
+        self._sensor_texts = [
+            text for sensor in sensors for text in _sensor_texts(sensor, context.reported_types)
+        ]
         self._band_texts = [text for sensor in sensors for text in _band_texts(sensor)]
         self._look_texts = [text for sensor in sensors for text in _look_texts(sensor)]
-        self._sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in sensors], dtype=np.float64)
+        self._sigma_rad = np.array(
+            [sensor.line_of_sight_sigma_rad for sensor in sensors], dtype=np.float64
+        )
         looks = [1 << len(sensor.bands) for sensor in sensors]
         self._first_look = np.cumsum([0, *looks[:-1]], dtype=np.int64)
         self._render = context.render or reference
@@ -141,23 +154,37 @@ class ForgeEncoder(Encoder):
                 *(self._irradiances.columns(detections, sensor) if self._irradiances else ()),
                 _sensor_positions(viewpoints),
                 *_type_probabilities(detections),
-                *(_track_fields(window, self._epoch_us, self._hypotheses) if self._has_tracks else ()),
+                *(
+                    _track_fields(window, self._epoch_us, self._hypotheses)
+                    if self._has_tracks
+                    else ()
+                ),
                 *_positions(window),
             ],
         )
 
     def _looks(self, detections: Detections, sensor: IntArray) -> list[Column]:
-        """Return the line-of-sight sigma and the confirming bands; from a table if all sigmas are the sensors' own."""
+        """Return the line-of-sight sigma and the confirming bands; from a table if all sigmas are
+        the sensors' own.
+        """
         row = self._first_look[sensor] + detections.bands
         sigma_rad = detections.line_of_sight_sigma_rad
         if np.array_equal(sigma_rad, self._sigma_rad.take(sensor)):
             return [Looked(self._look_texts, row)]
-        return [_SIGMA, Decimal(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS), Looked(self._band_texts, row)]
+        return [
+            _SIGMA,
+            Decimal(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS),
+            Looked(self._band_texts, row),
+        ]
 
 
 def _sensor_texts(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
     """Return one text per reported type."""
-    slot = None if sensor.orbital_slot_deg is None else rounded_number(sensor.orbital_slot_deg, DEGREE_DECIMALS)
+    slot = (
+        None
+        if sensor.orbital_slot_deg is None
+        else rounded_number(sensor.orbital_slot_deg, DEGREE_DECIMALS)
+    )
     constant = _json(sensor.id), _json(sensor.type), _json(slot)
     return [_SENSOR % (*constant, _json(name)) for name in reported_types]
 
@@ -172,7 +199,10 @@ def _band_texts(sensor: Sensor) -> list[bytes]:
     """Return one text per set of bands, in the order of the bit masks."""
     names = [band.name for band in sensor.bands]
     masks = range(1 << len(names))
-    return [_BANDS % _json([name for bit, name in enumerate(names) if mask >> bit & 1]) for mask in masks]
+    return [
+        _BANDS % _json([name for bit, name in enumerate(names) if mask >> bit & 1])
+        for mask in masks
+    ]
 
 
 def _points(window: Window, epoch_us: int) -> Column:
@@ -196,7 +226,10 @@ def _tracks(track: IntArray) -> Column:
     if track.max(initial=-1) < 0:
         return _NO_TRACK
     numbers, of_detection = np.unique(track, return_inverse=True)
-    return Looked([_TRACK % (b"null" if number < 0 else b"%d" % number) for number in numbers.tolist()], of_detection)
+    return Looked(
+        [_TRACK % (b"null" if number < 0 else b"%d" % number) for number in numbers.tolist()],
+        of_detection,
+    )
 
 
 def _sensor_positions(viewpoints: Viewpoints) -> Column:

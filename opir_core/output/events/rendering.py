@@ -1,7 +1,8 @@
-"""Lines of text from typed columns: encoders and the truth file say which columns a line has, a renderer joins them.
+"""Lines of text from typed columns: encoders and the truth file say which columns a line has, a
+renderer joins them.
 
-A column is text common to all lines (`bytes`), `Looked`, `Decimal`, `Ids` or `Times`. `reference` is the renderer in
-numpy and msgspec; plugins offer faster ones, which make the same bytes.
+A column is text common to all lines (`bytes`), `Looked`, `Decimal`, `Ids` or `Times`. `reference`
+is the renderer in numpy and msgspec; plugins offer faster ones, which make the same bytes.
 """
 
 import os
@@ -36,7 +37,9 @@ PREFERRED = ("compiled",)
 
 
 class Looked:
-    """One of some texts per line, by `row` (n,); without it the texts (n,) are those of the lines."""
+    """One of some texts per line, by `row` (n,); without it the texts (n,) are those of the
+    lines.
+    """
 
     __slots__ = ("row", "texts")
 
@@ -57,7 +60,9 @@ class Looked:
 
 
 class Decimal:
-    """Numbers (n,), rounded to decimals, in the shortest text that reads back as this double; nan and inf are null."""
+    """Numbers (n,), rounded to decimals, in the shortest text that reads back as this double; nan
+    and inf are null.
+    """
 
     __slots__ = ("decimals", "values")
 
@@ -92,7 +97,9 @@ class Ids:
 
 
 class Times:
-    """Times (n,), µs since 1970-01-01, as `2026-04-01T12:00:00.050000Z`; `SinkError` outside the years 1 to 9999."""
+    """Times (n,), µs since 1970-01-01, as `2026-04-01T12:00:00.050000Z`; `SinkError` outside the
+    years 1 to 9999.
+    """
 
     __slots__ = ("unix_us",)
 
@@ -137,9 +144,13 @@ def reference(count: int, columns: Sequence[Column]) -> bytes:
 
 
 def _groups(count: int, columns: Sequence[Column]) -> Iterator[list[bytes | list[bytes]]]:
-    """Yield the pieces of the lines: one for all lines or one per line, as few as the columns allow."""
+    """Yield the pieces of the lines: one for all lines or one per line, as few as the columns
+    allow.
+    """
     fixed: dict[int, NDArray[np.uint8]] = {}
-    for is_fixed, group in groupby(columns, key=lambda column: isinstance(column, bytes | Ids | Times)):
+    for is_fixed, group in groupby(
+        columns, key=lambda column: isinstance(column, bytes | Ids | Times)
+    ):
         members = list(group)
         if not is_fixed:
             yield [column.pieces() for column in members if isinstance(column, Looked | Decimal)]
@@ -150,7 +161,9 @@ def _groups(count: int, columns: Sequence[Column]) -> Iterator[list[bytes | list
 
 
 def _characters(column: Column, known: dict[int, NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Return ASCII codes (width,) or (n, width); a column that stands twice in a line is converted once."""
+    """Return ASCII codes (width,) or (n, width); a column that stands twice in a line is converted
+    once.
+    """
     if isinstance(column, bytes):
         return np.frombuffer(column, dtype=np.uint8)
     if id(column) not in known and isinstance(column, Ids | Times):
@@ -159,7 +172,9 @@ def _characters(column: Column, known: dict[int, NDArray[np.uint8]]) -> NDArray[
 
 
 def _fixed_width(count: int, columns: Sequence[NDArray[np.uint8]]) -> list[bytes]:
-    """Return texts of one width, joined from texts common to all (width,) and columns of characters (n, width)."""
+    """Return texts of one width, joined from texts common to all (width,) and columns of characters
+    (n, width).
+    """
     ends = np.cumsum([column.shape[-1] for column in columns]).tolist()
     text = np.empty((count, ends[-1]), dtype=np.uint8)
     for column, end in zip(columns, ends, strict=True):
@@ -168,9 +183,11 @@ def _fixed_width(count: int, columns: Sequence[NDArray[np.uint8]]) -> list[bytes
 
 
 def chosen_renderer(host: Host) -> tuple[str, Renderer]:
-    """Return the name and the renderer that `OPIR_RENDERER` chooses; else the first of `PREFERRED` that works.
+    """Return the name and the renderer that `OPIR_RENDERER` chooses; else the first of `PREFERRED`
+    that works.
 
-    Raises `PluginError` if `OPIR_RENDERER` names a renderer that is not installed, `SinkError` if it does not work.
+    Raises `PluginError` if `OPIR_RENDERER` names a renderer that is not installed, `SinkError` if
+    it does not work.
     """
     choice = os.environ.get(CHOICE, "")
     if choice:
@@ -178,7 +195,9 @@ def chosen_renderer(host: Host) -> tuple[str, Renderer]:
         try:
             return choice, _built(component)
         except ImportError as error:
-            raise SinkError(f"{CHOICE}={choice}: {error}; leave it unset for one that works") from error
+            raise SinkError(
+                f"{CHOICE}={choice}: {error}; leave it unset for one that works"
+            ) from error
     installed = host.names(RendererModel)
     for name in (each for each in PREFERRED if each in installed):
         with suppress(PluginError, ImportError):

@@ -8,7 +8,8 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import SinkError
 from opir_core.interfaces.records import Window
 
-#: Years of RFC 3339, 1 to 9999, in µs since 1970-01-01: the first microsecond, and the first after the last.
+#: Years of RFC 3339, 1 to 9999, in µs since 1970-01-01: the first microsecond, and the first after
+#: the last.
 FIRST_UNIX_US = -62_135_596_800_000_000
 END_UNIX_US = 253_402_300_800_000_000
 
@@ -31,8 +32,11 @@ def unix_microseconds(time_ns: IntArray, epoch_us: int) -> IntArray:
     return whole + (2 * rest >= _NS_PER_US) + epoch_us
 
 
-def writable_unix_microseconds(time_s: FloatArray, epoch_us: int) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Return scene times (n,), s, as µs since 1970-01-01, and which are finite and in the years 1 to 9999.
+def writable_unix_microseconds(
+    time_s: FloatArray, epoch_us: int
+) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Return scene times (n,), s, as µs since 1970-01-01, and which are finite and in the years 1
+    to 9999.
 
     The others are the epoch.
     """
@@ -53,7 +57,9 @@ def timestamp_text(unix_us: IntArray) -> list[str]:
 
 
 def timestamp_characters(unix_us: IntArray) -> NDArray[np.uint8]:
-    """Return times (n,), µs since 1970-01-01, as ASCII codes (n, 27); errors as `timestamp_text`."""
+    """Return times (n,), µs since 1970-01-01, as ASCII codes (n, 27); errors as
+    `timestamp_text`.
+    """
     refuse_unwritable(unix_us)
     seconds, microseconds = np.divmod(unix_us, _US_PER_S)
     text = np.empty((len(unix_us), _TEXT_LENGTH), dtype=np.uint8)
@@ -81,7 +87,8 @@ def refuse_unwritable(unix_us: IntArray) -> None:
     outside = np.count_nonzero((unix_us < FIRST_UNIX_US) | (unix_us >= END_UNIX_US))
     if outside:
         raise SinkError(
-            f"{outside} of {len(unix_us)} times lie outside the years 1 to 9999, the range of timestamps;"
+            f"{outside} of {len(unix_us)} times lie outside the years 1 to 9999, the range of"
+            f" timestamps;"
             " give the scene another epoch"
         )
 
@@ -108,13 +115,18 @@ def rounded(values: FloatArray, decimals: int) -> FloatArray:
     """Return values rounded to decimals, element by element; never -0; nan and inf unchanged."""
     scale = 10.0**decimals
     has_decimals = np.abs(values) < _ALL_WHOLE / scale
-    return np.where(has_decimals, np.rint(np.where(has_decimals, values, 0.0) * scale) / scale, values) + 0.0
+    return (
+        np.where(has_decimals, np.rint(np.where(has_decimals, values, 0.0) * scale) / scale, values)
+        + 0.0
+    )
 
 
 def significant(values: FloatArray, digits: int) -> FloatArray:
-    """Return values rounded to significant digits, element by element; never -0; nan and inf unchanged.
+    """Return values rounded to significant digits, element by element; never -0; nan and inf
+    unchanged.
 
-    Magnitudes below 1e-290 become 0, those above 1e290 are unchanged: there powers of ten leave the range of doubles.
+    Magnitudes below 1e-290 become 0, those above 1e290 are unchanged: there powers of ten leave the
+    range of doubles.
     """
     size = np.abs(values)
     in_range = (size >= _LEAST) & (size <= _MOST)
@@ -140,7 +152,9 @@ def rounded_degrees(angle_rad: FloatArray) -> FloatArray:
 def rounded_bearing_deg(angle_rad: FloatArray, turn_deg: float = 360.0) -> FloatArray:
     """Return angles, rad, as degrees in [0, turn), rounded."""
     bearing = np.degrees(angle_rad)
-    if not np.all((bearing >= 0.0) & (bearing < turn_deg)):  # np.mod changes no other value, but takes time.
+    if not np.all(
+        (bearing >= 0.0) & (bearing < turn_deg)
+    ):  # np.mod changes no other value, but takes time.
         bearing = np.mod(bearing, turn_deg)
     bearing = rounded(bearing, DEGREE_DECIMALS)
     return np.where(bearing == turn_deg, 0.0, bearing)
@@ -164,7 +178,9 @@ def vector_texts(vectors: FloatArray) -> list[bytes]:
 
 @np.errstate(invalid="ignore", over="ignore")
 def propagated_positions(window: Window, rows: IntArray) -> FloatArray:
-    """Return the ECEF positions, m, of the estimates of some detections, propagated at constant velocity."""
+    """Return the ECEF positions, m, of the estimates of some detections, propagated at constant
+    velocity.
+    """
     estimate = window.detections.estimate[rows]
     state = window.estimates.state[estimate]
     since_tick_s = window.detections.time_s[rows] - window.estimates.tick_s[estimate]

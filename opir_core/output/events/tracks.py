@@ -1,6 +1,7 @@
 """The encoder `tracks`: the lines of the tracks file with timestamps, one per track and tick.
 
-It encodes no detections: messages go on after burnout, when there are none, up to the end of the track.
+It encodes no detections: messages go on after burnout, when there are none, up to the end of the
+track.
 """
 
 import msgspec
@@ -28,7 +29,11 @@ class TracksEncoder(Encoder):
         self._hypotheses = context.hypotheses
 
     def encode(self, window: Window) -> bytes:
-        """Return the window's tracks as lines; a tick outside the years 1 to 9999 raises `SinkError`."""
+        """Return the window's tracks as lines; a tick outside the years 1 to 9999 raises
+        `SinkError`.
+        """
         timestamp_text(np.rint(window.tracks.tick_s * _US_PER_S).astype(np.int64) + self._epoch_us)
-        records = track_records(window.tracks, self._hypotheses, self._epoch_us, self.schema_version)
+        records = track_records(
+            window.tracks, self._hypotheses, self._epoch_us, self.schema_version
+        )
         return msgspec.json.Encoder().encode_lines(records)

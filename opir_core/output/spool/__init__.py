@@ -1,5 +1,5 @@
 """Sinks whose events are acknowledged later, and the spool that keeps events on disk until then.
 
-`TransportSink` makes a sink of a `Transport`: batches wait in a `Backlog`, in memory or, if the output has
-`spool: {...}`, in a SQLite file that survives the process.
+`TransportSink` makes a sink of a `Transport`: batches wait in a `Backlog`, in memory or, if the
+output has `spool: {...}`, in a SQLite file that survives the process.
 """

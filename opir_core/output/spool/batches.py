@@ -19,8 +19,8 @@ from opir_core.output.events.encoder_input import encoder_blocks, event_counter,
 from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
 from opir_core.output.spool.syncing import SINK_SYNC_S, SyncThread
 
-#: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's own batches for many
-#: partitions, and one is quickly read back from disk.
+#: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's
+#: own batches for many partitions, and one is quickly read back from disk.
 BATCH_EVENTS = 1024
 
 
@@ -54,7 +54,9 @@ class EncodedBatcher:
                 yield from self._cut(lines, kept.detections.sensor, self._ids)
 
     def _cut(self, lines: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Iterator[Batch]:
-        """Yield the lines of a block as batches of at most `BATCH_EVENTS` events; `key` (n,) is a row of `names`."""
+        """Yield the lines of a block as batches of at most `BATCH_EVENTS` events; `key` (n,) is a
+        row of `names`.
+        """
         whole = self._batch(lines, key, names)
         if len(whole) <= BATCH_EVENTS:
             yield whole
@@ -111,7 +113,9 @@ class Backlog(Protocol):
         """Remove the events of a batch but those in `rows`."""
 
     def drop_oldest(self, after: int) -> int:
-        """Remove the first batch with a higher number and return its number of events; 0 if there is none."""
+        """Remove the first batch with a higher number and return its number of events; 0 if there
+        is none.
+        """
 
     @property
     def sync_fault(self) -> str:
@@ -122,7 +126,9 @@ class Backlog(Protocol):
 
 
 class MemoryBacklog:
-    """A `Backlog` in memory, with at most `max_bytes` of messages; the first batch always has room."""
+    """A `Backlog` in memory, with at most `max_bytes` of messages; the first batch always has
+    room.
+    """
 
     outlives_the_process = False
     sync_fault = ""
@@ -165,7 +171,9 @@ class MemoryBacklog:
         self.waiting -= len(whole) - len(rest)
 
     def drop_oldest(self, after: int) -> int:
-        """Remove the first batch with a higher number and return its number of events; 0 if there is none."""
+        """Remove the first batch with a higher number and return its number of events; 0 if there
+        is none.
+        """
         oldest = self.after(after)
         if oldest is None:
             return 0
@@ -201,7 +209,9 @@ class WindowBatcher:
 
 
 class WindowTransport(Transport):
-    """A transport that writes batches of columns into a sink; what is written is acknowledged once it is synced."""
+    """A transport that writes batches of columns into a sink; what is written is acknowledged once
+    it is synced.
+    """
 
     def __init__(self, sink: Sink, origin: Origin) -> None:
         self._sink = sink

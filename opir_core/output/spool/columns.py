@@ -1,7 +1,8 @@
 """Windows as batches of columns, numpy archives, for sinks that take windows.
 
-Truth is no part of an event and is not kept. Columns mean something only beside their run: its epoch, the ids of its
-sensors and the names of its types are kept with them, and a run that finds them in its spool reads them by its own.
+Truth is no part of an event and is not kept. Columns mean something only beside their run: its
+epoch, the ids of its sensors and the names of its types are kept with them, and a run that finds
+them in its spool reads them by its own.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +34,9 @@ _Record = TypeVar("_Record", bound=Columns)
 
 @frozen(eq=False, repr=False)
 class Origin:
-    """The run of columns: its epoch, µs since 1970-01-01, its sensors, the names of its types and hypotheses."""
+    """The run of columns: its epoch, µs since 1970-01-01, its sensors, the names of its types and
+    hypotheses.
+    """
 
     epoch_us: int
     sensors: Sequence[Sensor]
@@ -49,7 +52,9 @@ class Origin:
             for name in names
         }
         for name in _REGION_COLUMNS:
-            columns |= {f"{name}.{part}": array for part, array in packed_regions(columns.pop(name)).items()}
+            columns |= {
+                f"{name}.{part}": array for part, array in packed_regions(columns.pop(name)).items()
+            }
         used = np.unique(window.detections.sensor)
         columns |= {
             "epoch_us": np.array(self.epoch_us),
@@ -59,17 +64,24 @@ class Origin:
             "hypotheses": np.array(self.hypotheses, dtype=str),
         }
         archive = BytesIO()
-        np.savez(archive, times=np.array([window.start_s, window.end_s]), looks=np.array(window.looks), **columns)
+        np.savez(
+            archive,
+            times=np.array([window.start_s, window.end_s]),
+            looks=np.array(window.looks),
+            **columns,
+        )
         return archive.getvalue()
 
     def unpacked(self, batch: Batch) -> Window:
-        """Return the window of an archive, perhaps of another run, with this run's epoch and rows of sensors.
+        """Return the window of an archive, perhaps of another run, with this run's epoch and rows
+        of sensors.
 
         Raises `SinkError` if it is no window, or this run cannot say what it says.
         """
         if (batch.content_type, batch.schema_version) != (CONTENT_TYPE, VERSION):
             raise SinkError(
-                f"its spool holds {batch.content_type} of another kind of output; give each output a spool of its own"
+                f"its spool holds {batch.content_type} of another kind of output; give each output"
+                f" a spool of its own"
             )
         with np.load(BytesIO(batch.body), allow_pickle=False) as archive:
             start_s, end_s = archive["times"].tolist()
@@ -78,7 +90,9 @@ class Origin:
                 start_s=start_s,
                 end_s=end_s,
                 looks=int(archive["looks"]),
-                detections=evolve(detections, sensor=self._rows(detections.sensor, archive)).freeze(),
+                detections=evolve(
+                    detections, sensor=self._rows(detections.sensor, archive)
+                ).freeze(),
                 truth=DetectionTruth.empty(),
                 tracks=_record(Tracks, "tracks", archive),
                 estimates=_record(Tracks, "estimates", archive),
@@ -88,7 +102,9 @@ class Origin:
         return shifted(window, 1000 * later_us) if later_us else window
 
     def _require_hypotheses(self, archive: Any) -> None:
-        weighed = any(archive[f"{record}.hypothesis_probability"].size for record in ("tracks", "estimates"))
+        weighed = any(
+            archive[f"{record}.hypothesis_probability"].size for record in ("tracks", "estimates")
+        )
         if weighed and tuple(archive["hypotheses"].tolist()) != self.hypotheses:
             raise SinkError(f"its spool holds tracks with other hypotheses; {_REMEDY}")
 
@@ -98,16 +114,23 @@ class Origin:
             raise SinkError(f"its spool holds events with other types; {_REMEDY}")
         used = archive["sensors"]
         ids = archive["sensor_ids"].tolist()
-        if all(row < len(self.sensors) and self.sensors[row].id == name for row, name in zip(used, ids, strict=True)):
+        if all(
+            row < len(self.sensors) and self.sensors[row].id == name
+            for row, name in zip(used, ids, strict=True)
+        ):
             return sensor
         row_of = {each.id: row for row, each in enumerate(self.sensors)}
         if unknown := [name for name in ids if name not in row_of]:
-            raise SinkError(f"its spool holds events of {unknown[0]}, which the scene does not have; {_REMEDY}")
+            raise SinkError(
+                f"its spool holds events of {unknown[0]}, which the scene does not have; {_REMEDY}"
+            )
         rows = np.array([row_of[name] for name in ids], dtype=sensor.dtype)
         return rows[np.searchsorted(used, sensor)]
 
 
-_REMEDY = "run the scene that made them until the spool is empty, or give this output a spool of its own"
+_REMEDY = (
+    "run the scene that made them until the spool is empty, or give this output a spool of its own"
+)
 
 
 def _record(record: Callable[..., _Record], name: str, archive: Any) -> _Record:

@@ -1,7 +1,9 @@
-"""The spool's file: batches in SQLite, in write-ahead-log mode, of limited size, open in one process at a time.
+"""The spool's file: batches in SQLite, in write-ahead-log mode, of limited size, open in one
+process at a time.
 
-A batch survives the end of the process, SIGKILL included, once `put` has returned: a transaction in the log is complete
-or absent (https://www.sqlite.org/wal.html). The checksum of a row detects damage that SQLite does not look for.
+A batch survives the end of the process, SIGKILL included, once `put` has returned: a transaction in
+the log is complete or absent (https://www.sqlite.org/wal.html). The checksum of a row detects
+damage that SQLite does not look for.
 """
 
 import json
@@ -25,7 +27,8 @@ from opir_core.output.temporary_files import sync_path
 _APPLICATION = 0x4F504952
 _VERSION = 1
 _PAGE_BYTES = 4096
-#: Bytes of a row beside its contents: numbers, texts, cell, and its share of pages that are not full.
+#: Bytes of a row beside its contents: numbers, texts, cell, and its share of pages that are not
+#: full.
 _ROW_BYTES = 128
 #: Pages of the schema, the table's interior and the free list.
 _SPARE_PAGES = 32
@@ -40,11 +43,13 @@ _INSERT = (
     " VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
 )
 _REPLACE = (
-    "UPDATE parcel SET events = ?, bytes = ?, crc = ?, content_type = ?, schema_version = ?, keys = ?, key_of = ?,"
+    "UPDATE parcel SET events = ?, bytes = ?, crc = ?, content_type = ?, schema_version = ?, keys ="
+    " ?, key_of = ?,"
     " body = ? WHERE number = ?"
 )
 _NEXT = (
-    "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM parcel"
+    "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM"
+    " parcel"
     " WHERE number > ? ORDER BY number LIMIT 1"
 )
 
@@ -53,7 +58,9 @@ _T = TypeVar("_T")
 
 
 def _raises_ours(method: Callable[_P, _T]) -> Callable[_P, _T]:
-    """Return a method that raises `SinkError` for SQLite's errors, and `FullError` if the disk does not take bytes."""
+    """Return a method that raises `SinkError` for SQLite's errors, and `FullError` if the disk does
+    not take bytes.
+    """
 
     @wraps(method)
     def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> _T:
@@ -80,18 +87,23 @@ class Journal:
         self._bytes = 0
         self.waiting = 0
         self._sync: SyncThread | None = None
-        #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may be an error of a
-        #: read (its code CORRUPTFS), which passes: the file is judged at the next start.
+        #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may
+        #: be an error of a read (its code CORRUPTFS), which passes: the file is judged at the next
+        #: start.
         self.is_open = False
         try:
             absolute = str(Path(path).absolute())  # else ":memory:" would be no file
-            self._database = sqlite3.connect(absolute, timeout=0.0, isolation_level=None, check_same_thread=False)
+            self._database = sqlite3.connect(
+                absolute, timeout=0.0, isolation_level=None, check_same_thread=False
+            )
         except sqlite3.Error as error:
             raise complaint(path, error) from error
         try:
             self._open(survives_power_cut)
             self.is_open = True
-            if not survives_power_cut:  # a log has no locks, which closing a descriptor would give up
+            if (
+                not survives_power_cut
+            ):  # a log has no locks, which closing a descriptor would give up
                 self._sync = SyncThread(partial(sync_path, Path(f"{absolute}-wal")), SPOOL_SYNC_S)
         except FullError as error:
             self.close()
@@ -120,7 +132,8 @@ class Journal:
 
     @_raises_ours
     def after(self, number: int) -> tuple[int, Batch] | None:
-        """Return the first batch with a higher number, with its number, or None; raise `DamagedError` if it is damaged.
+        """Return the first batch with a higher number, with its number, or None; raise
+        `DamagedError` if it is damaged.
 
         Raises `FullError` if the disk does not let it be read.
         """
@@ -130,7 +143,10 @@ class Journal:
         batch = batch_of(row)
         if batch is None:
             words = f"batch {row[0]} with {row[1]} events is not what was written, and is not sent"
-            raise DamagedError(row[0], f"the spool {self.path} is damaged: {words}; the next start sets the file aside")
+            raise DamagedError(
+                row[0],
+                f"the spool {self.path} is damaged: {words}; the next start sets the file aside",
+            )
         return row[0], batch
 
     @_raises_ours
@@ -140,7 +156,9 @@ class Journal:
         cost = 0
         self._database.execute("BEGIN")
         for number in numbers:
-            row = self._database.execute("DELETE FROM parcel WHERE number = ? RETURNING events, bytes", (number,))
+            row = self._database.execute(
+                "DELETE FROM parcel WHERE number = ? RETURNING events, bytes", (number,)
+            )
             ((row_events, row_bytes),) = row.fetchall()
             events = events + row_events
             cost = cost + row_bytes
@@ -160,8 +178,12 @@ class Journal:
 
     @_raises_ours
     def drop_oldest(self, after: int) -> int:
-        """Remove the first batch with a higher number and return its number of events; 0 if there is none."""
-        row = self._database.execute("SELECT min(number) FROM parcel WHERE number > ?", (after,)).fetchone()
+        """Remove the first batch with a higher number and return its number of events; 0 if there
+        is none.
+        """
+        row = self._database.execute(
+            "SELECT min(number) FROM parcel WHERE number > ?", (after,)
+        ).fetchone()
         if row[0] is None:
             return 0
         before = self.waiting
@@ -194,15 +216,22 @@ class Journal:
         ):
             answer = execute(f"PRAGMA {pragma}").fetchall()
             if pragma == "journal_mode = WAL" and answer != [("wal",)]:
-                raise SinkError(f"the spool {self.path} is on a disk that cannot hold one; give a path on another disk")
+                raise SinkError(
+                    f"the spool {self.path} is on a disk that cannot hold one; give a path on"
+                    f" another disk"
+                )
         execute("BEGIN EXCLUSIVE")
         self._require_spool()
         execute(_TABLE)
         execute("COMMIT")
-        with suppress(sqlite3.Error):  # the mark of a spool is looked for in the file itself; a full disk has none
+        with suppress(
+            sqlite3.Error
+        ):  # the mark of a spool is looked for in the file itself; a full disk has none
             execute("PRAGMA wal_checkpoint")
         execute(f"PRAGMA max_page_count = {pages}")
-        self.waiting, self._bytes = execute("SELECT total(events), total(bytes) FROM parcel").fetchone()
+        self.waiting, self._bytes = execute(
+            "SELECT total(events), total(bytes) FROM parcel"
+        ).fetchone()
         self.waiting = int(self.waiting)
         self._bytes = int(self._bytes)
         with suppress(OSError):  # SQLite does not sync the name of a new file
@@ -219,26 +248,41 @@ class Journal:
             execute(f"PRAGMA application_id = {_APPLICATION}")
             execute(f"PRAGMA user_version = {_VERSION}")
         elif application != _APPLICATION:
-            raise SinkError(f"{self.path} is a database of something else, not a spool; give the spool another path")
+            raise SinkError(
+                f"{self.path} is a database of something else, not a spool; give the spool another"
+                f" path"
+            )
         elif version != _VERSION:
-            raise SinkError(f"the spool {self.path} has version {version}, and this opir reads {_VERSION}; {_MOVE}")
+            raise SinkError(
+                f"the spool {self.path} has version {version}, and this opir reads {_VERSION};"
+                f" {_MOVE}"
+            )
 
 
 def _row_of(batch: Batch) -> tuple[Any, ...]:
-    """Return the columns of a batch but its number; the second is an upper bound of the bytes that they take."""
+    """Return the columns of a batch but its number; the second is an upper bound of the bytes that
+    they take.
+    """
     key_of = batch.key_of.astype("<u2").tobytes()
     # A small row may leave as much of its page empty as it fills.
-    content = len(batch.body) + 2 * len(batch) + sum(6 * len(key) + 4 for key in batch.keys) + _ROW_BYTES
+    content = (
+        len(batch.body) + 2 * len(batch) + sum(6 * len(key) + 4 for key in batch.keys) + _ROW_BYTES
+    )
     kind = (batch.content_type, batch.schema_version, json.dumps(batch.keys))
     cost = content + min(content, 2 * _PAGE_BYTES)
     return len(batch), cost, _checksum(*kind, key_of, batch.body), *kind, key_of, batch.body
 
 
 def batch_of(row: tuple[Any, ...]) -> Batch | None:
-    """Return the batch of a row of the table, with all its columns; None if it is not what was written."""
+    """Return the batch of a row of the table, with all its columns; None if it is not what was
+    written.
+    """
     _number, events, _bytes, crc, content_type, schema_version, keys, key_of, body = row
     try:
-        if _checksum(content_type, schema_version, keys, key_of, body) != crc or len(key_of) != 2 * events:
+        if (
+            _checksum(content_type, schema_version, keys, key_of, body) != crc
+            or len(key_of) != 2 * events
+        ):
             return None
     except (AttributeError, TypeError):  # damage can change a column's type
         return None
@@ -252,24 +296,32 @@ def batch_of(row: tuple[Any, ...]) -> Batch | None:
 
 
 def is_spool_file(path: Path) -> bool:
-    """Return whether a file has the mark of a spool of this version in its header (sqlite.org/fileformat2.html)."""
+    """Return whether a file has the mark of a spool of this version in its header
+    (sqlite.org/fileformat2.html).
+    """
     with path.open("rb") as file:
         header = file.read(100)
-    return header[68:72] == _APPLICATION.to_bytes(4, "big") and header[60:64] == _VERSION.to_bytes(4, "big")
+    return header[68:72] == _APPLICATION.to_bytes(4, "big") and header[60:64] == _VERSION.to_bytes(
+        4, "big"
+    )
 
 
 _MOVE = "move it away, and a new one is made"
 _ROOM = "make room, or give a path on another disk"
 
-#: What a disk answers that is full, over a quota or a limit, failing, or mounted anew to be read only.
+#: What a disk answers that is full, over a quota or a limit, failing, or mounted anew to be read
+#: only.
 _REFUSALS_OF_THE_DISK = frozenset({"SQLITE_FULL", "SQLITE_IOERR", "SQLITE_READONLY"})
 
 _WORDS = {
-    "SQLITE_BUSY": "is in use by another process; stop that, or give each output a spool of its own",
-    "SQLITE_LOCKED": "is in use by another process; stop that, or give each output a spool of its own",
+    "SQLITE_BUSY": "is in use by another process; stop that, or give each output a spool of its"
+    " own",
+    "SQLITE_LOCKED": "is in use by another process; stop that, or give each output a spool of its"
+    " own",
     "SQLITE_NOTADB": f"is not a spool, or damaged; {_MOVE}",
     "SQLITE_CORRUPT": f"is damaged; {_MOVE}",
-    "SQLITE_CANTOPEN": "cannot be opened; give a path, in a folder that exists, that may be written",
+    "SQLITE_CANTOPEN": "cannot be opened; give a path, in a folder that exists, that may be"
+    " written",
     "SQLITE_READONLY": "may not be written; give a path that may",
     "SQLITE_PERM": "may not be written; give a path that may",
     "SQLITE_IOERR": "cannot be read or written: its disk fails; give a path on another disk",
@@ -281,14 +333,18 @@ def complaint(path: str, error: sqlite3.Error) -> SinkError:
     """Return the `SinkError` for an error of SQLite."""
     folder = Path(path).parent
     if primary_code(error) == "SQLITE_CANTOPEN" and not folder.is_dir():
-        return SinkError(f"the spool {path} cannot be made: there is no folder {str(folder)!r}; make it")
+        return SinkError(
+            f"the spool {path} cannot be made: there is no folder {str(folder)!r}; make it"
+        )
     words = _WORDS.get(primary_code(error), f"cannot be used ({error}); give it another path")
     return SinkError(f"the spool {path} {words}")
 
 
 def _why(error: sqlite3.Error) -> str:
     """Return why the disk does not take bytes: nothing for a full one, which `FullError` says."""
-    return "" if primary_code(error) == "SQLITE_FULL" else f"its disk answers {str(error).lower()!r}"
+    return (
+        "" if primary_code(error) == "SQLITE_FULL" else f"its disk answers {str(error).lower()!r}"
+    )
 
 
 def is_refusal(error: sqlite3.Error) -> bool:
@@ -297,7 +353,9 @@ def is_refusal(error: sqlite3.Error) -> bool:
 
 
 def primary_code(error: sqlite3.Error) -> str:
-    """Return SQLite's primary error code; extended codes begin with it (https://www.sqlite.org/rescode.html)."""
+    """Return SQLite's primary error code; extended codes begin with it
+    (https://www.sqlite.org/rescode.html).
+    """
     name: Any = getattr(error, "sqlite_errorname", "") or ""
     return "_".join(name.split("_")[:2])
 

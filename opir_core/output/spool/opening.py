@@ -20,8 +20,8 @@ from opir_core.output.spool.salvage import Salvage, salvaged_at_start
 from opir_core.output.spool.transport_sink import TransportSink
 from opir_core.scene.scene import Choice
 
-#: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool: of a destination that
-#: is slow, and of one that says why nothing gets through.
+#: Time, s, after which closing stops waiting for an acknowledgement, for an output with a spool: of
+#: a destination that is slow, and of one that says why nothing gets through.
 SPOOLED_STALL_S = 30.0
 TROUBLE_S = 3.0
 
@@ -29,7 +29,9 @@ TROUBLE_S = 3.0
 def transport_sink(
     choice: Choice, made: Sink | Transport, make_encoder: Callable[[], Encoder], origin: Origin
 ) -> TransportSink:
-    """Return the sink of an output with a transport or a spool; if the spool cannot be opened, `made` is closed."""
+    """Return the sink of an output with a transport or a spool; if the spool cannot be opened,
+    `made` is closed.
+    """
     transport: Transport
     batcher: Batcher
     if isinstance(made, Transport):

@@ -1,4 +1,5 @@
-"""When a sink with a backlog waits, tries again and gives up: the policy, and the states that follow from it.
+"""When a sink with a backlog waits, tries again and gives up: the policy, and the states that
+follow from it.
 
 All times are of the monotonic clock and are passed in; nothing here waits.
 """
@@ -12,11 +13,12 @@ from opir_core.scene.scene import WAIT
 
 @frozen(kw_only=True)
 class Policy:
-    """What is dropped when the backlog is full, how long `wait` waits, s, and when closing stops waiting.
+    """What is dropped when the backlog is full, how long `wait` waits, s, and when closing stops
+    waiting.
 
-    Closing waits for acknowledgements until none has come for `stall_s`, or for `trouble_s` where the transport says
-    why nothing gets through. A parked sink tries again after `retry_s`,
-    then after twice as long each time, up to `longest_retry_s`.
+    Closing waits for acknowledgements until none has come for `stall_s`, or for `trouble_s` where
+    the transport says why nothing gets through. A parked sink tries again after `retry_s`, then
+    after twice as long each time, up to `longest_retry_s`.
     """
 
     when_full: str = WAIT
@@ -31,8 +33,9 @@ class Policy:
 class Parking:
     """Whether the transport refuses batches for good, and when the first of these is sent again.
 
-    taking → `refuse` → parked, nothing is sent → `resume`, after a pause → parked, on trial → `take`, at the first
-    acknowledgement → taking. A refusal on trial parks it again, for twice the pause. At closing there is one trial.
+    taking → `refuse` → parked, nothing is sent → `resume`, after a pause → parked, on trial →
+    `take`, at the first acknowledgement → taking. A refusal on trial parks it again, for twice the
+    pause. At closing there is one trial.
     """
 
     policy: Policy
@@ -47,7 +50,9 @@ class Parking:
     def refuse(self, number: int, reason: str, now_s: float) -> None:
         """Park at a batch; of several that are refused together, at the first."""
         if self.refused_from is None:
-            self._pause_s = min(max(self.policy.retry_s, 2.0 * self._pause_s), self.policy.longest_retry_s)
+            self._pause_s = min(
+                max(self.policy.retry_s, 2.0 * self._pause_s), self.policy.longest_retry_s
+            )
             self._retry_at = now_s + self._pause_s
         self.reason = reason
         self.refused_from = number if self.refused_from is None else min(number, self.refused_from)
@@ -85,12 +90,17 @@ class Closing:
     acknowledged_at: float
     since: float | None = field(default=None, init=False)
     end_at: float = field(default=math.inf, init=False)
-    #: Whether the transport is being closed: a `send` under way may raise then, and its batch stays.
+    #: Whether the transport is being closed: a `send` under way may raise then, and its batch
+    #: stays.
     is_over: bool = field(default=False, init=False)
 
     def is_stalled(self, now_s: float, *, has_trouble: bool = False) -> bool:
-        """Return whether no acknowledgement has come for too long, or the deadline is over; never before closing."""
+        """Return whether no acknowledgement has come for too long, or the deadline is over; never
+        before closing.
+        """
         if self.since is None:
             return False
-        stall_s = min(self.policy.stall_s, self.policy.trouble_s) if has_trouble else self.policy.stall_s
+        stall_s = (
+            min(self.policy.stall_s, self.policy.trouble_s) if has_trouble else self.policy.stall_s
+        )
         return now_s >= min(self.end_at, max(self.since, self.acknowledged_at) + stall_s)

@@ -1,4 +1,5 @@
-"""Columns of impact regions as arrays of numbers, and back: the archives of a spool hold no objects.
+"""Columns of impact regions as arrays of numbers, and back: the archives of a spool hold no
+objects.
 
 A tuple of regions that several rows share is stored once.
 """
@@ -12,11 +13,21 @@ from numpy.typing import NDArray
 
 from opir_core.interfaces.impact_regions import IMPACT_CONDITIONS, ImpactRegion
 
-#: The arrays of a packed column: the tuple (n,) of each row, then the number of parts of each tuple, region, polygon
-#: and ring, the figures of all regions (a condition is its place among all; nan: no centre), and all points,
-#: latitude_rad and longitude_rad.
+#: The arrays of a packed column: the tuple (n,) of each row, then the number of parts of each
+#: tuple, region, polygon and ring, the figures of all regions (a condition is its place among all;
+#: nan: no centre), and all points, latitude_rad and longitude_rad.
 REGION_PARTS = (
-    *("of_row", "regions", "polygons", "rings", "ring_points", "containment", "area_km2", "centre", "points"),
+    *(
+        "of_row",
+        "regions",
+        "polygons",
+        "rings",
+        "ring_points",
+        "containment",
+        "area_km2",
+        "centre",
+        "points",
+    ),
     *("condition", "probability", "effective_samples"),
 )
 _NUMBERS = ("containment", "area_km2", "probability", "effective_samples")
@@ -39,9 +50,16 @@ def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
         "polygons": _lengths([region.polygons for region in regions]),
         "rings": _lengths(polygons),
         "ring_points": _lengths(rings),
-        **{name: np.array([getattr(region, name) for region in regions], dtype=np.float64) for name in _NUMBERS},
-        "condition": np.array([IMPACT_CONDITIONS.index(region.condition) for region in regions], dtype=np.uint8),
-        "centre": np.array([region.centre or (np.nan, np.nan) for region in regions], dtype=np.float64).reshape(-1, 2),
+        **{
+            name: np.array([getattr(region, name) for region in regions], dtype=np.float64)
+            for name in _NUMBERS
+        },
+        "condition": np.array(
+            [IMPACT_CONDITIONS.index(region.condition) for region in regions], dtype=np.uint8
+        ),
+        "centre": np.array(
+            [region.centre or (np.nan, np.nan) for region in regions], dtype=np.float64
+        ).reshape(-1, 2),
         "points": np.concatenate([np.empty((0, 2)), *rings]),
     }
 
@@ -76,4 +94,6 @@ def _lengths(parts: Sequence[Sequence[Any] | NDArray[Any]]) -> NDArray[np.int64]
 def _grouped(parts: Sequence[Any], counts: NDArray[Any]) -> list[tuple[Any, ...]]:
     """Return successive parts as tuples of the given lengths."""
     ends = np.cumsum(counts).tolist()
-    return [tuple(parts[end - count : end]) for end, count in zip(ends, counts.tolist(), strict=True)]
+    return [
+        tuple(parts[end - count : end]) for end, count in zip(ends, counts.tolist(), strict=True)
+    ]

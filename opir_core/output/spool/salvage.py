@@ -1,6 +1,7 @@
 """Damaged spools: which batches of one are whole, and a new spool made of these.
 
-A batch is whole if its row can be read and has its checksum. The damaged file is set aside, not changed.
+A batch is whole if its row can be read and has its checksum. The damaged file is set aside, not
+changed.
 """
 
 import logging
@@ -14,29 +15,42 @@ from attrs import evolve, field, frozen
 from opir_core.errors import SinkError, reason_of
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import FullError
-from opir_core.output.spool.journal import Journal, batch_of, complaint, is_refusal, is_spool_file, primary_code
+from opir_core.output.spool.journal import (
+    Journal,
+    batch_of,
+    complaint,
+    is_refusal,
+    is_spool_file,
+    primary_code,
+)
 from opir_core.output.temporary_files import sync_path
 
-#: Appended to the path of a spool that is made from a damaged one, until it is complete, and until it is in place.
+#: Appended to the path of a spool that is made from a damaged one, until it is complete, and until
+#: it is in place.
 _NEW = ".salvaging"
 _READY = ".salvaged"
 _ROW = (
-    "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM parcel WHERE number = ?"
+    "SELECT number, events, bytes, crc, content_type, schema_version, keys, key_of, body FROM"
+    " parcel WHERE number = ?"
 )
 _BIGGEST = 1 << 50
 _CHUNK = 1 << 20
 #: SQLite's codes that are neither damage nor a refusal of the disk.
-_NO_DAMAGE = frozenset({"SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_CANTOPEN", "SQLITE_PERM", "SQLITE_NOMEM"})
+_NO_DAMAGE = frozenset(
+    {"SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_CANTOPEN", "SQLITE_PERM", "SQLITE_NOMEM"}
+)
 
 _log = logging.getLogger(__name__)
 
 
 @frozen
 class SpoolState:
-    """The batches of a spool that are whole, their events, and the numbers of those that are damaged.
+    """The batches of a spool that are whole, their events, and the numbers of those that are
+    damaged.
 
-    `lost_events` are of the damaged batches, as far as their number can still be read. `is_readable` is false if the
-    file itself is damaged where SQLite needs it to read, `is_sound` where it needs it to write.
+    `lost_events` are of the damaged batches, as far as their number can still be read.
+    `is_readable` is false if the file itself is damaged where SQLite needs it to read, `is_sound`
+    where it needs it to write.
     """
 
     batches: int
@@ -61,17 +75,28 @@ class Salvage:
 
     def __str__(self) -> str:
         """Return one line."""
-        lost = f"{len(self.state.damaged)} batches with at least {self.state.lost_events} events are lost"
+        lost = (
+            f"{len(self.state.damaged)} batches with at least {self.state.lost_events} events are"
+            f" lost"
+        )
         if not self.state.is_readable:
             lost = "nothing else of it can be read"
-        return f"it was damaged: {self.state.events} events are salvaged, {lost}; the damaged file is {self.aside}"
+        return (
+            f"it was damaged: {self.state.events} events are salvaged, {lost}; the damaged file is"
+            f" {self.aside}"
+        )
 
 
 def spool_state(path: str | Path) -> SpoolState:
-    """Return what of a spool is whole; `SinkError` if there is none, it is in use or cannot be read, or is none."""
+    """Return what of a spool is whole; `SinkError` if there is none, it is in use or cannot be
+    read, or is none.
+    """
     place = _existing(Path(path))
     with closing(_opened(place)) as database:
-        state = evolve(_counted(list(_batches(database, place, keep=False))), is_sound=_is_sound(database, place))
+        state = evolve(
+            _counted(list(_batches(database, place, keep=False))),
+            is_sound=_is_sound(database, place),
+        )
     if not state.is_whole:
         _require_readable(place)
     return state
@@ -80,7 +105,8 @@ def spool_state(path: str | Path) -> SpoolState:
 def salvage(path: str | Path) -> Salvage | None:
     """Replace a damaged spool by one of its whole batches; None if it is whole. Raises `SinkError`.
 
-    The new spool is complete before the damaged one is set aside: a process that is killed meanwhile loses nothing.
+    The new spool is complete before the damaged one is set aside: a process that is killed
+    meanwhile loses nothing.
     """
     place = _existing(Path(path))
     state = spool_state(place)
@@ -90,15 +116,21 @@ def salvage(path: str | Path) -> Salvage | None:
         _make_successor(place)
         aside = _put_in_place(place)
     except (FullError, OSError) as error:
-        reason = reason_of(error) if isinstance(error, OSError) else str(error) or "its disk is full"
-        raise SinkError(f"the damaged spool {place} cannot be salvaged: {reason}; make room on its disk") from error
+        reason = (
+            reason_of(error) if isinstance(error, OSError) else str(error) or "its disk is full"
+        )
+        raise SinkError(
+            f"the damaged spool {place} cannot be salvaged: {reason}; make room on its disk"
+        ) from error
     done = Salvage(aside, state)
     _log.warning("the spool %s: %s", place, done)
     return done
 
 
 def _make_successor(place: Path) -> None:
-    """Make a spool of the whole batches of a damaged one; once it is complete, it has the name of a ready one."""
+    """Make a spool of the whole batches of a damaged one; once it is complete, it has the name of a
+    ready one.
+    """
     fresh = _beside(place, _NEW)
     _remove(fresh)
     made = Journal(str(fresh), _BIGGEST, survives_power_cut=True)
@@ -116,9 +148,13 @@ def _make_successor(place: Path) -> None:
 
 
 def _put_in_place(place: Path) -> Path:
-    """Set the damaged spool, or what is left of it, aside, and give its successor its name; return the former's."""
+    """Set the damaged spool, or what is left of it, aside, and give its successor its name; return
+    the former's.
+    """
     aside = _set_aside(place)
-    sync_path(place.parent)  # else a power cut could leave the old log beside the new spool, which would read it
+    sync_path(
+        place.parent
+    )  # else a power cut could leave the old log beside the new spool, which would read it
     _beside(place, _READY).rename(place)
     sync_path(place.parent)
     return aside
@@ -137,7 +173,9 @@ def finish_salvage(path: Path) -> None:
         try:
             _put_in_place(path)
         except OSError as error:
-            raise SinkError(f"the salvaged spool {path} cannot be put in place: {reason_of(error)}") from error
+            raise SinkError(
+                f"the salvaged spool {path} cannot be put in place: {reason_of(error)}"
+            ) from error
 
 
 def _counted(rows: list[tuple[int, Batch | bool, int]]) -> SpoolState:
@@ -153,8 +191,12 @@ def _counted(rows: list[tuple[int, Batch | bool, int]]) -> SpoolState:
     )
 
 
-def _batches(database: sqlite3.Connection, path: Path, *, keep: bool) -> Iterator[tuple[int, Batch | bool, int]]:
-    """Yield number, batch (or whether it is whole) and events of each row; number -1 if the file cannot be read."""
+def _batches(
+    database: sqlite3.Connection, path: Path, *, keep: bool
+) -> Iterator[tuple[int, Batch | bool, int]]:
+    """Yield number, batch (or whether it is whole) and events of each row; number -1 if the file
+    cannot be read.
+    """
     try:
         first, last = _range(database)
     except sqlite3.DatabaseError as error:
@@ -170,11 +212,17 @@ def _batches(database: sqlite3.Connection, path: Path, *, keep: bool) -> Iterato
             continue
         if row is not None:
             batch = batch_of(row)
-            yield number, (batch if keep else True) if batch else False, len(batch) if batch else _events_claimed(row)
+            yield (
+                number,
+                (batch if keep else True) if batch else False,
+                len(batch) if batch else _events_claimed(row),
+            )
 
 
 def _is_sound(database: sqlite3.Connection, path: Path) -> bool:
-    """Return whether SQLite finds the file's pages in order: damage of free pages hinders only writing."""
+    """Return whether SQLite finds the file's pages in order: damage of free pages hinders only
+    writing.
+    """
     try:
         return bool(database.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
     except sqlite3.DatabaseError as error:
@@ -186,7 +234,10 @@ def _range(database: sqlite3.Connection) -> tuple[int, int]:
     """Return the lowest and the highest number that a row may have."""
     database.execute("SELECT number FROM parcel LIMIT 0").fetchall()
     last = 0
-    for words in ("SELECT max(number) FROM parcel", "SELECT seq FROM sqlite_sequence WHERE name = 'parcel'"):
+    for words in (
+        "SELECT max(number) FROM parcel",
+        "SELECT seq FROM sqlite_sequence WHERE name = 'parcel'",
+    ):
         with suppress(sqlite3.DatabaseError):
             last = max(last, *(int(row[0] or 0) for row in database.execute(words)), 0)
     first = 1
@@ -212,13 +263,19 @@ def _opened(path: Path) -> sqlite3.Connection:
 
 
 def _require_damage(path: Path, error: Exception) -> None:
-    """Raise `SinkError` for an error that says nothing about the file: it is in use, or the disk fails."""
-    if isinstance(error, sqlite3.Error) and (is_refusal(error) or primary_code(error) in _NO_DAMAGE):
+    """Raise `SinkError` for an error that says nothing about the file: it is in use, or the disk
+    fails.
+    """
+    if isinstance(error, sqlite3.Error) and (
+        is_refusal(error) or primary_code(error) in _NO_DAMAGE
+    ):
         raise complaint(str(path), error) from error
 
 
 def _require_readable(path: Path) -> None:
-    """Raise `SinkError` if the disk does not let a spool be read: SQLite calls some errors of reads damage."""
+    """Raise `SinkError` if the disk does not let a spool be read: SQLite calls some errors of reads
+    damage.
+    """
     for place in (path, _beside(path, "-wal")):
         try:
             with place.open("rb") as file:
@@ -228,20 +285,28 @@ def _require_readable(path: Path) -> None:
             continue
         except OSError as error:
             way = "copy what can be read to another disk, and salvage the copy"
-            raise SinkError(f"the spool {path} cannot be read: {reason_of(error)}; {way}") from error
+            raise SinkError(
+                f"the spool {path} cannot be read: {reason_of(error)}; {way}"
+            ) from error
 
 
 def _existing(path: Path) -> Path:
     finish_salvage(path)
     if not path.is_file():
-        raise SinkError(f"there is no spool {path}; give the path of the file that `spool: {{path: ...}}` names")
+        raise SinkError(
+            f"there is no spool {path}; give the path of the file that `spool: {{path: ...}}` names"
+        )
     if not is_spool_file(path):
-        raise SinkError(f"{path} is not a spool; give the path of the file that `spool: {{path: ...}}` names")
+        raise SinkError(
+            f"{path} is not a spool; give the path of the file that `spool: {{path: ...}}` names"
+        )
     return path
 
 
 def _set_aside(path: Path) -> Path:
-    """Rename a spool to the first free name, its log first: a log beside another file would be replayed into it."""
+    """Rename a spool to the first free name, its log first: a log beside another file would be
+    replayed into it.
+    """
     number = 1
     while (aside := _beside(path, f".damaged-{number}")).exists():
         number += 1

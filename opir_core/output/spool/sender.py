@@ -1,4 +1,6 @@
-"""The thread that sends a backlog over a transport, oldest first, and removes what is acknowledged."""
+"""The thread that sends a backlog over a transport, oldest first, and removes what is
+acknowledged.
+"""
 
 import threading
 import time
@@ -20,7 +22,8 @@ SLEEP_S = 0.25
 _REMOVAL_S = 0.1
 #: Time, s, that a transport has to close.
 _TRANSPORT_S = 2.0
-#: Time, s, after which a transport's `close` has not kept to its own, and after which a `send` is called trouble.
+#: Time, s, after which a transport's `close` has not kept to its own, and after which a `send` is
+#: called trouble.
 _LONGER_S = 8.0
 TROUBLED_S = 5.0
 
@@ -28,7 +31,8 @@ TROUBLED_S = 5.0
 class Sender:
     """Sends until it is closed; a permanent error is kept for the next `write` of the sink.
 
-    `sent` belongs to the thread and, after its end, to `finish`; the store's lock guards what its other users change.
+    `sent` belongs to the thread and, after its end, to `finish`; the store's lock guards what its
+    other users change.
     """
 
     def __init__(self, store: Store, transport: Transport, policy: Policy) -> None:
@@ -42,23 +46,31 @@ class Sender:
         self._sending_since_s: float | None = None
         self.error: Exception | None = None
         self.wake = threading.Event()
-        self._thread = threading.Thread(target=self._send_all, name=f"opir {store.name}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._send_all, name=f"opir {store.name}", daemon=True
+        )
         self._thread.start()
 
     @property
     def parked(self) -> str | None:
-        """Why the transport refuses events for good, until it has acknowledged some, or the spool's disk fails."""
+        """Why the transport refuses events for good, until it has acknowledged some, or the spool's
+        disk fails.
+        """
         return self.parking.reason or self.store.fault
 
     @property
     def trouble(self) -> str | None:
-        """Why nothing gets through at the moment, or None: the transport's reason, or a `send` that does not return."""
+        """Why nothing gets through at the moment, or None: the transport's reason, or a `send` that
+        does not return.
+        """
         return self._overdue(TROUBLED_S) or self.transport.trouble
 
     def _overdue(self, after_s: float) -> str | None:
         since_s = self._sending_since_s
         # A `send` that raised has ended, and the thread with it.
-        duration_s = 0.0 if since_s is None or not self._thread.is_alive() else time.monotonic() - since_s
+        duration_s = (
+            0.0 if since_s is None or not self._thread.is_alive() else time.monotonic() - since_s
+        )
         if duration_s <= after_s:
             return None
         place = place_of_thread(self._thread.ident)
@@ -74,14 +86,18 @@ class Sender:
         return f"{self.store.name}: a defect: {self.error!r}"
 
     def raise_error(self) -> None:
-        """Raise the error that ended the sending: a `SinkError`, or a defect of the transport as it is."""
+        """Raise the error that ended the sending: a `SinkError`, or a defect of the transport as it
+        is.
+        """
         if isinstance(self.error, SinkError):
             raise SinkError(str(self.error)) from self.error
         if self.error is not None:
             raise self.error
 
     def close_by(self, deadline_s: float) -> None:
-        """Stop waiting for acknowledgements in time for the transport to be closed by a deadline."""
+        """Stop waiting for acknowledgements in time for the transport to be closed by a
+        deadline.
+        """
         self.closing.end_at = deadline_s - _TRANSPORT_S
         self.wake.set()
 
@@ -89,7 +105,9 @@ class Sender:
         """Wait for acknowledgements and close the transport; return its trouble before that."""
         self.closing.since = time.monotonic()
         self.wake.set()
-        while self._thread.is_alive() and not (time.monotonic() > self.closing.end_at and self._overdue(0.0)):
+        while self._thread.is_alive() and not (
+            time.monotonic() > self.closing.end_at and self._overdue(0.0)
+        ):
             self._thread.join(SLEEP_S)
             if overdue := self._overdue(self.closing.policy.stall_s):
                 self.error = self.error or SinkError(f"{self.store.name}: {overdue}")
@@ -98,9 +116,14 @@ class Sender:
         self.closing.is_over = True
         wait_s = min(_TRANSPORT_S, max(0.1, self.closing.end_at + _TRANSPORT_S - time.monotonic()))
         try:
-            CallThread().result(lambda: self.transport.close(wait_s), wait_s + _LONGER_S, is_last=True)
+            CallThread().result(
+                lambda: self.transport.close(wait_s), wait_s + _LONGER_S, is_last=True
+            )
         except OverdueError as place:
-            words = f"close of its transport has not returned for {wait_s + _LONGER_S:.1f} s: in {place}"
+            words = (
+                f"close of its transport has not returned for {wait_s + _LONGER_S:.1f} s: in"
+                f" {place}"
+            )
             self.error = self.error or SinkError(f"{self.store.name}: {words}")
         try:
             self._remove_acknowledged()
@@ -120,7 +143,9 @@ class Sender:
             self.store.room.notify_all()
 
     def _is_done(self) -> bool:
-        """Remove acknowledged batches and send as many as there is room for; return whether sending is over."""
+        """Remove acknowledged batches and send as many as there is room for; return whether sending
+        is over.
+        """
         self._remove_acknowledged()
         if self.transport.acknowledged != self._progress:  # a part of a batch is progress too
             self._progress = self.transport.acknowledged
@@ -132,7 +157,9 @@ class Sender:
             if time.monotonic() >= remove_at:  # also for a transport with a slow `send`
                 self._remove_acknowledged()
                 remove_at = time.monotonic() + _REMOVAL_S
-        return self.closing.since is not None and (not self.store.backlog.waiting or self._is_stalled())
+        return self.closing.since is not None and (
+            not self.store.backlog.waiting or self._is_stalled()
+        )
 
     def _may_send(self) -> bool:
         return self.sent.has_room and self.parking.refused_from is None and not self._is_stalled()
@@ -141,7 +168,9 @@ class Sender:
         """Return whether the sink is being closed and no longer waits for acknowledgements."""
         if self.closing.since is not None and self.parking.has_given_up and not self.sent:
             return True
-        return self.closing.is_stalled(time.monotonic(), has_trouble=self.transport.trouble is not None)
+        return self.closing.is_stalled(
+            time.monotonic(), has_trouble=self.transport.trouble is not None
+        )
 
     def _send(self, number: int, batch: Batch) -> None:
         self._sending_since_s = time.monotonic()
@@ -151,7 +180,9 @@ class Sender:
         future.add_done_callback(lambda _done: self.wake.set())
 
     def _remove_acknowledged(self) -> None:
-        """Remove acknowledged batches from the backlog; raise the error of a batch that failed permanently."""
+        """Remove acknowledged batches from the backlog; raise the error of a batch that failed
+        permanently.
+        """
         done = self.sent.done()
         if not done:
             return
@@ -173,7 +204,9 @@ class Sender:
             self.parking.take()
 
     def _refuse(self, sent: Sent) -> None:
-        """Park at a batch that failed, if the backlog outlives the process; otherwise raise the reason."""
+        """Park at a batch that failed, if the backlog outlives the process; otherwise raise the
+        reason.
+        """
         if sent.future.cancelled():
             if self.closing.since is not None:
                 return
@@ -193,7 +226,9 @@ class Sender:
             self.parking.refuse(sent.number, reason, time.monotonic())
 
     def _resume(self) -> None:
-        """Go back to the first refused batch once no other is under way, and send from there when it is time."""
+        """Go back to the first refused batch once no other is under way, and send from there when
+        it is time.
+        """
         first = self.parking.refused_from
         if first is None or self.sent:
             return

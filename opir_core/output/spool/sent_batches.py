@@ -22,7 +22,9 @@ class Sent:
     @property
     def has_failed(self) -> bool:
         """Whether the transport has given it up."""
-        return self.future.done() and (self.future.cancelled() or self.future.exception() is not None)
+        return self.future.done() and (
+            self.future.cancelled() or self.future.exception() is not None
+        )
 
 
 class SentBatches:

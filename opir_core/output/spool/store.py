@@ -1,4 +1,6 @@
-"""The events of a sink that wait: the backlog with its lock, the event counts, and the faults of its disk."""
+"""The events of a sink that wait: the backlog with its lock, the event counts, and the faults of
+its disk.
+"""
 
 import threading
 from collections.abc import Sequence
@@ -24,8 +26,8 @@ class Books:
 class Store:
     """A backlog that is filled at one end and sent from at the other.
 
-    The lock `room` guards all of it, and whoever waits for room waits on it; it is never held while the transport
-    works. `read_to` is the number of the last batch that was read for sending.
+    The lock `room` guards all of it, and whoever waits for room waits on it; it is never held while
+    the transport works. `read_to` is the number of the last batch that was read for sending.
     """
 
     def __init__(self, name: str, backlog: Backlog, damage: Salvage | None) -> None:
@@ -36,7 +38,8 @@ class Store:
         lost = 0 if damage is None else damage.state.lost_events
         self.books = Books(backlog.waiting + lost, lost)
         self.read_to = 0
-        #: What of the spool is damaged, why the disk did not take the last bytes, and why it cannot be read.
+        #: What of the spool is damaged, why the disk did not take the last bytes, and why it cannot
+        #: be read.
         self.damage = None if damage is None else f"{name}: the spool {self._place}: {damage}"
         self._unwritten = ""
         self._unread = ""
@@ -45,7 +48,9 @@ class Store:
         """Return the counts; `spooled` are the events that wait."""
         books = self.books
         waiting = self.backlog.waiting
-        return Delivery(books.delivered, waiting, books.dropped, books.withheld, books.recovered, complaint)
+        return Delivery(
+            books.delivered, waiting, books.dropped, books.withheld, books.recovered, complaint
+        )
 
     @property
     def fault(self) -> str | None:
@@ -59,7 +64,8 @@ class Store:
         why = self._unwritten or trouble
         return (
             f"{self.name}: {f'its spool {self._place}' if self._place else 'its queue'}"
-            f" {'cannot be written' if self._unwritten else 'is full'}, with {self.backlog.waiting} events that wait"
+            f" {'cannot be written' if self._unwritten else 'is full'}, with {self.backlog.waiting}"
+            f" events that wait"
             f"{f': {why}' if why else ''}"
         )
 
@@ -74,7 +80,9 @@ class Store:
         return True
 
     def drop_oldest(self) -> int:
-        """Drop the oldest batch that was not read yet; return its number of events, 0 if that makes no room."""
+        """Drop the oldest batch that was not read yet; return its number of events, 0 if that makes
+        no room.
+        """
         try:
             lost = self.backlog.drop_oldest(self.read_to)
         except FullError:  # the disk itself is full, and deleting needs room too
@@ -83,7 +91,8 @@ class Store:
         return lost
 
     def next(self) -> tuple[int, Batch] | None:
-        """Return the next batch to send, None if there is none or it cannot be read now; skip those that are damaged.
+        """Return the next batch to send, None if there is none or it cannot be read now; skip those
+        that are damaged.
 
         What is damaged stays in the file, until the next start sets that aside.
         """

@@ -1,12 +1,14 @@
-"""The thread that makes what was written last, whatever those that fill and send a spool are waiting for."""
+"""The thread that makes what was written last, whatever those that fill and send a spool are
+waiting for.
+"""
 
 import threading
 from collections.abc import Callable
 
 from opir_core.errors import reason_of
 
-#: Time, s, from a write into a spool to its sync. A power cut may undo so much, and what the disk and a busy machine
-#: take, together at most a second.
+#: Time, s, from a write into a spool to its sync. A power cut may undo so much, and what the disk
+#: and a busy machine take, together at most a second.
 SPOOL_SYNC_S = 0.25
 #: Shortest time, s, between two syncs of a sink, after which its events are acknowledged.
 SINK_SYNC_S = 0.05
@@ -36,7 +38,11 @@ class SyncThread:
 
     def _work(self) -> None:
         # `stop` sets both events: one that comes just before `clear` is seen by `is_set`.
-        while not self._stopping.is_set() and self._written.wait() and not self._stopping.wait(self._within_s):
+        while (
+            not self._stopping.is_set()
+            and self._written.wait()
+            and not self._stopping.wait(self._within_s)
+        ):
             self._written.clear()
             try:
                 self._sync()

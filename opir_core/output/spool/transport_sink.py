@@ -1,11 +1,12 @@
-"""The sink that sends batches from a backlog over a transport and removes those that are acknowledged.
+"""The sink that sends batches from a backlog over a transport and removes those that are
+acknowledged.
 
-`write` encodes events into the backlog and waits for no network. A thread sends the batches, oldest first and a bounded
-number of bytes ahead of the acknowledgements. Events of an earlier run are sent before those of this run, so each key's
-events keep their order.
+`write` encodes events into the backlog and waits for no network. A thread sends the batches, oldest
+first and a bounded number of bytes ahead of the acknowledgements. Events of an earlier run are sent
+before those of this run, so each key's events keep their order.
 
-A final error of the transport ends a sink without a spool. One with a spool is parked: it takes events as before, and
-sends them again after a pause, which grows, or on request.
+A final error of the transport ends a sink without a spool. One with a spool is parked: it takes
+events as before, and sends them again after a pause, which grows, or on request.
 """
 
 import logging
@@ -47,7 +48,9 @@ class TransportSink(Sink):
         self._sender = Sender(self._store, transport, policy)
 
     def write(self, window: Window) -> None:
-        """Put the window's events into the backlog; raise `SinkError` once the transport or the backlog has failed."""
+        """Put the window's events into the backlog; raise `SinkError` once the transport or the
+        backlog has failed.
+        """
         encoded = 0
         for batch in self._batcher.batches(window):
             encoded += len(batch)
@@ -70,7 +73,8 @@ class TransportSink(Sink):
 
     @property
     def parked(self) -> str | None:
-        """Why the transport refuses events for good, until it has acknowledged some, or the spool's disk fails.
+        """Why the transport refuses events for good, until it has acknowledged some, or the spool's
+        disk fails.
 
         None without a spool.
         """
@@ -94,7 +98,9 @@ class TransportSink(Sink):
         return is_parked
 
     def close_by(self, deadline_s: float) -> None:
-        """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any thread."""
+        """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any
+        thread.
+        """
         self._sender.close_by(deadline_s)
 
     def close(self) -> Delivery:
@@ -103,7 +109,9 @@ class TransportSink(Sink):
         delivery = self._final(trouble)
         if delivery.spooled and not delivery.complaint:
             why = trouble or "no acknowledgement came in time"
-            _log.warning("%s: %d events wait in its spool: %s", self._store.name, delivery.spooled, why)
+            _log.warning(
+                "%s: %d events wait in its spool: %s", self._store.name, delivery.spooled, why
+            )
         self._store.backlog.close()
         error = self._sender.error
         if error is not None and not isinstance(error, SinkError):
@@ -116,10 +124,14 @@ class TransportSink(Sink):
             return counts
         reason = counts.complaint or f"{self._store.name}: {trouble or 'no acknowledgement came'}"
         hint = "" if counts.complaint else "; a spool would keep what is lost"
-        return evolve(counts, spooled=0, dropped=counts.dropped + counts.spooled, complaint=reason + hint)
+        return evolve(
+            counts, spooled=0, dropped=counts.dropped + counts.spooled, complaint=reason + hint
+        )
 
     def _put(self, batch: Batch) -> None:
-        """Put a batch into the backlog; if that is full, wait or drop as the policy says. The lock is held."""
+        """Put a batch into the backlog; if that is full, wait or drop as the policy says. The lock
+        is held.
+        """
         store = self._store
         when_full = self._policy.when_full
         self._sender.raise_error()

@@ -1,9 +1,11 @@
-"""Cramér-Rao bounds at burnout: least errors of launch point, velocity and impact from lines of sight.
+"""Cramér-Rao bounds at burnout: least errors of launch point, velocity and impact from lines of
+sight.
 
-Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth, its burnout speed
-and its burnout flight path angle. Each look that detects measures two angles with the sensor's sigma; the pointing bias
-of a sensor is one more unknown vector, with its own standard deviation. The information of looks is weighed by P_d.
-The bounds are of a tracker that knows the profile: real ones, which do not, have larger errors.
+Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth,
+its burnout speed and its burnout flight path angle. Each look that detects measures two angles with
+the sensor's sigma; the pointing bias of a sensor is one more unknown vector, with its own standard
+deviation. The information of looks is weighed by P_d. The bounds are of a tracker that knows the
+profile: real ones, which do not, have larger errors.
 
 Source: H. L. Van Trees, Detection, Estimation, and Modulation Theory I (1968), section 2.4.
 """
@@ -22,9 +24,11 @@ from opir_coverage.launches import GridBoosts, LaunchPlaces
 #: Steps of differences: of burnout speed, as a share of it, and of the flight path angle, rad.
 _SPEED_SHARE = 1e-4
 _ANGLE_RAD = 1e-4
-#: Scales of the unknowns: metres north and east, seconds, azimuth in rad, burnout speed in m/s, angle in rad.
+#: Scales of the unknowns: metres north and east, seconds, azimuth in rad, burnout speed in m/s,
+#: angle in rad.
 _SCALES = np.array([1e3, 1e3, 1.0, 1e-2, 10.0, 1e-2])
-#: Root-mean-square distance, m, from a point of the Earth to one that may be anywhere on it: √((π² - 4) / 2) radii.
+#: Root-mean-square distance, m, from a point of the Earth to one that may be anywhere on it: √((π²
+#: - 4) / 2) radii.
 _ANYWHERE_M = EARTH_EQUATORIAL_RADIUS_M * np.sqrt(0.5 * np.pi**2 - 2.0)
 #: Unknowns in units of `_SCALES` with less information than this are not observable.
 _LEAST_INFORMATION = 1e-12
@@ -51,7 +55,9 @@ class LaunchSlopes:
         return cls(places, places.path(0.0), faster, steeper)
 
     def at(self, since_s: float) -> FloatArray:
-        """Return the derivatives of positions at a time since ignition, s, for observers by the clock."""
+        """Return the derivatives of positions at a time since ignition, s, for observers by the
+        clock.
+        """
         position, velocity, faster, steeper = self._states(since_s)
         slopes = self._moved(position - self.path.launch_m, position)
         slopes[:, :, 2] = -velocity
@@ -60,7 +66,9 @@ class LaunchSlopes:
         return slopes * _SCALES
 
     def at_burnout(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return positions and velocities (n, 3) at burnout, and the derivatives (n, 3, 6) of both."""
+        """Return positions and velocities (n, 3) at burnout, and the derivatives (n, 3, 6) of
+        both.
+        """
         position, velocity, faster, steeper = self._states(self.places.profile.burn_time_s)
         slopes = self._moved(position - self.path.launch_m, position)
         turned = self._moved(velocity, velocity, is_free=True)
@@ -68,21 +76,34 @@ class LaunchSlopes:
             slopes[:, :, column], turned[:, :, column] = other
         return position, velocity, slopes * _SCALES, turned * _SCALES
 
-    def _states(self, since_s: float) -> tuple[FloatArray, FloatArray, list[FloatArray], list[FloatArray]]:
+    def _states(
+        self, since_s: float
+    ) -> tuple[FloatArray, FloatArray, list[FloatArray], list[FloatArray]]:
         everyone = np.arange(len(self.places))
         now = np.full(len(everyone), min(since_s, self.path.burnout_s))
         own = self.path.state(everyone, now)
         speed_m_s = _SPEED_SHARE * self.places.profile.burnout_speed_m_s
-        faster = [(new - old) / speed_m_s for new, old in zip(self.faster.state(everyone, now), own, strict=True)]
-        steeper = [(new - old) / _ANGLE_RAD for new, old in zip(self.steeper.state(everyone, now), own, strict=True)]
+        faster = [
+            (new - old) / speed_m_s
+            for new, old in zip(self.faster.state(everyone, now), own, strict=True)
+        ]
+        steeper = [
+            (new - old) / _ANGLE_RAD
+            for new, old in zip(self.steeper.state(everyone, now), own, strict=True)
+        ]
         return *own, faster, steeper
 
-    def _moved(self, offset: FloatArray, position: FloatArray, *, is_free: bool = False) -> FloatArray:
-        """Return derivatives of vectors by the launch's place and azimuth: rotations about the launch's axes.
+    def _moved(
+        self, offset: FloatArray, position: FloatArray, *, is_free: bool = False
+    ) -> FloatArray:
+        """Return derivatives of vectors by the launch's place and azimuth: rotations about the
+        launch's axes.
 
         `offset` is from the launch, `position` from the Earth's axis; free vectors turn only.
         """
-        site = launch_site(self.places.latitude_rad, self.places.longitude_rad, np.zeros(len(self.places)))
+        site = launch_site(
+            self.places.latitude_rad, self.places.longitude_rad, np.zeros(len(self.places))
+        )
         east = site.axes[:, 0]
         up = site.axes[:, 2]
         pole = np.broadcast_to(np.array([0.0, 0.0, 1.0]), up.shape)
@@ -96,10 +117,11 @@ class LaunchSlopes:
 
 
 class LaunchInformation:
-    """Fisher information (n, 6, 6) of the unknowns of launches, from looks at equal steps of the burn.
+    """Fisher information (n, 6, 6) of the unknowns of launches, from looks at equal steps of the
+    burn.
 
-    A look without a bias adds SᵀWS with the slopes S of its step and W = w (1 - u uᵀ)/r². W is added up over sensors,
-    and multiplied by slopes once a step.
+    A look without a bias adds SᵀWS with the slopes S of its step and W = w (1 - u uᵀ)/r². W is
+    added up over sensors, and multiplied by slopes once a step.
     """
 
     def __init__(self, slopes: Sequence[NDArray[np.floating]]) -> None:
@@ -107,17 +129,32 @@ class LaunchInformation:
         self._across = np.zeros((len(slopes), len(_PAIRS), len(slopes[0])))
         self._lost: FloatArray | float = 0.0
 
-    def add(self, step: int, rows: IntArray, direction: FloatArray, range_m: FloatArray, weight: FloatArray) -> None:
-        """Add a sensor's looks at cells `rows` (n,): unit directions (n, 3), ranges and weights 1/σ² (n,)."""
+    def add(
+        self,
+        step: int,
+        rows: IntArray,
+        direction: FloatArray,
+        range_m: FloatArray,
+        weight: FloatArray,
+    ) -> None:
+        """Add a sensor's looks at cells `rows` (n,): unit directions (n, 3), ranges and weights
+        1/σ² (n,).
+        """
         share = weight / np.square(range_m)
         unit = np.ascontiguousarray(direction.T)
         for place, (one, other) in enumerate(_PAIRS):
-            self._across[step, place, rows] += share * (float(one == other) - unit[one] * unit[other])
+            self._across[step, place, rows] += share * (
+                float(one == other) - unit[one] * unit[other]
+            )
 
     def lose(self, bias: "BiasInformation", sigma_rad: float) -> None:
-        """Take off what the pointing bias of a sensor, an unknown of this standard deviation, costs."""
+        """Take off what the pointing bias of a sensor, an unknown of this standard deviation,
+        costs.
+        """
         shared = bias.own + np.eye(3) / sigma_rad**2
-        self._lost = self._lost + np.matmul(bias.cross, np.linalg.solve(shared, bias.cross.transpose(0, 2, 1)))
+        self._lost = self._lost + np.matmul(
+            bias.cross, np.linalg.solve(shared, bias.cross.transpose(0, 2, 1))
+        )
 
     def whole(self) -> FloatArray:
         """Return the information (n, 6, 6)."""
@@ -128,7 +165,9 @@ class LaunchInformation:
         return whole - self._lost
 
     def covariance(self) -> FloatArray:
-        """Return the bounds' covariances (n, 6, 6) in units of `_SCALES`; nan where something is not observable."""
+        """Return the bounds' covariances (n, 6, 6) in units of `_SCALES`; nan where something is
+        not observable.
+        """
         values, vectors = np.linalg.eigh(self.whole())
         is_known = values[:, 0] > _LEAST_INFORMATION * np.maximum(values[:, -1], 1e-300)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -137,7 +176,9 @@ class LaunchInformation:
 
 
 class BiasInformation:
-    """Information (n, 3, 3) of one sensor's pointing bias, `own`, and (n, 6, 3) of it and the unknowns, `cross`."""
+    """Information (n, 3, 3) of one sensor's pointing bias, `own`, and (n, 6, 3) of it and the
+    unknowns, `cross`.
+    """
 
     def __init__(self, cells: int) -> None:
         self.own = np.zeros((cells, 3, 3))
@@ -151,16 +192,22 @@ class BiasInformation:
         range_m: FloatArray,
         weight: FloatArray,
     ) -> None:
-        """Add looks at cells `rows` (n,) with slopes (n, 3, 6), the rest as of `LaunchInformation.add`."""
+        """Add looks at cells `rows` (n,) with slopes (n, 3, 6), the rest as of
+        `LaunchInformation.add`.
+        """
         along = np.matmul(direction[:, None, :], slopes)
         across = slopes - direction[:, :, None] * along
         self.cross[rows] += across.transpose(0, 2, 1) * (weight / range_m)[:, None, None]
-        self.own[rows] += (np.eye(3) - direction[:, :, None] * direction[:, None, :]) * weight[:, None, None]
+        self.own[rows] += (np.eye(3) - direction[:, :, None] * direction[:, None, :]) * weight[
+            :, None, None
+        ]
 
 
 @frozen(eq=False)
 class BurnoutBounds:
-    """Root-mean-square bounds (n,): of the launch point on the ground, the velocity at burnout, and the impact."""
+    """Root-mean-square bounds (n,): of the launch point on the ground, the velocity at burnout, and
+    the impact.
+    """
 
     launch_m: FloatArray
     velocity_m_s: FloatArray
@@ -169,7 +216,9 @@ class BurnoutBounds:
 
 @frozen(eq=False)
 class BurnSlopes:
-    """What bounds need of launches: slopes (n, 3, 6) at equal steps of the burn, and what `at_burnout` returns."""
+    """What bounds need of launches: slopes (n, 3, 6) at equal steps of the burn, and what
+    `at_burnout` returns.
+    """
 
     moved: Sequence[NDArray[np.float32]]
     burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -182,15 +231,20 @@ class BurnSlopes:
 
 
 def burnout_bounds(
-    burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray], covariance: FloatArray, *, comes_down: bool
+    burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    covariance: FloatArray,
+    *,
+    comes_down: bool,
 ) -> BurnoutBounds:
-    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns; impacts of those that come down, nan
-    where they may be anywhere on Earth.
+    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns; impacts of those
+    that come down, nan where they may be anywhere on Earth.
 
     `burnout` is as `LaunchSlopes.at_burnout` returns it.
     """
     position, velocity, moved, turned = burnout
-    launch_m = np.sqrt(covariance[:, 0, 0] * _SCALES[0] ** 2 + covariance[:, 1, 1] * _SCALES[1] ** 2)
+    launch_m = np.sqrt(
+        covariance[:, 0, 0] * _SCALES[0] ** 2 + covariance[:, 1, 1] * _SCALES[1] ** 2
+    )
     impact_m = np.full(len(launch_m), np.nan)
     if comes_down:
         impact_m = _spread(_impact_slopes(position, velocity, moved, turned), covariance)
@@ -203,13 +257,19 @@ def _spread(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.sqrt(np.einsum("nij,njk,nik->n", slopes, covariance, slopes, optimize=True))
 
 
-def _impact_slopes(position: FloatArray, velocity: FloatArray, moved: FloatArray, turned: FloatArray) -> FloatArray:
-    """Return the derivatives (n, 3, 6) of impact points on the turning Earth, by central differences."""
+def _impact_slopes(
+    position: FloatArray, velocity: FloatArray, moved: FloatArray, turned: FloatArray
+) -> FloatArray:
+    """Return the derivatives (n, 3, 6) of impact points on the turning Earth, by central
+    differences.
+    """
     slopes = np.zeros(moved.shape)
     for column in (0, 1, 3, 4, 5):
         one = moved[:, :, column]
         other = turned[:, :, column]
-        ahead, behind = (_impacts(position + sign * one, velocity + sign * other) for sign in (0.05, -0.05))
+        ahead, behind = (
+            _impacts(position + sign * one, velocity + sign * other) for sign in (0.05, -0.05)
+        )
         slopes[:, :, column] = (ahead - behind) / 0.1
     return slopes
 
@@ -217,7 +277,9 @@ def _impact_slopes(position: FloatArray, velocity: FloatArray, moved: FloatArray
 def _impacts(position: FloatArray, velocity: FloatArray) -> FloatArray:
     """Return impact points (n, 3) in ECEF of free flights from states (n, 3) in ECEF."""
     spin = EARTH_ROTATION_RAD_S
-    inertial = velocity + spin * np.stack([-position[:, 1], position[:, 0], np.zeros(len(position))], axis=1)
+    inertial = velocity + spin * np.stack(
+        [-position[:, 1], position[:, 0], np.zeros(len(position))], axis=1
+    )
     time_s, point = kepler_impact(position, inertial)
     cosine = np.cos(spin * time_s)
     sine = np.sin(spin * time_s)

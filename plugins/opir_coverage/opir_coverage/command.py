@@ -1,4 +1,6 @@
-"""What `opir coverage` does: compute, write page and data, print the figures of merit of the whole grid."""
+"""What `opir coverage` does: compute, write page and data, print the figures of merit of the whole
+grid.
+"""
 
 import argparse
 import json
@@ -31,7 +33,9 @@ def coverage(arguments: argparse.Namespace) -> int:
     if note:
         sys.stderr.write(f"opir: {note}\n")
     if arguments.json:
-        sys.stdout.write(json.dumps({"coverage": dict(found.attributes), "layers": rows}, indent=2) + "\n")
+        sys.stdout.write(
+            json.dumps({"coverage": dict(found.attributes), "layers": rows}, indent=2) + "\n"
+        )
         return 0
     sys.stdout.write(as_text(rows) + "\n")
     for path in written:

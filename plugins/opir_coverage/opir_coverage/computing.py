@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 
 def coverage(scene: Scene | Plan | str | Path, **settings: Any) -> "xarray.Dataset":
-    """Return the coverage of a scene as an `xarray.Dataset`; the settings are those of `CoverageSettings`.
+    """Return the coverage of a scene as an `xarray.Dataset`; the settings are those of
+    `CoverageSettings`.
 
     Raises `ModelError` for settings that are not possible, and where xarray is not installed.
     """
@@ -81,7 +82,8 @@ def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
         "title": f"Coverage of {plan.scene.name}",
         "scene": plan.scene.name,
         "epoch": f"{epoch:%Y-%m-%dT%H:%M:%SZ}",
-        "interval": f"{settings.hours:g} h in {settings.steps} steps of {3600.0 * settings.hours / settings.steps:g} s",
+        "interval": f"{settings.hours:g} h in {settings.steps} steps of"
+        f" {3600.0 * settings.hours / settings.steps:g} s",
         "sensors": ", ".join(each.id for each in plan.sensors),
         "launches": f"{launched} {settings.profile}".strip(),
         "probability": f"{settings.chance:g}",
@@ -91,9 +93,15 @@ def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
 
 
 def _with_shares(whole: CoverageMap, requirements: tuple[Requirement, ...]) -> CoverageMap:
-    """Return a coverage with a layer for each requirement: the share of the day at which it is met."""
+    """Return a coverage with a layer for each requirement: the share of the day at which it is
+    met.
+    """
     added = [_share_layer(whole, each, number + 1) for number, each in enumerate(requirements)]
-    return CoverageMap(whole.grid, whole.coordinates, [*whole.layers, *added], whole.attributes) if added else whole
+    return (
+        CoverageMap(whole.grid, whole.coordinates, [*whole.layers, *added], whole.attributes)
+        if added
+        else whole
+    )
 
 
 def _share_layer(whole: CoverageMap, requirement: Requirement, number: int) -> Layer:
@@ -102,11 +110,15 @@ def _share_layer(whole: CoverageMap, requirement: Requirement, number: int) -> L
     except KeyError as error:
         raise ModelError(f"--require: {error.args[0]}") from error
     met = requirement.is_met(np.asarray(layer.values))
-    over = [axis for axis, name in enumerate(layer.dims) if name in ("time", "launch_time", "azimuth")]
+    over = [
+        axis for axis, name in enumerate(layer.dims) if name in ("time", "launch_time", "azimuth")
+    ]
     share = 100.0 * met.mean(axis=tuple(over)) if over else 100.0 * met
     dims = tuple(name for name in layer.dims if name not in ("time", "launch_time", "azimuth"))
     words = f"share of the instants (and azimuths) at which {requirement}"
-    return Layer(f"share_{number}", f"Share of the day with {requirement}", "percent", dims, share, words)
+    return Layer(
+        f"share_{number}", f"Share of the day with {requirement}", "percent", dims, share, words
+    )
 
 
 __all__ = ["PLACES", "computed_coverage", "coverage", "made_settings"]

@@ -9,7 +9,8 @@ from opir_coverage.layers import CoverageMap, Layer
 
 
 def difference(one: CoverageMap, other: CoverageMap) -> CoverageMap:
-    """Return one coverage minus another with the same settings: layers that both have, nan where either has no value.
+    """Return one coverage minus another with the same settings: layers that both have, nan where
+    either has no value.
 
     Bands that only one has are left out, with the layers by band.
     """
@@ -17,7 +18,9 @@ def difference(one: CoverageMap, other: CoverageMap) -> CoverageMap:
     layers = [
         _minus(each, named[each.name])
         for each in one.layers
-        if each.name in named and each.values.shape == named[each.name].values.shape and _alike(one, other, each)
+        if each.name in named
+        and each.values.shape == named[each.name].values.shape
+        and _alike(one, other, each)
     ]
     used = {name for each in layers for name in each.dims}
     words = {
@@ -25,7 +28,12 @@ def difference(one: CoverageMap, other: CoverageMap) -> CoverageMap:
         "title": f"{one.attributes['title']} minus that of {other.attributes['scene']}",
         "minus": other.attributes["scene"],
     }
-    return CoverageMap(one.grid, {name: own for name, own in one.coordinates.items() if name in used}, layers, words)
+    return CoverageMap(
+        one.grid,
+        {name: own for name, own in one.coordinates.items() if name in used},
+        layers,
+        words,
+    )
 
 
 def _alike(one: CoverageMap, other: CoverageMap, layer: Layer) -> bool:

@@ -1,4 +1,6 @@
-"""Layers of geometry alone: sensors in view over a day, and the figures of merit of access and gaps."""
+"""Layers of geometry alone: sensors in view over a day, and the figures of merit of access and
+gaps.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -19,8 +21,12 @@ from opir_coverage.visibility import Fleet, SightMap, day_s
 _PER_URAD = 1e-6
 
 
-def geometry_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> tuple[list[Layer], FloatArray]:
-    """Return the layers of visibility of points at rest above the cells, and the instants (T,), s."""
+def geometry_layers(
+    plan: Plan, grid: PlaceGrid, settings: CoverageSettings
+) -> tuple[list[Layer], FloatArray]:
+    """Return the layers of visibility of points at rest above the cells, and the instants (T,),
+    s.
+    """
     time_s = day_s(settings.steps, 3600.0 * settings.hours)
     fleet = Fleet.of(plan, time_s)
     shape = grid.shape
@@ -43,11 +49,14 @@ def geometry_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> 
 
 
 def _crossing(fleet: Fleet, sight: SightMap, points: SeenPoints) -> tuple[FloatArray, FloatArray]:
-    """Return stereo angles, degrees, and dilutions of precision, m/µrad, (T, cells) in single precision."""
+    """Return stereo angles, degrees, and dilutions of precision, m/µrad, (T, cells) in single
+    precision.
+    """
     angles, spreads = np.empty((2, len(sight.bits), sight.cells), dtype=np.float32)
     for step in range(len(sight.bits)):
         seeing = sight.seeing(step)
-        # Cells in order of their number of sensors: those that the k-th sensor sees are then next to one another.
+        # Cells in order of their number of sensors: those that the k-th sensor sees are then next
+        # to one another.
         cells = np.argsort(-(seeing >= 0).sum(axis=0), kind="stable")
         seeing = seeing[:, cells]
         is_seen = seeing >= 0
@@ -58,7 +67,9 @@ def _crossing(fleet: Fleet, sight: SightMap, points: SeenPoints) -> tuple[FloatA
     return np.broadcast_to(angles, shape), np.broadcast_to(spreads, shape)
 
 
-def _access_layers(counts: NDArray[np.uint8], settings: CoverageSettings, shape: tuple[int, int]) -> Iterator[Layer]:
+def _access_layers(
+    counts: NDArray[np.uint8], settings: CoverageSettings, shape: tuple[int, int]
+) -> Iterator[Layer]:
     """Yield the layers of numbers in view (heights, T, cells)."""
     of_all = ("height", "time")
     yield Layer(
@@ -72,14 +83,20 @@ def _access_layers(counts: NDArray[np.uint8], settings: CoverageSettings, shape:
     least = counts.min(axis=1)
     most = counts.max(axis=1)
     mean = counts.mean(axis=1, dtype=np.float32)
-    for name, word, values in (("min", "least", least), ("mean", "mean", mean), ("max", "most", most)):
+    for name, word, values in (
+        ("min", "least", least),
+        ("mean", "mean", mean),
+        ("max", "most", most),
+    ):
         title = f"Sensors in view, {word}"
         words = f"N Asset Coverage, {word} over the time"
         yield Layer(f"in_view_{name}", title, "1", ("height",), _on_grid(values, shape), words)
     found: dict[str, list[FloatArray]] = {}
     for assets in settings.assets:
         for count in counts:
-            own = _merits(merits.is_covered(count, assets), 3600.0 * settings.hours / settings.steps)
+            own = _merits(
+                merits.is_covered(count, assets), 3600.0 * settings.hours / settings.steps
+            )
             for name, values in own.items():
                 found.setdefault(name, []).append(values)
     leading = (len(settings.assets), len(counts))
@@ -91,22 +108,58 @@ def _access_layers(counts: NDArray[np.uint8], settings: CoverageSettings, shape:
 
 #: Title, unit and definition of each figure of merit.
 _MERITS = {
-    "covered": ("Simple coverage", "1", "Simple Coverage: 1 where enough sensors see the point at any time"),
+    "covered": (
+        "Simple coverage",
+        "1",
+        "Simple Coverage: 1 where enough sensors see the point at any time",
+    ),
     "coverage_time": ("Coverage time", "percent", "Coverage Time, percent of the interval"),
     "accesses": ("Accesses", "1", "Number of Accesses"),
     "access_duration_min": ("Access duration, least", "s", "Access Duration, minimum"),
     "access_duration_mean": ("Access duration, mean", "s", "Access Duration, average"),
     "access_duration_max": ("Access duration, longest", "s", "Access Duration, maximum"),
     "gaps": ("Gaps", "1", "Number of Gaps"),
-    "revisit_time_min": ("Revisit time, least", "s", "Revisit Time: the duration of a gap, minimum; 0 without gaps"),
-    "revisit_time_mean": ("Revisit time, mean", "s", "Revisit Time: the duration of a gap, average; 0 without gaps"),
-    "revisit_time_max": ("Revisit time, longest", "s", "Revisit Time: the duration of a gap, maximum; 0 without gaps"),
-    "time_average_gap": ("Time average gap", "s", "Time Average Gap: sum of squared gaps over the interval"),
-    "response_time_min": ("Response time, least", "s", "Response Time, minimum: 0 where there is an access"),
-    "response_time_mean": ("Response time, mean", "s", "Response Time: from a request to the next access, average"),
+    "revisit_time_min": (
+        "Revisit time, least",
+        "s",
+        "Revisit Time: the duration of a gap, minimum; 0 without gaps",
+    ),
+    "revisit_time_mean": (
+        "Revisit time, mean",
+        "s",
+        "Revisit Time: the duration of a gap, average; 0 without gaps",
+    ),
+    "revisit_time_max": (
+        "Revisit time, longest",
+        "s",
+        "Revisit Time: the duration of a gap, maximum; 0 without gaps",
+    ),
+    "time_average_gap": (
+        "Time average gap",
+        "s",
+        "Time Average Gap: sum of squared gaps over the interval",
+    ),
+    "response_time_min": (
+        "Response time, least",
+        "s",
+        "Response Time, minimum: 0 where there is an access",
+    ),
+    "response_time_mean": (
+        "Response time, mean",
+        "s",
+        "Response Time: from a request to the next access, average",
+    ),
     "response_time_max": ("Response time, longest", "s", "Response Time, maximum"),
-    "age_of_data_min": ("Age of data, least", "s", "Age of Data, minimum: 0 where there is an access"),
-    "age_of_data_mean": ("Age of data, mean", "s", "Age of Data: since the end of the last access, average"),
+    "age_of_data_min": (
+        "Age of data, least",
+        "s",
+        "Age of Data, minimum: 0 where there is an access",
+    ),
+    "age_of_data_mean": (
+        "Age of data, mean",
+        "s",
+        "Age of Data: since the end of the last access, average",
+    ),
     "age_of_data_max": ("Age of data, oldest", "s", "Age of Data, maximum"),
 }
 
@@ -138,12 +191,16 @@ def _merits(covered: BoolArray, step_s: float) -> dict[str, FloatArray]:
             "response_time_mean": wait.mean(axis=0),
             "response_time_max": wait.max(axis=0),
             "age_of_data_min": np.where(none, np.nan, np.where(known, age, np.inf).min(axis=0)),
-            "age_of_data_mean": np.where(none, np.nan, np.where(known, age, 0.0).sum(axis=0) / sampled),
+            "age_of_data_mean": np.where(
+                none, np.nan, np.where(known, age, 0.0).sum(axis=0) / sampled
+            ),
             "age_of_data_max": np.where(none, np.nan, np.where(known, age, 0.0).max(axis=0)),
         }
 
 
-def _crossing_layers(angles: FloatArray, spreads: FloatArray, shape: tuple[int, int]) -> list[Layer]:
+def _crossing_layers(
+    angles: FloatArray, spreads: FloatArray, shape: tuple[int, int]
+) -> list[Layer]:
     layers = [
         Layer(
             "stereo_angle",
@@ -151,7 +208,8 @@ def _crossing_layers(angles: FloatArray, spreads: FloatArray, shape: tuple[int, 
             "degree",
             ("height", "time"),
             _on_grid(angles, shape),
-            "angle between the two lines of sight that are nearest to a right angle; nan below two sensors",
+            "angle between the two lines of sight that are nearest to a right angle; nan below two"
+            " sensors",
         ),
         Layer(
             "dilution",
@@ -159,7 +217,8 @@ def _crossing_layers(angles: FloatArray, spreads: FloatArray, shape: tuple[int, 
             "m/urad",
             ("height", "time"),
             _on_grid(spreads, shape),
-            "Dilution of Precision of lines of sight: rms position error for an error of 1 urad per axis",
+            "Dilution of Precision of lines of sight: rms position error for an error of 1 urad per"
+            " axis",
         ),
     ]
     for name, unit, values, title in (
@@ -178,7 +237,16 @@ def _crossing_layers(angles: FloatArray, spreads: FloatArray, shape: tuple[int, 
                 found = found / count if word == "mean" else found
             found = np.where(count > 0, found, np.nan)
             words = f"{title}, {word} over the time in which there is one"
-            layers.append(Layer(f"{name}_{word}", f"{title}, {word}", unit, ("height",), _on_grid(found, shape), words))
+            layers.append(
+                Layer(
+                    f"{name}_{word}",
+                    f"{title}, {word}",
+                    unit,
+                    ("height",),
+                    _on_grid(found, shape),
+                    words,
+                )
+            )
     return layers
 
 

@@ -11,7 +11,9 @@ _AXES_M = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.
 
 @frozen(eq=False)
 class PlaceGrid:
-    """Cells of equal steps of latitude and longitude, by their centres, degrees; rows run from south to north."""
+    """Cells of equal steps of latitude and longitude, by their centres, degrees; rows run from
+    south to north.
+    """
 
     step_deg: float
     latitude_deg: FloatArray
@@ -22,7 +24,9 @@ class PlaceGrid:
         """Return the grid of a step; raises `ValueError` unless it divides 180°."""
         rows = round(180.0 / step_deg) if step_deg > 0.0 else 0
         if rows < 1 or abs(rows * step_deg - 180.0) > 1e-9:
-            raise ValueError(f"a step of {step_deg:g}° does not divide 180°; give 1, 2, 3, 5 or 10 for instance")
+            raise ValueError(
+                f"a step of {step_deg:g}° does not divide 180°; give 1, 2, 3, 5 or 10 for instance"
+            )
         latitude = np.asarray((np.arange(rows) + 0.5) * step_deg - 90.0)
         return cls(step_deg, latitude, np.asarray((np.arange(2 * rows) + 0.5) * step_deg - 180.0))
 
@@ -46,10 +50,11 @@ class PlaceGrid:
 
 @frozen(eq=False)
 class SeenPoints:
-    """Points (n,) that may be seen, as columns, so that a test of a sensor costs two products with its position.
+    """Points (n,) that may be seen, as columns, so that a test of a sensor costs two products with
+    its position.
 
-    `position_m` and `up` (n, 3) are in ECEF, `up` is the geodetic vertical; `scaled` is the position over the
-    semi-axes of WGS 84, in which the ellipsoid is the unit sphere.
+    `position_m` and `up` (n, 3) are in ECEF, `up` is the geodetic vertical; `scaled` is the
+    position over the semi-axes of WGS 84, in which the ellipsoid is the unit sphere.
     """
 
     position_m: FloatArray

@@ -9,7 +9,13 @@ from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.planning import distinct_bands
 from opir_core.plugin import Ballistic, Band, Sensor
-from opir_coverage.bounds import BiasInformation, BurnSlopes, LaunchInformation, LaunchSlopes, burnout_bounds
+from opir_coverage.bounds import (
+    BiasInformation,
+    BurnSlopes,
+    LaunchInformation,
+    LaunchSlopes,
+    burnout_bounds,
+)
 from opir_coverage.grid import PlaceGrid, SeenPoints
 from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.layers import Layer
@@ -19,7 +25,8 @@ from opir_coverage.settings import CoverageSettings
 from opir_coverage.visibility import Fleet
 from opir_coverage.watch import Watch
 
-#: Times at which reports are counted, from the least latency on, and the power that makes them closest at first.
+#: Times at which reports are counted, from the least latency on, and the power that makes them
+#: closest at first.
 _REPORT_STEPS = 100
 _REPORT_POWER = 1.5
 
@@ -33,14 +40,20 @@ def launch_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> li
         places = LaunchPlaces.of(grid, kind, np.radians(azimuth_deg), settings.profile)
         slopes = BurnSlopes.of(LaunchSlopes.of(places), settings.samples)
         for ignition_s in launch_times_s(settings):
-            for name, values in _of_salvo(Salvo(plan, places, ignition_s), slopes, settings).items():
+            for name, values in _of_salvo(
+                Salvo(plan, places, ignition_s), slopes, settings
+            ).items():
                 found.setdefault(name, []).append(values.astype(np.float32))
     leading = (len(settings.azimuths_deg), settings.launches)
-    return [_layer(name, np.stack(rows), leading, grid.shape, settings) for name, rows in found.items()]
+    return [
+        _layer(name, np.stack(rows), leading, grid.shape, settings) for name, rows in found.items()
+    ]
 
 
 def launch_times_s(settings: CoverageSettings) -> FloatArray:
-    """Return the scene times of launches, s: the middles of equal parts of the interval, on whole seconds."""
+    """Return the scene times of launches, s: the middles of equal parts of the interval, on whole
+    seconds.
+    """
     length_s = 3600.0 * settings.hours
     return np.round((np.arange(settings.launches) + 0.5) * (length_s / settings.launches))
 
@@ -50,13 +63,17 @@ def band_title(band: Band) -> str:
     return f"{band.name} {band.lower_um:g}-{band.upper_um:g} um"
 
 
-def _of_salvo(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings) -> dict[str, FloatArray]:
+def _of_salvo(
+    salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings
+) -> dict[str, FloatArray]:
     """Return the values of launches at one instant with one azimuth, by layer."""
     return {**_heights(salvo, settings), **_reports_and_bounds(salvo, slopes, settings)}
 
 
 def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
-    """Return P_d (heights, cells) of one look of each sensor, and the least intensities (bands, heights, cells)."""
+    """Return P_d (heights, cells) of one look of each sensor, and the least intensities (bands,
+    heights, cells).
+    """
     sensors = salvo.plan.sensors
     bands = distinct_bands(salvo.plan.sensors)
     cells = len(salvo.places)
@@ -69,7 +86,9 @@ def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
     fleet = Fleet.of(salvo.plan, salvo.ignition_s + since_s[reached])
     points = [SeenPoints.of(salvo.state(each)[0]) for each in since_s[reached].tolist()]
     for number in range(len(sensors) if len(reached) else 0):
-        for row, looks in zip(reached, salvo.looks(fleet, number, points, with_least=True), strict=True):
+        for row, looks in zip(
+            reached, salvo.looks(fleet, number, points, with_least=True), strict=True
+        ):
             missed[row, looks.rows] *= 1.0 - looks.chance
             for band, values in looks.least_w_sr.items():
                 own = least[bands.index(band), row]
@@ -78,7 +97,9 @@ def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
     return layers if np.isnan(least).all() else {**layers, "least_intensity": least}
 
 
-def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings) -> dict[str, FloatArray]:
+def _reports_and_bounds(
+    salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings
+) -> dict[str, FloatArray]:
     """Return the times of the first report and of a track, and the bounds at burnout, (cells,)."""
     sensors = salvo.plan.sensors
     cells = len(salvo.places)
@@ -88,7 +109,9 @@ def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSett
     latency_s = [sum(stage.mean_s for stage in each.reporting) for each in sensors]
     first_s = min(latency_s)
     last_s = burn_s + max(latency_s)
-    time_s = first_s + (last_s - first_s) * np.linspace(0.0, 1.0, _REPORT_STEPS + 1) ** _REPORT_POWER
+    time_s = (
+        first_s + (last_s - first_s) * np.linspace(0.0, 1.0, _REPORT_STEPS + 1) ** _REPORT_POWER
+    )
     reports = Reports(time_s, settings.track_reports, cells)
     information = LaunchInformation(slopes.moved)
     points = [SeenPoints.of(salvo.state(since)[0]) for since in node_s.tolist()]
@@ -114,7 +137,11 @@ def _reports_and_bounds(salvo: Salvo, slopes: BurnSlopes, settings: CoverageSett
 
 
 def _add_information(
-    information: LaunchInformation, slopes: BurnSlopes, sensor: Sensor, burn_s: float, looks: Sequence[GridLooks]
+    information: LaunchInformation,
+    slopes: BurnSlopes,
+    sensor: Sensor,
+    burn_s: float,
+    looks: Sequence[GridLooks],
 ) -> None:
     """Add what a sensor's looks at equal steps of the burn, its ends included, say of launches."""
     last = len(looks) - 1
@@ -122,7 +149,9 @@ def _add_information(
     per_step = burn_s / last / (sensor.scan.period_ns * 1e-9)
     bias = BiasInformation(len(slopes.moved[0])) if sigma_rad > 0.0 else None
     for step, each in enumerate(looks):
-        weight = per_step * (0.5 if step in (0, last) else 1.0) * each.chance / np.square(each.sigma_rad)
+        weight = (
+            per_step * (0.5 if step in (0, last) else 1.0) * each.chance / np.square(each.sigma_rad)
+        )
         measured = each.direction, each.range_m, weight
         information.add(step, each.rows, *measured)
         if bias is not None:
@@ -143,36 +172,55 @@ class _Words:
 
 _WORDS = {
     "detection_probability": _Words(
-        "Probability of detection", "1", "P_d of one look by each sensor in view, at a height of the boost", ("height",)
+        "Probability of detection",
+        "1",
+        "P_d of one look by each sensor in view, at a height of the boost",
+        ("height",),
     ),
     "least_intensity": _Words(
         "Least detectable intensity",
         "W/sr",
-        "in-band intensity at the threshold of one look of the best sensor, at a height of the boost",
+        "in-band intensity at the threshold of one look of the best sensor, at a height of the"
+        " boost",
         ("band", "height"),
     ),
     "first_report": _Words(
-        "Time to the first report", "s", "from launch until a report has come with probability {chance:g}"
+        "Time to the first report",
+        "s",
+        "from launch until a report has come with probability {chance:g}",
     ),
-    "report_probability": _Words("Probability of a report", "1", "of any report from looks during the boost"),
+    "report_probability": _Words(
+        "Probability of a report", "1", "of any report from looks during the boost"
+    ),
     "track": _Words(
-        "Time to a track", "s", "from launch until {track_reports} reports have come with probability {chance:g}"
+        "Time to a track",
+        "s",
+        "from launch until {track_reports} reports have come with probability {chance:g}",
     ),
     "track_probability": _Words(
         "Probability of a track", "1", "of {track_reports} reports from looks during the boost"
     ),
-    "launch_point_bound": _Words("Bound of the launch point", "km", "Cramer-Rao bound at burnout, horizontal rms"),
-    "velocity_bound": _Words("Bound of the velocity at burnout", "m/s", "Cramer-Rao bound at burnout, rms"),
+    "launch_point_bound": _Words(
+        "Bound of the launch point", "km", "Cramer-Rao bound at burnout, horizontal rms"
+    ),
+    "velocity_bound": _Words(
+        "Bound of the velocity at burnout", "m/s", "Cramer-Rao bound at burnout, rms"
+    ),
     "impact_bound": _Words(
         "Bound of the impact point",
         "km",
-        "Cramer-Rao bound at burnout, horizontal rms; none above 10925 km, that of a point anywhere on Earth",
+        "Cramer-Rao bound at burnout, horizontal rms; none above 10925 km, that of a point anywhere"
+        " on Earth",
     ),
 }
 
 
 def _layer(
-    name: str, rows: FloatArray, leading: tuple[int, int], shape: tuple[int, int], settings: CoverageSettings
+    name: str,
+    rows: FloatArray,
+    leading: tuple[int, int],
+    shape: tuple[int, int],
+    settings: CoverageSettings,
 ) -> Layer:
     """Return a layer from its values (azimuths times launch times, …, cells)."""
     words = _WORDS[name]
@@ -180,5 +228,9 @@ def _layer(
     first = len(leading)
     own = tuple(range(first, first + len(words.dims)))
     values = np.transpose(values, (*own, *range(first), values.ndim - 2, values.ndim - 1))
-    definition = words.definition.format(chance=settings.chance, track_reports=settings.track_reports)
-    return Layer(name, words.title, words.unit, (*words.dims, "azimuth", "launch_time"), values, definition)
+    definition = words.definition.format(
+        chance=settings.chance, track_reports=settings.track_reports
+    )
+    return Layer(
+        name, words.title, words.unit, (*words.dims, "azimuth", "launch_time"), values, definition
+    )

@@ -1,4 +1,6 @@
-"""Launches of one class from every cell of a grid, and the models that see them: the engine's own, in columns."""
+"""Launches of one class from every cell of a grid, and the models that see them: the engine's own,
+in columns.
+"""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -14,7 +16,14 @@ from opir_core.errors import ModelError
 from opir_core.flight import BoostPath, ascent, boost_path, launch_site
 from opir_core.interfaces import Surroundings
 from opir_core.planning import Targets, join_targets
-from opir_core.plugin import BoostProfile, DetectionProbability, ModelContext, TargetClass, TargetModel, Trajectories
+from opir_core.plugin import (
+    BoostProfile,
+    DetectionProbability,
+    ModelContext,
+    TargetClass,
+    TargetModel,
+    Trajectories,
+)
 from opir_core.scene import Choice
 from opir_coverage.grid import PlaceGrid
 
@@ -23,7 +32,9 @@ _ID = "launch"
 
 @frozen(eq=False)
 class LaunchPlaces:
-    """Launch places (n,), rad, and the class, the profile and the azimuth, rad, of the launches from them."""
+    """Launch places (n,), rad, and the class, the profile and the azimuth, rad, of the launches
+    from them.
+    """
 
     latitude_rad: FloatArray
     longitude_rad: FloatArray
@@ -32,7 +43,9 @@ class LaunchPlaces:
     azimuth_rad: float
 
     @classmethod
-    def of(cls, grid: PlaceGrid, kind: TargetClass, azimuth_rad: float, profile: str = "") -> "LaunchPlaces":
+    def of(
+        cls, grid: PlaceGrid, kind: TargetClass, azimuth_rad: float, profile: str = ""
+    ) -> "LaunchPlaces":
         """Return launches from the cells of a grid, of the class's first profile or one by name."""
         known = {each.name: each for each in kind.profiles}
         chosen = known.get(profile) if profile else kind.profiles[0]
@@ -43,8 +56,12 @@ class LaunchPlaces:
     def __len__(self) -> int:
         return len(self.latitude_rad)
 
-    def path(self, ignition_s: float, *, speed_m_s: float = 0.0, angle_rad: float = 0.0) -> "GridBoosts":
-        """Return the boosts of launches at a scene time, with offsets of burnout speed and flight path angle."""
+    def path(
+        self, ignition_s: float, *, speed_m_s: float = 0.0, angle_rad: float = 0.0
+    ) -> "GridBoosts":
+        """Return the boosts of launches at a scene time, with offsets of burnout speed and flight
+        path angle.
+        """
         latitude, row = np.unique(self.latitude_rad, return_inverse=True)
         one = np.ones(len(latitude))
         angle = self.profile.burnout_flight_path_angle_rad + angle_rad
@@ -57,7 +74,9 @@ class LaunchPlaces:
 
 @frozen(eq=False)
 class GridBoosts:
-    """Boosts (n,): those of `path`, one for each latitude, turned about the Earth's axis to their longitudes."""
+    """Boosts (n,): those of `path`, one for each latitude, turned about the Earth's axis to their
+    longitudes.
+    """
 
     path: BoostPath
     row: IntArray
@@ -82,13 +101,19 @@ class GridBoosts:
         """The launch points (n, 3), ECEF, m."""
         return self._turned(self.path.plane.launch_m[self.row], np.arange(len(self)))
 
-    def state(self, target: RowArray | IndexArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,); nan before and after the burn."""
+    def state(
+        self, target: RowArray | IndexArray, time_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,); nan before
+        and after the burn.
+        """
         (position, velocity), rows = self._of_latitudes(target, time_s)
         return self._turned(position, target, rows), self._turned(velocity, target, rows)
 
     def position_m(self, target: RowArray | IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return ECEF positions (m, 3) of launches (m,) at times (m,); nan before and after the burn."""
+        """Return ECEF positions (m, 3) of launches (m,) at times (m,); nan before and after the
+        burn.
+        """
         (position, _), rows = self._of_latitudes(target, time_s)
         return self._turned(position, target, rows)
 
@@ -97,7 +122,8 @@ class GridBoosts:
     ) -> tuple[tuple[FloatArray, FloatArray], RowArray]:
         """Return states at the longitude 0, and the rows (m,) of launches in them.
 
-        Looks come in runs of equal times: states of all latitudes at these are fewer than those of all launches.
+        Looks come in runs of equal times: states of all latitudes at these are fewer than those of
+        all launches.
         """
         starts = np.flatnonzero(np.diff(time_s, prepend=np.nan) != 0.0)
         latitudes = len(self.path.ignition_s)
@@ -108,8 +134,12 @@ class GridBoosts:
         everyone = np.tile(np.arange(latitudes), len(starts))
         return self.path.state(everyone, np.repeat(time_s[starts], latitudes)), run + rows
 
-    def _turned(self, vector_m: FloatArray, target: RowArray | IndexArray, rows: RowArray | None = None) -> FloatArray:
-        """Return vectors, those of some `rows` if given, turned to the longitudes of launches (m,)."""
+    def _turned(
+        self, vector_m: FloatArray, target: RowArray | IndexArray, rows: RowArray | None = None
+    ) -> FloatArray:
+        """Return vectors, those of some `rows` if given, turned to the longitudes of launches
+        (m,).
+        """
         x, y, z = (column if rows is None else column[rows] for column in vector_m.T)
         cosine = self.cosine[target]
         sine = self.sine[target]
@@ -136,7 +166,9 @@ class GridLaunches(Trajectories):
         """Return the launches from places on their paths."""
         code = np.full(len(places), places.target_class.type_code, dtype=np.uint8)
         times_s = np.full(len(places), path.ignition_s), np.full(len(places), path.burnout_s)
-        return cls(code, *times_s, [places.target_class.name] * len(places), path, places.profile.name)
+        return cls(
+            code, *times_s, [places.target_class.name] * len(places), path, places.profile.name
+        )
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of launches (n,) at scene times (n,)."""

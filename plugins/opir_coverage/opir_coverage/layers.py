@@ -1,4 +1,6 @@
-"""The result: layers over the grid with their units and definitions, as xarray, NetCDF and Parquet."""
+"""The result: layers over the grid with their units and definitions, as xarray, NetCDF and
+Parquet.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -33,7 +35,9 @@ _PLACE_UNITS = {"latitude": "degrees_north", "longitude": "degrees_east"}
 
 @frozen(eq=False)
 class Layer:
-    """Values over the grid: `dims` are those before latitude and longitude; nan where there is none."""
+    """Values over the grid: `dims` are those before latitude and longitude; nan where there is
+    none.
+    """
 
     name: str
     title: str
@@ -60,7 +64,9 @@ class CoverageMap:
         raise KeyError(f"{name!r} is not one of {', '.join(each.name for each in self.layers)}")
 
     def over_cells(self, layer: Layer) -> FloatArray:
-        """Return a layer's values (…, cells) as floats, one row for each combination of its dimensions."""
+        """Return a layer's values (…, cells) as floats, one row for each combination of its
+        dimensions.
+        """
         return np.asarray(layer.values, dtype=np.float64).reshape(-1, len(self.grid.weights()))
 
     def coordinate_attributes(self, name: str) -> dict[str, str]:
@@ -105,13 +111,20 @@ class CoverageMap:
                 values = _storable(each.values)
                 variable = file.createVariable(each.name, values.dtype, (*each.dims, *PLACES))
                 variable[:] = values
-                missing = {"_FillValue": values.dtype.type(np.nan)} if values.dtype.kind == "f" else {}
+                missing = (
+                    {"_FillValue": values.dtype.type(np.nan)} if values.dtype.kind == "f" else {}
+                )
                 texts = {"long_name": each.title, "comment": each.definition, "units": each.unit}
-                for key, value in {**{key: text.encode() for key, text in texts.items()}, **missing}.items():
+                for key, value in {
+                    **{key: text.encode() for key, text in texts.items()},
+                    **missing,
+                }.items():
                     setattr(variable, key, value)
 
     def write_parquet(self, path: Path) -> None:
-        """Write one row for each cell and combination of dimensions of the layers that have the most of them."""
+        """Write one row for each cell and combination of dimensions of the layers that have the
+        most of them.
+        """
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -122,7 +135,9 @@ class CoverageMap:
         columns: dict[str, Any] = {}
         whole = (*shape, *self.grid.shape)
         for axis, name in enumerate(names):
-            own = np.array(self.coordinates[name]).reshape([-1 if each == axis else 1 for each in range(len(whole))])
+            own = np.array(self.coordinates[name]).reshape(
+                [-1 if each == axis else 1 for each in range(len(whole))]
+            )
             columns[name] = np.broadcast_to(own, whole).ravel()
         columns["latitude"] = np.broadcast_to(self.grid.latitude_deg[:, None], whole).ravel()
         columns["longitude"] = np.broadcast_to(self.grid.longitude_deg, whole).ravel()
@@ -132,8 +147,13 @@ class CoverageMap:
             columns[each.name] = np.broadcast_to(values, whole).ravel()
         texts = {f"opir_{name}": words for name, words in self.attributes.items()}
         described = {each.name: {"units": each.unit, "long_name": each.title} for each in still}
-        described |= {name: self.coordinate_attributes(name) for name in columns if name not in described}
-        fields = [pa.field(name, pa.array(own[:0]).type, metadata=described[name]) for name, own in columns.items()]
+        described |= {
+            name: self.coordinate_attributes(name) for name in columns if name not in described
+        }
+        fields = [
+            pa.field(name, pa.array(own[:0]).type, metadata=described[name])
+            for name, own in columns.items()
+        ]
         table = pa.table(columns, schema=pa.schema(fields, metadata=texts))
         pq.write_table(table, path, compression="zstd")
 
@@ -150,7 +170,9 @@ def _write_coordinate(file: Any, name: str, values: Any, attributes: Mapping[str
         width = max(len(text.encode()) for text in own.tolist())
         file.createDimension(f"{name}_letters", width)
         variable = file.createVariable(name, "c", (name, f"{name}_letters"))
-        variable[:] = np.array([list(text.encode().ljust(width)) for text in own.tolist()], dtype=np.uint8).view("S1")
+        variable[:] = np.array(
+            [list(text.encode().ljust(width)) for text in own.tolist()], dtype=np.uint8
+        ).view("S1")
         variable.long_name = attributes["long_name"].encode()
         return
     variable = file.createVariable(name, "f8", (name,))

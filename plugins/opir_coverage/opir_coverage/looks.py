@@ -1,4 +1,6 @@
-"""Looks at launches from a grid at instants of their boosts: P_d, sigmas of lines of sight, least intensities."""
+"""Looks at launches from a grid at instants of their boosts: P_d, sigmas of lines of sight, least
+intensities.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -29,9 +31,11 @@ _ONE_THRESHOLD = ("likelihood", "none")
 
 @frozen(eq=False)
 class GridLooks:
-    """Looks of one sensor at some of the launches, `rows` (n,): quantiles of P_d, sigmas of lines of sight, rad.
+    """Looks of one sensor at some of the launches, `rows` (n,): quantiles of P_d, sigmas of lines
+    of sight, rad.
 
-    `range_m` (n,), `direction` (n, 3) from the target to the sensor; `least_w_sr` are the intensities (n,) by band.
+    `range_m` (n,), `direction` (n, 3) from the target to the sensor; `least_w_sr` are the
+    intensities (n,) by band.
     """
 
     rows: IntArray
@@ -71,25 +75,39 @@ class Salvo:
         return self.path.state(everyone, np.full(len(everyone), now_s))
 
     def height_time_s(self, height_m: float) -> float:
-        """Return the time since ignition at which launches rise through a height, s; nan if that is not in the burn."""
+        """Return the time since ignition at which launches rise through a height, s; nan if that is
+        not in the burn.
+        """
         since_s = np.linspace(0.0, self.burn_s, 257)
         first = np.zeros(len(since_s), dtype=np.int64)
-        place = self.path.state(first, np.minimum(self.ignition_s + since_s, self.path.burnout_s))[0]
+        place = self.path.state(first, np.minimum(self.ignition_s + since_s, self.path.burnout_s))[
+            0
+        ]
         height = height_m_of(place.T, 1.0 / length(*place.T))
         return float(np.interp(height_m, height, since_s, right=np.nan))
 
     def looks(
         self, fleet: Fleet, number: int, points: Sequence[SeenPoints], *, with_least: bool = False
     ) -> list[GridLooks]:
-        """Return the looks of a sensor at the launches (cells,) at points, at each of the fleet's times."""
+        """Return the looks of a sensor at the launches (cells,) at points, at each of the fleet's
+        times.
+        """
         rows = [np.flatnonzero(fleet.seen(number, step, each)) for step, each in enumerate(points)]
         found: list[GridLooks] = []
         for steps in _batches([len(each) for each in rows]):
             own = [
-                _exposures(number, rows[step], points[step], fleet.position_m[number, step], float(fleet.time_s[step]))
+                _exposures(
+                    number,
+                    rows[step],
+                    points[step],
+                    fleet.position_m[number, step],
+                    float(fleet.time_s[step]),
+                )
                 for step in steps
             ]
-            found += self._split(number, _joined(own), [rows[step] for step in steps], with_least=with_least)
+            found += self._split(
+                number, _joined(own), [rows[step] for step in steps], with_least=with_least
+            )
         return found
 
     def _split(
@@ -97,16 +115,22 @@ class Salvo:
     ) -> Iterator[GridLooks]:
         """Yield what looks at several instants see, one instant after another."""
         probit, sigma_rad, response = self._measured(exposures)
-        least = self._least(number, exposures, response) if with_least and response is not None else {}
+        least = (
+            self._least(number, exposures, response) if with_least and response is not None else {}
+        )
         direction = (exposures.sensor_ecef_m - exposures.target_ecef_m) / exposures.range_m[:, None]
         end = 0
         for each in rows:
             part = slice(end, end := end + len(each))
             own = {band: values[part] for band, values in least.items()}
-            yield GridLooks(each, probit[part], sigma_rad[part], exposures.range_m[part], direction[part], own)
+            yield GridLooks(
+                each, probit[part], sigma_rad[part], exposures.range_m[part], direction[part], own
+            )
 
     def _measured(self, exposures: Exposures) -> tuple[FloatArray, FloatArray, Response | None]:
-        """Return quantiles of P_d, sigmas of lines of sight, and the response of a model with signals."""
+        """Return quantiles of P_d, sigmas of lines of sight, and the response of a model with
+        signals.
+        """
         sensor = exposures.sensor
         model = self.detection
         own = np.array([each.line_of_sight_sigma_rad for each in self.plan.sensors])[sensor]
@@ -121,8 +145,12 @@ class Salvo:
         sigma: Any = getattr(model, "line_of_sight_sigma_rad", None)
         return response.probit, own if sigma is None else sigma(response, sensor), response
 
-    def _least(self, number: int, exposures: Exposures, response: Response) -> dict[Band, FloatArray]:
-        """Return the intensities (n,), W/sr, that are at a sensor's threshold in one look, by band."""
+    def _least(
+        self, number: int, exposures: Exposures, response: Response
+    ) -> dict[Band, FloatArray]:
+        """Return the intensities (n,), W/sr, that are at a sensor's threshold in one look, by
+        band.
+        """
         sensor = self.plan.sensors[number]
         if sensor.radiometer is None:
             return {}
@@ -133,13 +161,20 @@ class Salvo:
             if passed is None:
                 continue
             with np.errstate(divide="ignore"):
-                needed = thresholds[place] * response.noise_w_m2[:, place] * np.square(exposures.range_m) / passed
+                needed = (
+                    thresholds[place]
+                    * response.noise_w_m2[:, place]
+                    * np.square(exposures.range_m)
+                    / passed
+                )
             least[band] = needed
         return least
 
 
 def _batches(counts: Sequence[int]) -> Iterator[list[int]]:
-    """Yield numbers of instants whose looks are worked out at once: few calls of the models, little memory."""
+    """Yield numbers of instants whose looks are worked out at once: few calls of the models, little
+    memory.
+    """
     batch: list[int] = []
     for step, count in enumerate(counts):
         if batch and sum(counts[each] for each in batch) + count > _AT_ONCE:
@@ -149,7 +184,9 @@ def _batches(counts: Sequence[int]) -> Iterator[list[int]]:
     yield batch
 
 
-def _exposures(number: int, rows: IntArray, points: SeenPoints, sensor_m: FloatArray, now_s: float) -> Exposures:
+def _exposures(
+    number: int, rows: IntArray, points: SeenPoints, sensor_m: FloatArray, now_s: float
+) -> Exposures:
     """Return the looks of a sensor at some of the points, at one time."""
     place = points.position_m[rows]
     up = points.up[rows]
@@ -171,13 +208,17 @@ def _exposures(number: int, rows: IntArray, points: SeenPoints, sensor_m: FloatA
 def _joined(looks: Sequence[Exposures]) -> Exposures:
     """Return looks at several instants as one."""
     names = [each.name for each in fields(Exposures) if each.init]
-    return Exposures(**{name: np.concatenate([getattr(each, name) for each in looks]) for name in names})
+    return Exposures(
+        **{name: np.concatenate([getattr(each, name) for each in looks]) for name in names}
+    )
 
 
 def band_thresholds(sensor: Sensor) -> FloatArray:
-    """Return the signals over noise (B,) at which bands are at the threshold of a look, of a sensor with a radiometer.
+    """Return the signals over noise (B,) at which bands are at the threshold of a look, of a sensor
+    with a radiometer.
 
-    That of the sum or of any band is one for all; where bands are compared, others than the reference need coincidence.
+    That of the sum or of any band is one for all; where bands are compared, others than the
+    reference need coincidence.
     """
     radiometer = sensor.radiometer
     assert radiometer is not None

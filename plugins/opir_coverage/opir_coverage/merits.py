@@ -1,9 +1,10 @@
-"""Figures of merit of coverage over time, with the names and the definitions that users of STK know.
+"""Figures of merit of coverage over time, with the names and the definitions that users of STK
+know.
 
-All are of a point that is covered, or not, at each of T instants, the middles of equal steps that make up the interval:
-accesses and gaps are runs of steps, so their ends are known to half a step. Gaps at the ends of the interval count, as
-long as they are. Arrays are (T, n) for n points; times are in s. A point that is never covered has one gap, the whole
-interval, and no response.
+All are of a point that is covered, or not, at each of T instants, the middles of equal steps that
+make up the interval: accesses and gaps are runs of steps, so their ends are known to half a step.
+Gaps at the ends of the interval count, as long as they are. Arrays are (T, n) for n points; times
+are in s. A point that is never covered has one gap, the whole interval, and no response.
 """
 
 import numpy as np
@@ -15,7 +16,8 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 @frozen(eq=False)
 class Runs:
-    """Numbers (n,) of runs of steps, and the least, the mean and the largest duration of one, s; nan without one.
+    """Numbers (n,) of runs of steps, and the least, the mean and the largest duration of one, s;
+    nan without one.
 
     `square_s2` (n,) is the sum of their squares.
     """
@@ -61,7 +63,8 @@ def simple_coverage(covered: BoolArray) -> BoolArray:
 
 
 def time_average_gap_s(gaps: Runs, interval_s: float) -> FloatArray:
-    """Return Time Average Gap (n,): the mean length of the gap that a random instant is in, 0 while covered, s.
+    """Return Time Average Gap (n,): the mean length of the gap that a random instant is in, 0 while
+    covered, s.
 
     The sum of the squares of all gaps over the interval.
     """
@@ -69,9 +72,11 @@ def time_average_gap_s(gaps: Runs, interval_s: float) -> FloatArray:
 
 
 def response_times_s(covered: BoolArray, step_s: float) -> FloatArray:
-    """Return Response Times (T, n): from each instant to the next at which a point is covered, 0 while it is.
+    """Return Response Times (T, n): from each instant to the next at which a point is covered, 0
+    while it is.
 
-    After the last access it is the time to the end of the interval: a lower bound. nan for points never covered.
+    After the last access it is the time to the end of the interval: a lower bound. nan for points
+    never covered.
     """
     wait = np.empty(covered.shape)
     left = np.full(covered.shape[1], 0.5 * step_s)
@@ -85,7 +90,9 @@ def response_times_s(covered: BoolArray, step_s: float) -> FloatArray:
 
 
 def ages_of_data_s(covered: BoolArray, step_s: float) -> FloatArray:
-    """Return Ages of Data (T, n): from the end of the last access to each instant, 0 while covered; nan before one."""
+    """Return Ages of Data (T, n): from the end of the last access to each instant, 0 while covered;
+    nan before one.
+    """
     age = np.empty(covered.shape)
     since = np.full(covered.shape[1], np.nan)
     for step in range(len(covered)):
@@ -101,5 +108,7 @@ def is_covered(in_view: NDArray[np.uint8], assets: int) -> BoolArray:
 
 
 def percent_below(values: FloatArray, limit: float, weights: FloatArray) -> float:
-    """Return the percentage of the area, by weights (n,), with a value (n,) below a limit; nan is not below."""
+    """Return the percentage of the area, by weights (n,), with a value (n,) below a limit; nan is
+    not below.
+    """
     return float(100.0 * weights[values < limit].sum() / weights.sum())

@@ -1,4 +1,6 @@
-"""The metric `coverage` of studies: how much of the Earth the sensors of a scene see, and how many they are."""
+"""The metric `coverage` of studies: how much of the Earth the sensors of a scene see, and how many
+they are.
+"""
 
 from collections.abc import Mapping
 
@@ -23,8 +25,8 @@ class CoverageMetric:
         return {"covered": "", "always_covered": "", "longest_gap_s": "s", "sensors": ""}
 
     def values(self, run: Run) -> Mapping[str, float]:
-        """Return the mean share of the Earth's area that is covered and the share that always is, the longest time for
-        which a place is not covered, s, and the number of sensors.
+        """Return the mean share of the Earth's area that is covered and the share that always is,
+        the longest time for which a place is not covered, s, and the number of sensors.
         """
         found = computed_coverage(run.plan, self.settings)
         weights = found.grid.weights()

@@ -18,10 +18,12 @@ from opir_coverage.summary import name_of, words_of
 
 #: Values over more than this many times their least are drawn on a logarithmic scale.
 _LOG_RATIO = 100.0
-#: Quantiles of area between which colours run where they leave out more than the rest of this share of the range.
+#: Quantiles of area between which colours run where they leave out more than the rest of this share
+#: of the range.
 _LIMITS = (0.01, 0.99)
 _BULK = 0.6
-#: Dimensions, the last of a layer, over which its colours are the same, so that maps may be compared.
+#: Dimensions, the last of a layer, over which its colours are the same, so that maps may be
+#: compared.
 _SHARED = ("azimuth", "launch_time", "time")
 
 
@@ -41,7 +43,9 @@ def page_of(found: CoverageMap, rows: Sequence[Mapping[str, Any]]) -> str:
 <script>{(part / "coverage.js").read_text(encoding="utf-8")}</script>
 """
     style = (part / "coverage.css").read_text(encoding="utf-8")
-    return html_page(found.attributes["title"], _subtitle(found), body, _FOOTER, style=style, scripts=scripts)
+    return html_page(
+        found.attributes["title"], _subtitle(found), body, _FOOTER, style=style, scripts=scripts
+    )
 
 
 def _data(found: CoverageMap) -> dict[str, Any]:
@@ -62,7 +66,10 @@ def _data(found: CoverageMap) -> dict[str, Any]:
     }
 
 
-_FOOTER = "Written by opir-coverage. Unclassified textbook physics, notional numbers. Coastlines: Natural Earth."
+_FOOTER = (
+    "Written by opir-coverage. Unclassified textbook physics, notional numbers. Coastlines: Natural"
+    " Earth."
+)
 _HEAD = ("Layer", "Of", "Least", "Mean", "Largest", "Unit", "% of area")
 
 
@@ -70,7 +77,10 @@ def _subtitle(found: CoverageMap) -> str:
     words = found.attributes
     count = len(found.attributes["sensors"].split(", "))
     launched = "" if words["launches"] == "none" else f"; launches of {words['launches']}"
-    return f"{count} sensors, {words['interval']} from {words['epoch']}{launched}; grid of {found.grid.step_deg:g}°"
+    return (
+        f"{count} sensors, {words['interval']} from {words['epoch']}{launched}; grid of"
+        f" {found.grid.step_deg:g}°"
+    )
 
 
 def _row(row: Mapping[str, Any]) -> str:
@@ -89,7 +99,9 @@ def _palette(name: str) -> str:
 
 
 def _layer(layer: Layer, found: CoverageMap, *, is_difference: bool) -> dict[str, Any]:
-    """Return a layer with its values in whole steps of a linear or logarithmic scale, compressed."""
+    """Return a layer with its values in whole steps of a linear or logarithmic scale,
+    compressed.
+    """
     values = np.asarray(layer.values, dtype=np.float64)
     known = values[np.isfinite(values)]
     is_small = "time" in layer.dims
@@ -142,12 +154,20 @@ def _scale(known: FloatArray, *, is_difference: bool) -> tuple[float, float, boo
 
 def _steps(values: FloatArray, low: float, high: float, top: int, *, is_log: bool) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.log(values / low) / np.log(high / low) if is_log else (values - low) / (high - low)
+        share = (
+            np.log(values / low) / np.log(high / low) if is_log else (values - low) / (high - low)
+        )
         return np.nan_to_num(np.round(share * top))
 
 
 def _shown(
-    values: FloatArray, weights: FloatArray, low: float, high: float, *, is_log: bool, is_difference: bool
+    values: FloatArray,
+    weights: FloatArray,
+    low: float,
+    high: float,
+    *,
+    is_log: bool,
+    is_difference: bool,
 ) -> tuple[float, float]:
     """Return the values between which the colours of one map, or of alike ones, run."""
     known = np.isfinite(values)
@@ -161,5 +181,9 @@ def _shown(
     if is_difference:
         most = max(abs(bottom), abs(upper)) or high
         return -most, most
-    is_far = np.log(upper / bottom) < _BULK * np.log(high / low) if is_log else upper - bottom < _BULK * (high - low)
+    is_far = (
+        np.log(upper / bottom) < _BULK * np.log(high / low)
+        if is_log
+        else upper - bottom < _BULK * (high - low)
+    )
     return (bottom, upper) if is_far and upper > bottom else (low, high)

@@ -1,4 +1,6 @@
-"""The commands `opir coverage` and `opir physics`, and the metric `coverage`; heavy modules are imported when used."""
+"""The commands `opir coverage` and `opir physics`, and the metric `coverage`; heavy modules are
+imported when used.
+"""
 
 import argparse
 from collections.abc import Callable, Iterable
@@ -8,7 +10,9 @@ from opir_core.cli import add_scene_arguments
 from opir_core.plugin import MetricContext, MetricModel, hookimpl
 from opir_coverage.metric_config import CoverageMetricConfig
 
-_SUMMARY = "map who sees launches from where, how soon and how well: access, gaps, reports, tracks, bounds"
+_SUMMARY = (
+    "map who sees launches from where, how soon and how well: access, gaps, reports, tracks, bounds"
+)
 
 _Value = TypeVar("_Value")
 
@@ -19,7 +23,9 @@ def opir_add_commands(commands: Any) -> None:
     _add_coverage(commands)
     from opir_coverage.bench.arguments import physics_arguments
 
-    parser = commands.add_parser("physics", help="evaluate a radiometric formula, or put a sensor on the bench")
+    parser = commands.add_parser(
+        "physics", help="evaluate a radiometric formula, or put a sensor on the bench"
+    )
     physics_arguments(parser)
 
 
@@ -28,7 +34,8 @@ def opir_metrics() -> Iterable[MetricModel]:
     """Yield `coverage`."""
     yield MetricModel(
         name="coverage",
-        summary="number of sensors, share of the Earth covered, on average and always, and the longest gap over a day",
+        summary="number of sensors, share of the Earth covered, on average and always, and the"
+        " longest gap over a day",
         config=CoverageMetricConfig,
         build=_coverage_metric,
     )
@@ -44,22 +51,97 @@ def _add_coverage(commands: Any) -> None:
     parser = commands.add_parser("coverage", help=_SUMMARY)
     add_scene_arguments(parser)
     add = parser.add_argument
-    add("--class", dest="target_class", metavar="NAME", default="ICBM", help="class of the launches (default ICBM)")
+    add(
+        "--class",
+        dest="target_class",
+        metavar="NAME",
+        default="ICBM",
+        help="class of the launches (default ICBM)",
+    )
     add("--profile", default="", metavar="NAME", help="profile of the class (default: its first)")
-    add("--height", metavar="KM,…", type=_numbers, default=(10.0, 100.0), help="heights of targets (default 10,100)")
-    add("--grid", metavar="DEG", type=float, default=2.0, help="step of the grid, degrees (default 2)")
-    add("--hours", type=float, default=24.0, help="length of the interval from the scene's epoch (default 24)")
-    add("--steps", type=int, default=96, metavar="N", help="instants of the interval for access and gaps (default 96)")
-    add("--assets", metavar="N,…", type=_counts, default=(1, 2), help="least numbers of sensors in view (default 1,2)")
-    add("--azimuth", metavar="DEG,…", type=_numbers, default=(0.0,), help="launch azimuths (default 0: north)")
-    add("--launches", type=int, default=2, metavar="N", help="instants of launches in the interval (default 2)")
-    add("--chance", type=float, default=0.9, metavar="P", help="probability of times to a report (default 0.9)")
-    add("--track-reports", type=int, default=4, metavar="N", help="reports that make a track (default 4)")
-    add("--require", action="append", default=[], metavar="LAYER<=X", help="share of the day that meets it; repeatable")
+    add(
+        "--height",
+        metavar="KM,…",
+        type=_numbers,
+        default=(10.0, 100.0),
+        help="heights of targets (default 10,100)",
+    )
+    add(
+        "--grid",
+        metavar="DEG",
+        type=float,
+        default=2.0,
+        help="step of the grid, degrees (default 2)",
+    )
+    add(
+        "--hours",
+        type=float,
+        default=24.0,
+        help="length of the interval from the scene's epoch (default 24)",
+    )
+    add(
+        "--steps",
+        type=int,
+        default=96,
+        metavar="N",
+        help="instants of the interval for access and gaps (default 96)",
+    )
+    add(
+        "--assets",
+        metavar="N,…",
+        type=_counts,
+        default=(1, 2),
+        help="least numbers of sensors in view (default 1,2)",
+    )
+    add(
+        "--azimuth",
+        metavar="DEG,…",
+        type=_numbers,
+        default=(0.0,),
+        help="launch azimuths (default 0: north)",
+    )
+    add(
+        "--launches",
+        type=int,
+        default=2,
+        metavar="N",
+        help="instants of launches in the interval (default 2)",
+    )
+    add(
+        "--chance",
+        type=float,
+        default=0.9,
+        metavar="P",
+        help="probability of times to a report (default 0.9)",
+    )
+    add(
+        "--track-reports",
+        type=int,
+        default=4,
+        metavar="N",
+        help="reports that make a track (default 4)",
+    )
+    add(
+        "--require",
+        action="append",
+        default=[],
+        metavar="LAYER<=X",
+        help="share of the day that meets it; repeatable",
+    )
     add("--geometry", action="store_true", help="access and gaps only, no launches")
-    add("--against", metavar="SCENE", help="another scene: the page and the data are of the first minus this one")
+    add(
+        "--against",
+        metavar="SCENE",
+        help="another scene: the page and the data are of the first minus this one",
+    )
     add("--json", action="store_true", help="print the table as JSON")
-    add("-o", "--out", metavar="FOLDER", default="coverage", help="folder of page and data (default coverage)")
+    add(
+        "-o",
+        "--out",
+        metavar="FOLDER",
+        default="coverage",
+        help="folder of page and data (default coverage)",
+    )
     parser.set_defaults(run=_coverage)
 
 
@@ -81,4 +163,6 @@ def _listed(text: str, kind: Callable[[str], _Value]) -> tuple[_Value, ...]:
     try:
         return tuple(kind(part) for part in text.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers with commas between") from None
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no list of numbers with commas between"
+        ) from None

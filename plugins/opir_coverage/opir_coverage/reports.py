@@ -1,8 +1,9 @@
-"""When a launch is reported: the number of reports by a time, from P_d of its looks, confirmation and latency.
+"""When a launch is reported: the number of reports by a time, from P_d of its looks, confirmation
+and latency.
 
-A sensor looks once in each scan, at a phase that is uniform over the scan. Given the flight, looks are independent; a
-look is reported if it is the last of M detections in N successive scans. The number of reports is a Markov chain over
-the outcomes of the last N - 1 scans.
+A sensor looks once in each scan, at a phase that is uniform over the scan. Given the flight, looks
+are independent; a look is reported if it is the last of M detections in N successive scans. The
+number of reports is a Markov chain over the outcomes of the last N - 1 scans.
 """
 
 from collections.abc import Sequence
@@ -14,16 +15,17 @@ from scipy.special import ndtr, ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 
-#: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest step is taken to
-#: look no more often: its M-th detection is at most M such steps late.
+#: Longest step between two phases of a scan, s. A sensor that looks more often than every shortest
+#: step is taken to look no more often: its M-th detection is at most M such steps late.
 _LONGEST_STEP_S = 2.0
 _SHORTEST_STEP_S = 0.2
-#: So many looks are prepared at once. After them launches that have fewer than the reports with less than this chance
-#: are left out, if they are this share of all.
+#: So many looks are prepared at once. After them launches that have fewer than the reports with
+#: less than this chance are left out, if they are this share of all.
 _BLOCK = 8
 _SURE = 1e-6
 _WORTH_PRUNING = 0.05
-#: P_d below which a look is taken as none: a thousand such looks change a chance by less than 0.001.
+#: P_d below which a look is taken as none: a thousand such looks change a chance by less than
+#: 0.001.
 _IMPOSSIBLE = 1e-6
 _IMPOSSIBLE_QUANTILE = float(ndtri(_IMPOSSIBLE))
 #: Time within a look's step: its middle.
@@ -35,7 +37,9 @@ Chances = NDArray[np.float32]
 
 @frozen(eq=False)
 class ScanSteps:
-    """The steps of a chain of looks: `phases` steps of `step_s` make a scan; `steps` of them cover a burn."""
+    """The steps of a chain of looks: `phases` steps of `step_s` make a scan; `steps` of them cover
+    a burn.
+    """
 
     step_s: float
     phases: int
@@ -54,9 +58,11 @@ class ScanSteps:
 
 
 class ReportChain:
-    """Chances (most, n) of 0 to most - 1 reports so far, `total`, of the launches that one sensor looks at.
+    """Chances (most, n) of 0 to most - 1 reports so far, `total`, of the launches that one sensor
+    looks at.
 
-    `confirmation` are M and N. Launches that surely have `most` reports are left out of further looks.
+    `confirmation` are M and N. Launches that surely have `most` reports are left out of further
+    looks.
     """
 
     def __init__(self, rows: int, phases: int, confirmation: tuple[int, int], most: int) -> None:
@@ -67,7 +73,9 @@ class ReportChain:
         self._memory = phases * (confirmation[1] - 1)
         self._last = np.full(rows, -self._memory - 1)
         self._active = np.arange(rows)
-        self._states: Chances = np.zeros((phases, most, 1 << (confirmation[1] - 1), rows), dtype=np.float32)
+        self._states: Chances = np.zeros(
+            (phases, most, 1 << (confirmation[1] - 1), rows), dtype=np.float32
+        )
         self._states[:, 0, 0] = 1.0
         self.total: Chances = np.zeros((most, rows), dtype=np.float32)
         self.total[0] = 1.0
@@ -78,7 +86,9 @@ class ReportChain:
         return self._active
 
     def look(self, chance: FloatArray, at: IntArray | None = None) -> None:
-        """Look once more, at one of the phases in turn, with P_d (k,) of the active launches, or of those `at` (k,)."""
+        """Look once more, at one of the phases in turn, with P_d (k,) of the active launches, or of
+        those `at` (k,).
+        """
         place = np.arange(len(self._active)) if at is None else at
         is_possible = chance > _IMPOSSIBLE
         rows = place[is_possible]
@@ -98,7 +108,9 @@ class ReportChain:
         self._step += 1
 
     def prune(self, is_done: BoolArray) -> None:
-        """Leave out launches that surely have all reports of this sensor, or of all sensors: `is_done` (rows,)."""
+        """Leave out launches that surely have all reports of this sensor, or of all sensors:
+        `is_done` (rows,).
+        """
         if not len(self._active):
             return
         is_done = is_done[self._active] | (self.total[:, self._active].sum(axis=0) < _SURE)
@@ -134,24 +146,37 @@ def _after(old: Chances, chance: Chances, needed: int) -> Chances:
 
 
 def joined(counts: Chances, others: Chances) -> Chances:
-    """Return the chances (…, most, n) of numbers of reports of two independent sources, each (…, most, n)."""
+    """Return the chances (…, most, n) of numbers of reports of two independent sources, each (…,
+    most, n).
+    """
     both = np.zeros_like(counts)
     for more in range(counts.shape[-2]):
-        both[..., more:, :] += counts[..., : counts.shape[-2] - more, :] * others[..., more : more + 1, :]
+        both[..., more:, :] += (
+            counts[..., : counts.shape[-2] - more, :] * others[..., more : more + 1, :]
+        )
     return both
 
 
 class Reports:
-    """The chances (T, most, n) of fewer than `most` reports by times since ignition (T,), of all sensors together."""
+    """The chances (T, most, n) of fewer than `most` reports by times since ignition (T,), of all
+    sensors together.
+    """
 
     def __init__(self, time_s: FloatArray, most: int, cells: int) -> None:
         self.time_s = time_s
         self.chance: Chances = np.zeros((len(time_s), most, cells), dtype=np.float32)
         self.chance[:, 0] = 1.0
 
-    def add(self, rows: IntArray, chain: ReportChain, nodes: FloatArray, steps: ScanSteps, latency_s: float) -> None:
-        """Add a chain over cells `rows` (n,), with normal quantiles of P_d (K, n) at equal steps of the burn, ends
-        included; nan without a look.
+    def add(
+        self,
+        rows: IntArray,
+        chain: ReportChain,
+        nodes: FloatArray,
+        steps: ScanSteps,
+        latency_s: float,
+    ) -> None:
+        """Add a chain over cells `rows` (n,), with normal quantiles of P_d (K, n) at equal steps of
+        the burn, ends included; nan without a look.
 
         `rows` are those of one sensor in order, then those of another that looks as often.
         """
@@ -163,7 +188,9 @@ class Reports:
         for number in range(1, steps.steps + 1):
             if (number - 1) % _BLOCK == 0:
                 chain.prune(self._have_all(wanted)[rows])
-                at, chance = _possible(nodes, at_node[number - 1 : number - 1 + _BLOCK], chain.active)
+                at, chance = _possible(
+                    nodes, at_node[number - 1 : number - 1 + _BLOCK], chain.active
+                )
             if len(chain.active):
                 chain.look(chance[(number - 1) % _BLOCK], at)
             if wanted == len(place) or place[wanted] > number + 1.0:
@@ -178,14 +205,18 @@ class Reports:
             self._join(left, rows, sensors, chain.total)
 
     def _have_all(self, wanted: int) -> BoolArray:
-        """Return which cells surely have all reports by the last of the first `wanted` times, and so at later ones."""
+        """Return which cells surely have all reports by the last of the first `wanted` times, and
+        so at later ones.
+        """
         if not 0 < wanted < len(self.time_s):
             return np.zeros(self.chance.shape[2], dtype=np.bool_)
         have_all: BoolArray = self.chance[wanted - 1].sum(axis=0) < _SURE
         self.chance[wanted:, :, np.flatnonzero(have_all & self.chance[wanted].any(axis=0))] = 0.0
         return have_all
 
-    def _join(self, place: int, rows: IntArray, sensors: Sequence[IntArray], counts: Chances) -> None:
+    def _join(
+        self, place: int, rows: IntArray, sensors: Sequence[IntArray], counts: Chances
+    ) -> None:
         # Cells that surely have all reports have chances of exactly 0 from then on.
         has_reported = (counts[0] < 1.0) & self.chance[place].any(axis=0)[rows]
         for all_cells in sensors:
@@ -194,7 +225,9 @@ class Reports:
             self.chance[place][:, cells] = joined(self.chance[place][:, cells], counts[:, own])
 
     def times_s(self, reports: int, probability: float) -> FloatArray:
-        """Return the times (n,) since ignition by which a probability of a number of reports is reached, or nan."""
+        """Return the times (n,) since ignition by which a probability of a number of reports is
+        reached, or nan.
+        """
         have = 1.0 - self.chance[:, :reports].sum(axis=1)
         reached = have >= probability
         late = reached.argmax(axis=0)
@@ -211,11 +244,14 @@ class Reports:
         return 1.0 - self.chance[-1, :reports].sum(axis=0)
 
 
-def _possible(nodes: FloatArray, place: FloatArray, active: IntArray) -> tuple[IntArray, FloatArray]:
-    """Return which active launches may be detected at places (b,) between nodes (K, launches), and P_d (b, those).
+def _possible(
+    nodes: FloatArray, place: FloatArray, active: IntArray
+) -> tuple[IntArray, FloatArray]:
+    """Return which active launches may be detected at places (b,) between nodes (K, launches), and
+    P_d (b, those).
 
-    The normal quantile is interpolated, as the engine does between looks; beside a node without a look (nan) the nearer
-    node decides.
+    The normal quantile is interpolated, as the engine does between looks; beside a node without a
+    look (nan) the nearer node decides.
     """
     early = np.minimum(place.astype(np.int64), len(nodes) - 2)
     first = int(early[0])

@@ -53,10 +53,11 @@ def _all_positive(instance: Any, attribute: Any, value: Any) -> None:
 class CoverageSettings:
     """What a coverage is computed for.
 
-    `steps` instants, the middles of equal parts of `hours` from the scene's epoch, see targets at rest at heights above
-    the cells: visibility and its figures of merit. Launches of `target_class` from the cells at `launches` instants
-    spread over the same time, with each azimuth, have P_d, reports, tracks and bounds; a track is `track_reports`
-    reports, and times are those by which they have come with a probability of `chance`.
+    `steps` instants, the middles of equal parts of `hours` from the scene's epoch, see targets at
+    rest at heights above the cells: visibility and its figures of merit. Launches of `target_class`
+    from the cells at `launches` instants spread over the same time, with each azimuth, have P_d,
+    reports, tracks and bounds; a track is `track_reports` reports, and times are those by which
+    they have come with a probability of `chance`.
     """
 
     target_class: str | None = "ICBM"

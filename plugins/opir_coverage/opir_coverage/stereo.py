@@ -7,10 +7,11 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 
 def stereo_angles_rad(direction: FloatArray, is_seen: BoolArray) -> FloatArray:
-    """Return the best angles (n,) between two lines of sight at each point, rad, in (0, π/2]; nan below two.
+    """Return the best angles (n,) between two lines of sight at each point, rad, in (0, π/2]; nan
+    below two.
 
-    `direction` (S, n, 3) are unit vectors from points to sensors, `is_seen` (S, n) which of them count. Lines of sight
-    are best at right angles; the angle is that of the lines, at most π/2.
+    `direction` (S, n, 3) are unit vectors from points to sensors, `is_seen` (S, n) which of them
+    count. Lines of sight are best at right angles; the angle is that of the lines, at most π/2.
     """
     best = np.full(is_seen.shape[1], -1.0)
     columns = _columns(direction)
@@ -24,11 +25,12 @@ def stereo_angles_rad(direction: FloatArray, is_seen: BoolArray) -> FloatArray:
 
 
 def dilution_m(direction: FloatArray, range_m: FloatArray, weight: ArrayLike) -> FloatArray:
-    """Return the dilutions of precision (n,): standard deviations of position over that of a line of sight, m/rad.
+    """Return the dilutions of precision (n,): standard deviations of position over that of a line
+    of sight, m/rad.
 
-    √(tr J⁻¹) with J = Σ w (1 - u uᵀ) / r² over sensors at unit vectors u (S, n, 3) and ranges r (S, n), each of which
-    measures two angles; `weight` (S, n) is 0 for one that does not see the point. nan where J is singular: one line of
-    sight, or parallel ones.
+    √(tr J⁻¹) with J = Σ w (1 - u uᵀ) / r² over sensors at unit vectors u (S, n, 3) and ranges r (S,
+    n), each of which measures two angles; `weight` (S, n) is 0 for one that does not see the point.
+    nan where J is singular: one line of sight, or parallel ones.
     """
     share = np.asarray(weight, dtype=np.float64) / np.square(range_m)
     columns = _columns(direction)
@@ -55,7 +57,9 @@ def dilution_m(direction: FloatArray, range_m: FloatArray, weight: ArrayLike) ->
 
 
 def directions(point_m: FloatArray, sensor_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors (S, n, 3) from points (n, 3) to sensors (S, n, 3), ECEF, m, and distances (S, n), m."""
+    """Return unit vectors (S, n, 3) from points (n, 3) to sensors (S, n, 3), ECEF, m, and distances
+    (S, n), m.
+    """
     ways = np.stack([sensor_m[..., axis] - point_m[:, axis] for axis in range(3)])
     distance = np.sqrt(ways[0] ** 2 + ways[1] ** 2 + ways[2] ** 2)
     ways /= distance
@@ -70,4 +74,6 @@ def _columns(direction: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]
 
 def _slice_if_consecutive(rows: IntArray) -> IntArray | slice:
     """Return ascending rows as a slice, which copies nothing, if they have no holes."""
-    return slice(rows[0], rows[-1] + 1) if len(rows) and rows[-1] - rows[0] + 1 == len(rows) else rows
+    return (
+        slice(rows[0], rows[-1] + 1) if len(rows) and rows[-1] - rows[0] + 1 == len(rows) else rows
+    )

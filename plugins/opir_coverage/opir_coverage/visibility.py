@@ -1,8 +1,10 @@
-"""Which points a sensor sees: the engine's conditions as products of columns, its own test where those are too close.
+"""Which points a sensor sees: the engine's conditions as products of columns, its own test where
+those are too close.
 
-Field of regard, minimum elevation and occlusion by the Earth are inequalities between scalar products of the sensor's
-position and the points, which cost a few nanoseconds a point. A point within rounding of a limit is decided by
-`opir_core.planning.visible_now`, so that every cell has the engine's answer.
+Field of regard, minimum elevation and occlusion by the Earth are inequalities between scalar
+products of the sensor's position and the points, which cost a few nanoseconds a point. A point
+within rounding of a limit is decided by `opir_core.planning.visible_now`, so that every cell has
+the engine's answer.
 """
 
 import math
@@ -19,8 +21,8 @@ from opir_core.plugin import Sensor
 from opir_coverage.grid import SeenPoints
 
 _AXES_M = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m])
-#: Margins below which the engine's own test decides: of angles, rad, and of distances in radii of the Earth. Rounding
-#: of the products is below 1e-13 of a distance.
+#: Margins below which the engine's own test decides: of angles, rad, and of distances in radii of
+#: the Earth. Rounding of the products is below 1e-13 of a distance.
 _CLOSE = 1e-9
 
 
@@ -39,7 +41,9 @@ def seen(sensor: Sensor, sensor_m: FloatArray, points: SeenPoints) -> BoolArray:
 
 
 def _least_along_m2(sensor_m: FloatArray, points: SeenPoints) -> float:
-    """Return a scalar product of positions below which the Earth is in between, from the sphere inside of it."""
+    """Return a scalar product of positions below which the Earth is in between, from the sphere
+    inside of it.
+    """
     inner_m = WGS84.polar_radius_m
     sensor_radius_m = math.sqrt(float(sensor_m @ sensor_m))
     if sensor_radius_m <= inner_m:
@@ -53,7 +57,9 @@ def _least_along_m2(sensor_m: FloatArray, points: SeenPoints) -> float:
 def _margins(
     sensor: Sensor, sensor_m: FloatArray, points: SeenPoints, rows: IntArray, along_m2: FloatArray
 ) -> FloatArray:
-    """Return the least margins of the conditions at some points, over distances or the Earth's radius."""
+    """Return the least margins of the conditions at some points, over distances or the Earth's
+    radius.
+    """
     radius_m2 = float(sensor_m @ sensor_m)
     distance_m = np.sqrt(points.squared_m2[rows] + radius_m2 - 2.0 * along_m2)
     sine = (points.up[rows] @ sensor_m - points.along_up_m[rows]) / distance_m
@@ -67,8 +73,12 @@ def _margins(
     return margin
 
 
-def _clear(sine: FloatArray, sensor_m: FloatArray, points: SeenPoints, rows: IntArray) -> FloatArray:
-    """Return by how much lines of sight miss the Earth: sines of elevation, or the gap if that is larger."""
+def _clear(
+    sine: FloatArray, sensor_m: FloatArray, points: SeenPoints, rows: IntArray
+) -> FloatArray:
+    """Return by how much lines of sight miss the Earth: sines of elevation, or the gap if that is
+    larger.
+    """
     low = np.flatnonzero((sine < _CLOSE) & (points.scaled_squared[rows] > 1.0))
     if not len(low):
         return sine
@@ -85,9 +95,11 @@ def _clear(sine: FloatArray, sensor_m: FloatArray, points: SeenPoints, rows: Int
 
 @frozen(eq=False)
 class Fleet:
-    """The sensors of a scene over scene times (T,), s: `position_m` (sensors, T, 3) and `sun_m` (T, 3) in ECEF.
+    """The sensors of a scene over scene times (T,), s: `position_m` (sensors, T, 3) and `sun_m` (T,
+    3) in ECEF.
 
-    `is_blinded` (sensors, T) is where the Sun is so near to a sensor's field of regard that its exclusion matters.
+    `is_blinded` (sensors, T) is where the Sun is so near to a sensor's field of regard that its
+    exclusion matters.
     """
 
     sensors: tuple[Sensor, ...]
@@ -98,9 +110,13 @@ class Fleet:
 
     @classmethod
     def of(cls, plan: Plan, time_s: FloatArray) -> "Fleet":
-        """Return the sensors of a plan at scene times (T,), s, which may go on after the scene's end."""
+        """Return the sensors of a plan at scene times (T,), s, which may go on after the scene's
+        end.
+        """
         sensors = plan.sensors
-        position = np.stack([np.asarray(sensor.orbit.position_ecef_m(time_s)) for sensor in sensors])
+        position = np.stack(
+            [np.asarray(sensor.orbit.position_ecef_m(time_s)) for sensor in sensors]
+        )
         sun = sun_ecef_m(time_s, plan.scene.epoch_us)
         blinded = np.zeros((len(sensors), len(time_s)), dtype=np.bool_)
         for number, sensor in enumerate(sensors):
@@ -112,11 +128,15 @@ class Fleet:
 
     @property
     def is_still(self) -> bool:
-        """Whether visibility is the same at all times: all sensors at rest in ECEF, and the Sun near nobody's field."""
+        """Whether visibility is the same at all times: all sensors at rest in ECEF, and the Sun
+        near nobody's field.
+        """
         return not self.is_blinded.any() and all(one.orbit.is_stationary for one in self.sensors)
 
     def seen(self, number: int, step: int, points: SeenPoints) -> BoolArray:
-        """Return which points (n,) a sensor sees at one of the times, the Sun's exclusion included."""
+        """Return which points (n,) a sensor sees at one of the times, the Sun's exclusion
+        included.
+        """
         sensor = self.sensors[number]
         place = self.position_m[number, step]
         result = seen(sensor, place, points)
@@ -129,7 +149,9 @@ class Fleet:
 
 @frozen(eq=False)
 class SightMap:
-    """Who sees what: bits (T, sensors, ceil(cells / 8)) of `cells` points; one time for all where nothing changes."""
+    """Who sees what: bits (T, sensors, ceil(cells / 8)) of `cells` points; one time for all where
+    nothing changes.
+    """
 
     bits: NDArray[np.uint8]
     cells: int
@@ -140,7 +162,12 @@ class SightMap:
         """Return who of a fleet sees which points at each of its times."""
         steps = 1 if fleet.is_still else len(fleet.time_s)
         rows = [
-            np.stack([np.packbits(fleet.seen(number, step, points)) for number in range(len(fleet.sensors))])
+            np.stack(
+                [
+                    np.packbits(fleet.seen(number, step, points))
+                    for number in range(len(fleet.sensors))
+                ]
+            )
             for step in range(steps)
         ]
         return cls(np.stack(rows), len(points), len(fleet.time_s))
@@ -156,7 +183,9 @@ class SightMap:
         return np.broadcast_to(np.stack(counts), (self.steps, self.cells))
 
     def seeing(self, step: int) -> IntArray:
-        """Return the sensors (most in view, cells) that see each point at a time, in order; -1 for no more."""
+        """Return the sensors (most in view, cells) that see each point at a time, in order; -1 for
+        no more.
+        """
         is_seen = self.at(step)
         count = np.zeros(self.cells, dtype=np.int64)
         table = np.full((int(is_seen.sum(axis=0).max(initial=0)), self.cells), -1)
@@ -168,5 +197,7 @@ class SightMap:
 
 
 def day_s(steps: int, length_s: float = 86_400.0) -> FloatArray:
-    """Return scene times (steps,), s: the middles of equal parts of a day from the scene's epoch."""
+    """Return scene times (steps,), s: the middles of equal parts of a day from the scene's
+    epoch.
+    """
     return np.asarray((np.arange(steps) + 0.5) * (length_s / steps))

@@ -15,7 +15,9 @@ _AT_ONCE = 65_536
 
 @define
 class _Waiting:
-    """Cells of sensors that look alike, and their quantiles (K, cells) of P_d at the nodes of the burn."""
+    """Cells of sensors that look alike, and their quantiles (K, cells) of P_d at the nodes of the
+    burn.
+    """
 
     rows: list[IntArray] = field(factory=list)
     nodes: list[FloatArray] = field(factory=list)
@@ -33,7 +35,9 @@ class Watch:
         """Add the looks of a sensor at equal steps of the burn, its ends included."""
         sensor = self._salvo.plan.sensors[number]
         confirmation = self._salvo.detection.confirmation
-        needed, scans = (1, 1) if confirmation is None else (int(each) for each in confirmation[number])
+        needed, scans = (
+            (1, 1) if confirmation is None else (int(each) for each in confirmation[number])
+        )
         latency_s = sum(stage.mean_s for stage in sensor.reporting)
         kind = (sensor.scan.period_ns * 1e-9, needed, scans, latency_s)
         rows = np.unique(np.concatenate([each.rows for each in looks]))

@@ -10,15 +10,16 @@ from opir_studies import LostTasksError
 
 from opir_core.errors import OpirError
 
-#: So many tasks are on their way per worker: enough to keep it busy, and few to run again if the study is stopped.
+#: So many tasks are on their way per worker: enough to keep it busy, and few to run again if the
+#: study is stopped.
 _AHEAD = 4
 
 
 class DaskExecutor:
     """Runs tasks on the cluster at an address, or on as many worker processes of this computer.
 
-    Dask runs a task again if its worker dies; one that was running at several deaths is lost (`LostTasksError`, after
-    the others have ended). Nothing is started before the first task.
+    Dask runs a task again if its worker dies; one that was running at several deaths is lost
+    (`LostTasksError`, after the others have ended). Nothing is started before the first task.
     """
 
     def __init__(self, address: str, workers: int | None, timeout_s: float) -> None:
@@ -28,7 +29,9 @@ class DaskExecutor:
         self._client: Client | None = None
         self._cluster: LocalCluster | None = None
 
-    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def results(
+        self, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         """Yield the index and the result of each task once, as they end."""
         if not tasks:
             return
@@ -72,13 +75,22 @@ class DaskExecutor:
 
     def _connected(self) -> Client:
         if self._client is None:
-            self._client = Client(self._place(), timeout=self._timeout_s) if not self._address else self._at_address()
+            self._client = (
+                Client(self._place(), timeout=self._timeout_s)
+                if not self._address
+                else self._at_address()
+            )
         return self._client
 
     def _place(self) -> LocalCluster:
-        # Runs are Python: threads of one process would wait for each other. Nothing listens to the outside.
+        # Runs are Python: threads of one process would wait for each other. Nothing listens to the
+        # outside.
         self._cluster = LocalCluster(
-            n_workers=self._workers, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+            n_workers=self._workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            host="127.0.0.1",
         )
         return self._cluster
 
@@ -86,5 +98,10 @@ class DaskExecutor:
         try:
             return Client(self._address, timeout=self._timeout_s)
         except (OSError, TimeoutError, ValueError) as error:
-            words = f"no Dask scheduler answers at {self._address} within {self._timeout_s:g} s: {error}"
-            raise OpirError(f"{words}; start one with `dask scheduler`, or give its address") from error
+            words = (
+                f"no Dask scheduler answers at {self._address} within {self._timeout_s:g} s:"
+                f" {error}"
+            )
+            raise OpirError(
+                f"{words}; start one with `dask scheduler`, or give its address"
+            ) from error

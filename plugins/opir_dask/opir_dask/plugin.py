@@ -25,7 +25,12 @@ class DaskConfig:
         source="as many as there are cores",
     )
     timeout_s: float = number(
-        help="time to wait for the scheduler", default=30.0, unit="s", above=0.0, maximum=3600.0, source="arbitrary"
+        help="time to wait for the scheduler",
+        default=30.0,
+        unit="s",
+        above=0.0,
+        maximum=3600.0,
+        source="arbitrary",
     )
 
 

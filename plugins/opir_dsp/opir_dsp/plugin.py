@@ -1,9 +1,11 @@
-"""The sensor model `DSP`, the Defense Support Program as described in the paper, and a notional fleet of four.
+"""The sensor model `DSP`, the Defense Support Program as described in the paper, and a notional
+fleet of four.
 
-The preset `heritage` follows public accounts of the real system instead of the paper's long-wave band and 200 ms: a
-telescope that rotates with the spacecraft at 6 rpm, so one look in 10 s, lead sulfide detectors at 2.7 um and, on later
-satellites, a second band at 4.3 um (J. T. Richelson, America's Space Sentinels: DSP Satellites and National
-Security, University Press of Kansas, 1999). The edges of its bands, about those wavelengths, are notional.
+The preset `heritage` follows public accounts of the real system instead of the paper's long-wave
+band and 200 ms: a telescope that rotates with the spacecraft at 6 rpm, so one look in 10 s, lead
+sulfide detectors at 2.7 um and, on later satellites, a second band at 4.3 um (J. T. Richelson,
+America's Space Sentinels: DSP Satellites and National Security, University Press of Kansas, 1999).
+The edges of its bands, about those wavelengths, are notional.
 """
 
 from collections.abc import Iterable
@@ -26,7 +28,8 @@ PAPER = "opir-simulator paper (2026), section 3.1"
 #: Evenly spread; not the slots of real satellites.
 NOTIONAL_SLOTS_DEG = (-135.0, -45.0, 45.0, 135.0)
 
-#: "Limited" classification (paper, section 3.4): one band carries little information about the motor.
+#: "Limited" classification (paper, section 3.4): one band carries little information about the
+#: motor.
 NOTIONAL_CONFUSION = {
     "ICBM": {"ICBM": 0.55, "IRBM": 0.20, "SRBM": 0.05, "UNKNOWN": 0.20},
     "IRBM": {"ICBM": 0.20, "IRBM": 0.45, "SRBM": 0.15, "UNKNOWN": 0.20},
@@ -36,7 +39,8 @@ NOTIONAL_CONFUSION = {
 #: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1).
 PAPER_PRESET = {"scan_phase": "aligned"}
 
-#: Lead sulfide detectors cooled by radiation; a spin of 10 s and an array along the radius leave a pixel about 1 ms.
+#: Lead sulfide detectors cooled by radiation; a spin of 10 s and an array along the radius leave a
+#: pixel about 1 ms.
 HERITAGE_FOCAL_PLANE = {
     "aperture_m": 0.9,
     "optics_transmission": 0.6,
@@ -86,7 +90,9 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     bands=cited({"LWIR": (8.0, 12.0)}, PAPER),
     scan_pattern=cited("spin", PAPER),
     scan_period_ms=cited(200.0, PAPER),
-    detection_probability=cited({"ICBM": 0.60, "IRBM": 0.50, "SRBM": 0.35}, f"ICBM: {PAPER}; IRBM, SRBM: notional"),
+    detection_probability=cited(
+        {"ICBM": 0.60, "IRBM": 0.50, "SRBM": 0.35}, f"ICBM: {PAPER}; IRBM, SRBM: notional"
+    ),
     line_of_sight_sigma_urad=50.0,
     ifov_urad=56.0,
     false_alarm_susceptibility=cited("high", PAPER),
@@ -102,10 +108,14 @@ class DspConfig(ScanningSensorConfig):
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `DSP`."""
     summary = "spinning long-wave scanner with one band (preset heritage: 2.7 and 4.3 um, 10 s)"
-    yield scanning_model("DSP", summary, DspConfig, presets={"heritage": HERITAGE, "paper": PAPER_PRESET})
+    yield scanning_model(
+        "DSP", summary, DspConfig, presets={"heritage": HERITAGE, "paper": PAPER_PRESET}
+    )
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellation `DSP`."""
-    yield geostationary_fleet("DSP", "four DSP satellites in notional, evenly spread slots", NOTIONAL_SLOTS_DEG)
+    yield geostationary_fleet(
+        "DSP", "four DSP satellites in notional, evenly spread slots", NOTIONAL_SLOTS_DEG
+    )

@@ -27,7 +27,9 @@ def export(arguments: argparse.Namespace) -> int:
     path = _run_path(arguments)
     exporter = exporter_of(host, arguments.to, arguments.settings)
     run = load_run(path)
-    out = Path(arguments.out) if arguments.out else _beside(path, run, arguments.to, exporter.suffix)
+    out = (
+        Path(arguments.out) if arguments.out else _beside(path, run, arguments.to, exporter.suffix)
+    )
     files = written(host, arguments.to, exporter, run, out)
     sys.stdout.write("".join(f"{file}\n" for file in files))
     return 0
@@ -47,7 +49,9 @@ def exporter_of(host: Host, name: str, settings: Sequence[str] = ()) -> Exporter
         complaints += refused.complaints
     if complaints:
         source = f"--set of {component.kind} {name}"
-        raise SceneError([Problem(each.path.lstrip("."), each.message) for each in complaints], source=source)
+        raise SceneError(
+            [Problem(each.path.lstrip("."), each.message) for each in complaints], source=source
+        )
     exporter: Exporter = component.build(config, ExporterContext())
     return exporter
 
@@ -65,12 +69,18 @@ def written(host: Host, name: str, exporter: Exporter, run: Any, out: Path) -> S
 
 
 def _run_path(arguments: argparse.Namespace) -> Path:
-    """Return the run of the arguments; `SceneError` if run or format are missing, or it is a scene."""
+    """Return the run of the arguments; `SceneError` if run or format are missing, or it is a
+    scene.
+    """
     missing = [
         Problem(what, words)
         for what, is_given, words in (
             ("RUN", arguments.path, "is missing; give the events or the folder of a run"),
-            ("--to", arguments.to, "is missing; give a format, as in --to parquet; `opir export --list` lists them"),
+            (
+                "--to",
+                arguments.to,
+                "is missing; give a format, as in --to parquet; `opir export --list` lists them",
+            ),
         )
         if not is_given
     ]
@@ -78,7 +88,10 @@ def _run_path(arguments: argparse.Namespace) -> Path:
         raise SceneError(missing, source=_HERE)
     path = Path(arguments.path)
     if path.suffix in _SCENES:
-        words = f"is a scene: run it first, `opir run {path}`, then give the events, `opir export events.jsonl`"
+        words = (
+            f"is a scene: run it first, `opir run {path}`, then give the events, `opir export"
+            f" events.jsonl`"
+        )
         raise SceneError([Problem("", words)], source=str(path))
     return path
 
@@ -91,5 +104,7 @@ def _beside(path: Path, run: Any, name: str, suffix: str) -> Path:
 
 
 def _formats(host: Host) -> str:
-    rows = [(name, host.component(ExporterModel, name).summary) for name in host.names(ExporterModel)]
+    rows = [
+        (name, host.component(ExporterModel, name).summary) for name in host.names(ExporterModel)
+    ]
     return table(("format", "writes"), rows)

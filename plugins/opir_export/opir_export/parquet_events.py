@@ -22,11 +22,15 @@ _PROBABILITIES = {f"probability_{name}": name for name in REPORTED_TYPES}
 
 
 def parquet_events(path: Path) -> Iterator[Mapping[str, Any]]:
-    """Yield the events with the keys of the encoder `forge`; raises OSError or ValueError if the file is another."""
+    """Yield the events with the keys of the encoder `forge`; raises OSError or ValueError if the
+    file is another.
+    """
     with parquet.ParquetFile(path) as file:
         lacking = sorted(_NEEDED.difference(file.schema_arrow.names))
         if lacking:
-            raise ValueError(f"is not what the sink parquet writes: it lacks the column {lacking[0]}")
+            raise ValueError(
+                f"is not what the sink parquet writes: it lacks the column {lacking[0]}"
+            )
         for batch in file.iter_batches():
             yield from _rows(batch)
 
@@ -35,11 +39,19 @@ def _rows(batch: Any) -> Iterator[Mapping[str, Any]]:
     columns = {name: batch.column(name).to_pylist() for name in _PLAIN}
     columns["detection_id"] = uuid_texts(batch.column("detection_id"))
     columns |= {key: _texts_of(batch.column(name)) for key, name in _INSTANTS.items()}
-    columns["sensor_position_ecef_m"] = list(zip(*(batch.column(name).to_pylist() for name in _POSITION), strict=True))
-    columns["bands"] = [text.split("+") if text else [] for text in batch.column("bands").to_pylist()]
+    columns["sensor_position_ecef_m"] = list(
+        zip(*(batch.column(name).to_pylist() for name in _POSITION), strict=True)
+    )
+    columns["bands"] = [
+        text.split("+") if text else [] for text in batch.column("bands").to_pylist()
+    ]
     first, last = _IRRADIANCE
-    bands = {name: name[len(first) : -len(last)] for name in batch.schema.names if name.startswith(first)}
-    columns |= _shares(batch, "band_irradiance_w_m2", bands) | _shares(batch, "type_probability", _PROBABILITIES)
+    bands = {
+        name: name[len(first) : -len(last)] for name in batch.schema.names if name.startswith(first)
+    }
+    columns |= _shares(batch, "band_irradiance_w_m2", bands) | _shares(
+        batch, "type_probability", _PROBABILITIES
+    )
     names = list(columns)
     return (dict(zip(names, row, strict=True)) for row in zip(*columns.values(), strict=True))
 
@@ -47,10 +59,15 @@ def _rows(batch: Any) -> Iterator[Mapping[str, Any]]:
 def _texts_of(instants: Any) -> list[str]:
     """Return timestamps as texts, to a microsecond."""
     stamps = instants.to_numpy(zero_copy_only=False).astype("datetime64[ns]").astype(np.int64)
-    return [f"{text}Z" for text in np.datetime_as_string(((stamps + 500) // 1000).astype("datetime64[us]"))]
+    return [
+        f"{text}Z"
+        for text in np.datetime_as_string(((stamps + 500) // 1000).astype("datetime64[us]"))
+    ]
 
 
-def _shares(batch: Any, key: str, columns: Mapping[str, str]) -> dict[str, list[dict[str, float | None]]]:
+def _shares(
+    batch: Any, key: str, columns: Mapping[str, str]
+) -> dict[str, list[dict[str, float | None]]]:
     """Return the column of blocks that several columns make; none where nothing was measured."""
     known = {name: word for name, word in columns.items() if name in batch.schema.names}
     if all(batch.column(name).null_count == batch.num_rows for name in known):

@@ -42,8 +42,13 @@ class ParquetSink(Sink):
 
 
 def parquet_sink(config: ParquetSinkConfig, context: SinkContext) -> ParquetSink:
-    """Return the sink `parquet`, open; `SinkError` if it has a spool, for a Parquet file cannot be continued."""
+    """Return the sink `parquet`, open; `SinkError` if it has a spool, for a Parquet file cannot be
+    continued.
+    """
     if context.resumes:
-        words = "parquet: a Parquet file cannot be continued by a later run, so it can have no spool; remove spool"
+        words = (
+            "parquet: a Parquet file cannot be continued by a later run, so it can have no spool;"
+            " remove spool"
+        )
         raise SinkError(f"{words}, or use jsonl")
     return ParquetSink(config, context.stage(config.path), context.origin)

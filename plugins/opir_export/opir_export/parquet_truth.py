@@ -1,4 +1,6 @@
-"""The truth of a run as columns of a Parquet file, written and read: `opir run --truth events.truth.parquet`."""
+"""The truth of a run as columns of a Parquet file, written and read: `opir run --truth
+events.truth.parquet`.
+"""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +22,8 @@ _GROUP_ROWS = 65_536
 
 
 def read_truth(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the records of sensors, targets and detections of a file, as the lines of a truth file have them.
+    """Yield the records of sensors, targets and detections of a file, as the lines of a truth file
+    have them.
 
     Raises OSError, or ValueError for a file that is no truth.
     """
@@ -29,33 +32,51 @@ def read_truth(path: Path) -> Iterator[dict[str, Any]]:
     with ParquetFile(path) as file:
         metadata = file.schema_arrow.metadata or {}
         if RECORDS_KEY.encode() not in metadata:
-            raise ValueError("has no records of sensors and targets: it is no truth that opir wrote")
+            raise ValueError(
+                "has no records of sensors and targets: it is no truth that opir wrote"
+            )
         yield from json.loads(metadata[RECORDS_KEY.encode()])
         for batch in file.iter_batches(_GROUP_ROWS):
-            for identity, row in zip(uuid_texts(batch.column("detection_id")), batch.to_pylist(), strict=True):
+            for identity, row in zip(
+                uuid_texts(batch.column("detection_id")), batch.to_pylist(), strict=True
+            ):
                 elevation_deg = row.pop("target_elevation_deg")
                 elevation_rad = None if elevation_deg is None else radians(elevation_deg)
-                yield {"record": "detection", **row, "detection_id": identity, "target_elevation_rad": elevation_rad}
+                yield {
+                    "record": "detection",
+                    **row,
+                    "detection_id": identity,
+                    "target_elevation_rad": elevation_rad,
+                }
 
 
 class ParquetTruth:
     """Writes the truth of detections to a file, window by window; a context that closes it.
 
-    The columns are those of the table `truth`. `records` of sensors and targets are in the file's metadata.
+    The columns are those of the table `truth`. `records` of sensors and targets are in the file's
+    metadata.
     """
 
     def __init__(
-        self, path: Path, place: Path, target_ids: Sequence[str], records: Sequence[Mapping[str, Any]]
+        self,
+        path: Path,
+        place: Path,
+        target_ids: Sequence[str],
+        records: Sequence[Mapping[str, Any]],
     ) -> None:
         self._ids = target_ids
         self._metadata = {RECORDS_KEY: json.dumps(records, separators=(",", ":"))}
         schema = self._table(Detections.empty(), DetectionTruth.empty()).schema
-        self._file = RowGroups("the truth file", path, place, schema, compression="zstd", group_rows=_GROUP_ROWS)
+        self._file = RowGroups(
+            "the truth file", path, place, schema, compression="zstd", group_rows=_GROUP_ROWS
+        )
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None
+    ) -> None:
         self._file.close()
 
     def write(self, window: Window) -> None:
@@ -64,4 +85,6 @@ class ParquetTruth:
             self._file.add(self._table(window.detections, window.truth))
 
     def _table(self, detections: Detections, truth: DetectionTruth) -> Any:
-        return table_of(columns_of_truth(detections, truth, self._ids, in_file=True), self._metadata)
+        return table_of(
+            columns_of_truth(detections, truth, self._ids, in_file=True), self._metadata
+        )

@@ -42,7 +42,8 @@ def opir_exporters() -> Iterable[ExporterModel]:
 def _tables() -> Iterable[ExporterModel]:
     yield ExporterModel(
         name="parquet",
-        summary="a folder of Parquet files, one for each table, with the manifest among the metadata",
+        summary="a folder of Parquet files, one for each table, with the manifest among the"
+        " metadata",
         config=ParquetConfig,
         build=_called("formats.table_files", "parquet_folder"),
     )
@@ -63,7 +64,8 @@ def _tables() -> Iterable[ExporterModel]:
 def _maps() -> Iterable[ExporterModel]:
     yield ExporterModel(
         name="geojson",
-        summary="GeoJSON (RFC 7946): ground tracks, launches, impacts, predicted regions, what sensors can see",
+        summary="GeoJSON (RFC 7946): ground tracks, launches, impacts, predicted regions, what"
+        " sensors can see",
         config=MapConfig,
         build=_called("formats.geojson", "geojson_file"),
     )
@@ -75,7 +77,8 @@ def _maps() -> Iterable[ExporterModel]:
     )
     yield ExporterModel(
         name="czml",
-        summary="CZML for Cesium: flights and satellites over time, predicted impacts, what sensors can see",
+        summary="CZML for Cesium: flights and satellites over time, predicted impacts, what sensors"
+        " can see",
         config=MapConfig,
         build=_called("formats.czml", "czml_file"),
     )
@@ -128,7 +131,9 @@ def _schema(name: str) -> Callable[[], str]:
     def read() -> str:
         from importlib.resources import files
 
-        return files("opir_export").joinpath("data", f"{name}.schema.json").read_text(encoding="utf-8")
+        return (
+            files("opir_export").joinpath("data", f"{name}.schema.json").read_text(encoding="utf-8")
+        )
 
     return read
 
@@ -150,7 +155,11 @@ def opir_sinks() -> Iterable[SinkModel]:
 @hookimpl
 def opir_run_views() -> Iterable[RunView]:
     """Yield the tables of a run in three forms."""
-    of_tables = {"tables": "Arrow tables by name", "pandas": "data frames of pandas", "polars": "data frames of polars"}
+    of_tables = {
+        "tables": "Arrow tables by name",
+        "pandas": "data frames of pandas",
+        "polars": "data frames of polars",
+    }
     for name, summary in of_tables.items():
         function = name if name == "tables" else f"to_{name}"
         yield RunView(name=name, summary=summary, build=_called("tabular.run_tables", function))
@@ -163,10 +172,18 @@ def opir_add_commands(commands: Any) -> None:
     parser.add_argument("path", metavar="RUN", nargs="?", help="the events or the folder of a run")
     parser.add_argument("--to", metavar="FORMAT", help="an exporter; --list lists them")
     parser.add_argument(
-        "-o", "--out", metavar="PATH", help="the file, or the folder of a format with several (default: beside the run)"
+        "-o",
+        "--out",
+        metavar="PATH",
+        help="the file, or the folder of a format with several (default: beside the run)",
     )
     parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], dest="settings", help="a setting of the exporter"
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        dest="settings",
+        help="a setting of the exporter",
     )
     parser.add_argument("--list", action="store_true", help="list the formats")
     parser.set_defaults(run=_export)

@@ -12,14 +12,22 @@ from opir_export.formats.table_files import encodings
 
 
 class RowGroups:
-    """An open Parquet file at `place`, which errors name `what` and `path`; it can be read once it is closed.
+    """An open Parquet file at `place`, which errors name `what` and `path`; it can be read once it
+    is closed.
 
-    Row groups have `group_rows` rows, the last one the rest: the bytes do not depend on the tables that the rows came
-    in, and memory use does not grow with the run.
+    Row groups have `group_rows` rows, the last one the rest: the bytes do not depend on the tables
+    that the rows came in, and memory use does not grow with the run.
     """
 
     def __init__(
-        self, what: str, path: Path, place: Path, schema: Any, *, compression: str | None, group_rows: int
+        self,
+        what: str,
+        path: Path,
+        place: Path,
+        schema: Any,
+        *,
+        compression: str | None,
+        group_rows: int,
     ) -> None:
         self._what = what
         self._path = path
@@ -28,8 +36,13 @@ class RowGroups:
         self._rows = 0
         try:
             # Random ids cannot be compressed.
-            by_name = {name: "none" if name == "detection_id" else compression or "none" for name in schema.names}
-            self._file = parquet.ParquetWriter(place, schema, compression=by_name, **encodings(schema))
+            by_name = {
+                name: "none" if name == "detection_id" else compression or "none"
+                for name in schema.names
+            }
+            self._file = parquet.ParquetWriter(
+                place, schema, compression=by_name, **encodings(schema)
+            )
         except OSError as error:
             raise unwritable(what, path, error) from error
 

@@ -26,9 +26,13 @@ def named_tables(value: str) -> tuple[str, ...]:
 class ParquetConfig:
     """One Parquet file for each table."""
 
-    tables: str = nested(default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all")
+    tables: str = nested(
+        default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all"
+    )
     compression: str = text(
-        default="zstd", choices=("zstd", "snappy", "gzip", "none"), help="compression of the column chunks"
+        default="zstd",
+        choices=("zstd", "snappy", "gzip", "none"),
+        help="compression of the column chunks",
     )
 
 
@@ -36,29 +40,45 @@ class ParquetConfig:
 class ArrowConfig:
     """One Arrow IPC file (Feather version 2) for each table."""
 
-    tables: str = nested(default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all")
-    compression: str = text(default="zstd", choices=("zstd", "lz4", "none"), help="compression of the record batches")
+    tables: str = nested(
+        default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all"
+    )
+    compression: str = text(
+        default="zstd", choices=("zstd", "lz4", "none"), help="compression of the record batches"
+    )
 
 
 @frozen(kw_only=True)
 class CsvConfig:
     """One CSV file for each table, with a line of names."""
 
-    tables: str = nested(default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all")
-    delimiter: str = text(default="comma", choices=tuple(DELIMITERS), help="what separates the columns")
+    tables: str = nested(
+        default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all"
+    )
+    delimiter: str = text(
+        default="comma", choices=tuple(DELIMITERS), help="what separates the columns"
+    )
 
 
 @frozen(kw_only=True)
 class OemConfig:
     """States of the sensors and of the true flights."""
 
-    objects: str = text(default="all", choices=("all", "targets", "sensors"), help="objects whose states are written")
-    step_s: float = number(default=10.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two states")
+    objects: str = text(
+        default="all",
+        choices=("all", "targets", "sensors"),
+        help="objects whose states are written",
+    )
+    step_s: float = number(
+        default=10.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two states"
+    )
     burn_step_s: float = number(
         default=1.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two states of a burn"
     )
     frame: str = text(
-        default="ITRF2000", choices=("ITRF2000", "ITRF-97", "ITRF-93", "ITRF"), help="name of the Earth-fixed frame"
+        default="ITRF2000",
+        choices=("ITRF2000", "ITRF-97", "ITRF-93", "ITRF"),
+        help="name of the Earth-fixed frame",
     )
 
 
@@ -72,7 +92,9 @@ class TdmConfig:
         help="azimuth and elevation at the sensor, or right ascension and declination in EME2000",
     )
     objects: str = text(
-        default="tracks", choices=("tracks", "targets"), help="what detections are sorted by: tracks, or true targets"
+        default="tracks",
+        choices=("tracks", "targets"),
+        help="what detections are sorted by: tracks, or true targets",
     )
 
 
@@ -81,14 +103,20 @@ class MapConfig:
     """What a map shows."""
 
     step_s: float = number(
-        default=10.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two points of a path"
+        default=10.0,
+        unit="s",
+        minimum=0.1,
+        maximum=3600.0,
+        help="time between two points of a path",
     )
     regions: str = text(
         default="last",
         choices=("last", "all", "none"),
         help="predicted impacts of each track: the last, all with their times, or none",
     )
-    footprints: bool = flag(default=True, help="the ground that each sensor can see at the scene's start")
+    footprints: bool = flag(
+        default=True, help="the ground that each sensor can see at the scene's start"
+    )
 
 
 @frozen(kw_only=True)
@@ -97,8 +125,13 @@ class ParquetSinkConfig:
 
     path: str = text(default="events.parquet", help="file in an existing folder, overwritten")
     compression: str = text(
-        default="zstd", choices=("zstd", "snappy", "gzip", "none"), help="compression of the column chunks"
+        default="zstd",
+        choices=("zstd", "snappy", "gzip", "none"),
+        help="compression of the column chunks",
     )
     row_group_rows: int = number(
-        default=65_536, minimum=1, maximum=10_000_000, help="detections of a row group; the last has the rest"
+        default=65_536,
+        minimum=1,
+        maximum=10_000_000,
+        help="detections of a row group; the last has the rest",
     )

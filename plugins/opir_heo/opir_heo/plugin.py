@@ -1,4 +1,6 @@
-"""The sensor model `HEO`, a two-band scanner in a highly elliptical orbit, and two notional fleets."""
+"""The sensor model `HEO`, a two-band scanner in a highly elliptical orbit, and two notional
+fleets.
+"""
 
 from collections.abc import Iterable
 
@@ -12,11 +14,12 @@ from opir_core.plugin import (
     with_defaults,
 )
 
-#: Notional: every apogee of the Molniya-class fleet is at this east longitude or at the opposite one, 180 deg away.
+#: Notional: every apogee of the Molniya-class fleet is at this east longitude or at the opposite
+#: one, 180 deg away.
 NOTIONAL_APOGEE_LON_DEG = -90.0
 
-#: Half and whole rotations of the Earth, s: the periods of Molniya and of Tundra orbits, 2 pi / 7.292115e-5 rad/s each
-#: day (WGS 84).
+#: Half and whole rotations of the Earth, s: the periods of Molniya and of Tundra orbits, 2 pi /
+#: 7.292115e-5 rad/s each day (WGS 84).
 DAY_S = 86164.1
 
 #: Moderate classification: two bands mostly separate short, cool burns from long ones.
@@ -33,7 +36,8 @@ NOTIONAL_CONFUSION = {
     scan_period_ms=500.0,
     detection_probability={"ICBM": 0.75, "IRBM": 0.7, "SRBM": 0.55},
     field_of_regard_half_angle_deg=cited(
-        12.0, "notional: it holds the Earth's disk from 24 300 km up, asin(6378.137 / 30677) = 12.0 deg"
+        12.0,
+        "notional: it holds the Earth's disk from 24 300 km up, asin(6378.137 / 30677) = 12.0 deg",
     ),
     line_of_sight_sigma_urad=25.0,
     false_alarm_susceptibility="moderate",
@@ -51,22 +55,29 @@ class HeoConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `HEO`."""
-    yield scanning_model("HEO", "step-stare scanner of two bands in a highly elliptical orbit", HeoConfig)
+    yield scanning_model(
+        "HEO", "step-stare scanner of two bands in a highly elliptical orbit", HeoConfig
+    )
 
 
 def _one_track_fleet(
     model: str, summary: str, kind: str, apogee_lon_deg: float, *, period_s: float, count: int
 ) -> Constellation:
-    """Return the constellation MODEL-KIND: satellites that pass the apogee of one ground track one after another.
+    """Return the constellation MODEL-KIND: satellites that pass the apogee of one ground track one
+    after another.
 
-    `kind` is an orbit of a scene with an apogee (molniya, tundra); the passes are evenly spread over the period.
+    `kind` is an orbit of a scene with an apogee (molniya, tundra); the passes are evenly spread
+    over the period.
     """
     name = f"{model}-{kind.upper()}"
     satellites = [
         {
             "id": f"{name}-{number + 1}",
             "orbit": {
-                kind: {"apogee_lon_deg": apogee_lon_deg, "apogee_time_s": round(number * period_s / count, 1)},
+                kind: {
+                    "apogee_lon_deg": apogee_lon_deg,
+                    "apogee_time_s": round(number * period_s / count, 1),
+                },
             },
         }
         for number in range(count)
@@ -77,7 +88,17 @@ def _one_track_fleet(
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellations `HEO-MOLNIYA` and `HEO-TUNDRA`."""
-    summary = "three HEO satellites that take turns about the apogee of one Molniya-class ground track; notional"
-    yield _one_track_fleet("HEO", summary, "molniya", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S / 2.0, count=3)
-    summary = "two HEO satellites that take turns about the apogee of one Tundra-class ground track; notional"
-    yield _one_track_fleet("HEO", summary, "tundra", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S, count=2)
+    summary = (
+        "three HEO satellites that take turns about the apogee of one Molniya-class ground track;"
+        " notional"
+    )
+    yield _one_track_fleet(
+        "HEO", summary, "molniya", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S / 2.0, count=3
+    )
+    summary = (
+        "two HEO satellites that take turns about the apogee of one Tundra-class ground track;"
+        " notional"
+    )
+    yield _one_track_fleet(
+        "HEO", summary, "tundra", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S, count=2
+    )

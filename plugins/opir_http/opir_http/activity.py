@@ -22,7 +22,9 @@ class Activity:
         self._lock = threading.Lock()
 
     def add(self, sensor: IndexArray, time_us: IntArray) -> None:
-        """Add detections by the index of their sensor and their Unix time, microseconds; both (n,)."""
+        """Add detections by the index of their sensor and their Unix time, microseconds; both
+        (n,).
+        """
         second = time_us // 1_000_000
         with self._lock:
             for each in np.unique(second).tolist():
@@ -33,7 +35,8 @@ class Activity:
                 del self._counts[old]
 
     def document(self, now_us: int | None = None) -> dict[str, Any]:
-        """Return the first second, Unix time, and for each sensor the counts of all seconds from it up to `now_us`.
+        """Return the first second, Unix time, and for each sensor the counts of all seconds from it
+        up to `now_us`.
 
         Without `now_us` up to the last detection.
         """

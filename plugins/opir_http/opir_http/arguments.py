@@ -13,12 +13,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the scene, its pace, and the address and limits of the service."""
     add_scene_arguments(parser)
     parser.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="N|max", help="scene time per real time (default 1); max: unpaced"
+        "--speed",
+        type=_speed,
+        default=1.0,
+        metavar="N|max",
+        help="scene time per real time (default 1); max: unpaced",
     )
     parser.add_argument("--loop", action="store_true", help="run the scene again when it ends")
-    parser.add_argument("--epoch-now", action="store_true", help="use the start time as the scene's epoch")
     parser.add_argument(
-        "--cycle-ms", type=_cycle_ms, default=50.0, metavar="MS", help="real time of a cycle (default 50)"
+        "--epoch-now", action="store_true", help="use the start time as the scene's epoch"
+    )
+    parser.add_argument(
+        "--cycle-ms",
+        type=_cycle_ms,
+        default=50.0,
+        metavar="MS",
+        help="real time of a cycle (default 50)",
     )
     parser.add_argument("--workers", type=_no_workers, help=argparse.SUPPRESS)
     add_address(parser)
@@ -53,7 +63,8 @@ def _add_health(parser: argparse.ArgumentParser) -> None:
         type=_wait_s,
         default=5.0,
         metavar="S",
-        help="not ready if no cycle has ended for S seconds, or a sink has been in one call (default 5 s)",
+        help="not ready if no cycle has ended for S seconds, or a sink has been in one call"
+        " (default 5 s)",
     )
     parser.add_argument(
         "--dead-after",
@@ -67,34 +78,51 @@ def _add_health(parser: argparse.ArgumentParser) -> None:
         type=_wait_s,
         default=5.0,
         metavar="S",
-        help="not ready, and launches and settings refused, if the run is S seconds late (default 5 s)",
+        help="not ready, and launches and settings refused, if the run is S seconds late (default 5"
+        " s)",
     )
     parser.add_argument(
         "--when-late",
         choices=("refuse", "slow"),
         default="refuse",
-        help="refuse: launches that would make the run late; slow: the scene takes longer (default refuse)",
+        help="refuse: launches that would make the run late; slow: the scene takes longer (default"
+        " refuse)",
     )
     parser.add_argument(
-        "--supervise", action="store_true", help="end with exit code 6 if the run has failed or is not alive"
+        "--supervise",
+        action="store_true",
+        help="end with exit code 6 if the run has failed or is not alive",
     )
 
 
 def add_address(parser: argparse.ArgumentParser) -> None:
     """Add address and token."""
     parser.add_argument(
-        "--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); any other needs a token"
+        "--host",
+        default="127.0.0.1",
+        help="address to bind (default 127.0.0.1); any other needs a token",
     )
-    parser.add_argument("--port", type=_port, default=_PORT, help=f"port to bind (default {_PORT}); 0: any free port")
     parser.add_argument(
-        "--token-file", metavar="PATH", help="file with the bearer token of requests (or OPIR_HTTP_TOKEN)"
+        "--port",
+        type=_port,
+        default=_PORT,
+        help=f"port to bind (default {_PORT}); 0: any free port",
+    )
+    parser.add_argument(
+        "--token-file",
+        metavar="PATH",
+        help="file with the bearer token of requests (or OPIR_HTTP_TOKEN)",
     )
 
 
 def add_examined(parser: argparse.ArgumentParser) -> None:
     """Add what `opir doctor` examines, a scene and a port, and the output format."""
-    parser.add_argument("scene", metavar="SCENE", nargs="?", help="a scene whose outputs are examined too")
-    parser.add_argument("--port", type=int, default=_PORT, help=f"the port of `opir serve` to try (default {_PORT})")
+    parser.add_argument(
+        "scene", metavar="SCENE", nargs="?", help="a scene whose outputs are examined too"
+    )
+    parser.add_argument(
+        "--port", type=int, default=_PORT, help=f"the port of `opir serve` to try (default {_PORT})"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 

@@ -1,7 +1,7 @@
 """`opir doctor`: what this machine and this installation would do to a run, on one page.
 
-Each finding is `ok`, `warn` (a run works, but mind this) or `fail` (a run will fail). With a scene, its outputs, their
-folders and spools are examined too. Nothing is changed.
+Each finding is `ok`, `warn` (a run works, but mind this) or `fail` (a run will fail). With a scene,
+its outputs, their folders and spools are examined too. Nothing is changed.
 """
 
 import argparse
@@ -35,11 +35,13 @@ FAIL = "fail"
 _LIBRARIES = ("numpy", "scipy", "msgspec", "attrs", "cattrs", "pluggy", "pyyaml")
 
 _GIB = 1 << 30
-#: Below this much free disk or memory a long run is at risk, bytes: events of some millions of detections take 1 GiB.
+#: Below this much free disk or memory a long run is at risk, bytes: events of some millions of
+#: detections take 1 GiB.
 _LEAST_FREE = _GIB
 #: Files and sockets that a service with a few hundred viewers holds open.
 _FILES = 1024
-#: Earliest plausible time of day, s since 1970: that of this release. A machine without a clock starts in 1970.
+#: Earliest plausible time of day, s since 1970: that of this release. A machine without a clock
+#: starts in 1970.
 _RELEASED_S = 1_790_000_000.0
 
 #: Exit code when something would fail: that of a missing or broken component, or of an output.
@@ -60,7 +62,9 @@ def doctor(arguments: argparse.Namespace) -> int:
     found = [*versions(), *plugins(), *limits(), *clock(), *ports(arguments.port), *folder(Path())]
     if arguments.scene is not None:
         found += outputs(arguments.scene)
-    text = json.dumps([asdict(each) for each in found], indent=2) if arguments.json else _text(found)
+    text = (
+        json.dumps([asdict(each) for each in found], indent=2) if arguments.json else _text(found)
+    )
     sys.stdout.write(text + "\n")
     return _FAILED if any(each.state == FAIL for each in found) else 0
 
@@ -73,7 +77,9 @@ def _text(found: Sequence[Finding]) -> str:
 
 def versions() -> Iterator[Finding]:
     """Yield Python, the machine, and the versions of opir and of its libraries."""
-    machine = f"{platform.system()} {platform.release()} {platform.machine()}, {os.cpu_count()} cores"
+    machine = (
+        f"{platform.system()} {platform.release()} {platform.machine()}, {os.cpu_count()} cores"
+    )
     yield Finding("python", OK, f"{platform.python_version()} on {machine}")
     known = ", ".join(f"{name} {_version(name)}" for name in _LIBRARIES)
     yield Finding("versions", OK, f"opir-core {__version__}, {known}")
@@ -87,17 +93,31 @@ def _version(name: str) -> str:
 
 
 def plugins() -> Iterator[Finding]:
-    """Yield the plugins that are ready, those that failed, names with several owners, and packages not installed."""
+    """Yield the plugins that are ready, those that failed, names with several owners, and packages
+    not installed.
+    """
     host = Host.discover()
     rows = host.catalogue()
-    ready = sorted({row.distribution for row in rows if row.state == "ready" and row.distribution != "opir-core"})
+    ready = sorted(
+        {
+            row.distribution
+            for row in rows
+            if row.state == "ready" and row.distribution != "opir-core"
+        }
+    )
     yield Finding("plugins", OK, ", ".join(ready) or "none beside opir-core")
     for row in rows:
         if row.state == "failed":
             reason = " ".join(row.failure.split())
-            yield Finding("plugins", FAIL, f"{row.distribution} {row.version} (plugin {row.plugin}): {reason}")
+            yield Finding(
+                "plugins", FAIL, f"{row.distribution} {row.version} (plugin {row.plugin}): {reason}"
+            )
         elif row.state != "ready":
-            yield Finding("plugins", WARN, f"{row.plugin}: {row.state} (OPIR_PLUGINS leaves it out, or it is missing)")
+            yield Finding(
+                "plugins",
+                WARN,
+                f"{row.plugin}: {row.state} (OPIR_PLUGINS leaves it out, or it is missing)",
+            )
     for (hook, name), owners in sorted(host.registry.claims().items()):
         if len(owners) > 1:
             yield Finding("plugins", WARN, " ".join(contested(Search(hook, name), owners).split()))
@@ -119,7 +139,11 @@ def limits() -> Iterator[Finding]:
     size, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
     limited = size != resource.RLIM_INFINITY
     words = "; events and spools end there: ulimit -f unlimited" if limited else ""
-    yield Finding("file size", WARN if limited else OK, f"at most {_limit(size)}{' bytes' if limited else ''}{words}")
+    yield Finding(
+        "file size",
+        WARN if limited else OK,
+        f"at most {_limit(size)}{' bytes' if limited else ''}{words}",
+    )
 
 
 def _limit(value: int) -> str:
@@ -127,15 +151,22 @@ def _limit(value: int) -> str:
 
 
 def _available_memory() -> int | None:
-    """Return the available memory, bytes, at most what the control group leaves; None if unknown."""
+    """Return the available memory, bytes, at most what the control group leaves; None if
+    unknown.
+    """
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        free = next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+        free = next(
+            1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable")
+        )
     except (OSError, StopIteration, ValueError):
         return None
     group = Path("/sys/fs/cgroup")
     try:
-        most, used = ((group / name).read_text(encoding="ascii").strip() for name in ("memory.max", "memory.current"))
+        most, used = (
+            (group / name).read_text(encoding="ascii").strip()
+            for name in ("memory.max", "memory.current")
+        )
         return free if most == "max" else min(free, int(most) - int(used))
     except (OSError, ValueError):
         return free
@@ -147,7 +178,9 @@ def clock() -> Iterator[Finding]:
     tick_s = time.get_clock_info("monotonic").resolution
     shown = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(now_s))
     if now_s < _RELEASED_S:
-        yield Finding("clock", WARN, f"{shown} is before this release: set the clock, or --epoch-now is wrong")
+        yield Finding(
+            "clock", WARN, f"{shown} is before this release: set the clock, or --epoch-now is wrong"
+        )
     else:
         yield Finding("clock", OK, f"{shown}, monotonic to {tick_s * 1e9:.0f} ns")
 
@@ -163,7 +196,11 @@ def ports(port: int) -> Iterator[Finding]:
         yield Finding("port", FAIL, f"{port} is no port: 0 to 65535")
     except OSError as error:
         taken = error.errno == errno.EADDRINUSE
-        words = "is in use: opir serve --port 0 takes a free one" if taken else f"cannot be used: {reason_of(error)}"
+        words = (
+            "is in use: opir serve --port 0 takes a free one"
+            if taken
+            else f"cannot be used: {reason_of(error)}"
+        )
         yield Finding("port", WARN, f"{port} {words}")
 
 
@@ -174,11 +211,17 @@ def folder(place: Path, area: str = "disk") -> Iterator[Finding]:
         return
     shown = place.resolve()
     if not os.access(place, os.W_OK | os.X_OK):
-        yield Finding(area, FAIL, f"{shown} cannot be written by this user; choose another folder, or change its owner")
+        yield Finding(
+            area,
+            FAIL,
+            f"{shown} cannot be written by this user; choose another folder, or change its owner",
+        )
         return
     free = shutil.disk_usage(place).free
     words = "" if free >= _LEAST_FREE else "; 1 GiB holds some two million events"
-    yield Finding(area, OK if free >= _LEAST_FREE else WARN, f"{shown}: {free / _GIB:.1f} GiB free{words}")
+    yield Finding(
+        area, OK if free >= _LEAST_FREE else WARN, f"{shown}: {free / _GIB:.1f} GiB free{words}"
+    )
 
 
 def outputs(scene: str) -> Iterator[Finding]:
@@ -210,4 +253,6 @@ def _output(choice: Choice) -> Iterator[Finding]:
         if full
         else f"of at most {choice.spool.max_bytes / _GIB:.1f} GiB"
     )
-    yield Finding(f"{area} spool", WARN if full else OK, f"{spool}: {held / (1 << 20):.1f} MiB {words}")
+    yield Finding(
+        f"{area} spool", WARN if full else OK, f"{spool}: {held / (1 << 20):.1f} MiB {words}"
+    )

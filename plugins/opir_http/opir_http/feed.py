@@ -33,7 +33,9 @@ Item = TypeVar("Item")
 
 
 class LossyQueue(Generic[Item]):
-    """A bounded queue between threads; a full one loses its oldest items, which `dropped` counts."""
+    """A bounded queue between threads; a full one loses its oldest items, which `dropped`
+    counts.
+    """
 
     def __init__(self, size: int) -> None:
         self._items: deque[Item] = deque()
@@ -52,7 +54,9 @@ class LossyQueue(Generic[Item]):
             self._ready.notify()
 
     def take(self, timeout_s: float) -> Item | None:
-        """Return the oldest item; None if there is none within `timeout_s` or the queue is closed."""
+        """Return the oldest item; None if there is none within `timeout_s` or the queue is
+        closed.
+        """
         with self._ready:
             self._ready.wait_for(lambda: self._items or self._is_closed, timeout_s)
             return self._items.popleft() if self._items else None
@@ -71,13 +75,16 @@ class LossyQueue(Generic[Item]):
 
 
 class Client:
-    """A viewer of the stream, on the event loop: a bounded queue of frames; a full one loses the oldest, counted."""
+    """A viewer of the stream, on the event loop: a bounded queue of frames; a full one loses the
+    oldest, counted.
+    """
 
     def __init__(self, *, brief: bool, address: str = "") -> None:
         self.brief = brief
         self.address = address
         self.dropped = 0
-        #: Detections up to this number were sent at the start; frames on their way with these are left out.
+        #: Detections up to this number were sent at the start; frames on their way with these are
+        #: left out.
         self.seen = 0
         self._frames: deque[bytes] = deque()
         self._ready = asyncio.Event()
@@ -97,7 +104,9 @@ class Client:
         self._ready.set()
 
     async def frames(self) -> AsyncIterator[bytes]:
-        """Yield frames, the number of frames lost before them, and a comment every 10 s without a frame."""
+        """Yield frames, the number of frames lost before them, and a comment every 10 s without a
+        frame.
+        """
         reported = 0
         yield b": opir\n\n"
         while True:
@@ -117,7 +126,9 @@ class Client:
 
 
 class Feed:
-    """Encodes a run's windows without delaying it; `status` returns the document sent to viewers each second."""
+    """Encodes a run's windows without delaying it; `status` returns the document sent to viewers
+    each second.
+    """
 
     def __init__(
         self,
@@ -138,7 +149,9 @@ class Feed:
         self.reported_types = reported_types
         self._status = status
         self._encoder = ForgeEncoder(
-            EncoderContext(sensors=sensors, epoch_us=epoch_us, reported_types=reported_types, render=render)
+            EncoderContext(
+                sensors=sensors, epoch_us=epoch_us, reported_types=reported_types, render=render
+            )
         )
         self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
         self._clients: set[Client] = set()
@@ -185,11 +198,14 @@ class Feed:
         self._clients.add(client)
 
     def resume(self, client: Client, number: int) -> None:
-        """Add a client, and send it the detections after the first `number`, as far as the history has them.
+        """Add a client, and send it the detections after the first `number`, as far as the history
+        has them.
 
-        `number` is the id of the last frame that it had; one that this run has not reached is of another run.
+        `number` is the id of the last frame that it had; one that this run has not reached is of
+        another run.
         """
-        # Joined first: frames are sent in later turns of the loop, and those that the history has already are left out.
+        # Joined first: frames are sent in later turns of the loop, and those that the history has
+        # already are left out.
         self.join(client)
         lines, lost, total = self.history.since(number)
         if number <= total:
@@ -239,7 +255,9 @@ class Feed:
         time_us = unix_microseconds(detections.time_ns, self.epoch_us)
         self.history.add(detections, time_us, lines)
         self.activity.add(detections.sensor, time_us)
-        return self.history.total, *_both(b"%d" % cycle, b"%.6f" % window.end_s, lines, self.history.total)
+        return self.history.total, *_both(
+            b"%d" % cycle, b"%.6f" % window.end_s, lines, self.history.total
+        )
 
     def _fan_out(self, frames: list[tuple[int, bytes, bytes]]) -> None:
         for client in self._clients:
@@ -249,10 +267,15 @@ class Feed:
 
 
 def _both(cycle: bytes, time_s: bytes, lines: list[bytes], number: int) -> tuple[bytes, bytes]:
-    """Return the frame of detections, in full and in brief; `cycle` and `time_s` are null for those sent again."""
+    """Return the frame of detections, in full and in brief; `cycle` and `time_s` are null for those
+    sent again.
+    """
     head = b'{"cycle":%b,"time_s":%b,"count":%d,"detections":[' % (cycle, time_s, len(lines))
     step = -(-len(lines) // BRIEF)
-    full, brief = (frame("detections", head + b",".join(part) + b"]}", number) for part in (lines, lines[::step]))
+    full, brief = (
+        frame("detections", head + b",".join(part) + b"]}", number)
+        for part in (lines, lines[::step])
+    )
     return full, brief
 
 

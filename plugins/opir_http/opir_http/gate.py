@@ -59,7 +59,9 @@ class Rates:
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def wait_s(self, client: str, per_s: float) -> float:
-        """Take a token and return 0, or the time to wait for one, s. A bucket holds the tokens of 2 s, at least one."""
+        """Take a token and return 0, or the time to wait for one, s. A bucket holds the tokens of 2
+        s, at least one.
+        """
         now = time.monotonic()
         most = max(1.0, 2.0 * per_s)
         tokens, since = self._buckets.pop(client, (most, now))
@@ -75,7 +77,11 @@ class Gate:
     """The application behind its checks; also adds the security headers of answers."""
 
     def __init__(
-        self, app: App, settings: Callable[[], HttpSettings], token: str | None, log: RequestLog | None = None
+        self,
+        app: App,
+        settings: Callable[[], HttpSettings],
+        token: str | None,
+        log: RequestLog | None = None,
     ) -> None:
         self._app = app
         self._log = log or RequestLog()
@@ -102,9 +108,17 @@ class Gate:
             await self._app(scope, _replayed(body, receive), guarded)
 
     async def _head(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer HEAD as GET without the body, which the server leaves out; a stream is not begun."""
+        """Answer HEAD as GET without the body, which the server leaves out; a stream is not
+        begun.
+        """
         if scope["path"] == "/stream":
-            await send({"type": "http.response.start", "status": 200, "headers": [(b"content-type", _STREAM)]})
+            await send(
+                {
+                    "type": "http.response.start",
+                    "status": 200,
+                    "headers": [(b"content-type", _STREAM)],
+                }
+            )
             await send({"type": "http.response.body", "body": b""})
         else:
             await self._app({**scope, "method": "GET"}, receive, send)
@@ -114,7 +128,9 @@ class Gate:
         headers = dict(scope["headers"])
         client = (scope.get("client") or ("",))[0]
         if b"content-length" in headers and b"transfer-encoding" in headers:
-            words = "a body has Content-Length or Transfer-Encoding, not both (RFC 9112, section 6.3)"
+            words = (
+                "a body has Content-Length or Transfer-Encoding, not both (RFC 9112, section 6.3)"
+            )
             raise ProblemError(400, words, headers={"Connection": "close"})
         self._check_host(headers.get(b"host", b""))
         if not _is_open(scope["path"]):
@@ -126,7 +142,9 @@ class Gate:
             encoded = "send the body as it is, without Content-Encoding"
             raise ProblemError(415, encoded, headers={"Accept-Encoding": "identity"})
         if (scope["method"], scope["path"]) in _TAKE_BODIES and not _is_json(headers):
-            raise ProblemError(415, "send application/json, in UTF-8 (curl: -H 'Content-Type: application/json')")
+            raise ProblemError(
+                415, "send application/json, in UTF-8 (curl: -H 'Content-Type: application/json')"
+            )
         return await _body(headers, receive)
 
     def _check_host(self, host: bytes) -> None:
@@ -134,20 +152,28 @@ class Gate:
         if self._token is not None:
             return
         if _host_name(host) not in LOOPBACK:
-            raise ProblemError(421, "without a token the service answers only requests to localhost")
+            raise ProblemError(
+                421, "without a token the service answers only requests to localhost"
+            )
 
     def _check_site(self, headers: Mapping[bytes, bytes]) -> None:
-        """Reject writes of pages of other sites without a token: a browser sends them without asking (Fetch, 3.1)."""
+        """Reject writes of pages of other sites without a token: a browser sends them without
+        asking (Fetch, 3.1).
+        """
         if self._token is not None:
             return
         site = headers.get(b"sec-fetch-site", b"none")
         origin = headers.get(b"origin")
         is_own = origin is None or origin.partition(b"://")[2] == headers.get(b"host", b"")
         if not is_own or site not in (b"none", b"same-origin"):
-            raise ProblemError(403, "without a token the service takes no writes from pages of other sites")
+            raise ProblemError(
+                403, "without a token the service takes no writes from pages of other sites"
+            )
 
     def _check_token(self, authorization: bytes, client: str) -> None:
-        """Reject a wrong token; many of a client wait. A right one never does: clients may share an address."""
+        """Reject a wrong token; many of a client wait. A right one never does: clients may share an
+        address.
+        """
         if self._token is None:
             return
         scheme, _, given = authorization.partition(b" ")
@@ -155,7 +181,9 @@ class Gate:
         if scheme.lower() != b"bearer" or not is_right:
             if authorization:
                 _require_now(self._wrong_tokens.wait_s(client, _WRONG_TOKENS_PER_S))
-            raise ProblemError(401, "send Authorization: Bearer TOKEN", headers={"WWW-Authenticate": "Bearer"})
+            raise ProblemError(
+                401, "send Authorization: Bearer TOKEN", headers={"WWW-Authenticate": "Bearer"}
+            )
 
 
 def _require_now(wait_s: float) -> None:
@@ -165,13 +193,17 @@ def _require_now(wait_s: float) -> None:
 
 
 def _host_name(host: bytes) -> str:
-    """Return the name or address of a `Host` header, without port and brackets; "" for one that is malformed."""
+    """Return the name or address of a `Host` header, without port and brackets; "" for one that is
+    malformed.
+    """
     found = _HOST.fullmatch(host.decode("latin-1").lower())
     return "" if found is None else found["address"] or found["name"]
 
 
 def in_origin_form(scope: Scope) -> Scope:
-    """Return a request to `http://host/path`, as to a proxy, as one to `/path` of that host (RFC 9112, 3.2.2)."""
+    """Return a request to `http://host/path`, as to a proxy, as one to `/path` of that host (RFC
+    9112, 3.2.2).
+    """
     scheme, mark, rest = scope["path"].partition("://")
     if not mark or scheme.lower() not in ("http", "https"):
         return scope
@@ -192,10 +224,11 @@ def _is_open(path: str) -> bool:
 
 
 def _is_json(headers: Mapping[bytes, bytes]) -> bool:
-    """Return whether a body is read as JSON: by its content type, or as sent by a program such as `curl -d`.
+    """Return whether a body is read as JSON: by its content type, or as sent by a program such as
+    `curl -d`.
 
-    Browsers post forms of any site without a preflight request, but always with `Origin` and `Sec-Fetch-*` (Fetch,
-    sections 3.1 and 3.5).
+    Browsers post forms of any site without a preflight request, but always with `Origin` and
+    `Sec-Fetch-*` (Fetch, sections 3.1 and 3.5).
     """
     kind, _, rest = headers.get(b"content-type", b"").decode("latin-1").lower().partition(";")
     kind = kind.strip()
@@ -244,7 +277,8 @@ def _with_headers(send: Send, *, is_open: bool) -> Send:
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
             given = [
-                (name, _with_head(value) if name.lower() == b"allow" else value) for name, value in _given(message)
+                (name, _with_head(value) if name.lower() == b"allow" else value)
+                for name, value in _given(message)
             ]
             if not any(name.lower() == b"cache-control" for name, _ in given):
                 given.append((b"cache-control", b"no-cache" if is_open else b"no-store"))
@@ -265,7 +299,9 @@ def _with_head(allowed: bytes) -> bytes:
 
 
 def health_only(app: App) -> App:
-    """Return an application that answers health checks as `app` does and refuses everything else; each closes."""
+    """Return an application that answers health checks as `app` does and refuses everything else;
+    each closes.
+    """
 
     async def answer(scope: Scope, receive: Receive, send: Send) -> None:
         async def closing(message: Message) -> None:
@@ -284,7 +320,10 @@ def health_only(app: App) -> App:
 
 async def _answer(problem: ProblemError, send: Send) -> None:
     body = problem_body(problem)
-    headers = [(b"content-type", PROBLEM_TYPE.encode()), (b"content-length", str(len(body)).encode())]
+    headers = [
+        (b"content-type", PROBLEM_TYPE.encode()),
+        (b"content-length", str(len(body)).encode()),
+    ]
     headers += [(key.lower().encode(), value.encode()) for key, value in problem.headers.items()]
     await send({"type": "http.response.start", "status": problem.status, "headers": headers})
     await send({"type": "http.response.body", "body": body})

@@ -1,4 +1,6 @@
-"""The health of a service: one judgement, in the same words in the status, readiness, metrics and the log."""
+"""The health of a service: one judgement, in the same words in the status, readiness, metrics and
+the log.
+"""
 
 import re
 import threading
@@ -11,13 +13,15 @@ from opir_core.host import Watchdog, warn
 from opir_core.output import SinkStatus
 
 _RISES = 3
-#: Minimum interval, s, between two checks of the backlogs of sinks, and between two looks of the log.
+#: Minimum interval, s, between two checks of the backlogs of sinks, and between two looks of the
+#: log.
 LOOK_S = 1.0
 
 
 @frozen
 class Health:
-    """Whether a service is ready and alive, and the reasons if not; how long its last cycle is ago, s; its pauses.
+    """Whether a service is ready and alive, and the reasons if not; how long its last cycle is ago,
+    s; its pauses.
 
     A pause is a time in which the whole process did not run.
     """
@@ -31,7 +35,13 @@ class Health:
     longest_pause_s: float
 
     @classmethod
-    def of(cls, reasons: Sequence[str], stuck: Sequence[str], beat_age_s: float, watchdog: Watchdog | None) -> "Health":
+    def of(
+        cls,
+        reasons: Sequence[str],
+        stuck: Sequence[str],
+        beat_age_s: float,
+        watchdog: Watchdog | None,
+    ) -> "Health":
         """Return the health for some reasons; without a watchdog no pauses are known."""
         return cls(
             ready=not reasons,
@@ -81,7 +91,9 @@ _FIGURES = re.compile(r" \(failed attempts: \d+\)|(?<![\[\d.])\d[\d.]*")
 
 
 def log_health(health: Callable[[], Health], stopping: threading.Event) -> None:
-    """Log why a service is not ready, once for each reason, and that it is ready again, in a thread of its own."""
+    """Log why a service is not ready, once for each reason, and that it is ready again, in a thread
+    of its own.
+    """
 
     def look() -> None:
         known: set[str] = set()

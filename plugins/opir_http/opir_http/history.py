@@ -12,7 +12,9 @@ from opir_core.plugin import Detections
 
 @frozen(kw_only=True)
 class Filter:
-    """A filter of detections; None matches any value. Times are Unix microseconds, `sensors` indices."""
+    """A filter of detections; None matches any value. Times are Unix microseconds, `sensors`
+    indices.
+    """
 
     sensors: tuple[int, ...] | None = None
     types: tuple[int, ...] | None = None
@@ -53,14 +55,20 @@ class History:
                 self._lines[at] = line
 
     def since(self, number: int) -> tuple[list[bytes], int, int]:
-        """Return the lines after the first `number` detections, how many of these are lost, and the total."""
+        """Return the lines after the first `number` detections, how many of these are lost, and the
+        total.
+        """
         with self._lock:
             oldest = max(0, self.total - self._size, min(number, self.total))
             lines = [self._lines[at % self._size] for at in range(oldest, self.total)]
             return lines, max(0, oldest - number), self.total
 
-    def page(self, criteria: Filter, before: int | None, limit: int) -> tuple[list[bytes], int | None]:
-        """Return the newest `limit` selected lines, newest first, and the sequence number of the next page, or None."""
+    def page(
+        self, criteria: Filter, before: int | None, limit: int
+    ) -> tuple[list[bytes], int | None]:
+        """Return the newest `limit` selected lines, newest first, and the sequence number of the
+        next page, or None.
+        """
         with self._lock:
             oldest = max(0, self.total - self._size)
             end = self.total if before is None else min(before, self.total)

@@ -1,4 +1,6 @@
-"""The log of the service as JSON lines: one object a line, with `time`, `level`, `logger`, `message` and more keys."""
+"""The log of the service as JSON lines: one object a line, with `time`, `level`, `logger`,
+`message` and more keys.
+"""
 
 import io
 import json
@@ -16,7 +18,13 @@ _PREFIX = "opir: "
 def json_line(level: str, logger: str, message: str, more: Mapping[str, Any] = {}) -> str:
     """Return a line of the log, in ASCII: no character of a message can begin another line."""
     time = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    return json.dumps({"time": time, "level": level, "logger": logger, "message": message, **more}, default=str) + "\n"
+    return (
+        json.dumps(
+            {"time": time, "level": level, "logger": logger, "message": message, **more},
+            default=str,
+        )
+        + "\n"
+    )
 
 
 def log_as_json() -> None:
@@ -36,12 +44,20 @@ class _JsonFormatter(logging.Formatter):
     """Log records as JSON lines, with the traceback of an exception under `traceback`."""
 
     def format(self, record: logging.LogRecord) -> str:
-        more = {"traceback": "".join(traceback.format_exception(*record.exc_info))} if record.exc_info else {}
-        return json_line(record.levelname.lower(), record.name, record.getMessage(), more).rstrip("\n")
+        more = (
+            {"traceback": "".join(traceback.format_exception(*record.exc_info))}
+            if record.exc_info
+            else {}
+        )
+        return json_line(record.levelname.lower(), record.name, record.getMessage(), more).rstrip(
+            "\n"
+        )
 
 
 class _JsonText(io.TextIOBase):
-    """A stream that takes text and writes each whole line of it as a JSON line; lines that are JSON lines pass."""
+    """A stream that takes text and writes each whole line of it as a JSON line; lines that are JSON
+    lines pass.
+    """
 
     def __init__(self, stream: TextIO, level: str, replaced: TextIO) -> None:
         self._stream = stream
@@ -55,7 +71,11 @@ class _JsonText(io.TextIOBase):
         # One write a line, and each thread its own: their lines do not mix.
         for line in filter(None, lines):
             is_json = line.startswith('{"time": ')
-            self._stream.write(f"{line}\n" if is_json else json_line(self._level, "opir", line.removeprefix(_PREFIX)))
+            self._stream.write(
+                f"{line}\n"
+                if is_json
+                else json_line(self._level, "opir", line.removeprefix(_PREFIX))
+            )
         return len(text)
 
     def flush(self) -> None:

@@ -9,7 +9,8 @@ from opir_http.json_log import json_line
 
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 
-#: Shortest time, s, between two lines about refused requests; the next line counts those in between.
+#: Shortest time, s, between two lines about refused requests; the next line counts those in
+#: between.
 REFUSED_EVERY_S = 10.0
 
 Message = MutableMapping[str, Any]
@@ -17,14 +18,19 @@ Send = Callable[[Message], Awaitable[None]]
 
 
 class RequestLog:
-    """Writes one line for each accepted write, and at most one per `REFUSED_EVERY_S` for refused requests.
+    """Writes one line for each accepted write, and at most one per `REFUSED_EVERY_S` for refused
+    requests.
 
-    `token` is the name of the bearer token, never the token. Paths and tags are quoted: a client cannot add lines. With
-    `is_json` the lines are JSON.
+    `token` is the name of the bearer token, never the token. Paths and tags are quoted: a client
+    cannot add lines. With `is_json` the lines are JSON.
     """
 
     def __init__(
-        self, write: Callable[[str], Any] = lambda line: None, token: str | None = None, *, is_json: bool = False
+        self,
+        write: Callable[[str], Any] = lambda line: None,
+        token: str | None = None,
+        *,
+        is_json: bool = False,
     ) -> None:
         self._write = write
         self._token = token
@@ -42,28 +48,42 @@ class RequestLog:
 
         return sending
 
-    def _answered(self, scope: MutableMapping[str, Any], status: int, answer: dict[bytes, bytes]) -> None:
+    def _answered(
+        self, scope: MutableMapping[str, Any], status: int, answer: dict[bytes, bytes]
+    ) -> None:
         client = (scope.get("client") or ("-",))[0]
         path = scope["path"][:200]
         request = f"{scope['method']} {json.dumps(path)}"
         fields = {"client": client, "method": scope["method"], "path": path, "status": status}
         if status < 400 and scope["method"] in _WRITES:
             before = _text(dict(scope["headers"]).get(b"if-match"))
-            after = _text(next((value for name, value in answer.items() if name.lower() == b"etag"), None))
+            after = _text(
+                next((value for name, value in answer.items() if name.lower() == b"etag"), None)
+            )
             tags = f"{_quoted(before)} {_quoted(after)}"
             text = f"write: {client}, token {self._token or '-'}: {request} {status}, ETag {tags}"
-            self._tell("info", text, {**fields, "token": self._token, "etag_before": before, "etag_after": after})
+            self._tell(
+                "info",
+                text,
+                {**fields, "token": self._token, "etag_before": before, "etag_after": after},
+            )
         elif 400 <= status < 500:
             self._refused += 1
             now_s = time.monotonic()
             if now_s >= self._due_s:
-                text = f"refused: {client}: {request} {status} ({self._refused} since the last line)"
+                text = (
+                    f"refused: {client}: {request} {status} ({self._refused} since the last line)"
+                )
                 self._tell("warning", text, {**fields, "refused": self._refused})
                 self._refused = 0
                 self._due_s = now_s + REFUSED_EVERY_S
 
     def _tell(self, level: str, text: str, fields: Mapping[str, Any]) -> None:
-        self._write(json_line(level, "opir_http.requests", text, fields) if self._is_json else f"opir: {text}\n")
+        self._write(
+            json_line(level, "opir_http.requests", text, fields)
+            if self._is_json
+            else f"opir: {text}\n"
+        )
 
 
 def _text(tag: bytes | None) -> str | None:

@@ -1,4 +1,6 @@
-"""Metrics of the service in Prometheus's text format (version 0.0.4); labels are sensor ids and sink paths."""
+"""Metrics of the service in Prometheus's text format (version 0.0.4); labels are sensor ids and
+sink paths.
+"""
 
 from collections.abc import Iterable
 from typing import Any
@@ -18,9 +20,19 @@ def metrics_text(service: Service) -> str:
     health = service.health(status)
     sensors = [({"sensor_id": sensor.id}, sensor.detections) for sensor in status.sensors]
     parts = [
-        _metric("opir_up", "gauge", "1 while the run is alive", [({}, status.state in ("running", "ended"))]),
+        _metric(
+            "opir_up",
+            "gauge",
+            "1 while the run is alive",
+            [({}, status.state in ("running", "ended"))],
+        ),
         *_judged(health),
-        _metric("opir_scene_time_seconds", "gauge", "Scene time of the run", [({}, status.time_ns * 1e-9)]),
+        _metric(
+            "opir_scene_time_seconds",
+            "gauge",
+            "Scene time of the run",
+            [({}, status.time_ns * 1e-9)],
+        ),
         _metric("opir_cycles_total", "counter", "Cycles run", [({}, status.cycle)]),
         _metric(
             "opir_late_cycles_total",
@@ -29,8 +41,15 @@ def metrics_text(service: Service) -> str:
             [({}, status.late_cycles)],
         ),
         _late(status),
-        _metric("opir_late_seconds", "gauge", "How late the last cycle ended", [({}, status.late_s)]),
-        _metric("opir_cycle_age_seconds", "gauge", "Time since the last finished cycle", [({}, status.cycle_age_s)]),
+        _metric(
+            "opir_late_seconds", "gauge", "How late the last cycle ended", [({}, status.late_s)]
+        ),
+        _metric(
+            "opir_cycle_age_seconds",
+            "gauge",
+            "Time since the last finished cycle",
+            [({}, status.cycle_age_s)],
+        ),
         _metric("opir_looks_total", "counter", "Looks processed", [({}, status.looks)]),
         _metric("opir_detections_total", "counter", "Detections", sensors),
         _metric("opir_targets", "gauge", "Targets in the run", [({}, status.targets)]),
@@ -42,11 +61,17 @@ def metrics_text(service: Service) -> str:
         ),
         _metric("opir_tracks", "gauge", "Tracks kept for clients", [({}, len(feed.tracks))]),
         _metric(
-            "opir_stream_up", "gauge", "1 unless the stream failed to encode its last frame", [({}, not feed.error)]
+            "opir_stream_up",
+            "gauge",
+            "1 unless the stream failed to encode its last frame",
+            [({}, not feed.error)],
         ),
         _metric("opir_viewers", "gauge", "Clients of the stream", [({}, feed.viewers)]),
         _metric(
-            "opir_viewer_frames_dropped_total", "counter", "Frames lost to slow clients", [({}, feed.dropped_frames)]
+            "opir_viewer_frames_dropped_total",
+            "counter",
+            "Frames lost to slow clients",
+            [({}, feed.dropped_frames)],
         ),
         *_health(status.sensors),
         *_sinks(status.sinks),
@@ -57,14 +82,27 @@ def metrics_text(service: Service) -> str:
 def _judged(health: Health) -> Iterable[str]:
     """Yield the health of the service."""
     yield _metric("opir_ready", "gauge", "1 while /health/ready answers 200", [({}, health.ready)])
-    yield _metric("opir_stuck", "gauge", "1 if a cycle or a call of a sink will not end", [({}, not health.alive)])
-    yield _metric("opir_pauses_total", "counter", "Times that the whole process did not run", [({}, health.pauses)])
+    yield _metric(
+        "opir_stuck",
+        "gauge",
+        "1 if a cycle or a call of a sink will not end",
+        [({}, not health.alive)],
+    )
+    yield _metric(
+        "opir_pauses_total",
+        "counter",
+        "Times that the whole process did not run",
+        [({}, health.pauses)],
+    )
 
 
 def _health(sensors: tuple[SensorStatus, ...]) -> Iterable[str]:
     """Yield what the tracker has found of the sensors, as far as it is known."""
     known = [(sensor.id, sensor.health) for sensor in sensors if sensor.health is not None]
-    for name, words in {"bias": "Line-of-sight bias", "bias_sigma": "Standard deviation of it"}.items():
+    for name, words in {
+        "bias": "Line-of-sight bias",
+        "bias_sigma": "Standard deviation of it",
+    }.items():
         samples = [
             ({"sensor_id": each, "axis": axis}, value)
             for each, health in known
@@ -81,7 +119,11 @@ def _health(sensors: tuple[SensorStatus, ...]) -> Iterable[str]:
         "outlier_share": ("outlier_ratio", "Share of looks far off their target"),
     }
     for name, (series, words) in gauges.items():
-        found = [({"sensor_id": each}, health[name]) for each, health in known if health[name] is not None]
+        found = [
+            ({"sensor_id": each}, health[name])
+            for each, health in known
+            if health[name] is not None
+        ]
         yield _metric(f"opir_sensor_{series}", "gauge", words, found)
 
 
@@ -106,10 +148,15 @@ def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:
     for name, words in gauges.items():
         series = name.replace("busy_s", "busy_seconds")
         yield _metric(
-            f"opir_sink_{series}", "gauge", words, [({"sink": sink.path}, getattr(sink, name)) for sink in sinks]
+            f"opir_sink_{series}",
+            "gauge",
+            words,
+            [({"sink": sink.path}, getattr(sink, name)) for sink in sinks],
         )
     parked = [({"sink": sink.path}, float(sink.state == "parked")) for sink in sinks]
-    yield _metric("opir_sink_parked", "gauge", "1 while the destination refuses what the spool keeps", parked)
+    yield _metric(
+        "opir_sink_parked", "gauge", "1 while the destination refuses what the spool keeps", parked
+    )
     up = [({"sink": sink.path}, float(sink.state == "open")) for sink in sinks]
     yield _metric("opir_sink_up", "gauge", "1 while the sink is open", up)
 

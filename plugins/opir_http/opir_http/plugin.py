@@ -1,4 +1,6 @@
-"""The commands `opir serve`, `opir view` and `opir doctor`; web libraries are imported when they run."""
+"""The commands `opir serve`, `opir view` and `opir doctor`; web libraries are imported when they
+run.
+"""
 
 import argparse
 from typing import Any
@@ -19,7 +21,9 @@ def opir_add_commands(commands: Any) -> None:
     add_arguments(parser)
     parser.set_defaults(run=_serve)
     view = commands.add_parser("view", help=_VIEW)
-    view.add_argument("run_path", metavar="RUN", help="the folder of a run, or its events (opir run --out)")
+    view.add_argument(
+        "run_path", metavar="RUN", help="the folder of a run, or its events (opir run --out)"
+    )
     add_address(view)
     view.set_defaults(run=_view)
     doctor = commands.add_parser("doctor", help=_DOCTOR)

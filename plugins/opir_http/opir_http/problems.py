@@ -77,12 +77,20 @@ def problem_of(error: OpirError) -> ProblemError:
 
 
 def _pairs(problems: Any) -> tuple[tuple[str, str], ...]:
-    return tuple((problem.path.removeprefix("targets[0]").lstrip("."), problem.message) for problem in problems)
+    return tuple(
+        (problem.path.removeprefix("targets[0]").lstrip("."), problem.message)
+        for problem in problems
+    )
 
 
 def answer_problem(_request: Any, error: ProblemError) -> Response[bytes]:
     """Return the response to a problem."""
-    return Response(problem_body(error), status_code=error.status, media_type=PROBLEM_TYPE, headers=error.headers)
+    return Response(
+        problem_body(error),
+        status_code=error.status,
+        media_type=PROBLEM_TYPE,
+        headers=error.headers,
+    )
 
 
 def answer_http(request: Any, error: HTTPException) -> Response[bytes]:

@@ -1,7 +1,7 @@
 """Strict reading of request bodies and query strings, and the names that only a scene may have.
 
-With the name of a file or an environment variable, a request could read or overwrite a file of the machine, or send a
-secret of the environment to a broker of its choice.
+With the name of a file or an environment variable, a request could read or overwrite a file of the
+machine, or send a secret of the environment to a broker of its choice.
 """
 
 import json
@@ -26,7 +26,9 @@ def json_object(body: bytes) -> dict[str, Any]:
     A byte-order mark, which some clients send, is passed over (RFC 8259, section 8.1).
     """
     try:
-        value = json.loads(body.decode("utf-8-sig"), parse_constant=_refuse_constant, object_pairs_hook=_pairs_once)
+        value = json.loads(
+            body.decode("utf-8-sig"), parse_constant=_refuse_constant, object_pairs_hook=_pairs_once
+        )
     except UnicodeDecodeError:
         raise ProblemError(400, "the body is not UTF-8") from None
     except RecursionError:
@@ -39,29 +41,41 @@ def json_object(body: bytes) -> dict[str, Any]:
 
 
 def query(raw: bytes, names: Collection[str]) -> Mapping[str, str]:
-    """Return the parameters of a query string; raises `ProblemError` for unknown and duplicate ones."""
+    """Return the parameters of a query string; raises `ProblemError` for unknown and duplicate
+    ones.
+    """
     try:
         pairs = (
-            parse_qsl(raw.decode("ascii"), keep_blank_values=True, strict_parsing=True, errors="strict") if raw else []
+            parse_qsl(
+                raw.decode("ascii"), keep_blank_values=True, strict_parsing=True, errors="strict"
+            )
+            if raw
+            else []
         )
     except ValueError:
         raise ProblemError(400, "the query string cannot be read") from None
     parameters: dict[str, str] = {}
     for key, value in pairs:
         if key not in names:
-            raise ProblemError(400, f"unknown parameter; expected {', '.join(sorted(names)) or 'none'}")
+            raise ProblemError(
+                400, f"unknown parameter; expected {', '.join(sorted(names)) or 'none'}"
+            )
         if key in parameters:
             raise ProblemError(400, f"duplicate parameter {key}")
         parameters[key] = value
     return parameters
 
 
-def whole_number(given: Mapping[str, str], key: str, default: int, most: int, *, least: int = 1) -> int:
+def whole_number(
+    given: Mapping[str, str], key: str, default: int, most: int, *, least: int = 1
+) -> int:
     """Return the value of an integer parameter from `least` to `most`."""
     word = given.get(key)
     if word is None:
         return default
-    if not (word.isascii() and word.isdecimal() and len(word) <= _DIGITS and least <= int(word) <= most):
+    if not (
+        word.isascii() and word.isdecimal() and len(word) <= _DIGITS and least <= int(word) <= most
+    ):
         raise ProblemError(400, f"{key} must be an integer from {least} to {most}")
     return int(word)
 
@@ -71,7 +85,9 @@ def unit_number(given: Mapping[str, str], key: str) -> float | None:
     return None if key not in given else number_within(given, key, 0.0, 0.0, 1.0)
 
 
-def number_within(given: Mapping[str, str], key: str, default: float, least: float, most: float) -> float:
+def number_within(
+    given: Mapping[str, str], key: str, default: float, least: float, most: float
+) -> float:
     """Return the value of a parameter from `least` to `most`."""
     word = given.get(key)
     if word is None:
@@ -111,17 +127,23 @@ def refuse_names(block: Mapping[str, Any]) -> None:
 
 
 def refuse_other_names(before: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Raise `ProblemError` if a configuration names other files or variables, or changes an output with a secret."""
+    """Raise `ProblemError` if a configuration names other files or variables, or changes an output
+    with a secret.
+    """
     ours = dict(_named(before))
     theirs = dict(_named(wanted))
     reason = "needs a restart: only the scene names files and variables with secrets"
-    errors = [(path, reason) for path in sorted({*ours, *theirs}) if ours.get(path) != theirs.get(path)]
+    errors = [
+        (path, reason) for path in sorted({*ours, *theirs}) if ours.get(path) != theirs.get(path)
+    ]
     outputs = wanted.get("outputs")
     for number, output in enumerate(before.get("outputs") or ()):
         has_secret = any(path.endswith(_SECRET) for path, _ in _named(output))
         is_same = isinstance(outputs, list) and number < len(outputs) and outputs[number] == output
         if has_secret and not is_same:
-            errors.append((f"outputs[{number}]", "needs a restart: an output with a secret cannot change"))
+            errors.append(
+                (f"outputs[{number}]", "needs a restart: an output with a secret cannot change")
+            )
     if errors:
         raise ProblemError(409, "some settings need a restart", tuple(errors))
 

@@ -19,7 +19,9 @@ service has a bearer token, all paths except `/`, `/page/…`, `/health/…` and
 def reference_page() -> str:
     """Return the page as Markdown."""
     paths = document()["paths"]
-    shared = _shared([operation["responses"] for item in paths.values() for operation in item.values()])
+    shared = _shared(
+        [operation["responses"] for item in paths.values() for operation in item.values()]
+    )
     listed = "; ".join(f"**{status}** {meaning}" for status, meaning in shared.items())
     everywhere = f"Every request may be answered with these: {listed}."
     routes = [line for path, item in paths.items() for line in _route(path, item, shared)]
@@ -31,7 +33,10 @@ def _shared(responses: list[dict[str, Any]]) -> dict[str, str]:
     return {
         status: response["description"]
         for status, response in responses[0].items()
-        if all(other.get(status, {}).get("description") == response["description"] for other in responses)
+        if all(
+            other.get(status, {}).get("description") == response["description"]
+            for other in responses
+        )
     }
 
 
@@ -47,14 +52,26 @@ def _route(path: str, item: dict[str, Any], shared: dict[str, str]) -> Iterator[
             yield f"| `{parameter['name']}` | {parameter['in']} | {_words(parameter)} |"
         said = {*shared.items(), ("200", operation["summary"])}
         answers = [(status, each["description"]) for status, each in operation["responses"].items()]
-        own = "; ".join(f"**{status}** {meaning}" for status, meaning in answers if (status, meaning) not in said)
+        own = "; ".join(
+            f"**{status}** {meaning}"
+            for status, meaning in answers
+            if (status, meaning) not in said
+        )
         yield from ("", f"Answers: {own}.") if own else ()
 
 
 def _words(parameter: dict[str, Any]) -> str:
     schema = parameter["schema"]
-    kind = [schema["type"] if "enum" not in schema else " or ".join(f"`{word}`" for word in schema["enum"])]
-    bounds = [f"{name} {schema[name]}" for name in ("minimum", "maximum", "maxLength", "default") if name in schema]
+    kind = [
+        schema["type"]
+        if "enum" not in schema
+        else " or ".join(f"`{word}`" for word in schema["enum"])
+    ]
+    bounds = [
+        f"{name} {schema[name]}"
+        for name in ("minimum", "maximum", "maxLength", "default")
+        if name in schema
+    ]
     meaning = [parameter["description"]] if "description" in parameter else []
     return "; ".join([*kind, *bounds, *meaning])
 

@@ -15,7 +15,8 @@ from opir_http.tracks import TrackDocuments
 
 #: Maximum number of detections in an answer; of more, every n-th is sent.
 MOST_DETECTIONS = 3000
-#: Maximum duration of a part, s, and maximum number of times in it for which the satellites are sent.
+#: Maximum duration of a part, s, and maximum number of times in it for which the satellites are
+#: sent.
 LONGEST_S = 3600.0
 _SENSOR_TIMES = 12
 _US = 1_000_000
@@ -43,13 +44,17 @@ class Replay:
         )
         self._encoder = ForgeEncoder(context)
         self._documents = TrackDocuments(self.scene.epoch_us, hypotheses=run.plan.hypothesis_names)
-        self._by_sensor = [self._time_us[self._detections.sensor == row] for row in range(len(run.sensors))]
+        self._by_sensor = [
+            self._time_us[self._detections.sensor == row] for row in range(len(run.sensors))
+        ]
         self.since_us = self.scene.epoch_us
         last = [each[-1] for each in (self._time_us, self._tick_us) if len(each)]
         self.until_us = int(max(self.since_us + round(self.scene.duration_s * _US), *last, 0))
 
     def status(self) -> Document:
-        """Return the status of a run that has ended, with the time that it covers under `replay`."""
+        """Return the status of a run that has ended, with the time that it covers under
+        `replay`.
+        """
         counts = self.run.summary["counts"]
         clock = dict.fromkeys(("late_s", "latest_s", "cycle_age_s"), 0.0) | dict.fromkeys(
             ("lap", "cycle", "late_cycles"), 0
@@ -80,10 +85,11 @@ class Replay:
         }
 
     def part(self, since_us: int, until_us: int, step_s: float) -> Document:
-        """Return what the run made in (since, until]: detections, the last estimate of each track in each step, counts.
+        """Return what the run made in (since, until]: detections, the last estimate of each track
+        in each step, counts.
 
-        Counts are of all detections of the seconds touched, also of those that are left out. `sensors` are states of
-        the satellites at times of the part.
+        Counts are of all detections of the seconds touched, also of those that are left out.
+        `sensors` are states of the satellites at times of the part.
         """
         first, last = np.searchsorted(self._time_us, (since_us, until_us), side="right")
         rows = np.arange(first, last)[:: -(-int(last - first) // MOST_DETECTIONS) or 1]
@@ -92,7 +98,10 @@ class Replay:
             "detections": [msgspec.Raw(line) for line in self._lines(rows)],
             "tracks": self._estimates(since_us, until_us, step_s),
             "activity": self._activity(since_us, until_us),
-            "sensors": [{"timestamp": _text(time_us), "sensors": self._sensors(time_us)} for time_us in times],
+            "sensors": [
+                {"timestamp": _text(time_us), "sensors": self._sensors(time_us)}
+                for time_us in times
+            ],
         }
 
     def _lines(self, rows: RowArray) -> list[bytes]:
@@ -116,13 +125,17 @@ class Replay:
         step = (self._tick_us[first:last] - since_us) // round(step_s * _US)
         newest = {
             key: int(first) + row
-            for row, key in enumerate(zip(self._tracks.track[first:last].tolist(), step.tolist(), strict=True))
+            for row, key in enumerate(
+                zip(self._tracks.track[first:last].tolist(), step.tolist(), strict=True)
+            )
         }
         return self._documents.documents(self._tracks.take(sorted(newest.values())))
 
     def _activity(self, since_us: int, until_us: int) -> Document:
         seconds = np.arange(since_us // _US, until_us // _US + 2)
-        counts = [np.diff(np.searchsorted(times, seconds * _US)).tolist() for times in self._by_sensor]
+        counts = [
+            np.diff(np.searchsorted(times, seconds * _US)).tolist() for times in self._by_sensor
+        ]
         names = [sensor.id for sensor in self.run.sensors]
         return {"first_s": int(seconds[0]), "sensors": dict(zip(names, counts, strict=True))}
 

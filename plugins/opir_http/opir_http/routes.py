@@ -39,7 +39,17 @@ _KEY_LENGTH = 200
 #: The most digits of the id of a frame.
 _ID_LENGTH = 18
 _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
-_FILTERS = ("after", "limit", "min_confidence", "sensor_id", "sensor_type", "since", "target_type", "track_id", "until")
+_FILTERS = (
+    "after",
+    "limit",
+    "min_confidence",
+    "sensor_id",
+    "sensor_type",
+    "since",
+    "target_type",
+    "track_id",
+    "until",
+)
 
 AnyRequest = Request[Any, Any, Any]
 Made = TypeVar("Made")
@@ -58,7 +68,11 @@ def application(service: Service) -> Litestar:
             _config_route(service, documents),
             _stream_route(service),
         ],
-        exception_handlers={ProblemError: answer_problem, HTTPException: answer_http, Exception: answer_defect},
+        exception_handlers={
+            ProblemError: answer_problem,
+            HTTPException: answer_http,
+            Exception: answer_defect,
+        },
         openapi_config=None,
         logging_config=None,
     )
@@ -67,7 +81,11 @@ def application(service: Service) -> Litestar:
 def page_routes(openapi_document: Mapping[str, Any]) -> list[Any]:
     """Return the routes of the page's files and of the OpenAPI document."""
     files = {path.name: path.read_bytes() for path in _PAGE.iterdir() if path.suffix in _KINDS}
-    vendored = {path.name: path.read_bytes() for path in (_PAGE / "vendor").iterdir() if path.suffix in _KINDS}
+    vendored = {
+        path.name: path.read_bytes()
+        for path in (_PAGE / "vendor").iterdir()
+        if path.suffix in _KINDS
+    }
     openapi = msgspec.json.encode(openapi_document)
 
     @get("/", media_type=_KINDS[".html"])
@@ -105,7 +123,9 @@ def _health_routes(service: Service) -> list[Any]:
         # Never waits: it answers while the engine, a sink or its counts are stuck.
         state = service.run.state
         reasons = service.run.progress().stuck
-        return _json({"state": state, "reasons": reasons}, 503 if state == "failed" or reasons else 200)
+        return _json(
+            {"state": state, "reasons": reasons}, 503 if state == "failed" or reasons else 200
+        )
 
     @get("/health/ready")
     async def ready(request: AnyRequest) -> Response[bytes]:
@@ -117,7 +137,11 @@ def _health_routes(service: Service) -> list[Any]:
         except TimeoutError:
             is_ready = False
             reasons = [f"the status is not available within {_STATUS_S:g} s"]
-        return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503, headers=_lateness(service))
+        return _json(
+            {"ready": is_ready, "reasons": reasons},
+            200 if is_ready else 503,
+            headers=_lateness(service),
+        )
 
     @get("/metrics")
     async def metrics(request: AnyRequest) -> Response[bytes]:
@@ -128,7 +152,9 @@ def _health_routes(service: Service) -> list[Any]:
 
 
 class Cached(Generic[Made]):
-    """The result of `make`, called in a thread when the last one is older than `for_s`; for one event loop."""
+    """The result of `make`, called in a thread when the last one is older than `for_s`; for one
+    event loop.
+    """
 
     def __init__(self, make: Callable[[], Made], for_s: float) -> None:
         self._make = make
@@ -196,7 +222,9 @@ def _reading_routes(service: Service, documents: Documents) -> list[Any]:
         if given.get("trail", "false") not in ("true", "false"):
             raise ProblemError(400, "trail must be true or false")
         limit = whole_number(given, "limit", 100, MAXIMUM_PAGE)
-        return _json({"tracks": service.feed.tracks.latest(limit, trail=given.get("trail") == "true")})
+        return _json(
+            {"tracks": service.feed.tracks.latest(limit, trail=given.get("trail") == "true")}
+        )
 
     @get("/activity")
     async def activity(request: AnyRequest) -> Response[bytes]:
@@ -215,7 +243,9 @@ def _trigger_route(service: Service, documents: Documents) -> Any:
         key = _idempotency_key(request.headers)
         previous = service.answers.begin(key, body) if key else None
         if previous is not None:
-            return _json(previous, 202, headers={"Idempotent-Replayed": "true", "Location": "/status"})
+            return _json(
+                previous, 202, headers={"Idempotent-Replayed": "true", "Location": "/status"}
+            )
         answer = None
         try:
             answer = await asyncio.to_thread(service.launch, json_object(body))
@@ -238,7 +268,9 @@ def _retry_route(service: Service) -> Any:
     async def retry(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
         output = str(request.path_params["output"])
-        return _json(await asyncio.to_thread(service.retry, output), 202, headers={"Location": "/status"})
+        return _json(
+            await asyncio.to_thread(service.retry, output), 202, headers={"Location": "/status"}
+        )
 
     return retry
 
@@ -258,7 +290,9 @@ def _config_route(service: Service, documents: Documents) -> Any:
     return config
 
 
-async def _configured(service: Service, documents: Documents, request: AnyRequest) -> Response[bytes]:
+async def _configured(
+    service: Service, documents: Documents, request: AnyRequest
+) -> Response[bytes]:
     if not service.settings.config_writes:
         raise ProblemError(403, "the service was started with --no-config-writes")
     wanted = json_object(await request.body())
@@ -281,13 +315,18 @@ def _stream_route(service: Service) -> Any:
         if given.get("view", "full") not in ("full", "brief"):
             raise ProblemError(400, "view must be full or brief")
         if service.feed.viewers >= service.settings.maximum_viewers:
-            raise ProblemError(503, "the maximum number of viewers is connected", headers={"Retry-After": "5"})
+            raise ProblemError(
+                503, "the maximum number of viewers is connected", headers={"Retry-After": "5"}
+            )
         address = request.client.host if request.client else ""
         if address not in LOOPBACK and service.feed.streams_of(address) >= STREAMS_PER_CLIENT:
-            raise ProblemError(429, "this client has too many streams", headers={"Retry-After": "5"})
+            raise ProblemError(
+                429, "this client has too many streams", headers={"Retry-After": "5"}
+            )
         client = Client(brief=given.get("view") == "brief", address=address)
         last = request.headers.get("last-event-id", "")
-        # Anything else that a client sends is no id of this service: it starts anew, as EventSource does.
+        # Anything else that a client sends is no id of this service: it starts anew, as EventSource
+        # does.
         if last.isascii() and last.isdigit() and len(last) <= _ID_LENGTH:
             service.feed.resume(client, int(last))
         else:
@@ -311,7 +350,8 @@ def _filter(given: Mapping[str, str], service: Service) -> Filter:
         sensors = tuple(
             row
             for row, sensor in enumerate(service.feed.sensors)
-            if given.get("sensor_id", sensor.id) == sensor.id and given.get("sensor_type", sensor.type) == sensor.type
+            if given.get("sensor_id", sensor.id) == sensor.id
+            and given.get("sensor_type", sensor.type) == sensor.type
         )
     kind = given.get("target_type")
     types = service.feed.reported_types
@@ -320,7 +360,9 @@ def _filter(given: Mapping[str, str], service: Service) -> Filter:
     return Filter(
         sensors=sensors,
         types=None if kind is None else (types.index(kind),),
-        track=None if "track_id" not in given else whole_number(given, "track_id", 0, 10**9 - 1, least=0),
+        track=None
+        if "track_id" not in given
+        else whole_number(given, "track_id", 0, 10**9 - 1, least=0),
         since_us=instant_us(given, "since"),
         until_us=instant_us(given, "until"),
         confidence=unit_number(given, "min_confidence"),
@@ -329,7 +371,9 @@ def _filter(given: Mapping[str, str], service: Service) -> Filter:
 
 def _is_cursor(given: Mapping[str, str]) -> bool:
     word = given.get("after")
-    if word is not None and not (0 < len(word) <= 12 and word.isascii() and word.isalnum() and word == word.lower()):
+    if word is not None and not (
+        0 < len(word) <= 12 and word.isascii() and word.isalnum() and word == word.lower()
+    ):
         raise ProblemError(400, "after must be the `next` of a page")
     return word is not None
 
@@ -344,10 +388,21 @@ def _base36(number: int) -> str:
 
 def _idempotency_key(headers: Mapping[str, str]) -> str | None:
     key = headers.get("idempotency-key")
-    if key is not None and not (0 < len(key) <= _KEY_LENGTH and key.isascii() and key.isprintable()):
-        raise ProblemError(400, f"Idempotency-Key must have 1 to {_KEY_LENGTH} printable ASCII characters")
+    if key is not None and not (
+        0 < len(key) <= _KEY_LENGTH and key.isascii() and key.isprintable()
+    ):
+        raise ProblemError(
+            400, f"Idempotency-Key must have 1 to {_KEY_LENGTH} printable ASCII characters"
+        )
     return key
 
 
-def _json(value: Any, status: int = 200, headers: Mapping[str, str] | None = None) -> Response[bytes]:
-    return Response(msgspec.json.encode(value), status_code=status, media_type=_JSON, headers=dict(headers or {}))
+def _json(
+    value: Any, status: int = 200, headers: Mapping[str, str] | None = None
+) -> Response[bytes]:
+    return Response(
+        msgspec.json.encode(value),
+        status_code=status,
+        media_type=_JSON,
+        headers=dict(headers or {}),
+    )

@@ -30,7 +30,12 @@ NUMBER: Schema = {"type": "number"}
 TIME: Schema = {"type": "string", "format": "date-time"}
 
 _KINDS = {float: "number", int: "integer", str: "string", bool: "boolean"}
-_BOUNDS = {"minimum": "minimum", "maximum": "maximum", "above": "exclusiveMinimum", "below": "exclusiveMaximum"}
+_BOUNDS = {
+    "minimum": "minimum",
+    "maximum": "maximum",
+    "above": "exclusiveMinimum",
+    "below": "exclusiveMaximum",
+}
 
 
 #: The length of an array of four: generators of clients know no `items: false`.
@@ -40,7 +45,12 @@ _FOUR: Schema = {"minItems": 4, "maxItems": 4, "items": {"anyOf": [TEXT, NUMBER,
 def closed(properties: Schema, optional: tuple[str, ...] = ()) -> Schema:
     """Return the schema of an object with these properties and no others."""
     required = [name for name in properties if name not in optional]
-    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": required,
+        "additionalProperties": False,
+    }
 
 
 def listed(items: Schema) -> Schema:
@@ -56,16 +66,23 @@ def or_null(schema: Schema) -> Schema:
 def schema_of_class(config: type) -> Schema:
     """Return the schema of a configuration class, from its fields."""
     attributes = fields(config)
-    optional = tuple(attribute.name for attribute in attributes if attribute.default is not _REQUIRED)
-    return closed({attribute.name: _schema_of_field(attribute) for attribute in attributes}, optional)
+    optional = tuple(
+        attribute.name for attribute in attributes if attribute.default is not _REQUIRED
+    )
+    return closed(
+        {attribute.name: _schema_of_field(attribute) for attribute in attributes}, optional
+    )
 
 
 def trigger() -> Schema:
-    """Return the schema of a launch: a target of the model `ballistic`, with optional id and time."""
+    """Return the schema of a launch: a target of the model `ballistic`, with optional id and
+    time.
+    """
     schema = schema_of_class(BallisticConfig)
     launch = schema["properties"]["launch"]
     launch["properties"]["time_s"] = or_null(launch["properties"]["time_s"]) | {
-        "description": "ignition, s after the scene's epoch, not in the past; default: the earliest possible"
+        "description": "ignition, s after the scene's epoch, not in the past; default: the earliest"
+        " possible"
     }
     schema["properties"]["type"]["examples"] = list(core_target_classes())
     schema["properties"] |= {
@@ -73,14 +90,17 @@ def trigger() -> Schema:
         "model": {
             "type": "string",
             "enum": ["ballistic"],
-            "description": "target model; any installed one is accepted; default: that of the target class",
+            "description": "target model; any installed one is accepted; default: that of the"
+            " target class",
         },
     }
     return schema
 
 
 def config() -> Schema:
-    """Return the schema of the configuration: a scene's settings; blocks of components are not specified."""
+    """Return the schema of the configuration: a scene's settings; blocks of components are not
+    specified.
+    """
     block = {"anyOf": [{"type": "object"}, {"type": "string"}]}
     choices = ("detection", "classification", "confidence", "tracker", "atmosphere", "background")
     parts = {
@@ -94,11 +114,14 @@ def config() -> Schema:
         "limits": schema_of_class(WorkLimits),
         "allow_implausible": {"type": "boolean"},
         "sensors": listed({"type": "object"}) | {"minItems": 1},
-        **{name: block | {"description": f"{name} model: its name, or a block"} for name in choices},
+        **{
+            name: block | {"description": f"{name} model: its name, or a block"} for name in choices
+        },
         "tracking_order": {"type": "string", "enum": [BY_OBSERVATION, BY_REPORT]},
         "tracking_lag_s": or_null({"type": "number", "minimum": 0}),
         "outputs": listed(block),
-        "http": schema_of_class(HttpSettings) | {"required": [attribute.name for attribute in fields(HttpSettings)]},
+        "http": schema_of_class(HttpSettings)
+        | {"required": [attribute.name for attribute in fields(HttpSettings)]},
     }
     optional = (
         "light_time",
@@ -120,11 +143,16 @@ def detection() -> Schema:
     text = json.dumps(detection_schema()).replace("#/$defs/", "#/components/schemas/detection-")
     whole: Schema = json.loads(text, object_hook=_without_listed_numbers)
     parts = {f"detection-{name}": part for name, part in whole["$defs"].items()}
-    return {"Detection": {key: value for key, value in whole.items() if not key.startswith("$")}, **parts}
+    return {
+        "Detection": {key: value for key, value in whole.items() if not key.startswith("$")},
+        **parts,
+    }
 
 
 def _without_listed_numbers(schema: Schema) -> Schema:
-    """Return a schema with the bounds of fractions that it lists: generators of clients know no such `enum`."""
+    """Return a schema with the bounds of fractions that it lists: generators of clients know no
+    such `enum`.
+    """
     values = schema.get("enum")
     if not isinstance(values, list) or not all(isinstance(value, float) for value in values):
         return schema
@@ -135,7 +163,10 @@ def _without_listed_numbers(schema: Schema) -> Schema:
 def problem() -> Schema:
     """Return the schema of problem details."""
     errors = listed(closed({"path": TEXT, "message": TEXT}))
-    return closed({"type": TEXT, "title": TEXT, "status": COUNT, "detail": TEXT, "errors": errors}, ("errors",))
+    return closed(
+        {"type": TEXT, "title": TEXT, "status": COUNT, "detail": TEXT, "errors": errors},
+        ("errors",),
+    )
 
 
 def status() -> Schema:
@@ -158,7 +189,10 @@ def status() -> Schema:
     return closed(
         {
             "scene": TEXT,
-            "state": {"type": "string", "enum": ["starting", "running", "ended", "stopped", "failed", "saved"]},
+            "state": {
+                "type": "string",
+                "enum": ["starting", "running", "ended", "stopped", "failed", "saved"],
+            },
             "error": or_null(TEXT),
             "health": _state_of_health(),
             "clock": closed(clock),
@@ -166,7 +200,8 @@ def status() -> Schema:
             "sensors": listed(_sensor()),
             "sinks": listed(_sink()),
             "viewers": closed(dict.fromkeys(viewers, COUNT)),
-            "replay": closed({"since": TIME, "until": TIME}) | {"description": "time covered by a saved run"},
+            "replay": closed({"since": TIME, "until": TIME})
+            | {"description": "time covered by a saved run"},
         },
         ("replay", "health"),
     )
@@ -174,7 +209,9 @@ def status() -> Schema:
 
 def track() -> Schema:
     """Return the schema of a track."""
-    ellipse = closed(dict.fromkeys(("semi_major_m", "semi_minor_m", "bearing_deg", "containment"), NUMBER))
+    ellipse = closed(
+        dict.fromkeys(("semi_major_m", "semi_minor_m", "bearing_deg", "containment"), NUMBER)
+    )
     ellipses = dict.fromkeys(("ellipse", "ellipse_50", "ellipse_90"), or_null(ellipse))
     place = {"lat_deg": NUMBER, "lon_deg": NUMBER, "time": or_null(TIME)}
     point = place | ellipses | {"time_sigma_s": or_null(NUMBER)}
@@ -201,19 +238,38 @@ def track() -> Schema:
             "state": state,
             "burnout": state,
             "hypotheses": or_null({"type": "object", "additionalProperties": share})
-            | {"description": "probability of each of what the object may be; null if the tracker weighs none"},
-            **{f"probability_{name}": share for name in ("launch", "missile", "orbit", "comes_down")},
-            "end": {"enum": [*TRACK_ENDS[1:], None], "description": "how the track ended; null for one that goes on"},
-            "trail": listed({"type": "array", "prefixItems": [TIME, NUMBER, NUMBER, or_null(NUMBER)], **_FOUR})
-            | {"description": "earlier positions: time, latitude and longitude in degrees, height in metres"},
+            | {
+                "description": "probability of each of what the object may be; null if the tracker"
+                " weighs none"
+            },
+            **{
+                f"probability_{name}": share
+                for name in ("launch", "missile", "orbit", "comes_down")
+            },
+            "end": {
+                "enum": [*TRACK_ENDS[1:], None],
+                "description": "how the track ended; null for one that goes on",
+            },
+            "trail": listed(
+                {"type": "array", "prefixItems": [TIME, NUMBER, NUMBER, or_null(NUMBER)], **_FOUR}
+            )
+            | {
+                "description": "earlier positions: time, latitude and longitude in degrees, height"
+                " in metres"
+            },
         },
         ("trail",),
     )
 
 
 def replay() -> Schema:
-    """Return the schema of a part of a saved run; `Activity`, `Detection` and `Track` are components."""
-    reference = {name: {"$ref": f"#/components/schemas/{name}"} for name in ("Detection", "Track", "Activity")}
+    """Return the schema of a part of a saved run; `Activity`, `Detection` and `Track` are
+    components.
+    """
+    reference = {
+        name: {"$ref": f"#/components/schemas/{name}"}
+        for name in ("Detection", "Track", "Activity")
+    }
     states = listed(closed({"timestamp": TIME, "sensors": listed(_sensor())}))
     return closed(
         {
@@ -226,7 +282,8 @@ def replay() -> Schema:
 
 
 def stream(ref: Callable[[str], Schema]) -> Schema:
-    """Return the schemas of the stream's events, by their names; `ref` refers to a schema of the document.
+    """Return the schemas of the stream's events, by their names; `ref` refers to a schema of the
+    document.
 
     The data of an event is described as the JSON that it is read as.
     """
@@ -244,25 +301,44 @@ def stream(ref: Callable[[str], Schema]) -> Schema:
     for name, each in data.items():
         ids = {"id": COUNT} if name == "Detections" else {}
         shown = ref(f"{name}Data") if f"{name}Data" in parts else each
-        events[f"{name}Event"] = closed({"event": {"type": "string", "const": name.lower()}, **ids, "data": shown})
+        events[f"{name}Event"] = closed(
+            {"event": {"type": "string", "const": name.lower()}, **ids, "data": shown}
+        )
     return {**parts, **events, "StreamEvent": {"oneOf": [ref(name) for name in events]}}
 
 
 def activity() -> Schema:
     """Return the schema of the counts of detections per sensor and second."""
     counts = {"type": "object", "additionalProperties": listed(COUNT)}
-    return closed({"first_s": COUNT | {"description": "first second, Unix time"}, "sensors": counts})
+    return closed(
+        {"first_s": COUNT | {"description": "first second, Unix time"}, "sensors": counts}
+    )
 
 
 def _region() -> Schema:
     """Return the schema of an impact region; its geometry is GeoJSON (RFC 7946)."""
     rings = listed(listed(listed(NUMBER) | {"minItems": 2, "maxItems": 2}) | {"minItems": 4})
     kinds = {"Polygon": rings, "MultiPolygon": listed(rings)}
-    geometry = {"anyOf": [closed({"type": {"const": kind}, "coordinates": each}) for kind, each in kinds.items()]}
-    condition = {"type": "string", "enum": list(IMPACT_CONDITIONS), "description": "what the region presumes"}
-    figures = {"containment": NUMBER, "area_km2": NUMBER, "condition": condition, "probability": NUMBER}
+    geometry = {
+        "anyOf": [
+            closed({"type": {"const": kind}, "coordinates": each}) for kind, each in kinds.items()
+        ]
+    }
+    condition = {
+        "type": "string",
+        "enum": list(IMPACT_CONDITIONS),
+        "description": "what the region presumes",
+    }
+    figures = {
+        "containment": NUMBER,
+        "area_km2": NUMBER,
+        "condition": condition,
+        "probability": NUMBER,
+    }
     centre = or_null(listed(NUMBER) | {"minItems": 2, "maxItems": 2})
-    return closed({**figures, "effective_samples": or_null(NUMBER), "centre": centre, "geometry": geometry})
+    return closed(
+        {**figures, "effective_samples": or_null(NUMBER), "centre": centre, "geometry": geometry}
+    )
 
 
 def _sensor() -> Schema:
@@ -284,19 +360,40 @@ def _sensor() -> Schema:
 def _health() -> Schema:
     """Return the schema of what the tracker has found of a sensor; null where nothing is known."""
     pairs = dict.fromkeys(("bias_rad", "bias_sigma_rad"), listed(or_null(NUMBER)))
-    names = ("clock_s", "clock_sigma_s", "noise_scale", "noise_scale_sigma", "innovations", "outlier_share")
+    names = (
+        "clock_s",
+        "clock_sigma_s",
+        "noise_scale",
+        "noise_scale_sigma",
+        "innovations",
+        "outlier_share",
+    )
     return closed({**pairs, **dict.fromkeys(names, or_null(NUMBER)), "text": TEXT})
 
 
 def _state_of_health() -> Schema:
-    """Return the schema of the health of a service: the reasons are those of readiness, `stuck` those of liveness."""
+    """Return the schema of the health of a service: the reasons are those of readiness, `stuck`
+    those of liveness.
+    """
     flags: Schema = {"ready": {"type": "boolean"}, "alive": {"type": "boolean"}}
     times = dict.fromkeys(("beat_age_s", "longest_pause_s"), NUMBER)
-    return closed({**flags, "reasons": listed(TEXT), "stuck": listed(TEXT), **times, "pauses": COUNT})
+    return closed(
+        {**flags, "reasons": listed(TEXT), "stuck": listed(TEXT), **times, "pauses": COUNT}
+    )
 
 
 def _sink() -> Schema:
-    counts = ("given", "delivered", "spooled", "dropped", "withheld", "recovered", "queued_windows", "waits", "lag")
+    counts = (
+        "given",
+        "delivered",
+        "spooled",
+        "dropped",
+        "withheld",
+        "recovered",
+        "queued_windows",
+        "waits",
+        "lag",
+    )
     numbers = dict.fromkeys((*counts, "unbalanced", "attempts"), COUNT) | {
         "busy_s": NUMBER,
         "has_spool": {"type": "boolean"},
@@ -317,7 +414,11 @@ def _schema_of_field(attribute: Any) -> Schema:
 
 
 def _limits(info: FieldInfo) -> Schema:
-    limits = {word: getattr(info, name) for name, word in _BOUNDS.items() if getattr(info, name) is not None}
+    limits = {
+        word: getattr(info, name)
+        for name, word in _BOUNDS.items()
+        if getattr(info, name) is not None
+    }
     return limits | ({"enum": list(info.choices)} if info.choices else {})
 
 

@@ -17,7 +17,8 @@ def sensor_documents(
     epoch_us: int,
     health: Sequence[Mapping[str, Any] | None],
 ) -> list[dict[str, Any]]:
-    """Return place, state, counts and health of each sensor at a scene time, s; `last_s` are times of last detections.
+    """Return place, state, counts and health of each sensor at a scene time, s; `last_s` are times
+    of last detections.
 
     `health` is what the tracker has found of each sensor, or None.
     """
@@ -34,7 +35,9 @@ def sensor_documents(
                 "state": "detecting" if is_detecting else "searching",
                 "scan_period_ms": sensor.scan.period_ns * 1e-6,
                 "position_ecef_m": [round(axis, 1) for axis in position.tolist()],
-                "field_of_regard_half_angle_deg": round(float(np.degrees(sensor.field_of_regard_half_angle_rad)), 4),
+                "field_of_regard_half_angle_deg": round(
+                    float(np.degrees(sensor.field_of_regard_half_angle_rad)), 4
+                ),
                 "detections": count,
                 "last_detection": None if last is None else _timestamp(epoch_us, last),
                 "health": found,

@@ -25,14 +25,15 @@ _CHECK_S = 2.0
 _LONGEST_HEADERS = 16 * 1024
 _BACKLOG = 512
 
-#: Time, s, that clients have at the end to receive the last frames, and after which uvicorn cancels requests, which
-#: prints tracebacks.
+#: Time, s, that clients have at the end to receive the last frames, and after which uvicorn cancels
+#: requests, which prints tracebacks.
 _CUT_S = 0.8
 _CANCEL_S = 2
 
 
 class Connection(H11Protocol):
-    """A connection that is closed if no complete request arrives for `HEADERS_S`, or the client reads nothing.
+    """A connection that is closed if no complete request arrives for `HEADERS_S`, or the client
+    reads nothing.
 
     A connection above the limits is served health checks only, and briefly.
     """
@@ -46,11 +47,19 @@ class Connection(H11Protocol):
     _check: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: Any) -> None:
-        """Open the connection, for health checks only if there are too many; close it if there are far too many."""
+        """Open the connection, for health checks only if there are too many; close it if there are
+        far too many.
+        """
         super().connection_made(transport)
         self._deadline_s = HEADERS_S
-        if len(self.connections) > MAXIMUM_CONNECTIONS or self._of_client() > CONNECTIONS_PER_CLIENT:
-            if sum(getattr(other, "_is_reserved", False) for other in self.connections) >= RESERVED_CONNECTIONS:
+        if (
+            len(self.connections) > MAXIMUM_CONNECTIONS
+            or self._of_client() > CONNECTIONS_PER_CLIENT
+        ):
+            if (
+                sum(getattr(other, "_is_reserved", False) for other in self.connections)
+                >= RESERVED_CONNECTIONS
+            ):
                 transport.close()
                 return
             self._is_reserved = True
@@ -110,10 +119,13 @@ class Connection(H11Protocol):
 class Server(uvicorn.Server):
     """A server that a signal stops without ending the process.
 
-    `on_start` is called once signals are handled and requests accepted, `on_stop` at the beginning of the stop.
+    `on_start` is called once signals are handled and requests accepted, `on_stop` at the beginning
+    of the stop.
     """
 
-    def __init__(self, app: Any, on_stop: Callable[[], None], on_start: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, app: Any, on_stop: Callable[[], None], on_start: Callable[[], None] = lambda: None
+    ) -> None:
         super().__init__(
             uvicorn.Config(
                 app,
@@ -160,7 +172,8 @@ class Server(uvicorn.Server):
 def bound(host: str, port: int) -> socket.socket:
     """Return a listening socket; raises `OSError`."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # With the protocol TCP, asyncio sets TCP_NODELAY; without it each answer would wait 40 ms for the client's ACK.
+    # With the protocol TCP, asyncio sets TCP_NODELAY; without it each answer would wait 40 ms for
+    # the client's ACK.
     listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

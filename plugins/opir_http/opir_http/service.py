@@ -25,7 +25,9 @@ _KEYS = 1000
 
 
 class Service:
-    """A run, its feed and its settings; methods that change the run are called off the event loop."""
+    """A run, its feed and its settings; methods that change the run are called off the event
+    loop.
+    """
 
     def __init__(self, run: LiveRun, settings: HttpSettings) -> None:
         self.run = run
@@ -36,7 +38,9 @@ class Service:
         sensors = plan.sensors
         epoch_us = run.scene.epoch_us
         names = plan.hypothesis_names
-        self.feed = Feed(sensors, epoch_us, *bounds, self.status, plan.reported_types, render, hypotheses=names)
+        self.feed = Feed(
+            sensors, epoch_us, *bounds, self.status, plan.reported_types, render, hypotheses=names
+        )
         self.answers = Answers()
         self._writing = threading.Lock()
         self._backlogs = Backlogs()
@@ -82,7 +86,9 @@ class Service:
         }
 
     def config(self) -> dict[str, Any]:
-        """Return the present configuration: the scene's settings, and those of the service under `http`."""
+        """Return the present configuration: the scene's settings, and those of the service under
+        `http`.
+        """
         return {**self.run.settings_mapping(), "http": asdict(self.settings)}
 
     def etag(self) -> str:
@@ -90,7 +96,9 @@ class Service:
         return etag_of(self.config())
 
     def configure(self, wanted: Mapping[str, Any], if_match: str) -> tuple[int, str]:
-        """Apply a configuration, as a whole or not at all; return its first cycle and its entity tag."""
+        """Apply a configuration, as a whole or not at all; return its first cycle and its entity
+        tag.
+        """
         with self._writing:
             if if_match not in ("*", self.etag()):
                 raise ProblemError(412, "the configuration is not that of If-Match; get it again")
@@ -141,10 +149,14 @@ class Service:
         return Health.of(reasons, stuck, live.cycle_age_s, self.watchdog)
 
     def _http(self, wanted: Any) -> HttpSettings:
-        """Return the service's new settings; raises `ProblemError` if they are invalid or need a restart."""
+        """Return the service's new settings; raises `ProblemError` if they are invalid or need a
+        restart.
+        """
         ours = asdict(self.settings)
         if not isinstance(wanted, Mapping) or set(wanted) != set(ours):
-            raise ProblemError(422, "http has missing or unknown keys", (("http", f"needs {', '.join(ours)}"),))
+            raise ProblemError(
+                422, "http has missing or unknown keys", (("http", f"needs {', '.join(ours)}"),)
+            )
         errors = []
         for attribute in fields(HttpSettings):
             try:
@@ -154,7 +166,9 @@ class Service:
         if errors:
             raise ProblemError(422, "http is not valid", tuple(errors))
         fixed = tuple(
-            (f"http.{key}", "needs a restart") for key in ours if key not in LIVE and wanted[key] != ours[key]
+            (f"http.{key}", "needs a restart")
+            for key in ours
+            if key not in LIVE and wanted[key] != ours[key]
         )
         if fixed:
             raise ProblemError(409, "some settings need a restart", fixed)
@@ -165,14 +179,18 @@ class Service:
         last_s = [sensor.last_detection_s for sensor in live.sensors]
         health = [sensor.health for sensor in live.sensors]
         epoch_us = self.run.scene.epoch_us
-        return sensor_documents(self.run.plan.sensors, live.time_ns * 1e-9, counts, last_s, epoch_us, health)
+        return sensor_documents(
+            self.run.plan.sensors, live.time_ns * 1e-9, counts, last_s, epoch_us, health
+        )
 
     def _timestamp(self, time_ns: int) -> str:
         return timestamp_text(np.array([self.run.scene.epoch_us + time_ns // 1000]))[0]
 
 
 class Answers:
-    """Answers by idempotency key, for a bounded number of keys; a key is reserved while its request is processed."""
+    """Answers by idempotency key, for a bounded number of keys; a key is reserved while its request
+    is processed.
+    """
 
     def __init__(self) -> None:
         self._answers: OrderedDict[str, tuple[str, dict[str, Any] | None]] = OrderedDict()
@@ -207,14 +225,18 @@ def etag_of(config: Mapping[str, Any]) -> str:
 
 
 def _lag(sink: SinkStatus) -> int:
-    """Return the number of events of a sink, of this and earlier runs, that are still on their way."""
+    """Return the number of events of a sink, of this and earlier runs, that are still on their
+    way.
+    """
     return max(0, sink.given + sink.recovered - sink.delivered - sink.dropped - sink.withheld)
 
 
 def _checked(attribute: Any, value: Any) -> None:
     """Raise `ValueError` or `TypeError` if a value is invalid for an attribute of the settings."""
     kinds = {bool: (bool,), int: (int,), float: (int, float), str: (str,)}
-    if not isinstance(value, kinds[attribute.type]) or (attribute.type is not bool and isinstance(value, bool)):
+    if not isinstance(value, kinds[attribute.type]) or (
+        attribute.type is not bool and isinstance(value, bool)
+    ):
         raise TypeError(f"is not {attribute.type.__name__}")
     if attribute.validator is not None:
         attribute.validator(None, attribute, value)

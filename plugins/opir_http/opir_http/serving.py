@@ -68,7 +68,8 @@ def serve(arguments: argparse.Namespace) -> int:
     service.watchdog = watchdog.thread
     stopping = threading.Event()
     with bound_socket(arguments) as listening:
-        # Building it takes a second or two, which viewers would miss if the run had already started.
+        # Building it takes a second or two, which viewers would miss if the run had already
+        # started.
         app = application(service)
         limit_pauses()
         with ended_if_stuck(arguments.dead_after):
@@ -76,7 +77,9 @@ def serve(arguments: argparse.Namespace) -> int:
         log_health(service.health, stopping)
         asked_at_s = None
         try:
-            asked_at_s = asyncio.run(_served(service, app, (token, log), listening, arguments.host, watchdog.start))
+            asked_at_s = asyncio.run(
+                _served(service, app, (token, log), listening, arguments.host, watchdog.start)
+            )
         finally:
             stopping.set()
             watchdog.stop()
@@ -88,7 +91,9 @@ def serve(arguments: argparse.Namespace) -> int:
         raise ModelError(f"the run failed: {service.run.status().error}")
     if status.tracker_error:
         raise ModelError(f"the tracker has ended: {status.tracker_error}")
-    if failures := [f"{sink.path} ({sink.name}): {sink.error}" for sink in status.sinks if sink.error]:
+    if failures := [
+        f"{sink.path} ({sink.name}): {sink.error}" for sink in status.sinks if sink.error
+    ]:
         raise SinkError("\n".join(failures))
     return 0
 
@@ -127,7 +132,8 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
 
 
 def end_process(run: LiveRun, reason: str) -> None:
-    """Print the reason, close the sinks as far as they can be within `STOP_S`, and end this process with `STUCK`.
+    """Print the reason, close the sinks as far as they can be within `STOP_S`, and end this process
+    with `STUCK`.
 
     The process ends without waiting for threads: one of them may never return.
     """
@@ -148,23 +154,32 @@ def _report_stopped(run: LiveRun) -> None:
 
 
 def token_of(arguments: argparse.Namespace) -> str | None:
-    """Return the bearer token of the file or the environment; required unless only this machine can connect."""
+    """Return the bearer token of the file or the environment; required unless only this machine can
+    connect.
+    """
     token = os.environ.get(TOKEN_VARIABLE)
     if arguments.token_file is not None:
         _check_permissions(Path(arguments.token_file))
         token = _read_token(Path(arguments.token_file))
-    if token is not None and (len(token) < _SHORTEST_TOKEN or not token.isascii() or not token.isprintable()):
-        raise ServeError(f"the bearer token needs at least {_SHORTEST_TOKEN} printable ASCII characters")
+    if token is not None and (
+        len(token) < _SHORTEST_TOKEN or not token.isascii() or not token.isprintable()
+    ):
+        raise ServeError(
+            f"the bearer token needs at least {_SHORTEST_TOKEN} printable ASCII characters"
+        )
     if token is None and arguments.host not in LOOPBACK:
         raise ServeError(
-            f"--host {arguments.host}: other machines can connect; give a bearer token in {TOKEN_VARIABLE} or with"
+            f"--host {arguments.host}: other machines can connect; give a bearer token in"
+            f" {TOKEN_VARIABLE} or with"
             " --token-file"
         )
     return token
 
 
 def _read_token(path: Path) -> str:
-    """Return the token of a file, which may be a pipe; of an endless one only the beginning is read."""
+    """Return the token of a file, which may be a pipe; of an endless one only the beginning is
+    read.
+    """
     try:
         with path.open("rb") as file:
             text = file.read(_LONGEST_TOKEN_FILE + 1)
@@ -172,7 +187,9 @@ def _read_token(path: Path) -> str:
     except (OSError, ValueError):
         raise ServeError("--token-file: the file cannot be read as text") from None
     if len(text) > _LONGEST_TOKEN_FILE:
-        raise ServeError(f"--token-file: the file has more than {_LONGEST_TOKEN_FILE} bytes; it holds one token")
+        raise ServeError(
+            f"--token-file: the file has more than {_LONGEST_TOKEN_FILE} bytes; it holds one token"
+        )
     return token
 
 
@@ -184,7 +201,8 @@ def _check_permissions(path: Path) -> None:
         return
     if os.name == "posix" and stat.S_ISREG(found.st_mode) and found.st_mode & 0o077:
         raise ServeError(
-            f"--token-file: other users can open the file (mode {stat.S_IMODE(found.st_mode):03o}); chmod 600 {path}"
+            f"--token-file: other users can open the file (mode {stat.S_IMODE(found.st_mode):03o});"
+            f" chmod 600 {path}"
         )
 
 
@@ -196,13 +214,17 @@ def token_name(arguments: argparse.Namespace) -> str | None:
 
 
 def final_report(status: LiveStatus) -> str:
-    """Return the text printed at the end: scene time, cycles, detections, and the event counts of each sink."""
+    """Return the text printed at the end: scene time, cycles, detections, and the event counts of
+    each sink.
+    """
     head = (
-        f"opir: stopped at {status.time_ns * 1e-9:.3f} s of scene time, after {status.cycle} cycles:"
+        f"opir: stopped at {status.time_ns * 1e-9:.3f} s of scene time, after {status.cycle}"
+        f" cycles:"
         f" {status.detections} detections of {status.targets_launched} targets\n"
     )
     sinks = (
-        f"opir: {sink.path} ({sink.name}): {sink.delivered} delivered, {sink.spooled} spooled, {sink.dropped} dropped"
+        f"opir: {sink.path} ({sink.name}): {sink.delivered} delivered, {sink.spooled} spooled,"
+        f" {sink.dropped} dropped"
         + (f", {sink.withheld} withheld" if sink.withheld else "")
         + (f"; {sink.error}" if sink.error else "")
         + "\n"
@@ -230,7 +252,9 @@ async def _served(
     host: str,
     on_start: Callable[[], None],
 ) -> float | None:
-    """Serve until a signal, and return its time on the monotonic clock, s; `on_start` is called once it serves."""
+    """Serve until a signal, and return its time on the monotonic clock, s; `on_start` is called
+    once it serves.
+    """
 
     def print_address() -> None:
         sys.stdout.write(address_text(host, listening.getsockname()[1]))

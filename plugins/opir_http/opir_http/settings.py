@@ -14,11 +14,12 @@ HEADERS_S = 10.0
 BODY_S = 10.0
 #: Maximum number of connections.
 MAXIMUM_CONNECTIONS = 1024
-#: Maximum number of connections of a client, and of its streams. Clients on this machine, such as a proxy that serves
-#: many others, have no limit of their own.
+#: Maximum number of connections of a client, and of its streams. Clients on this machine, such as a
+#: proxy that serves many others, have no limit of their own.
 CONNECTIONS_PER_CLIENT = 128
 STREAMS_PER_CLIENT = 32
-#: Connections above these limits that are still answered, health checks only, and the time, s, they have for a request.
+#: Connections above these limits that are still answered, health checks only, and the time, s, they
+#: have for a request.
 RESERVED_CONNECTIONS = 64
 RESERVED_S = 2.0
 #: Time, s, after which a client that takes none of the bytes waiting for it is disconnected.
@@ -37,16 +38,24 @@ class HttpSettings:
     port: int = number(default=8000, minimum=0, maximum=65535, help="port to bind")
     config_writes: bool = flag(default=True, help="whether PUT /config is allowed")
     history: int = number(
-        default=10_000, minimum=100, maximum=1_000_000, help="number of detections kept for GET /detections"
+        default=10_000,
+        minimum=100,
+        maximum=1_000_000,
+        help="number of detections kept for GET /detections",
     )
-    maximum_targets: int = number(default=1_000, minimum=1, maximum=50_000, help="maximum number of targets in the run")
+    maximum_targets: int = number(
+        default=1_000, minimum=1, maximum=50_000, help="maximum number of targets in the run"
+    )
     maximum_tracks: int = number(
         default=1_000,
         minimum=10,
         maximum=100_000,
-        help="number of tracks kept for the page and GET /tracks, the last updated; some 20 KiB each",
+        help="number of tracks kept for the page and GET /tracks, the last updated; some 20 KiB"
+        " each",
     )
-    maximum_viewers: int = number(default=256, minimum=1, maximum=1_000, help="maximum number of clients of the stream")
+    maximum_viewers: int = number(
+        default=256, minimum=1, maximum=1_000, help="maximum number of clients of the stream"
+    )
     writes_per_s: float = number(
         default=20.0,
         unit="1/s",

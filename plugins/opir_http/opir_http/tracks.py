@@ -23,7 +23,8 @@ from opir_core.output import (
 )
 from opir_core.plugin import REPORTED_TYPES, Tracks
 
-#: Maximum number of earlier positions kept of a track; of the older half then every second is removed.
+#: Maximum number of earlier positions kept of a track; of the older half then every second is
+#: removed.
 TRAIL = 96
 
 Document = dict[str, Any]
@@ -42,7 +43,8 @@ class TrackDocuments:
         self.most = most
         self._hypotheses = hypotheses
         self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
-        #: Earlier positions of each track, one after the other: Unix time, µs, latitude and longitude, deg, height, m.
+        #: Earlier positions of each track, one after the other: Unix time, µs, latitude and
+        #: longitude, deg, height, m.
         self._trails: dict[int, array[float]] = {}
 
     def __len__(self) -> int:
@@ -64,7 +66,9 @@ class TrackDocuments:
         return {"tracks": documents}
 
     def latest(self, limit: int, *, trail: bool = False) -> list[Document]:
-        """Return the documents of the tracks updated last, newest first; with their earlier positions if `trail`."""
+        """Return the documents of the tracks updated last, newest first; with their earlier
+        positions if `trail`.
+        """
         newest = list(reversed(tuple(self._documents_by_track.values())))[:limit]
         if not trail:
             return newest
@@ -80,7 +84,9 @@ class TrackDocuments:
         if document["latitude_deg"] is None or document["altitude_m"] is None:
             return
         trail = self._trails.setdefault(document["track_id"], array("d"))
-        trail.extend((time_us, document["latitude_deg"], document["longitude_deg"], document["altitude_m"]))
+        trail.extend(
+            (time_us, document["latitude_deg"], document["longitude_deg"], document["altitude_m"])
+        )
         if len(trail) > 4 * TRAIL:
             rows = np.array(trail).reshape(-1, 4)
             keep = np.ones(len(rows), dtype=bool)
@@ -104,13 +110,19 @@ class TrackDocuments:
             map(msgspec.Raw, region_texts(tracks.impact_regions)),
             _rounded(tracks.probability_burning, 4),
             _rounded(tracks.probability_relights, 4),
-            [dict(zip(REPORTED_TYPES, _rounded(row, 4), strict=True)) for row in tracks.type_probability],
+            [
+                dict(zip(REPORTED_TYPES, _rounded(row, 4), strict=True))
+                for row in tracks.type_probability
+            ],
             map(msgspec.Raw, state_texts(tracks, self._epoch_us)),
             map(msgspec.Raw, burnout_texts(tracks, self._epoch_us)),
         )
         weighed = hypothesis_columns(tracks, self._hypotheses, 4)
         names = (*_NAMES, *weighed)
-        return [dict(zip(names, values, strict=True)) for values in zip(*columns, *weighed.values(), strict=True)]
+        return [
+            dict(zip(names, values, strict=True))
+            for values in zip(*columns, *weighed.values(), strict=True)
+        ]
 
 
 _NAMES = (
@@ -132,4 +144,6 @@ _NAMES = (
 
 
 def _rounded(column: FloatArray, decimals: int) -> list[float | None]:
-    return [value if math.isfinite(value) else None for value in np.round(column, decimals).tolist()]
+    return [
+        value if math.isfinite(value) else None for value in np.round(column, decimals).tolist()
+    ]

@@ -61,12 +61,18 @@ def view_application(replay: Replay) -> Litestar:
         if since_us is None or until_us is None or not 0 <= until_us - since_us <= LONGEST_S * 1e6:
             raise ProblemError(400, f"since and until must be given, at most {LONGEST_S:g} s apart")
         step_s = number_within(given, "step_s", 1.0, *_STEPS_S)
-        found = await asyncio.to_thread(lambda: msgspec.json.encode(replay.part(since_us, until_us, step_s)))
+        found = await asyncio.to_thread(
+            lambda: msgspec.json.encode(replay.part(since_us, until_us, step_s))
+        )
         return Response(found, media_type=_JSON)
 
     return Litestar(
         route_handlers=[*page_routes(view_document()), saved_status, part],
-        exception_handlers={ProblemError: answer_problem, HTTPException: answer_http, Exception: answer_defect},
+        exception_handlers={
+            ProblemError: answer_problem,
+            HTTPException: answer_http,
+            Exception: answer_defect,
+        },
         openapi_config=None,
         logging_config=None,
     )

@@ -14,7 +14,9 @@ from opir_core.live import Progress
 
 @frozen
 class Notifier:
-    """Sends systemd's notifications (sd_notify) as single datagrams; without an address it does nothing."""
+    """Sends systemd's notifications (sd_notify) as single datagrams; without an address it does
+    nothing.
+    """
 
     address: str | None = None
     #: Interval, s, within which systemd expects a notification; None if it does not.
@@ -22,10 +24,16 @@ class Notifier:
 
     @classmethod
     def of(cls, environment: Mapping[str, str] = os.environ) -> "Notifier":
-        """Return the notifier of an environment: `NOTIFY_SOCKET`, `WATCHDOG_USEC` and `WATCHDOG_PID`."""
+        """Return the notifier of an environment: `NOTIFY_SOCKET`, `WATCHDOG_USEC` and
+        `WATCHDOG_PID`.
+        """
         usec = environment.get("WATCHDOG_USEC", "")
         is_ours = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
-        within_s = int(usec) * 1e-6 if is_ours and usec.isascii() and usec.isdigit() and int(usec) > 0 else None
+        within_s = (
+            int(usec) * 1e-6
+            if is_ours and usec.isascii() and usec.isdigit() and int(usec) > 0
+            else None
+        )
         return cls(environment.get("NOTIFY_SOCKET") or None, within_s)
 
     def send(self, message: str) -> None:
@@ -35,7 +43,9 @@ class Notifier:
         # A leading @ stands for the zero byte of an abstract socket.
         address = f"\0{self.address[1:]}" if self.address.startswith("@") else self.address
         try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | getattr(socket, "SOCK_CLOEXEC", 0)) as sending:
+            with socket.socket(
+                socket.AF_UNIX, socket.SOCK_DGRAM | getattr(socket, "SOCK_CLOEXEC", 0)
+            ) as sending:
                 sending.setblocking(False)
                 sending.sendto(message.encode(), address)
         except OSError:
@@ -55,10 +65,12 @@ class WatchedRun(Protocol):
 
 @define(eq=False)
 class RunWatchdog:
-    """A thread that checks a run: it notifies systemd while cycles end, and reports a stuck or failed run once.
+    """A thread that checks a run: it notifies systemd while cycles end, and reports a stuck or
+    failed run once.
 
-    `on_stuck` is called with the reason in the watchdog's thread; None only stops the notifications. It watches its own
-    beat first: after a pause of the process, a run is not called stuck before it had `dead_after_s` again.
+    `on_stuck` is called with the reason in the watchdog's thread; None only stops the
+    notifications. It watches its own beat first: after a pause of the process, a run is not called
+    stuck before it had `dead_after_s` again.
     """
 
     run: WatchedRun

@@ -1,8 +1,9 @@
 """Connections: producers that are started and closed within deadlines.
 
-aiokafka's `start()` fails at once if no broker answers, with the reason only in its log; with idempotence its `stop()`
-and every batch wait for ever for a broker that is gone. So every await here has a deadline, and the tasks that a
-producer leaves in the loop, which belongs to this sink alone, are cancelled.
+aiokafka's `start()` fails at once if no broker answers, with the reason only in its log; with
+idempotence its `stop()` and every batch wait for ever for a broker that is gone. So every await
+here has a deadline, and the tasks that a producer leaves in the loop, which belongs to this sink
+alone, are cancelled.
 """
 
 import asyncio
@@ -29,14 +30,19 @@ _CLOSE_STEP_S = 0.4
 _RETRY_PAUSE_MS = 100
 
 _log = logging.getLogger(__name__)
-# aiokafka logs every failed attempt; without a handler Python would print them into the user's terminal.
+# aiokafka logs every failed attempt; without a handler Python would print them into the user's
+# terminal.
 logging.getLogger("aiokafka").addHandler(logging.NullHandler())
 # At level DEBUG it logs every request, also the login with its password.
-logging.getLogger("aiokafka.conn").addFilter(lambda record: "SaslAuthenticate" not in record.getMessage())
+logging.getLogger("aiokafka.conn").addFilter(
+    lambda record: "SaslAuthenticate" not in record.getMessage()
+)
 
 
 def connector(config: KafkaConfig) -> Connector:
-    """Return a function that connects a producer; `SinkError` if certificates, secrets or codecs are missing."""
+    """Return a function that connects a producer; `SinkError` if certificates, secrets or codecs
+    are missing.
+    """
     _require_codec(config.compression)
     security = _security_arguments(config.security)
 
@@ -90,7 +96,9 @@ async def _by(timeout_s: float, going: Awaitable[Any]) -> None:
 
 
 async def probe(config: KafkaConfig) -> None:
-    """Connect to one broker after the other; raise why none takes the connection, which aiokafka only logs."""
+    """Connect to one broker after the other; raise why none takes the connection, which aiokafka
+    only logs.
+    """
     reason: Exception | None = None
     security = _security_arguments(config.security)
     timeout_ms = round(config.request_timeout_s * 1000)
@@ -98,7 +106,9 @@ async def probe(config: KafkaConfig) -> None:
         host, _, port = server.rpartition(":")
         try:
             async with asyncio.timeout(config.connect_timeout_s):
-                connection = await create_conn(host.strip("[]"), int(port), request_timeout_ms=timeout_ms, **security)
+                connection = await create_conn(
+                    host.strip("[]"), int(port), request_timeout_ms=timeout_ms, **security
+                )
         except Exception as error:
             reason = reason or cause_of(error, is_encrypted="SSL" in config.security.protocol)
         else:
@@ -120,28 +130,47 @@ def _security_arguments(security: SecurityConfig) -> dict[str, Any]:
 
 
 def _tls(security: SecurityConfig) -> ssl.SSLContext:
-    password = security.key_password_variable and _secret(security.key_password_variable, "key_password_variable")
+    password = security.key_password_variable and _secret(
+        security.key_password_variable, "key_password_variable"
+    )
     try:
         context = ssl.create_default_context(cafile=security.ca_file)
         if security.certificate_file is not None:
             # Without a password OpenSSL would ask for one on the terminal.
             context.load_cert_chain(security.certificate_file, security.key_file, password or "")
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or getattr(error, "reason", None) or "they cannot be read"
-        raise SinkError(f"kafka: the certificates of security cannot be used: {str(reason).lower()}") from None
+        reason = (
+            getattr(error, "strerror", None)
+            or getattr(error, "reason", None)
+            or "they cannot be read"
+        )
+        raise SinkError(
+            f"kafka: the certificates of security cannot be used: {str(reason).lower()}"
+        ) from None
     return context
 
 
 def _secret(variable: str | None, key: str) -> str:
     secret = os.environ.get(variable or "")
     if not secret:
-        raise SinkError(f"kafka: the environment variable that security.{key} names is not set; set it to the secret")
+        raise SinkError(
+            f"kafka: the environment variable that security.{key} names is not set; set it to the"
+            f" secret"
+        )
     return secret
 
 
 def _require_codec(compression: str) -> None:
     from aiokafka import codec
 
-    known = {"none": lambda: True, "gzip": codec.has_gzip, "snappy": codec.has_snappy, "lz4": codec.has_lz4}
+    known = {
+        "none": lambda: True,
+        "gzip": codec.has_gzip,
+        "snappy": codec.has_snappy,
+        "lz4": codec.has_lz4,
+    }
     if not known.get(compression, codec.has_zstd)():
-        raise SinkError(f"kafka: {compression} is not installed; python -m pip install 'opir-kafka[compression]'")
+        raise SinkError(
+            f"kafka: {compression} is not installed; python -m pip install"
+            f" 'opir-kafka[compression]'"
+        )

@@ -13,7 +13,9 @@ _SCHEMA_FORMAT = "application/schema+json;version=draft-2020-12"
 
 
 def asyncapi_document() -> dict[str, Any]:
-    """Return the document (AsyncAPI 3.0, https://www.asyncapi.com/docs/reference/specification/v3.0.0)."""
+    """Return the document (AsyncAPI 3.0,
+    https://www.asyncapi.com/docs/reference/specification/v3.0.0).
+    """
     bare = KafkaConfig()
     messages = _messages()
     return {
@@ -21,7 +23,8 @@ def asyncapi_document() -> dict[str, Any]:
         "info": {
             "title": "opir detection events and tracks",
             "version": __version__,
-            "description": "Simulated detections of overhead infrared sensors, and tracks. Each sensor's events are in"
+            "description": "Simulated detections of overhead infrared sensors, and tracks. Each"
+            " sensor's events are in"
             " order, and each track's; a message may arrive twice, with the same bytes.",
             "license": {"name": "Apache-2.0"},
         },
@@ -31,8 +34,10 @@ def asyncapi_document() -> dict[str, Any]:
             "detections": {
                 "address": bare.topic,
                 "servers": [{"$ref": "#/servers/kafka"}],
-                "description": f"One of these, by the output's encoder; default {bare.encoder}. The encoders"
-                " forge-bands and forge-tracks add band irradiances or track states to forge's messages.",
+                "description": f"One of these, by the output's encoder; default {bare.encoder}. The"
+                f" encoders"
+                " forge-bands and forge-tracks add band irradiances or track states to forge's"
+                " messages.",
                 "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in messages},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }
@@ -42,7 +47,9 @@ def asyncapi_document() -> dict[str, Any]:
                 "action": "send",
                 "summary": "opir sends; a fusion pipeline receives.",
                 "channel": {"$ref": "#/channels/detections"},
-                "messages": [{"$ref": f"#/channels/detections/messages/{name}"} for name in messages],
+                "messages": [
+                    {"$ref": f"#/channels/detections/messages/{name}"} for name in messages
+                ],
             }
         },
         "components": {"messages": messages},
@@ -57,7 +64,9 @@ def asyncapi_text() -> str:
 
 
 def _messages() -> dict[str, Any]:
-    """Return the messages of the installed encoders with a schema by name, those with the same schema once."""
+    """Return the messages of the installed encoders with a schema by name, those with the same
+    schema once.
+    """
     host = Host.discover()
     texts: dict[str, EventEncoder] = {}
     for name in host.names(EventEncoder):
@@ -71,7 +80,10 @@ def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any
     version = encoder.build(encoder.config(), EncoderContext(sensors=(), epoch_us=0)).schema_version
     headers = {
         "type": "object",
-        "properties": {"content-type": {"const": "application/json"}, "schema-version": {"const": version}},
+        "properties": {
+            "content-type": {"const": "application/json"},
+            "schema-version": {"const": version},
+        },
         "required": ["content-type", "schema-version"],
     }
     whose = "The track's number" if encoder.encodes_tracks else "The sensor's id"

@@ -1,7 +1,8 @@
 """Errors of Kafka: which are transient and which permanent, and their messages.
 
-The codes are those of the protocol (https://kafka.apache.org/protocol#protocol_error_codes). Unknown errors are
-retried: a retry in vain is reported as the trouble and costs only time, giving up wrongly costs events.
+The codes are those of the protocol (https://kafka.apache.org/protocol#protocol_error_codes).
+Unknown errors are retried: a retry in vain is reported as the trouble and costs only time, giving
+up wrongly costs events.
 """
 
 import ssl
@@ -68,7 +69,8 @@ _REMEDIES = {
     10: "raise the topic's max.message.bytes, or lower batch_bytes",
     18: "raise the broker's segment size, or lower batch_bytes",
     29: "let this login write to the topic, or give another topic",
-    31: "let this login write to the topic (brokers before 2.8 ask for IdempotentWrite on the cluster too)",
+    31: "let this login write to the topic (brokers before 2.8 ask for IdempotentWrite on the"
+    " cluster too)",
     33: "see security.mechanism",
     34: "this listener has no login; see security.protocol and the port",
     58: "see security.username and the variable of its password",
@@ -77,7 +79,8 @@ _REMEDIES = {
 }
 
 
-#: By OpenSSL's code of why a certificate is refused; else `ca_file` is not that of the broker's certificate.
+#: By OpenSSL's code of why a certificate is refused; else `ca_file` is not that of the broker's
+#: certificate.
 _CERTIFICATE_REMEDIES = {
     9: "the broker's certificate is not valid yet, or this clock is wrong",
     10: "renew the broker's certificate",
@@ -108,7 +111,9 @@ class ClosedError(errors.KafkaError):  # type: ignore[misc]
 
 
 def cause_of(error: Exception, *, is_encrypted: bool) -> Exception:
-    """Return why a connection could not be made: aiokafka has only that it is closed, and its cause."""
+    """Return why a connection could not be made: aiokafka has only that it is closed, and its
+    cause.
+    """
     cause = error.__cause__ if isinstance(error, errors.KafkaConnectionError) else None
     if isinstance(cause, ssl.SSLError):
         return cause
@@ -128,13 +133,25 @@ def is_fatal(error: BaseException) -> bool:
 
 #: Messages by the types of errors: the first that fits.
 _MESSAGES = (
-    (TimeoutError | errors.RequestTimedOutError | errors.KafkaTimeoutError, "no answer from {servers} in time"),
+    (
+        TimeoutError | errors.RequestTimedOutError | errors.KafkaTimeoutError,
+        "no answer from {servers} in time",
+    ),
     (SmallerBatchesError, "{servers} refuses a batch as too large; sending smaller ones"),
-    (TlsExpectedError, "{servers} speaks TLS; see security.protocol: SSL, or SASL_SSL with a login"),
-    (NoTlsError, "{servers} closes encrypted connections at their start; see security.protocol and the port"),
+    (
+        TlsExpectedError,
+        "{servers} speaks TLS; see security.protocol: SSL, or SASL_SSL with a login",
+    ),
+    (
+        NoTlsError,
+        "{servers} closes encrypted connections at their start; see security.protocol and the port",
+    ),
     (
         ClosedError,
-        "{servers} answers and then closes the connection, perhaps for want of a login; see security.protocol",
+        (
+            "{servers} answers and then closes the connection, perhaps for want of a login; see"
+            " security.protocol"
+        ),
     ),
     (
         errors.AuthenticationFailedError,
@@ -157,7 +174,9 @@ def words(error: BaseException, servers: str) -> str:
     message = next((message for types, message in _MESSAGES if isinstance(error, types)), None)
     if message is not None:
         return message.format(servers=servers)
-    return _answer_words(error, servers) if _is_answer(error) else f"{servers}: {type(error).__name__}"
+    return (
+        _answer_words(error, servers) if _is_answer(error) else f"{servers}: {type(error).__name__}"
+    )
 
 
 def _answer_words(error: BaseException, servers: str) -> str:
@@ -169,7 +188,8 @@ def _answer_words(error: BaseException, servers: str) -> str:
 def _tls_words(error: ssl.SSLError, servers: str) -> str:
     if _is_client_refused(error):
         return (
-            f"{servers} refuses the client's certificate, or that there is none ({error.reason}); see"
+            f"{servers} refuses the client's certificate, or that there is none ({error.reason});"
+            f" see"
             " security.certificate_file and security.key_file"
         )
     if isinstance(error, ssl.SSLCertVerificationError):
@@ -182,7 +202,9 @@ def _tls_words(error: ssl.SSLError, servers: str) -> str:
 
 
 def _is_client_refused(error: BaseException) -> bool:
-    """Return whether an error is the broker's alert about the client's certificate (RFC 8446, section 6.2)."""
+    """Return whether an error is the broker's alert about the client's certificate (RFC 8446,
+    section 6.2).
+    """
     reason = (error.reason or "") if isinstance(error, ssl.SSLError) else ""
     return "_ALERT_" in reason and ("CERTIFICATE" in reason or "UNKNOWN_CA" in reason)
 

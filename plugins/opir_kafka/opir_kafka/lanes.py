@@ -1,7 +1,8 @@
 """Lanes: the queued messages of a partition, sent in order, one batch at a time.
 
-A batch is sent after the acknowledgement of the one before. After an error no later message has been sent, so a new
-connection starts where the old one stopped, and the first arrivals of each sensor's events are in order.
+A batch is sent after the acknowledgement of the one before. After an error no later message has
+been sent, so a new connection starts where the old one stopped, and the first arrivals of each
+sensor's events are in order.
 """
 
 import asyncio
@@ -19,10 +20,11 @@ Rows = list[int]
 
 
 class Shipment:
-    """A batch that is being sent: its messages, those not yet acknowledged, and the future of the whole batch.
+    """A batch that is being sent: its messages, those not yet acknowledged, and the future of the
+    whole batch.
 
-    It drops its messages once all are acknowledged: a closed connection is a reference cycle that holds its last
-    shipments until the next garbage collection.
+    It drops its messages once all are acknowledged: a closed connection is a reference cycle that
+    holds its last shipments until the next garbage collection.
     """
 
     def __init__(self, batch: Batch, future: "Future[None]") -> None:
@@ -43,7 +45,10 @@ class Shipment:
         rows = {int(each): np.flatnonzero(of_row == each).tolist() for each in np.unique(of_key)}
         if len(self._open_rows) == len(self._messages):
             return rows
-        left = {each: [row for row in all_rows if row in self._open_rows] for each, all_rows in rows.items()}
+        left = {
+            each: [row for row in all_rows if row in self._open_rows]
+            for each, all_rows in rows.items()
+        }
         return {each: open_rows for each, open_rows in left.items() if open_rows}
 
     def put(self, batch: Any, rows: Rows) -> int:
@@ -54,7 +59,10 @@ class Shipment:
         headers = self._headers
         append = batch.append
         for place, row in enumerate(rows):
-            if append(timestamp=None, key=keys[key_of[row]], value=messages[row], headers=headers) is None:
+            if (
+                append(timestamp=None, key=keys[key_of[row]], value=messages[row], headers=headers)
+                is None
+            ):
                 return place
         return len(rows)
 
@@ -89,7 +97,9 @@ class Lane:
         self.has_messages.set()
 
     def fill(self, batch: Any, most: int = sys.maxsize) -> list[tuple[Shipment, Rows]]:
-        """Move as many messages as fit into aiokafka's batch, at most `most`; return their shipments and rows."""
+        """Move as many messages as fit into aiokafka's batch, at most `most`; return their
+        shipments and rows.
+        """
         moved = []
         while self._queue:
             shipment, rows = self._queue.popleft()

@@ -33,6 +33,8 @@ def opir_add_commands(commands: Any) -> None:
     """Add `opir spool`, for the spool of any output."""
     from opir_kafka.spool import spool, spool_arguments
 
-    parser = commands.add_parser("spool", help="check the spool of an output, or salvage a damaged one")
+    parser = commands.add_parser(
+        "spool", help="check the spool of an output, or salvage a damaged one"
+    )
     spool_arguments(parser)
     parser.set_defaults(run=spool)

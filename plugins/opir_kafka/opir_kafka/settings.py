@@ -11,7 +11,8 @@ _ADDRESS = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 _TOPIC = re.compile(r"[A-Za-z0-9._-]{1,249}")
 _VARIABLE = re.compile(r"[A-Z_][A-Z0-9_]*")
 _NOT_A_VARIABLE = (
-    "a variable is named in capitals, digits and _; put the secret into the environment and write the name of its"
+    "a variable is named in capitals, digits and _; put the secret into the environment and write"
+    " the name of its"
     " variable here, never the secret"
 )
 _HIGHEST_PORT = 65_535
@@ -24,7 +25,9 @@ SASL_TLS = "SASL_SSL"
 
 @frozen(kw_only=True)
 class SecurityConfig:
-    """Encryption and login. Secrets come from environment variables; a scene has only the variables' names."""
+    """Encryption and login. Secrets come from environment variables; a scene has only the
+    variables' names.
+    """
 
     protocol: str = text(
         default=PLAIN_TEXT,
@@ -35,8 +38,12 @@ class SecurityConfig:
     ca_file: str | None = text(
         default=None, help="file of trusted certificates (PEM); by default the system's", source=""
     )
-    certificate_file: str | None = text(default=None, help="certificate of the client (PEM)", source="")
-    key_file: str | None = text(default=None, help="private key of the client's certificate (PEM)", source="")
+    certificate_file: str | None = text(
+        default=None, help="certificate of the client (PEM)", source=""
+    )
+    key_file: str | None = text(
+        default=None, help="private key of the client's certificate (PEM)", source=""
+    )
     key_password_variable: str | None = text(
         default=None, help="environment variable with the password of the key", source=""
     )
@@ -92,13 +99,16 @@ class KafkaConfig:
     """Broker, topic, batches and timeouts. All replicas acknowledge; the producer is idempotent."""
 
     bootstrap_servers: str = nested(
-        default="localhost:9092", check=_servers_complaint, help="initial brokers, host:port,host:port"
+        default="localhost:9092",
+        check=_servers_complaint,
+        help="initial brokers, host:port,host:port",
     )
     topic: str = nested(
         default="forge.sensors.raw",
         check=_topic_complaint,
         source="opir-simulator paper (2026)",
-        help="topic; the key of a message is its sensor's id (of a track, its number), so these keep their order",
+        help="topic; the key of a message is its sensor's id (of a track, its number), so these"
+        " keep their order",
     )
     encoder: str = text(help="event encoder of the messages", default="forge")
     compression: str = text(
@@ -107,7 +117,11 @@ class KafkaConfig:
         help="compression of batches; snappy, lz4 and zstd need opir-kafka[compression]",
     )
     batch_bytes: int = number(
-        default=1 << 17, unit="bytes", minimum=1 << 10, maximum=1 << 20, help="maximum size of a batch"
+        default=1 << 17,
+        unit="bytes",
+        minimum=1 << 10,
+        maximum=1 << 20,
+        help="maximum size of a batch",
     )
     client_id: str = text(default="opir", help="name of this client in the broker's logs")
     connect_timeout_s: float = number(
@@ -118,20 +132,30 @@ class KafkaConfig:
         help="timeout of a connection attempt",
     )
     request_timeout_s: float = number(
-        default=10.0, unit="s", minimum=0.1, maximum=600.0, help="timeout of a request to the broker"
+        default=10.0,
+        unit="s",
+        minimum=0.1,
+        maximum=600.0,
+        help="timeout of a request to the broker",
     )
     acknowledgement_timeout_s: float = number(
         default=30.0,
         unit="s",
         minimum=0.1,
         maximum=3600.0,
-        help="time without acknowledgement, retries included, after which a batch is sent on a new connection",
+        help="time without acknowledgement, retries included, after which a batch is sent on a new"
+        " connection",
     )
     longest_pause_s: float = number(
-        default=5.0, unit="s", minimum=0.05, maximum=600.0, help="longest pause between two connection attempts"
+        default=5.0,
+        unit="s",
+        minimum=0.05,
+        maximum=600.0,
+        help="longest pause between two connection attempts",
     )
     security: SecurityConfig = nested(
-        default=Factory(SecurityConfig), help="encryption and login; secrets come from the environment"
+        default=Factory(SecurityConfig),
+        help="encryption and login; secrets come from the environment",
     )
 
     @property
@@ -140,7 +164,9 @@ class KafkaConfig:
         return tuple(server.strip() for server in self.bootstrap_servers.split(","))
 
     def pauses_s(self) -> list[float]:
-        """Return the pauses between connection attempts, s: each twice the one before, up to the longest."""
+        """Return the pauses between connection attempts, s: each twice the one before, up to the
+        longest.
+        """
         pauses = [0.05]
         while pauses[-1] < self.longest_pause_s:
             pauses.append(min(2.0 * pauses[-1], self.longest_pause_s))

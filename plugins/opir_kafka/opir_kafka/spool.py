@@ -1,4 +1,6 @@
-"""`opir spool check` says what of a spool is whole, `opir spool salvage` makes a new one of what is."""
+"""`opir spool check` says what of a spool is whole, `opir spool salvage` makes a new one of what
+is.
+"""
 
 import argparse
 import json
@@ -14,8 +16,12 @@ _DAMAGED = 5
 
 def spool_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to do, and the path."""
-    parser.add_argument("action", choices=("check", "salvage"), help="tell what is whole, or make a new spool of it")
-    parser.add_argument("path", metavar="PATH", help="the spool, as in `spool: {path: PATH}`; no process may use it")
+    parser.add_argument(
+        "action", choices=("check", "salvage"), help="tell what is whole, or make a new spool of it"
+    )
+    parser.add_argument(
+        "path", metavar="PATH", help="the spool, as in `spool: {path: PATH}`; no process may use it"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -28,7 +34,11 @@ def spool(arguments: argparse.Namespace) -> int:
     done = salvage(arguments.path)
     if done is None:
         state = spool_state(arguments.path)
-        _print(arguments, {"whole": True, **asdict(state)}, f"{_text(arguments.path, state)}; nothing was changed")
+        _print(
+            arguments,
+            {"whole": True, **asdict(state)},
+            f"{_text(arguments.path, state)}; nothing was changed",
+        )
     else:
         report = {"whole": False, **asdict(done.state), "aside": str(done.aside)}
         _print(arguments, report, f"the spool {arguments.path}: {done}")
@@ -44,7 +54,10 @@ def _text(path: str, state: SpoolState) -> str:
     if not state.damaged:
         return f"{head}; the file is damaged elsewhere, so it cannot be written to: salvage it"
     numbers = ", ".join(map(str, state.damaged[:10])) + (", ..." if len(state.damaged) > 10 else "")
-    return f"{head}; {len(state.damaged)} batches are damaged ({numbers}), with at least {state.lost_events} events"
+    return (
+        f"{head}; {len(state.damaged)} batches are damaged ({numbers}), with at least"
+        f" {state.lost_events} events"
+    )
 
 
 def _print(arguments: argparse.Namespace, plain: dict[str, Any], text: str) -> None:

@@ -1,4 +1,6 @@
-"""The Kafka transport: a thread with an event loop that keeps a connection open and sends batches over it."""
+"""The Kafka transport: a thread with an event loop that keeps a connection open and sends batches
+over it.
+"""
 
 import asyncio
 import itertools
@@ -22,17 +24,20 @@ from opir_kafka.settings import KafkaConfig
 
 _log = logging.getLogger(__name__)
 
-#: Time, s, without an acknowledgement before the first look for the reason, and the longest between two looks.
+#: Time, s, without an acknowledgement before the first look for the reason, and the longest between
+#: two looks.
 _PATIENCE_S = 1.0
 _LONGEST_PATIENCE_S = 8.0
 
 
 class KafkaTransport(Transport):
-    """Sends batches to a topic: each sensor's events in order; a batch is acknowledged when all replicas have it.
+    """Sends batches to a topic: each sensor's events in order; a batch is acknowledged when all
+    replicas have it.
 
-    Transient errors are retried for ever, on a new connection if the state of the old one is unknown; a permanent error
-    fails every batch, those to come too, until `retry`. A batch that is too large for the topic is sent in halves, down
-    to single messages. All state except `trouble` belongs to the loop's thread.
+    Transient errors are retried for ever, on a new connection if the state of the old one is
+    unknown; a permanent error fails every batch, those to come too, until `retry`. A batch that is
+    too large for the topic is sent in halves, down to single messages. All state except `trouble`
+    belongs to the loop's thread.
     """
 
     def __init__(self, config: KafkaConfig, connect: Connector) -> None:
@@ -56,7 +61,9 @@ class KafkaTransport(Transport):
         self._thread.start()
 
     def send(self, batch: Batch) -> "Future[None]":
-        """Send a batch; the future is done when all events are acknowledged, or has the permanent error."""
+        """Send a batch; the future is done when all events are acknowledged, or has the permanent
+        error.
+        """
         future: Future[None] = Future()
         self._loop.call_soon_threadsafe(self._accept, batch, future)
         return future
@@ -107,7 +114,9 @@ class KafkaTransport(Transport):
             self._lanes[partition].add(shipment, rows)
 
     async def _serve(self) -> None:
-        """Connect again after each transient error, and after a permanent one on request, until closed."""
+        """Connect again after each transient error, and after a permanent one on request, until
+        closed.
+        """
         while True:
             try:
                 await self._one_connection()
@@ -140,7 +149,9 @@ class KafkaTransport(Transport):
         self._shipments.clear()
 
     async def _one_connection(self) -> None:
-        """Connect, send all unacknowledged and new messages; raise the error that ends the connection."""
+        """Connect, send all unacknowledged and new messages; raise the error that ends the
+        connection.
+        """
         producer = await self._connect()
         tasks: list[asyncio.Task[None]] = []
         try:
@@ -160,7 +171,9 @@ class KafkaTransport(Transport):
             await asyncio.gather(*tasks, return_exceptions=True)
             await close_producer(producer)
 
-    async def _partitioning(self, producer: AIOKafkaProducer) -> tuple[list[int], Callable[[bytes], int]]:
+    async def _partitioning(
+        self, producer: AIOKafkaProducer
+    ) -> tuple[list[int], Callable[[bytes], int]]:
         """Return the topic's partitions, and the partition of a key by Kafka's default rule."""
         async with asyncio.timeout(self._config.connect_timeout_s):
             partitions = sorted(await producer.partitions_for(self._config.topic))
@@ -174,7 +187,9 @@ class KafkaTransport(Transport):
             self._distribute(shipment)
 
     async def _send(self, producer: AIOKafkaProducer, partition: int, lane: Lane) -> None:
-        """Send the messages of a lane, one batch at a time; the next is made after the acknowledgement."""
+        """Send the messages of a lane, one batch at a time; the next is made after the
+        acknowledgement.
+        """
         timeout_s = self._config.acknowledgement_timeout_s
         while True:
             await lane.has_messages.wait()  # the only wait without a deadline
@@ -183,7 +198,9 @@ class KafkaTransport(Transport):
             batch.close()
             try:
                 async with asyncio.timeout(timeout_s):
-                    await self._explained(await producer.send_batch(batch, self._config.topic, partition=partition))
+                    await self._explained(
+                        await producer.send_batch(batch, self._config.topic, partition=partition)
+                    )
             except TOO_LARGE:
                 count = sum(len(rows) for _, rows in sent)
                 if count == 1:

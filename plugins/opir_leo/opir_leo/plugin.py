@@ -1,4 +1,6 @@
-"""The sensor models `LEO-WIDE` and `LEO-MEDIUM` of a low tracking layer, and notional Walker patterns of them."""
+"""The sensor models `LEO-WIDE` and `LEO-MEDIUM` of a low tracking layer, and notional Walker
+patterns of them.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -16,16 +18,30 @@ from opir_core.plugin import (
 )
 
 #: Notional; Walker delta patterns, which `walker_pattern` of opir_core.orbits cites.
-NOTIONAL_WIDE_PATTERN = {"total": 24, "planes": 6, "phasing": 1, "altitude_km": 1200.0, "inclination_deg": 60.0}
-NOTIONAL_MEDIUM_PATTERN = {"total": 12, "planes": 3, "phasing": 1, "altitude_km": 1200.0, "inclination_deg": 60.0}
+NOTIONAL_WIDE_PATTERN = {
+    "total": 24,
+    "planes": 6,
+    "phasing": 1,
+    "altitude_km": 1200.0,
+    "inclination_deg": 60.0,
+}
+NOTIONAL_MEDIUM_PATTERN = {
+    "total": 12,
+    "planes": 3,
+    "phasing": 1,
+    "altitude_km": 1200.0,
+    "inclination_deg": 60.0,
+}
 
 LIMB_AND_SPACE = (
-    "the Earth's disk from 1200 km, asin(6378.137 / 7578.137) = 57.3 deg, and a notional margin of 9.7 deg, in which"
+    "the Earth's disk from 1200 km, asin(6378.137 / 7578.137) = 57.3 deg, and a notional margin of"
+    " 9.7 deg, in which"
     " targets stand against space up to 600 km above the limb"
 )
 
 UP_TO_SPACE = (
-    "notional: from nadir to 20 deg above the satellite's horizon, so that bodies higher than it stand against space"
+    "notional: from nadir to 20 deg above the satellite's horizon, so that bodies higher than it"
+    " stand against space"
 )
 
 #: Ranges of hundreds to a few thousand kilometres: notional, better than from 36 000 km.
@@ -96,7 +112,9 @@ class WideConfig(ScanningSensorConfig):
     ifov_urad=50.0,
     threshold_sigma=7.0,
     false_alarm_susceptibility="low",
-    spectral_discrimination=cited("likelihood", "a warm body shows in LWIR alone: then MWIR weighs nothing"),
+    spectral_discrimination=cited(
+        "likelihood", "a warm body shows in LWIR alone: then MWIR weighs nothing"
+    ),
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_MEDIUM_FOCAL_PLANE),
 )
@@ -109,14 +127,19 @@ def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor models `LEO-WIDE` and `LEO-MEDIUM`."""
     summary = "wide-field stare at the disk and the limb below a low orbit, for plumes"
     yield scanning_model("LEO-WIDE", summary, WideConfig)
-    summary = "medium-field, finer stare of mid and long waves from a low orbit, for plumes and warm bodies"
+    summary = (
+        "medium-field, finer stare of mid and long waves from a low orbit, for plumes and warm"
+        " bodies"
+    )
     yield scanning_model("LEO-MEDIUM", summary, MediumConfig)
 
 
 def _walker_fleet(model: str, summary: str, pattern: Mapping[str, Any]) -> Constellation:
-    """Return the constellation with the name of its sensor model: satellites MODEL-01, ... of a Walker pattern.
+    """Return the constellation with the name of its sensor model: satellites MODEL-01, ... of a
+    Walker pattern.
 
-    `pattern` holds the settings of `orbit: walker` that the satellites share; the first ascending node is at 0 deg.
+    `pattern` holds the settings of `orbit: walker` that the satellites share; the first ascending
+    node is at 0 deg.
     """
     satellites = [
         {

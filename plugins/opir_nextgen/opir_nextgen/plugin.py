@@ -1,4 +1,6 @@
-"""The sensor model `NEXTGEN-GEO`, the projected three-band staring array of the paper, and a notional fleet."""
+"""The sensor model `NEXTGEN-GEO`, the projected three-band staring array of the paper, and a
+notional fleet.
+"""
 
 from collections.abc import Iterable
 
@@ -27,9 +29,13 @@ NOTIONAL_CONFUSION = {
     "SRBM": {"ICBM": 0.005, "IRBM": 0.025, "SRBM": 0.95, "UNKNOWN": 0.02},
 }
 
-#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1), and the rule over bands
-#: and the threshold of sections 3.4 and 2.4.
-PAPER_PRESET = {"scan_phase": "aligned", "spectral_discrimination": "triple-coincidence", "threshold_sigma": 5.0}
+#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1), and
+#: the rule over bands and the threshold of sections 3.4 and 2.4.
+PAPER_PRESET = {
+    "scan_phase": "aligned",
+    "spectral_discrimination": "triple-coincidence",
+    "threshold_sigma": 5.0,
+}
 
 
 #: Notional.
@@ -52,7 +58,9 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0), "LWIR": (8.0, 12.0)}, PAPER),
     scan_pattern=cited("staring", PAPER),
     scan_period_ms=cited(50.0, PAPER),
-    detection_probability=cited({"ICBM": 0.95, "IRBM": 0.92, "SRBM": 0.85}, f"ICBM: {PAPER}; IRBM, SRBM: notional"),
+    detection_probability=cited(
+        {"ICBM": 0.95, "IRBM": 0.92, "SRBM": 0.85}, f"ICBM: {PAPER}; IRBM, SRBM: notional"
+    ),
     line_of_sight_sigma_urad=10.0,
     ifov_urad=14.0,
     band_focal_plane={
@@ -64,7 +72,9 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     plausible_ratios={"SWIR": (0.25, 2.4), "LWIR": (0.005, 0.3)},
     false_alarm_susceptibility=cited("low", PAPER),
     spectral_discrimination=cited(
-        "likelihood", "no band is a veto; preset paper: triple-coincidence, opir-simulator paper (2026), section 3.4"
+        "likelihood",
+        "no band is a veto; preset paper: triple-coincidence, opir-simulator paper (2026), section"
+        " 3.4",
     ),
     threshold_sigma=cited(5.75, "notional: about one false alarm of noise reported a day"),
     confusion=NOTIONAL_CONFUSION,

@@ -1,4 +1,6 @@
-"""The paper "OPIR Sensor Simulation for Missile Warning" (opir-simulator v0.1.0, April 2026), checked by figure."""
+"""The paper "OPIR Sensor Simulation for Missile Warning" (opir-simulator v0.1.0, April 2026),
+checked by figure.
+"""
 
 from opir_core.doors import door
 

@@ -12,7 +12,9 @@ _ARCS = (("ICBM", (-50.0, -60.0)), ("SRBM", (9.5, -100.0)))
 
 
 def j2_shifts_km() -> tuple[float, float]:
-    """Return how far J2 moves the impacts of burnout states of two-body flights of a long and of a short range, km."""
+    """Return how far J2 moves the impacts of burnout states of two-body flights of a long and of a
+    short range, km.
+    """
     shifts_km = []
     for kind, (lat_deg, lon_deg) in _ARCS:
         plain = dict(scene(1))
@@ -20,7 +22,9 @@ def j2_shifts_km() -> tuple[float, float]:
         aim = {"lat_deg": lat_deg, "lon_deg": lon_deg}
         plain["targets"] = [{"id": "T", "type": kind, "launch": target["launch"], "aim": aim}]
         (flown,) = opir.compile_plan(opir.scene_from_mapping(plain)).targets.truth()
-        position, velocity = (np.array([flown["burnout"][name]]) for name in ("position_ecef_m", "velocity_ecef_m_s"))
+        position, velocity = (
+            np.array([flown["burnout"][name]]) for name in ("position_ecef_m", "velocity_ecef_m_s")
+        )
         inertial = ecef_to_eci_state(position, velocity, 0.0)
         points_m = [impact(*inertial, forces="kepler")[1], impact(*inertial)[1]]
         shifts_km.append(1e-3 * float(np.linalg.norm(points_m[1] - points_m[0])))

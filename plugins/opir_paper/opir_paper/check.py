@@ -5,7 +5,8 @@ from attrs import frozen
 from opir_paper.printed import Printed, figure_text
 from opir_paper.simulated import Simulated
 
-#: Of a check: the printed figure follows from the formulas; it does not; it is taken over as a default.
+#: Of a check: the printed figure follows from the formulas; it does not; it is taken over as a
+#: default.
 HOLDS = "holds"
 CORRECTED = "corrected"
 TAKEN_OVER = "taken over"
@@ -17,7 +18,9 @@ STATED = {"DSP": ("200", "0.60"), "SBIRS-GEO": ("100", "0.80"), "NEXTGEN-GEO": (
 
 @frozen
 class Check:
-    """A figure of the paper as texts: what is printed, what the formulas give, what is simulated, and a verdict."""
+    """A figure of the paper as texts: what is printed, what the formulas give, what is simulated,
+    and a verdict.
+    """
 
     section: str
     quantity: str
@@ -40,7 +43,9 @@ def checked(
     simulated: Simulated | None = None,
     digits: int = 4,
 ) -> Check:
-    """Return the check of a printed figure against the value of its formula, and of that against a simulation."""
+    """Return the check of a printed figure against the value of its formula, and of that against a
+    simulation.
+    """
     verdict = HOLDS if printed.covers(value) else CORRECTED
     if simulated is not None and not simulated.holds(value):
         verdict = NOT_REPRODUCED

@@ -1,4 +1,6 @@
-"""`opir paper`: tables, plain data or a page of the paper's figures, or the scene that is simulated."""
+"""`opir paper`: tables, plain data or a page of the paper's figures, or the scene that is
+simulated.
+"""
 
 import argparse
 import json
@@ -56,7 +58,10 @@ def paper(arguments: argparse.Namespace) -> int:
         text = _page(found, arguments.seed)
     else:
         rows = [check.cells() for check in found]
-        text = f"{table(_HEAD, rows)}\n\n{summary(found)} Words and reasons: opir paper --html > paper.html"
+        text = (
+            f"{table(_HEAD, rows)}\n\n{summary(found)} Words and reasons: opir paper --html >"
+            f" paper.html"
+        )
     sys.stdout.write(text + "\n")
     return int(any(check.verdict == NOT_REPRODUCED for check in found))
 
@@ -64,7 +69,11 @@ def paper(arguments: argparse.Namespace) -> int:
 def summary(found: Sequence[Check]) -> str:
     """Return how many figures have which verdict, in a sentence."""
     number = {verdict: sum(check.verdict == verdict for check in found) for verdict in _VERDICTS}
-    parts = [f"{count} {'hold' if verdict == HOLDS else verdict}" for verdict, count in number.items() if count]
+    parts = [
+        f"{count} {'hold' if verdict == HOLDS else verdict}"
+        for verdict, count in number.items()
+        if count
+    ]
     return f"{len(found)} figures: {', '.join(parts)}."
 
 
@@ -73,7 +82,9 @@ _VERDICTS = (HOLDS, CORRECTED, TAKEN_OVER, NOT_REPRODUCED)
 
 def _page(found: Sequence[Check], seed: int) -> str:
     figures = _html_table(_HEAD, [check.cells() for check in found])
-    words = _html_table(_ERRATA_HEAD, [tuple(map(_plain, erratum.values())) for erratum in errata()])
+    words = _html_table(
+        _ERRATA_HEAD, [tuple(map(_plain, erratum.values())) for erratum in errata()]
+    )
     return _PAGE.format(summary=summary(found), seed=seed, figures=figures, errata=words)
 
 
@@ -87,6 +98,8 @@ def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     for row in rows:
         cells = "".join(f"<td>{escape(cell)}</td>" for cell in row)
         lines.append(
-            f'<tr class="{escape(row[-1].split()[-1].lower())}">{cells}</tr>' if head is _HEAD else f"<tr>{cells}</tr>"
+            f'<tr class="{escape(row[-1].split()[-1].lower())}">{cells}</tr>'
+            if head is _HEAD
+            else f"<tr>{cells}</tr>"
         )
     return "<table>\n" + "\n".join(lines) + "\n</table>"

@@ -1,4 +1,6 @@
-"""The figures of the paper, one by one: as printed, by the paper's own formulas, and as opir simulates them now."""
+"""The figures of the paper, one by one: as printed, by the paper's own formulas, and as opir
+simulates them now.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -14,7 +16,11 @@ from opir_paper.printed import Printed, above, below, between, rounded
 from opir_paper.sensor_checks import intensities, stated
 from opir_paper.simulated import SENSORS, BoostCounts, Simulated, boost_counts, first_scans, scene
 
-_LATENCIES = {"DSP": ("0.33", "0.80"), "SBIRS-GEO": ("0.125", "0.30"), "NEXTGEN-GEO": ("0.053", "0.13")}
+_LATENCIES = {
+    "DSP": ("0.33", "0.80"),
+    "SBIRS-GEO": ("0.125", "0.30"),
+    "NEXTGEN-GEO": ("0.053", "0.13"),
+}
 _LOOKS = {"DSP": "1500", "SBIRS-GEO": "3000", "NEXTGEN-GEO": "6000"}
 
 
@@ -27,7 +33,9 @@ def checks(seed: int = 1) -> Sequence[Check]:
     """
     scans = first_scans(seed)
     counts = boost_counts(seed)
-    sensors = dict(zip(SENSORS, opir.compile_plan(opir.scene_from_mapping(scene(seed))).sensors, strict=True))
+    sensors = dict(
+        zip(SENSORS, opir.compile_plan(opir.scene_from_mapping(scene(seed))).sensors, strict=True)
+    )
     return [
         *intensities(sensors),
         *stated(sensors),
@@ -45,10 +53,23 @@ def _looks(counts: BoostCounts) -> Iterator[Check]:
         looks = counts.looks[name]
         planned = Simulated(looks, looks, looks)
         formula = 300.0 / (float(STATED[name][0]) * 1e-3)
-        yield checked("4.1", f"{name}: looks in a boost of 300 s", rounded(_LOOKS[name]), formula, simulated=planned)
+        yield checked(
+            "4.1",
+            f"{name}: looks in a boost of 300 s",
+            rounded(_LOOKS[name]),
+            formula,
+            simulated=planned,
+        )
     for name in SENSORS:
         printed = STATED[name][1]
-        yield checked("4.2", f"{name}: P_d of a look", rounded(printed), float(printed), "", counts.detected[name])
+        yield checked(
+            "4.2",
+            f"{name}: P_d of a look",
+            rounded(printed),
+            float(printed),
+            "",
+            counts.detected[name],
+        )
 
 
 def _cumulative(scans: Mapping[str, np.ndarray]) -> Iterator[Check]:
@@ -67,7 +88,9 @@ def _cumulative(scans: Mapping[str, np.ndarray]) -> Iterator[Check]:
         period_ms, probability = STATED[name]
         chance = float(cumulative_probability(float(probability), int(3e5 / float(period_ms))))
         quantity = f"{name}: P(detected) within a boost of 300 s"
-        yield checked("4.2", quantity, above("0.999999999", text='"approaches unity"'), chance, digits=10)
+        yield checked(
+            "4.2", quantity, above("0.999999999", text='"approaches unity"'), chance, digits=10
+        )
 
 
 def _confidences(counts: BoostCounts) -> Iterator[Check]:
@@ -79,7 +102,14 @@ def _confidences(counts: BoostCounts) -> Iterator[Check]:
         first, most = counts.confidence[name]
         quantity = f"{name}: confidence, first and largest of a boost"
         verdict = HOLDS if 0.0 <= first <= most <= 1.0 else NOT_REPRODUCED
-        yield Check("4.3", quantity, inside.text, "count term at most 1", f"{first:.3f}, {most:.3f}", verdict)
+        yield Check(
+            "4.3",
+            quantity,
+            inside.text,
+            "count term at most 1",
+            f"{first:.3f}, {most:.3f}",
+            verdict,
+        )
 
 
 def _latencies(scans: Mapping[str, np.ndarray]) -> Iterator[Check]:
@@ -94,7 +124,9 @@ def _latencies(scans: Mapping[str, np.ndarray]) -> Iterator[Check]:
             else:
                 value = float(latency_quantile(0.95, period_s, chance))
                 seen = _quantile(scans[name], period_s)
-            yield checked("5.1", f"{name}: {what} latency", rounded(_LATENCIES[name][place]), value, "s", seen)
+            yield checked(
+                "5.1", f"{name}: {what} latency", rounded(_LATENCIES[name][place]), value, "s", seen
+            )
 
 
 def _quantile(scans: np.ndarray, period_s: float) -> Simulated:
@@ -102,7 +134,9 @@ def _quantile(scans: np.ndarray, period_s: float) -> Simulated:
     ordered = np.sort(scans) * period_s
     count = len(scans)
     half = 3.2905 * (0.95 * 0.05 * count) ** 0.5
-    low, middle, high = (min(int(np.ceil(0.95 * count + shift)), count) - 1 for shift in (-half, 0.0, half))
+    low, middle, high = (
+        min(int(np.ceil(0.95 * count + shift)), count) - 1 for shift in (-half, 0.0, half)
+    )
     return Simulated(*(float(ordered[rank]) for rank in (middle, low, high)))
 
 
@@ -114,11 +148,19 @@ def _impacts() -> Iterator[Check]:
         ("at mid-boost", 0.5, between('"tens"', 10.0, 100.0)),
     ):
         sigma_km = 1e-3 * law.sigma_0_m * float(np.exp(-law.convergence * share))
-        yield checked("5.2", f"σ of the impact {when}, k = {law.convergence:g}", printed, sigma_km, "km", digits=3)
+        yield checked(
+            "5.2",
+            f"σ of the impact {when}, k = {law.convergence:g}",
+            printed,
+            sigma_km,
+            "km",
+            digits=3,
+        )
     far_km, near_km = j2_shifts_km()
     yield checked(
         "5.3",
-        f"J2 moves an impact by {far_km:.3g} km at 9 000 km range, {near_km:.2g} km at 500 km: ratio",
+        f"J2 moves an impact by {far_km:.3g} km at 9 000 km range, {near_km:.2g} km at 500 km:"
+        f" ratio",
         below("1", text='"second-order" far, "significant" near'),
         far_km / near_km,
         digits=3,
@@ -139,11 +181,24 @@ def _validation(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
         35.0 + mean_s[dsp],
         "s",
     )
-    yield checked("8.2", "SBIRS-GEO: mean latency", Printed("0.000125", 1.245e-4, 1.255e-4), mean_s[sbirs], "s")
     yield checked(
-        "8.2", "P_d, SBIRS-GEO over DSP", rounded("33"), 100.0 * (chance[sbirs] / chance[dsp] - 1.0), "%", digits=3
+        "8.2",
+        "SBIRS-GEO: mean latency",
+        Printed("0.000125", 1.245e-4, 1.255e-4),
+        mean_s[sbirs],
+        "s",
     )
-    yield checked("8.2", "latency, DSP over SBIRS-GEO", rounded("2.6"), mean_s[dsp] / mean_s[sbirs], digits=3)
+    yield checked(
+        "8.2",
+        "P_d, SBIRS-GEO over DSP",
+        rounded("33"),
+        100.0 * (chance[sbirs] / chance[dsp] - 1.0),
+        "%",
+        digits=3,
+    )
+    yield checked(
+        "8.2", "latency, DSP over SBIRS-GEO", rounded("2.6"), mean_s[dsp] / mean_s[sbirs], digits=3
+    )
     yield checked(
         "8.3",
         "P_d, NEXTGEN-GEO over SBIRS-GEO",
@@ -152,7 +207,12 @@ def _validation(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
         "%",
         digits=3,
     )
-    yield checked("8.3", "scan rate, NEXTGEN-GEO over SBIRS-GEO", rounded("2"), period[sbirs] / period[nextgen])
+    yield checked(
+        "8.3",
+        "scan rate, NEXTGEN-GEO over SBIRS-GEO",
+        rounded("2"),
+        period[sbirs] / period[nextgen],
+    )
     yield checked(
         "8.3",
         "bands, NEXTGEN-GEO over SBIRS-GEO",
@@ -160,4 +220,6 @@ def _validation(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
         100.0 * (len(sensors[nextgen].bands) / len(sensors[sbirs].bands) - 1.0),
         "%",
     )
-    yield checked("9", "scan rate, NEXTGEN-GEO over DSP", rounded("4"), period[dsp] / period[nextgen])
+    yield checked(
+        "9", "scan rate, NEXTGEN-GEO over DSP", rounded("4"), period[dsp] / period[nextgen]
+    )

@@ -37,23 +37,49 @@ _WORDS = {
 
 
 def intensities(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
-    """Yield the figures of section 2: height, both forms of the irradiance, plumes, the least intensity by unit."""
+    """Yield the figures of section 2: height, both forms of the irradiance, plumes, the least
+    intensity by unit.
+    """
     height_km = 1e-3 * (GEOSTATIONARY_RADIUS_M - EARTH_EQUATORIAL_RADIUS_M)
     position = next(iter(sensors.values())).orbit.position_ecef_m(np.zeros(1))
     seen_km = 1e-3 * (float(np.linalg.norm(position)) - EARTH_EQUATORIAL_RADIUS_M)
     printed = rounded("35786")
     verdict = HOLDS if printed.covers(height_km) and printed.covers(seen_km) else NOT_REPRODUCED
-    yield Check("2.1", "geostationary height", "35786 km", f"{height_km:.1f} km", f"{seen_km:.1f} km", verdict)
-    for area, form in (("of a sphere's surface", irradiance_of_sphere), ("projected", irradiance_of_projected_area)):
-        yield checked("2.1", f"E R² / (L A), area {area}", rounded("0.25"), float(form(1.0, 1.0, 1.0)))
-    for name, profile, text, least, most in _PLUMES:
-        peak_kw_sr = 1e-3 * Host.discover().component("opir_target_classes", name).plume(profile).peak_w_sr["SWIR"]
+    yield Check(
+        "2.1",
+        "geostationary height",
+        "35786 km",
+        f"{height_km:.1f} km",
+        f"{seen_km:.1f} km",
+        verdict,
+    )
+    for area, form in (
+        ("of a sphere's surface", irradiance_of_sphere),
+        ("projected", irradiance_of_projected_area),
+    ):
         yield checked(
-            "2.3", f"{name}: plume near 2.7 um, opir's notional peak", between(text, least, most), peak_kw_sr, "kW/sr"
+            "2.1", f"E R² / (L A), area {area}", rounded("0.25"), float(form(1.0, 1.0, 1.0))
+        )
+    for name, profile, text, least, most in _PLUMES:
+        peak_kw_sr = (
+            1e-3
+            * Host.discover()
+            .component("opir_target_classes", name)
+            .plume(profile)
+            .peak_w_sr["SWIR"]
+        )
+        yield checked(
+            "2.3",
+            f"{name}: plume near 2.7 um, opir's notional peak",
+            between(text, least, most),
+            peak_kw_sr,
+            "kW/sr",
         )
     for unit, nei_w_m2 in (("W/cm²", 5e-14 * 1e4), ("W/m²", 5e-14)):
         least = float(minimum_detectable_intensity(nei_w_m2, _RANGE_M))
-        yield checked("2.4", f"least intensity, NEI 5e-14 {unit}", about("300", 0.1), least, "W/sr", digits=3)
+        yield checked(
+            "2.4", f"least intensity, NEI 5e-14 {unit}", about("300", 0.1), least, "W/sr", digits=3
+        )
 
 
 def stated(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
@@ -78,11 +104,20 @@ def stated(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
     right = [sensor.confusion["ICBM"]["ICBM"] for sensor in sensors.values()]
     verdict = TAKEN_OVER if sorted(set(right)) == right else NOT_REPRODUCED
     ours = ", ".join(f"{share:.2f}" for share in right)
-    yield Check("3.4", "P(an ICBM is called ICBM), by sensor", '"limited, moderate, high"', ours, "-", verdict)
+    yield Check(
+        "3.4",
+        "P(an ICBM is called ICBM), by sensor",
+        '"limited, moderate, high"',
+        ours,
+        "-",
+        verdict,
+    )
 
 
 def _words(sensor: Sensor) -> str:
-    return f"{sensor.false_alarm_susceptibility}, {sensor.spectral_discrimination}".replace("-", " ")
+    return f"{sensor.false_alarm_susceptibility}, {sensor.spectral_discrimination}".replace(
+        "-", " "
+    )
 
 
 def _band_text(band: Band) -> str:

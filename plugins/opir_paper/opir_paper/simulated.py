@@ -1,4 +1,6 @@
-"""What the paper's sensors do in simulation: latencies, detections of a boost, confidence; with 99.9 % intervals."""
+"""What the paper's sensors do in simulation: latencies, detections of a boost, confidence; with
+99.9 % intervals.
+"""
 
 import math
 from collections.abc import Mapping
@@ -55,12 +57,19 @@ class Simulated:
 
 
 def scene(seed: int, launches: int = 1, duration_s: float = _BOOST_S + 1.0) -> Mapping[str, Any]:
-    """Return the paper's sensors over launches at the scene's epoch, as plain data; boosts last 300 s.
+    """Return the paper's sensors over launches at the scene's epoch, as plain data; boosts last 300
+    s.
 
-    With `preset: paper` light takes no time and scans begin at ignition, as in the paper's latencies.
+    With `preset: paper` light takes no time and scans begin at ignition, as in the paper's
+    latencies.
     """
     place = {"lat_deg": 5.0, "lon_deg": -100.0, "time_s": 0.0}
-    boost = {"type": "ICBM", "launch": place, "aim": {"lat_deg": -50.0, "lon_deg": -60.0}, "burn_time_s": _BOOST_S}
+    boost = {
+        "type": "ICBM",
+        "launch": place,
+        "aim": {"lat_deg": -50.0, "lon_deg": -60.0},
+        "burn_time_s": _BOOST_S,
+    }
     return {
         "scene": "paper",
         "epoch": "2026-04-01T00:00:00Z",
@@ -73,19 +82,25 @@ def scene(seed: int, launches: int = 1, duration_s: float = _BOOST_S + 1.0) -> M
 
 
 def first_scans(seed: int) -> Mapping[str, IntArray]:
-    """Return, by sensor, the scan, counted from ignition, that first detects each of the launches (n,)."""
+    """Return, by sensor, the scan, counted from ignition, that first detects each of the launches
+    (n,).
+    """
     run = opir.simulate(opir.scene_from_mapping(scene(seed, _LAUNCHES, _FIRST_S)))
     found = {}
     for number, sensor in enumerate(run.sensors):
         rows = np.flatnonzero(run.detections.sensor == number)
         _, first = np.unique(run.truth.target[rows], return_index=True)
-        found[sensor.id] = np.rint(run.detections.time_ns[rows[first]] / sensor.scan.period_ns).astype(np.int64)
+        found[sensor.id] = np.rint(
+            run.detections.time_ns[rows[first]] / sensor.scan.period_ns
+        ).astype(np.int64)
     return found
 
 
 @frozen
 class BoostCounts:
-    """Looks of a boost by sensor, the share of them that detects, and the confidence of first and later detections."""
+    """Looks of a boost by sensor, the share of them that detects, and the confidence of first and
+    later detections.
+    """
 
     looks: Mapping[str, int]
     detected: Mapping[str, Simulated]
@@ -95,7 +110,10 @@ class BoostCounts:
 def boost_counts(seed: int) -> BoostCounts:
     """Return what a boost of 300 s gives."""
     plan = opir.compile_plan(opir.scene_from_mapping(scene(seed, _BOOSTS)))
-    looks = {name: int(plan.pairs.looks[plan.pairs.sensor == number][0]) for number, name in enumerate(SENSORS)}
+    looks = {
+        name: int(plan.pairs.looks[plan.pairs.sensor == number][0])
+        for number, name in enumerate(SENSORS)
+    }
     run = opir.run_of_plan(plan)
     detected = {}
     confidence = {}

@@ -1,1 +1,3 @@
-"""Models of light for opir: sources, plumes, air, background, focal planes, detection and classification by signal."""
+"""Models of light for opir: sources, plumes, air, background, focal planes, detection and
+classification by signal.
+"""

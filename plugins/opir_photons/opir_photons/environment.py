@@ -1,4 +1,6 @@
-"""The radiometric environment of a scene: signatures, atmosphere and background, for models that compute signals."""
+"""The radiometric environment of a scene: signatures, atmosphere and background, for models that
+compute signals.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -36,14 +38,16 @@ from opir_photons.reflection import ReflectedSunlight, shadow_times_s
 #: Half the time step of a direction of flight, s.
 _HALF_STEP_S = 0.05
 
-#: The reference target of `calibrate: paper`: the class profile of an ICBM, in the altitude layer of highest intensity.
+#: The reference target of `calibrate: paper`: the class profile of an ICBM, in the altitude layer
+#: of highest intensity.
 REFERENCE_PROFILE = "ICBM_solid"
 REFERENCE_TIME_S = 30.0
 REFERENCE_ALTITUDE_M = 25_000.0
 REFERENCE_BURN_S = 170.0
 
 
-#: Samples of height during a burn, and refinement steps of an altitude crossing between two of them.
+#: Samples of height during a burn, and refinement steps of an altitude crossing between two of
+#: them.
 _SAMPLES = 48
 _STEPS = 3
 
@@ -62,9 +66,11 @@ class Ascents(Columns):
         return Ascents(self.target[rows], self.time_s[rows], self.height_m[rows], self.targets)
 
     def times_s(self, levels_m: FloatArray) -> FloatArray:
-        """Return the scene times (n, k) at which targets first rise through levels (n, k), m; nan if they never do.
+        """Return the scene times (n, k) at which targets first rise through levels (n, k), m; nan
+        if they never do.
 
-        Of a constant acceleration to 0.1 % of a step between heights, after the first step; to 7.5 % in the first.
+        Of a constant acceleration to 0.1 % of a step between heights, after the first step; to 7.5
+        % in the first.
         """
         below = self.height_m[:, :-1, None] < levels_m[:, None, :]
         crossed = below & (self.height_m[:, 1:, None] >= levels_m[:, None, :])
@@ -84,7 +90,9 @@ class Ascents(Columns):
             high_s = np.where(is_low, high_s, middle_s)
             high_m = np.where(is_low, high_m, middle_m)
         times_s = np.full(levels_m.shape, np.nan)
-        times_s[row, level] = low_s + (high_s - low_s) * (wanted_m - low_m) / np.maximum(high_m - low_m, 1e-300)
+        times_s[row, level] = low_s + (high_s - low_s) * (wanted_m - low_m) / np.maximum(
+            high_m - low_m, 1e-300
+        )
         return times_s
 
 
@@ -107,10 +115,11 @@ def heights_m(position_ecef_m: FloatArray) -> FloatArray:
 
 @frozen(eq=False)
 class RadiometricEnvironment:
-    """Signatures of all targets, the atmosphere and the background, for the distinct `bands` of the scene's sensors.
+    """Signatures of all targets, the atmosphere and the background, for the distinct `bands` of the
+    scene's sensors.
 
-    Target k has row `place[k]` of `signatures[group[k]]`. `sunlight` is what bodies reflect, None in scenes where none
-    is observed.
+    Target k has row `place[k]` of `signatures[group[k]]`. `sunlight` is what bodies reflect, None
+    in scenes where none is observed.
     """
 
     bands: tuple[Band, ...]
@@ -144,31 +153,41 @@ class RadiometricEnvironment:
         """Return the aspect angles (n,) of targets, rad, as defined by their signatures."""
         to_sensor = (exposures.sensor_ecef_m - exposures.target_ecef_m) / exposures.range_m[:, None]
         if len(self.signatures) == 1:
-            alone = self.signatures[0].aspect_rad(self.place[exposures.target], exposures.emission_time_s, to_sensor)
+            alone = self.signatures[0].aspect_rad(
+                self.place[exposures.target], exposures.emission_time_s, to_sensor
+            )
             return self._off_flight_rad(exposures, to_sensor) if alone is None else alone
         aspect = np.empty(len(exposures))
         for number, signatures in enumerate(self.signatures):
             rows = np.flatnonzero(self.group[exposures.target] == number)
             place = self.place[exposures.target[rows]]
             own = signatures.aspect_rad(place, exposures.emission_time_s[rows], to_sensor[rows])
-            aspect[rows] = self._off_flight_rad(exposures.take(rows), to_sensor[rows]) if own is None else own
+            aspect[rows] = (
+                self._off_flight_rad(exposures.take(rows), to_sensor[rows]) if own is None else own
+            )
         return aspect
 
     def intensities_w_sr(
         self, bands: Sequence[int], exposures: Exposures, height_m: FloatArray, aspect: FloatArray
     ) -> FloatArray:
-        """Return the in-band radiant intensities (bands, n) of the targets of looks, at the source."""
+        """Return the in-band radiant intensities (bands, n) of the targets of looks, at the
+        source.
+        """
         since_s = self._since_ignition_s(exposures)
         intensity = self._own_intensities_w_sr(bands, exposures.target, since_s, height_m, aspect)
         if self.sunlight is not None:
             area = self.reflecting_area_m2(exposures.target, since_s)
             late = np.flatnonzero(area > 0.0)
             looks = exposures.take(late)
-            intensity[:, late] += self.sunlight.intensities_w_sr(bands, looks, height_m[late], area[late])
+            intensity[:, late] += self.sunlight.intensities_w_sr(
+                bands, looks, height_m[late], area[late]
+            )
         return intensity
 
     def _since_ignition_s(self, exposures: Exposures) -> FloatArray:
-        """Return times since ignition (n,) for signatures: in dark gaps that just after burnout, of a cold body."""
+        """Return times since ignition (n,) for signatures: in dark gaps that just after burnout, of
+        a cold body.
+        """
         targets = self.targets
         target = exposures.target
         since_s = exposures.emission_time_s - targets.ignition_s[target]
@@ -179,7 +198,12 @@ class RadiometricEnvironment:
         return since_s
 
     def _own_intensities_w_sr(
-        self, bands: Sequence[int], target: IndexArray, since_s: FloatArray, height_m: FloatArray, aspect: FloatArray
+        self,
+        bands: Sequence[int],
+        target: IndexArray,
+        since_s: FloatArray,
+        height_m: FloatArray,
+        aspect: FloatArray,
     ) -> FloatArray:
         """Return what signatures radiate (bands, n)."""
         place = self.place[target]
@@ -189,7 +213,9 @@ class RadiometricEnvironment:
         intensity = np.empty((len(bands), len(target)))
         for number, signatures in enumerate(self.signatures):
             rows = np.flatnonzero(group == number)
-            own = signatures.intensities_w_sr(bands, place[rows], since_s[rows], height_m[rows], aspect[rows])
+            own = signatures.intensities_w_sr(
+                bands, place[rows], since_s[rows], height_m[rows], aspect[rows]
+            )
             intensity[:, rows] = own
         return intensity
 
@@ -205,7 +231,8 @@ class RadiometricEnvironment:
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend; nan for none.
 
-        They come from signatures, the atmosphere, the trajectories (burns, direction of flight) and the Earth's shadow.
+        They come from signatures, the atmosphere, the trajectories (burns, direction of flight) and
+        the Earth's shadow.
         """
         everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
         heights = ascents(self.targets)
@@ -217,9 +244,15 @@ class RadiometricEnvironment:
             levels_m = signatures.altitude_breakpoints_m
             since_s = signatures.time_breakpoints_s
             if levels_m is not None:
-                times_s.append(self._of_all(rows, heights.take(rows).times_s(levels_m[self.place[rows]])))
+                times_s.append(
+                    self._of_all(rows, heights.take(rows).times_s(levels_m[self.place[rows]]))
+                )
             if since_s is not None:
-                times_s.append(self._of_all(rows, self.targets.ignition_s[rows, None] + since_s[self.place[rows]]))
+                times_s.append(
+                    self._of_all(
+                        rows, self.targets.ignition_s[rows, None] + since_s[self.place[rows]]
+                    )
+                )
         for number, trajectories in enumerate(self.targets.trajectories):
             own_s = trajectories.course_breakpoints_s
             if own_s is not None:
@@ -239,28 +272,41 @@ class RadiometricEnvironment:
         return times_s
 
     def _off_flight_rad(self, exposures: Exposures, to_sensor: FloatArray) -> FloatArray:
-        """Return the angles (n,) between the direction of flight and the direction to the sensor, rad."""
+        """Return the angles (n,) between the direction of flight and the direction to the sensor,
+        rad.
+        """
         target = exposures.target
         time_s = exposures.emission_time_s
         start_s = self.targets.ignition_s[target]
         stop_s = self.targets.end_s[target]
-        later = self.targets.position_ecef_m(target, np.clip(time_s + _HALF_STEP_S, start_s, stop_s))
-        way = later - self.targets.position_ecef_m(target, np.clip(time_s - _HALF_STEP_S, start_s, stop_s))
-        along = way[:, 0] * to_sensor[:, 0] + way[:, 1] * to_sensor[:, 1] + way[:, 2] * to_sensor[:, 2]
+        later = self.targets.position_ecef_m(
+            target, np.clip(time_s + _HALF_STEP_S, start_s, stop_s)
+        )
+        way = later - self.targets.position_ecef_m(
+            target, np.clip(time_s - _HALF_STEP_S, start_s, stop_s)
+        )
+        along = (
+            way[:, 0] * to_sensor[:, 0] + way[:, 1] * to_sensor[:, 1] + way[:, 2] * to_sensor[:, 2]
+        )
         distance = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1] + way[:, 2] * way[:, 2])
         # A target at rest is seen from the side.
         return np.arccos(np.clip(along / np.where(distance > 0.0, distance, 1.0), -1.0, 1.0))
 
 
 def make_environment(of: Surroundings | Plan) -> RadiometricEnvironment:
-    """Return the radiometric environment of a scene; raises `ModelError` if a model does not cover a band."""
+    """Return the radiometric environment of a scene; raises `ModelError` if a model does not cover
+    a band.
+    """
     scene = of.scene
     host = of.host
     targets = of.targets
     bands = distinct_bands(of.sensors)
     atmosphere = scene_atmosphere(scene, host, bands)
     backdrop = BackgroundContext(
-        bands=bands, path=scene.background.path, epoch_us=scene.epoch_us, make_atmosphere=lambda: atmosphere
+        bands=bands,
+        path=scene.background.path,
+        epoch_us=scene.epoch_us,
+        make_atmosphere=lambda: atmosphere,
     )
     signatures, group, place = _signatures(scene, host, bands, targets, of.sources)
     environment = RadiometricEnvironment(
@@ -278,7 +324,9 @@ def make_environment(of: Surroundings | Plan) -> RadiometricEnvironment:
         reference_intensity_w_sr=_reference_intensity_w_sr(host, bands),
     )
     followed = np.flatnonzero(targets.end_s > targets.burnout_s).astype(np.int32)
-    if not np.any(environment.reflecting_area_m2(followed, (targets.end_s - targets.ignition_s)[followed])):
+    if not np.any(
+        environment.reflecting_area_m2(followed, (targets.end_s - targets.ignition_s)[followed])
+    ):
         return environment
     return evolve(environment, sunlight=ReflectedSunlight.of(bands, atmosphere, scene.epoch_us))
 
@@ -295,13 +343,20 @@ def _signatures(
     place = targets.place.copy()
     made: list[Signatures] = []
     for source in sources:
-        numbers = [number for number, known in enumerate(targets.trajectories) if known is source.trajectories]
+        numbers = [
+            number
+            for number, known in enumerate(targets.trajectories)
+            if known is source.trajectories
+        ]
         group[np.isin(targets.group, numbers)] = len(made)
         made.append(source.signatures)
     launches = np.flatnonzero(group < 0).tolist()
     choices = _signature_choices(scene, host, [targets.ids[row] for row in launches])
     profiles = [str(truth.get("profile", "")) for truth in targets.truth()] if launches else []
-    classes = {name: host.component(TargetClass, name) for name in {targets.class_names[row] for row in launches}}
+    classes = {
+        name: host.component(TargetClass, name)
+        for name in {targets.class_names[row] for row in launches}
+    }
     for name in dict.fromkeys(choice.name for choice in choices):
         rows = [row for row, choice in zip(launches, choices, strict=True) if choice.name == name]
         chosen = [choice for choice in choices if choice.name == name]
@@ -331,8 +386,14 @@ def _signature_choices(scene: Scene, host: Host, ids: Sequence[str]) -> list[Cho
     for own_id in ids:
         target = of_id[own_id]
         if target.signature is None:
-            default = default or host.component(SignatureModel, DEFAULT_SIGNATURE, target.model.path).config()
-        choices.append(target.signature or Choice(SignatureModel.hook, DEFAULT_SIGNATURE, default, target.model.path))
+            default = (
+                default
+                or host.component(SignatureModel, DEFAULT_SIGNATURE, target.model.path).config()
+            )
+        choices.append(
+            target.signature
+            or Choice(SignatureModel.hook, DEFAULT_SIGNATURE, default, target.model.path)
+        )
     return choices
 
 

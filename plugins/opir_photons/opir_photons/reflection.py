@@ -1,4 +1,6 @@
-"""Sunlight that bodies reflect towards sensors, and when they enter and leave the Earth's shadow."""
+"""Sunlight that bodies reflect towards sensors, and when they enter and leave the Earth's
+shadow.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -24,20 +26,25 @@ from opir_core.planning import Targets
 from opir_core.plugin import Band, Exposures, Paths, Transmittance
 from opir_photons.radiometry.sunlight import lambert_sphere_intensity, solar_irradiance
 
-#: Longest step between samples of a flight, s: a body meets each edge of the shadow once in a quarter of an hour.
+#: Longest step between samples of a flight, s: a body meets each edge of the shadow once in a
+#: quarter of an hour.
 _STEP_S = 30.0
 
 
 @frozen(eq=False)
 class ReflectedSunlight:
-    """The Sun's irradiance above the air, (bands,) W/m² at one astronomical unit, and the atmosphere on its way."""
+    """The Sun's irradiance above the air, (bands,) W/m² at one astronomical unit, and the
+    atmosphere on its way.
+    """
 
     irradiance_w_m2: FloatArray
     atmosphere: Transmittance
     epoch_us: int
 
     @classmethod
-    def of(cls, bands: Sequence[Band], atmosphere: Transmittance, epoch_us: int) -> "ReflectedSunlight":
+    def of(
+        cls, bands: Sequence[Band], atmosphere: Transmittance, epoch_us: int
+    ) -> "ReflectedSunlight":
         """Return the sunlight of a scene in the bands of its sensors."""
         light = [float(solar_irradiance(band.lower_um, band.upper_um)) for band in bands]
         # Bands with swapped edges are empty.
@@ -46,7 +53,8 @@ class ReflectedSunlight:
     def intensities_w_sr(
         self, bands: Sequence[int], exposures: Exposures, height_m: FloatArray, area_m2: FloatArray
     ) -> FloatArray:
-        """Return radiant intensities (bands, n) of the targets of looks at the source; `area_m2` (n,) reflects.
+        """Return radiant intensities (bands, n) of the targets of looks at the source; `area_m2`
+        (n,) reflects.
 
         Bodies are diffuse spheres in the sunlight that the Earth and its air leave.
         """
@@ -65,13 +73,17 @@ class ReflectedSunlight:
         area = area_m2[rows] * lit[rows] * np.square(ASTRONOMICAL_UNIT_M / distance_m)
         sine = np.clip(dot(local_axes(target_m)[:, 2], to_sun) / distance_m, -1.0, 1.0)
         path = Paths(height_m[rows], sine, target_m, sun_m[rows], time_s[rows])
-        light = self.irradiance_w_m2[list(bands)][:, None] * self.atmosphere.transmittances(bands, path)
+        light = self.irradiance_w_m2[list(bands)][:, None] * self.atmosphere.transmittances(
+            bands, path
+        )
         intensity[:, rows] = lambert_sphere_intensity(light, area, phase)
         return intensity
 
 
 def shadow_times_s(targets: Targets, epoch_us: int) -> FloatArray:
-    """Return the scene times (targets, k) at which bodies enter or leave penumbra or umbra after burnout; or nan."""
+    """Return the scene times (targets, k) at which bodies enter or leave penumbra or umbra after
+    burnout; or nan.
+    """
     flying = np.flatnonzero(targets.end_s > targets.burnout_s).astype(np.int32)
     start_s = targets.burnout_s[flying]
     stop_s = targets.end_s[flying]
@@ -82,7 +94,9 @@ def shadow_times_s(targets: Targets, epoch_us: int) -> FloatArray:
         position_m = targets.position_ecef_m(flying[row], held_s)
         return shadow_margins_rad(position_m, sun_ecef_m(held_s, epoch_us))[edge]
 
-    found = [zero_crossings(partial(margin, edge), start_s, stop_s, step_s=_STEP_S) for edge in (0, 1)]
+    found = [
+        zero_crossings(partial(margin, edge), start_s, stop_s, step_s=_STEP_S) for edge in (0, 1)
+    ]
     columns = [_by_row(crossings, len(flying)) for crossings in found]
     times_s = np.full((len(targets.ids), sum(column.shape[1] for column in columns)), np.nan)
     times_s[flying] = np.concatenate(columns, axis=1)

@@ -1,4 +1,6 @@
-"""Legs of kinematic ascents: powered flight by programs on a great circle, free fall, burns against the flight."""
+"""Legs of kinematic ascents: powered flight by programs on a great circle, free fall, burns against
+the flight.
+"""
 
 import math
 from collections.abc import Callable
@@ -7,7 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.constants import (
+    EARTH_EQUATORIAL_RADIUS_M,
+    EARTH_FLATTENING,
+    EARTH_MU_M3_S2,
+    EARTH_ROTATION_RAD_S,
+)
 from opir_core.flight import propagate_kepler
 
 #: Steps of integration and of the states of a leg, s; states of a free fall.
@@ -25,7 +32,8 @@ _BALLISTIC_KG_M2 = 2000.0
 
 OMEGA = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
-#: Returns thrust acceleration, m/s², and flight path angle, rad, at a time since the ignition of a burn.
+#: Returns thrust acceleration, m/s², and flight path angle, rad, at a time since the ignition of a
+#: burn.
 Program = Callable[[float], tuple[float, float]]
 
 #: Returns the thrust acceleration (3,), m/s², at a position and a velocity.
@@ -33,7 +41,9 @@ Thrust = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 class AscentLeg(NamedTuple):
-    """A smooth part of a flight: times since lift-off (n,), ECEF positions and velocities (n, 3); whether it burns."""
+    """A smooth part of a flight: times since lift-off (n,), ECEF positions and velocities (n, 3);
+    whether it burns.
+    """
 
     time_s: FloatArray
     position_m: FloatArray
@@ -42,15 +52,26 @@ class AscentLeg(NamedTuple):
 
 
 def height_of(position_m: FloatArray) -> float:
-    """Return the height of one position above the ellipsoid along its radius, m, to 40 m below 100 km."""
+    """Return the height of one position above the ellipsoid along its radius, m, to 40 m below 100
+    km.
+    """
     radius = math.sqrt(float(position_m @ position_m))
-    return radius - EARTH_EQUATORIAL_RADIUS_M * (1.0 - EARTH_FLATTENING * (float(position_m[2]) / radius) ** 2)
+    return radius - EARTH_EQUATORIAL_RADIUS_M * (
+        1.0 - EARTH_FLATTENING * (float(position_m[2]) / radius) ** 2
+    )
 
 
 def powered(
-    start_s: float, position_m: FloatArray, heading: FloatArray, speed_m_s: float, burn_s: float, program: Program
+    start_s: float,
+    position_m: FloatArray,
+    heading: FloatArray,
+    speed_m_s: float,
+    burn_s: float,
+    program: Program,
 ) -> AscentLeg:
-    """Return a burn on the great circle from a position in a direction, by its program; speeds are over the Earth."""
+    """Return a burn on the great circle from a position in a direction, by its program; speeds are
+    over the Earth.
+    """
     radius = float(np.linalg.norm(position_m))
     up = position_m / radius
     along = heading / np.linalg.norm(heading)
@@ -61,7 +82,9 @@ def powered(
         thrust, angle = program(time_s)
         gravity = EARTH_MU_M3_S2 / state[1] ** 2
         climbs = state[0] * np.sin(angle)
-        return np.array([thrust - gravity * np.sin(angle), climbs, state[0] * np.cos(angle) / state[1]])
+        return np.array(
+            [thrust - gravity * np.sin(angle), climbs, state[0] * np.cos(angle) / state[1]]
+        )
 
     time_s = np.linspace(0.0, burn_s, max(round(burn_s / _STEP_S), 8) + 1)
     states = integrated(rate, time_s, np.array([speed_m_s, radius, 0.0]))
@@ -79,8 +102,12 @@ def coast(before: AscentLeg, duration_s: float) -> AscentLeg:
     since_s = np.linspace(0.0, duration_s, count)
     position = before.position_m[-1]
     velocity = before.velocity_m_s[-1]
-    flown, moved = propagate_kepler(position[None], (velocity + np.cross(OMEGA, position))[None], since_s)
-    turned, moving = (_turned(vectors, -EARTH_ROTATION_RAD_S * since_s) for vectors in (flown, moved))
+    flown, moved = propagate_kepler(
+        position[None], (velocity + np.cross(OMEGA, position))[None], since_s
+    )
+    turned, moving = (
+        _turned(vectors, -EARTH_ROTATION_RAD_S * since_s) for vectors in (flown, moved)
+    )
     return AscentLeg(before.time_s[-1] + since_s, turned, moving - np.cross(OMEGA, turned), False)
 
 
@@ -94,15 +121,21 @@ def thrusting(before: AscentLeg, duration_s: float, thrust: Thrust) -> AscentLeg
 def falling(
     before: AscentLeg, is_over: Callable[[FloatArray, FloatArray], bool], longest_s: float = 1200.0
 ) -> AscentLeg:
-    """Return a fall through the air from the end of a leg, until the last step before something is over."""
+    """Return a fall through the air from the end of a leg, until the last step before something is
+    over.
+    """
     rate = _rate(lambda _, velocity: 0.0 * velocity)
     state = _last(before)
     states = list[FloatArray]()
-    while len(states) * _STEP_S < longest_s and not (len(states) > _LEAST and is_over(state[:3], state[3:])):
+    while len(states) * _STEP_S < longest_s and not (
+        len(states) > _LEAST and is_over(state[:3], state[3:])
+    ):
         states.append(state)
         state = integrated(rate, _ONE_STEP_S, state)[-1]
     flown = np.array(states)
-    return AscentLeg(before.time_s[-1] + _STEP_S * np.arange(len(flown)), flown[:, :3], flown[:, 3:], False)
+    return AscentLeg(
+        before.time_s[-1] + _STEP_S * np.arange(len(flown)), flown[:, :3], flown[:, 3:], False
+    )
 
 
 def stopping(before: AscentLeg, burn_s: float) -> AscentLeg:
@@ -121,7 +154,9 @@ def resting(before: AscentLeg, duration_s: float) -> AscentLeg:
     return AscentLeg(before.time_s[-1] + since_s, place, np.zeros(place.shape), False)
 
 
-def integrated(rate: Callable[[float, FloatArray], FloatArray], time_s: FloatArray, state: FloatArray) -> FloatArray:
+def integrated(
+    rate: Callable[[float, FloatArray], FloatArray], time_s: FloatArray, state: FloatArray
+) -> FloatArray:
     """Return states (n, k) at times (n,) by the classical Runge-Kutta method."""
     states = [state]
     for now, later in zip(time_s[:-1].tolist(), time_s[1:].tolist(), strict=True):

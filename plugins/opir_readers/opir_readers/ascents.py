@@ -1,10 +1,12 @@
-"""The target model `ascent`: a space launch of two burns with a dark gap, or the booster of one that lands.
+"""The target model `ascent`: a space launch of two burns with a dark gap, or the booster of one
+that lands.
 
-Kinematics, not a vehicle: under thrust speed and flight path angle follow programs on a great circle through the launch
-point; without it the target falls freely (two bodies). Along the velocity a burn accelerates by A/(1 - q t/T) with
-q = 1 - 1/growth, as constant thrust and mass flow do, less the component of gravity: with a thrust of 1.3 times its
-weight a launcher lifts off slowly. The second burn levels off into a circular orbit; its acceleration and the exponent
-of its program are found so that it ends there.
+Kinematics, not a vehicle: under thrust speed and flight path angle follow programs on a great
+circle through the launch point; without it the target falls freely (two bodies). Along the velocity
+a burn accelerates by A/(1 - q t/T) with q = 1 - 1/growth, as constant thrust and mass flow do, less
+the component of gravity: with a thrust of 1.3 times its weight a launcher lifts off slowly. The
+second burn levels off into a circular orbit; its acceleration and the exponent of its program are
+found so that it ends there.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,32 +21,44 @@ from opir_core.errors import Problem, SceneError
 from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
 from opir_core.geometry import geodetic_to_ecef, local_axes
 from opir_core.plugin import StateTable, TargetContext, Trajectories
-from opir_readers.ascent_legs import OMEGA, AscentLeg, coast, falling, height_of, powered, resting, stopping, thrusting
+from opir_readers.ascent_legs import (
+    OMEGA,
+    AscentLeg,
+    coast,
+    falling,
+    height_of,
+    powered,
+    resting,
+    stopping,
+    thrusting,
+)
 from opir_readers.configs import AscentConfig
 from opir_readers.interpolation import interpolant
 from opir_readers.table_targets import EPHEMERIS_TOLERANCE_M, TableTargets
 
-#: Thrust over weight at lift-off, of which 1.2 to 1.4 is usual (G. P. Sutton and O. Biblarz, Rocket Propulsion
-#: Elements, 8th edition, chapter 4); growth of the acceleration of the first burn with throttling, and of the second.
-#: Notional.
+#: Thrust over weight at lift-off, of which 1.2 to 1.4 is usual (G. P. Sutton and O. Biblarz, Rocket
+#: Propulsion Elements, 8th edition, chapter 4); growth of the acceleration of the first burn with
+#: throttling, and of the second. Notional.
 LIFT_OFF = 1.3
 FIRST_GROWTH = 3.0
 SECOND_GROWTH = 4.0
 
-#: Vertical flight, s; flight path angle at the end of the first burn, rad, and the exponent of its program. Notional.
+#: Vertical flight, s; flight path angle at the end of the first burn, rad, and the exponent of its
+#: program. Notional.
 _VERTICAL_S = 12.0
 _FIRST_ANGLE_RAD = float(np.radians(32.0))
 _FIRST_EXPONENT = 0.75
 
-#: The booster's burns, s: back to the launch site, against re-entry, and to land; where re-entry is braked, m, and how
-#: much of the speed that takes. Notional.
+#: The booster's burns, s: back to the launch site, against re-entry, and to land; where re-entry is
+#: braked, m, and how much of the speed that takes. Notional.
 _BACK_S = 45.0
 _ENTRY_S = 20.0
 _LANDING_S = 25.0
 _ENTRY_M = 60e3
 _ENTRY_SHARE = 0.4
 
-#: The largest thrust acceleration, m/s²: with gravity it stays below the 100 m/s² for which visibility is exact.
+#: The largest thrust acceleration, m/s²: with gravity it stays below the 100 m/s² for which
+#: visibility is exact.
 MOST_M_S2 = 90.0
 
 #: How long a booster is followed on the ground, s.
@@ -57,12 +71,16 @@ _MISS = 1e-6
 
 @define(eq=False)
 class AscentTargets(TableTargets):
-    """Targets on kinematic ascents, which are tables of states without a file; `coast` is what follows the burns."""
+    """Targets on kinematic ascents, which are tables of states without a file; `coast` is what
+    follows the burns.
+    """
 
     coast: Ephemeris | None = None
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to `end_s`."""
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to
+        `end_s`.
+        """
         position_m = self.flight.position_m(target, time_s)
         late = np.flatnonzero(time_s > self.burnout_s[target])
         if self.coast is not None and len(late):
@@ -76,7 +94,9 @@ class AscentTargets(TableTargets):
 
 
 def ascent_targets(configs: Sequence[AscentConfig], context: TargetContext) -> Trajectories:
-    """Return the trajectories of all targets of the model; raises `SceneError` where no orbit is reached."""
+    """Return the trajectories of all targets of the model; raises `SceneError` where no orbit is
+    reached.
+    """
     tables = list[StateTable]()
     problems = list[Problem]()
     for config, path in zip(configs, context.paths, strict=True):
@@ -90,11 +110,19 @@ def ascent_targets(configs: Sequence[AscentConfig], context: TargetContext) -> T
     burnout_s = np.array([table.burns_s[-1, 1] for table in tables])
     end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burnout_s
     longest = max(len(table.time_s) for table in tables)
-    breaks_s = np.stack([np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables])
+    breaks_s = np.stack(
+        [np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables]
+    )
     state = interpolant(tables).state
-    late = Ephemeris.build(state, burnout_s, end_s, breaks_s, EPHEMERIS_TOLERANCE_M) if context.free_flight else None
+    late = (
+        Ephemeris.build(state, burnout_s, end_s, breaks_s, EPHEMERIS_TOLERANCE_M)
+        if context.free_flight
+        else None
+    )
     return AscentTargets(
-        type_code=np.array([context.target_class(config.type).type_code for config in configs], dtype=np.uint8),
+        type_code=np.array(
+            [context.target_class(config.type).type_code for config in configs], dtype=np.uint8
+        ),
         ignition_s=ignition_s,
         burnout_s=burnout_s,
         end_s=end_s,
@@ -126,14 +154,20 @@ def _first_burn(start_m: FloatArray, azimuth_rad: float, burn_s: float) -> Ascen
     def program(time_s: float) -> tuple[float, float]:
         share = max(time_s - _VERTICAL_S, 0.0) / (burn_s - _VERTICAL_S)
         bent = (_FIRST_ANGLE_RAD - 0.5 * np.pi) * np.sin(0.5 * np.pi * share**_FIRST_EXPONENT)
-        return LIFT_OFF * _GRAVITY_M_S2 / (1.0 - growth * time_s / burn_s), float(0.5 * np.pi + bent)
+        return LIFT_OFF * _GRAVITY_M_S2 / (1.0 - growth * time_s / burn_s), float(
+            0.5 * np.pi + bent
+        )
 
     east, north, _ = local_axes(start_m[None])[0]
-    return powered(0.0, start_m, np.sin(azimuth_rad) * east + np.cos(azimuth_rad) * north, 0.0, burn_s, program)
+    return powered(
+        0.0, start_m, np.sin(azimuth_rad) * east + np.cos(azimuth_rad) * north, 0.0, burn_s, program
+    )
 
 
 def _second_burn(before: AscentLeg, burn_s: float, altitude_m: float) -> AscentLeg:
-    """Return the burn from the end of a coast into a circular orbit at an altitude above the equatorial radius."""
+    """Return the burn from the end of a coast into a circular orbit at an altitude above the
+    equatorial radius.
+    """
     position = before.position_m[-1]
     velocity = before.velocity_m_s[-1]
     speed = float(np.linalg.norm(velocity))
@@ -155,7 +189,9 @@ def _second_burn(before: AscentLeg, burn_s: float, altitude_m: float) -> AscentL
         end_m = leg.position_m[-1]
         distance_m = float(np.linalg.norm(end_m))
         inertial_m_s = float(np.linalg.norm(leg.velocity_m_s[-1] + np.cross(OMEGA, end_m)))
-        return np.array([inertial_m_s - np.sqrt(EARTH_MU_M3_S2 / distance_m), (distance_m - wanted_m) / 100.0])
+        return np.array(
+            [inertial_m_s - np.sqrt(EARTH_MU_M3_S2 / distance_m), (distance_m - wanted_m) / 100.0]
+        )
 
     found = _solved(miss, np.array([8.0, 1.5]), f"no orbit at {altitude_m / 1e3:g} km from there")
     if SECOND_GROWTH * found[0] > MOST_M_S2:
@@ -164,7 +200,9 @@ def _second_burn(before: AscentLeg, burn_s: float, altitude_m: float) -> AscentL
 
 
 def _booster(before: AscentLeg, start_m: FloatArray, *, flies_back: bool) -> list[AscentLeg]:
-    """Return the way of a booster from the end of its dark gap to the ground: to the launch site, or down the range."""
+    """Return the way of a booster from the end of its dark gap to the ground: to the launch site,
+    or down the range.
+    """
     velocity = before.velocity_m_s[-1]
     up = before.position_m[-1] / np.linalg.norm(before.position_m[-1])
     ahead = velocity - (velocity @ up) * up
@@ -173,12 +211,16 @@ def _booster(before: AscentLeg, start_m: FloatArray, *, flies_back: bool) -> lis
     def flown(brake_m_s2: float) -> list[AscentLeg]:
         turned = [thrusting(before, _BACK_S, lambda *_: -brake_m_s2 * ahead)] if flies_back else []
         fallen = falling(
-            (turned or [before])[-1], lambda place, way: height_of(place) < _ENTRY_M and _sinking_m_s(place, way) > 0.0
+            (turned or [before])[-1],
+            lambda place, way: height_of(place) < _ENTRY_M and _sinking_m_s(place, way) > 0.0,
         )
         brake = _ENTRY_SHARE * float(np.linalg.norm(fallen.velocity_m_s[-1])) / _ENTRY_S
         slowed = thrusting(fallen, _ENTRY_S, lambda _, way: -brake * way / np.linalg.norm(way))
         # A constant deceleration stops within half of the speed times the time.
-        last = falling(slowed, lambda place, way: height_of(place) < 0.5 * _LANDING_S * _sinking_m_s(place, way))
+        last = falling(
+            slowed,
+            lambda place, way: height_of(place) < 0.5 * _LANDING_S * _sinking_m_s(place, way),
+        )
         place = last.position_m[-1]
         way = last.velocity_m_s[-1]
         landing = stopping(last, 2.0 * height_of(place) / _sinking_m_s(place, way))
@@ -198,7 +240,9 @@ def _sinking_m_s(position_m: FloatArray, velocity_m_s: FloatArray) -> float:
 
 
 def _solved(miss: Callable[[FloatArray], FloatArray], guess: FloatArray, words: str) -> FloatArray:
-    """Return the settings (k,) at which a miss (k,) is zero, by Newton's method; `ValueError` with words if none is."""
+    """Return the settings (k,) at which a miss (k,) is zero, by Newton's method; `ValueError` with
+    words if none is.
+    """
     for _ in range(_ITERATIONS):
         off = miss(guess)
         if float(np.abs(off).max()) < _MISS:
@@ -235,6 +279,8 @@ def _record(own_id: str, config: AscentConfig, table: StateTable) -> Mapping[str
         "azimuth_deg": config.azimuth_deg,
         "ignition_s": float(table.burns_s[0, 0]),
         "burnout_s": float(table.burns_s[-1, 1]),
-        "stages": [{"ignition_s": start, "burnout_s": end} for start, end in table.burns_s.tolist()],
+        "stages": [
+            {"ignition_s": start, "burnout_s": end} for start, end in table.burns_s.tolist()
+        ],
         "gaps_s": plain_gaps_s(table.burns_s),
     }

@@ -9,7 +9,8 @@ _PAIR = re.compile(r"\s*([^=,]+?)\s*=\s*(\"[^\"]*\"|'[^']*'|[^,]*?)\s*(?:,|$)")
 
 
 def columns_of_text(text: str) -> dict[str, str]:
-    """Return the column map of `lat=Latitude,height_ft="Altitude (ft)"`; raises `SceneError` for what is none.
+    """Return the column map of `lat=Latitude,height_ft="Altitude (ft)"`; raises `SceneError` for
+    what is none.
 
     >>> columns_of_text('time_s=T,height_ft="Altitude, ft"')
     {'time_s': 'T', 'height_ft': 'Altitude, ft'}
@@ -20,7 +21,8 @@ def columns_of_text(text: str) -> dict[str, str]:
         match = _PAIR.match(text, at)
         if match is None:
             raise SceneError(
-                [Problem("--columns", f"{text[at:]!r} is not of the form quantity=column")], source="import"
+                [Problem("--columns", f"{text[at:]!r} is not of the form quantity=column")],
+                source="import",
             )
         found[match[1]] = match[2].strip("\"'")
         at = match.end()
@@ -28,7 +30,8 @@ def columns_of_text(text: str) -> dict[str, str]:
 
 
 def site_of_text(text: str) -> SiteConfig:
-    """Return the launch point of `LAT,LON[,HEIGHT[,AZIMUTH]]`, deg and m; raises `SceneError` for what is none.
+    """Return the launch point of `LAT,LON[,HEIGHT[,AZIMUTH]]`, deg and m; raises `SceneError` for
+    what is none.
 
     >>> site_of_text("28.5,-80.6,3,90").azimuth_deg
     90.0

@@ -1,7 +1,7 @@
 """Columns of tables: which quantity and unit each one holds, by its own name or by the user's map.
 
-A name is a quantity with its unit, `x_ecef_km`; without a unit it is that of the first in the list. A map says the same
-of columns with other names: `{lat: "Latitude (°)", height_ft: ALT}`.
+A name is a quantity with its unit, `x_ecef_km`; without a unit it is that of the first in the list.
+A map says the same of columns with other names: `{lat: "Latitude (°)", height_ft: ALT}`.
 """
 
 import math
@@ -40,19 +40,27 @@ VELOCITIES = (
     ("vx_eme2000", "vy_eme2000", "vz_eme2000"),
     ("vx_teme", "vy_teme", "vz_teme"),
 )
-CELESTIAL_RATES: Mapping[tuple[str, ...], str] = dict(zip(VELOCITIES[3:], CELESTIAL.values(), strict=True))
+CELESTIAL_RATES: Mapping[tuple[str, ...], str] = dict(
+    zip(VELOCITIES[3:], CELESTIAL.values(), strict=True)
+)
 TIME = "time"
 BURNING = "is_burning"
 #: The time as a date, in place of seconds, and other names of such columns, in lower case.
 DATE = "timestamp"
 #: Times that count from a date, and that date, s of Unix time.
-SCALES = {"unix_time": 0.0, "gps_time": 315_964_800.0, "mjd": -40_587.0 * 86_400.0, "jd": -2_440_587.5 * 86_400.0}
+SCALES = {
+    "unix_time": 0.0,
+    "gps_time": 315_964_800.0,
+    "mjd": -40_587.0 * 86_400.0,
+    "jd": -2_440_587.5 * 86_400.0,
+}
 _DATES = ("timestamp", "time_utc", "utc", "utc_time", "datetime", "date", "epoch", "utcgregorian")
 
 #: Times that count from a date: their units.
 SCALE_UNITS = {"unix_time": TIMES, "gps_time": TIMES, "mjd": {"": 86_400.0}, "jd": {"": 86_400.0}}
 
-#: The units of each quantity, the first of them where none is named: SI units and radians in one unit.
+#: The units of each quantity, the first of them where none is named: SI units and radians in one
+#: unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
     TIME: TIMES,
     **dict.fromkeys((*PLACES[0], *PLACES[4], *PLACES[5]), LENGTHS),
@@ -122,7 +130,9 @@ _WITH_UNIT = re.compile(r"(.*?)\s*[(\[]\s*([^)\]]*?)\s*[)\]]")
 
 @frozen
 class Column:
-    """A column that is read: its place in a line, its name there, its quantity, and its unit in SI units or radians."""
+    """A column that is read: its place in a line, its name there, its quantity, and its unit in SI
+    units or radians.
+    """
 
     place: int
     name: str
@@ -142,7 +152,8 @@ def quantity_of(name: str) -> tuple[str, float] | None:
 
 
 def plain_name(name: str) -> str:
-    """Return a name in lower case with its unit at its end, "" for one with another unit in brackets.
+    """Return a name in lower case with its unit at its end, "" for one with another unit in
+    brackets.
 
     >>> plain_name("Azimuth (deg)")
     'azimuth_deg'
@@ -166,7 +177,8 @@ def unix_s_of_scale(scale: str, since_s: float) -> float:
 
 
 def unit_of(name: str, known: Mapping[str, Mapping[str, float]]) -> tuple[str, float] | None:
-    """Return the quantity of a name, of those `known` with their units, and its unit; None for none.
+    """Return the quantity of a name, of those `known` with their units, and its unit; None for
+    none.
 
     >>> unit_of("height_km", UNITS)
     ('height', 1000.0)
@@ -190,10 +202,11 @@ def map_complaint(columns: Mapping[str, str] | None) -> str | None:
 
 
 def columns_of(names: Sequence[str], line: int, given: Mapping[str, str]) -> dict[str, Column]:
-    """Return the columns that are read, by quantity; raises `BadFileError` where they do not make states.
+    """Return the columns that are read, by quantity; raises `BadFileError` where they do not make
+    states.
 
-    `given` maps quantities with units to names of columns; others are known by their own names. `line` is that of the
-    names.
+    `given` maps quantities with units to names of columns; others are known by their own names.
+    `line` is that of the names.
     """
     found: dict[str, Column] = {}
     mapped = {own: wanted for wanted, own in given.items()}
@@ -201,14 +214,22 @@ def columns_of(names: Sequence[str], line: int, given: Mapping[str, str]) -> dic
     lost = [own for own in mapped if own not in numbered]
     if lost:
         listed = ", ".join(map(repr, names))
-        raise BadFileError(f"line {line}: there is no column {lost[0]!r}, which columns names; there are {listed}")
+        raise BadFileError(
+            f"line {line}: there is no column {lost[0]!r}, which columns names; there are {listed}"
+        )
     for place, name in enumerate(numbered):
         known = quantity_of(mapped.get(name, name))
         if known is None:
             continue
         if known[0] in found and (name in mapped) == (found[known[0]].name in mapped):
-            way = f"; say which with columns, like {known[0]}: '{name}#2'" if name in names[:place] else ""
-            raise BadFileError(f"line {line}: names a column twice: {found[known[0]].name!r} and {name!r}{way}")
+            way = (
+                f"; say which with columns, like {known[0]}: '{name}#2'"
+                if name in names[:place]
+                else ""
+            )
+            raise BadFileError(
+                f"line {line}: names a column twice: {found[known[0]].name!r} and {name!r}{way}"
+            )
         if known[0] not in found or name in mapped:
             found[known[0]] = Column(place, name, *known)
     _require_states(found, names, line)
@@ -216,8 +237,12 @@ def columns_of(names: Sequence[str], line: int, given: Mapping[str, str]) -> dic
 
 
 def _numbered(names: Sequence[str], mapped: Iterable[str]) -> list[str]:
-    """Return the names of columns, `name#2` for the second of a name, where the map names one of these."""
-    chosen = {own.rpartition("#")[0] for own in mapped if own not in names} | {own for own in mapped if own in names}
+    """Return the names of columns, `name#2` for the second of a name, where the map names one of
+    these.
+    """
+    chosen = {own.rpartition("#")[0] for own in mapped if own not in names} | {
+        own for own in mapped if own in names
+    }
     count: dict[str, int] = {}
     found = []
     for name in names:
@@ -236,26 +261,42 @@ def _require_states(found: dict[str, Column], names: Sequence[str], line: int) -
     groups = [place_group(found)]
     groups += [group for group in VELOCITIES if any(name in found for name in group)]
     if len(groups) > 2:
-        raise BadFileError(f"line {line}: has velocities in several axes; name those to read with columns")
+        raise BadFileError(
+            f"line {line}: has velocities in several axes; name those to read with columns"
+        )
     frames = [CELESTIAL.get(groups[0]), *(CELESTIAL_RATES.get(group) for group in groups[1:])]
     if len(set(frames)) > 1:
         raise BadFileError(
-            f"line {line}: has positions and velocities along different axes; name those to read with columns"
+            f"line {line}: has positions and velocities along different axes; name those to read"
+            f" with columns"
         )
     needed = (TIME, *(name for group in groups for name in group))
     instead = [("height", ALTITUDE), *((TIME, date) for date in (DATE, *SCALES))]
     stood_for = {quantity for quantity, other in instead if other in found}
-    missing = [quantity for quantity in needed if quantity not in found and quantity not in stood_for]
+    missing = [
+        quantity for quantity in needed if quantity not in found and quantity not in stood_for
+    ]
     unknown = unread(names, found)
-    slips = {name: near for name in unknown if (near := get_close_matches(name, _all_names(), n=1, cutoff=_SLIP))}
+    slips = {
+        name: near
+        for name in unknown
+        if (near := get_close_matches(name, _all_names(), n=1, cutoff=_SLIP))
+    }
     if missing:
         is_most = len(missing) > 1
-        others = f" and has unknown columns ({', '.join(map(repr, unknown[:6]))})" if unknown else ""
+        others = (
+            f" and has unknown columns ({', '.join(map(repr, unknown[:6]))})" if unknown else ""
+        )
         wanted = ", ".join(map(_with_unit, missing))
-        raise BadFileError(f"line {line}: lacks the column{'s' if is_most else ''} {wanted}{others}{_proposal(names)}")
+        raise BadFileError(
+            f"line {line}: lacks the column{'s' if is_most else ''}"
+            f" {wanted}{others}{_proposal(names)}"
+        )
     for name, near in slips.items():
         if name not in (column.name for column in found.values()):
-            raise BadFileError(f"line {line}: {name!r} is no column that is read; did you mean {near[0]}?")
+            raise BadFileError(
+                f"line {line}: {name!r} is no column that is read; did you mean {near[0]}?"
+            )
 
 
 def place_group(found: Iterable[str]) -> tuple[str, ...]:
@@ -279,24 +320,32 @@ def _proposal(names: Sequence[str]) -> str:
         if quantity is None or any(key.startswith(quantity) for key in taken):
             continue
         units = UNITS[quantity]
-        taken["_".join(filter(None, [quantity, unit if unit in units else next(iter(units))]))] = name
+        taken["_".join(filter(None, [quantity, unit if unit in units else next(iter(units))]))] = (
+            name
+        )
     kinds = {quantity_of(key)[0] for key in taken}  # type: ignore[index]
     if any(_INERTIAL.search(name.lower()) for name in names) and "lat" not in kinds:
         return (
-            "; they seem to be along inertial axes: with dates, set columns: {x_eme2000_km: X, …} for those of J2000"
+            "; they seem to be along inertial axes: with dates, set columns: {x_eme2000_km: X, …}"
+            " for those of J2000"
             " (ICRF, GCRF) or {x_teme_km: X, …}; or export Earth-fixed states"
         )
     if {"lat", "lon"} <= kinds and "height" not in kinds:
         return "; it seems to have latitude and longitude, and no height: export that too"
     has_time = kinds & {TIME, DATE} or DATE in names
     if not any(set(group) <= kinds for group in PLACES[:2]) or not has_time:
-        return "; say what they are with columns, like columns: {time_s: T, lat: Latitude, lon: Longitude, height_m: H}"
+        return (
+            "; say what they are with columns, like columns: {time_s: T, lat: Latitude, lon:"
+            " Longitude, height_m: H}"
+        )
     listed = ", ".join(f'{key}: "{name}"' for key, name in taken.items())
     return f"; if this is what they are, set columns: {{{listed}}}"
 
 
 def _words_of(name: str) -> tuple[str, str]:
-    """Return the words of a column's name and its unit, in brackets or at the end, as names have it; "" for none."""
+    """Return the words of a column's name and its unit, in brackets or at the end, as names have
+    it; "" for none.
+    """
     bare, unit = bare_name(name)
     words = re.sub(r"[^a-z0-9°/]+", " ", bare).strip()
     if unit:
@@ -314,4 +363,8 @@ def _with_unit(quantity: str) -> str:
 
 
 def _all_names() -> list[str]:
-    return [f"{quantity}_{unit}" if unit else quantity for quantity, units in UNITS.items() for unit in units]
+    return [
+        f"{quantity}_{unit}" if unit else quantity
+        for quantity, units in UNITS.items()
+        for unit in units
+    ]

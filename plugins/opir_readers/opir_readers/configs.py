@@ -6,7 +6,13 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.plugin import FileReader, TargetClass, flag, nested, number, text
-from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, burns_setting, noise_setting, start_setting
+from opir_readers.configs_of_sites import (
+    SITE_HELP,
+    SiteConfig,
+    burns_setting,
+    noise_setting,
+    start_setting,
+)
 from opir_readers.formats import OBJECT_HELP, columns_setting
 
 
@@ -20,51 +26,90 @@ class TableConfig:
     """What a scene may set of a target of the model `table`."""
 
     type: str = text(
-        names_of=TargetClass.hook, help="target class: ICBM, IRBM, SRBM, MRBM, SLBM, HGV, SLV, or that of a plugin"
+        names_of=TargetClass.hook,
+        help="target class: ICBM, IRBM, SRBM, MRBM, SLBM, HGV, SLV, or that of a plugin",
     )
     file: str = text(
-        help="path of a table of states: text with the columns time_s, x_ecef_m, y_ecef_m, z_ecef_m (and vx_ecef_m_s,"
-        " vy_ecef_m_s, vz_ecef_m_s, is_burning: 1 where the plume radiates up to the next line's time, else 0) or with"
-        " those of columns, parted by commas, semicolons, tabs or blanks; or what another reader reads (opir plugins):"
+        help="path of a table of states: text with the columns time_s, x_ecef_m, y_ecef_m, z_ecef_m"
+        " (and vx_ecef_m_s,"
+        " vy_ecef_m_s, vz_ecef_m_s, is_burning: 1 where the plume radiates up to the next line's"
+        " time, else 0) or with"
+        " those of columns, parted by commas, semicolons, tabs or blanks; or what another reader"
+        " reads (opir plugins):"
         " CCSDS OEM, STK, SP3, GPX, KML, exports of rocket simulators, telemetry of webcasts"
     )
-    format: str | None = text(default=None, names_of=FileReader.hook, help="reader of the file; default: by content")
+    format: str | None = text(
+        default=None, names_of=FileReader.hook, help="reader of the file; default: by content"
+    )
     columns: Mapping[str, str] = columns_setting()
     start_s: float | None = start_setting()
     site: SiteConfig | None = nested(default=None, help=SITE_HELP)
     object: str | None = text(default=None, help=OBJECT_HELP)
     noise_m: float | None = noise_setting()
     burns: str | None = burns_setting()
-    ignition_s: float | None = _scene_time("scene time of the first ignition; default: from the file")
-    burnout_s: float | None = _scene_time("scene time at which the last burn ends; default: from the file")
+    ignition_s: float | None = _scene_time(
+        "scene time of the first ignition; default: from the file"
+    )
+    burnout_s: float | None = _scene_time(
+        "scene time at which the last burn ends; default: from the file"
+    )
 
 
 @frozen(kw_only=True)
 class AscentConfig:
     """What a scene may set of a target of the model `ascent`."""
 
-    type: str = text(default="SLV", names_of=TargetClass.hook, source="space launches", help="target class")
+    type: str = text(
+        default="SLV", names_of=TargetClass.hook, source="space launches", help="target class"
+    )
     flight: str = text(
         default="orbit",
         choices=("orbit", "booster"),
-        help="orbit: two burns into a circular orbit; booster: the first burn, and those of a booster that lands",
+        help="orbit: two burns into a circular orbit; booster: the first burn, and those of a"
+        " booster that lands",
     )
-    lat_deg: float = number(unit="deg", minimum=-89.0, maximum=89.0, help="geodetic latitude of the launch (WGS 84)")
-    lon_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the launch")
+    lat_deg: float = number(
+        unit="deg", minimum=-89.0, maximum=89.0, help="geodetic latitude of the launch (WGS 84)"
+    )
+    lon_deg: float = number(
+        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the launch"
+    )
     height_m: float = number(
-        default=0.0, unit="m", minimum=-500.0, maximum=9000.0, help="height of the launch above the ellipsoid"
+        default=0.0,
+        unit="m",
+        minimum=-500.0,
+        maximum=9000.0,
+        help="height of the launch above the ellipsoid",
     )
-    time_s: float = number(default=0.0, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time of lift-off")
+    time_s: float = number(
+        default=0.0, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time of lift-off"
+    )
     azimuth_deg: float = number(
-        default=90.0, unit="deg", minimum=0.0, maximum=360.0, help="direction of flight over the Earth, from north"
+        default=90.0,
+        unit="deg",
+        minimum=0.0,
+        maximum=360.0,
+        help="direction of flight over the Earth, from north",
     )
     first_burn_s: float = number(
-        default=160.0, unit="s", minimum=120.0, maximum=200.0, help="first burn, of a launcher that weighs 1/1.3 of it"
+        default=160.0,
+        unit="s",
+        minimum=120.0,
+        maximum=200.0,
+        help="first burn, of a launcher that weighs 1/1.3 of it",
     )
-    gap_s: float = number(default=11.0, unit="s", minimum=2.0, maximum=60.0, help="dark time after the first burn")
-    second_burn_s: float = number(default=360.0, unit="s", minimum=250.0, maximum=600.0, help="second burn, to orbit")
+    gap_s: float = number(
+        default=11.0, unit="s", minimum=2.0, maximum=60.0, help="dark time after the first burn"
+    )
+    second_burn_s: float = number(
+        default=360.0, unit="s", minimum=250.0, maximum=600.0, help="second burn, to orbit"
+    )
     orbit_altitude_km: float = number(
-        default=200.0, unit="km", minimum=150.0, maximum=400.0, help="altitude of the orbit above the equatorial radius"
+        default=200.0,
+        unit="km",
+        minimum=150.0,
+        maximum=400.0,
+        help="altitude of the orbit above the equatorial radius",
     )
     followed_s: float = number(
         default=1500.0,
@@ -73,4 +118,6 @@ class AscentConfig:
         maximum=86_400.0,
         help="how long it is followed in orbit, by sensors that follow bodies",
     )
-    flies_back: bool = flag(default=True, help="whether a booster lands at the launch site, not down the range")
+    flies_back: bool = flag(
+        default=True, help="whether a booster lands at the launch site, not down the range"
+    )

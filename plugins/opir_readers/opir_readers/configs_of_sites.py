@@ -11,22 +11,34 @@ from opir_core.plugin import number, text
 class SiteConfig:
     """Where a file's local places count from."""
 
-    lat_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the launch point")
-    lon_deg: float = number(unit="deg", minimum=-180.0, maximum=360.0, help="east longitude of the launch point")
+    lat_deg: float = number(
+        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the launch point"
+    )
+    lon_deg: float = number(
+        unit="deg", minimum=-180.0, maximum=360.0, help="east longitude of the launch point"
+    )
     height_m: float = number(
-        default=0.0, unit="m", minimum=-500.0, maximum=20_000.0, help="its height above the WGS 84 ellipsoid"
+        default=0.0,
+        unit="m",
+        minimum=-500.0,
+        maximum=20_000.0,
+        help="its height above the WGS 84 ellipsoid",
     )
     azimuth_deg: float | None = number(
         default=None,
         unit="deg",
         minimum=-360.0,
         maximum=360.0,
-        help="direction of flight over the ground at the launch point, clockwise from north: for files of distances"
+        help="direction of flight over the ground at the launch point, clockwise from north: for"
+        " files of distances"
         " downrange, or of speeds alone",
     )
 
 
-SITE_HELP = "launch point of a file whose places are local: east, north and up, downrange and altitude, or speed alone"
+SITE_HELP = (
+    "launch point of a file whose places are local: east, north and up, downrange and altitude, or"
+    " speed alone"
+)
 
 
 def noise_setting() -> Any:
@@ -36,7 +48,8 @@ def noise_setting() -> Any:
         unit="m",
         minimum=0.0,
         maximum=1e5,
-        help="standard deviation of the file's positions, per axis: a spline smooths them to it; default: as they are",
+        help="standard deviation of the file's positions, per axis: a spline smooths them to it;"
+        " default: as they are",
     )
 
 
@@ -45,7 +58,8 @@ def burns_setting() -> Any:
     return text(
         default=None,
         choices=("acceleration", "all"),
-        help="acceleration: burns are what the accelerations show; all: it burns from the first state to the last;"
+        help="acceleration: burns are what the accelerations show; all: it burns from the first"
+        " state to the last;"
         " default: what the file states",
     )
 

@@ -1,4 +1,6 @@
-"""How a table of text is laid out: what parts its columns, how it writes decimals, where the names stand."""
+"""How a table of text is laid out: what parts its columns, how it writes decimals, where the names
+stand.
+"""
 
 import csv
 import io
@@ -34,7 +36,9 @@ _RULE = re.compile(r"\s*:?[-=]+:?\s*")
 
 @frozen
 class Layout:
-    """The layout of a table: `delimiter` "" is any white space; `names` stand in line `line`, states below it."""
+    """The layout of a table: `delimiter` "" is any white space; `names` stand in line `line`,
+    states below it.
+    """
 
     delimiter: str
     has_decimal_comma: bool
@@ -42,7 +46,9 @@ class Layout:
     names: tuple[str, ...]
 
     def rows(self, text: str) -> Iterator[tuple[int, list[str]]]:
-        """Yield number and cells of each line of a state; raises `BadFileError` for what is not CSV."""
+        """Yield number and cells of each line of a state; raises `BadFileError` for what is not
+        CSV.
+        """
         for number, cells in _cells(text, self.delimiter):
             if number > self.line:
                 yield number, cells
@@ -55,13 +61,16 @@ class Layout:
 
 
 def layout_of(text: str, mapped: Collection[str] = ()) -> Layout:
-    """Return the layout of a table; raises `BadFileError` for one without names, or without any line.
+    """Return the layout of a table; raises `BadFileError` for one without names, or without any
+    line.
 
     Columns that are `mapped` by their number, `#1` for the first, are called so.
     """
     lines = list(islice(_lines(text), _HEAD))
     if not lines:
-        raise BadFileError("is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m")
+        raise BadFileError(
+            "is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m"
+        )
     declared = _EXCEL.fullmatch(lines[0][1])
     lines = lines[1:] if declared else lines
     lines = lines[_first_of_table([line for _, line in lines]) :]
@@ -83,12 +92,16 @@ def layout_of(text: str, mapped: Collection[str] = ()) -> Layout:
         names = _with_units(names, rows[1][1])
     comma = _QUOTED_DECIMAL_COMMA if delimiter == "," else _DECIMAL_COMMA
     has_comma = any(comma.fullmatch(cell) for _, row in rows for cell in row)
-    named = [f"#{place + 1}" if is_numbered[place] else _bare(name) for place, name in enumerate(names)]
+    named = [
+        f"#{place + 1}" if is_numbered[place] else _bare(name) for place, name in enumerate(names)
+    ]
     return Layout(delimiter, has_comma, line, tuple(named))
 
 
 def is_table(text: str) -> bool:
-    """Return whether some line has two numbers or dates, or the first line names something that is read."""
+    """Return whether some line has two numbers or dates, or the first line names something that is
+    read.
+    """
     lines = [line for _, line in islice(_lines(text), _LOOKED_AT)]
     parts = [_split(line, _delimiter([line])) for line in lines]
     is_named = any(map(quantity_of, parts[0])) if parts else False
@@ -96,10 +109,14 @@ def is_table(text: str) -> bool:
 
 
 def with_dates_named(layout: Layout, text: str, mapped: Collection[str]) -> Layout:
-    """Return a layout whose column of times is called `timestamp` where it holds dates, unless it is `mapped`."""
+    """Return a layout whose column of times is called `timestamp` where it holds dates, unless it
+    is `mapped`.
+    """
     _, cells = next(layout.rows(text), (0, []))
     names = [
-        "timestamp" if bare_name(name)[0] in _TIMES and name not in mapped and looks_like_date(cell) else name
+        "timestamp"
+        if bare_name(name)[0] in _TIMES and name not in mapped and looks_like_date(cell)
+        else name
         for name, cell in zip(layout.names, cells, strict=False)
     ]
     return evolve(layout, names=(*names, *layout.names[len(names) :]))
@@ -110,7 +127,9 @@ def decimal(cell: str, layout: Layout) -> float:
     if "_" in cell:
         raise ValueError
     if "," in cell and "." in cell:
-        raise ValueError("has both a point and a comma; write numbers without separators of thousands")
+        raise ValueError(
+            "has both a point and a comma; write numbers without separators of thousands"
+        )
     plain = cell.replace(",", ".") if layout.has_decimal_comma else cell
     # Fortran writes double precision as 1.5D+06.
     return float(re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", plain))
@@ -119,7 +138,8 @@ def decimal(cell: str, layout: Layout) -> float:
 def _delimiter(lines: Sequence[str]) -> str:
     """Return what parts the columns of a table by its names: a mark, else white space.
 
-    Two blanks or more do where names and dates with single blanks agree in their number of columns only so.
+    Two blanks or more do where names and dates with single blanks agree in their number of columns
+    only so.
     """
     head = lines[0] if lines else ""
     below = next((line for line in lines[1:] if not _is_rule(line)), "")
@@ -137,7 +157,8 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 
 def _first_of_table(lines: Sequence[str]) -> int:
-    """Return in which line the names stand: the first, or below lines about the table, whose columns are others.
+    """Return in which line the names stand: the first, or below lines about the table, whose
+    columns are others.
 
     The names are above the first line of numbers, units or rules between them aside.
     """
@@ -157,9 +178,13 @@ def _is_rule(line: str) -> bool:
 
 
 def _is_below_names(cells: Sequence[str]) -> bool:
-    """Return whether the cells of a line are rules or units, as they stand between names and numbers."""
+    """Return whether the cells of a line are rules or units, as they stand between names and
+    numbers.
+    """
     given = [_unit(cell) for cell in cells if cell.strip()]
-    return bool(given) and all(cell == "-" or _RULE.fullmatch(cell) or cell.lower() in WRITTEN_UNITS for cell in given)
+    return bool(given) and all(
+        cell == "-" or _RULE.fullmatch(cell) or cell.lower() in WRITTEN_UNITS for cell in given
+    )
 
 
 def _unit(cell: str) -> str:
@@ -170,7 +195,8 @@ def _with_units(names: Sequence[str], below: Sequence[str]) -> list[str]:
     """Return names with the units that stand below them, `x_ecef (km)`."""
     units = [*map(_unit, below), *[""] * len(names)]
     return [
-        f"{name} ({unit})" if unit.lower() in WRITTEN_UNITS else name for name, unit in zip(names, units, strict=False)
+        f"{name} ({unit})" if unit.lower() in WRITTEN_UNITS else name
+        for name, unit in zip(names, units, strict=False)
     ]
 
 
@@ -191,19 +217,28 @@ def _is_value(cell: str) -> bool:
     return _is_number(_bare(cell)) or looks_like_date(_bare(cell))
 
 
-def _names_in_comment(text: str, line: int, count: int, delimiter: str) -> tuple[int, Sequence[str]]:
-    """Return the names of as many columns in the last comment above a line of numbers, and where states begin."""
+def _names_in_comment(
+    text: str, line: int, count: int, delimiter: str
+) -> tuple[int, Sequence[str]]:
+    """Return the names of as many columns in the last comment above a line of numbers, and where
+    states begin.
+    """
     for comment in reversed(text.split("\n")[: line - 1]):
         bare = comment.strip().lstrip("#%/").strip()
-        # A sentence has as many words as any table has columns: names are parted by blanks only where numbers are.
-        marks = dict.fromkeys(mark for mark in (delimiter, _delimiter([bare])) if mark or not delimiter)
+        # A sentence has as many words as any table has columns: names are parted by blanks only
+        # where numbers are.
+        marks = dict.fromkeys(
+            mark for mark in (delimiter, _delimiter([bare])) if mark or not delimiter
+        )
         for mark in marks:
             names = [name.strip() for name in (bare.split(mark) if mark else bare.split())]
             if len(names) == count and comment.strip().startswith(_COMMENTS):
                 return line - 1, names
     raise BadFileError(
-        f"line {line}: has numbers and no line of names above it; name the columns in a first line, like time_s,"
-        " x_ecef_m, y_ecef_m, z_ecef_m, or by their numbers with columns: {time_s: '#1', x_ecef_m: '#2', …}"
+        f"line {line}: has numbers and no line of names above it; name the columns in a first line,"
+        f" like time_s,"
+        " x_ecef_m, y_ecef_m, z_ecef_m, or by their numbers with columns: {time_s: '#1', x_ecef_m:"
+        " '#2', …}"
     )
 
 

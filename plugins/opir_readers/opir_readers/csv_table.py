@@ -32,7 +32,14 @@ from opir_readers.detections.times import unix_ns
 from opir_readers.flights.site import Site
 from opir_readers.frames import to_ecef
 from opir_readers.json_text import table_of_json
-from opir_readers.states import MOST_BURNS, LineOf, require_angles, require_order, require_places, require_velocities
+from opir_readers.states import (
+    MOST_BURNS,
+    LineOf,
+    require_angles,
+    require_order,
+    require_places,
+    require_velocities,
+)
 
 #: The most points where the motion is not smooth: each costs as much as a hundred states.
 MOST_BREAKS = 10_000
@@ -54,14 +61,16 @@ def csv_table(
     site: SiteConfig | None = None,
     epoch_us: int = 0,
 ) -> StateTable:
-    """Return the table of a text whose time 0 is the scene time `start_s`; dates count from the scene's epoch.
+    """Return the table of a text whose time 0 is the scene time `start_s`; dates count from the
+    scene's epoch.
 
-    Columns, in any order, parted by commas, semicolons, tabs, bars or blanks: the time; the place, as ECEF, as geodetic
-    latitude, longitude and height, in EME2000 or TEME, or from a launch point `site`; perhaps the velocity; and
-    is_burning: 1 where the plume radiates from this line's time to the next, else 0. Names have their units
-    (`opir_readers.columns`), or `columns` maps quantities to names. Lines that begin with #, % or // are comments. A
-    time that occurs twice in a row marks a point where the motion is not smooth, as a change of stages. JSON is read as
-    the table of its records. Raises `BadFileError`.
+    Columns, in any order, parted by commas, semicolons, tabs, bars or blanks: the time; the place,
+    as ECEF, as geodetic latitude, longitude and height, in EME2000 or TEME, or from a launch point
+    `site`; perhaps the velocity; and is_burning: 1 where the plume radiates from this line's time
+    to the next, else 0. Names have their units (`opir_readers.columns`), or `columns` maps
+    quantities to names. Lines that begin with #, % or // are comments. A time that occurs twice in
+    a row marks a point where the motion is not smooth, as a change of stages. JSON is read as the
+    table of its records. Raises `BadFileError`.
     """
     mapped = columns or {}
     text = table_of_json(text) or text
@@ -85,23 +94,42 @@ def csv_table(
     group = place_group(known)
     if group in CELESTIAL:
         if not has_dates:
-            raise BadFileError(f"line {layout.line}: positions along inertial axes need dates: a column timestamp")
+            raise BadFileError(
+                f"line {layout.line}: positions along inertial axes need dates: a column timestamp"
+            )
         moving = np.zeros_like(position) if velocity is None else velocity
         position, moving = to_ecef(CELESTIAL[group], position, moving, epoch_us, time_s)
         velocity = None if velocity is None else moving
     run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
     if run[-1] > MOST_BREAKS:
-        raise BadFileError(f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth")
+        raise BadFileError(
+            f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth"
+        )
     burns_s = _burns_s(time_s, values.get(BURNING, np.ones(count)))
     names = tuple(known[name].name for group in VELOCITIES for name in group if name in known)
     frame = _FRAMES[group]
-    return StateTable(time_s, position, velocity, run, burns_s, line_of, _notes(layout, known), names, has_dates, frame)
+    return StateTable(
+        time_s,
+        position,
+        velocity,
+        run,
+        burns_s,
+        line_of,
+        _notes(layout, known),
+        names,
+        has_dates,
+        frame,
+    )
 
 
 def _notes(layout: Layout, known: Mapping[str, Column]) -> tuple[str, ...]:
     left = unread(layout.names, known)
     more = f" and {len(left) - _LISTED} more" if len(left) > _LISTED else ""
-    return (f"columns that are not read: {', '.join(map(repr, left[:_LISTED]))}{more}",) if left else ()
+    return (
+        (f"columns that are not read: {', '.join(map(repr, left[:_LISTED]))}{more}",)
+        if left
+        else ()
+    )
 
 
 _FRAMES = dict(
@@ -120,7 +148,9 @@ _FRAMES = dict(
 )
 
 
-def _positions(values: Mapping[str, FloatArray], line_of: LineOf, config: SiteConfig | None) -> FloatArray:
+def _positions(
+    values: Mapping[str, FloatArray], line_of: LineOf, config: SiteConfig | None
+) -> FloatArray:
     """Return ECEF positions (n, 3), m."""
     group = place_group(values)
     if group == PLACES[0] or group in CELESTIAL:
@@ -144,8 +174,14 @@ def _heights(values: Mapping[str, FloatArray], config: SiteConfig | None) -> Flo
     if "height" in values:
         return values["height"]
     is_place = "lat" in values
-    way = ", or for heights above the ellipsoid set columns: {height_m: …} with their name" if is_place else ""
-    return values[ALTITUDE] + Site.of(config, f"altitudes count from the launch point{way}").height_m
+    way = (
+        ", or for heights above the ellipsoid set columns: {height_m: …} with their name"
+        if is_place
+        else ""
+    )
+    return (
+        values[ALTITUDE] + Site.of(config, f"altitudes count from the launch point{way}").height_m
+    )
 
 
 def _velocities(values: Mapping[str, FloatArray], position_m: FloatArray) -> FloatArray | None:
@@ -174,38 +210,51 @@ def from_local_axes(velocity_m_s: FloatArray, position_m: FloatArray) -> FloatAr
 
 
 def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
-    """Return the burns (k, 2) of states at times (n,): each from a line with 1 to the next line with 0, or the last."""
+    """Return the burns (k, 2) of states at times (n,): each from a line with 1 to the next line
+    with 0, or the last.
+    """
     edge = np.diff(np.concatenate([[0.0], is_burning[:-1], [0.0]]))
     burns_s = np.stack([time_s[edge > 0.0], time_s[edge < 0.0]], axis=-1)
     # A time that occurs twice may end one burn and begin the next, or hold a burn of no length.
     burns_s = burns_s[burns_s[:, 0] < burns_s[:, 1]]
     if not len(burns_s):
-        raise BadFileError(f"{BURNING} is 0 throughout; 1 says that the plume radiates up to the next line's time")
+        raise BadFileError(
+            f"{BURNING} is 0 throughout; 1 says that the plume radiates up to the next line's time"
+        )
     if len(burns_s) > MOST_BURNS:
-        raise BadFileError(f"{BURNING} begins {len(burns_s)} burns; at most {MOST_BURNS} are possible")
+        raise BadFileError(
+            f"{BURNING} begins {len(burns_s)} burns; at most {MOST_BURNS} are possible"
+        )
     return burns_s
 
 
 def _with_times(
     values: dict[str, FloatArray], known: Mapping[str, Column], layout: Layout, text: str
 ) -> tuple[dict[str, FloatArray], bool]:
-    """Return the columns with their times, s since 1970 for dates and else as they count, and whether they are dates.
+    """Return the columns with their times, s since 1970 for dates and else as they count, and
+    whether they are dates.
 
     A time of the day beside a date is added to it; other seconds beside dates count.
     """
     scale = next((name for name in SCALES if name in known), None)
     if TIME in known:
         _, cells = next(layout.rows(text), (0, []))
-        is_clock = DATE in known and ":" in cells[known[TIME].place] and ":" not in cells[known[DATE].place]
+        is_clock = (
+            DATE in known
+            and ":" in cells[known[TIME].place]
+            and ":" not in cells[known[DATE].place]
+        )
         return (values | {TIME: values[DATE] + values[TIME]} if is_clock else values), is_clock
     if DATE in known or scale is None:
         return values | {TIME: values[DATE]}, True
-    return values | {TIME: np.array([unix_s_of_scale(scale, since_s) for since_s in values[scale].tolist()])}, True
+    return values | {
+        TIME: np.array([unix_s_of_scale(scale, since_s) for since_s in values[scale].tolist()])
+    }, True
 
 
 def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str, FloatArray]:
-    """Return the columns by quantity, in SI units and radians: read at once where all are plain numbers, else line by
-    line, to say what is not."""
+    """Return the columns by quantity, in SI units and radians: read at once where all are plain
+    numbers, else line by line, to say what is not."""
     values = None if DATE in known else _plain_numbers(text, layout, known)
     if values is not None and BURNING in known:
         burning = values[:, list(known).index(BURNING)]
@@ -214,11 +263,16 @@ def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str,
         rows = [_row(known, layout, cells, line) for line, cells in layout.rows(text)]
         values = np.array(rows).reshape(-1, len(known))
     with np.errstate(over="ignore"):
-        return {name: values[:, place] * column.factor for place, (name, column) in enumerate(known.items())}
+        return {
+            name: values[:, place] * column.factor
+            for place, (name, column) in enumerate(known.items())
+        }
 
 
 def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> FloatArray | None:
-    """Return the numbers (n, columns) below the names, or None where something else stands there."""
+    """Return the numbers (n, columns) below the names, or None where something else stands
+    there.
+    """
     if layout.has_decimal_comma and layout.delimiter == ",":
         return None
     lines = layout.plain_lines(text)
@@ -246,7 +300,10 @@ def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> Fl
 def _row(known: Mapping[str, Column], layout: Layout, cells: list[str], line: int) -> list[float]:
     extra = cells[len(layout.names) :]
     if len(cells) < len(layout.names) or any(cell.strip() for cell in extra):
-        raise BadFileError(f"line {line}: has {len(cells)} values; the first line names {len(layout.names)} columns")
+        raise BadFileError(
+            f"line {line}: has {len(cells)} values; the first line names {len(layout.names)}"
+            f" columns"
+        )
     return [_number(column, cells[column.place], layout, line) for column in known.values()]
 
 
@@ -265,7 +322,9 @@ def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
         value = math.nan
         why = f": it {error}" if "separators" in str(error) else ""
     if not math.isfinite(value):
-        raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}, not a finite number{why}")
+        raise BadFileError(
+            f"line {line}: {column.name} is {cell.strip()!r}, not a finite number{why}"
+        )
     if column.quantity == BURNING and value not in (0.0, 1.0):
         raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}; 0 or 1 is needed")
     return value

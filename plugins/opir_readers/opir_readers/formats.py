@@ -20,9 +20,12 @@ _OEM_HEAD = re.compile(rf"(\s*(COMMENT[^\n]*|#[^\n]*)?\n)*\s*{FIRST_KEYWORD}")
 _OTHER_HEADS = re.compile(r"\s*(CCSDS_|<|\{|\[|stk\.v\.|#[cd][PV ]|%PDF|PK\x03|[12] \d{5}[A-Z ])")
 
 COLUMNS_HELP = (
-    "columns of a text with other names, by quantity and unit: {time_s: T, lat: Latitude, lon: Longitude,"
-    " height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s, km_s, ft_s, km_h, kn;"
-    " velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial, vz_inertial, or v_east, v_north, v_up. With a"
+    "columns of a text with other names, by quantity and unit: {time_s: T, lat: Latitude, lon:"
+    " Longitude,"
+    " height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s, km_s,"
+    " ft_s, km_h, kn;"
+    " velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial, vz_inertial, or v_east,"
+    " v_north, v_up. With a"
     " site also east, north, up; downrange and height or altitude, the height above the site"
 )
 OBJECT_HELP = "OBJECT_NAME or OBJECT_ID, for an OEM with several objects"
@@ -52,7 +55,9 @@ class ReadOemConfig:
 def _csv(config: ReadCsvConfig, context: ReaderContext) -> StateTable:
     from opir_readers.csv_table import csv_table
 
-    return csv_table(context.text, config.start_s or 0.0, config.columns, config.site, context.epoch_us)
+    return csv_table(
+        context.text, config.start_s or 0.0, config.columns, config.site, context.epoch_us
+    )
 
 
 def _is_csv(text: str) -> bool:
@@ -60,7 +65,11 @@ def _is_csv(text: str) -> bool:
     from opir_readers.likeness import likeness
 
     others = (*TRAJECTORIES[1:], *DETECTIONS, *FLIGHTS, *ORBITS)
-    if _OTHER_HEADS.match(text) or likeness(text) or any(reader.recognises(text) for reader in others):
+    if (
+        _OTHER_HEADS.match(text)
+        or likeness(text)
+        or any(reader.recognises(text) for reader in others)
+    ):
         return False
     return is_table(text) or not text.strip()
 
@@ -80,7 +89,8 @@ def _stk(config: NoConfig, context: ReaderContext) -> StateTable:
 TRAJECTORIES = (
     FileReader(
         name="csv",
-        summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or blanks, or JSON records",
+        summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or"
+        " blanks, or JSON records",
         config=ReadCsvConfig,
         build=_csv,
         recognises=_is_csv,
@@ -110,7 +120,8 @@ META_STOP
     ),
     FileReader(
         name="stk",
-        summary="STK ephemeris (.e), Earth-fixed, inertial or of date, or latitude, longitude, altitude",
+        summary="STK ephemeris (.e), Earth-fixed, inertial or of date, or latitude, longitude,"
+        " altitude",
         build=_stk,
         recognises=lambda text: text.lstrip().lower().startswith("stk.v."),
         example="""stk.v.4.3

@@ -1,4 +1,6 @@
-"""`opir import`: show what a reader makes of a file, and write the states as a scene may name them."""
+"""`opir import`: show what a reader makes of a file, and write the states as a scene may name
+them.
+"""
 
 import argparse
 import json
@@ -28,7 +30,9 @@ from opir_readers.table_checks import findings_of, moment_text
 
 
 def import_file(arguments: argparse.Namespace) -> int:
-    """Print what a file holds; write it, if that is asked for. Raises `SceneError` for a file that cannot be taken."""
+    """Print what a file holds; write it, if that is asked for. Raises `SceneError` for a file that
+    cannot be taken.
+    """
     path = arguments.file
     try:
         text = file_text(path).text
@@ -45,15 +49,22 @@ def import_file(arguments: argparse.Namespace) -> int:
 
 
 def _flight(arguments: argparse.Namespace, table: StateTable) -> int:
-    sys.stdout.write("".join(f"  {line}\n" for line in [*flight_lines(table), *map_lines(table.position_m)]))
+    sys.stdout.write(
+        "".join(f"  {line}\n" for line in [*flight_lines(table), *map_lines(table.position_m)])
+    )
     found = findings_of(table)
     sys.stdout.write("".join(f"  warning: {words}\n" for words in found.warnings))
     if found.refused:
         raise SceneError([Problem("", words) for words in found.refused], source=arguments.file)
     if arguments.out:
         _write(table, Path(arguments.out))
-        block = f"{{id: T1, model: table, type: {arguments.type}, file: {json.dumps(arguments.out)}, start_s: 0}}"
-        sys.stdout.write(f"{arguments.out}: {len(table.time_s)} states; in a scene:\ntargets:\n  - {block}\n")
+        block = (
+            f"{{id: T1, model: table, type: {arguments.type}, file: {json.dumps(arguments.out)},"
+            f" start_s: 0}}"
+        )
+        sys.stdout.write(
+            f"{arguments.out}: {len(table.time_s)} states; in a scene:\ntargets:\n  - {block}\n"
+        )
     return 0
 
 
@@ -67,26 +78,47 @@ def _settings(arguments: argparse.Namespace) -> Mapping[str, Any]:
     if complaint:
         raise SceneError([Problem("--columns", complaint)], source=arguments.file)
     site = None if arguments.site is None else site_of_text(arguments.site)
-    return {"columns": columns, "start_s": arguments.start_s, "object": arguments.object, "site": site}
+    return {
+        "columns": columns,
+        "start_s": arguments.start_s,
+        "object": arguments.object,
+        "site": site,
+    }
 
 
 def flight_lines(table: StateTable) -> list[str]:
-    """Return what a table holds: places, times, steps, speeds and accelerations, and how sure its interpolation is."""
+    """Return what a table holds: places, times, steps, speeds and accelerations, and how sure its
+    interpolation is.
+    """
     step_s = np.concatenate([np.diff(table.time_s[rows]) for rows in runs(table)])
     speeds, accelerations = _motion(table)
     doubt_m = largest_doubt_m(table)
     first, last = (_time_text(table, float(table.time_s[row])) for row in (0, -1))
     velocities = "no velocities" if table.velocity_m_s is None else "velocities"
     lines = [
-        f"{len(table.time_s)} states, {first} to {last}, in steps of {step_s.min():g} to {step_s.max():g} s",
-        f"frame {table.frame}, {velocities}; times are {'dates in UTC' if table.has_dates else 'seconds from start_s'}",
+        (
+            f"{len(table.time_s)} states, {first} to {last}, in steps of {step_s.min():g} to"
+            f" {step_s.max():g} s"
+        ),
+        (
+            f"frame {table.frame}, {velocities}; times are"
+            f" {'dates in UTC' if table.has_dates else 'seconds from start_s'}"
+        ),
         f"first state {_place_text(table.position_m[0])}",
         f"last state {_place_text(table.position_m[-1])}",
-        f"highest speed {speeds.max():.6g} m/s, highest acceleration {accelerations.max(initial=0.0):.4g} m/s²",
-        "burns " + ", ".join(f"{_time_text(table, a)} to {_time_text(table, b)}" for a, b in table.burns_s.tolist()),
+        (
+            f"highest speed {speeds.max():.6g} m/s, highest acceleration"
+            f" {accelerations.max(initial=0.0):.4g} m/s²"
+        ),
+        "burns "
+        + ", ".join(
+            f"{_time_text(table, a)} to {_time_text(table, b)}" for a, b in table.burns_s.tolist()
+        ),
     ]
     if doubt_m is not None:
-        lines.append(f"interpolation without one of the states misses it by at most {doubt_m:.3g} m")
+        lines.append(
+            f"interpolation without one of the states misses it by at most {doubt_m:.3g} m"
+        )
     return lines
 
 
@@ -94,15 +126,21 @@ def _detections(rows: Sequence[Mapping[str, Any]]) -> int:
     """Print how many lines of sight each sensor has, and the first one."""
     count = Counter(str(row.get("sensor_id", "without id")) for row in rows)
     first = {name: value for name, value in rows[0].items() if name != "line"}
-    sys.stdout.write(f"  {len(rows)} lines of sight: {', '.join(f'{name} {n}' for name, n in count.most_common(12))}\n")
     sys.stdout.write(
-        f"  first {json.dumps(first, ensure_ascii=False)}\n  track them with opir track FILE --sensors …\n"
+        f"  {len(rows)} lines of sight:"
+        f" {', '.join(f'{name} {n}' for name, n in count.most_common(12))}\n"
+    )
+    sys.stdout.write(
+        f"  first {json.dumps(first, ensure_ascii=False)}\n  track them with opir track FILE"
+        f" --sensors …\n"
     )
     return 0
 
 
 def _orbits(arguments: argparse.Namespace, rows: Sequence[Mapping[str, Any]]) -> int:
-    """Print the satellites of a file that a filter leaves; write them as sensors, if that is asked for."""
+    """Print the satellites of a file that a filter leaves; write them as sensors, if that is asked
+    for.
+    """
     filter_ = fleet_filter(arguments)
     try:
         why = Counter(filter_.left_out(row) for row in rows)
@@ -131,7 +169,9 @@ def _write_fleet(arguments: argparse.Namespace, rows: Sequence[Mapping[str, Any]
         return
     with OutputFiles() as files:
         files.write(Path(arguments.out), "\n".join([*lines, ""]).encode(), "sensors")
-    sys.stdout.write(f"{arguments.out}: {len(rows)} sensors {arguments.sensors}, for a scene or opir track\n")
+    sys.stdout.write(
+        f"{arguments.out}: {len(rows)} sensors {arguments.sensors}, for a scene or opir track\n"
+    )
 
 
 def orbit_line(row: Mapping[str, Any]) -> str:
@@ -194,11 +234,16 @@ def _time_text(table: StateTable, time_s: float) -> str:
 
 def _place_text(position_m: FloatArray) -> str:
     where = ecef_to_geodetic(position_m[None])
-    latitude, longitude = (float(np.degrees(angle[0])) for angle in (where.latitude_rad, where.longitude_rad))
+    latitude, longitude = (
+        float(np.degrees(angle[0])) for angle in (where.latitude_rad, where.longitude_rad)
+    )
     ecef = ", ".join(f"{value:.1f}" for value in position_m.tolist())
     north = "N" if latitude >= 0.0 else "S"
     east = "E" if longitude >= 0.0 else "W"
-    place = f"{abs(latitude):.5f}° {north} {abs(longitude):.5f}° {east}, {float(where.height_m[0]):.1f} m above WGS 84"
+    place = (
+        f"{abs(latitude):.5f}° {north} {abs(longitude):.5f}° {east}, {float(where.height_m[0]):.1f}"
+        f" m above WGS 84"
+    )
     return f"{place}; ECEF {ecef} m"
 
 
@@ -213,7 +258,10 @@ def _write(table: StateTable, path: Path) -> None:
     burns = table.burns_s
     is_burning = ((time_s >= burns[:, 0]) & (time_s < burns[:, 1])).any(axis=1).astype(int).tolist()
     numbers = np.column_stack(columns).tolist()
-    rows = (",".join(map(repr, [*row, burning])) for row, burning in zip(numbers, is_burning, strict=True))
+    rows = (
+        ",".join(map(repr, [*row, burning]))
+        for row, burning in zip(numbers, is_burning, strict=True)
+    )
     lines = [",".join([*names, "is_burning"]), *rows, ""]
     with OutputFiles() as files:
         files.write(path, "\n".join(lines).encode(), "states")

@@ -1,8 +1,9 @@
 """Local polynomials through tables of states in Newton's form, for many tables at once.
 
-Between two states the polynomial is that through the nearest states: four with their velocities (degree 7), or six
-positions alone (degree 5); fewer where a smooth run has fewer. With velocities, the two ends alone (degree 3) where
-states are much closer to each other than these. It never extends across the end of a run.
+Between two states the polynomial is that through the nearest states: four with their velocities
+(degree 7), or six positions alone (degree 5); fewer where a smooth run has fewer. With velocities,
+the two ends alone (degree 3) where states are much closer to each other than these. It never
+extends across the end of a run.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,8 @@ from opir_core.plugin import StateTable
 _WITH_VELOCITY = 4
 _WITHOUT_VELOCITY = 6
 
-#: States nearer to each other than this share of an interval amplify the rounding of times and positions.
+#: States nearer to each other than this share of an interval amplify the rounding of times and
+#: positions.
 _EVEN = 0.125
 
 #: Coefficients of Newton's form, for all intervals.
@@ -27,8 +29,9 @@ _TERMS = 2 * _WITH_VELOCITY
 class Interpolant:
     """Polynomials over the intervals (m,) of n tables: table by table, in order of time.
 
-    `first` (n + 1,) is where each table's intervals begin, `start_s` (m,) and `length_s` (m,) are the intervals,
-    `nodes` (8, m) and `coefficients` (8, m, 3) Newton's form in time since the start, in lengths.
+    `first` (n + 1,) is where each table's intervals begin, `start_s` (m,) and `length_s` (m,) are
+    the intervals, `nodes` (8, m) and `coefficients` (8, m, 3) Newton's form in time since the
+    start, in lengths.
     """
 
     first: RowArray
@@ -62,14 +65,18 @@ def interpolant(tables: Sequence[StateTable]) -> Interpolant:
     first = np.cumsum([0, *(len(part[0]) for part in parts)])
     start, length = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     # Contiguous, for `take` copies the whole of what is not.
-    nodes, coefficients = (np.ascontiguousarray(np.concatenate([part[k] for part in parts], axis=1)) for k in (2, 3))
+    nodes, coefficients = (
+        np.ascontiguousarray(np.concatenate([part[k] for part in parts], axis=1)) for k in (2, 3)
+    )
     return Interpolant(first, start, length, nodes, coefficients)
 
 
 def largest_doubt_m(table: StateTable) -> float | None:
-    """Return the largest distance between a state's position and what the states about it give without it.
+    """Return the largest distance between a state's position and what the states about it give
+    without it.
 
-    Between states the error is smaller still, by far where the motion is smooth. None where no stretch has three.
+    Between states the error is smaller still, by far where the motion is smooth. None where no
+    stretch has three.
     """
     doubts = []
     for rows in runs(table):
@@ -81,17 +88,27 @@ def largest_doubt_m(table: StateTable) -> float | None:
             if len(kept) >= 2 and left_out.size:
                 coarse = interpolant([_thinned(table, kept)])
                 guess, _ = coarse.state(np.zeros(len(left_out), np.intp), table.time_s[left_out])
-                doubts.append(np.sqrt(((guess - table.position_m[left_out]) ** 2).sum(axis=1)).max())
+                doubts.append(
+                    np.sqrt(((guess - table.position_m[left_out]) ** 2).sum(axis=1)).max()
+                )
     return float(max(doubts)) if doubts else None
 
 
 def _thinned(table: StateTable, rows: RowArray) -> StateTable:
     velocity = None if table.velocity_m_s is None else table.velocity_m_s[rows]
-    return StateTable(table.time_s[rows], table.position_m[rows], velocity, np.zeros(len(rows), np.intp), table.burns_s)
+    return StateTable(
+        table.time_s[rows],
+        table.position_m[rows],
+        velocity,
+        np.zeros(len(rows), np.intp),
+        table.burns_s,
+    )
 
 
 def _intervals(table: StateTable) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the intervals of a table: starts and lengths (m,), nodes (8, m) and coefficients (8, m, 3)."""
+    """Return the intervals of a table: starts and lengths (m,), nodes (8, m) and coefficients (8,
+    m, 3).
+    """
     parts = [_of_run(table, rows) for rows in runs(table)]
     parts = [part for part in parts if len(part[0])]
     start, length = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
@@ -104,7 +121,9 @@ def runs(table: StateTable) -> list[RowArray]:
     return np.split(np.arange(len(table.run)), np.flatnonzero(np.diff(table.run)) + 1)
 
 
-def _of_run(table: StateTable, rows: RowArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _of_run(
+    table: StateTable, rows: RowArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     has_velocity = table.velocity_m_s is not None
     count = min(len(rows), _WITH_VELOCITY if has_velocity else _WITHOUT_VELOCITY)
     left = np.arange(len(rows) - 1)
@@ -116,14 +135,18 @@ def _of_run(table: StateTable, rows: RowArray) -> tuple[FloatArray, FloatArray, 
     if has_velocity and count > 2:
         uneven = np.flatnonzero(np.diff(table.time_s[chosen], axis=1).min(axis=1) < _EVEN * length)
         ends = rows[uneven[:, None] + np.arange(2)]
-        nodes[:, uneven], coefficients[:, uneven] = _newton(table, ends, start[uneven], length[uneven])
+        nodes[:, uneven], coefficients[:, uneven] = _newton(
+            table, ends, start[uneven], length[uneven]
+        )
     return start, length, nodes, coefficients
 
 
 def _newton(
     table: StateTable, chosen: RowArray, start: FloatArray, length: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return nodes (8, m) and coefficients (8, m, 3) of polynomials through the states `chosen` (m, k), each."""
+    """Return nodes (8, m) and coefficients (8, m, 3) of polynomials through the states `chosen` (m,
+    k), each.
+    """
     repeats = 1 if table.velocity_m_s is None else 2
     nodes = np.repeat((table.time_s[chosen] - start[:, None]) / length[:, None], repeats, axis=1).T
     values = np.repeat(table.position_m[chosen], repeats, axis=1).transpose(1, 0, 2)
@@ -132,11 +155,17 @@ def _newton(
         slopes = table.velocity_m_s[chosen].transpose(1, 0, 2) * length[None, :, None]
     coefficients = _divided_differences(nodes, values, slopes)
     lacking = _TERMS - len(nodes)
-    return np.pad(nodes, ((0, lacking), (0, 0))), np.pad(coefficients, ((0, lacking), (0, 0), (0, 0)))
+    return np.pad(nodes, ((0, lacking), (0, 0))), np.pad(
+        coefficients, ((0, lacking), (0, 0), (0, 0))
+    )
 
 
-def _divided_differences(nodes: FloatArray, values: FloatArray, slopes: FloatArray | None) -> FloatArray:
-    """Return Newton's coefficients (k, m, 3); where nodes come in pairs, a pair's first difference is the slope."""
+def _divided_differences(
+    nodes: FloatArray, values: FloatArray, slopes: FloatArray | None
+) -> FloatArray:
+    """Return Newton's coefficients (k, m, 3); where nodes come in pairs, a pair's first difference
+    is the slope.
+    """
     coefficients = [values[0]]
     column = values
     for order in range(1, len(nodes)):

@@ -13,8 +13,8 @@ _LONGEST_VECTOR = 9
 def table_of_json(text: str) -> str | None:
     """Return the records of JSON as comma-separated text, None for what is no JSON table.
 
-    A table is a list of records, records a line each, lists by name, or an object with one of these among its values.
-    Parts of a record have names like `position.x` and `position.0`.
+    A table is a list of records, records a line each, lists by name, or an object with one of these
+    among its values. Parts of a record have names like `position.x` and `position.0`.
     """
     records = _records(_value(text)) if text.lstrip()[:1] in ("{", "[") else None
     if records is None:
@@ -30,7 +30,9 @@ def table_of_json(text: str) -> str | None:
 
 
 def _value(text: str) -> Any:
-    """Return the value of JSON, of several lines of it the list of their values, None for what is none."""
+    """Return the value of JSON, of several lines of it the list of their values, None for what is
+    none.
+    """
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -42,10 +44,14 @@ def _value(text: str) -> Any:
 
 
 def _records(value: Any) -> Sequence[Mapping[str, Any]] | None:
-    """Return the records of a value or, of an object, of the only one of its values that has some."""
+    """Return the records of a value or, of an object, of the only one of its values that has
+    some.
+    """
     if not isinstance(value, dict):
         return _list_of_records(value)
-    lists = {name: each for name, each in value.items() if isinstance(each, list) and _is_flat(each)}
+    lists = {
+        name: each for name, each in value.items() if isinstance(each, list) and _is_flat(each)
+    }
     if len({len(each) for each in lists.values()}) == 1 and len(lists) > 1:
         return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)]
     found = [records for each in value.values() if (records := _list_of_records(each))]
@@ -53,7 +59,9 @@ def _records(value: Any) -> Sequence[Mapping[str, Any]] | None:
 
 
 def _list_of_records(value: Any) -> Sequence[Mapping[str, Any]] | None:
-    is_list = isinstance(value, list) and bool(value) and all(isinstance(each, dict) for each in value)
+    is_list = (
+        isinstance(value, list) and bool(value) and all(isinstance(each, dict) for each in value)
+    )
     return value if is_list else None
 
 

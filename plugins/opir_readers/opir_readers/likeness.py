@@ -16,7 +16,10 @@ _HEADS = (
     (r"(?i)h1\s+crd\b", "ILRS laser ranges (CRD), which have no trajectory"),
     (r"\s{0,5}[\d.]+\s+\S.*RINEX VERSION", "RINEX"),
     (r"(?i)<!doctype html|<html", "a web page"),
-    (r"(<\?xml[^>]*>\s*)?<!DOCTYPE", "XML with a document type, which is not read: leave out the line <!DOCTYPE …>"),
+    (
+        r"(<\?xml[^>]*>\s*)?<!DOCTYPE",
+        "XML with a document type, which is not read: leave out the line <!DOCTYPE …>",
+    ),
     (r"%PDF", "PDF"),
     (r"PK", "a ZIP file, a KMZ or a spreadsheet: unpack it, or export CSV"),
     (r"(CDF|\x89?HDF)", "HDF5"),
@@ -28,7 +31,10 @@ _HEADS = (
 def likeness(text: str) -> str:
     """Return what a text looks like, "" where nothing is known of it."""
     if "\n$$SOE" in text:
-        return "a table of JPL Horizons: give its lines between $$SOE and $$EOE below a line of names, as CSV"
+        return (
+            "a table of JPL Horizons: give its lines between $$SOE and $$EOE below a line of names,"
+            " as CSV"
+        )
     head = text.lstrip("\ufeff \t\r\n")
     for pattern, words in _HEADS:
         match = re.match(pattern, text) or re.match(pattern, head)

@@ -1,4 +1,6 @@
-"""Orbit Ephemeris Messages in the XML form (CCSDS 505.0-B), alone or in a message of several (ndm)."""
+"""Orbit Ephemeris Messages in the XML form (CCSDS 505.0-B), alone or in a message of several
+(ndm).
+"""
 
 from opir_core.plugin import BadFileError, StateTable
 from opir_readers.oem_table import Segment, require_meta, table_of_segments
@@ -26,7 +28,9 @@ def _segment(node: XmlNode) -> Segment:
     meta = node.child("metadata")
     data = node.child("data")
     if meta is None or data is None:
-        raise BadFileError(f"line {node.line}: this segment has no {'metadata' if meta is None else 'data'}")
+        raise BadFileError(
+            f"line {node.line}: this segment has no {'metadata' if meta is None else 'data'}"
+        )
     for each in meta.children:
         if each.name != "COMMENT":
             segment.meta[each.name] = each.text

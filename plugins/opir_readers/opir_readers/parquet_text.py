@@ -25,12 +25,16 @@ _VECTORS = {
 
 
 def text_of_parquet(content: bytes) -> str:
-    """Return the columns of numbers, texts and times of a Parquet file, parted by commas; raises `BadFileError`."""
+    """Return the columns of numbers, texts and times of a Parquet file, parted by commas; raises
+    `BadFileError`.
+    """
     try:
         import pyarrow
         from pyarrow import csv, parquet
     except ImportError as error:
-        raise BadFileError('is Parquet, which needs pyarrow: pip install "opir-readers[parquet]"') from error
+        raise BadFileError(
+            'is Parquet, which needs pyarrow: pip install "opir-readers[parquet]"'
+        ) from error
     text = BytesIO()
     try:
         file = parquet.ParquetFile(BytesIO(content))
@@ -42,20 +46,25 @@ def text_of_parquet(content: bytes) -> str:
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         if isinstance(error, BadFileError):
             raise
-        raise BadFileError(f"is no whole Parquet file: {str(error).splitlines()[0][:200]}") from error
+        raise BadFileError(
+            f"is no whole Parquet file: {str(error).splitlines()[0][:200]}"
+        ) from error
     return text.getvalue().decode("utf-8", "replace")
 
 
 def _require_size(rows: int, columns: int) -> None:
     if rows * columns > _MOST_CELLS:
         raise BadFileError(
-            f"has {rows} rows of {columns} columns; at most {_MOST_CELLS} values are read: keep the burn, or fewer"
+            f"has {rows} rows of {columns} columns; at most {_MOST_CELLS} values are read: keep the"
+            f" burn, or fewer"
             " columns"
         )
 
 
 def _columns(table: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the columns that text can hold: NaN as a missing number, truth values as 1 and 0, vectors by parts."""
+    """Yield the columns that text can hold: NaN as a missing number, truth values as 1 and 0,
+    vectors by parts.
+    """
     import pyarrow
     from pyarrow import compute, types
 
@@ -70,8 +79,14 @@ def _columns(table: Any) -> Iterator[tuple[str, Any]]:
         elif types.is_boolean(kind):
             yield name, column.cast(pyarrow.int8())
         elif name in _VECTORS and (types.is_list(kind) or types.is_fixed_size_list(kind)):
-            yield from zip(_VECTORS[name], (compute.list_element(column, part) for part in range(3)), strict=True)
-        elif any(is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)):
+            yield from zip(
+                _VECTORS[name],
+                (compute.list_element(column, part) for part in range(3)),
+                strict=True,
+            )
+        elif any(
+            is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)
+        ):
             yield name, column
         elif types.is_fixed_size_binary(kind) and kind.byte_width == _UUID_BYTES:
             yield name, pyarrow.array(list(map(_uuid_text, column.to_pylist())), pyarrow.string())

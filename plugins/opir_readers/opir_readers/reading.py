@@ -76,14 +76,18 @@ def file_text(path: str) -> FileText:
 
 
 def _decoded(content: bytes) -> str:
-    """Return the text of bytes: UTF-8, UTF-16 with its mark or, as spreadsheets on Windows save it, Windows-1252."""
+    """Return the text of bytes: UTF-8, UTF-16 with its mark or, as spreadsheets on Windows save it,
+    Windows-1252.
+    """
     try:
         return text_of(content)
     except ValueError as error:
         if content[1:2] == b"\0" == content[3:4]:
             raise BadFileError("is UTF-16 without a byte-order mark; save it as UTF-8") from error
         if len(content.translate(None, _CONTROLS)) < _LEAST_TEXT * len(content) or b"\0" in content:
-            raise BadFileError("is binary, not text; export CSV, or a format that is read") from error
+            raise BadFileError(
+                "is binary, not text; export CSV, or a format that is read"
+            ) from error
         try:
             return text_of(content.decode("cp1252").encode())
         except ValueError:
@@ -91,7 +95,9 @@ def _decoded(content: bytes) -> str:
 
 
 def _unpacked(content: bytes) -> bytes:
-    """Return the content of a gzip file, at most a byte above the largest: a small one may hold endless zeros."""
+    """Return the content of a gzip file, at most a byte above the largest: a small one may hold
+    endless zeros.
+    """
     packed = zlib.decompressobj(wbits=31)
     try:
         unpacked = packed.decompress(content, _LARGEST_FILE_BYTES + 1)
@@ -116,28 +122,37 @@ def reader_of(text: str, readers: Sequence[FileReader], name: str | None = None)
     found = [reader for reader in readers if reader.recognises(text)]
     if len(found) > 1:
         names = " and ".join(reader.name for reader in found)
-        raise BadFileError(f"may be for several readers, {names}; say which with --as NAME, or format: NAME in a scene")
+        raise BadFileError(
+            f"may be for several readers, {names}; say which with --as NAME, or format: NAME in a"
+            f" scene"
+        )
     if not found:
         table = table_of_json(text)
         if table is not None and any(reader.recognises(table) for reader in readers):
             return reader_of(table, readers)
-        like = likeness(text) or ("a table of text" if is_table(text) else "text without lines of numbers")
+        like = likeness(text) or (
+            "a table of text" if is_table(text) else "text without lines of numbers"
+        )
         summaries = "; ".join(f"{reader.name} ({reader.summary})" for reader in readers)
-        raise BadFileError(f"is of no format that is read: it looks like {like}; read are {summaries}")
+        raise BadFileError(
+            f"is of no format that is read: it looks like {like}; read are {summaries}"
+        )
     return found[0]
 
 
 def content_of(text: str, reader: FileReader, settings: Mapping[str, Any], epoch_us: int) -> Any:
     """Return what a reader makes of a text, with those settings that are set (not None, not empty).
 
-    Raises `BadFileError` for a setting that the reader does not have, and for what the reader refuses.
+    Raises `BadFileError` for a setting that the reader does not have, and for what the reader
+    refuses.
     """
     given = {name: value for name, value in settings.items() if value is not None and value != {}}
     unknown = [name for name in given if name not in fields_dict(reader.config)]
     if unknown:
         own = ", ".join(fields_dict(reader.config)) or "none"
         raise BadFileError(
-            f"is read as {reader.name}, which has no {' and no '.join(unknown)}; omit {' and '.join(unknown)} (its"
+            f"is read as {reader.name}, which has no {' and no '.join(unknown)}; omit"
+            f" {' and '.join(unknown)} (its"
             f" settings: {own})"
         )
     return reader.build(reader.config(**given), ReaderContext(text=text, epoch_us=epoch_us))

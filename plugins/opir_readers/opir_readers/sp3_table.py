@@ -1,7 +1,8 @@
-"""SP3 orbits (SP3-a, -c and -d): positions of satellites in the Earth-fixed frame, in kilometres, at regular epochs.
+"""SP3 orbits (SP3-a, -c and -d): positions of satellites in the Earth-fixed frame, in kilometres,
+at regular epochs.
 
-Source: S. Hilla, "The Extended Standard Product 3 Orbit Format (SP3-d)", 2016. Velocities, where there are any, are in
-decimetres a second. A position or velocity of 0 is a missing one.
+Source: S. Hilla, "The Extended Standard Product 3 Orbit Format (SP3-d)", 2016. Velocities, where
+there are any, are in decimetres a second. A position or velocity of 0 is a missing one.
 """
 
 import math
@@ -38,7 +39,9 @@ def is_sp3(text: str) -> bool:
 
 @define
 class Satellite:
-    """The states of a satellite: lines, seconds of UTC since 1970, positions, km, and velocities, dm/s."""
+    """The states of a satellite: lines, seconds of UTC since 1970, positions, km, and velocities,
+    dm/s.
+    """
 
     lines: list[int] = Factory(list)
     times: list[float] = Factory(list)
@@ -56,7 +59,8 @@ def sp3_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
         raise BadFileError("has no satellite with a position")
     if wanted is None and len(satellites) > 1:
         raise BadFileError(
-            f"has {len(satellites)} satellites; say which with object: {', '.join(list(satellites)[:40])}"
+            f"has {len(satellites)} satellites; say which with object:"
+            f" {', '.join(list(satellites)[:40])}"
         )
     name = next(iter(satellites)) if wanted is None else wanted.strip()
     if name not in satellites:
@@ -76,7 +80,9 @@ def _table(own: Satellite, epoch_us: int, frame: str) -> StateTable:
     require_velocities(velocity, line_of)
     burns = np.array([[time_s[0], time_s[-1]]])
     run = np.zeros(len(time_s), dtype=np.int64)
-    return StateTable(time_s, position, velocity, run, burns, line_of, has_dates=True, frame=frame or "ITRF")
+    return StateTable(
+        time_s, position, velocity, run, burns, line_of, has_dates=True, frame=frame or "ITRF"
+    )
 
 
 def _satellites(text: str) -> dict[str, Satellite]:

@@ -23,7 +23,8 @@ LineOf = Callable[[int], int]
 
 
 def require_order(time_s: FloatArray, line_of: LineOf, *, may_repeat: bool) -> None:
-    """Raise `BadFileError` where times do not increase; with `may_repeat` a time may occur twice in a row.
+    """Raise `BadFileError` where times do not increase; with `may_repeat` a time may occur twice in
+    a row.
 
     `line_of` gives the line of a row.
     """
@@ -33,14 +34,19 @@ def require_order(time_s: FloatArray, line_of: LineOf, *, may_repeat: bool) -> N
     thrice = np.flatnonzero((step[1:] == 0.0) & (step[:-1] == 0.0)) + 1 if may_repeat else wrong[:0]
     for row in [*wrong.tolist(), *thrice.tolist()]:
         raise BadFileError(
-            f"line {line_of(row + 1)}: its time does not follow that of line {line_of(row)}; sort the states"
+            f"line {line_of(row + 1)}: its time does not follow that of line {line_of(row)}; sort"
+            f" the states"
         )
     for row in close:
-        raise BadFileError(f"line {line_of(row + 1)}: is {step[row]:g} s after line {line_of(row)}; leave one out")
+        raise BadFileError(
+            f"line {line_of(row + 1)}: is {step[row]:g} s after line {line_of(row)}; leave one out"
+        )
 
 
 def require_places(position_m: FloatArray, line_of: LineOf) -> None:
-    """Raise `BadFileError` for a position deep inside the Earth or beyond the Moon; `line_of` gives a row's line."""
+    """Raise `BadFileError` for a position deep inside the Earth or beyond the Moon; `line_of` gives
+    a row's line.
+    """
     with np.errstate(over="ignore"):
         radius_m = np.sqrt((position_m * position_m).sum(axis=1))
     for row in np.flatnonzero((radius_m < LEAST_RADIUS_M) | (radius_m > MOST_RADIUS_M)).tolist():
@@ -51,10 +57,13 @@ def require_places(position_m: FloatArray, line_of: LineOf) -> None:
 
 def require_angles(latitude_rad: FloatArray, longitude_rad: FloatArray, line_of: LineOf) -> None:
     """Raise `BadFileError` for a latitude beyond 90°, or a longitude beyond 360°."""
-    for row in np.flatnonzero((np.abs(latitude_rad) > 0.5 * np.pi) | (np.abs(longitude_rad) > 2.0 * np.pi)).tolist():
+    for row in np.flatnonzero(
+        (np.abs(latitude_rad) > 0.5 * np.pi) | (np.abs(longitude_rad) > 2.0 * np.pi)
+    ).tolist():
         places = np.degrees([latitude_rad[row], longitude_rad[row]]).tolist()
         raise BadFileError(
-            f"line {line_of(row)}: latitude {places[0]:g} and longitude {places[1]:g} deg are no place; are the two"
+            f"line {line_of(row)}: latitude {places[0]:g} and longitude {places[1]:g} deg are no"
+            f" place; are the two"
             " swapped, or the units others?"
         )
 
@@ -65,4 +74,6 @@ def require_velocities(velocity_m_s: FloatArray | None, line_of: LineOf) -> None
         return
     for row in np.flatnonzero((np.abs(velocity_m_s) > _FASTEST_M_S).any(axis=1)).tolist():
         fastest = float(np.abs(velocity_m_s[row]).max())
-        raise BadFileError(f"line {line_of(row)}: a velocity of {fastest:.3g} m/s is above that of light")
+        raise BadFileError(
+            f"line {line_of(row)}: a velocity of {fastest:.3g} m/s is above that of light"
+        )

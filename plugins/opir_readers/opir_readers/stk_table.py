@@ -1,4 +1,5 @@
-"""STK ephemerides (`.e`): blocks of keywords and states, in metres or kilometres, from a scenario's epoch on.
+"""STK ephemerides (`.e`): blocks of keywords and states, in metres or kilometres, from a scenario's
+epoch on.
 
 Source: the description of the format in the STK documentation, "Ephemeris file format (*.e)".
 """
@@ -27,9 +28,13 @@ _UNITS_M = {"meters": 1.0, "kilometers": 1e3, "feet": 0.3048, "nauticalmiles": 1
 #: The first word of a line that begins states, of an ephemeris or an attitude.
 _KIND_WORD = re.compile(r"(?im)^\s*((?:Ephemeris|Attitude)\w*Time\S*)")
 
-_SYSTEMS = "Fixed, J2000, ICRF, TEMEOfDate, TrueOfDate, MeanOfDate, TEMEOfEpoch, TrueOfEpoch and MeanOfEpoch"
+_SYSTEMS = (
+    "Fixed, J2000, ICRF, TEMEOfDate, TrueOfDate, MeanOfDate, TEMEOfEpoch, TrueOfEpoch and"
+    " MeanOfEpoch"
+)
 
-#: The kinds of states: their coordinates, and the numbers of a line with the time. Rates of angles are not read.
+#: The kinds of states: their coordinates, and the numbers of a line with the time. Rates of angles
+#: are not read.
 _KINDS = {
     "ephemeristimepos": ("cartesian", 4),
     "ephemeristimeposvel": ("cartesian", 7),
@@ -47,14 +52,18 @@ _FRAMES_OF_COORDINATES = {
 
 
 def stk_table(text: str, epoch_us: int) -> StateTable:
-    """Return the table of an ephemeris for a scene epoch in microseconds of UTC since 1970; raises `BadFileError`."""
+    """Return the table of an ephemeris for a scene epoch in microseconds of UTC since 1970; raises
+    `BadFileError`.
+    """
     keywords, kind, lines, rows = _parts(text)
     coordinates, _ = _KINDS[kind]
     unit_m = _chosen(_UNITS_M, "DistanceUnit", keywords.get("distanceunit", "Meters"))
     system = keywords.get("coordinatesystem", "Fixed")
     frame = frame_of(system)
     if not frame:
-        raise BadFileError(f"CoordinateSystem is {system}; export the ephemeris in one of {_SYSTEMS}")
+        raise BadFileError(
+            f"CoordinateSystem is {system}; export the ephemeris in one of {_SYSTEMS}"
+        )
     if keywords.get("centralbody", "Earth").lower() != "earth":
         raise BadFileError(f"CentralBody is {keywords['centralbody']}; only Earth is taken")
     values = np.array(rows)
@@ -69,17 +78,25 @@ def stk_table(text: str, epoch_us: int) -> StateTable:
     require_places(position, lines.__getitem__)
     require_velocities(velocity, lines.__getitem__)
     moving = np.zeros_like(position) if velocity is None else velocity
-    frame_s = _moment_s(keywords, "CoordinateSystemEpoch") - epoch_us * 1e-6 if is_of_epoch(system) else None
+    frame_s = (
+        _moment_s(keywords, "CoordinateSystemEpoch") - epoch_us * 1e-6
+        if is_of_epoch(system)
+        else None
+    )
     turned, rate = to_ecef(frame, position, moving, epoch_us, time_s, frame_s)
     burns_s = np.array([[time_s[0], time_s[-1]]])
     # A time that stands twice ends a segment and begins the next one.
     run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
     words = _FRAMES_OF_COORDINATES.get(coordinates, system)
     own = None if velocity is None else rate
-    return StateTable(time_s, turned, own, run, burns_s, lines.__getitem__, has_dates=True, frame=words)
+    return StateTable(
+        time_s, turned, own, run, burns_s, lines.__getitem__, has_dates=True, frame=words
+    )
 
 
-def _states(values: FloatArray, coordinates: str, unit_m: float) -> tuple[FloatArray, FloatArray | None]:
+def _states(
+    values: FloatArray, coordinates: str, unit_m: float
+) -> tuple[FloatArray, FloatArray | None]:
     """Return positions and velocities (n, 3), m and m/s."""
     if coordinates == "cartesian":
         return values[:, 1:4] * unit_m, values[:, 4:7] * unit_m if values.shape[1] >= 7 else None
@@ -89,7 +106,9 @@ def _states(values: FloatArray, coordinates: str, unit_m: float) -> tuple[FloatA
     if coordinates == "geodetic":
         return geodetic_to_ecef(latitude, longitude, third), None
     level = third * np.cos(latitude)
-    return np.stack([level * np.cos(longitude), level * np.sin(longitude), third * np.sin(latitude)], axis=1), None
+    return np.stack(
+        [level * np.cos(longitude), level * np.sin(longitude), third * np.sin(latitude)], axis=1
+    ), None
 
 
 def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]]:
@@ -110,14 +129,19 @@ def _parts(text: str) -> tuple[dict[str, str], str, list[int], list[list[float]]
         own = next((word for word in _KIND_WORD.findall(text)), "")
         raise BadFileError(f"has states of the kind {own or 'none'}; read are {_KIND_NAMES}")
     if keywords.get("timeformat", "EpSec").lower() not in ("epsec", "epochseconds"):
-        raise BadFileError(f"TimeFormat is {keywords['timeformat']}; export times in seconds from the epoch (EpSec)")
+        raise BadFileError(
+            f"TimeFormat is {keywords['timeformat']}; export times in seconds from the epoch"
+            f" (EpSec)"
+        )
     if len(rows) < 2:
         raise BadFileError(f"has {len(rows)} states; at least 2 are needed")
     return keywords, kind, lines, rows
 
 
 def _lines_of_ephemeris(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield number and words of the lines of keywords and states, without the block of the segments' boundaries."""
+    """Yield number and words of the lines of keywords and states, without the block of the
+    segments' boundaries.
+    """
     is_boundary = False
     for number, line in enumerate(text.split("\n"), 1):
         words = line.split("#")[0].split()
@@ -151,9 +175,13 @@ def _moment_s(keywords: Mapping[str, str], keyword: str) -> float:
     try:
         moment = datetime.strptime(whole, "%d %b %Y %H:%M:%S")
     except ValueError:
-        raise BadFileError(f"{keyword} is {text!r}; a time like 1 Apr 2026 12:00:00.000 is needed") from None
+        raise BadFileError(
+            f"{keyword} is {text!r}; a time like 1 Apr 2026 12:00:00.000 is needed"
+        ) from None
     seconds = (moment - _UNIX).total_seconds()
-    return seconds + (float(f"0.{fraction}") if fraction.isascii() and fraction.isdecimal() else 0.0)
+    return seconds + (
+        float(f"0.{fraction}") if fraction.isascii() and fraction.isdecimal() else 0.0
+    )
 
 
 def _utc_s(epoch_s: float, elapsed_s: FloatArray) -> FloatArray:

@@ -1,7 +1,8 @@
-"""The plausibility of a table in its scene: times, speeds, accelerations, heights, and velocities against positions.
+"""The plausibility of a table in its scene: times, speeds, accelerations, heights, and velocities
+against positions.
 
-What cannot be meant is refused; what may be meant gives a warning. Each finding has its line, its figure, the likely
-cause and the way out.
+What cannot be meant is refused; what may be meant gives a warning. Each finding has its line, its
+figure, the likely cause and the way out.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,27 +17,29 @@ from opir_core.plugin import StateTable
 from opir_readers.interpolation import interpolant, runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
-#: Velocities that differ systematically from positions by this, m/s, are refused; by less, reported.
+#: Velocities that differ systematically from positions by this, m/s, are refused; by less,
+#: reported.
 _REFUSED_M_S = 5.0
 
 #: No launch leaves the Earth faster than it takes to leave it for good, m/s.
 _FASTEST_M_S = 11_200.0
 
-#: What never moves faster than this over the ground, m/s, and comes below this height, m, was not launched; a
-#: geosynchronous satellite stands as still.
+#: What never moves faster than this over the ground, m/s, and comes below this height, m, was not
+#: launched; a geosynchronous satellite stands as still.
 _SLOWEST_M_S = 5.0
 _STILL_ABOVE_M = 3e7
 
-#: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout; bends of a path below
-#: this, m, are the rounding of positions.
+#: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout; bends
+#: of a path below this, m, are the rounding of positions.
 _MOST_ACCELERATION_M_S2 = 250.0
 _LEAST_BEND_M = 20.0
 
 #: Parts of an interval over which accelerations are averaged.
 _PARTS = 4
 
-#: A step that goes farther around the Earth than this, rad, cannot be interpolated: at these, the polynomials of states
-#: with velocities are some 60 m off a low orbit, those of positions alone some 500 m, and ten times more at 1.3 times.
+#: A step that goes farther around the Earth than this, rad, cannot be interpolated: at these, the
+#: polynomials of states with velocities are some 60 m off a low orbit, those of positions alone
+#: some 500 m, and ten times more at 1.3 times.
 _WIDEST_STEP_RAD = 1.0
 _WIDEST_WITHOUT_VELOCITIES_RAD = 0.5
 
@@ -73,7 +76,9 @@ class Findings:
     warnings: tuple[str, ...]
 
 
-def findings_of(table: StateTable, times: SceneTimes | None = None, start_s: float | None = None) -> Findings:
+def findings_of(
+    table: StateTable, times: SceneTimes | None = None, start_s: float | None = None
+) -> Findings:
     """Return what of a table is wrong in itself and, with the times of a scene, in that scene.
 
     `start_s` is the scene time of the table's time 0, None where its times are dates.
@@ -84,7 +89,12 @@ def findings_of(table: StateTable, times: SceneTimes | None = None, start_s: flo
     slip = None if coarse else velocity_slip(table)
     is_refused = slip is not None and slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S
     slips = [] if slip is None else [_slip_text(slip)]
-    warnings = [*table.notes, *([] if is_refused else slips), *_doubts_of_motion(table), *_doubts_of_heights(table)]
+    warnings = [
+        *table.notes,
+        *([] if is_refused else slips),
+        *_doubts_of_motion(table),
+        *_doubts_of_heights(table),
+    ]
     return Findings((*refused, *coarse, *(slips if is_refused else ())), tuple(warnings))
 
 
@@ -100,8 +110,10 @@ def _coarse_steps(table: StateTable) -> list[str]:
     step_s = float(table.time_s[row + 1] - table.time_s[row])
     swept_deg = float(np.degrees(swept_rad[row]))
     words = (
-        f"line {table.line_of(row + 1)}: {swept_deg:.3g}° around the Earth from the state before it, in a step of"
-        f" {step_s:g} s; that cannot be interpolated: take states at most {np.degrees(widest_rad):.0f}° apart"
+        f"line {table.line_of(row + 1)}: {swept_deg:.3g}° around the Earth from the state before"
+        f" it, in a step of"
+        f" {step_s:g} s; that cannot be interpolated: take states at most"
+        f" {np.degrees(widest_rad):.0f}° apart"
     )
     return [words]
 
@@ -116,12 +128,14 @@ def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> 
     if start_s is None:
         own = " to ".join(moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (first, last))
         yield (
-            f"line {table.line_of(0)}: its states, {own}, and the scene, {begin} to {end}, have no time in common;"
+            f"line {table.line_of(0)}: its states, {own}, and the scene, {begin} to {end}, have no"
+            f" time in common;"
             f" set the scene's epoch, or take the ephemeris of that day"
         )
     else:
         yield (
-            f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and the scene, 0 to"
+            f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and"
+            f" the scene, 0 to"
             f" {times.duration_s:g} s, have nothing in common{scale_text(first - start_s, times)}"
         )
 
@@ -138,28 +152,40 @@ def scale_text(time: float, times: SceneTimes) -> str:
             latest_s = times.duration_s
         if earliest_s < after_s < latest_s:
             way = f"subtract {time:.12g} from them" + (
-                f", or set start_s: {after_s - time:.12g}" if "days" not in scale and "milli" not in scale else ""
+                f", or set start_s: {after_s - time:.12g}"
+                if "days" not in scale and "milli" not in scale
+                else ""
             )
             moment = moment_text(times.epoch_us * 1e-6 + after_s)
-            return f"; they look like {scale}: the first is {moment}, {after_s:g} s after the scene's start; {way}"
+            return (
+                f"; they look like {scale}: the first is {moment}, {after_s:g} s after the scene's"
+                f" start; {way}"
+            )
     hint = f" ({moment_text(time)} if they are Unix seconds)" if 1e8 < time < 4e9 else ""
     return f"; times count from start_s of the scene{hint}: set start_s, or a longer duration_s"
 
 
 def moment_text(unix_s: float) -> str:
-    """Return Unix seconds as a time in UTC, `2026-04-01T12:00:00Z`; the number where no calendar has it."""
+    """Return Unix seconds as a time in UTC, `2026-04-01T12:00:00Z`; the number where no calendar
+    has it.
+    """
     if not abs(unix_s) < 1e11:
         return f"{unix_s:g} s"
     return f"{np.datetime64(round(unix_s), 's')}Z"
 
 
 def _slip_text(slip: VelocitySlip) -> str:
-    seen = f"line {slip.line}: its velocity is {slip.difference_m_s:.3g} m/s off the change of the positions around it"
+    seen = (
+        f"line {slip.line}: its velocity is {slip.difference_m_s:.3g} m/s off the change of the"
+        f" positions around it"
+    )
     if not slip.is_systematic:
         return f"{seen}; is it a slip of the pen?"
     out = "or leave the velocities out: positions are enough"
     if not slip.cause:
-        return f"{seen}, and others are too, for none of the usual causes; mend the velocities, {out}"
+        return (
+            f"{seen}, and others are too, for none of the usual causes; mend the velocities, {out}"
+        )
     left = max(slip.residual_m_s, 0.01)
     way = slip.remedy or "mend the velocities"
     return f"{seen}; all look {slip.cause}: so read, they agree to {left:.2g} m/s; {way}, {out}"
@@ -167,9 +193,12 @@ def _slip_text(slip: VelocitySlip) -> str:
 
 def _doubts_of_motion(table: StateTable) -> Iterator[str]:
     row, speed = _fastest(table)
-    if speed > _FASTEST_M_S + EARTH_ROTATION_RAD_S * float(_length(table.position_m[row : row + 1, :2])[0]):
+    if speed > _FASTEST_M_S + EARTH_ROTATION_RAD_S * float(
+        _length(table.position_m[row : row + 1, :2])[0]
+    ):
         yield (
-            f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the Earth; are times or"
+            f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the"
+            f" Earth; are times or"
             " lengths in other units?"
         )
     if speed < _SLOWEST_M_S and _length(table.position_m).min() < _STILL_ABOVE_M:
@@ -178,7 +207,8 @@ def _doubts_of_motion(table: StateTable) -> Iterator[str]:
     if acceleration > _MOST_ACCELERATION_M_S2:
         yield (
             f"line {table.line_of(row)}: the path turns with {acceleration:.4g} m/s² there,"
-            f" {acceleration / 9.80665:.0f} g; a wrong state, or positions coarser than their steps: leave the state"
+            f" {acceleration / 9.80665:.0f} g; a wrong state, or positions coarser than their"
+            f" steps: leave the state"
             " out, smooth them, or take fewer"
         )
 
@@ -196,8 +226,9 @@ def _fastest(table: StateTable) -> tuple[int, float]:
 
 
 def _hardest(table: StateTable) -> tuple[int, float]:
-    """Return the row after which the path as it is flown turns hardest, and its mean acceleration over a quarter of the
-    interval, m/s²; bends of a few metres, of rounded positions, do not count."""
+    """Return the row after which the path as it is flown turns hardest, and its mean acceleration
+    over a quarter of the interval, m/s²; bends of a few metres, of rounded positions, do not
+    count."""
     start_s = table.time_s[:-1]
     length_s = np.diff(table.time_s)
     rows = np.flatnonzero(length_s > 0.0)
@@ -217,7 +248,8 @@ def _doubts_of_heights(table: StateTable) -> Iterator[str]:
     row = int(height_m.argmin())
     if height_m[row] < _LEAST_HEIGHT_M:
         yield (
-            f"line {table.line_of(row)}: {-height_m[row]:.6g} m below the WGS 84 ellipsoid; are latitudes geocentric,"
+            f"line {table.line_of(row)}: {-height_m[row]:.6g} m below the WGS 84 ellipsoid; are"
+            f" latitudes geocentric,"
             " or heights above something else?"
         )
 

@@ -1,4 +1,6 @@
-"""The target model `table`: trajectories that a scene brings itself, as tables of states in files."""
+"""The target model `table`: trajectories that a scene brings itself, as tables of states in
+files.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -28,7 +30,9 @@ _NEAR_GROUND_M = 1000.0
 
 @define(eq=False)
 class TableTargets(Trajectories):
-    """Targets on the trajectories of their files: to burnout, or to the last state where a sensor follows them."""
+    """Targets on the trajectories of their files: to burnout, or to the last state where a sensor
+    follows them.
+    """
 
     type_code: NDArray[np.uint8]
     ignition_s: FloatArray
@@ -45,19 +49,24 @@ class TableTargets(Trajectories):
         return [record["type"] for record in self.records]
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to `end_s`."""
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to
+        `end_s`.
+        """
         return self.flight.position_m(target, time_s)
 
     @property
     def files(self) -> Sequence[Mapping[str, str]]:
-        """Return the files that were read, with their SHA-256, for the manifest: a scene's hash does not know them."""
+        """Return the files that were read, with their SHA-256, for the manifest: a scene's hash
+        does not know them.
+        """
         return [{"path": record["file"], "sha256": record["sha256"]} for record in self.records]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: its file with its hash, burn, gaps, and the error of the interpolation.
+        """Return one mapping a target: its file with its hash, burn, gaps, and the error of the
+        interpolation.
 
-        Launch and impact are there where the first state is the ignition, and the last one after burnout, near the
-        ground.
+        Launch and impact are there where the first state is the ignition, and the last one after
+        burnout, near the ground.
         """
         return self.records
 
@@ -91,15 +100,23 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
     burnout_s = np.array([table.burns_s[-1, 1] for table in tables])
     end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burnout_s
     return TableTargets(
-        type_code=np.array([context.target_class(config.type).type_code for config in configs], dtype=np.uint8),
+        type_code=np.array(
+            [context.target_class(config.type).type_code for config in configs], dtype=np.uint8
+        ),
         ignition_s=ignition_s,
         burnout_s=burnout_s,
         end_s=end_s,
         burns_s=joined_burns_s([table.burns_s[None] for table in tables]),
         flight=Ephemeris.build(
-            interpolant(tables).state, ignition_s, end_s, _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M
+            interpolant(tables).state,
+            ignition_s,
+            end_s,
+            _breakpoints_s(tables),
+            EPHEMERIS_TOLERANCE_M,
         ),
-        records=tuple(_record(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)),
+        records=tuple(
+            _record(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)
+        ),
         warnings=tuple(warnings),
     )
 
@@ -122,44 +139,60 @@ def _with_burn(table: StateTable, config: TableConfig) -> StateTable:
     """
     ends = float(table.burns_s[0, 0]), float(table.burns_s[-1, 1])
     ignition, burnout = (
-        own if asked is None else asked for own, asked in zip(ends, (config.ignition_s, config.burnout_s), strict=True)
+        own if asked is None else asked
+        for own, asked in zip(ends, (config.ignition_s, config.burnout_s), strict=True)
     )
     first = float(table.time_s[0])
     last = float(table.time_s[-1])
     if not max(first, 0.0) <= ignition < burnout <= last:
         raise BadFileError(
-            f"a burn from {ignition:.12g} to {burnout:.12g} s does not fit: states go from {first:.12g} to"
+            f"a burn from {ignition:.12g} to {burnout:.12g} s does not fit: states go from"
+            f" {first:.12g} to"
             f" {last:.12g} s of the scene, whose times start at 0; set ignition_s and burnout_s"
         )
     burns_s = table.burns_s[(table.burns_s[:, 0] < burnout) & (table.burns_s[:, 1] > ignition)]
     if not len(burns_s):
-        raise BadFileError(f"a burn from {ignition:.12g} to {burnout:.12g} s is within a dark gap of the file")
+        raise BadFileError(
+            f"a burn from {ignition:.12g} to {burnout:.12g} s is within a dark gap of the file"
+        )
     burns_s[0, 0] = ignition
     burns_s[-1, 1] = burnout
     return evolve(table, burns_s=burns_s)
 
 
 def _breakpoints_s(tables: Sequence[StateTable]) -> FloatArray:
-    """Return the times of the states (n, k), where one polynomial gives way to the next; short rows are filled up."""
+    """Return the times of the states (n, k), where one polynomial gives way to the next; short rows
+    are filled up.
+    """
     longest = max(len(table.time_s) for table in tables)
-    return np.stack([np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables])
+    return np.stack(
+        [np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables]
+    )
 
 
 def _place(position_m: FloatArray) -> dict[str, float]:
-    """Return a position (3,) as a plain geodetic place, with its height above the WGS 84 ellipsoid."""
+    """Return a position (3,) as a plain geodetic place, with its height above the WGS 84
+    ellipsoid.
+    """
     where = ecef_to_geodetic(position_m[None])
-    latitude, longitude = (float(np.degrees(angle[0])) for angle in (where.latitude_rad, where.longitude_rad))
+    latitude, longitude = (
+        float(np.degrees(angle[0])) for angle in (where.latitude_rad, where.longitude_rad)
+    )
     return {"lat_deg": latitude, "lon_deg": longitude, "height_m": float(where.height_m[0])}
 
 
 def _points(table: StateTable) -> Mapping[str, Any]:
-    """Return launch and impact of a table: its first and last states, where these are near the ground."""
+    """Return launch and impact of a table: its first and last states, where these are near the
+    ground.
+    """
     first = _place(table.position_m[0])
     last = _place(table.position_m[-1])
     is_launch = first["height_m"] < _NEAR_GROUND_M and table.burns_s[0, 0] == table.time_s[0]
     is_impact = last["height_m"] < _NEAR_GROUND_M and table.burns_s[-1, 1] < table.time_s[-1]
     launch = {"launch": first} if is_launch else {}
-    return {**launch, "impact": {**last, "time_s": float(table.time_s[-1])}} if is_impact else launch
+    return (
+        {**launch, "impact": {**last, "time_s": float(table.time_s[-1])}} if is_impact else launch
+    )
 
 
 def _record(own_id: str, config: TableConfig, table: StateTable, digest: str) -> Mapping[str, Any]:

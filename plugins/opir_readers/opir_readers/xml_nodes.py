@@ -1,4 +1,6 @@
-"""XML as plain nodes with their lines; without document types, whose entities can grow without bound."""
+"""XML as plain nodes with their lines; without document types, whose entities can grow without
+bound.
+"""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -14,7 +16,9 @@ _DEEPEST = 64
 
 @define(eq=False)
 class XmlNode:
-    """An element: its name without namespace, its attributes, its text, its children, and its line."""
+    """An element: its name without namespace, its attributes, its text, its children, and its
+    line.
+    """
 
     name: str
     line: int
@@ -46,12 +50,16 @@ class XmlNode:
 
 
 def xml_root(text: str) -> XmlNode:
-    """Return the outermost element of a text; raises `BadFileError` with the line that is no XML."""
+    """Return the outermost element of a text; raises `BadFileError` with the line that is no
+    XML.
+    """
     reader = _Reader()
     try:
         reader.parser.Parse(text.encode("utf-8", "surrogatepass"), True)
     except expat.ExpatError as error:
-        raise BadFileError(f"line {error.lineno}: is not XML: {expat.errors.messages[error.code]}") from error
+        raise BadFileError(
+            f"line {error.lineno}: is not XML: {expat.errors.messages[error.code]}"
+        ) from error
     if not reader.top.children:
         raise BadFileError("has no XML element")
     return reader.top.children[0]
@@ -81,7 +89,9 @@ class _Reader:
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         if len(self._open) > _DEEPEST:
-            raise BadFileError(f"line {self.parser.CurrentLineNumber}: is nested deeper than {_DEEPEST} elements")
+            raise BadFileError(
+                f"line {self.parser.CurrentLineNumber}: is nested deeper than {_DEEPEST} elements"
+            )
         node = XmlNode(name.rpartition(":")[2], self.parser.CurrentLineNumber, attributes)
         self._open[-1].children.append(node)
         self._open.append(node)
@@ -94,5 +104,6 @@ class _Reader:
 
     def _refuse(self, *_declaration: object) -> None:
         raise BadFileError(
-            f"line {self.parser.CurrentLineNumber}: has a document type, which is not read; leave it out"
+            f"line {self.parser.CurrentLineNumber}: has a document type, which is not read; leave"
+            f" it out"
         )

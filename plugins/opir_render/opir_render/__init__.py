@@ -14,12 +14,16 @@ if TYPE_CHECKING:
 def opir_renderers() -> Iterable[RendererModel]:
     """Yield `compiled`."""
     yield RendererModel(
-        name="compiled", summary="lines joined in C, with the interpreter's lock released", build=renderer
+        name="compiled",
+        summary="lines joined in C, with the interpreter's lock released",
+        build=renderer,
     )
 
 
 def renderer(_config: NoConfig, context: "RendererContext") -> "Renderer":
-    """Return the compiled renderer; raises ImportError where it was installed without a C compiler."""
+    """Return the compiled renderer; raises ImportError where it was installed without a C
+    compiler.
+    """
     try:
         from opir_render.compiled import render
     except ImportError as error:
@@ -29,9 +33,14 @@ def renderer(_config: NoConfig, context: "RendererContext") -> "Renderer":
 
 
 def _rendered(
-    render: Callable[[int, list[Any]], bytes | None], reference: "Renderer", count: int, columns: Sequence[Any]
+    render: Callable[[int, list[Any]], bytes | None],
+    reference: "Renderer",
+    count: int,
+    columns: Sequence[Any],
 ) -> bytes:
-    """Return `count` lines, each joined from its columns; by the reference where the compiled module returns None."""
+    """Return `count` lines, each joined from its columns; by the reference where the compiled
+    module returns None.
+    """
     plain = [column if isinstance(column, bytes) else column.plain() for column in columns]
     lines = render(count, plain)
     return reference(count, columns) if lines is None else lines

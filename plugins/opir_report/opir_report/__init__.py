@@ -1,6 +1,7 @@
 """Plots of a run with matplotlib, and reports of runs and studies as one HTML file.
 
-Each name is imported when it is first used, so that a command that draws nothing does not import matplotlib.
+Each name is imported when it is first used, so that a command that draws nothing does not import
+matplotlib.
 """
 
 from opir_core.doors import door

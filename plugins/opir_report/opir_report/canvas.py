@@ -1,4 +1,6 @@
-"""Figures: their style, new axes, axes without data, and a figure as SVG text of the same bytes each time."""
+"""Figures: their style, new axes, axes without data, and a figure as SVG text of the same bytes
+each time.
+"""
 
 import re
 from collections.abc import Callable, Sequence
@@ -18,7 +20,8 @@ from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, LogLocator
 
 from opir_report.palette import GRID, INK, MUTED, PAPER, SERIES, Hue
 
-#: Settings of matplotlib while a plot is drawn. Text stays text in SVG: it can be searched and scaled.
+#: Settings of matplotlib while a plot is drawn. Text stays text in SVG: it can be searched and
+#: scaled.
 STYLE: Any = {
     "axes.axisbelow": True,
     "axes.edgecolor": MUTED,
@@ -51,13 +54,16 @@ STYLE: Any = {
     "ytick.labelcolor": INK,
 }
 
-#: Width of a figure over the text column of a page, inches, and of a file for a paper: two columns of a journal.
+#: Width of a figure over the text column of a page, inches, and of a file for a paper: two columns
+#: of a journal.
 WIDTH_IN = 8.6
 PRINT_WIDTH_IN = 7.2
 
 _PLACES = re.compile(r"(-?\d+\.\d{2})\d+")
 _GEOMETRY = re.compile(r' (?:d|x|y|width|height)="[^"]*"')
-_IDS = re.compile(r' id="(?:figure|axes|patch|line2d|text|xtick|ytick|matplotlib\.axis|legend|Path|Poly)[^"]*"')
+_IDS = re.compile(
+    r' id="(?:figure|axes|patch|line2d|text|xtick|ytick|matplotlib\.axis|legend|Path|Poly)[^"]*"'
+)
 #: A style for every element: inside a page it would apply to the page.
 _GLOBAL_STYLE = re.compile(r"\s*<defs>\s*<style[^>]*>.*?</style>\s*</defs>", re.DOTALL)
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
@@ -84,7 +90,9 @@ def without_data(axes: Axes, words: str) -> Axes:
     axes.grid(False)
     for side in ("left", "bottom"):
         axes.spines[side].set_visible(False)
-    axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", va="center", color=MUTED, wrap=True)
+    axes.text(
+        0.5, 0.5, words, transform=axes.transAxes, ha="center", va="center", color=MUTED, wrap=True
+    )
     return axes
 
 
@@ -92,7 +100,8 @@ def without_data(axes: Axes, words: str) -> Axes:
 _LETTER_IN = 0.062
 _GAPS_IN = 0.24
 _ROW_PT = 12.5
-#: Lengths of a line with dashes and of a mark alone in a legend, in units of its font size, and of that size in inches.
+#: Lengths of a line with dashes and of a mark alone in a legend, in units of its font size, and of
+#: that size in inches.
 _LINE_LENGTH = 3.2
 _MARK_LENGTH = 1.2
 _FONT_IN = 8.0 / 72.0
@@ -100,28 +109,48 @@ _FONT_IN = 8.0 / 72.0
 
 def legend_of(axes: Axes, hues: Sequence[Hue], marks: Sequence[Line2D] = ()) -> None:
     """Draw a legend of the series' hues and of other marks above the axes."""
-    lines = [Line2D([], [], color=hue.colour, linestyle=hue.dashes, label=hue.label) for hue in hues]
+    lines = [
+        Line2D([], [], color=hue.colour, linestyle=hue.dashes, label=hue.label) for hue in hues
+    ]
     legend_above(axes, [*lines, *marks])
 
 
-def legend_beside(axes: Axes, hues: Sequence[Hue], title: str = "", *, whole: bool = False, marker: str = "o") -> None:
+def legend_beside(
+    axes: Axes, hues: Sequence[Hue], title: str = "", *, whole: bool = False, marker: str = "o"
+) -> None:
     """Draw a legend of series with marks above the axes, or above their whole figure."""
     lines = [
-        Line2D([], [], color=hue.colour, linestyle=hue.dashes or "", marker=marker, markersize=4, label=hue.label)
+        Line2D(
+            [],
+            [],
+            color=hue.colour,
+            linestyle=hue.dashes or "",
+            marker=marker,
+            markersize=4,
+            label=hue.label,
+        )
         for hue in hues
     ]
     legend_above(axes, lines, title, whole=whole)
 
 
-def legend_above(axes: Axes, lines: Sequence[Line2D], title: str = "", *, whole: bool = False) -> None:
-    """Draw a legend of lines above the axes, off the data, or above the whole figure; a title of the axes moves up."""
+def legend_above(
+    axes: Axes, lines: Sequence[Line2D], title: str = "", *, whole: bool = False
+) -> None:
+    """Draw a legend of lines above the axes, off the data, or above the whole figure; a title of
+    the axes moves up.
+    """
     figure = axes.figure
     part = axes.get_subplotspec()
     panels = 1 if whole or part is None else part.get_geometry()[1]
     width_in = figure.bbox.width / figure.dpi / panels - 0.9
     has_lines = any(line.get_linestyle() != "None" for line in lines)
     handle = _LINE_LENGTH if has_lines else _MARK_LENGTH
-    longest_in = _GAPS_IN + _FONT_IN * handle + _LETTER_IN * max(len(str(line.get_label())) for line in lines)
+    longest_in = (
+        _GAPS_IN
+        + _FONT_IN * handle
+        + _LETTER_IN * max(len(str(line.get_label())) for line in lines)
+    )
     columns = int(min(max(width_in // longest_in, 1), len(lines)))
     style: dict[str, Any] = {"handles": lines, "ncols": columns, "handlelength": handle}
     if title:
@@ -136,7 +165,9 @@ def legend_above(axes: Axes, lines: Sequence[Line2D], title: str = "", *, whole:
 
 
 def log_ticks(axis: Axis) -> None:
-    """Write the ticks of a logarithmic axis as numbers, or as powers of ten where they span many decades."""
+    """Write the ticks of a logarithmic axis as numbers, or as powers of ten where they span many
+    decades.
+    """
     low, high = sorted(axis.get_view_interval())
     decades = float(np.log10(high / low))
     digits = (1.0,) if decades > 2.5 else (1.0, 3.0) if decades > 1.2 else (1.0, 2.0, 5.0)
@@ -145,14 +176,19 @@ def log_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
     if low >= 1e-3 and high <= 1e6:
         axis.set_major_formatter(
-            FuncFormatter(lambda value, _place: f"{value:,.10g}".replace(",", "\N{NARROW NO-BREAK SPACE}"))
+            FuncFormatter(
+                lambda value, _place: f"{value:,.10g}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+            )
         )
     else:
         axis.set_major_formatter(LogFormatterSciNotation())
 
 
-def svg_of(draw: Callable[[Figure], object], size_in: tuple[float, float], name: str, alt: str) -> str:
-    """Return a figure as an `svg` element for a page: the same bytes each time, with ids of its own by `name`.
+def svg_of(
+    draw: Callable[[Figure], object], size_in: tuple[float, float], name: str, alt: str
+) -> str:
+    """Return a figure as an `svg` element for a page: the same bytes each time, with ids of its own
+    by `name`.
 
     `draw` draws into the figure; `alt` describes it to readers who do not see it.
     """
@@ -172,11 +208,17 @@ def svg_of(draw: Callable[[Figure], object], size_in: tuple[float, float], name:
 
 
 def print_bytes(draw: Callable[[Figure], object], height_in: float, form: str) -> bytes:
-    """Return a figure as a file for a paper, `png`, `svg` or `pdf`: fonts of 8 pt or more at the width of the page."""
+    """Return a figure as a file for a paper, `png`, `svg` or `pdf`: fonts of 8 pt or more at the
+    width of the page.
+    """
     stream = BytesIO()
-    with matplotlib.rc_context({**STYLE, "svg.hashsalt": "opir", "svg.fonttype": "path", "pdf.fonttype": 42}):
+    with matplotlib.rc_context(
+        {**STYLE, "svg.hashsalt": "opir", "svg.fonttype": "path", "pdf.fonttype": 42}
+    ):
         figure = Figure(figsize=(PRINT_WIDTH_IN, height_in), layout=new_layout())
         draw(figure)
-        undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form, {"Software": None})
+        undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(
+            form, {"Software": None}
+        )
         figure.savefig(stream, format=form, dpi=200, metadata=undated)
     return stream.getvalue()

@@ -22,7 +22,10 @@ def report(arguments: argparse.Namespace) -> int:
     """Write the report of the arguments' run or studies."""
     out = Path(arguments.out)
     if not out.name or out.is_dir():
-        raise SceneError([Problem("--out", f"{str(out)!r} is a folder; give the path of a file in it")], source=_HERE)
+        raise SceneError(
+            [Problem("--out", f"{str(out)!r} is a folder; give the path of a file in it")],
+            source=_HERE,
+        )
     page = _page([Path(each) for each in arguments.paths])
     written = write_page(page, out, with_data=not arguments.no_data)
     sys.stdout.write(f"{written[0]}: report\n")
@@ -39,7 +42,10 @@ def report(arguments: argparse.Namespace) -> int:
 def _page(paths: Sequence[Path]) -> ReportPage:
     for path in paths:
         if path.suffix in _SCENES:
-            words = f"is a scene: run it first, `opir run {path}`, then give the events, `opir report events.jsonl`"
+            words = (
+                f"is a scene: run it first, `opir run {path}`, then give the events, `opir report"
+                f" events.jsonl`"
+            )
             raise SceneError([Problem("", words)], source=str(path))
     if all(map(is_study, paths)):
         return study_page(studies_in(paths))

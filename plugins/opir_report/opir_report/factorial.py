@@ -1,4 +1,6 @@
-"""Effects of a study of all combinations: means over the other settings, with intervals over runs of the same seeds."""
+"""Effects of a study of all combinations: means over the other settings, with intervals over runs
+of the same seeds.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +16,8 @@ from opir_report.saved_study import SavedStudy
 
 @frozen(eq=False)
 class FactorialRuns:
-    """The values of a figure by setting and run: `values` has an axis for each path, and a last one for the runs.
+    """The values of a figure by setting and run: `values` has an axis for each path, and a last one
+    for the runs.
 
     Levels are in the order of the study. A run without a value is nan.
     """
@@ -26,9 +29,16 @@ class FactorialRuns:
 
     @classmethod
     def of(cls, study: SavedStudy, figure: str) -> "FactorialRuns | None":
-        """Return the runs of a figure, or None for a study without its runs, or not of all combinations."""
+        """Return the runs of a figure, or None for a study without its runs, or not of all
+        combinations.
+        """
         runs = study.runs
-        if runs is None or not len(runs) or figure not in runs.columns or study.definition["design"] != "factorial":
+        if (
+            runs is None
+            or not len(runs)
+            or figure not in runs.columns
+            or study.definition["design"] != "factorial"
+        ):
             return None
         levels = tuple(list(dict.fromkeys(runs[path].tolist())) for path in study.paths)
         shape = [*map(len, levels), int(runs["replicate"].max()) + 1]
@@ -50,7 +60,8 @@ class FactorialRuns:
         return evolve(self, paths=paths, levels=levels, values=values)
 
     def averaged(self, kept: Sequence[str]) -> FloatArray:
-        """Return means over the settings that are not kept: an axis for each of `kept` in its order, and the runs.
+        """Return means over the settings that are not kept: an axis for each of `kept` in its
+        order, and the runs.
 
         A run counts only with a value at all of these settings: elsewhere it is nan.
         """
@@ -60,15 +71,24 @@ class FactorialRuns:
         return np.transpose(means, [*(left.index(path) for path in kept), len(left)])
 
     def rows(self, kept: Sequence[str]) -> FigureData:
-        """Return a row for each combination of the settings kept: their values, figure, mean, low_95, high_95."""
+        """Return a row for each combination of the settings kept: their values, figure, mean,
+        low_95, high_95.
+        """
         mean, low, high = intervals(self.averaged(kept))
         grid = np.meshgrid(*(np.arange(len(self._levels_of(path))) for path in kept), indexing="ij")
-        columns = {path: np.array(self._levels_of(path))[place.ravel()] for path, place in zip(kept, grid, strict=True)}
+        columns = {
+            path: np.array(self._levels_of(path))[place.ravel()]
+            for path, place in zip(kept, grid, strict=True)
+        }
         columns["figure"] = np.full(mean.size, self.figure)
-        return FigureData({**columns, "mean": mean.ravel(), "low_95": low.ravel(), "high_95": high.ravel()})
+        return FigureData(
+            {**columns, "mean": mean.ravel(), "low_95": low.ravel(), "high_95": high.ravel()}
+        )
 
     def change(self, path: str) -> tuple[float, float, float]:
-        """Return the change from the first to the last value of a setting, paired over runs, and its 95 % interval."""
+        """Return the change from the first to the last value of a setting, paired over runs, and
+        its 95 % interval.
+        """
         means = self.averaged([path])
         mean, low, high = intervals(means[-1] - means[0])
         return float(mean), float(low), float(high)
@@ -78,7 +98,8 @@ class FactorialRuns:
 
 
 def intervals(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return means of values (..., n) over the last axis, and the ends of their 95 % intervals (Student's t).
+    """Return means of values (..., n) over the last axis, and the ends of their 95 % intervals
+    (Student's t).
 
     nan does not count; a mean without values is nan, as is an interval of fewer than two.
     """
@@ -92,7 +113,9 @@ def intervals(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def ranked_settings(runs: FactorialRuns) -> list[str]:
-    """Return the settings with two values or more, that which moves the mean of the figure the furthest first."""
+    """Return the settings with two values or more, that which moves the mean of the figure the
+    furthest first.
+    """
     spans = dict[str, float]()
     for path, levels in zip(runs.paths, runs.levels, strict=True):
         mean = intervals(runs.averaged([path]))[0]

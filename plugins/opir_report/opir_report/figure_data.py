@@ -36,5 +36,7 @@ class FigureData:
         import pyarrow
         from pyarrow import parquet
 
-        table = pyarrow.table({name: pyarrow.array(column.tolist()) for name, column in self.columns.items()})
+        table = pyarrow.table(
+            {name: pyarrow.array(column.tolist()) for name, column in self.columns.items()}
+        )
         parquet.write_table(table, path)

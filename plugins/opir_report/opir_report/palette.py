@@ -1,7 +1,8 @@
-"""Colours of plots: the colour-blind safe series of Okabe and Ito, and one colour for each role, light and dark.
+"""Colours of plots: the colour-blind safe series of Okabe and Ito, and one colour for each role,
+light and dark.
 
-Plots are drawn in the light colours. Each is distinct, so that a page can exchange it for a CSS variable that has
-another value in dark mode.
+Plots are drawn in the light colours. Each is distinct, so that a page can exchange it for a CSS
+variable that has another value in dark mode.
 
 Source: Okabe and Ito, Color Universal Design (2008); the dark values are the same hues, lighter.
 """
@@ -40,7 +41,14 @@ ROLES: Mapping[str, tuple[str, str]] = {
 }
 
 #: Line styles of the series, so that they differ in print without colour too.
-DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (3, 1)), (0, (8, 2, 1.5, 2, 1.5, 2)))
+DASHES = (
+    "-",
+    (0, (5, 1.5)),
+    (0, (1.5, 1.2)),
+    (0, (6, 1.5, 1.5, 1.5)),
+    (0, (3, 1)),
+    (0, (8, 2, 1.5, 2, 1.5, 2)),
+)
 
 
 @frozen
@@ -65,13 +73,19 @@ class Hues:
         names = list(ids) if len(ids) <= len(SERIES) else list(types)
         distinct = list(dict.fromkeys(names))
         is_alone = len(ids) <= len(SERIES)
-        labels = [f"{own} ({kind})" for own, kind in zip(ids, types, strict=True)] if is_alone else distinct
+        labels = (
+            [f"{own} ({kind})" for own, kind in zip(ids, types, strict=True)]
+            if is_alone
+            else distinct
+        )
         hues = {name: series_hue(number, labels[number]) for number, name in enumerate(distinct)}
         return cls(tuple(hues[name] for name in names), tuple(hues.values()))
 
 
 def series_hue(number: int, label: str) -> Hue:
-    """Return the hue of a series by its number; after the last colour they begin anew, with other dashes."""
+    """Return the hue of a series by its number; after the last colour they begin anew, with other
+    dashes.
+    """
     place = number % len(SERIES)
     turn = number // len(SERIES)
     return Hue(SERIES[place], DASHES[(place + 2 * turn) % len(DASHES)], label)

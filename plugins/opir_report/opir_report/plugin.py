@@ -12,8 +12,16 @@ _SUMMARY = "write a report of a run or a study, one HTML file with plots"
 @hookimpl
 def opir_run_views() -> Iterable[RunView]:
     """Yield `plot` and `map`."""
-    yield RunView(name="plot", summary="plots of a run with matplotlib, `run.plot.map()` for instance", build=_plots)
-    yield RunView(name="map", summary="the map of a run's launches, an svg element for notebooks", build=_map_svg)
+    yield RunView(
+        name="plot",
+        summary="plots of a run with matplotlib, `run.plot.map()` for instance",
+        build=_plots,
+    )
+    yield RunView(
+        name="map",
+        summary="the map of a run's launches, an svg element for notebooks",
+        build=_map_svg,
+    )
 
 
 def _plots(run: Any) -> Any:
@@ -36,19 +44,29 @@ def opir_add_commands(commands: Any) -> None:
         "paths",
         metavar="RUN_OR_STUDY",
         nargs="+",
-        help="the events or the folder of a run, or the folder of a study; several studies are put side by side",
+        help="the events or the folder of a run, or the folder of a study; several studies are put"
+        " side by side",
     )
     parser.add_argument(
-        "-o", "--out", metavar="PATH", default="report.html", help="the report (default report.html; data beside it)"
+        "-o",
+        "--out",
+        metavar="PATH",
+        default="report.html",
+        help="the report (default report.html; data beside it)",
     )
-    parser.add_argument("--no-data", action="store_true", help="do not write the data of the figures")
+    parser.add_argument(
+        "--no-data", action="store_true", help="do not write the data of the figures"
+    )
     parser.add_argument(
         "--figures",
         metavar="FOLDER",
         help="write each figure for a paper, 7.2 inches wide, and the tables as LaTeX and Markdown",
     )
     parser.add_argument(
-        "--formats", metavar="LIST", default="png,svg,pdf", help="formats of the figures (default png,svg,pdf)"
+        "--formats",
+        metavar="LIST",
+        default="png,svg,pdf",
+        help="formats of the figures (default png,svg,pdf)",
     )
     parser.set_defaults(run=_report)
 

@@ -1,9 +1,19 @@
-"""What several plots of a run need: its evidence, the target of each track, the last estimates, the hues of targets."""
+"""What several plots of a run need: its evidence, the target of each track, the last estimates, the
+hues of targets.
+"""
 
 from functools import cached_property
 
 import numpy as np
-from opir_scoring import Ownership, RunEvidence, evidence_of_run, last_rows, ownership, place_of, rows_in_force
+from opir_scoring import (
+    Ownership,
+    RunEvidence,
+    evidence_of_run,
+    last_rows,
+    ownership,
+    place_of,
+    rows_in_force,
+)
 
 from opir_core import Run
 from opir_core.arrays import FloatArray, IntArray
@@ -46,20 +56,28 @@ class RunFacts:
         return [dict(each) for each in self.plan.targets.truth()][: self.launches]
 
     def right_code(self, target: int) -> int:
-        """Return the code of the type that detections of a target should report, -1 if the run reports no such type."""
+        """Return the code of the type that detections of a target should report, -1 if the run
+        reports no such type.
+        """
         right = self.plan.host.component(TargetClass, self.types[target]).reported_type
         names = list(self.run.reported_types)
         own = self.types[target]
         return names.index(own) if own in names else names.index(right) if right in names else -1
 
     def true_point(self, target: int, name: str) -> tuple[float, float]:
-        """Return latitude and longitude, rad, of a target's `launch`, `burnout` or `impact`; nan for none."""
+        """Return latitude and longitude, rad, of a target's `launch`, `burnout` or `impact`; nan
+        for none.
+        """
         latitude, longitude, _ = place_of(self.truth[target].get(name))
         return float(latitude), float(longitude)
 
     def in_force(self, target: int) -> Tracks:
         """Return the estimates (n,) of the track in force of a target, by tick."""
-        return self.run.tracks.take(self._rows_of[target]) if target in self._rows_of else Tracks.empty()
+        return (
+            self.run.tracks.take(self._rows_of[target])
+            if target in self._rows_of
+            else Tracks.empty()
+        )
 
     @cached_property
     def last(self) -> dict[int, int]:
@@ -70,7 +88,9 @@ class RunFacts:
     @cached_property
     def last_with_impact(self) -> dict[int, int]:
         """The row of the last estimate with a predicted impact of each target that has one."""
-        known = np.isfinite(self.run.tracks.impact[:, 0]) | self.run.tracks.impact_regions.astype(bool)
+        known = np.isfinite(self.run.tracks.impact[:, 0]) | self.run.tracks.impact_regions.astype(
+            bool
+        )
         found = {target: rows[known[rows]] for target, rows in self._rows_of.items()}
         return {target: int(rows[-1]) for target, rows in found.items() if len(rows)}
 
@@ -87,7 +107,8 @@ class RunFacts:
 
 
 def containment_rings(tracks: Tracks, row: int) -> dict[float, tuple[float, list[FloatArray]]]:
-    """Return area, km², and rings of the impact regions of an estimate by containment, else of its ellipses.
+    """Return area, km², and rings of the impact regions of an estimate by containment, else of its
+    ellipses.
 
     The regions are those of the most probable condition.
     Rings (n, 2) are closed latitudes and longitudes, rad, with the region on their left.
@@ -106,12 +127,16 @@ def containment_rings(tracks: Tracks, row: int) -> dict[float, tuple[float, list
             for region in regions
             if region.condition == regions[0].condition
         }
-    ellipses = {containment: _ellipse(tracks, row, containment) for containment in TRACK_CONTAINMENTS}
+    ellipses = {
+        containment: _ellipse(tracks, row, containment) for containment in TRACK_CONTAINMENTS
+    }
     return {containment: found for containment, found in ellipses.items() if found is not None}
 
 
 def _left_ring(region: ImpactRegion, ring: FloatArray, *, is_hole: bool) -> FloatArray:
-    """Return a ring of a region, with the region on its left and points along edges, straight on the region's chart."""
+    """Return a ring of a region, with the region on its left and points along edges, straight on
+    the region's chart.
+    """
     chart = region.chart()
     flat = dense(chart.points(ring), _STEP_M)
     (x, y), (east, north) = flat[:-1].T, flat[1:].T
@@ -130,5 +155,7 @@ def _ellipse(tracks: Tracks, row: int, containment: float) -> tuple[float, list[
     across = minor * np.sin(angle)
     everywhere = np.ones(len(angle))
     latitude, longitude = (value * everywhere for value in one.impact[0, :2].tolist())
-    edge = geodesic_direct(latitude, longitude, bearing + np.arctan2(across, along), np.hypot(along, across))
+    edge = geodesic_direct(
+        latitude, longitude, bearing + np.arctan2(across, along), np.hypot(along, across)
+    )
     return 1e-6 * np.pi * major * minor, [np.stack([edge[0], edge[1]], axis=1)]

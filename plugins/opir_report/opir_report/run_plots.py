@@ -26,7 +26,9 @@ WORLD_IN = 4.5
 
 
 class RunPlots:
-    """The plots of a run. Each method draws into `ax`, or into a new figure of pyplot, and returns the axes."""
+    """The plots of a run. Each method draws into `ax`, or into a new figure of pyplot, and returns
+    the axes.
+    """
 
     def __init__(self, run: Run) -> None:
         self.facts = RunFacts(run)
@@ -37,7 +39,8 @@ class RunPlots:
         return ground_tracks(self.facts.plan)
 
     def map(self, ax: Axes | None = None) -> Axes:
-        """Draw the launches: ground tracks, launch and impact points, the last predicted impact regions.
+        """Draw the launches: ground tracks, launch and impact points, the last predicted impact
+        regions.
 
         The projection is azimuthal equidistant about the launches.
         """
@@ -46,7 +49,9 @@ class RunPlots:
             return launch_map(axes, self.facts, self.ground_tracks)
 
     def world(self, ax: Axes | None = None) -> Axes:
-        """Draw the Earth with the satellites, the edges of their fields of view, and the launches."""
+        """Draw the Earth with the satellites, the edges of their fields of view, and the
+        launches.
+        """
         axes = new_axes(WORLD_IN) if ax is None else ax
         with rc_context(STYLE):
             return world_map(axes, self.facts, self.ground_tracks, fields_of_view(self.facts.plan))
@@ -61,7 +66,8 @@ class RunPlots:
     def impact(self, target: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw the last predicted impact regions of a target with its true impact.
 
-        `target` is an id, by default that of the first target with a predicted impact. `KeyError` for an unknown one.
+        `target` is an id, by default that of the first target with a predicted impact. `KeyError`
+        for an unknown one.
         """
         axes = new_axes(5.0) if ax is None else ax
         with rc_context(STYLE):
@@ -71,7 +77,8 @@ class RunPlots:
             return impact_map(axes, self.facts, number)
 
     def snr(self, target: str | None = None, ax: Axes | None = None) -> Axes:
-        """Draw the expected SNR along the boost of a target, by sensor, in each sensor's reference band.
+        """Draw the expected SNR along the boost of a target, by sensor, in each sensor's reference
+        band.
 
         `target` is an id, by default that of the first launch; so in `probability` and `air`.
         """
@@ -86,7 +93,9 @@ class RunPlots:
         return self._signal("air", target, ax)
 
     def confidence(self, ax: Axes | None = None) -> Axes:
-        """Draw the confidence of detections over time, by target, and the type probability of tracks."""
+        """Draw the confidence of detections over time, by target, and the type probability of
+        tracks.
+        """
         axes = new_axes(3.8) if ax is None else ax
         with rc_context(STYLE):
             return confidence_plot(axes, self.facts, confidences(self.facts))
@@ -94,25 +103,33 @@ class RunPlots:
     def hypotheses(self, track: int | None = None, ax: Axes | None = None) -> Axes:
         """Draw the probability of each hypothesis of a track over time.
 
-        `track` is one of the tracks of the first launches or sources, by default the first. `KeyError` for others.
+        `track` is one of the tracks of the first launches or sources, by default the first.
+        `KeyError` for others.
         """
         axes = new_axes(3.8) if ax is None else ax
         known = list(weighed_tracks(self.facts))
         if track is not None and track not in known:
-            raise KeyError(f"no plot of the track {track}; there are those of {', '.join(map(str, known)) or 'none'}")
+            raise KeyError(
+                f"no plot of the track {track}; there are those of"
+                f" {', '.join(map(str, known)) or 'none'}"
+            )
         number = next(iter(known), -1) if track is None else track
         with rc_context(STYLE):
             return hypotheses_plot(axes, self.facts, hypothesis_history(self.facts), number)
 
     def latency(self, ax: Axes | None = None) -> Axes:
-        """Draw the distribution of latencies to the first detection, by sensor type, against the closed form."""
+        """Draw the distribution of latencies to the first detection, by sensor type, against the
+        closed form.
+        """
         axes = new_axes(4.0) if ax is None else ax
         pairs = pair_latencies(self.facts)
         with rc_context(STYLE):
             return latency_plot(axes, self.facts, pairs, latency_curves(pairs))
 
     def containment(self, ax: Axes | None = None) -> Axes:
-        """Draw the area of the 95 % impact regions over time, and whether they contain the true impact."""
+        """Draw the area of the 95 % impact regions over time, and whether they contain the true
+        impact.
+        """
         axes = new_axes(4.0) if ax is None else ax
         with rc_context(STYLE):
             return containment_plot(axes, self.facts, region_history(self.facts))
@@ -139,7 +156,9 @@ class RunPlots:
 
     def _number(self, target: str) -> int:
         if target not in self.facts.ids:
-            raise KeyError(f"the run has no target {target!r}; it has {', '.join(self.facts.ids) or 'none'}")
+            raise KeyError(
+                f"the run has no target {target!r}; it has {', '.join(self.facts.ids) or 'none'}"
+            )
         return self.facts.ids.index(target)
 
 

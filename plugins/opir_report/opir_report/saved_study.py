@@ -25,7 +25,9 @@ _VERSION = 1
 
 @frozen(eq=False)
 class SavedStudy:
-    """A study: its definition (`study.json`) and its results (`results.parquet`), with short names of what varies."""
+    """A study: its definition (`study.json`) and its results (`results.parquet`), with short names
+    of what varies.
+    """
 
     definition: dict[str, Any]
     results: FigureData
@@ -57,18 +59,23 @@ class SavedStudy:
         """The figures of each metric that have a value in some design."""
         known = set(self.results["figure"][np.isfinite(self.results["mean"])].tolist())
         own = {
-            name: [each for each in figures if each in known] for name, figures in self.definition["metrics"].items()
+            name: [each for each in figures if each in known]
+            for name, figures in self.definition["metrics"].items()
         }
         return {name: figures for name, figures in own.items() if figures}
 
     @property
     def requirements(self) -> list[dict[str, Any]]:
-        """The requirements on figures: `figure`, `limit`, and `is_least`, whether it is a lower bound."""
+        """The requirements on figures: `figure`, `limit`, and `is_least`, whether it is a lower
+        bound.
+        """
         return list(self.definition.get("requirements", ()))
 
     @property
     def shown(self) -> list[str]:
-        """The figures that were asked for, by default the first of each metric; only those with a value."""
+        """The figures that were asked for, by default the first of each metric; only those with a
+        value.
+        """
         known = self.figures_of_metrics
         every = {name for figures in known.values() for name in figures}
         asked = [name for name in self.definition.get("shown", ()) if name in every]
@@ -81,12 +88,15 @@ class SavedStudy:
         means = rows["mean"][known]
         # Quantiles and mean of equal values are equal but for rounding.
         spread = [rows[name][known] for name in ("q10", "median", "q90")]
-        if len(means) and all(np.allclose(each, means[0], rtol=1e-9, atol=0.0) for each in (means, *spread)):
+        if len(means) and all(
+            np.allclose(each, means[0], rtol=1e-9, atol=0.0) for each in (means, *spread)
+        ):
             return float(means[0]) if not np.any(rows["sd"][known] > 1e-9 * abs(means[0])) else None
         return None
 
     def rows(self, figure: str) -> FigureData:
-        """Return the rows of a figure, one per design, with the intervals of means cut at the figure's bounds.
+        """Return the rows of a figure, one per design, with the intervals of means cut at the
+        figure's bounds.
 
         Raises `KeyError` for an unknown figure.
         """
@@ -96,10 +106,14 @@ class SavedStudy:
         return self.cut(figure, rows)
 
     def cut(self, figure: str, rows: FigureData) -> FigureData:
-        """Return rows with the intervals of a figure's means, `low_95` and `high_95`, cut at the figure's bounds."""
+        """Return rows with the intervals of a figure's means, `low_95` and `high_95`, cut at the
+        figure's bounds.
+        """
         low, high = self.definition.get("bounds", {}).get(figure, (None, None))
         ends = -np.inf if low is None else low, np.inf if high is None else high
-        return FigureData({**rows.columns, **{name: np.clip(rows[name], *ends) for name in ("low_95", "high_95")}})
+        return FigureData(
+            {**rows.columns, **{name: np.clip(rows[name], *ends) for name in ("low_95", "high_95")}}
+        )
 
     def is_met(self, requirement: Mapping[str, Any]) -> BoolArray:
         """Return whether the mean of each design meets a requirement; nan does not."""
@@ -108,20 +122,34 @@ class SavedStudy:
         return np.asarray(mean >= limit if requirement["is_least"] else mean <= limit)
 
     def labels(self, rows: FigureData, paths: Sequence[str] | None = None) -> list[str]:
-        """Return the values of what varies in rows (n,), `scan period 50 ms, tracker imm`; by default of all paths."""
+        """Return the values of what varies in rows (n,), `scan period 50 ms, tracker imm`; by
+        default of all paths.
+        """
         return self._labels(rows, self.paths if paths is None else paths, level_words)
 
     def short_labels(self, rows: FigureData, paths: Sequence[str] | None = None) -> list[str]:
-        """Return the values of what varies in rows (n,) without the names, `50 ms, imm`; `names` has them."""
+        """Return the values of what varies in rows (n,) without the names, `50 ms, imm`; `names`
+        has them.
+        """
         return self._labels(rows, self.paths if paths is None else paths, level_value)
 
     def names(self, paths: Sequence[str] | None = None) -> str:
         """Return the names of what varies, `scan period, tracker`."""
-        return ", ".join(setting_words(path)[0] for path in (self.paths if paths is None else paths))
+        return ", ".join(
+            setting_words(path)[0] for path in (self.paths if paths is None else paths)
+        )
 
-    def _labels(self, rows: FigureData, paths: Sequence[str], words: Callable[[str, str], str]) -> list[str]:
-        columns = [[words(path, level_text(value)) for value in rows[path].tolist()] for path in paths]
-        return [", ".join(parts) for parts in zip(*columns, strict=True)] if columns else [""] * len(rows)
+    def _labels(
+        self, rows: FigureData, paths: Sequence[str], words: Callable[[str, str], str]
+    ) -> list[str]:
+        columns = [
+            [words(path, level_text(value)) for value in rows[path].tolist()] for path in paths
+        ]
+        return (
+            [", ".join(parts) for parts in zip(*columns, strict=True)]
+            if columns
+            else [""] * len(rows)
+        )
 
 
 def level_text(value: object) -> str:
@@ -149,8 +177,18 @@ def read_study(path: Path) -> SavedStudy:
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
         raise SceneError([Problem("", words)], source=str(folder)) from error
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, ArrowException) as error:
-        words = f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are kept"
+    except (
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+        ArrowException,
+    ) as error:
+        words = (
+            f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are"
+            f" kept"
+        )
         raise SceneError([Problem("", words)], source=str(folder)) from error
     version = definition.get("study_version") if isinstance(definition, dict) else None
     if version != _VERSION:
@@ -165,9 +203,11 @@ def _columns(table: Any) -> FigureData:
 
 
 def joined_studies(studies: Sequence[SavedStudy]) -> SavedStudy:
-    """Return studies side by side as one that varies the study too; raises `SceneError` if they vary other settings.
+    """Return studies side by side as one that varies the study too; raises `SceneError` if they
+    vary other settings.
 
-    Only the figures that all have are kept. Differences stay those from the first design of each study.
+    Only the figures that all have are kept. Differences stay those from the first design of each
+    study.
     """
     first = studies[0]
     if len(studies) == 1:
@@ -175,7 +215,10 @@ def joined_studies(studies: Sequence[SavedStudy]) -> SavedStudy:
     for other in studies[1:]:
         if set(other.paths) != set(first.paths):
             ours, theirs = (", ".join(each.paths) or "nothing" for each in (first, other))
-            words = f"vary different settings: {first.definition['study']} {ours}; {other.definition['study']} {theirs}"
+            words = (
+                f"vary different settings: {first.definition['study']} {ours};"
+                f" {other.definition['study']} {theirs}"
+            )
             raise SceneError([Problem("", words)], source="the studies")
     figures = [name for name in first.units if all(name in each.units for each in studies)]
     names = _distinct([str(each.definition["study"]) for each in studies])
@@ -188,7 +231,8 @@ def joined_studies(studies: Sequence[SavedStudy]) -> SavedStudy:
         "figures": {name: first.units[name] for name in figures},
         "bounds": {name: _shared_bounds(studies, name) for name in figures},
         "metrics": {
-            metric: [each for each in own if each in figures] for metric, own in first.definition["metrics"].items()
+            metric: [each for each in own if each in figures]
+            for metric, own in first.definition["metrics"].items()
         },
         "designs": [design for each in studies for design in each.definition["designs"]],
     }
@@ -198,17 +242,26 @@ def joined_studies(studies: Sequence[SavedStudy]) -> SavedStudy:
 def _shared_bounds(studies: Sequence[SavedStudy], figure: str) -> list[float | None]:
     """Return the bounds of a figure that all studies have."""
     own = [each.definition.get("bounds", {}).get(figure, (None, None)) for each in studies]
-    return [end if all(each[side] == end for each in own) else None for side, end in enumerate(own[0])]
+    return [
+        end if all(each[side] == end for each in own) else None for side, end in enumerate(own[0])
+    ]
 
 
 def _distinct(names: list[str]) -> list[str]:
-    return [f"{name} ({number})" if names.count(name) > 1 else name for number, name in enumerate(names, start=1)]
+    return [
+        f"{name} ({number})" if names.count(name) > 1 else name
+        for number, name in enumerate(names, start=1)
+    ]
 
 
 def _joined(parts: Sequence[FigureData], names: Sequence[str], counts: Any) -> FigureData:
-    """Return the rows of studies one after another, with the study's name and designs numbered on."""
+    """Return the rows of studies one after another, with the study's name and designs numbered
+    on.
+    """
     shared = [name for name in parts[0].columns if all(name in each.columns for each in parts)]
     columns = {name: np.concatenate([each[name] for each in parts]) for name in shared}
-    columns["design"] = np.concatenate([each["design"] + add for each, add in zip(parts, counts, strict=False)])
+    columns["design"] = np.concatenate(
+        [each["design"] + add for each, add in zip(parts, counts, strict=False)]
+    )
     columns[STUDY] = np.repeat(np.array(names), [len(each) for each in parts])
     return FigureData(columns)

@@ -1,4 +1,6 @@
-"""Names of figures and settings as words with units, and the units and numbers that an axis shows."""
+"""Names of figures and settings as words with units, and the units and numbers that an axis
+shows.
+"""
 
 import re
 
@@ -42,7 +44,11 @@ _ABBREVIATIONS = {
     "p90": "90th percentile",
 }
 #: Settings whose last word says too little.
-_SETTINGS = {"sensors.count": "number of sensors", "sensors.keep": "sensors", "sensors.without": "sensors left out"}
+_SETTINGS = {
+    "sensors.count": "number of sensors",
+    "sensors.keep": "sensors",
+    "sensors.without": "sensors left out",
+}
 _INDEX = re.compile(r"\[([^]]*)\]")
 #: From here on a unit of a thousand or a million is shown, of figures in m and km².
 _KILO = 1e4
@@ -58,7 +64,9 @@ class ShownUnit:
 
 
 def shown_unit(unit: str, values: FloatArray) -> ShownUnit:
-    """Return the unit in which an axis shows values (n,), so that it needs no offset such as 1e6."""
+    """Return the unit in which an axis shows values (n,), so that it needs no offset such as
+    1e6.
+    """
     largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
     if unit == "m" and largest >= _KILO:
         return ShownUnit("km", 1e3)
@@ -70,7 +78,9 @@ def shown_unit(unit: str, values: FloatArray) -> ShownUnit:
 
 
 def figure_words(figure: str, unit: str) -> str:
-    """Return the name of a figure in words, without its unit: `impact area of the last estimate`."""
+    """Return the name of a figure in words, without its unit: `impact area of the last
+    estimate`.
+    """
     ends = {"1/day": "_a_day", "m/s": "_m_s", "km²": "_km2"}
     words = _words(figure.removesuffix(ends.get(unit, f"_{unit}" if unit else "")))
     return re.sub(" last estimate$", " of the last estimate", words)
@@ -82,7 +92,9 @@ def axis_label(words: str, unit: str) -> str:
 
 
 def setting_words(path: str) -> tuple[str, str]:
-    """Return the name of a setting in words, and its unit: `scan period` and `ms` of `sensors[*].scan_period_ms`."""
+    """Return the name of a setting in words, and its unit: `scan period` and `ms` of
+    `sensors[*].scan_period_ms`.
+    """
     if path in _SETTINGS:
         return _SETTINGS[path], ""
     *before, last = path.split(".")
@@ -112,13 +124,17 @@ def level_value(path: str, label: str) -> str:
 
 
 def number_words(value: float, digits: int = 4) -> str:
-    """Return a number to a few digits, as axes and tables write it: `0.25`, `12 500`; powers of ten beyond."""
+    """Return a number to a few digits, as axes and tables write it: `0.25`, `12 500`; powers of ten
+    beyond.
+    """
     if not np.isfinite(value):
         return "-"
     short = float(f"{value:.{digits}g}")
     if 1e4 <= abs(short) < 1e7:
         return f"{short:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
-    return f"{short:.0f}" if 1e2 <= abs(short) < 1e4 and short.is_integer() else f"{short:.{digits}g}"
+    return (
+        f"{short:.0f}" if 1e2 <= abs(short) < 1e4 and short.is_integer() else f"{short:.{digits}g}"
+    )
 
 
 def _words(name: str) -> str:

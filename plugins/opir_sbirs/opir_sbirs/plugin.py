@@ -1,4 +1,6 @@
-"""The sensor model `SBIRS-GEO`, the Space-Based Infrared System as described in the paper, and a notional fleet."""
+"""The sensor model `SBIRS-GEO`, the Space-Based Infrared System as described in the paper, and a
+notional fleet.
+"""
 
 from collections.abc import Iterable
 
@@ -20,16 +22,21 @@ PAPER = "opir-simulator paper (2026), section 3.2"
 #: Evenly spread; not the slots of real satellites.
 NOTIONAL_SLOTS_DEG = (-165.0, -75.0, 15.0, 105.0)
 
-#: "Moderate" classification (paper, section 3.4): the ratio of two bands gives the temperature of the plume.
+#: "Moderate" classification (paper, section 3.4): the ratio of two bands gives the temperature of
+#: the plume.
 NOTIONAL_CONFUSION = {
     "ICBM": {"ICBM": 0.80, "IRBM": 0.10, "SRBM": 0.02, "UNKNOWN": 0.08},
     "IRBM": {"ICBM": 0.12, "IRBM": 0.72, "SRBM": 0.08, "UNKNOWN": 0.08},
     "SRBM": {"ICBM": 0.03, "IRBM": 0.10, "SRBM": 0.77, "UNKNOWN": 0.10},
 }
 
-#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1), and the rule over bands
-#: and the threshold of sections 3.4 and 2.4.
-PAPER_PRESET = {"scan_phase": "aligned", "spectral_discrimination": "dual-band-ratio", "threshold_sigma": 5.0}
+#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1), and
+#: the rule over bands and the threshold of sections 3.4 and 2.4.
+PAPER_PRESET = {
+    "scan_phase": "aligned",
+    "spectral_discrimination": "dual-band-ratio",
+    "threshold_sigma": 5.0,
+}
 
 
 #: Notional.
@@ -51,14 +58,18 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)}, PAPER),
     scan_pattern=cited("step-stare", PAPER),
     scan_period_ms=cited(100.0, PAPER),
-    detection_probability=cited({"ICBM": 0.80, "IRBM": 0.72, "SRBM": 0.60}, f"ICBM: {PAPER}; IRBM, SRBM: notional"),
+    detection_probability=cited(
+        {"ICBM": 0.80, "IRBM": 0.72, "SRBM": 0.60}, f"ICBM: {PAPER}; IRBM, SRBM: notional"
+    ),
     line_of_sight_sigma_urad=20.0,
     coincidence_sigma=2.0,
     reference_band="MWIR",
     plausible_ratios={"SWIR": (0.25, 2.4)},
     false_alarm_susceptibility=cited("moderate", PAPER),
     spectral_discrimination=cited(
-        "likelihood", "no band is a veto; preset paper: dual-band-ratio, opir-simulator paper (2026), section 3.4"
+        "likelihood",
+        "no band is a veto; preset paper: dual-band-ratio, opir-simulator paper (2026), section"
+        " 3.4",
     ),
     threshold_sigma=cited(5.5, "notional: about one false alarm of noise reported a day"),
     confusion=NOTIONAL_CONFUSION,

@@ -1,4 +1,5 @@
-"""Scores of tracks against truth: errors, consistency, bounds, containment, completeness, purity, GOSPA.
+"""Scores of tracks against truth: errors, consistency, bounds, containment, completeness, purity,
+GOSPA.
 
 Only scores compare tracks with truth; no tracker imports this package.
 """

@@ -1,4 +1,6 @@
-"""Figures of tracks on a benchmark set by case, and their table, as `opir score SET --tracks FILE` prints it."""
+"""Figures of tracks on a benchmark set by case, and their table, as `opir score SET --tracks FILE`
+prints it.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,7 +18,18 @@ from opir_scoring.containments import proportion
 from opir_scoring.figure_text import number_text
 
 HEAD = (
-    *("case", "covered, %", "false", "missed", "c, m", "GOSPA, m", "/c", "error, m", "/bound", "/unknown"),
+    *(
+        "case",
+        "covered, %",
+        "false",
+        "missed",
+        "c, m",
+        "GOSPA, m",
+        "/c",
+        "error, m",
+        "/bound",
+        "/unknown",
+    ),
     *("energy, m", "/bound", "log", "NEES/6", "held, %"),
 )
 LEGEND = """\
@@ -31,7 +44,8 @@ ellipsoids. All of these over covered ticks."""
 def scored_set(
     folder: Path, tracks: Path, cases: Sequence[str] = ()
 ) -> tuple[Mapping[str, Any], list[tuple[str, SetScores]]]:
-    """Return what is known of a set and of a file of tracks on it, and the scores of each scene by name.
+    """Return what is known of a set and of a file of tracks on it, and the scores of each scene by
+    name.
 
     Raises `SceneError` with what is wrong in one of the files.
     """
@@ -52,7 +66,9 @@ def scored_set(
 
 def set_figures(scores: Sequence[SetScores]) -> dict[str, Any]:
     """Return the figures of scenes together."""
-    states = {name: np.concatenate([each.states[name] for each in scores]) for name in scores[0].states}
+    states = {
+        name: np.concatenate([each.states[name] for each in scores]) for name in scores[0].states
+    }
     covered = len(states["position_m"])
     scored = sum(each.scored for each in scores)
     value = states["nees"][~np.isnan(states["nees"])]
@@ -64,7 +80,9 @@ def set_figures(scores: Sequence[SetScores]) -> dict[str, Any]:
         "missed_launches": sum(each.missed_launches for each in scores),
         "cutoff_m": [min(each.cutoff_m for each in scores), max(each.cutoff_m for each in scores)],
         "gospa_m": _mean(np.concatenate([each.gospa_m for each in scores])),
-        "gospa_over_cutoff": _mean(np.concatenate([each.gospa_m / each.cutoff_m for each in scores])),
+        "gospa_over_cutoff": _mean(
+            np.concatenate([each.gospa_m / each.cutoff_m for each in scores])
+        ),
         "position_median_m": _median(states["position_m"]),
         "velocity_median_m_s": _median(states["velocity_m_s"]),
         "error_over_bound": _rms(states["position_m"] / states["bound_m"]),
@@ -94,7 +112,10 @@ def set_text(about: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]])
     rows = [[name, *figure_cells(own)] for name, own in figures.items()]
     # Metres of cases with one sensor in high orbit and three in low orbit have no common mean.
     rows = [
-        [cell if row[0] != "all" or not unit.endswith(", m") else "" for cell, unit in zip(row, HEAD, strict=True)]
+        [
+            cell if row[0] != "all" or not unit.endswith(", m") else ""
+            for cell, unit in zip(row, HEAD, strict=True)
+        ]
         for row in rows
     ]
     return "\n\n".join([head, table(HEAD, rows, numbers=range(1, len(HEAD))), LEGEND])

@@ -1,9 +1,11 @@
-"""Scores of tracks on a benchmark set of scenes: assignment, GOSPA, proper scores, consistency, error over the bound.
+"""Scores of tracks on a benchmark set of scenes: assignment, GOSPA, proper scores, consistency,
+error over the bound.
 
-At each tick estimates are assigned to launches one to one, with the least sum of squared distances, each cut off at the
-scene's distance. A track's launch is the one to which it is assigned most often; its rows at ticks at which this launch
-is not scored are left out. A track is false if it has no launch, or is assigned at less than half of its rows. A
-launch's state at a tick is that of its track with the most assigned rows, however far off it is then.
+At each tick estimates are assigned to launches one to one, with the least sum of squared distances,
+each cut off at the scene's distance. A track's launch is the one to which it is assigned most
+often; its rows at ticks at which this launch is not scored are left out. A track is false if it has
+no launch, or is assigned at less than half of its rows. A launch's state at a tick is that of its
+track with the most assigned rows, however far off it is then.
 """
 
 import json
@@ -30,10 +32,11 @@ MEASURES = (
 
 @frozen(eq=False)
 class SetTruth:
-    """The truth of a scene: states (launches, ticks, 6), nan before ignition, and bounds, nan where nothing is scored.
+    """The truth of a scene: states (launches, ticks, 6), nan before ignition, and bounds, nan where
+    nothing is scored.
 
-    `bounds` (launches, ticks, 4) are of position, of position with unknown thrust, the expected energy score of
-    position, m, and the logarithm of the determinant of the bound's covariance.
+    `bounds` (launches, ticks, 4) are of position, of position with unknown thrust, the expected
+    energy score of position, m, and the logarithm of the determinant of the bound's covariance.
     """
 
     name: str
@@ -53,7 +56,8 @@ class SetTruth:
 class SetScores:
     """The scores of one scene: a column per name in `MEASURES` over the states, and counts.
 
-    `gospa_m` is per tick, over the number of scored launches to the power 1/2; `scored` counts launches and ticks.
+    `gospa_m` is per tick, over the number of scored launches to the power 1/2; `scored` counts
+    launches and ticks.
     """
 
     case: str
@@ -71,7 +75,9 @@ def read_set(folder: Path, cases: Sequence[str] = ()) -> tuple[Mapping[str, Any]
     try:
         description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise SceneError([Problem("", f"is no benchmark set: {error}")], source=str(folder)) from error
+        raise SceneError(
+            [Problem("", f"is no benchmark set: {error}")], source=str(folder)
+        ) from error
     if unknown := sorted(set(cases) - set(description["cases"])):
         words = f"no case {unknown[0]!r} in the set, which has {', '.join(description['cases'])}"
         raise SceneError([Problem("--case", words)], source="command line")
@@ -87,7 +93,9 @@ def _table(path: Path) -> dict[str, Any]:
     return names | {name: numbers(path, raw, name) for name in raw if name not in names}
 
 
-def _truth(scene: Mapping[str, Any], tables: Mapping[str, dict[str, Any]], step_s: float) -> SetTruth:
+def _truth(
+    scene: Mapping[str, Any], tables: Mapping[str, dict[str, Any]], step_s: float
+) -> SetTruth:
     ticks = round(scene["end_s"] / step_s)
     filled = {}
     columns = {"truth": STATE, "bounds": ("position_m", "free_position_m", "energy_m", "log_det")}
@@ -100,7 +108,9 @@ def _truth(scene: Mapping[str, Any], tables: Mapping[str, dict[str, Any]], step_
         values[launch, tick] = np.stack([table[column][rows] for column in wanted], axis=1)
         filled[name] = values
     tick_s = step_s * np.arange(1, ticks + 1)
-    return SetTruth(scene["scene"], scene["case"], scene["cutoff_m"], tick_s, filled["truth"], filled["bounds"])
+    return SetTruth(
+        scene["scene"], scene["case"], scene["cutoff_m"], tick_s, filled["truth"], filled["bounds"]
+    )
 
 
 def scene_scores(truth: SetTruth, tracks: SetTracks) -> SetScores:
@@ -112,7 +122,9 @@ def scene_scores(truth: SetTruth, tracks: SetTracks) -> SetScores:
     number = np.array([names.index(tracks.track[row]) for row in rows], dtype=np.int64)
     assigned = _assigned(truth, tracks.state[rows], tick)
     owner, is_kept = _owners(truth, number, tick, assigned, len(names))
-    held = np.array([np.count_nonzero((number == each) & (assigned >= 0)) for each in range(len(names))])
+    held = np.array(
+        [np.count_nonzero((number == each) & (assigned >= 0)) for each in range(len(names))]
+    )
     chosen = _in_force(owner[number], tick, is_kept & (owner[number] >= 0), held[number])
     in_use = {int(each) for each in number[chosen]}
     launches = set(owner[number[chosen]].tolist())
@@ -122,7 +134,9 @@ def scene_scores(truth: SetTruth, tracks: SetTracks) -> SetScores:
         launches=len(truth.state),
         scored=int(truth.is_scored.sum()),
         false_tracks=len({int(each) for each in number[kept]} - in_use),
-        missed_launches=sum(row not in launches for row in range(len(truth.state)) if truth.is_scored[row].any()),
+        missed_launches=sum(
+            row not in launches for row in range(len(truth.state)) if truth.is_scored[row].any()
+        ),
         cutoff_m=truth.cutoff_m,
         gospa_m=_gospa(truth, tracks.state[rows[kept]], tick[kept]),
         states=_states(truth, tracks, rows[chosen], owner[number[chosen]], tick[chosen]),
@@ -140,8 +154,12 @@ def _assigned(truth: SetTruth, state: FloatArray, tick: IntArray) -> IntArray:
     return found
 
 
-def _owners(truth: SetTruth, number: IntArray, tick: IntArray, assigned: IntArray, tracks: int) -> tuple[IntArray, Any]:
-    """Return the launch of each track (tracks,), -1 if it is false, and which rows (n,) are scored."""
+def _owners(
+    truth: SetTruth, number: IntArray, tick: IntArray, assigned: IntArray, tracks: int
+) -> tuple[IntArray, Any]:
+    """Return the launch of each track (tracks,), -1 if it is false, and which rows (n,) are
+    scored.
+    """
     count = np.zeros((tracks, len(truth.state)), dtype=np.int64)
     np.add.at(count, (number[assigned >= 0], assigned[assigned >= 0]), 1)
     owner = np.where(count.max(axis=1, initial=0) > 0, count.argmax(axis=1), -1)
@@ -156,7 +174,9 @@ def _owners(truth: SetTruth, number: IntArray, tick: IntArray, assigned: IntArra
 
 
 def _in_force(launch: IntArray, tick: IntArray, is_owned: Any, held: IntArray) -> IntArray:
-    """Return the row in force for each launch and tick: of the track with the most assigned rows."""
+    """Return the row in force for each launch and tick: of the track with the most assigned
+    rows.
+    """
     rows = np.flatnonzero(is_owned)
     order = rows[np.lexsort((-held[rows], tick[rows], launch[rows]))]
     first = np.ones(len(order), dtype=np.bool_)
@@ -165,7 +185,9 @@ def _in_force(launch: IntArray, tick: IntArray, is_owned: Any, held: IntArray) -
 
 
 def _gospa(truth: SetTruth, state: FloatArray, tick: IntArray) -> FloatArray:
-    """Return GOSPA of positions at each tick with scored launches, over the square root of their number."""
+    """Return GOSPA of positions at each tick with scored launches, over the square root of their
+    number.
+    """
     found = []
     for now in np.flatnonzero(truth.is_scored.any(axis=0)).tolist():
         scored = truth.state[truth.is_scored[:, now], now, :3]

@@ -30,9 +30,11 @@ Table = Mapping[str, Sequence[Any]]
 
 @frozen(eq=False)
 class SetTracks:
-    """Tracks on a benchmark set, one row per scene, track and tick: `state` (n, 6), `covariance` (n, 6, 6) or nan.
+    """Tracks on a benchmark set, one row per scene, track and tick: `state` (n, 6), `covariance`
+    (n, 6, 6) or nan.
 
-    `name` is that of their file, `left_out` counts the rows that are at no tick or are probably no launch.
+    `name` is that of their file, `left_out` counts the rows that are at no tick or are probably no
+    launch.
     """
 
     name: str
@@ -45,16 +47,22 @@ class SetTracks:
 
     def rows_of(self, scene: str) -> IntArray:
         """Return the rows of a scene."""
-        return np.flatnonzero(np.array([each == scene for each in self.scene], dtype=np.bool_)).astype(np.int64)
+        return np.flatnonzero(
+            np.array([each == scene for each in self.scene], dtype=np.bool_)
+        ).astype(np.int64)
 
 
 def read_tracks(path: Path, tick_s: float, scenes: Iterable[str]) -> SetTracks:
-    """Return the tracks of a file at whole multiples of `tick_s`; raises `SceneError` with what is wrong in it."""
+    """Return the tracks of a file at whole multiples of `tick_s`; raises `SceneError` with what is
+    wrong in it.
+    """
     table = read_table(path)
     _require(path, table, ("scene", "track", "time_s", *STATE))
     scene = [str(each) for each in table["scene"]]
     if unknown := sorted(set(scene) - set(scenes)):
-        raise _error(path, "scene", f"no scene {unknown[0]!r} in the set{nearest_names(unknown[0], scenes)}")
+        raise _error(
+            path, "scene", f"no scene {unknown[0]!r} in the set{nearest_names(unknown[0], scenes)}"
+        )
     time_s = numbers(path, table, "time_s")
     state = np.stack([numbers(path, table, name) for name in STATE], axis=1)
     if not np.isfinite(state).all() or not np.isfinite(time_s).all():
@@ -62,7 +70,9 @@ def read_tracks(path: Path, tick_s: float, scenes: Iterable[str]) -> SetTracks:
         raise _error(path, f"row {row + 1}", "a time, position or velocity is not finite")
     tick = np.round(time_s / tick_s)
     chance = numbers(path, table, "probability") if "probability" in table else np.ones(len(time_s))
-    kept = np.flatnonzero((np.abs(time_s - tick * tick_s) <= TICK_ROUNDING_S) & (chance > LEAST_PROBABILITY))
+    kept = np.flatnonzero(
+        (np.abs(time_s - tick * tick_s) <= TICK_ROUNDING_S) & (chance > LEAST_PROBABILITY)
+    )
     found = SetTracks(
         name=path.name,
         scene=[scene[row] for row in kept.tolist()],
@@ -81,7 +91,9 @@ def _require_unique(path: Path, tracks: SetTracks) -> None:
     seen: set[tuple[str, str, float]] = set()
     for key in zip(tracks.scene, tracks.track, tracks.time_s.tolist(), strict=True):
         if key in seen:
-            raise _error(path, "track", f"track {key[1]} of scene {key[0]} has two rows at {key[2]:g} s")
+            raise _error(
+                path, "track", f"track {key[1]} of scene {key[0]} has two rows at {key[2]:g} s"
+            )
         seen.add(key)
 
 
@@ -97,12 +109,18 @@ def _covariances(path: Path, table: Table, count: int) -> FloatArray:
     known = np.isfinite(matrix).all(axis=(1, 2))
     variance = np.diagonal(matrix[known], axis1=1, axis2=2)
     if np.any(variance <= 0.0):
-        raise _error(path, "c11 … c66", "a variance is not positive; are these standard deviations or correlations?")
+        raise _error(
+            path,
+            "c11 … c66",
+            "a variance is not positive; are these standard deviations or correlations?",
+        )
     return matrix
 
 
 def read_table(path: Path) -> Table:
-    """Return the columns of a CSV, JSON or Parquet file; raises `SceneError` where it cannot be read."""
+    """Return the columns of a CSV, JSON or Parquet file; raises `SceneError` where it cannot be
+    read.
+    """
     try:
         if path.suffix == ".parquet":
             return _parquet(path)
@@ -111,14 +129,18 @@ def read_table(path: Path) -> Table:
     except (OSError, UnicodeDecodeError) as error:
         raise _error(path, "", f"cannot be read: {error}") from error
     except (json.JSONDecodeError, TypeError, KeyError) as error:
-        raise _error(path, "", f"is no table, a list of objects with the same names: {error}") from error
+        raise _error(
+            path, "", f"is no table, a list of objects with the same names: {error}"
+        ) from error
 
 
 def _csv(path: Path, text: str) -> Table:
     head, *rows = csv.reader(text.splitlines())
     wrong = next((number for number, row in enumerate(rows, 2) if len(row) != len(head)), None)
     if wrong is not None:
-        raise _error(path, f"line {wrong}", f"has another number of cells than the header ({len(head)})")
+        raise _error(
+            path, f"line {wrong}", f"has another number of cells than the header ({len(head)})"
+        )
     columns = list(zip(*rows, strict=True)) or [()] * len(head)
     return dict(zip((name.strip() for name in head), columns, strict=True))
 
@@ -138,10 +160,14 @@ def _parquet(path: Path) -> Table:
 
 
 def numbers(path: Path, table: Table, name: str) -> FloatArray:
-    """Return a column (n,) of numbers, nan where a cell is empty; raises `SceneError` for other text."""
+    """Return a column (n,) of numbers, nan where a cell is empty; raises `SceneError` for other
+    text.
+    """
     try:
         cells = table[name]
-        return np.array([np.nan if cell in ("", None) else float(cell) for cell in cells], dtype=np.float64)
+        return np.array(
+            [np.nan if cell in ("", None) else float(cell) for cell in cells], dtype=np.float64
+        )
     except ValueError as error:
         raise _error(path, name, str(error)) from error
 

@@ -23,7 +23,9 @@ def score(arguments: argparse.Namespace) -> int:
     if (Path(arguments.events) / DESCRIPTION).exists():
         return _score_set(arguments)
     if arguments.case:
-        raise SceneError([Problem("--case", f"{arguments.events} is no benchmark set")], source="command line")
+        raise SceneError(
+            [Problem("--case", f"{arguments.events} is no benchmark set")], source="command line"
+        )
     settings = score_settings(arguments)
     elsewhere = {name: getattr(arguments, name) for name in ("truth", "tracks", "manifest")}
     given = {name: Path(path) for name, path in elsewhere.items() if path}
@@ -35,7 +37,9 @@ def score(arguments: argparse.Namespace) -> int:
     if arguments.json:
         text = json.dumps({**card.as_plain(), "sensors": sensors}, indent=2)
     else:
-        text = "\n\n".join(part for part in (scorecard_text({tracker: card}), sensor_text(sensors)) if part)
+        text = "\n\n".join(
+            part for part in (scorecard_text({tracker: card}), sensor_text(sensors)) if part
+        )
     sys.stdout.write(text + "\n")
     return 0
 
@@ -64,7 +68,11 @@ def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
             ("--bin-s", not 0.01 <= arguments.bin_s < math.inf, "must be at least 0.01 and finite"),
             ("--cutoff-m", not 0.0 < arguments.cutoff_m < math.inf, "must be positive and finite"),
             ("--order", not 1.0 <= arguments.order < math.inf, "must be at least 1 and finite"),
-            ("--launch-probability", not 0.0 <= arguments.launch_probability < 1.0, "must be in [0, 1)"),
+            (
+                "--launch-probability",
+                not 0.0 <= arguments.launch_probability < 1.0,
+                "must be in [0, 1)",
+            ),
             ("--alpha", not 0.0 < arguments.alpha <= 2.0, "must be in (0, 2]"),
             (
                 "--order",
@@ -87,5 +95,11 @@ def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
 
 
 def _is_beyond(cutoff_m: float, order: float) -> bool:
-    """Return whether p-th powers of distances up to the cut-off, or their sums, overflow or underflow."""
-    return 0.0 < cutoff_m < math.inf and 1.0 <= order < math.inf and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER
+    """Return whether p-th powers of distances up to the cut-off, or their sums, overflow or
+    underflow.
+    """
+    return (
+        0.0 < cutoff_m < math.inf
+        and 1.0 <= order < math.inf
+        and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER
+    )

@@ -1,7 +1,9 @@
-"""Consistency of estimates: NEES, NIS, their χ² bands and distribution, containment, and interval estimates of figures.
+"""Consistency of estimates: NEES, NIS, their χ² bands and distribution, containment, and interval
+estimates of figures.
 
-Innovations need no truth: the detections are compared with the prediction of the tick before. Only a track's first
-detection after each tick is used, because its innovation is independent from tick to tick.
+Innovations need no truth: the detections are compared with the prediction of the tick before. Only
+a track's first detection after each tick is used, because its innovation is independent from tick
+to tick.
 """
 
 from collections.abc import Mapping
@@ -45,7 +47,8 @@ class Consistency:
 def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return normalised estimation errors squared (n,) of errors (n, d) with covariances (n, d, d).
 
-    nan where an error or a covariance is unknown, inf where the covariance is not positive definite.
+    nan where an error or a covariance is unknown, inf where the covariance is not positive
+    definite.
     """
     known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
     value = np.full(len(error), np.nan)
@@ -64,33 +67,43 @@ def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def consistency(values: FloatArray, freedom: int, probability: float = 0.99) -> Consistency:
-    """Return the average of independent NEES values (n,), its band, and a test of their distribution.
+    """Return the average of independent NEES values (n,), its band, and a test of their
+    distribution.
 
-    The average of n values of `freedom` degrees is χ² of n · freedom degrees, over n (Bar-Shalom, Li and Kirubarajan,
-    Estimation with Applications to Tracking and Navigation, section 5.4.2). The distribution test is that of Kolmogorov
-    and Smirnov: a mean can be right while single values are not.
+    The average of n values of `freedom` degrees is χ² of n · freedom degrees, over n (Bar-Shalom,
+    Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2). The
+    distribution test is that of Kolmogorov and Smirnov: a mean can be right while single values are
+    not.
     """
     values = values[~np.isnan(values)]
     if not len(values):
         return Consistency(0, freedom, np.nan, np.nan, np.nan, np.nan)
     degrees = len(values) * freedom
-    lower, upper = (float(chi2.ppf(p, degrees)) / len(values) for p in ((1 - probability) / 2, (1 + probability) / 2))
+    lower, upper = (
+        float(chi2.ppf(p, degrees)) / len(values)
+        for p in ((1 - probability) / 2, (1 + probability) / 2)
+    )
     p_value = float(kstest(values, chi2(freedom).cdf).pvalue)
     return Consistency(len(values), freedom, float(values.mean()), lower, upper, p_value)
 
 
 def containment(values: FloatArray, freedom: int, nominal: float) -> tuple[float, float, float]:
-    """Return the share of NEES values within the ellipse of a nominal containment, and its 95 % interval (Wilson)."""
+    """Return the share of NEES values within the ellipse of a nominal containment, and its 95 %
+    interval (Wilson).
+    """
     values = values[~np.isnan(values)]
     return proportion(int(np.count_nonzero(values <= chi2.ppf(nominal, freedom))), len(values))
 
 
-def on_normal_scale(values: FloatArray, reported_sigmas: FloatArray, freedom: int = 2) -> FloatArray:
+def on_normal_scale(
+    values: FloatArray, reported_sigmas: FloatArray, freedom: int = 2
+) -> FloatArray:
     """Return NEES values (n,) rescaled to a normal distribution of `freedom` degrees.
 
-    `reported_sigmas` (n, 3) are the reported radii of the ellipses of `TRACK_CONTAINMENTS`, nan for a normal
-    distribution. An error on such an ellipse maps to the χ² quantile of its containment; the scale is linear between
-    them and proportional beyond the largest. So `containment` and `consistency` score the reported ellipses.
+    `reported_sigmas` (n, 3) are the reported radii of the ellipses of `TRACK_CONTAINMENTS`, nan for
+    a normal distribution. An error on such an ellipse maps to the χ² quantile of its containment;
+    the scale is linear between them and proportional beyond the largest. So `containment` and
+    `consistency` score the reported ellipses.
     """
     usual = np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom))
     is_reported = np.asarray(np.isfinite(reported_sigmas).all(axis=1))
@@ -108,30 +121,43 @@ def on_normal_scale(values: FloatArray, reported_sigmas: FloatArray, freedom: in
 
 
 def proportion(successes: float, trials: int) -> tuple[float, float, float]:
-    """Return a share and its 95 % interval (Wilson, J. Am. Stat. Assoc. 22 (1927), 209); nan without trials."""
+    """Return a share and its 95 % interval (Wilson, J. Am. Stat. Assoc. 22 (1927), 209); nan
+    without trials.
+    """
     if not trials:
         return np.nan, np.nan, np.nan
     z = 1.959963984540054
     share = successes / trials
     middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    half = (
+        z
+        / (1 + z * z / trials)
+        * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    )
     return share, max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
-def root_mean_square(error_m: FloatArray, cluster: IntArray | None = None) -> tuple[float, float, float]:
-    """Return the root mean square of errors (n,), and its 95 % interval: Student's, for its logarithm.
+def root_mean_square(
+    error_m: FloatArray, cluster: IntArray | None = None
+) -> tuple[float, float, float]:
+    """Return the root mean square of errors (n,), and its 95 % interval: Student's, for its
+    logarithm.
 
-    Errors of one `cluster` (n,), as those of a track at its ticks, are dependent: the jackknife leaves out whole
-    clusters (Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, chapter 3). With ten normal errors
-    93 to 94 % of such intervals contain the truth, 84 to 87 % of bootstrap percentile intervals. With one cluster the
-    interval is nan.
+    Errors of one `cluster` (n,), as those of a track at its ticks, are dependent: the jackknife
+    leaves out whole clusters (Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982,
+    chapter 3). With ten normal errors 93 to 94 % of such intervals contain the truth, 84 to 87 % of
+    bootstrap percentile intervals. With one cluster the interval is nan.
     """
     known = np.isfinite(error_m)
     square = np.square(error_m[known])
     if not len(square):
         return np.nan, np.nan, np.nan
     value = float(np.sqrt(square.mean()))
-    group = np.arange(len(square)) if cluster is None else np.unique(cluster[known], return_inverse=True)[1]
+    group = (
+        np.arange(len(square))
+        if cluster is None
+        else np.unique(cluster[known], return_inverse=True)[1]
+    )
     total = np.bincount(group, square)
     count = np.bincount(group)
     others = total.sum() - total
@@ -143,15 +169,18 @@ def root_mean_square(error_m: FloatArray, cluster: IntArray | None = None) -> tu
     return value, value / factor, value * factor
 
 
-#: Detections later than this after a tick are left out, s: a boost of 50 m/s² deviates by 25 m from a straight line.
+#: Detections later than this after a tick are left out, s: a boost of 50 m/s² deviates by 25 m from
+#: a straight line.
 REACH_S = 1.0
 
 
 @frozen(eq=False, repr=False)
 class Innovations(Columns):
-    """One row per tick of a target's track in force: target, time since ignition, geometry, and the NIS.
+    """One row per tick of a target's track in force: target, time since ignition, geometry, and the
+    NIS.
 
-    The normalised innovation squared has two degrees of freedom: the two angles across the line of sight.
+    The normalised innovation squared has two degrees of freedom: the two angles across the line of
+    sight.
     """
 
     target: IntArray
@@ -164,9 +193,14 @@ class Innovations(Columns):
 def innovations(evidence: RunEvidence, owners: Ownership) -> Innovations:
     """Return the innovations of the tracks in force, by track."""
     tracks = evidence.tracks.take(rows_in_force(evidence, owners))
-    tracks = tracks.take(np.isfinite(tracks.state).all(axis=1) & np.isfinite(tracks.state_covariance).all(axis=(1, 2)))
+    tracks = tracks.take(
+        np.isfinite(tracks.state).all(axis=1)
+        & np.isfinite(tracks.state_covariance).all(axis=(1, 2))
+    )
     numbers = np.unique(tracks.track).tolist()
-    return Innovations.concatenate(_of_track(evidence, tracks.take(tracks.track == each), owners) for each in numbers)
+    return Innovations.concatenate(
+        _of_track(evidence, tracks.take(tracks.track == each), owners) for each in numbers
+    )
 
 
 def _of_track(evidence: RunEvidence, tracks: Tracks, owners: Ownership) -> Innovations:
@@ -190,7 +224,9 @@ def _of_track(evidence: RunEvidence, tracks: Tracks, owners: Ownership) -> Innov
 
 
 def _normalised(evidence: RunEvidence, rows: IntArray, tracks: Tracks) -> FloatArray:
-    """Return the NIS (n,) of detections; the state is extrapolated linearly to the time of emission."""
+    """Return the NIS (n,) of detections; the state is extrapolated linearly to the time of
+    emission.
+    """
     origin = evidence.sensor_ecef_m[rows]
     after_s = evidence.time_s[rows] - tracks.tick_s
     expected = tracks.state[:, :3] + tracks.state[:, 3:] * after_s[:, None]
@@ -213,13 +249,19 @@ _GROUND_FREEDOM = 2
 
 
 def rms(error: FloatArray, cluster: IntArray | None = None, most: float = np.inf) -> dict[str, Any]:
-    """Return the root mean square of errors (n,), at most `most`, dependent in a cluster (n,), with its interval."""
+    """Return the root mean square of errors (n,), at most `most`, dependent in a cluster (n,), with
+    its interval.
+    """
     value, lower, upper = root_mean_square(error, cluster)
     return {"value": value, "interval_95": [lower, min(upper, most)]}
 
 
-def energy(score: FloatArray, cluster: IntArray | None = None, most: float = np.inf) -> dict[str, Any]:
-    """Return the mean of energy scores (n,), at most `most`, dependent in a cluster (n,), with its interval."""
+def energy(
+    score: FloatArray, cluster: IntArray | None = None, most: float = np.inf
+) -> dict[str, Any]:
+    """Return the mean of energy scores (n,), at most `most`, dependent in a cluster (n,), with its
+    interval.
+    """
     value, lower, upper = np.square(root_mean_square(np.sqrt(score), cluster)).tolist()
     return {"value": value, "interval_95": [lower, min(upper, most)]}
 
@@ -236,13 +278,19 @@ def share(value: float, lower: float, upper: float) -> dict[str, Any]:
 
 
 def mean(values: FloatArray, most: float = np.inf) -> dict[str, Any]:
-    """Return the mean of the finite ones of independent values (n,) in [0, most], with Student's interval."""
+    """Return the mean of the finite ones of independent values (n,) in [0, most], with Student's
+    interval.
+    """
     values = values[np.isfinite(values)]
     if not len(values):
         return {"value": np.nan, "interval_95": [np.nan, np.nan]}
     centre = float(values.mean())
     count = len(values)
-    half = float(student.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)) if count > 1 else np.nan
+    half = (
+        float(student.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count))
+        if count > 1
+        else np.nan
+    )
     return {"value": centre, "interval_95": [max(centre - half, 0.0), min(centre + half, most)]}
 
 
@@ -257,8 +305,13 @@ def consistent(result: Consistency) -> dict[str, Any]:
 
 
 def contained(values: FloatArray) -> list[dict[str, Any]]:
-    """Return the containment curve of NEES values (n,) on the ground: nominal and observed shares."""
-    return [{"nominal": nominal, **share(*containment(values, _GROUND_FREEDOM, nominal))} for nominal in CONTAINMENTS]
+    """Return the containment curve of NEES values (n,) on the ground: nominal and observed
+    shares.
+    """
+    return [
+        {"nominal": nominal, **share(*containment(values, _GROUND_FREEDOM, nominal))}
+        for nominal in CONTAINMENTS
+    ]
 
 
 def plain(value: Any) -> Any:

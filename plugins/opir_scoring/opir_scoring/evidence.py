@@ -1,8 +1,9 @@
-"""The data of a score: a run's tracks and detections, the true states, and the target of each track.
+"""The data of a score: a run's tracks and detections, the true states, and the target of each
+track.
 
-A track belongs to the target of most of its detections. A target may have several tracks, at the same time or, where
-one was lost, one after another. At every tick one of them is *in force*: so tracks after a loss are scored too, and
-simultaneous tracks count once.
+A track belongs to the target of most of its detections. A target may have several tracks, at the
+same time or, where one was lost, one after another. At every tick one of them is *in force*: so
+tracks after a loss are scored too, and simultaneous tracks count once.
 """
 
 from collections.abc import Mapping
@@ -18,8 +19,9 @@ from opir_core.errors import Problem, SceneError
 from opir_core.output import read_run, unix_microseconds
 from opir_core.plugin import Tracks
 
-#: Step of the finite difference for the true velocity, s: positions are interpolated to a centimetre and the jerk is
-#: below 2 m/s³, so the slope of a parabola is within 0.1 m/s, at the ends too.
+#: Step of the finite difference for the true velocity, s: positions are interpolated to a
+#: centimetre and the jerk is below 2 m/s³, so the slope of a parabola is within 0.1 m/s, at the
+#: ends too.
 _VELOCITY_STEP_S = 0.25
 
 
@@ -27,8 +29,8 @@ _VELOCITY_STEP_S = 0.25
 class RunEvidence:
     """One run: its tracks by tick, and columns over its detections.
 
-    These are times, sensors, standard deviations of direction per axis, tracks (-1: none) and targets (-1: false
-    alarm).
+    These are times, sensors, standard deviations of direction per axis, tracks (-1: none) and
+    targets (-1: false alarm).
     """
 
     plan: Plan
@@ -54,7 +56,11 @@ class RunEvidence:
 
 def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvidence:
     """Return the evidence of a run in memory with the plan of its scene."""
-    order = np.argsort(run.detections.time_ns, kind="stable") if run.detections.is_delayed else slice(None)
+    order = (
+        np.argsort(run.detections.time_ns, kind="stable")
+        if run.detections.is_delayed
+        else slice(None)
+    )
     detections = run.detections.take(order)
     owner = final_tracks(run.tracks, detections.track)
     sigma_rad = detections.line_of_sight_sigma_rad
@@ -81,10 +87,12 @@ def final_tracks(tracks: Tracks, track: IntArray) -> IntArray:
 
 
 def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> FloatArray:
-    """Return true ECEF states (n, 6) of targets (n,) at times (n,), m and m/s relative to the rotating Earth.
+    """Return true ECEF states (n, 6) of targets (n,) at times (n,), m and m/s relative to the
+    rotating Earth.
 
-    nan where the truth is unknown: before ignition, and after burnout unless a sensor detects the free flight or the
-    plan has `opir_core.planning.whole_flights` as its `targets`. `run.plan` is the plan of a run.
+    nan where the truth is unknown: before ignition, and after burnout unless a sensor detects the
+    free flight or the plan has `opir_core.planning.whole_flights` as its `targets`. `run.plan` is
+    the plan of a run.
     """
     start = plan.targets.ignition_s[target]
     end = plan.targets.end_s[target]
@@ -94,7 +102,9 @@ def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> Floa
     # A parabola through three places: where the truth ends, as at burnout, they lie to one side.
     middle = np.clip(clipped, start + step, end - step)
     position = plan.targets.position_ecef_m(target, clipped)
-    early, there, late = (plan.targets.position_ecef_m(target, middle + side * step) for side in (-1.0, 0.0, 1.0))
+    early, there, late = (
+        plan.targets.position_ecef_m(target, middle + side * step) for side in (-1.0, 0.0, 1.0)
+    )
     per_step = (1.0 / step)[:, None]
     curvature = (late - 2.0 * there + early) * per_step * ((clipped - middle) / step)[:, None]
     states = np.concatenate([position, 0.5 * (late - early) * per_step + curvature], axis=1)
@@ -103,11 +113,13 @@ def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> Floa
 
 @frozen(eq=False)
 class Ownership:
-    """One row per track, by number: target (-1: false alarms or a source that is no launch), purity and geometry.
+    """One row per track, by number: target (-1: false alarms or a source that is no launch), purity
+    and geometry.
 
-    `held` counts the track's detections from its target, and `purity` is their share of all its detections. `is_stereo`
-    marks tracks with detections of several sensors, `is_biased` those with a sensor that has a line-of-sight bias.
-    `source` is the row of the launch or other hot source among the plan's targets, -1 for false alarms.
+    `held` counts the track's detections from its target, and `purity` is their share of all its
+    detections. `is_stereo` marks tracks with detections of several sensors, `is_biased` those with
+    a sensor that has a line-of-sight bias. `source` is the row of the launch or other hot source
+    among the plan's targets, -1 for false alarms.
     """
 
     track: IntArray
@@ -134,7 +146,10 @@ def ownership(evidence: RunEvidence) -> Ownership:
     target = np.where((total > 0) & is_launch[owner], owner, -1)
     seen = np.zeros((len(numbers), len(evidence.plan.sensors)), dtype=np.bool_)
     seen[row, evidence.sensor[held]] = True
-    biased = np.array([sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in evidence.plan.sensors], dtype=np.bool_)
+    biased = np.array(
+        [sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in evidence.plan.sensors],
+        dtype=np.bool_,
+    )
     return Ownership(
         track=numbers,
         target=target,
@@ -147,10 +162,11 @@ def ownership(evidence: RunEvidence) -> Ownership:
 
 
 def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
-    """Return the rows of the run's tracks that are in force, one per launch and tick, by launch and tick.
+    """Return the rows of the run's tracks that are in force, one per launch and tick, by launch and
+    tick.
 
-    Of several tracks of a launch at a tick it is the one with the most detections of its target, the earliest of
-    equals.
+    Of several tracks of a launch at a tick it is the one with the most detections of its target,
+    the earliest of equals.
     """
     owner = np.searchsorted(owners.track, evidence.tracks.track)
     target = owners.target[owner]
@@ -163,15 +179,22 @@ def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
 
 
 def evidence_of_files(
-    events: Path, *, truth: Path | None = None, tracks: Path | None = None, manifest: Path | None = None
+    events: Path,
+    *,
+    truth: Path | None = None,
+    tracks: Path | None = None,
+    manifest: Path | None = None,
 ) -> RunEvidence:
-    """Return the evidence of a run from its events (forge), and the truth, tracks and manifest beside them.
+    """Return the evidence of a run from its events (forge), and the truth, tracks and manifest
+    beside them.
 
-    Any of the three may lie elsewhere; such tracks may be those of another tracker from the same events. Raises
-    `SceneError` with the file and line that is missing, invalid or of another run.
+    Any of the three may lie elsewhere; such tracks may be those of another tracker from the same
+    events. Raises `SceneError` with the file and line that is missing, invalid or of another run.
     """
     run = read_run(events, truth=truth, tracks=tracks, manifest=manifest)
     if tracks is None and run.plan.make_tracker().cadence_s is None:
-        words = "the run has no tracks: the tracker none makes none; run it again with --tracker NAME"
+        words = (
+            "the run has no tracks: the tracker none makes none; run it again with --tracker NAME"
+        )
         raise SceneError([Problem("", words)], source=str(events))
     return evidence_of_run(run, run.plan)

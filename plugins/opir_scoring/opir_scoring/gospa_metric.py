@@ -13,10 +13,11 @@ from opir_core.arrays import FloatArray, IntArray
 
 @frozen(eq=False)
 class Gospa:
-    """A GOSPA distance and its parts: `distance`**p = `localisation` + `missed` + `false`, all of them p-th powers.
+    """A GOSPA distance and its parts: `distance`**p = `localisation` + `missed` + `false`, all of
+    them p-th powers.
 
-    `assigned` (k, 2) are the pairs (estimate, truth) closer than the cut-off, by estimate; every other truth is missed,
-    every other estimate false.
+    `assigned` (k, 2) are the pairs (estimate, truth) closer than the cut-off, by estimate; every
+    other truth is missed, every other estimate false.
     """
 
     distance: float
@@ -28,14 +29,23 @@ class Gospa:
     assigned: IntArray
 
 
-def gospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: float = 2.0, alpha: float = 2.0) -> Gospa:
-    """Return the generalised optimal sub-pattern assignment distance between points (m, d) and (n, d).
+def gospa(
+    estimate: FloatArray,
+    truth: FloatArray,
+    *,
+    cutoff: float,
+    order: float = 2.0,
+    alpha: float = 2.0,
+) -> Gospa:
+    """Return the generalised optimal sub-pattern assignment distance between points (m, d) and (n,
+    d).
 
-    With `alpha` 2 the distance splits into what assigned pairs are apart and `cutoff`**p / 2 for each missed truth and
-    each false estimate (Rahmathullah, Garcia-Fernandez and Svensson, "Generalized optimal sub-pattern assignment
-    metric", Fusion 2017, proposition 1). With another alpha in (0, 2] what is left over in the larger set costs
-    `cutoff`**p / alpha each (their definition 1) and pairs cut off are a missed truth and a false estimate, at half of
-    `cutoff`**p each. Two empty sets are at distance 0.
+    With `alpha` 2 the distance splits into what assigned pairs are apart and `cutoff`**p / 2 for
+    each missed truth and each false estimate (Rahmathullah, Garcia-Fernandez and Svensson,
+    "Generalized optimal sub-pattern assignment metric", Fusion 2017, proposition 1). With another
+    alpha in (0, 2] what is left over in the larger set costs `cutoff`**p / alpha each (their
+    definition 1) and pairs cut off are a missed truth and a false estimate, at half of `cutoff`**p
+    each. Two empty sets are at distance 0.
     """
     if not 0.0 < cutoff < np.inf:
         raise ValueError(f"the cut-off must be positive and finite, got {cutoff!r}")
@@ -52,16 +62,22 @@ def gospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: floa
     missed = cutoff**order * (cut / 2.0 + spare_truths / alpha)
     false = cutoff**order * (cut / 2.0 + spare_estimates / alpha)
     total = float((localisation + missed + false) ** (1.0 / order))
-    return Gospa(total, localisation, missed, false, cut + spare_truths, cut + spare_estimates, pairs[near])
+    return Gospa(
+        total, localisation, missed, false, cut + spare_truths, cut + spare_estimates, pairs[near]
+    )
 
 
 def _assigned(
     estimate: FloatArray, truth: FloatArray, cutoff: float, order: float
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return the p-th powers of the cut-off distances of the best assignment, and its pairs, by estimate."""
+    """Return the p-th powers of the cut-off distances of the best assignment, and its pairs, by
+    estimate.
+    """
     if not len(estimate) or not len(truth):
         return np.empty(0), np.empty((0, 2), dtype=np.int64)
-    apart = np.sqrt(np.sum((np.asarray(estimate)[:, None, :] - np.asarray(truth)[None, :, :]) ** 2, axis=2))
+    apart = np.sqrt(
+        np.sum((np.asarray(estimate)[:, None, :] - np.asarray(truth)[None, :, :]) ** 2, axis=2)
+    )
     power = np.minimum(apart, cutoff) ** order
     rows, columns = linear_sum_assignment(power)
     return power[rows, columns], np.stack([rows, columns], axis=1).astype(np.int64)

@@ -1,4 +1,6 @@
-"""Scores of the hypotheses that tracks weigh: log and Brier scores, reliability, what is recognised as unknown."""
+"""Scores of the hypotheses that tracks weigh: log and Brier scores, reliability, what is recognised
+as unknown.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
@@ -19,7 +21,8 @@ from opir_scoring.proper_scores import (
     share_above,
 )
 
-#: Ages of a track, s since its first estimate, at which its probabilities are scored; then its last estimate.
+#: Ages of a track, s since its first estimate, at which its probabilities are scored; then its last
+#: estimate.
 AGES_S = (0.0, 5.0, 10.0, 20.0, 40.0)
 AGES = (*(f"{age_s:g} s" for age_s in AGES_S), "last estimate")
 
@@ -33,10 +36,11 @@ _GROUND = "ground source"
 class HypothesisScores(Columns):
     """Scores of the probabilities of hypotheses, one row per track and age that it reaches.
 
-    `age` are numbers into `AGES`, `truth` and `best` the true and the most probable hypothesis by number, `confidence`
-    the probability of the latter. `is_unknown` marks tracks whose truth is "none of these", of which `none` is the
-    probability; `known` is the greatest probability of any other hypothesis, and `is_known_right` whether it is the
-    truth. `launch` is the probability of a launch, `is_launch` the truth of it.
+    `age` are numbers into `AGES`, `truth` and `best` the true and the most probable hypothesis by
+    number, `confidence` the probability of the latter. `is_unknown` marks tracks whose truth is
+    "none of these", of which `none` is the probability; `known` is the greatest probability of any
+    other hypothesis, and `is_known_right` whether it is the truth. `launch` is the probability of a
+    launch, `is_launch` the truth of it.
     """
 
     age: IntArray
@@ -53,24 +57,34 @@ class HypothesisScores(Columns):
     is_launch: BoolArray
 
 
-def true_hypotheses(evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()) -> IntArray:
+def true_hypotheses(
+    evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()
+) -> IntArray:
     """Return the numbers (tracks,) of the hypotheses that are true of tracks.
 
-    That of a launch has the name of its target class, that of false alarms is noise; other sources are bolides or stand
-    on the ground. "None of these" is true of classes that are no hypothesis, or are named as `unknown` to the tracker.
+    That of a launch has the name of its target class, that of false alarms is noise; other sources
+    are bolides or stand on the ground. "None of these" is true of classes that are no hypothesis,
+    or are named as `unknown` to the tracker.
     """
     plan = evidence.plan
     names = [hypothesis.name for hypothesis in plan.hypotheses]
     others = {_NOISE, _BOLIDE, _GROUND}
     number = {name: place for place, name in enumerate(names) if name not in {*unknown, *others}}
-    launched = [number.get(name, len(names) - 1) for name in plan.targets.class_names[: len(plan.scene.targets)]]
+    launched = [
+        number.get(name, len(names) - 1)
+        for name in plan.targets.class_names[: len(plan.scene.targets)]
+    ]
     sources = plan.targets.class_names[len(launched) :]
     places = [names.index(_BOLIDE if name == _BOLIDE else _GROUND) for name in sources]
     return np.array([*launched, *places, names.index(_NOISE)], dtype=np.int64)[owners.source]
 
 
-def hypothesis_scores(evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()) -> HypothesisScores:
-    """Return the scores of all tracks of a run by age; no rows where the tracker weighs no hypotheses."""
+def hypothesis_scores(
+    evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()
+) -> HypothesisScores:
+    """Return the scores of all tracks of a run by age; no rows where the tracker weighs no
+    hypotheses.
+    """
     tracks = evidence.tracks
     groups = [hypothesis.group for hypothesis in evidence.plan.hypotheses]
     if tracks.hypothesis_probability.shape[1] != len(groups):
@@ -100,13 +114,17 @@ def hypothesis_scores(evidence: RunEvidence, owners: Ownership, unknown: Collect
 
 
 def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, IntArray]:
-    """Return rows (n,) of tracks, the newest at each age that they reach and the last, and the ages' numbers (n,)."""
+    """Return rows (n,) of tracks, the newest at each age that they reach and the last, and the
+    ages' numbers (n,).
+    """
     tracks = evidence.tracks
     order = np.lexsort((tracks.tick_s, tracks.track))
     order = order[np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
     track = tracks.track[order]
     tick_s = tracks.tick_s[order]
-    first, last = (np.searchsorted(track, np.unique(track), side=side) for side in ("left", "right"))
+    first, last = (
+        np.searchsorted(track, np.unique(track), side=side) for side in ("left", "right")
+    )
     rows = list[IntArray]()
     ages = list[IntArray]()
     since_s = tick_s - np.repeat(tick_s[first], last - first) if len(order) else tick_s
@@ -115,14 +133,21 @@ def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, In
         reached = since_s[last - 1] >= age_s if len(order) else first
         rows.append(order[(first + young - 1)[reached]])
         ages.append(np.full(len(rows[-1]), number))
-    return np.concatenate([*rows, order[last - 1]]), np.concatenate([*ages, np.full(len(last), len(AGES_S))])
+    return np.concatenate([*rows, order[last - 1]]), np.concatenate(
+        [*ages, np.full(len(last), len(AGES_S))]
+    )
 
 
 def hypothesis_figures(scores: HypothesisScores, names: Sequence[str]) -> Mapping[str, Any]:
-    """Return the figures of hypotheses by age, and reliability and confusion at the last estimates."""
+    """Return the figures of hypotheses by age, and reliability and confusion at the last
+    estimates.
+    """
     last = scores.take(scores.age == len(AGES_S))
     return {
-        "by_age": [{"age": name, **_of_age(scores.take(scores.age == age))} for age, name in enumerate(AGES)],
+        "by_age": [
+            {"age": name, **_of_age(scores.take(scores.age == age))}
+            for age, name in enumerate(AGES)
+        ],
         "reliability": reliability(last.confidence, last.best == last.truth),
         "launch_reliability": reliability(last.launch, last.is_launch),
         "confusion": _confusion(last, names),
@@ -140,15 +165,21 @@ def _of_age(scores: HypothesisScores) -> dict[str, Any]:
         "none": mean(scores.none[known], 1.0),
         "unknown_tracks": int(np.count_nonzero(~known)),
         "none_auroc": share_above(scores.none[~known], scores.none[known]),
-        "oscr": open_set_rate(scores.known[known], scores.is_known_right[known], scores.known[~known]),
+        "oscr": open_set_rate(
+            scores.known[known], scores.is_known_right[known], scores.known[~known]
+        ),
     }
 
 
 def _confusion(scores: HypothesisScores, names: Sequence[str]) -> dict[str, dict[str, int]]:
-    """Return, by true hypothesis, the counts of the most probable ones; hypotheses without any are left out."""
+    """Return, by true hypothesis, the counts of the most probable ones; hypotheses without any are
+    left out.
+    """
     count = np.zeros((len(names), len(names)), dtype=np.int64)
     np.add.at(count, (scores.truth, scores.best), 1)
     return {
-        names[true]: {names[best]: int(count[true, best]) for best in np.flatnonzero(count[true]).tolist()}
+        names[true]: {
+            names[best]: int(count[true, best]) for best in np.flatnonzero(count[true]).tolist()
+        }
         for true in np.flatnonzero(count.sum(axis=1)).tolist()
     }

@@ -21,8 +21,14 @@ of tracks of which it is true."""
 
 
 def hypothesis_tables(figures: Figures) -> list[str]:
-    """Return the tables of hypotheses of trackers' figures; none where no tracker weighs hypotheses."""
-    weighed = {name: own["hypotheses"] for name, own in figures.items() if own["hypotheses"]["by_age"][-1]["tracks"]}
+    """Return the tables of hypotheses of trackers' figures; none where no tracker weighs
+    hypotheses.
+    """
+    weighed = {
+        name: own["hypotheses"]
+        for name, own in figures.items()
+        if own["hypotheses"]["by_age"][-1]["tracks"]
+    }
     if not weighed:
         return []
     return ["hypotheses, by age of the track", *_by_age(weighed), *_launches(figures), _LEGEND]
@@ -30,15 +36,33 @@ def hypothesis_tables(figures: Figures) -> list[str]:
 
 def _by_age(weighed: Figures) -> list[str]:
     ages = zip(*(own["by_age"] for own in weighed.values()), strict=True)
-    rows = [(part["age"], name, *_age_cells(part)) for parts in ages for name, part in zip(weighed, parts, strict=True)]
-    head = ("age", "tracker", "tracks", "right, %", "log", "Brier", "P(none)", "unknown", "AUROC", "OSCR")
+    rows = [
+        (part["age"], name, *_age_cells(part))
+        for parts in ages
+        for name, part in zip(weighed, parts, strict=True)
+    ]
+    head = (
+        "age",
+        "tracker",
+        "tracks",
+        "right, %",
+        "log",
+        "Brier",
+        "P(none)",
+        "unknown",
+        "AUROC",
+        "OSCR",
+    )
     confusion = [
         (true, name, ", ".join(f"{best} {count}" for best, count in row.items()))
         for name, own in weighed.items()
         for true, row in own["confusion"].items()
     ]
     parts = [table(head, rows), table(("is", "tracker", "tracks that say"), confusion)]
-    for key, label in (("reliability", "stated, most probable"), ("launch_reliability", "stated P(launch)")):
+    for key, label in (
+        ("reliability", "stated, most probable"),
+        ("launch_reliability", "stated P(launch)"),
+    ):
         rows = [
             ("-".join(f"{edge:g}" for edge in part["stated"]), name, *_bin_cells(part))
             for name, own in weighed.items()

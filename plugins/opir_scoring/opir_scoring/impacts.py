@@ -1,7 +1,9 @@
-"""Predicted impacts against the true ones: containment and area of impact regions, by phase of the flight.
+"""Predicted impacts against the true ones: containment and area of impact regions, by phase of the
+flight.
 
-The main regions are those of the most probable condition; those whose condition is true of the target are scored too. A
-track without regions is scored by its ellipses. A target in orbit has no impact: a prediction for it is an error.
+The main regions are those of the most probable condition; those whose condition is true of the
+target are scored too. A track without regions is scored by its ellipses. A target in orbit has no
+impact: a prediction for it is an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,15 +23,26 @@ from opir_scoring.proper_scores import energy_scores
 from opir_scoring.region_points import region_energy_m
 
 #: Instants of a flight: a share of the burn, and s after that.
-INSTANTS: tuple[tuple[float, float], ...] = ((0.25, 0.0), (0.5, 0.0), (0.75, 0.0), (0.95, 0.0), (1.0, 5.0), (1.0, 20.0))
+INSTANTS: tuple[tuple[float, float], ...] = (
+    (0.25, 0.0),
+    (0.5, 0.0),
+    (0.75, 0.0),
+    (0.95, 0.0),
+    (1.0, 5.0),
+    (1.0, 20.0),
+)
 
 #: Names of the phases: the instants, and the last estimate of a target.
 PHASES = (
-    *(f"{after_s:g} s after burnout" if after_s else f"{100 * part:g} % of burn" for part, after_s in INSTANTS),
+    *(
+        f"{after_s:g} s after burnout" if after_s else f"{100 * part:g} % of burn"
+        for part, after_s in INSTANTS
+    ),
     "last estimate",
 )
 
-#: The oldest estimate that counts at an instant, s; the time between two ticks where that is longer.
+#: The oldest estimate that counts at an instant, s; the time between two ticks where that is
+#: longer.
 OLDEST_S = 5.0
 
 #: Regions of fewer effective samples are thin.
@@ -45,20 +58,22 @@ _SAME = 1e-6
 class ImpactScores(Columns):
     """Scores of predicted impacts, one row per tick of a target's track in force.
 
-    `has_impact` is false for targets in orbit; those of unknown impact have no rows. `is_predicted` marks rows with an
-    impact point or region. `contained` (n, 3) is 1 where the region of each probability of `TRACK_CONTAINMENTS`
-    contains the true impact, 0 where not, nan without region or impact; `area_km2` (n, 3) are the regions' areas.
-    `impact_m` is the error of the impact point along the ground.
+    `has_impact` is false for targets in orbit; those of unknown impact have no rows. `is_predicted`
+    marks rows with an impact point or region. `contained` (n, 3) is 1 where the region of each
+    probability of `TRACK_CONTAINMENTS` contains the true impact, 0 where not, nan without region or
+    impact; `area_km2` (n, 3) are the regions' areas. `impact_m` is the error of the impact point
+    along the ground.
 
-    `contained` and `area_km2` are of the main regions, `contained_given` and `area_given_km2` (n, 3) of those whose
-    condition is true: "burn over" after the target's last burnout, "relights" before it, where there is none of these
-    "comes down". `condition_brier` is the Brier score of the probabilities of the first two, `effective_samples` the
-    least of any region. `energy_m` is the energy score of the impact, given that the target comes down; nan except in
-    `phase_scores`.
+    `contained` and `area_km2` are of the main regions, `contained_given` and `area_given_km2` (n,
+    3) of those whose condition is true: "burn over" after the target's last burnout, "relights"
+    before it, where there is none of these "comes down". `condition_brier` is the Brier score of
+    the probabilities of the first two, `effective_samples` the least of any region. `energy_m` is
+    the energy score of the impact, given that the target comes down; nan except in `phase_scores`.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
-        name: (len(TRACK_CONTAINMENTS),) for name in ("contained", "area_km2", "contained_given", "area_given_km2")
+        name: (len(TRACK_CONTAINMENTS),)
+        for name in ("contained", "area_km2", "contained_given", "area_given_km2")
     }
 
     target: IntArray
@@ -78,12 +93,16 @@ class ImpactScores(Columns):
 
 
 def impact_scores(evidence: RunEvidence, owners: Ownership) -> ImpactScores:
-    """Return the scores of the impacts that targets' tracks in force predict, by target and tick."""
+    """Return the scores of the impacts that targets' tracks in force predict, by target and
+    tick.
+    """
     return _scores(evidence, owners, _rows(evidence, owners))
 
 
 def phase_scores(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, ImpactScores]:
-    """Return phases (n,), numbers into `PHASES`, that targets' tracks reach, and the scores of their estimates then."""
+    """Return phases (n,), numbers into `PHASES`, that targets' tracks reach, and the scores of
+    their estimates then.
+    """
     rows = _rows(evidence, owners)
     target = _targets_of(evidence, owners, rows)
     tick_s = evidence.tracks.tick_s[rows]
@@ -109,8 +128,13 @@ def phase_scores(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, Im
 
 
 def phase_figures(phase: IntArray, scores: ImpactScores) -> list[dict[str, Any]]:
-    """Return the figures of each phase: targets, those with a predicted impact, containment and median areas."""
-    return [{"phase": name, **_figures(scores.take(phase == number))} for number, name in enumerate(PHASES)]
+    """Return the figures of each phase: targets, those with a predicted impact, containment and
+    median areas.
+    """
+    return [
+        {"phase": name, **_figures(scores.take(phase == number))}
+        for number, name in enumerate(PHASES)
+    ]
 
 
 def _figures(scores: ImpactScores) -> dict[str, Any]:
@@ -136,7 +160,11 @@ def _region_figures(contained: FloatArray, area_km2: FloatArray) -> list[dict[st
     return [
         {
             "nominal": nominal,
-            **share(*proportion(int(np.count_nonzero(inside == 1.0)), int(np.count_nonzero(np.isfinite(inside))))),
+            **share(
+                *proportion(
+                    int(np.count_nonzero(inside == 1.0)), int(np.count_nonzero(np.isfinite(inside)))
+                )
+            ),
             "median_area_km2": _median(area),
         }
         for nominal, inside, area in zip(TRACK_CONTAINMENTS, contained.T, area_km2.T, strict=True)
@@ -149,7 +177,9 @@ def _median(values: FloatArray) -> float:
 
 
 def _thin(effective_samples: FloatArray) -> tuple[float, float, float]:
-    """Return the share, with its interval, of regions of fewer than `FEW_SAMPLES` effective samples."""
+    """Return the share, with its interval, of regions of fewer than `FEW_SAMPLES` effective
+    samples.
+    """
     known = effective_samples[np.isfinite(effective_samples)]
     return proportion(int(np.count_nonzero(known < FEW_SAMPLES)), len(known))
 
@@ -159,9 +189,13 @@ def _targets_of(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> Int
 
 
 def _rows(evidence: RunEvidence, owners: Ownership) -> IntArray:
-    """Return the rows of the run's tracks in force whose target is known to come down, or not to."""
+    """Return the rows of the run's tracks in force whose target is known to come down, or not
+    to.
+    """
     rows = rows_in_force(evidence, owners)
-    known = np.array([bool(truth.get("impact") or truth.get("orbit")) for truth in evidence.plan.targets.truth()])
+    known = np.array(
+        [bool(truth.get("impact") or truth.get("orbit")) for truth in evidence.plan.targets.truth()]
+    )
     return rows[known[_targets_of(evidence, owners, rows)]] if len(rows) else rows
 
 
@@ -180,7 +214,9 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
     for row in np.flatnonzero(tracks.impact_regions.astype(bool)).tolist():
         regions = tracks.impact_regions[row]
         contained[row], area_km2[row] = _regions(main_regions(regions), impact[row])
-        contained_given[row], area_given_km2[row] = _regions(regions_given(regions, is_over[row]), impact[row])
+        contained_given[row], area_given_km2[row] = _regions(
+            regions_given(regions, is_over[row]), impact[row]
+        )
         brier[row] = _condition_brier(regions, is_over[row])
         samples[row] = np.min([each.effective_samples for each in regions])
     contained[np.isnan(impact[:, 0])] = np.nan
@@ -191,7 +227,8 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
         is_stereo=owners.is_stereo[owner],
         is_biased=owners.is_biased[owner],
         has_impact=np.isfinite(impact[:, 0]),
-        is_predicted=np.isfinite(tracks.impact[:, 0]) | (np.count_nonzero(np.isfinite(area_km2), axis=1) > 0),
+        is_predicted=np.isfinite(tracks.impact[:, 0])
+        | (np.count_nonzero(np.isfinite(area_km2), axis=1) > 0),
         impact_m=np.linalg.norm(error, axis=1),
         contained=contained,
         area_km2=area_km2,
@@ -204,7 +241,9 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
 
 
 def _impacts(evidence: RunEvidence, target: IntArray) -> FloatArray:
-    """Return the true impacts (n, 3) of targets (n,): latitude, longitude, rad, and height; nan without one."""
+    """Return the true impacts (n, 3) of targets (n,): latitude, longitude, rad, and height; nan
+    without one.
+    """
     truth = evidence.plan.targets.truth()
     places = [place_of(truth[number].get("impact")) for number in target.tolist()]
     return np.array(places, dtype=np.float64).reshape(-1, 3)
@@ -218,7 +257,8 @@ def main_regions(regions: Sequence[ImpactRegion]) -> list[ImpactRegion]:
 def regions_given(regions: Sequence[ImpactRegion], is_over: bool) -> list[ImpactRegion]:
     """Return the regions whose condition is true of a target whose last burn is over, or not.
 
-    These are the regions "burn over" or "relights"; where these are missing, those that presume neither.
+    These are the regions "burn over" or "relights"; where these are missing, those that presume
+    neither.
     """
     true = _BURN_OVER if is_over else _RELIGHTS
     return [each for each in regions if each.condition == true] or [
@@ -227,8 +267,14 @@ def regions_given(regions: Sequence[ImpactRegion], is_over: bool) -> list[Impact
 
 
 def _condition_brier(regions: Sequence[ImpactRegion], is_over: bool) -> float:
-    """Return the Brier score of the probabilities that the burn is over, or goes on; nan where neither is stated."""
-    stated = {region.condition: region.probability for region in regions if region.condition != _COMES_DOWN}
+    """Return the Brier score of the probabilities that the burn is over, or goes on; nan where
+    neither is stated.
+    """
+    stated = {
+        region.condition: region.probability
+        for region in regions
+        if region.condition != _COMES_DOWN
+    }
     if not stated:
         return np.nan
     over = stated.get(_BURN_OVER, 0.0)
@@ -237,16 +283,22 @@ def _condition_brier(regions: Sequence[ImpactRegion], is_over: bool) -> float:
 
 
 def _energies_m(tracks: Tracks, impact: FloatArray) -> FloatArray:
-    """Return the energy scores (n,), m, of stated impacts, of regions or else of ellipses, with true ones (n, 3)."""
+    """Return the energy scores (n,), m, of stated impacts, of regions or else of ellipses, with
+    true ones (n, 3).
+    """
     error = ground_error(tracks.impact, impact)
     energy_m = energy_scores(error, tracks.impact_covariance[:, :2, :2], tracks.impact_sigmas)
-    for row in np.flatnonzero(tracks.impact_regions.astype(bool) & np.isfinite(impact[:, 0])).tolist():
+    for row in np.flatnonzero(
+        tracks.impact_regions.astype(bool) & np.isfinite(impact[:, 0])
+    ).tolist():
         energy_m[row] = region_energy_m(tracks.impact_regions[row], impact[row])
     return energy_m
 
 
 def _ellipses(tracks: Tracks, error_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return whether the ellipses of tracks contain impacts at errors (n, 2), and their areas, km²: both (n, 3)."""
+    """Return whether the ellipses of tracks contain impacts at errors (n, 2), and their areas, km²:
+    both (n, 3).
+    """
     contained, area_km2 = np.full((2, len(tracks), len(TRACK_CONTAINMENTS)), np.nan)
     for place, containment in enumerate(TRACK_CONTAINMENTS):
         major, minor, bearing = containment_ellipse(
@@ -263,7 +315,9 @@ def _ellipses(tracks: Tracks, error_m: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _regions(regions: Sequence[ImpactRegion], impact: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return whether regions contain an impact (latitude, longitude, ...), and their areas, km²: both (3,)."""
+    """Return whether regions contain an impact (latitude, longitude, ...), and their areas, km²:
+    both (3,).
+    """
     contained, area_km2 = np.full((2, len(TRACK_CONTAINMENTS)), np.nan)
     for place, containment in enumerate(TRACK_CONTAINMENTS):
         for region in regions:

@@ -1,8 +1,9 @@
-"""Warning times: from the instant at which an estimate meets a requirement, and stays within it, to the impact.
+"""Warning times: from the instant at which an estimate meets a requirement, and stays within it, to
+the impact.
 
-An estimate meets the requirement if P(missile) is above a threshold, and the region of the impact and the ellipse of
-the launch point, as the tracker reports them, are small enough. Whether they are right is another question, which
-containments answer.
+An estimate meets the requirement if P(missile) is above a threshold, and the region of the impact
+and the ellipse of the launch point, as the tracker reports them, are small enough. Whether they are
+right is another question, which containments answer.
 """
 
 import numpy as np
@@ -20,8 +21,8 @@ from opir_scoring.impacts import impact_scores
 class WarningRequirement:
     """What an estimate must state to count as a warning; None: not required.
 
-    `region_km2` is the largest area of the impact region, and `launch_point_km` the largest semi-major axis of the
-    ellipse of the launch point, both of `containment`.
+    `region_km2` is the largest area of the impact region, and `launch_point_km` the largest
+    semi-major axis of the ellipse of the launch point, both of `containment`.
     """
 
     missile_probability: float | None
@@ -34,10 +35,11 @@ class WarningRequirement:
 class WarningTimes:
     """One row per launch, times in s since its ignition, inf for never.
 
-    `track_s` is the first estimate of a track, `region_s` the first one with an impact region or ellipse, `warned_s`
-    the first one from which on all estimates meet the requirement; each counts when it is available. `impact_s` is the
-    true impact, nan for a launch that does not come down or whose impact is unknown. `contained` is whether the region
-    of that first warning contains the true impact, nan where there is none.
+    `track_s` is the first estimate of a track, `region_s` the first one with an impact region or
+    ellipse, `warned_s` the first one from which on all estimates meet the requirement; each counts
+    when it is available. `impact_s` is the true impact, nan for a launch that does not come down or
+    whose impact is unknown. `contained` is whether the region of that first warning contains the
+    true impact, nan where there is none.
     """
 
     track_s: FloatArray
@@ -48,12 +50,18 @@ class WarningTimes:
     warning_s: FloatArray = field(init=False)
 
     def __attrs_post_init__(self) -> None:
-        """Set the warning times: from the warning to the impact, 0 for none or one after it, nan without an impact."""
-        left_s = np.where(np.isnan(self.impact_s), np.nan, np.maximum(self.impact_s - self.warned_s, 0.0))
+        """Set the warning times: from the warning to the impact, 0 for none or one after it, nan
+        without an impact.
+        """
+        left_s = np.where(
+            np.isnan(self.impact_s), np.nan, np.maximum(self.impact_s - self.warned_s, 0.0)
+        )
         object.__setattr__(self, "warning_s", left_s)
 
 
-def warning_times(evidence: RunEvidence, owners: Ownership, requirement: WarningRequirement) -> WarningTimes:
+def warning_times(
+    evidence: RunEvidence, owners: Ownership, requirement: WarningRequirement
+) -> WarningTimes:
     """Return the warning times of a run's launches, from their tracks in force."""
     targets = evidence.plan.targets
     launches = len(evidence.plan.scene.targets)
@@ -62,7 +70,8 @@ def warning_times(evidence: RunEvidence, owners: Ownership, requirement: Warning
     tracks = evidence.tracks.take(rows_in_force(evidence, owners))
     target = owners.target[np.searchsorted(owners.track, tracks.track)]
     available_s = np.fmax(tracks.available_s, tracks.tick_s)
-    # Rows of scores are those of the tracks whose launch is known to come down, or not, in the same order.
+    # Rows of scores are those of the tracks whose launch is known to come down, or not, in the same
+    # order.
     scores = impact_scores(evidence, owners)
     place = _place(requirement.containment)
     scored = np.isin(target, scores.target)
@@ -72,7 +81,9 @@ def warning_times(evidence: RunEvidence, owners: Ownership, requirement: Warning
     stays = _stays(_meets(tracks, area_km2, requirement), target)
     ignition_s = targets.ignition_s[:launches]
     every = np.isfinite(available_s), np.isfinite(area_km2), stays
-    track_s, region_s, warned_s = (_first(each, target, available_s, launches) - ignition_s for each in every)
+    track_s, region_s, warned_s = (
+        _first(each, target, available_s, launches) - ignition_s for each in every
+    )
     inside = np.full(launches, np.nan)
     warnings = np.flatnonzero(stays)
     _, earliest = np.unique(target[warnings], return_index=True)
@@ -82,7 +93,9 @@ def warning_times(evidence: RunEvidence, owners: Ownership, requirement: Warning
 
 
 def _meets(tracks: Tracks, area_km2: FloatArray, requirement: WarningRequirement) -> BoolArray:
-    """Return whether rows (n,) of tracks, with areas (n,) of their impact regions, meet a requirement."""
+    """Return whether rows (n,) of tracks, with areas (n,) of their impact regions, meet a
+    requirement.
+    """
     met = np.ones(len(tracks), dtype=np.bool_)
     if requirement.missile_probability is not None:
         met &= tracks.probability_missile > requirement.missile_probability

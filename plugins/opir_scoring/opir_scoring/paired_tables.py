@@ -23,7 +23,9 @@ paired difference to the best and its 95 % interval; *: it excludes 0. --details
 
 
 def comparison_text(paired: Mapping[str, Any], cards: Mapping[str, Scorecard]) -> str:
-    """Return the verdict, then the figures of what all trackers estimate, by time too, then those of each by itself."""
+    """Return the verdict, then the figures of what all trackers estimate, by time too, then those
+    of each by itself.
+    """
     figures = {name: card.figures for name, card in cards.items()}
     parts = [runs_text(next(iter(figures.values()))), verdict(paired, figures)]
     if len(cards) > 1 and paired["common_ticks"]:
@@ -32,10 +34,15 @@ def comparison_text(paired: Mapping[str, Any], cards: Mapping[str, Scorecard]) -
 
 
 def verdict(paired: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return in sentences which tracker is the best by the energy score of position, and how certain that is."""
+    """Return in sentences which tracker is the best by the energy score of position, and how
+    certain that is.
+    """
     best = paired["best"]
     others = [name for name in paired["compared"] if name != paired["best"]]
-    lines = [f"{name} never estimates a state while the truth is known." for name in paired["without_estimates"]]
+    lines = [
+        f"{name} never estimates a state while the truth is known."
+        for name in paired["without_estimates"]
+    ]
     if best is None:
         return "\n".join(["No verdict: there is no tick that all trackers estimate.", *lines])
     if not others:
@@ -45,7 +52,11 @@ def verdict(paired: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]])
     open_ = [name for name in others if name not in certain]
     errors = paired["states"][DECIDING.name]["errors"]
     scores = ", ".join(f"{name} {_short(errors[name])} m" for name in (best, *others))
-    head = f"Best on the {count} ticks that all have: {best}" if certain else "No tracker is certain to be the best"
+    head = (
+        f"Best on the {count} ticks that all have: {best}"
+        if certain
+        else "No tracker is certain to be the best"
+    )
     lines.insert(0, f"{head} (energy score of position: {scores}).")
     if certain and open_:
         lines.append(f"It is not certain to be better than {' or '.join(open_)}.")
@@ -64,7 +75,10 @@ def _elsewhere(paired: Mapping[str, Any]) -> list[str]:
     for part in paired["by_time"]:
         own = part[DECIDING.name]
         (start_s, end_s) = part["since_ignition_s"]
-        if own["best"] != paired["best"] and own["differences"][paired["best"]]["interval_95"][0] > 0.0:
+        if (
+            own["best"] != paired["best"]
+            and own["differences"][paired["best"]]["interval_95"][0] > 0.0
+        ):
             found.setdefault(own["best"], []).append(f"{start_s:g}-{end_s:g} s")
     return [f"{name} is better at {', '.join(times)}." for name, times in found.items()]
 
@@ -83,7 +97,11 @@ def _common(paired: Mapping[str, Any], names: Sequence[str]) -> str:
         for part in paired["impact_by_phase"]
         if part["phase"] in _PHASES and part["count"]
     ]
-    cells = [(label, *(_cell(own, name, scale) for name in names)) for label, own, scale in rows if own["count"]]
+    cells = [
+        (label, *(_cell(own, name, scale) for name in names))
+        for label, own, scale in rows
+        if own["count"]
+    ]
     nees = (number_text(paired["nees"].get(name, {"value": np.nan})["value"], 2) for name in names)
     return table((f"common ({paired['common_ticks']} ticks)", *names), [*cells, ("NEES/6", *nees)])
 
@@ -94,12 +112,16 @@ def _by_time(paired: Mapping[str, Any], names: Sequence[str]) -> str:
     for part in paired["by_time"]:
         own = part[DECIDING.name]
         (start_s, end_s) = part["since_ignition_s"]
-        rows.append((f"{start_s:g}-{end_s:g} ({own['count']})", *(_cell(own, name, 1.0) for name in names)))
+        rows.append(
+            (f"{start_s:g}-{end_s:g} ({own['count']})", *(_cell(own, name, 1.0) for name in names))
+        )
     return table(head, rows)
 
 
 def _cell(own: Mapping[str, Any], name: str, scale: float) -> str:
-    """Return a tracker's error, with the interval of its difference to the best; "-" where it has none."""
+    """Return a tracker's error, with the interval of its difference to the best; "-" where it has
+    none.
+    """
     if name not in own["errors"]:
         return "-"
     text = _short(scale * own["errors"][name])
@@ -108,8 +130,9 @@ def _cell(own: Mapping[str, Any], name: str, scale: float) -> str:
     low, high = own["differences"][name]["interval_95"]
     if not np.isfinite(low):
         return text
-    return f"{text} (+{_short(scale * own['differences'][name]['value'])} ± {_short(scale * 0.5 * (high - low))})" + (
-        " *" if low > 0.0 else ""
+    return (
+        f"{text} (+{_short(scale * own['differences'][name]['value'])} ±"
+        f" {_short(scale * 0.5 * (high - low))})" + (" *" if low > 0.0 else "")
     )
 
 
@@ -124,11 +147,23 @@ def _each(figures: Mapping[str, Mapping[str, Any]]) -> str:
         ("launches tracked, %", lambda f: interval_text(f["launches_tracked"], 0, 100.0)),
         ("first track after, s", lambda f: interval_text(f["first_track_after_s"], 2)),
         ("false tracks per run", lambda f: interval_text(f["false_tracks_a_run"], 2)),
-        ("launches recognised, %", lambda f: interval_text(f["recognition"]["launches_recognised"], 0, 100.0)),
-        ("false launches per hour", lambda f: interval_text(f["recognition"]["false_launches_an_hour"], 2)),
+        (
+            "launches recognised, %",
+            lambda f: interval_text(f["recognition"]["launches_recognised"], 0, 100.0),
+        ),
+        (
+            "false launches per hour",
+            lambda f: interval_text(f["recognition"]["false_launches_an_hour"], 2),
+        ),
         ("type correct, %", lambda f: interval_text(f["type_right"], 0, 100.0)),
-        ("hypotheses: log score", lambda f: interval_text(f["hypotheses"]["by_age"][-1]["log_score"], 3)),
-        ("hypotheses: Brier score", lambda f: interval_text(f["hypotheses"]["by_age"][-1]["brier"], 3)),
+        (
+            "hypotheses: log score",
+            lambda f: interval_text(f["hypotheses"]["by_age"][-1]["log_score"], 3),
+        ),
+        (
+            "hypotheses: Brier score",
+            lambda f: interval_text(f["hypotheses"]["by_age"][-1]["brier"], 3),
+        ),
         ("time per track update, us", lambda f: interval_text(f["tracking_us_a_track_update"], 0)),
     )
     cells = [(label, *(text(own) for own in figures.values())) for label, text in rows]

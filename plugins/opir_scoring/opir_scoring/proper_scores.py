@@ -1,7 +1,9 @@
-"""Proper scores of stated distributions, as functions of arrays: energy score, log score, Brier score, calibration.
+"""Proper scores of stated distributions, as functions of arrays: energy score, log score, Brier
+score, calibration.
 
-A score is proper if its expected value is best for whoever states what they believe: neither a bolder nor a vaguer
-statement gains (Gneiting and Raftery, J. Am. Stat. Assoc. 102 (2007), 359). All of these are losses: less is better.
+A score is proper if its expected value is best for whoever states what they believe: neither a
+bolder nor a vaguer statement gains (Gneiting and Raftery, J. Am. Stat. Assoc. 102 (2007), 359). All
+of these are losses: less is better.
 """
 
 from functools import cache
@@ -15,18 +17,20 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_scoring.containments import nees, proportion, share
 
-#: Reported probabilities below this count as this: tracks files round, and a single zero would outweigh all else.
+#: Reported probabilities below this count as this: tracks files round, and a single zero would
+#: outweigh all else.
 LEAST_PROBABILITY = 1e-6
 
 #: Edges of the bins of stated probabilities; the last ones are where warnings are given.
 RELIABILITY_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 0.99, 1.0)
 
-#: Step and half range of the integral over ln t: the integrand falls as exp(-|ln t| / 2), to 1e-8 at the ends, and the
-#: trapezoid rule errs by exp(-π² / step).
+#: Step and half range of the integral over ln t: the integrand falls as exp(-|ln t| / 2), to 1e-8
+#: at the ends, and the trapezoid rule errs by exp(-π² / step).
 _STEP = 0.5
 _REACH = 37.0
 
-#: Points of a distribution with reported radii, and how many differences of each with others are averaged.
+#: Points of a distribution with reported radii, and how many differences of each with others are
+#: averaged.
 _POINTS = 512
 _DIFFERENCES = 16
 
@@ -35,23 +39,32 @@ _BLOCK = 256
 
 
 def energy_scores(
-    error: FloatArray, covariance: FloatArray, sigmas: FloatArray | None = None, part: slice = slice(None)
+    error: FloatArray,
+    covariance: FloatArray,
+    sigmas: FloatArray | None = None,
+    part: slice = slice(None),
 ) -> FloatArray:
-    """Return energy scores (n,) of estimates with errors (n, d) and covariances (n, d, d), in the unit of the error.
+    """Return energy scores (n,) of estimates with errors (n, d) and covariances (n, d, d), in the
+    unit of the error.
 
-    The score is E|X - y| - E|X - X'| / 2 for the truth y and independent draws X and X' of the stated distribution
-    (Gneiting and Raftery, equation 22 with exponent 1); in one dimension it is the CRPS. That of a normal distribution
-    is an integral over one variable, good to 1e-7. Where the radii `sigmas` (n, 3) of the ellipsoids of
-    `TRACK_CONTAINMENTS` are reported, the difference to the normal distribution is sampled at fixed points, to about
-    1 %. `part` are the components that are scored. Without a covariance the estimate is a point: its score is the
-    length of its error. nan where the error is unknown.
+    The score is E|X - y| - E|X - X'| / 2 for the truth y and independent draws X and X' of the
+    stated distribution (Gneiting and Raftery, equation 22 with exponent 1); in one dimension it is
+    the CRPS. That of a normal distribution is an integral over one variable, good to 1e-7. Where
+    the radii `sigmas` (n, 3) of the ellipsoids of `TRACK_CONTAINMENTS` are reported, the difference
+    to the normal distribution is sampled at fixed points, to about 1 %. `part` are the components
+    that are scored. Without a covariance the estimate is a point: its score is the length of its
+    error. nan where the error is unknown.
     """
     score = np.sqrt(np.sum(np.square(error[:, part]), axis=1))
-    known = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+    known = np.flatnonzero(
+        np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    )
     variance, axes = np.linalg.eigh(covariance[known][:, part, part])
     variance = np.maximum(variance, 0.0)
     across = np.sum(axes * error[known][:, part][:, :, None], axis=1)
-    score[known] = _mean_length(across, variance) - 0.5 * _mean_length(np.zeros_like(across), 2.0 * variance)
+    score[known] = _mean_length(across, variance) - 0.5 * _mean_length(
+        np.zeros_like(across), 2.0 * variance
+    )
     if sigmas is not None:
         radial = np.intersect1d(known, np.flatnonzero(np.isfinite(sigmas).all(axis=1)))
         for rows in np.array_split(radial, max(1, -(-len(radial) // _BLOCK))):
@@ -60,14 +73,20 @@ def energy_scores(
 
 
 def _mean_length(mean: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return E|X| (n,) of normal vectors with independent components, their means and variances (n, d).
+    """Return E|X| (n,) of normal vectors with independent components, their means and variances (n,
+    d).
 
     |x| is the integral of (1 - exp(-t x²)) t^(-3/2) over t > 0, over 2 √π; the mean of exp(-t x²) has a closed form.
     """
     square = np.sum(mean * mean + variance, axis=1)
-    t = np.exp(np.arange(-_REACH, _REACH + _STEP, _STEP)) / np.where(square > 0.0, square, 1.0)[:, None]
+    t = (
+        np.exp(np.arange(-_REACH, _REACH + _STEP, _STEP))
+        / np.where(square > 0.0, square, 1.0)[:, None]
+    )
     grown = 1.0 + 2.0 * t[:, :, None] * variance[:, None, :]
-    log_mean = np.sum(-0.5 * np.log(grown) - t[:, :, None] * (mean * mean)[:, None, :] / grown, axis=2)
+    log_mean = np.sum(
+        -0.5 * np.log(grown) - t[:, :, None] * (mean * mean)[:, None, :] / grown, axis=2
+    )
     length = _STEP * np.sum(-np.expm1(log_mean) / np.sqrt(t), axis=1) / (2.0 * np.sqrt(np.pi))
     return np.where(square > 0.0, length, 0.0)
 
@@ -79,18 +98,27 @@ def _normal_points(size: int) -> FloatArray:
     return np.concatenate([half, -half])
 
 
-def _gain_of_radii(error: FloatArray, covariance: FloatArray, sigmas: FloatArray, part: slice) -> FloatArray:
-    """Return by how much (n,) the energy scores exceed those of normal distributions, for ellipsoids of given radii."""
+def _gain_of_radii(
+    error: FloatArray, covariance: FloatArray, sigmas: FloatArray, part: slice
+) -> FloatArray:
+    """Return by how much (n,) the energy scores exceed those of normal distributions, for
+    ellipsoids of given radii.
+    """
     variance, axes = np.linalg.eigh(covariance)
     root = (axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :])[:, part]
     points = _normal_points(error.shape[1])
     normal = points @ root.transpose(0, 2, 1)
-    stated = _stretch(np.sqrt(np.sum(points * points, axis=1)), sigmas, error.shape[1])[:, :, None] * normal
+    stated = (
+        _stretch(np.sqrt(np.sum(points * points, axis=1)), sigmas, error.shape[1])[:, :, None]
+        * normal
+    )
     return _sampled(stated, error[:, part]) - _sampled(normal, error[:, part])
 
 
 def _stretch(radius: FloatArray, sigmas: FloatArray, freedom: int) -> FloatArray:
-    """Return what points (k,) of a normal distribution are multiplied by, (n, k), as `on_normal_scale` divides."""
+    """Return what points (k,) of a normal distribution are multiplied by, (n, k), as
+    `on_normal_scale` divides.
+    """
     usual = np.append(0.0, np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom)))
     stated = np.concatenate([np.zeros((len(sigmas), 1)), sigmas], axis=1)
     part = np.minimum(np.searchsorted(usual, radius, side="right") - 1, len(usual) - 2)
@@ -104,44 +132,58 @@ def _sampled(points: FloatArray, error: FloatArray) -> FloatArray:
     # The truth lies at minus the error.
     away = np.sqrt(np.sum(np.square(points + error[:, None, :]), axis=2)).mean(axis=1)
     shifts = np.linspace(1, points.shape[1] // 2 - 1, _DIFFERENCES).astype(int).tolist()
-    apart = [np.sqrt(np.sum(np.square(points - np.roll(points, by, axis=1)), axis=2)).mean(axis=1) for by in shifts]
+    apart = [
+        np.sqrt(np.sum(np.square(points - np.roll(points, by, axis=1)), axis=2)).mean(axis=1)
+        for by in shifts
+    ]
     return away - 0.5 * np.mean(apart, axis=0)
 
 
 def weighted_energy(weight: FloatArray, away: FloatArray, apart: FloatArray) -> float:
-    """Return the energy score of weighted points (k,), `away` (k,) from the truth and `apart` (k, k) of each other."""
+    """Return the energy score of weighted points (k,), `away` (k,) from the truth and `apart` (k,
+    k) of each other.
+    """
     weight = weight / weight.sum()
     return float(weight @ away - 0.5 * weight @ apart @ weight)
 
 
 def normal_log_scores(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return -ln of the normal densities (n,) at errors (n, d) with covariances (n, d, d); less is better.
+    """Return -ln of the normal densities (n,) at errors (n, d) with covariances (n, d, d); less is
+    better.
 
-    Scores of states add metres and metres per second: only differences mean something. nan where a covariance is
-    unknown, inf where it is not positive definite.
+    Scores of states add metres and metres per second: only differences mean something. nan where a
+    covariance is unknown, inf where it is not positive definite.
     """
     score = 0.5 * nees(error, covariance)
     rows = np.flatnonzero(np.isfinite(score))
     sigma = np.sqrt(np.diagonal(covariance[rows], axis1=1, axis2=2))
     # By correlations: the determinant of a state's covariance itself loses digits.
     volume = np.linalg.slogdet(covariance[rows] / (sigma[:, :, None] * sigma[:, None, :]))[1]
-    score[rows] += 0.5 * volume + np.sum(np.log(sigma), axis=1) + 0.5 * error.shape[1] * np.log(2.0 * np.pi)
+    score[rows] += (
+        0.5 * volume + np.sum(np.log(sigma), axis=1) + 0.5 * error.shape[1] * np.log(2.0 * np.pi)
+    )
     return score
 
 
 def log_scores(probability: FloatArray, truth: IntArray) -> FloatArray:
-    """Return -ln of the probability (n, h) of what is true (n,), at most -ln of `LEAST_PROBABILITY`."""
+    """Return -ln of the probability (n, h) of what is true (n,), at most -ln of
+    `LEAST_PROBABILITY`.
+    """
     return -np.log(np.maximum(probability[np.arange(len(truth)), truth], LEAST_PROBABILITY))
 
 
 def brier_scores(probability: FloatArray, truth: IntArray) -> FloatArray:
-    """Return the Brier scores (n,) of probabilities (n, h), between 0 and 2 (Brier, Mon. Weather Rev. 78 (1950), 1)."""
+    """Return the Brier scores (n,) of probabilities (n, h), between 0 and 2 (Brier, Mon. Weather
+    Rev. 78 (1950), 1).
+    """
     is_true = np.arange(probability.shape[1]) == truth[:, None]
     return np.sum(np.square(probability - is_true), axis=1)
 
 
 def reliability(stated: FloatArray, is_true: BoolArray) -> list[dict[str, Any]]:
-    """Return a row for each bin of stated probabilities (n,): the count, their mean, and the share that is true."""
+    """Return a row for each bin of stated probabilities (n,): the count, their mean, and the share
+    that is true.
+    """
     number = np.digitize(stated, RELIABILITY_EDGES[1:-1])
     rows = []
     for place, edges in enumerate(pairwise(RELIABILITY_EDGES)):
@@ -154,7 +196,9 @@ def reliability(stated: FloatArray, is_true: BoolArray) -> list[dict[str, Any]]:
 
 
 def share_above(one: FloatArray, other: FloatArray) -> float:
-    """Return the share of pairs in which one is above the other, ties half: the area under an ROC curve."""
+    """Return the share of pairs in which one is above the other, ties half: the area under an ROC
+    curve.
+    """
     if not len(one) or not len(other):
         return np.nan
     ordered = np.sort(other)
@@ -163,13 +207,19 @@ def share_above(one: FloatArray, other: FloatArray) -> float:
 
 
 def open_set_rate(confidence: FloatArray, is_right: BoolArray, unknown: FloatArray) -> float:
-    """Return the area under the open-set classification rate (OSCR), between 0 and 1; nan without known or unknown.
+    """Return the area under the open-set classification rate (OSCR), between 0 and 1; nan without
+    known or unknown.
 
-    `confidence` (n,) is the greatest probability of a known class for samples of known classes, `is_right` (n,) whether
-    it is their class, and `unknown` (m,) the same probability for samples of no known class. The curve is the share of
-    known samples that are classified correctly and above a threshold, against the share of unknown samples above it
-    (Dhamija, Günther and Boult, "Reducing Network Agnostophobia", NeurIPS 2018).
+    `confidence` (n,) is the greatest probability of a known class for samples of known classes,
+    `is_right` (n,) whether it is their class, and `unknown` (m,) the same probability for samples
+    of no known class. The curve is the share of known samples that are classified correctly and
+    above a threshold, against the share of unknown samples above it (Dhamija, Günther and Boult,
+    "Reducing Network Agnostophobia", NeurIPS 2018).
     """
     if not len(confidence) or not len(unknown):
         return np.nan
-    return float(is_right.mean()) * share_above(confidence[is_right], unknown) if is_right.any() else 0.0
+    return (
+        float(is_right.mean()) * share_above(confidence[is_right], unknown)
+        if is_right.any()
+        else 0.0
+    )

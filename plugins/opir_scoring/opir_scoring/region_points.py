@@ -15,14 +15,19 @@ _LINES = 128
 
 
 def region_energy_m(regions: Sequence[ImpactRegion], impact: FloatArray) -> float:
-    """Return the energy score, m, of the impact that regions state, for a true one (latitude, longitude, ..., rad).
+    """Return the energy score, m, of the impact that regions state, for a true one (latitude,
+    longitude, ..., rad).
 
-    The regions of each condition count with its probability, their sum as 1: the score is that of the place given that
-    the target comes down. Between two nested regions the density is uniform; the probability outside the largest is put
-    in the outermost ring. Distances are great circles. Points stand for areas, to about 1 % of the score.
+    The regions of each condition count with its probability, their sum as 1: the score is that of
+    the place given that the target comes down. Between two nested regions the density is uniform;
+    the probability outside the largest is put in the outermost ring. Distances are great circles.
+    Points stand for areas, to about 1 % of the score.
     """
     conditions = dict.fromkeys(region.condition for region in regions)
-    parts = [_points_of_condition([each for each in regions if each.condition == name]) for name in conditions]
+    parts = [
+        _points_of_condition([each for each in regions if each.condition == name])
+        for name in conditions
+    ]
     place = np.concatenate([points for points, _ in parts])
     weight = np.concatenate([weights for _, weights in parts])
     if not weight.sum() > 0.0:
@@ -49,7 +54,9 @@ def _points_of_condition(regions: Sequence[ImpactRegion]) -> tuple[FloatArray, F
         found = _points_inside([*own, *holes], chart) if own else np.empty((0, 2))
         if own and not len(found) and number:
             # As large as the one inside: what it adds lies there.
-            weights[-1] = weights[-1] * (1.0 + weight / max(weights[-1].sum(), np.finfo(float).tiny))
+            weights[-1] = weights[-1] * (
+                1.0 + weight / max(weights[-1].sum(), np.finfo(float).tiny)
+            )
             continue
         if own and not len(found):
             found = chart.places(np.zeros((1, 2)))
@@ -59,12 +66,15 @@ def _points_of_condition(regions: Sequence[ImpactRegion]) -> tuple[FloatArray, F
 
 
 def _points_inside(rings: Sequence[FloatArray], chart: AzimuthalEquidistant) -> FloatArray:
-    """Return points (k, 2), rad, spread evenly over the area inside an odd number of rings; k is 0 without area.
+    """Return points (k, 2), rad, spread evenly over the area inside an odd number of rings; k is 0
+    without area.
 
     They lie at equal steps of the length that parallel lines have inside, on the map of a region.
     """
     corners = [chart.points(ring) for ring in rings]
-    starts, ends = (np.concatenate([corner[cut] for corner in corners]) for cut in (slice(-1), slice(1, None)))
+    starts, ends = (
+        np.concatenate([corner[cut] for corner in corners]) for cut in (slice(-1), slice(1, None))
+    )
     low = starts[:, 1].min()
     high = starts[:, 1].max()
     height = low + (high - low) * (np.arange(_LINES) + 0.5) / _LINES
@@ -81,4 +91,6 @@ def _points_inside(rings: Sequence[FloatArray], chart: AzimuthalEquidistant) -> 
         return np.empty((0, 2))
     wanted = reached[-1] * (np.arange(_POINTS) + 0.5) / _POINTS
     chord = np.searchsorted(reached, wanted)
-    return chart.places(np.stack([right[chord] - (reached[chord] - wanted), height[line[chord]]], axis=1))
+    return chart.places(
+        np.stack([right[chord] - (reached[chord] - wanted), height[line[chord]]], axis=1)
+    )

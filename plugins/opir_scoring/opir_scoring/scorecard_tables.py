@@ -39,7 +39,10 @@ def runs_text(figures: Mapping[str, Any]) -> str:
     seeds = figures["seeds"]
     seeded = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
     bias = "with pointing bias" if figures["sensors_biased"] else "without pointing bias"
-    return f"{runs} run{'s' if runs != 1 else ''} of each tracker ({seeded}), sensors {bias}; [95 % intervals]"
+    return (
+        f"{runs} run{'s' if runs != 1 else ''} of each tracker ({seeded}), sensors {bias}; [95 %"
+        f" intervals]"
+    )
 
 
 def _heading(figures: Mapping[str, Any]) -> str:
@@ -58,28 +61,48 @@ def _overall(cards: Cards) -> str:
         ("first track after, s", lambda f: interval_text(f["first_track_after_s"], 2)),
         ("GOSPA per target, m", lambda f: interval_text(f["gospa"]["a_target_m"], 0)),
         ("  localisation, missed, false", lambda f: _shares(f["gospa"])),
-        ("launches recognised", lambda f: interval_text(f["recognition"]["launches_recognised"], 3)),
-        ("P(launch) > 0.95 after, s", lambda f: number_text(f["recognition"]["median_sure_after_s"], 1)),
-        ("false launches per hour", lambda f: interval_text(f["recognition"]["false_launches_an_hour"], 2)),
+        (
+            "launches recognised",
+            lambda f: interval_text(f["recognition"]["launches_recognised"], 3),
+        ),
+        (
+            "P(launch) > 0.95 after, s",
+            lambda f: number_text(f["recognition"]["median_sure_after_s"], 1),
+        ),
+        (
+            "false launches per hour",
+            lambda f: interval_text(f["recognition"]["false_launches_an_hour"], 2),
+        ),
         ("type correct", lambda f: interval_text(f["type_right"], 3)),
         ("time per detection, us", lambda f: interval_text(f["tracking_us_a_detection"], 1)),
         ("time per track update, us", lambda f: interval_text(f["tracking_us_a_track_update"], 0)),
     )
-    return table(("", *cards), [(label, *(text(card.figures) for card in cards.values())) for label, text in rows])
+    return table(
+        ("", *cards),
+        [(label, *(text(card.figures) for card in cards.values())) for label, text in rows],
+    )
 
 
 def _confusions(cards: Cards) -> str:
     rows = [
         (true, name, *(str(row[reported]) for reported in REPORTED_TYPES))
-        for true in by_class(true for card in cards.values() for true in card.figures["type_confusion"])
+        for true in by_class(
+            true for card in cards.values() for true in card.figures["type_confusion"]
+        )
         for name, card in cards.items()
         if (row := card.figures["type_confusion"].get(true))
     ]
-    return table(("type", "tracker", *(f"reported {reported}" for reported in REPORTED_TYPES)), rows) if rows else ""
+    return (
+        table(("type", "tracker", *(f"reported {reported}" for reported in REPORTED_TYPES)), rows)
+        if rows
+        else ""
+    )
 
 
 def _geometry(cards: Cards, geometry: str) -> list[str]:
-    """Return the tables of one geometry: errors and consistency by time, then of launch and impact."""
+    """Return the tables of one geometry: errors and consistency by time, then of launch and
+    impact.
+    """
     binned = [
         (part["since_ignition_s"], name, part)
         for name, card in cards.items()
@@ -93,7 +116,18 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
     over = ("/known", "/unknown")
     place = ("time s", "tracker", "n", "position m", *over, "energy m", "impact km")
     speed = ("time s", "tracker", "n", "velocity m/s", *over, "energy m/s")
-    consistency = ("time s", "tracker", "n", "NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
+    consistency = (
+        "time s",
+        "tracker",
+        "n",
+        "NEES/6",
+        "99 % band",
+        "p",
+        "n",
+        "NIS/2",
+        "99 % band",
+        "p",
+    )
     label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
     points: tuple[str, ...] = ("tracker", "targets", "launch points", "impact points")
     points += ("launch m", "energy m", "launch s", "impact km", "impact s")
@@ -102,7 +136,9 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
         f"{title}, by time since ignition",
         table(place, [(since, name, *_place_cells(part)) for since, name, part in label]),
         table(speed, [(since, name, *_speed_cells(part)) for since, name, part in label]),
-        table(consistency, [(since, name, *_consistency_cells(part)) for since, name, part in label]),
+        table(
+            consistency, [(since, name, *_consistency_cells(part)) for since, name, part in label]
+        ),
         f"{title}, launch and impact points",
         table(points, [(name, *_point_cells(part)) for name, part in figures]),
         table(("containment, %", "tracker", *nominal), _curves(figures)),
@@ -113,15 +149,31 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
 def _phases(title: str, figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     """Return the table of impact regions by phase; nothing without targets that reach one."""
     phases = zip(*(row["impact_by_phase"] for _, row in figures), strict=True)
-    named = [(name, part) for parts in phases for (name, _), part in zip(figures, parts, strict=True)]
-    cells = [(part["phase"], name, *_phase_cells(part)) for name, part in named if _is_reached(part)]
+    named = [
+        (name, part) for parts in phases for (name, _), part in zip(figures, parts, strict=True)
+    ]
+    cells = [
+        (part["phase"], name, *_phase_cells(part)) for name, part in named if _is_reached(part)
+    ]
     probabilities = [f"{100 * region['nominal']:g} %" for region in named[0][1]["regions"]]
     inside = (f"in {each}" for each in probabilities)
     areas = (f"{each} km2" for each in probabilities)
-    head = ("phase", "tracker", "n", "predicted, %", "impact km", "energy km", *inside, *areas, "without impact")
+    head = (
+        "phase",
+        "tracker",
+        "n",
+        "predicted, %",
+        "impact km",
+        "energy km",
+        *inside,
+        *areas,
+        "without impact",
+    )
     if not cells:
         return []
-    given = [(part["phase"], name, *_given_cells(part)) for name, part in named if _is_reached(part)]
+    given = [
+        (part["phase"], name, *_given_cells(part)) for name, part in named if _is_reached(part)
+    ]
     given_head = ("true condition", "tracker", *(f"in {each}" for each in probabilities))
     given_head += (f"{probabilities[-1]} km2", "Brier", "samples", "thin")
     return [f"{title}, predicted impact regions", table(head, cells), table(given_head, given)]
@@ -187,7 +239,12 @@ def _consistency_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
 def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
     low, high = figure["band_99"]
     band = f"{number_text(low, 2)}-{number_text(high, 2)}" if figure["samples"] else "-"
-    return str(figure["samples"]), number_text(figure["mean"], 2), band, number_text(figure["distribution_p"], 3)
+    return (
+        str(figure["samples"]),
+        number_text(figure["mean"], 2),
+        band,
+        number_text(figure["distribution_p"], 3),
+    )
 
 
 def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:

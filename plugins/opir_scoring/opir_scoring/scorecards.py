@@ -40,8 +40,8 @@ GEOMETRIES: Mapping[str, tuple[bool, bool]] = {
     "mono_biased": (False, True),
     "stereo_biased": (True, True),
 }
-#: Errors are divided by bounds where the position bound is below this, m: above, directions hardly determine the
-#: position.
+#: Errors are divided by bounds where the position bound is below this, m: above, directions hardly
+#: determine the position.
 LARGEST_BOUND_M = 100e3
 #: More targets than a scene can have.
 _MANY = 10**9
@@ -49,10 +49,11 @@ _MANY = 10**9
 
 @frozen(kw_only=True)
 class ScoreSettings(GospaSettings):
-    """Settings of a score: GOSPA's parameters, bins of time since ignition, and what counts as recognised.
+    """Settings of a score: GOSPA's parameters, bins of time since ignition, and what counts as
+    recognised.
 
-    A track with a probability of a launch above `launch_probability` is taken as one. Target classes named as `unknown`
-    are none of the hypotheses: "none of these" is right for them.
+    A track with a probability of a launch above `launch_probability` is taken as one. Target
+    classes named as `unknown` are none of the hypotheses: "none of these" is right for them.
     """
 
     bin_s: float = 20.0
@@ -100,7 +101,9 @@ class ScoredRun:
     tracking_s: float
 
 
-def scorecard(evidences: Iterable[RunEvidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
+def scorecard(
+    evidences: Iterable[RunEvidence], settings: ScoreSettings = USUAL_SETTINGS
+) -> Scorecard:
     """Return the scorecard of runs of one scene and one tracker; runs are scored one at a time."""
     return scorecard_of([scored_run(evidence, settings) for evidence in evidences], settings)
 
@@ -153,11 +156,16 @@ def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
 def _right_types(plan: Plan) -> Mapping[str, str]:
     """Return the right type to report for each class that a plan launches."""
     launched = plan.targets.class_names[: len(plan.scene.targets)]
-    return {name: plan.host.component(TargetClass, name).reported_type for name in dict.fromkeys(launched)}
+    return {
+        name: plan.host.component(TargetClass, name).reported_type
+        for name in dict.fromkeys(launched)
+    }
 
 
 def _types(evidence: RunEvidence, owners: Ownership) -> Mapping[str, IntArray]:
-    """Return, by target class, counts (reported types,) of the last reported type of each launch."""
+    """Return, by target class, counts (reported types,) of the last reported type of each
+    launch.
+    """
     tracks = evidence.tracks.take(last_rows(evidence, owners))
     target = owners.target[np.searchsorted(owners.track, tracks.track)]
     known = np.isfinite(tracks.type_probability).all(axis=1)
@@ -172,13 +180,16 @@ def _types(evidence: RunEvidence, owners: Ownership) -> Mapping[str, IntArray]:
 def _counts(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     launches = sum(each.launches for each in runs)
     tracks, completeness, first_track_s = (
-        np.concatenate([getattr(each.coverage, name) for each in runs]) for name in ("tracks", "share", "first_track_s")
+        np.concatenate([getattr(each.coverage, name) for each in runs])
+        for name in ("tracks", "share", "first_track_s")
     )
     purity = np.concatenate([each.owners.purity[each.owners.target >= 0] for each in runs])
     return {
         "launches_tracked": share(*proportion(int(np.count_nonzero(tracks)), launches)),
         "tracks_a_launch": mean(tracks[tracks > 0].astype(np.float64)),
-        "false_tracks_a_run": mean(np.array([np.count_nonzero(each.owners.target < 0) for each in runs])),
+        "false_tracks_a_run": mean(
+            np.array([np.count_nonzero(each.owners.target < 0) for each in runs])
+        ),
         "purity": mean(purity, 1.0),
         "completeness": mean(completeness, 1.0),
         "first_track_after_s": mean(first_track_s),
@@ -193,7 +204,9 @@ def _pace(runs: Sequence[ScoredRun], count: Sequence[int]) -> dict[str, Any]:
     return mean(1e6 * taken / np.maximum(np.array(count), 1))
 
 
-def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, settings: ScoreSettings) -> dict[str, Any]:
+def _geometry(
+    runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, settings: ScoreSettings
+) -> dict[str, Any]:
     """Return the figures of the targets of one geometry."""
     states = StateErrors.concatenate(each.states for each in runs)
     points = PointErrors.concatenate(each.points for each in runs)
@@ -202,7 +215,8 @@ def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, setti
     impact_phase = np.concatenate([each.impact_phase for each in runs])
     run = np.repeat(np.arange(len(runs)), [len(each.states) for each in runs])
     state_rows, innovation_rows, point_rows, impact_rows = (
-        (each.is_stereo == is_stereo) & (each.is_biased == is_biased) for each in (states, innovations, points, impacts)
+        (each.is_stereo == is_stereo) & (each.is_biased == is_biased)
+        for each in (states, innovations, points, impacts)
     )
     states = states.take(state_rows)
     run = run[state_rows]
@@ -238,7 +252,8 @@ def _bins(since_s: FloatArray, settings: ScoreSettings) -> IntArray:
 
 
 def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
-    """Return the figures of one bin of time since ignition, with the NEES of each target's last tick only.
+    """Return the figures of one bin of time since ignition, with the NEES of each target's last
+    tick only.
 
     Ticks of one target are dependent, which the χ² band assumes they are not.
     """
@@ -250,14 +265,20 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
         "position_energy_m": energy(states.position_energy_m, track),
         "velocity_energy_m_s": energy(states.velocity_energy_m_s, track),
         **_over_bounds(states, track, "", states.position_bound_m, states.velocity_bound_m_s),
-        **_over_bounds(states, track, "free_", states.position_free_bound_m, states.velocity_free_bound_m_s),
+        **_over_bounds(
+            states, track, "free_", states.position_free_bound_m, states.velocity_free_bound_m_s
+        ),
         "impact_m": rms(states.impact_m, track, FARTHEST_M),
         "nees": consistent(consistency(states.nees[_last_of_each(states)], _STATE_FREEDOM)),
     }
 
 
 def _over_bounds(
-    states: StateErrors, track: IntArray, name: str, position_m: FloatArray, velocity_m_s: FloatArray
+    states: StateErrors,
+    track: IntArray,
+    name: str,
+    position_m: FloatArray,
+    velocity_m_s: FloatArray,
 ) -> dict[str, Any]:
     """Return bounds and errors over them, at ticks with a bound below `LARGEST_BOUND_M`."""
     determined = position_m < LARGEST_BOUND_M
@@ -282,7 +303,9 @@ def _last_of_each(states: StateErrors) -> BoolArray:
 
 
 def _gospa(runs: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, Any]:
-    """Return the distances, averaged over the ticks of a run, and their parts, which are p-th powers."""
+    """Return the distances, averaged over the ticks of a run, and their parts, which are p-th
+    powers.
+    """
     means = np.array([mean_gospa(each.gospa_parts, settings.order) for each in runs]).reshape(-1, 5)
     names = ("mean_m", "a_target_m", "localisation_a_target", "missed_a_target", "false_a_target")
     return {
@@ -297,10 +320,15 @@ def _reported_types(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     """Return the share of types reported correctly, and the confusion matrix."""
     found = {name for each in runs for name in each.confusion}
     none = np.zeros(len(REPORTED_TYPES), dtype=np.int64)
-    count = {name: sum((each.confusion.get(name, none) for each in runs), none) for name in by_class(found)}
+    count = {
+        name: sum((each.confusion.get(name, none) for each in runs), none)
+        for name in by_class(found)
+    }
     right_types = {name: right for each in runs for name, right in each.right_types.items()}
     right = sum(int(row[REPORTED_TYPES.index(right_types[name])]) for name, row in count.items())
-    confusion = {name: dict(zip(REPORTED_TYPES, row.tolist(), strict=True)) for name, row in count.items()}
+    confusion = {
+        name: dict(zip(REPORTED_TYPES, row.tolist(), strict=True)) for name, row in count.items()
+    }
     total = sum(int(row.sum()) for row in count.values())
     return {"type_right": share(*proportion(right, total)), "type_confusion": confusion}
 
@@ -310,11 +338,15 @@ def _hypotheses(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     scores = HypothesisScores.concatenate(each.hypothesis_scores for each in runs)
     return {
         "hypotheses": hypothesis_figures(scores, runs[0].hypotheses if runs else ()),
-        "recognition": recognition_figures([each.recognition for each in runs], [each.seed for each in runs]),
+        "recognition": recognition_figures(
+            [each.recognition for each in runs], [each.seed for each in runs]
+        ),
     }
 
 
 def by_class(names: Iterable[str]) -> list[str]:
-    """Return names of target classes, each once: the missile types first, then the others by name."""
+    """Return names of target classes, each once: the missile types first, then the others by
+    name.
+    """
     order = {name: place for place, name in enumerate(TARGET_TYPES)}
     return sorted(set(names), key=lambda name: (order.get(name, len(order)), name))

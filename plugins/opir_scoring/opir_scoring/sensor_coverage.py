@@ -1,4 +1,6 @@
-"""Coverage of launches by a run's tracks per tick, and the GOSPA distance between tracks and targets."""
+"""Coverage of launches by a run's tracks per tick, and the GOSPA distance between tracks and
+targets.
+"""
 
 import numpy as np
 from attrs import frozen
@@ -23,9 +25,9 @@ class GospaSettings:
 class Coverage:
     """One row per detected launch.
 
-    `share` is the fraction of ticks with a track, from the first detection to burnout; `first_track_s` the time from
-    the first detection to the first available estimate of a track, s; `tracks` the number of tracks, more than one
-    where a track was lost or duplicated.
+    `share` is the fraction of ticks with a track, from the first detection to burnout;
+    `first_track_s` the time from the first detection to the first available estimate of a track, s;
+    `tracks` the number of tracks, more than one where a track was lost or duplicated.
     """
 
     share: FloatArray
@@ -34,7 +36,8 @@ class Coverage:
 
 
 def ticks_s(evidence: RunEvidence) -> FloatArray:
-    """Return the ticks (n,) of a run, s, at which its tracker is stepped, with or without reported tracks.
+    """Return the ticks (n,) of a run, s, at which its tracker is stepped, with or without reported
+    tracks.
 
     For tracks at other times, as of an external tracker, these are their times.
     """
@@ -52,7 +55,8 @@ def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
     """Return the coverage of a run's launches."""
     ticks = ticks_s(evidence)
     owner = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
-    # Files of other trackers may not say when estimates became available: as soon as they are valid.
+    # Files of other trackers may not say when estimates became available: as soon as they are
+    # valid.
     available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
     shares = []
     firsts = []
@@ -62,15 +66,20 @@ def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
         if not len(detected_s):
             continue
         times = np.unique(evidence.tracks.tick_s[owner == target])
-        expected = ticks[(ticks >= detected_s[0]) & (ticks <= evidence.plan.targets.burnout_s[target])]
+        expected = ticks[
+            (ticks >= detected_s[0]) & (ticks <= evidence.plan.targets.burnout_s[target])
+        ]
         shares.append(float(np.isin(expected, times).mean()) if len(expected) else np.nan)
-        firsts.append(float(available_s[owner == target].min() - detected_s[0]) if len(times) else np.nan)
+        firsts.append(
+            float(available_s[owner == target].min() - detected_s[0]) if len(times) else np.nan
+        )
         counts.append(np.count_nonzero(owners.target == target))
     return Coverage(np.array(shares), np.array(firsts), np.array(counts, dtype=np.int64))
 
 
 def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSettings) -> FloatArray:
-    """Return (ticks, 5): distance, the three p-th powers, and the number of launches with known truth.
+    """Return (ticks, 5): distance, the three p-th powers, and the number of launches with known
+    truth.
 
     A track of a launch whose truth is no longer known, as after burnout, is left out.
     """
@@ -80,21 +89,27 @@ def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSetting
     owner = owners.target[np.searchsorted(owners.track, tracks.track)]
     rows = []
     for tick_s in ticks_s(evidence).tolist():
-        known = launches[(targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)]
+        known = launches[
+            (targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)
+        ]
         if not len(known):
             continue
         true = true_states_ecef(evidence.plan, known, np.full(len(known), tick_s))[:, :3]
         is_finite = (tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0])
         estimates = tracks.state[is_finite & ((owner < 0) | np.isin(owner, known)), :3]
-        result = gospa(estimates, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha)
+        result = gospa(
+            estimates, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha
+        )
         rows.append((result.distance, result.localisation, result.missed, result.false, len(known)))
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
 def mean_gospa(parts: FloatArray, order: float) -> FloatArray:
-    """Return a run's mean distance, the same per target, and its three parts per target; nan without truth.
+    """Return a run's mean distance, the same per target, and its three parts per target; nan
+    without truth.
 
-    The distance per target is (d^p / n)^(1/p) of n targets: if each is tracked with the same error, it is that error.
+    The distance per target is (d^p / n)^(1/p) of n targets: if each is tracked with the same error,
+    it is that error.
     """
     if not len(parts):
         return np.full(5, np.nan)

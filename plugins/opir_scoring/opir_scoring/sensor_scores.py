@@ -9,12 +9,20 @@ from opir_scoring.evidence import RunEvidence
 
 
 def sensor_scores(evidence: RunEvidence) -> list[dict[str, Any]]:
-    """Return one mapping for each sensor that the tracker says something of: that, and the true bias, rad."""
+    """Return one mapping for each sensor that the tracker says something of: that, and the true
+    bias, rad.
+    """
     bias = evidence.plan.bias
     rows = []
-    for number, (sensor, health) in enumerate(zip(evidence.plan.sensors, evidence.health, strict=True)):
+    for number, (sensor, health) in enumerate(
+        zip(evidence.plan.sensors, evidence.health, strict=True)
+    ):
         if health is not None:
-            true = [0.0, 0.0] if bias is None else [float(bias.east_rad[number]), float(bias.north_rad[number])]
+            true = (
+                [0.0, 0.0]
+                if bias is None
+                else [float(bias.east_rad[number]), float(bias.north_rad[number])]
+            )
             rows.append({"sensor_id": sensor.id, "true_bias_rad": true, **health})
     return rows
 

@@ -1,7 +1,7 @@
 """opir's motion and measurement models as Stone Soup models.
 
-States are Earth-fixed (ECEF, WGS 84): position, velocity relative to the Earth and, depending on the motion, specific
-force (all but gravity) and its rate; metres and seconds, x, y, z each.
+States are Earth-fixed (ECEF, WGS 84): position, velocity relative to the Earth and, depending on
+the motion, specific force (all but gravity) and its rate; metres and seconds, x, y, z each.
 """
 
 from datetime import timedelta
@@ -28,10 +28,11 @@ _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0
 
 
 class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  # type: ignore[misc]
-    """Motion under gravity relative to the rotating Earth, with white noise in the last derivative of the state.
+    """Motion under gravity relative to the rotating Earth, with white noise in the last derivative
+    of the state.
 
-    Two-body motion (6; with the zonal harmonics of `forces`), a nearly constant specific force (9), or a nearly
-    constant rate of it (12): `opir_core.estimation.motion` in ECEF. Drag is neglected.
+    Two-body motion (6; with the zonal harmonics of `forces`), a nearly constant specific force (9),
+    or a nearly constant rate of it (12): `opir_core.estimation.motion` in ECEF. Drag is neglected.
     """
 
     ndim_state: int = Property(default=9, doc="6, 9 or 12")
@@ -41,7 +42,11 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._motion = Motion(self.ndim_state, self.noise, free_forces(self.forces))
-        self._whole = evolve(self._motion, size=max(self.ndim_state, BOOST)) if self.ndim_state > 6 else self._motion
+        self._whole = (
+            evolve(self._motion, size=max(self.ndim_state, BOOST))
+            if self.ndim_state > 6
+            else self._motion
+        )
 
     def function(self, state: Any, noise: Any = False, **kwargs: Any) -> Any:
         """Return the state vector (d, 1), or vectors (d, n), after `time_interval`."""
@@ -56,11 +61,15 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
         return kind(_earth_fixed(self.ndim_state, step_s) @ end) + noise
 
     def jacobian(self, state: Any, **kwargs: Any) -> FloatArray:
-        """Return the transition matrix (d, d): the exponential series with the gradient at the start."""
+        """Return the transition matrix (d, d): the exponential series with the gradient at the
+        start.
+        """
         step_s = _seconds(kwargs["time_interval"])
         position = np.asarray(state.state_vector[:3], dtype=np.float64).reshape(1, 3)
         matrix = self._motion.transition(position, np.array([step_s]))[0]
-        return np.asarray(_earth_fixed(self.ndim_state, step_s) @ matrix @ _inertial(self.ndim_state))
+        return np.asarray(
+            _earth_fixed(self.ndim_state, step_s) @ matrix @ _inertial(self.ndim_state)
+        )
 
     def covar(self, **kwargs: Any) -> Any:
         """Return the process-noise covariance (d, d) of `time_interval`."""
@@ -75,9 +84,9 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
 class SightModel(CartesianToElevationBearing):  # type: ignore[misc]
     """Elevation and bearing of a target from a sensor in ECEF, including light time.
 
-    `axes` (3, 3) are the sensor's, as rows in ECEF: bearing is from the first towards the second, elevation from their
-    plane towards the third. `translation_offset` is the sensor position at the look, m. The state is that at the look;
-    light was emitted range/c before.
+    `axes` (3, 3) are the sensor's, as rows in ECEF: bearing is from the first towards the second,
+    elevation from their plane towards the third. `translation_offset` is the sensor position at the
+    look, m. The state is that at the look; light was emitted range/c before.
     """
 
     axes: Any = Property(default=None, doc="the sensor's axes as rows in ECEF")
@@ -102,17 +111,24 @@ class SightModel(CartesianToElevationBearing):  # type: ignore[misc]
         flat = x * x + y * y
         square = flat + z * z
         level = np.sqrt(flat)
-        slope = np.array([[-x * z / (level * square), -y * z / (level * square), level / square], [-y, x, 0.0]])
+        slope = np.array(
+            [[-x * z / (level * square), -y * z / (level * square), level / square], [-y, x, 0.0]]
+        )
         slope[1] /= flat
         slope = slope @ self.rotation_matrix
         velocity = columns[3:6, 0]
         matrix = np.zeros((2, len(columns)))
-        matrix[:, :3] = slope - (slope @ velocity)[:, None] * toward[:, 0] / SPEED_OF_LIGHT_M_S * self.light_time
+        matrix[:, :3] = (
+            slope
+            - (slope @ velocity)[:, None] * toward[:, 0] / SPEED_OF_LIGHT_M_S * self.light_time
+        )
         matrix[:, 3:6] = -delay[0] * slope
         return matrix
 
     def _seen(self, columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return positions (3, n) in the sensor's axes at emission, delays (n,), and unit vectors (3, n)."""
+        """Return positions (3, n) in the sensor's axes at emission, delays (n,), and unit vectors
+        (3, n).
+        """
         apart = columns[:3] - np.asarray(self.translation_offset, dtype=np.float64)
         range_m = np.sqrt((apart * apart).sum(axis=0))
         delay = range_m / SPEED_OF_LIGHT_M_S * self.light_time
@@ -126,13 +142,16 @@ def free_forces(forces: ForceModel) -> Forces:
 
 
 def sensor_axes(sensor_ecef_m: FloatArray) -> FloatArray:
-    """Return a sensor's axes (3, 3), rows in ECEF: to the Earth's centre, west, and north (x, y, z; right-handed).
+    """Return a sensor's axes (3, 3), rows in ECEF: to the Earth's centre, west, and north (x, y, z;
+    right-handed).
 
     On the Earth's axis they are those at longitude 0.
     """
     down = -sensor_ecef_m / np.sqrt((sensor_ecef_m * sensor_ecef_m).sum())
     length = np.hypot(down[0], down[1])
-    west = np.array([-down[1], down[0], 0.0]) / length if length > 1e-9 else np.array([0.0, -1.0, 0.0])
+    west = (
+        np.array([-down[1], down[0], 0.0]) / length if length > 1e-9 else np.array([0.0, -1.0, 0.0])
+    )
     return np.array([down, west, np.cross(down, west)])
 
 

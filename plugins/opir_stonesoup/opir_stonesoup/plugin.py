@@ -21,7 +21,8 @@ def opir_trackers() -> Iterable[TrackerModel]:
     """Yield the tracker `stonesoup`."""
     yield TrackerModel(
         name="stonesoup",
-        summary="Stone Soup's multi-target tracker: EKF or UKF, GNN or JPDA, with opir's motion and measurement models",
+        summary="Stone Soup's multi-target tracker: EKF or UKF, GNN or JPDA, with opir's motion and"
+        " measurement models",
         config=StoneSoupConfig,
         build=_stonesoup,
     )

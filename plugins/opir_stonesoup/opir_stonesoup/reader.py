@@ -1,4 +1,6 @@
-"""opir's detections as a Stone Soup detection reader: from a run, from windows, or from a file of events."""
+"""opir's detections as a Stone Soup detection reader: from a run, from windows, or from a file of
+events.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
@@ -29,7 +31,9 @@ _STEPS = timedelta(microseconds=1)
 
 @frozen
 class SensorSight:
-    """One line of sight: microseconds of UTC since 1970, sensor, its position, the direction, and its error; ECEF."""
+    """One line of sight: microseconds of UTC since 1970, sensor, its position, the direction, and
+    its error; ECEF.
+    """
 
     time_us: int
     sensor_id: str
@@ -40,14 +44,19 @@ class SensorSight:
 
 
 class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
-    """Detections as elevation and bearing in the axes of their sensor, each with its own `SightModel`.
+    """Detections as elevation and bearing in the axes of their sensor, each with its own
+    `SightModel`.
 
-    One step is one sensor at one instant, to the microsecond (Stone Soup's resolution). The metadata are `sensor_id`,
-    `detection_id`, `reported_type` and `confidence`; no truth is in them.
+    One step is one sensor at one instant, to the microsecond (Stone Soup's resolution). The
+    metadata are `sensor_id`, `detection_id`, `reported_type` and `confidence`; no truth is in them.
     """
 
-    sights: Any = Property(doc="`SensorSight`s in order, iterated once for each iteration of the reader")
-    ndim_state: int = Property(default=9, doc="size of the states that the measurement models are to read")
+    sights: Any = Property(
+        doc="`SensorSight`s in order, iterated once for each iteration of the reader"
+    )
+    ndim_state: int = Property(
+        default=9, doc="size of the states that the measurement models are to read"
+    )
     light_time: bool = Property(default=True, doc="whether light takes its time")
 
     @classmethod
@@ -69,12 +78,17 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
         reported_types: Sequence[str] = REPORTED_TYPES,
         **settings: Any,
     ) -> "OpirDetectionReader":
-        """Return the reader of windows as they come, for one iteration: with reporting latency in order of report.
+        """Return the reader of windows as they come, for one iteration: with reporting latency in
+        order of report.
 
         `reported_types` are a plan's.
         """
         ids = [sensor.id for sensor in sensors]
-        every = (sight for window in windows for sight in sights_of(window.detections, ids, epoch_us, reported_types))
+        every = (
+            sight
+            for window in windows
+            for sight in sights_of(window.detections, ids, epoch_us, reported_types)
+        )
         return cls(sights=every, **settings)
 
     @classmethod
@@ -83,7 +97,10 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
 
         Raises `SceneError` with the file and line that is invalid.
         """
-        return cls(sights=sorted(_events(Path(path)), key=lambda sight: (sight.time_us, sight.sensor_id)), **settings)
+        return cls(
+            sights=sorted(_events(Path(path)), key=lambda sight: (sight.time_us, sight.sensor_id)),
+            **settings,
+        )
 
     @BufferedGenerator.generator_method  # type: ignore[untyped-decorator]
     def detections_gen(self) -> Iterator[tuple[datetime, "OrderedSet[Detection]"]]:
@@ -105,7 +122,8 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
 def detection_of(sight: SensorSight, ndim_state: int, light_time: bool) -> Detection:
     """Return a line of sight as a detection with its measurement model.
 
-    The error across the line is isotropic, so that of the bearing is proportional to 1 / cos(elevation).
+    The error across the line is isotropic, so that of the bearing is proportional to 1 /
+    cos(elevation).
     """
     axes = sensor_axes(sight.sensor_ecef_m)
     x, y, z = axes @ sight.direction_ecef
@@ -171,7 +189,9 @@ def _events(path: Path) -> Iterator[SensorSight]:
     try:
         lines = file_bytes(path).splitlines()
     except OSError as error:
-        raise SceneError([Problem("", f"cannot be read: {error.strerror or error}")], source=str(path)) from error
+        raise SceneError(
+            [Problem("", f"cannot be read: {error.strerror or error}")], source=str(path)
+        ) from error
     for number, line in enumerate(lines, start=1):
         try:
             event = decoder.decode(line)
@@ -179,7 +199,8 @@ def _events(path: Path) -> Iterator[SensorSight]:
             time_us = _epoch_us(event.timestamp)
         except (msgspec.DecodeError, ValueError) as error:
             raise SceneError(
-                [Problem(f"line {number}", f"is no event of the encoder forge: {error}")], source=str(path)
+                [Problem(f"line {number}", f"is no event of the encoder forge: {error}")],
+                source=str(path),
             ) from error
         yield _sight(event, time_us)
 
@@ -187,7 +208,9 @@ def _events(path: Path) -> Iterator[SensorSight]:
 def _require_sense(event: _JsonEvent) -> None:
     """Raise `ValueError` where an event's numbers give no line of sight."""
     if not event.line_of_sight_sigma_urad > 0.0:
-        raise ValueError(f"line_of_sight_sigma_urad is {event.line_of_sight_sigma_urad}, not above 0")
+        raise ValueError(
+            f"line_of_sight_sigma_urad is {event.line_of_sight_sigma_urad}, not above 0"
+        )
     if not any(event.sensor_position_ecef_m):
         raise ValueError("sensor_position_ecef_m is the centre of the Earth")
     if not event.timestamp.endswith("Z"):

@@ -14,20 +14,28 @@ class StoneSoupConfig:
     """Settings of the tracker `stonesoup`."""
 
     cadence_s: float = number(
-        default=1.0, unit="s", minimum=0.01, maximum=60.0, help="time between two estimates of a track"
+        default=1.0,
+        unit="s",
+        minimum=0.01,
+        maximum=60.0,
+        help="time between two estimates of a track",
     )
     filter: str = text(
-        default="ekf", choices=FILTERS, help="ekf: extended Kalman filter, Joseph form; ukf: unscented Kalman filter"
+        default="ekf",
+        choices=FILTERS,
+        help="ekf: extended Kalman filter, Joseph form; ukf: unscented Kalman filter",
     )
     association: str = text(
         default="gnn",
         choices=ASSOCIATIONS,
-        help="gnn: GNNWith2DAssignment, one to one; jpda: JPDAwithEHM2, all assignments weighted by probability",
+        help="gnn: GNNWith2DAssignment, one to one; jpda: JPDAwithEHM2, all assignments weighted by"
+        " probability",
     )
     motion: str = text(
         default="acceleration",
         choices=MOTIONS,
-        help="gravity of the scene's forces and: acceleration, a nearly constant specific force; jerk, its nearly"
+        help="gravity of the scene's forces and: acceleration, a nearly constant specific force;"
+        " jerk, its nearly"
         " constant rate as well; two-body, nothing",
     )
     noise: float = number(
@@ -35,13 +43,20 @@ class StoneSoupConfig:
         unit="m/s²/√s, m/s³/√s or m/s/√s",
         minimum=0.0,
         maximum=1000.0,
-        help="process-noise density of the last derivative of the motion: force, its rate, or velocity",
+        help="process-noise density of the last derivative of the motion: force, its rate, or"
+        " velocity",
     )
     detection_probability: float = number(
-        default=0.9, above=0.0, below=1.0, help="P_d, probability that a look at a track's target detects it"
+        default=0.9,
+        above=0.0,
+        below=1.0,
+        help="P_d, probability that a look at a track's target detects it",
     )
     gate_probability: float = number(
-        default=0.9999, above=0.0, below=1.0, help="probability that a track's own detection passes its gate"
+        default=0.9999,
+        above=0.0,
+        below=1.0,
+        help="probability that a track's own detection passes its gate",
     )
     false_alarms_per_sr: float = number(
         default=100.0,
@@ -61,10 +76,15 @@ class StoneSoupConfig:
         unit="s",
         above=0.0,
         maximum=1e6,
-        help="an unconfirmed track, or one above lost_sigma_m, is deleted after this time without detection",
+        help="an unconfirmed track, or one above lost_sigma_m, is deleted after this time without"
+        " detection",
     )
     silence_s: float = number(
-        default=120.0, unit="s", above=0.0, maximum=1e6, help="a track is deleted after this time without detection"
+        default=120.0,
+        unit="s",
+        above=0.0,
+        maximum=1e6,
+        help="a track is deleted after this time without detection",
     )
     lost_sigma_m: float = number(
         default=300e3,

@@ -26,13 +26,20 @@ _UNIX = datetime(1970, 1, 1)
 class StoneSoupTracker(Tracker):
     """A Stone Soup multi-target tracker, stepped at opir's ticks.
 
-    `tracker` has `update_tracker(time, detections)`, `tracks` and `data_associator`, like Stone Soup's simple trackers;
-    `predictor` predicts its states, Earth-fixed as in `opir_stonesoup.models`, to the ticks. A track is reported once
-    it has `needed_hits` detections; numbers follow the order in which tracks began.
+    `tracker` has `update_tracker(time, detections)`, `tracks` and `data_associator`, like Stone
+    Soup's simple trackers; `predictor` predicts its states, Earth-fixed as in
+    `opir_stonesoup.models`, to the ticks. A track is reported once it has `needed_hits` detections;
+    numbers follow the order in which tracks began.
     """
 
     def __init__(
-        self, tracker: Any, predictor: Any, context: TrackerContext, *, cadence_s: float = 1.0, needed_hits: int = 1
+        self,
+        tracker: Any,
+        predictor: Any,
+        context: TrackerContext,
+        *,
+        cadence_s: float = 1.0,
+        needed_hits: int = 1,
     ) -> None:
         self.cadence_s: float | None = cadence_s
         self._tracker = tracker
@@ -48,17 +55,26 @@ class StoneSoupTracker(Tracker):
         self._next_number = 0
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
+        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
+        unchanged.
+        """
         known = OrderedSet(self._number)
         numbers: list[int] = []
         for time, detected in self._frames(detections):
-            hypotheses = self._tracker.data_associator.associate(known, detected, time) if known else {}
-            owner = {_likeliest(hypothesis): self._number[track] for track, hypothesis in hypotheses.items()}
+            hypotheses = (
+                self._tracker.data_associator.associate(known, detected, time) if known else {}
+            )
+            owner = {
+                _likeliest(hypothesis): self._number[track]
+                for track, hypothesis in hypotheses.items()
+            }
             numbers += [owner.get(detection, -1) for detection in detected]
         return np.array(numbers, dtype=np.int64)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Return the estimates at this tick, sorted by track, after the detections since the last one."""
+        """Return the estimates at this tick, sorted by track, after the detections since the last
+        one.
+        """
         for time, detected in self._frames(detections):
             self._tracker.update_tracker(time, detected)
         self._count()
@@ -67,13 +83,17 @@ class StoneSoupTracker(Tracker):
     def _frames(self, detections: Detections) -> Iterator[tuple[datetime, Any]]:
         sights = sights_of(detections, self._ids, self._epoch_us)
         size = self._predictor.transition_model.ndim_state
-        return iter(OpirDetectionReader(sights=sights, ndim_state=size, light_time=self._light_time))
+        return iter(
+            OpirDetectionReader(sights=sights, ndim_state=size, light_time=self._light_time)
+        )
 
     def _count(self) -> None:
         """Number the tracks confirmed since the last tick, and drop those that ended."""
         confirmed = [track for track in self._tracker.tracks if has_hits(track, self._needed_hits)]
         fresh = [track for track in confirmed if track not in self._number]
-        self._number = {track: number for track, number in self._number.items() if track in self._tracker.tracks}
+        self._number = {
+            track: number for track, number in self._number.items() if track in self._tracker.tracks
+        }
         for track in sorted(fresh, key=_began):
             self._number[track] = self._next_number
             self._next_number += 1
@@ -89,7 +109,9 @@ class StoneSoupTracker(Tracker):
             tick_s=np.full(count, tick_s),
             track=np.array(list(self._number.values()), dtype=np.int64),
             state=np.array(states).reshape(count, 6),
-            state_covariance=np.array([0.5 * (each + each.T) for each in covariances]).reshape(count, 6, 6),
+            state_covariance=np.array([0.5 * (each + each.T) for each in covariances]).reshape(
+                count, 6, 6
+            ),
             launch=np.full((count, 3), np.nan),
             launch_covariance=np.full((count, 3, 3), np.nan),
             impact=np.full((count, 3), np.nan),
@@ -108,7 +130,9 @@ def stone_soup_tracker(config: StoneSoupConfig, context: TrackerContext) -> Trac
         prob_detect=config.detection_probability,
         prob_gate=config.gate_probability,
     )
-    deleter = SilenceDeleter(config.needed_hits, config.tentative_s, config.silence_s, config.lost_sigma_m)
+    deleter = SilenceDeleter(
+        config.needed_hits, config.tentative_s, config.silence_s, config.lost_sigma_m
+    )
     joint = config.association == "jpda"
     tracker = (MultiTargetMixtureTracker if joint else MultiTargetTracker)(
         initiator=GroundInitiator(updater=updater, ndim_state=SIZES[config.motion]),
@@ -117,23 +141,32 @@ def stone_soup_tracker(config: StoneSoupConfig, context: TrackerContext) -> Trac
         data_associator=(JPDAwithEHM2 if joint else GNNWith2DAssignment)(hypothesiser),
         updater=updater,
     )
-    return StoneSoupTracker(tracker, predictor, context, cadence_s=config.cadence_s, needed_hits=config.needed_hits)
+    return StoneSoupTracker(
+        tracker, predictor, context, cadence_s=config.cadence_s, needed_hits=config.needed_hits
+    )
 
 
 def filter_of(config: StoneSoupConfig, context: TrackerContext) -> tuple[Any, Any]:
     """Return Stone Soup's predictor and updater with opir's motion."""
-    motion = EarthFixedTransition(ndim_state=SIZES[config.motion], noise=config.noise, forces=context.forces)
+    motion = EarthFixedTransition(
+        ndim_state=SIZES[config.motion], noise=config.noise, forces=context.forces
+    )
     if config.filter == "ekf":
         return ExtendedKalmanPredictor(motion), ExtendedKalmanUpdater(use_joseph_cov=True)
-    # Sigma points of equal weight about the mean: the usual kappa of 3 - d is negative here, and so might be variances.
+    # Sigma points of equal weight about the mean: the usual kappa of 3 - d is negative here, and so
+    # might be variances.
     points = {"alpha": 1.0, "beta": 2.0, "kappa": 0.0}
-    return UnscentedKalmanPredictor(motion, **points), UnscentedKalmanUpdater(force_symmetric_covariance=True, **points)
+    return UnscentedKalmanPredictor(motion, **points), UnscentedKalmanUpdater(
+        force_symmetric_covariance=True, **points
+    )
 
 
 def _likeliest(hypothesis: Any) -> Any:
     """Return the likeliest detection of a track's hypotheses, or None."""
     best = (
-        max(hypothesis, key=lambda each: each.probability) if hasattr(hypothesis, "single_hypotheses") else hypothesis
+        max(hypothesis, key=lambda each: each.probability)
+        if hasattr(hypothesis, "single_hypotheses")
+        else hypothesis
     )
     return best.measurement if best else None
 

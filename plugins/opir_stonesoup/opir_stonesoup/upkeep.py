@@ -1,4 +1,6 @@
-"""Initiation of Stone Soup tracks near the ground, and their deletion after a time without detection."""
+"""Initiation of Stone Soup tracks near the ground, and their deletion after a time without
+detection.
+"""
 
 from datetime import datetime, timedelta
 from itertools import islice
@@ -33,8 +35,8 @@ _JERK_SIGMA_M_S3 = 0.5
 class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
     """A track for each unassociated detection: near the ground on its line of sight, updated by it.
 
-    The prior is that of the tracker `imm` for a cluster of one sensor (docs/explanation/association.md). A
-    line that misses the Earth starts no track.
+    The prior is that of the tracker `imm` for a cluster of one sensor
+    (docs/explanation/association.md). A line that misses the Earth starts no track.
     """
 
     updater: Any = Property(doc="the tracker's updater")
@@ -51,29 +53,40 @@ class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
                 prior = GaussianStatePrediction(mean, covariance, timestamp=detection.timestamp)
                 # Named here, or Stone Soup draws a name from the system's entropy.
                 name = f"{timestamp.isoformat()} {len(tracks)}"
-                tracks.add(Track([self.updater.update(SingleHypothesis(prior, detection))], id=name))
+                tracks.add(
+                    Track([self.updater.update(SingleHypothesis(prior, detection))], id=name)
+                )
         return tracks
 
 
 class SilenceDeleter(Deleter):  # type: ignore[misc]
     """Deletion of tracks without detection for too long, sooner for tentative or uncertain ones.
 
-    Uncertainty deletes no track that is still detected. One sensor leaves the position along its line of sight open, by
-    hundreds of kilometres in the end; a new track in its place would be assumed near the ground.
+    Uncertainty deletes no track that is still detected. One sensor leaves the position along its
+    line of sight open, by hundreds of kilometres in the end; a new track in its place would be
+    assumed near the ground.
     """
 
     needed_hits: int = Property(doc="detections after which a track is no longer tentative")
     tentative_s: float = Property(doc="longest silence of a tentative track")
     silence_s: float = Property(doc="longest silence of a track")
-    lost_sigma_m: float = Property(doc="standard deviation of a position, on any axis, beyond which it is tentative")
+    lost_sigma_m: float = Property(
+        doc="standard deviation of a position, on any axis, beyond which it is tentative"
+    )
 
     def check_for_deletion(self, track: Any, timestamp: datetime | None = None, **_: Any) -> bool:
         """Return whether a track is deleted."""
         now = track.timestamp if timestamp is None else timestamp
-        seen = next(state.timestamp for state in reversed(track.states) if isinstance(state, Update))
+        seen = next(
+            state.timestamp for state in reversed(track.states) if isinstance(state, Update)
+        )
         variance = np.diag(track.covar)[:3]
         is_lost = not variance.max() <= self.lost_sigma_m**2
-        patience = self.silence_s if has_hits(track, self.needed_hits) and not is_lost else self.tentative_s
+        patience = (
+            self.silence_s
+            if has_hits(track, self.needed_hits) and not is_lost
+            else self.tentative_s
+        )
         return now - seen > timedelta(seconds=patience) or not np.isfinite(variance).all()
 
 
@@ -84,7 +97,9 @@ def has_hits(track: Any, needed: int) -> bool:
 
 
 def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray, FloatArray]:
-    """Return mean (d, 1) and covariance (d, d) in ECEF of a target near the ground at a position (3,)."""
+    """Return mean (d, 1) and covariance (d, d) in ECEF of a target near the ground at a position
+    (3,).
+    """
     begun = TrackCandidates(place_ecef_m[None], np.zeros(1), _ONE)
     axes = prior_axes(begun)[0]
     sides, speed = prior_sigmas(begun)
@@ -110,5 +125,7 @@ def _ground(model: Any, detection: Any) -> FloatArray:
     level = np.cos(elevation)
     local = np.array([level * np.cos(bearing), level * np.sin(bearing), np.sin(elevation)])
     origin = np.asarray(model.translation_offset, dtype=np.float64).reshape(1, 3)
-    place: FloatArray = intersection_with_ellipsoid(origin, (local @ model.rotation_matrix)[None], FIRST_HEIGHT_M)[0]
+    place: FloatArray = intersection_with_ellipsoid(
+        origin, (local @ model.rotation_matrix)[None], FIRST_HEIGHT_M
+    )[0]
     return place

@@ -1,4 +1,6 @@
-"""Parameter studies: sweeps over scenes, metrics with intervals, executors, comparison of trackers."""
+"""Parameter studies: sweeps over scenes, metrics with intervals, executors, comparison of
+trackers.
+"""
 
 from opir_core.doors import door
 

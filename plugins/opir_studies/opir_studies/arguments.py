@@ -15,17 +15,21 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PATH=VALUES",
         action="append",
         default=[],
-        help="vary a setting, e.g. sensors[*].scan_period_ms=50,100,200 or tracker=imm,kepler-arc; repeatable",
+        help="vary a setting, e.g. sensors[*].scan_period_ms=50,100,200 or tracker=imm,kepler-arc;"
+        " repeatable",
     )
     _add_common(parser)
-    parser.add_argument("--runs", metavar="N", type=int, help="runs of each design (default: the study's, or 100)")
+    parser.add_argument(
+        "--runs", metavar="N", type=int, help="runs of each design (default: the study's, or 100)"
+    )
     parser.add_argument(
         "--metric",
         metavar="NAME",
         action="append",
         default=[],
         dest="metrics",
-        help="a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or latency and"
+        help="a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or"
+        " latency and"
         " detection_by_time)",
     )
     _running_arguments(parser)
@@ -33,21 +37,34 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _running_arguments(parser: argparse.ArgumentParser) -> None:
     """Add where and how often runs are made, and what is shown."""
-    parser.add_argument("-o", "--out", metavar="FOLDER", help="where the study goes (default: its name, with -study)")
-    parser.add_argument("--executor", metavar="NAME", help="where runs are made: processes (default), serial, dask")
-    parser.add_argument("--workers", metavar="N", type=int, help="number of workers (default: the executor's)")
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FOLDER",
+        help="where the study goes (default: its name, with -study)",
+    )
+    parser.add_argument(
+        "--executor", metavar="NAME", help="where runs are made: processes (default), serial, dask"
+    )
+    parser.add_argument(
+        "--workers", metavar="N", type=int, help="number of workers (default: the executor's)"
+    )
     parser.add_argument(
         "--until",
         metavar="FIGURE:WIDTH",
-        help="stop a design when half the 95 %% interval is narrow enough: latency_s:0.5%%, or latency_s:0.2 (s)",
+        help="stop a design when half the 95 %% interval is narrow enough: latency_s:0.5%%, or"
+        " latency_s:0.2 (s)",
     )
-    parser.add_argument("--seed", metavar="N", type=int, help="seed of the designs that are drawn (default 0)")
+    parser.add_argument(
+        "--seed", metavar="N", type=int, help="seed of the designs that are drawn (default 0)"
+    )
     parser.add_argument(
         "--show",
         metavar="FIGURE",
         action="append",
         default=[],
-        help="a figure that the table and the report begin with; repeatable (default: the first of each metric)",
+        help="a figure that the table and the report begin with; repeatable (default: the first of"
+        " each metric)",
     )
     parser.add_argument(
         "--require",
@@ -55,7 +72,8 @@ def _running_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="requirements",
-        help="a bound of a figure's mean, with >= or <=: a line in plots, and which designs meet it; repeatable",
+        help="a bound of a figure's mean, with >= or <=: a line in plots, and which designs meet"
+        " it; repeatable",
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
@@ -64,11 +82,19 @@ def _running_arguments(parser: argparse.ArgumentParser) -> None:
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a study, and which combinations run."""
     _study_arguments(parser)
-    parser.add_argument("--design", metavar="NAME", help="factorial (default), one-at-a-time or latin-hypercube")
-    parser.add_argument("--samples", metavar="N", type=int, help="designs of a Latin hypercube (default 20)")
-    parser.add_argument("--report", metavar="PAGE", help="write the report too, one HTML file (with opir-report)")
     parser.add_argument(
-        "--figures", metavar="FOLDER", help="write its figures and tables too, as files for a paper (with opir-report)"
+        "--design", metavar="NAME", help="factorial (default), one-at-a-time or latin-hypercube"
+    )
+    parser.add_argument(
+        "--samples", metavar="N", type=int, help="designs of a Latin hypercube (default 20)"
+    )
+    parser.add_argument(
+        "--report", metavar="PAGE", help="write the report too, one HTML file (with opir-report)"
+    )
+    parser.add_argument(
+        "--figures",
+        metavar="FOLDER",
+        help="write its figures and tables too, as files for a paper (with opir-report)",
     )
 
 
@@ -82,7 +108,11 @@ def optimise_arguments(parser: argparse.ArgumentParser) -> None:
         help="the figure whose mean is to be least or largest: 'max warning_time_s'",
     )
     parser.add_argument(
-        "--evaluations", metavar="N", type=int, default=100, help="designs that are evaluated (default 100)"
+        "--evaluations",
+        metavar="N",
+        type=int,
+        default=100,
+        help="designs that are evaluated (default 100)",
     )
     parser.set_defaults(design=None, samples=None)
 
@@ -98,7 +128,11 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         help="a tracker to score, a name or a YAML block; repeatable (default: the scene's)",
     )
     parser.add_argument(
-        "--runs", metavar="N", type=int, default=20, help="runs of each tracker, with consecutive seeds (default 20)"
+        "--runs",
+        metavar="N",
+        type=int,
+        default=20,
+        help="runs of each tracker, with consecutive seeds (default 20)",
     )
     parser.add_argument(
         "--workers",
@@ -107,7 +141,9 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="number of worker processes (default 1; timings inflate with more than one)",
     )
-    parser.add_argument("--details", action="store_true", help="print all scores of each tracker too")
+    parser.add_argument(
+        "--details", action="store_true", help="print all scores of each tracker too"
+    )
     _add_common(parser)
     add_score_settings(parser)
 
@@ -121,10 +157,13 @@ def tune_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="errors",
-        help="an error that the run may have against the most exact settings, e.g. impact_km=1, p_d=1e-3,"
+        help="an error that the run may have against the most exact settings, e.g. impact_km=1,"
+        " p_d=1e-3,"
         " line_of_sight_urad=1 or latency_s=0.1; repeatable",
     )
-    parser.add_argument("--runs", metavar="N", type=int, default=3, help="runs of each setting (default 3)")
+    parser.add_argument(
+        "--runs", metavar="N", type=int, default=3, help="runs of each setting (default 3)"
+    )
     _add_common(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
 

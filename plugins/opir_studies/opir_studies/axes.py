@@ -35,7 +35,9 @@ class Level:
 
 @frozen
 class Axis:
-    """A path of the scene with its levels, or with an interval to draw from for a Latin hypercube."""
+    """A path of the scene with its levels, or with an interval to draw from for a Latin
+    hypercube.
+    """
 
     path: str
     levels: tuple[Level, ...] = ()
@@ -59,7 +61,9 @@ class Design:
     @property
     def name(self) -> str:
         """Return the design in words, `design 2 (tracker=imm)`."""
-        labels = ", ".join(f"{path}={level.label}" for path, level in zip(self.paths, self.levels, strict=True))
+        labels = ", ".join(
+            f"{path}={level.label}" for path, level in zip(self.paths, self.levels, strict=True)
+        )
         return f"design {self.number}{f' ({labels})' if labels else ''}"
 
 
@@ -78,7 +82,10 @@ def designs_of(study: Study) -> tuple[Design, ...]:
         raise SceneError(problems, source=f"study {study.study}")
     rows = list(_limited(_combinations(study, axes)))
     if len(rows) > MAXIMUM_DESIGNS:
-        words = f"gives more than {MAXIMUM_DESIGNS} designs; vary less, or use design: {LATIN_HYPERCUBE}"
+        words = (
+            f"gives more than {MAXIMUM_DESIGNS} designs; vary less, or use design:"
+            f" {LATIN_HYPERCUBE}"
+        )
         raise SceneError([Problem("vary", words)], source=f"study {study.study}")
     paths = tuple(axis.path for axis in axes)
     return tuple(Design(number, tuple(row), paths) for number, row in enumerate(rows))
@@ -111,7 +118,9 @@ def _drawn(axis: Axis, uniform: float) -> Level:
     if axis.interval is None:
         return axis.levels[min(int(uniform * len(axis.levels)), len(axis.levels) - 1)]
     low, high = axis.interval
-    return _level(_rounded(low * (high / low) ** uniform if axis.is_log else low + (high - low) * uniform))
+    return _level(
+        _rounded(low * (high / low) ** uniform if axis.is_log else low + (high - low) * uniform)
+    )
 
 
 def axis_of(path: str, values: Any, *, is_sampled: bool = False) -> Axis:
@@ -135,16 +144,25 @@ def _with_distinct_levels(path: str, levels: Sequence[Level]) -> Axis:
 def _axis_of_block(path: str, block: Mapping[str, Any], is_sampled: bool) -> Axis:
     keys = set(block)
     if keys == {"named"} and isinstance(block["named"], Mapping) and block["named"]:
-        return Axis(path, tuple(Level(name, override_text(value)) for name, value in block["named"].items()))
+        return Axis(
+            path, tuple(Level(name, override_text(value)) for name, value in block["named"].items())
+        )
     if "uniform" in keys and keys <= {"uniform", "scale"}:
         if not is_sampled:
-            raise AxisError(f"uniform is for design: {LATIN_HYPERCUBE}; give a list, or from, to and count")
+            raise AxisError(
+                f"uniform is for design: {LATIN_HYPERCUBE}; give a list, or from, to and count"
+            )
         low, high = _bounds(block["uniform"], block.get("scale"))
         return Axis(path, interval=(low, high), is_log=block.get("scale") == "log")
-    if {"from", "to"} <= keys <= {"from", "to", "step"} or {"from", "to", "count"} <= keys <= {*_COUNTED}:
+    if {"from", "to"} <= keys <= {"from", "to", "step"} or {"from", "to", "count"} <= keys <= {
+        *_COUNTED
+    }:
         low, high = _bounds([block["from"], block["to"]], block.get("scale"))
         return _with_distinct_levels(path, [_level(value) for value in _range(block, low, high)])
-    words = "write a list, {from, to, step}, {from, to, count, scale}, {uniform: [low, high]} or {named: {name: value}}"
+    words = (
+        "write a list, {from, to, step}, {from, to, count, scale}, {uniform: [low, high]} or"
+        " {named: {name: value}}"
+    )
     raise AxisError(f"{{{', '.join(map(str, block))}}} says no values; {words}")
 
 
@@ -172,9 +190,13 @@ def _range(block: Mapping[str, Any], low: float, high: float) -> Sequence[float]
         return [_rounded(value) for value in spaced(low, high, count).tolist()]
     if not _is_number(step) or step <= 0 or (high - low) / step > MAXIMUM_DESIGNS:
         raise AxisError(
-            f"step {step!r} is not positive, or gives more than {MAXIMUM_DESIGNS} values; give step, or count"
+            f"step {step!r} is not positive, or gives more than {MAXIMUM_DESIGNS} values; give"
+            f" step, or count"
         )
-    return [_rounded(low + step * number) for number in range(math.floor((high - low) / step * (1 + 1e-12)) + 1)]
+    return [
+        _rounded(low + step * number)
+        for number in range(math.floor((high - low) / step * (1 + 1e-12)) + 1)
+    ]
 
 
 def _is_number(value: Any) -> bool:
@@ -199,7 +221,8 @@ def override_text(value: Any) -> str:
 
 
 def vary_of_text(words: str) -> tuple[str, Any]:
-    """Return path and values of `--vary PATH=VALUES`; values are separated by commas, or a block in {}.
+    """Return path and values of `--vary PATH=VALUES`; values are separated by commas, or a block in
+    {}.
 
     Raises `AxisError` for what is neither.
     """
@@ -211,14 +234,18 @@ def vary_of_text(words: str) -> tuple[str, Any]:
     except InvalidNode as refused:
         raise AxisError("; ".join(each.message for each in refused.complaints)) from refused
     is_block = len(values) == 1 and isinstance(values[0], dict)
-    return path.strip(), values[0] if is_block and {"from", "uniform", "named"} & values[0].keys() else values
+    return path.strip(), values[0] if is_block and {"from", "uniform", "named"} & values[
+        0
+    ].keys() else values
 
 
 def _value(text: str) -> Any:
     plain = text.strip()
     if not plain:
         raise AxisError("a value is missing between two commas")
-    return data_of_node(node_of_yaml(plain, plain) if plain[0] in "'\"[{" else node_of_scalar(plain, plain))
+    return data_of_node(
+        node_of_yaml(plain, plain) if plain[0] in "'\"[{" else node_of_scalar(plain, plain)
+    )
 
 
 def _split(text: str) -> Iterator[str]:

@@ -17,7 +17,10 @@ _HERE = "command line"
 def compare(arguments: argparse.Namespace) -> int:
     """Run the scene with every tracker and print the scores."""
     if arguments.runs < 1:
-        raise SceneError([Problem("--runs", f"{arguments.runs} is not a number of runs; give 1 or more")], source=_HERE)
+        raise SceneError(
+            [Problem("--runs", f"{arguments.runs} is not a number of runs; give 1 or more")],
+            source=_HERE,
+        )
     if arguments.workers < 1:
         problem = f"{arguments.workers} is not a number of processes; give 1 or more"
         raise SceneError([Problem("--workers", problem)], source=_HERE)
@@ -33,7 +36,11 @@ def compare(arguments: argparse.Namespace) -> int:
             dead_after_s=arguments.dead_after,
             on_run=on_run,
         )
-    text = json.dumps(found.as_plain(), indent=2) if arguments.json else _text(found, arguments.details)
+    text = (
+        json.dumps(found.as_plain(), indent=2)
+        if arguments.json
+        else _text(found, arguments.details)
+    )
     sys.stdout.write(text + "\n")
     return 0
 

@@ -29,7 +29,9 @@ from opir_studies.runs import PLANS
 
 
 class TimedTracker(Tracker):
-    """A tracker with its processor time measured; calls that import modules, as the first ones do, are not counted."""
+    """A tracker with its processor time measured; calls that import modules, as the first ones do,
+    are not counted.
+    """
 
     def __init__(self, tracker: Tracker) -> None:
         self._tracker = tracker
@@ -61,7 +63,9 @@ class TimedTracker(Tracker):
 
 @frozen(eq=False)
 class Comparison:
-    """Trackers on the same runs: the scorecard of each by its name, and their paired figures (`paired_figures`)."""
+    """Trackers on the same runs: the scorecard of each by its name, and their paired figures
+    (`paired_figures`).
+    """
 
     cards: Mapping[str, Scorecard]
     paired: Mapping[str, Any]
@@ -90,21 +94,29 @@ def compared(
     dead_after_s: float = DEAD_AFTER_S,
     on_run: Callable[[str, int], None] = lambda _tracker, _number: None,
 ) -> Comparison:
-    """Return the scores of trackers over `runs` runs of a scene file; run k has the scene's seed plus k.
+    """Return the scores of trackers over `runs` runs of a scene file; run k has the scene's seed
+    plus k.
 
-    `trackers` are values of a scene's `tracker:`; None is the scene's own. Without any tracker a `SceneError` is
-    raised. `workers` is the number of processes; a script with several needs `if __name__ == "__main__":`, because they
-    are spawned. Figures other than times do not depend on it. The figure `impact_method` is `paper` for a tracker with
-    impacts by the paper's law. `on_run` is called after each run with its tracker and number.
+    `trackers` are values of a scene's `tracker:`; None is the scene's own. Without any tracker a
+    `SceneError` is raised. `workers` is the number of processes; a script with several needs `if
+    __name__ == "__main__":`, because they are spawned. Figures other than times do not depend on
+    it. The figure `impact_method` is `paper` for a tracker with impacts by the paper's law.
+    `on_run` is called after each run with its tracker and number.
     """
     host = Host.discover()
     named = list(dict.fromkeys(trackers)) if trackers else [None]
     # All scenes are read before the first run, so that errors in any of them appear at once.
-    scenes = {name or scene.tracker.name: scene for name in named for scene in [_scene(path, name, overrides, host)]}
+    scenes = {
+        name or scene.tracker.name: scene
+        for name in named
+        for scene in [_scene(path, name, overrides, host)]
+    }
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
     scored = _scored_runs(tasks, list(scenes), workers, dead_after_s, on_run)
     rows = {label: scored[place * runs : (place + 1) * runs] for place, label in enumerate(scenes)}
-    paired = paired_figures({label: [row.run for row in own] for label, own in rows.items()}, settings)
+    paired = paired_figures(
+        {label: [row.run for row in own] for label, own in rows.items()}, settings
+    )
     return Comparison({label: _card(own, settings) for label, own in rows.items()}, paired)
 
 
@@ -116,7 +128,9 @@ def _card(rows: Sequence[_Scored], settings: ScoreSettings) -> Scorecard:
 
 
 def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) -> Scene:
-    """Return the scene with the named tracker, or its own; `SceneError` where that reports no tracks."""
+    """Return the scene with the named tracker, or its own; `SceneError` where that reports no
+    tracks.
+    """
     chosen = [] if name is None else [f"tracker={name}"]
     scene = evolve(load_scene(path, overrides=[*overrides, *chosen], host=host), outputs=())
     if compile_plan(scene, host).make_tracker().cadence_s is None:
@@ -155,7 +169,10 @@ def _scored_runs(
     except LostTasksError as error:
         if error.reasons:
             raise
-        words = "a worker process ended before its run was complete, possibly out of memory; use fewer --workers"
+        words = (
+            "a worker process ended before its run was complete, possibly out of memory; use fewer"
+            " --workers"
+        )
         raise OpirError(words) from error
     finally:
         executor.close()
@@ -168,4 +185,6 @@ def _scored(task: _Task) -> _Scored:
     run = run_of_plan(evolve(plan, make_tracker=lambda: timed))
     impacts = [row["impact"] for row in run.summary["tracks"] if row["impact"] is not None]
     has_paper_impacts = any(impact["method"] == "paper" for impact in impacts)
-    return _Scored(scored_run(evidence_of_run(run, plan, timed.seconds), task.settings), has_paper_impacts)
+    return _Scored(
+        scored_run(evidence_of_run(run, plan, timed.seconds), task.settings), has_paper_impacts
+    )

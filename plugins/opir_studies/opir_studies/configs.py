@@ -56,7 +56,11 @@ _CONTAINMENTS_PERCENT = (50.0, 90.0, 95.0)
 def _phases_complaint(phases: Any) -> str | None:
     unknown = [each for each in phases if each not in PHASE_NAMES]
     if unknown or len(set(phases)) < len(phases):
-        return f"{unknown[0]!r} is no phase; there are {', '.join(PHASE_NAMES)}" if unknown else "a phase is repeated"
+        return (
+            f"{unknown[0]!r} is no phase; there are {', '.join(PHASE_NAMES)}"
+            if unknown
+            else "a phase is repeated"
+        )
     return None
 
 
@@ -65,9 +69,13 @@ def _moments_complaint(times: Any) -> str | None:
 
 
 def _containment_percent(of: str) -> Any:
-    """Return the field of the containment of what a tracker reports; `_require_containment` checks it."""
+    """Return the field of the containment of what a tracker reports; `_require_containment` checks
+    it.
+    """
     words = f"containment of {of}: 50, 90 or 95"
-    return number(help=words, default=95.0, unit="%", minimum=50.0, maximum=95.0, source="convention")
+    return number(
+        help=words, default=95.0, unit="%", minimum=50.0, maximum=95.0, source="convention"
+    )
 
 
 def _require_containment(percent: float) -> None:
@@ -103,7 +111,9 @@ class ImpactConfig:
 
 @frozen(kw_only=True)
 class WarningConfig:
-    """The settings of the metric `warning_time`: what a warning must state; null for not required."""
+    """The settings of the metric `warning_time`: what a warning must state; null for not
+    required.
+    """
 
     missile_probability: float | None = number(
         help="P(missile) of the track is above this",

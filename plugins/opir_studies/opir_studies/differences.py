@@ -1,7 +1,7 @@
 """How far the answers of a run are from those of an exact reference run with the same seed.
 
-Detections of both runs are matched by their ids, which depends on seed, sensor, target and scan alone: so measurement
-noise is the same in both, and differences are those of the settings.
+Detections of both runs are matched by their ids, which depends on seed, sensor, target and scan
+alone: so measurement noise is the same in both, and differences are those of the settings.
 """
 
 import math
@@ -27,7 +27,8 @@ from opir_core.planning import Looks
 from opir_core.plugin import Detections
 from opir_core.simulation import ProbabilityInterpolant
 
-#: What each error says; all are 0 where the runs agree, and infinite where only one of them has an answer.
+#: What each error says; all are 0 where the runs agree, and infinite where only one of them has an
+#: answer.
 MEASURES: Mapping[str, str] = {
     "p_d": "largest error of the probability of detection of a look",
     "counts": "relative error of the number of detections",
@@ -39,8 +40,10 @@ MEASURES: Mapping[str, str] = {
     "position_km": "error of tracked positions at the same ticks, root mean square, km",
     "launch_km": "error of the last launch estimates, root mean square over launches, km",
     "impact_km": "error of the last predicted impact points, root mean square over launches, km",
-    "region_contains": "difference of the share of last 95 % impact regions that contain the true impact",
-    "impact_area": "relative error of the areas of the last 95 % impact regions, root mean square over launches",
+    "region_contains": "difference of the share of last 95 % impact regions that contain the true"
+    " impact",
+    "impact_area": "relative error of the areas of the last 95 % impact regions, root mean square"
+    " over launches",
 }
 
 #: Those of estimates: a scene without a tracker has none.
@@ -49,7 +52,8 @@ OF_TRACKS = {"position_km", "launch_km", "impact_km", "region_contains", "impact
 #: Those whose truth is known: they are compared with it, too.
 OF_TRUTH = ("position_km", "launch_km", "impact_km")
 
-#: Those that are averaged as root mean squares over runs; the others are the largest, or the mean (`counts`, `type`).
+#: Those that are averaged as root mean squares over runs; the others are the largest, or the mean
+#: (`counts`, `type`).
 _ROOT_MEAN_SQUARES = {"position_km", "launch_km", "impact_km", "impact_area"}
 _MEANS = {"counts", "type", "region_contains"}
 
@@ -60,7 +64,9 @@ LOOKS = 20_000
 
 @frozen(eq=False)
 class RunAnswers:
-    """What a user reads of a run: detections with their P_d, and for each launch the estimates, nan where none."""
+    """What a user reads of a run: detections with their P_d, and for each launch the estimates, nan
+    where none.
+    """
 
     detections: Detections
     #: Keys of looks, and their P_d.
@@ -79,7 +85,9 @@ class RunAnswers:
 
 
 def unanswered(answers: RunAnswers) -> set[str]:
-    """Return the measures of which a run has no answer: their errors are 0 whatever the settings."""
+    """Return the measures of which a run has no answer: their errors are 0 whatever the
+    settings.
+    """
     known = {
         "position_km": answers.ticks,
         "launch_km": answers.launch[np.isfinite(answers.launch)],
@@ -90,7 +98,11 @@ def unanswered(answers: RunAnswers) -> set[str]:
         "latency_s": answers.first_s[np.isfinite(answers.first_s)],
         "p_d": answers.looks,
     }
-    needs_detections = {"counts", "line_of_sight_urad", "confidence", "type"} if not len(answers.detections) else set()
+    needs_detections = (
+        {"counts", "line_of_sight_urad", "confidence", "type"}
+        if not len(answers.detections)
+        else set()
+    )
     return needs_detections | {name for name, values in known.items() if not len(values)}
 
 
@@ -103,7 +115,9 @@ def answers_of(run: Run) -> RunAnswers:
     first_s = np.full(count, np.inf)
     np.minimum.at(first_s, target, detections.time_s)
     truths = run.plan.targets.truth()
-    places, starts = (np.array([place_of(each.get(name)) for each in truths]) for name in ("impact", "launch"))
+    places, starts = (
+        np.array([place_of(each.get(name)) for each in truths]) for name in ("impact", "launch")
+    )
     launch = np.full((count, 3), np.nan)
     impact = np.full((count, 3), np.nan)
     area = np.full(count, np.nan)
@@ -125,17 +139,37 @@ def answers_of(run: Run) -> RunAnswers:
         whose = owners.target[np.searchsorted(owners.track, run.tracks.track[every])]
         ticks = np.rint(run.tracks.tick_s[every] * 1e3).astype(np.int64) * count + whose
         states = run.tracks.state[every, :3]
-        off = states - true_states_ecef(run.plan, whose.astype(np.int32), run.tracks.tick_s[every])[:, :3]
+        off = (
+            states
+            - true_states_ecef(run.plan, whose.astype(np.int32), run.tracks.tick_s[every])[:, :3]
+        )
     places = places.reshape(-1, 3)
     starts = starts.reshape(-1, 3)
-    errors = np.linalg.norm(off, axis=1), _distances(launch, starts, np.nan), _distances(impact, places, np.nan)
-    from_truth = {name: 1e-3 * _rms_of_known(each) for name, each in zip(OF_TRUTH, errors, strict=True)}
-    answers = (*_probabilities(run, mine), first_s, places[:, :2], ticks, states, launch, impact, area, contained)
+    errors = (
+        np.linalg.norm(off, axis=1),
+        _distances(launch, starts, np.nan),
+        _distances(impact, places, np.nan),
+    )
+    from_truth = {
+        name: 1e-3 * _rms_of_known(each) for name, each in zip(OF_TRUTH, errors, strict=True)
+    }
+    answers = (
+        *_probabilities(run, mine),
+        first_s,
+        places[:, :2],
+        ticks,
+        states,
+        launch,
+        impact,
+        area,
+        contained,
+    )
     return RunAnswers(detections, *answers, from_truth)
 
 
 def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
-    """Return keys of looks and their P_d: of every n-th scan for a model of signals, else of what was detected.
+    """Return keys of looks and their P_d: of every n-th scan for a model of signals, else of what
+    was detected.
 
     A detection's own P_d says little of a model that is wrong where it detects nothing.
     """
@@ -146,7 +180,9 @@ def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
     first = plan.look_geometry().exposures(every.pair[:1], every.scan[:1])
     if not len(first) or model.response(first) is None:
         detected = run.detections.take(mine)
-        return _look_keys(detected.sensor, run.truth.target[mine], detected.scan, count), run.truth.probability[mine]
+        return _look_keys(
+            detected.sensor, run.truth.target[mine], detected.scan, count
+        ), run.truth.probability[mine]
     stride = 1 << max(0, math.ceil(math.log2(max(len(every.pair), 1) / LOOKS)))
     kept = np.flatnonzero(every.scan % stride == 0)
     pair = every.pair[kept]
@@ -176,7 +212,9 @@ def differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:
     wanted = len(reference.detections)
     return {
         "p_d": _largest(run.probability[look] - reference.probability[same]),
-        "counts": (len(run.detections) - wanted) / wanted if wanted else float(len(run.detections) > 0),
+        "counts": (len(run.detections) - wanted) / wanted
+        if wanted
+        else float(len(run.detections) > 0),
         "latency_s": _largest(_both(run.first_s, reference.first_s)),
         "line_of_sight_urad": 1e6 * _largest(across),
         "confidence": _largest(here.confidence - there.confidence),
@@ -186,7 +224,9 @@ def differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:
         "launch_km": 1e-3 * _rms(_distances(run.launch, reference.launch)),
         "impact_km": 1e-3 * _rms(_distances(run.impact, reference.impact)),
         "region_contains": _share(run.contained) - _share(reference.contained),
-        "impact_area": _rms(_both(run.area_km2, reference.area_km2) / np.nan_to_num(reference.area_km2, nan=1.0)),
+        "impact_area": _rms(
+            _both(run.area_km2, reference.area_km2) / np.nan_to_num(reference.area_km2, nan=1.0)
+        ),
     }
 
 
@@ -196,7 +236,9 @@ def over_runs(found: list[dict[str, float]]) -> dict[str, float]:
 
 
 def from_truth_over_runs(found: list[Mapping[str, float]]) -> dict[str, float]:
-    """Return the errors from the truth of several runs as one: root mean squares over those that have any."""
+    """Return the errors from the truth of several runs as one: root mean squares over those that
+    have any.
+    """
     return {name: _rms_of_known(np.array([each[name] for each in found])) for name in OF_TRUTH}
 
 
@@ -224,15 +266,17 @@ def _both(ours: FloatArray, theirs: FloatArray) -> FloatArray:
 
 
 def _distances(ours: FloatArray, theirs: FloatArray, of_one: float = np.inf) -> FloatArray:
-    """Return ground distances, m, between places (n, 2+) of latitude and longitude, rad: `of_one` where only one is
-    known, 0 where none is.
+    """Return ground distances, m, between places (n, 2+) of latitude and longitude, rad: `of_one`
+    where only one is known, 0 where none is.
     """
     known = np.isfinite(ours[:, 0])
     wanted = np.isfinite(theirs[:, 0])
     pair = known & wanted
     found = np.where(known != wanted, of_one, 0.0)
     if pair.any():
-        found[pair] = np.linalg.norm(ground_error(_ground(ours[pair]), _ground(theirs[pair])), axis=1)
+        found[pair] = np.linalg.norm(
+            ground_error(_ground(ours[pair]), _ground(theirs[pair])), axis=1
+        )
     return found
 
 

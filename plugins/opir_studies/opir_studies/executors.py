@@ -1,7 +1,7 @@
 """The executors `serial` and `processes`: where the runs of a study are made.
 
-Workers are new processes (spawned, not forked: other threads, such as a progress bar's, may hold locks), so a script
-that uses them needs `if __name__ == "__main__":`.
+Workers are new processes (spawned, not forked: other threads, such as a progress bar's, may hold
+locks), so a script that uses them needs `if __name__ == "__main__":`.
 """
 
 import os
@@ -32,10 +32,11 @@ DEATHS_BESIDE_OTHERS = 2
 
 
 class LostTasksError(OpirError):
-    """Tasks whose worker died again and again; raised after all other tasks have given their results.
+    """Tasks whose worker died again and again; raised after all other tasks have given their
+    results.
 
-    `tasks` are their indices, `reasons` why their workers were ended, as far as that is known. An executor of a plugin
-    raises it too.
+    `tasks` are their indices, `reasons` why their workers were ended, as far as that is known. An
+    executor of a plugin raises it too.
     """
 
     exit_code = 4
@@ -51,7 +52,9 @@ class LostTasksError(OpirError):
 class SerialExecutor:
     """Runs tasks one after another in this process."""
 
-    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def results(
+        self, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         """Yield the index and the result of each task, in order."""
         for index, task in enumerate(tasks):
             yield index, function(task)
@@ -77,7 +80,9 @@ def _cores() -> int:
 
 @define
 class _Progress:
-    """The tasks that are left, and how often the workers of each died: while others ran, and alone."""
+    """The tasks that are left, and how often the workers of each died: while others ran, and
+    alone.
+    """
 
     waiting: deque[int]
     deaths: dict[int, int]
@@ -91,9 +96,10 @@ class _Progress:
 class ProcessesExecutor:
     """Runs tasks in worker processes of this computer.
 
-    If a worker dies, the pool is rebuilt and unfinished tasks run again. A task that was running at several deaths runs
-    alone; if its worker dies three times then, the task is lost (`LostTasksError`, after the others have ended). So is
-    a task in which one call of a component lasts `dead_after_s`: its worker says so and ends.
+    If a worker dies, the pool is rebuilt and unfinished tasks run again. A task that was running at
+    several deaths runs alone; if its worker dies three times then, the task is lost
+    (`LostTasksError`, after the others have ended). So is a task in which one call of a component
+    lasts `dead_after_s`: its worker says so and ends.
     """
 
     def __init__(self, workers: int, dead_after_s: float = DEAD_AFTER_S) -> None:
@@ -106,7 +112,9 @@ class ProcessesExecutor:
         #: Tasks that did not return, with the reasons.
         self._stuck = self._context.SimpleQueue()
 
-    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def results(
+        self, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         """Yield the index and the result of each task once, as they end."""
         left = _Progress(deque(range(len(tasks))), {}, {}, deque(), [])
         running: dict[Future[Any], int] = {}
@@ -138,9 +146,15 @@ class ProcessesExecutor:
                 worker.terminate()
 
     def _filled(
-        self, running: dict[Future[Any], int], left: _Progress, function: Callable[[Any], Any], tasks: Sequence[Any]
+        self,
+        running: dict[Future[Any], int],
+        left: _Progress,
+        function: Callable[[Any], Any],
+        tasks: Sequence[Any],
     ) -> bool:
-        """Submit tasks until the workers have enough to do; return whether a worker had died already."""
+        """Submit tasks until the workers have enough to do; return whether a worker had died
+        already.
+        """
         # Few are on their way at a time, so that a death puts few under suspicion.
         while left.waiting and len(running) < 2 * self.workers:
             if not self._submitted(left.waiting, running, function, tasks):
@@ -150,7 +164,11 @@ class ProcessesExecutor:
         return False
 
     def _submitted(
-        self, queue: deque[int], running: dict[Future[Any], int], function: Callable[[Any], Any], tasks: Sequence[Any]
+        self,
+        queue: deque[int],
+        running: dict[Future[Any], int],
+        function: Callable[[Any], Any],
+        tasks: Sequence[Any],
     ) -> bool:
         if self._pool is None:
             given = self._stuck, self.dead_after_s
@@ -163,7 +181,9 @@ class ProcessesExecutor:
         queue.popleft()
         return True
 
-    def _rebuilt(self, running: dict[Future[Any], int], left: _Progress) -> Iterator[tuple[int, Any]]:
+    def _rebuilt(
+        self, running: dict[Future[Any], int], left: _Progress
+    ) -> Iterator[tuple[int, Any]]:
         """Yield what had ended before a worker died, and put the rest back into the queues."""
         wait(running)
         ended = {future: index for future, index in running.items() if future.exception() is None}
@@ -196,7 +216,8 @@ def _put_back(index: int, left: _Progress, *, is_alone: bool) -> None:
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Have workers that are started now use one thread each for linear algebra, unless the environment says otherwise.
+    """Have workers that are started now use one thread each for linear algebra, unless the
+    environment says otherwise.
 
     Each worker has a core; more threads than cores wait for each other.
     """
@@ -222,9 +243,11 @@ def _done(function: Callable[[Any], Any], index: int, task: Any) -> Any:
 
 
 def start_worker(stuck: Any, dead_after_s: float) -> None:
-    """Prepare a worker: an interrupt from the keyboard is for its parent, and it ends when its parent does.
+    """Prepare a worker: an interrupt from the keyboard is for its parent, and it ends when its
+    parent does.
 
-    It also ends, and says why in the queue `stuck`, if one call of a component lasts `dead_after_s`.
+    It also ends, and says why in the queue `stuck`, if one call of a component lasts
+    `dead_after_s`.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -1,4 +1,6 @@
-"""The settings that trade accuracy for run time: for each its levels, from the most exact to the coarsest."""
+"""The settings that trade accuracy for run time: for each its levels, from the most exact to the
+coarsest.
+"""
 
 import json
 import math
@@ -16,9 +18,11 @@ Overrides = tuple[str, ...]
 
 @frozen
 class Knob:
-    """A setting with its levels, most exact first; each level is a set of overrides, empty for what the scene has.
+    """A setting with its levels, most exact first; each level is a set of overrides, empty for what
+    the scene has.
 
-    `p_d` are the errors of P_d that the levels allow by their own definition, if the setting is a tolerance of it.
+    `p_d` are the errors of P_d that the levels allow by their own definition, if the setting is a
+    tolerance of it.
     """
 
     name: str
@@ -26,7 +30,9 @@ class Knob:
     p_d: tuple[float, ...] = ()
 
     def allows(self, level: int, errors: Mapping[str, float]) -> bool:
-        """Return whether a level is no looser, by its own definition, than the errors: one scene could flatter it."""
+        """Return whether a level is no looser, by its own definition, than the errors: one scene
+        could flatter it.
+        """
         return not self.p_d or self.p_d[level] <= errors.get("p_d", math.inf)
 
 
@@ -39,8 +45,15 @@ def knobs_of(scene: Scene) -> list[Knob]:
 def _probability(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
     if scene.detection.name == "snr":
         tolerances = ("1.0e-6", "1.0e-5", "1.0e-4", "1.0e-3", "1.0e-2", "1.0e-1")
-        rest = ((f"detection.probability_tolerance={each}", "detection.exact=false") for each in tolerances)
-        yield Knob("probability tolerance", (("detection.exact=true",), *rest), (0.0, *map(float, tolerances)))
+        rest = (
+            (f"detection.probability_tolerance={each}", "detection.exact=false")
+            for each in tolerances
+        )
+        yield Knob(
+            "probability tolerance",
+            (("detection.exact=true",), *rest),
+            (0.0, *map(float, tolerances)),
+        )
 
 
 def _light_time(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
@@ -49,7 +62,9 @@ def _light_time(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
 
 
 def _forces(scene: Scene, plain: Mapping[str, Any]) -> Iterator[Knob]:
-    """Leave out drag, then zonal terms from the highest down; a scene of two-body motion has nothing to leave out."""
+    """Leave out drag, then zonal terms from the highest down; a scene of two-body motion has
+    nothing to leave out.
+    """
     named = plain.get("forces")
     if not isinstance(named, list):
         return
@@ -62,20 +77,34 @@ def _forces(scene: Scene, plain: Mapping[str, Any]) -> Iterator[Knob]:
 
 def _classifier(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
     if scene.classification.name == "spectral":
-        yield Knob("launches of the classifier", tuple((f"classification.launches={n}",) for n in (240, 60, 24, 8)))
+        yield Knob(
+            "launches of the classifier",
+            tuple((f"classification.launches={n}",) for n in (240, 60, 24, 8)),
+        )
 
 
 def _tracker(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
-    """Cadence and slice together, since a slice is at most the cadence; the exact level has quarters of a second."""
+    """Cadence and slice together, since a slice is at most the cadence; the exact level has
+    quarters of a second.
+    """
     if scene.tracker.name == "imm":
         pairs = (("1.0", "0.25"), ("1.0", "1.0"), ("2.0", "2.0"), ("5.0", "5.0"), ("10.0", "10.0"))
         yield Knob(
             "tracker cadence and slice",
-            tuple((f"tracker.cadence_s={cadence}", f"tracker.slice_s={slice_}") for cadence, slice_ in pairs),
+            tuple(
+                (f"tracker.cadence_s={cadence}", f"tracker.slice_s={slice_}")
+                for cadence, slice_ in pairs
+            ),
         )
-        yield Knob("impact regions", tuple((f"tracker.regions_every_s={s}",) for s in ("1.0", "5.0", "20.0", "60.0")))
+        yield Knob(
+            "impact regions",
+            tuple((f"tracker.regions_every_s={s}",) for s in ("1.0", "5.0", "20.0", "60.0")),
+        )
     elif scene.tracker.name == "kepler-arc":
-        yield Knob("tracker cadence", tuple((f"tracker.cadence_s={s}",) for s in ("1.0", "2.0", "5.0", "10.0")))
+        yield Knob(
+            "tracker cadence",
+            tuple((f"tracker.cadence_s={s}",) for s in ("1.0", "2.0", "5.0", "10.0")),
+        )
 
 
 _MAKERS: tuple[Callable[[Scene, Mapping[str, Any]], Iterator[Knob]], ...] = (

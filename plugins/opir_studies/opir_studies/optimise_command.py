@@ -1,4 +1,6 @@
-"""`opir optimise`: find the best design under requirements, and print it with those that come next."""
+"""`opir optimise`: find the best design under requirements, and print it with those that come
+next.
+"""
 
 import argparse
 import json
@@ -61,14 +63,27 @@ def as_text(found: Optimised) -> str:
     ]
     words = ", ".join(f"{path}={value}" for path, value in best_row(found).items())
     which = "largest" if objective["is_largest"] else "smallest"
-    met = "" if found.is_feasible else "; no design that was evaluated meets all requirements, this one is nearest"
-    count = f"{grouped(len(result.definition['designs']))} of {grouped(found.possible)} designs evaluated"
+    met = (
+        ""
+        if found.is_feasible
+        else "; no design that was evaluated meets all requirements, this one is nearest"
+    )
+    count = (
+        f"{grouped(len(result.definition['designs']))} of {grouped(found.possible)} designs"
+        f" evaluated"
+    )
     return "\n\n".join(
         [
             *map("note: {}".format, result.definition["notes"]),
-            f"{which} {objective['figure']}: {words} ({count}, the best at evaluation {found.best + 1}){met}",
+            (
+                f"{which} {objective['figure']}: {words} ({count}, the best at evaluation"
+                f" {found.best + 1}){met}"
+            ),
             table([*result.paths, *figures], body),
-            f"All designs: {result.folder / 'results.csv'}; opir report {result.folder} draws the path",
+            (
+                f"All designs: {result.folder / 'results.csv'}; opir report {result.folder} draws the"
+                f" path"
+            ),
         ]
     )
 

@@ -1,4 +1,6 @@
-"""The best design of a study under requirements, found by evaluating a small part of its designs."""
+"""The best design of a study under requirements, found by evaluating a small part of its
+designs.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +36,9 @@ class Objective:
 
     @classmethod
     def of(cls, text: str) -> "Objective":
-        """Return the objective of a text, `max warning_time_s`; raises `SceneError` for what is none."""
+        """Return the objective of a text, `max warning_time_s`; raises `SceneError` for what is
+        none.
+        """
         wanted, _, figure = text.strip().partition(" ")
         if wanted not in _WANTED or not figure.strip():
             words = f"{text!r} is not 'min FIGURE' or 'max FIGURE', such as 'max warning_time_s'"
@@ -44,9 +48,11 @@ class Objective:
 
 @frozen(eq=False)
 class Optimised:
-    """The result of an optimisation: the designs in the order of their evaluation, and the number of the best one.
+    """The result of an optimisation: the designs in the order of their evaluation, and the number
+    of the best one.
 
-    `is_feasible` is whether the best design meets all requirements, `possible` the number of designs that there are.
+    `is_feasible` is whether the best design meets all requirements, `possible` the number of
+    designs that there are.
     """
 
     result: StudyResult
@@ -65,27 +71,41 @@ def optimise(
     dead_after_s: float = DEAD_AFTER_S,
     on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
 ) -> Optimised:
-    """Evaluate designs of a study to find the best one under its requirements; write the folder of a study.
+    """Evaluate designs of a study to find the best one under its requirements; write the folder of
+    a study.
 
-    All combinations of what varies are possible; a design is evaluated by the means of its runs, which all have the
-    same seeds. Runs that are in the folder are not made again. Raises as `sweep`, and `PluginError` without Optuna.
+    All combinations of what varies are possible; a design is evaluated by the means of its runs,
+    which all have the same seeds. Runs that are in the folder are not made again. Raises as
+    `sweep`, and `PluginError` without Optuna.
     """
     wanted = Objective.of(objective)
     axes = _axes(study)
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
     work = _Evaluation(study, axes, wanted, Path(folder), context, on_progress)
     search = DesignSearch(
-        tuple(len(axis.levels) for axis in axes), tuple(_is_ordered(axis) for axis in axes), study.seed
+        tuple(len(axis.levels) for axis in axes),
+        tuple(_is_ordered(axis) for axis in axes),
+        study.seed,
     )
     work.require_objective()
     search.run(evaluations, work.outcomes)
     points = list(search.found)
-    planned = planned_study(study, work.host, [work.design(number, point) for number, point in enumerate(points)])
-    records = [[record if not record.failure else None for record in work.records[point]] for point in points]
-    extra = {"objective": {"figure": wanted.figure, "is_largest": wanted.is_largest}, "design": "optimise"}
+    planned = planned_study(
+        study, work.host, [work.design(number, point) for number, point in enumerate(points)]
+    )
+    records = [
+        [record if not record.failure else None for record in work.records[point]]
+        for point in points
+    ]
+    extra = {
+        "objective": {"figure": wanted.figure, "is_largest": wanted.is_largest},
+        "design": "optimise",
+    }
     result = written_result(planned, Path(folder), records, extra)
     best = points.index(search.best)
-    is_feasible = search.found[search.best].violation == 0.0 and math.isfinite(search.found[search.best].value)
+    is_feasible = search.found[search.best].violation == 0.0 and math.isfinite(
+        search.found[search.best].value
+    )
     return Optimised(result, best, is_feasible, math.prod(search.levels))
 
 
@@ -111,7 +131,10 @@ def _axes(study: Study) -> list[Axis]:
 
 
 def _is_ordered(axis: Axis) -> bool:
-    return all(isinstance(level.label, int | float) and not isinstance(level.label, bool) for level in axis.levels)
+    return all(
+        isinstance(level.label, int | float) and not isinstance(level.label, bool)
+        for level in axis.levels
+    )
 
 
 class _Evaluation:
@@ -144,13 +167,19 @@ class _Evaluation:
     def require_objective(self) -> None:
         """Raise `SceneError` if no metric gives the figure of the objective."""
         planned = planned_study(self._study, self.host, [self.design(0, (0,) * len(self._axes))])
-        require_figures([self._objective.figure], "objective", planned.units, f"study {self._study.study}")
+        require_figures(
+            [self._objective.figure], "objective", planned.units, f"study {self._study.study}"
+        )
 
     def outcomes(self, points: Sequence[Point]) -> list[Outcome]:
         """Run designs and return their outcomes."""
-        planned = planned_study(self._study, self.host, [self.design(*each) for each in enumerate(points)])
+        planned = planned_study(
+            self._study, self.host, [self.design(*each) for each in enumerate(points)]
+        )
         parts = Parts(self._folder / PARTS, tuple(planned.units))
-        keys = {design.key(number) for design in planned.designs for number in range(self._study.runs)}
+        keys = {
+            design.key(number) for design in planned.designs for number in range(self._study.runs)
+        }
         state = SweepState(planned, parts, parts.found(keys), self._context, self._on_progress)
         try:
             counts = state.run()
@@ -158,11 +187,15 @@ class _Evaluation:
             state.close()
         state.require_no_failure()
         for point, design, count in zip(points, planned.designs, counts, strict=True):
-            self.records[point] = [each for each in state.records_of(design, count) if each is not None]
+            self.records[point] = [
+                each for each in state.records_of(design, count) if each is not None
+            ]
         return [self._outcome(planned, point) for point in points]
 
     def _outcome(self, planned: PlannedStudy, point: Point) -> Outcome:
-        means: Mapping[str, float] = {name: self._mean(point, place) for place, name in enumerate(planned.units)}
+        means: Mapping[str, float] = {
+            name: self._mean(point, place) for place, name in enumerate(planned.units)
+        }
         violation = sum(each.violation(means[each.figure]) for each in planned.requirements)
         value = means[self._objective.figure]
         if math.isnan(value):

@@ -1,6 +1,8 @@
-"""The finished runs of a study on disk: Parquet files, each written whole, and found again by the keys of their runs.
+"""The finished runs of a study on disk: Parquet files, each written whole, and found again by the
+keys of their runs.
 
-After a kill each part is whole or absent. Its name is the SHA-256 of its content, so that damage is found.
+After a kill each part is whole or absent. Its name is the SHA-256 of its content, so that damage is
+found.
 """
 
 import hashlib
@@ -35,8 +37,8 @@ class Parts:
     def found(self, wanted: Collection[str]) -> dict[str, RunRecord]:
         """Return the records of the wanted keys that are on the disk.
 
-        Runs of other definitions of the study are left alone. Raises `SceneError` for a file that is damaged, or is no
-        part of a study.
+        Runs of other definitions of the study are left alone. Raises `SceneError` for a file that
+        is damaged, or is no part of a study.
         """
         records: dict[str, RunRecord] = {}
         for path in sorted(self.folder.glob(f"*{_SUFFIX}")):
@@ -90,7 +92,9 @@ def _rows(path: Path, wanted: Collection[str]) -> Sequence[Mapping[str, Any]]:
         reason = reason_of(error) if isinstance(error, OSError) else str(error).splitlines()[0]
         words = f"is damaged ({reason}); delete it, and its runs are made again"
         raise SceneError([Problem("", words)], source=str(path)) from error
-    if (table.schema.metadata or {}).get(b"opir_study_part") != b"1" or not set(_COLUMNS) <= set(table.column_names):
+    if (table.schema.metadata or {}).get(b"opir_study_part") != b"1" or not set(_COLUMNS) <= set(
+        table.column_names
+    ):
         raise _foreign(path)
     is_wanted = [str(key) in wanted for key in table["key"].to_pylist()]
     rows: list[Mapping[str, Any]] = table.filter(pa.array(is_wanted, pa.bool_())).to_pylist()
@@ -98,7 +102,9 @@ def _rows(path: Path, wanted: Collection[str]) -> Sequence[Mapping[str, Any]]:
 
 
 def _foreign(path: Path) -> SceneError:
-    words = "is no part of a study of this opir; move it elsewhere, or give another folder with --out"
+    words = (
+        "is no part of a study of this opir; move it elsewhere, or give another folder with --out"
+    )
     return SceneError([Problem("", words)], source=str(path))
 
 

@@ -8,7 +8,14 @@ from attrs import asdict, evolve, field, frozen
 
 from opir_core import Plan, Scene, compile_plan
 from opir_core.errors import PluginError, Problem, SceneError
-from opir_core.plugin import ExecutorContext, ExecutorModel, Host, Metric, MetricContext, MetricModel
+from opir_core.plugin import (
+    ExecutorContext,
+    ExecutorModel,
+    Host,
+    Metric,
+    MetricContext,
+    MetricModel,
+)
 from opir_core.reading import (
     ComponentReader,
     InvalidNode,
@@ -30,8 +37,8 @@ from opir_studies.until import Until, until_of
 #: The most problems that one message lists, and notes of a study.
 _MOST_PROBLEMS = 20
 _MOST_NOTES = 3
-#: Metrics whose figures change when a burnout is recognised, and how long after it a scene should last, s: the phases
-#: of `impact_region` end 20 s after it.
+#: Metrics whose figures change when a burnout is recognised, and how long after it a scene should
+#: last, s: the phases of `impact_region` end 20 s after it.
 _OF_WHOLE_BURNS = {"impact_region", "warning_time"}
 AFTER_BURNOUT_S = 30.0
 
@@ -70,14 +77,19 @@ class PlannedStudy:
         return {name: unit for metric in self.metrics for name, unit in metric.units.items()}
 
 
-def planned_study(study: Study, host: Host | None = None, designs: Sequence[Design] | None = None) -> PlannedStudy:
+def planned_study(
+    study: Study, host: Host | None = None, designs: Sequence[Design] | None = None
+) -> PlannedStudy:
     """Return a study made ready to run; `designs` are some instead of all of them.
 
-    Raises `SceneError` with the problems of all designs, each with the design and the place in its scene, or
-    `PluginError` for a component that is missing.
+    Raises `SceneError` with the problems of all designs, each with the design and the place in its
+    scene, or `PluginError` for a component that is missing.
     """
     host = host or Host.discover()
-    choices = [_choice(MetricModel.hook, each, f"metrics[{row}]", host) for row, each in enumerate(study.metrics)]
+    choices = [
+        _choice(MetricModel.hook, each, f"metrics[{row}]", host)
+        for row, each in enumerate(study.metrics)
+    ]
     _require_split(study)
     metrics = tuple(_built_metric(choice, host) for choice in choices)
     _require_distinct(metrics, study)
@@ -93,7 +105,9 @@ def planned_study(study: Study, host: Host | None = None, designs: Sequence[Desi
         except SceneError as error:
             problems += [Problem(design.name, str(problem)) for problem in error.problems]
     if problems:
-        raise SceneError(_cut_short(problems), source=f"study {study.study}, scene {_scene_name(study)}")
+        raise SceneError(
+            _cut_short(problems), source=f"study {study.study}, scene {_scene_name(study)}"
+        )
     figures = {name: unit for metric in metrics for name, unit in metric.units.items()}
     names = _numbered([choice.name for choice in choices])
     source = f"study {study.study}"
@@ -101,17 +115,25 @@ def planned_study(study: Study, host: Host | None = None, designs: Sequence[Desi
     requirements = requirements_of(study.requirements, figures, source)
     shown = _few(tuple(dict.fromkeys(notes))) if set(names) & _OF_WHOLE_BURNS else ()
     settings = {name: each for name, (_, each, _) in zip(names, described, strict=True)}
-    return PlannedStudy(study, tuple(ready), names, metrics, until_of(study, figures), requirements, shown, settings)
+    return PlannedStudy(
+        study, tuple(ready), names, metrics, until_of(study, figures), requirements, shown, settings
+    )
 
 
 def _few(notes: tuple[str, ...]) -> tuple[str, ...]:
     """Return a few of the notes on designs, and how many are left out."""
     more = len(notes) - _MOST_NOTES
-    return notes if more <= 0 else (*notes[:_MOST_NOTES], f"{more} more designs have scenes that end too early")
+    return (
+        notes
+        if more <= 0
+        else (*notes[:_MOST_NOTES], f"{more} more designs have scenes that end too early")
+    )
 
 
 def _end_note(plan: Plan) -> str:
-    """Return what is wrong with the end of a scene for metrics of predicted impacts, "" for nothing."""
+    """Return what is wrong with the end of a scene for metrics of predicted impacts, "" for
+    nothing.
+    """
     launches = len(plan.scene.targets)
     if not launches:
         return ""
@@ -121,13 +143,17 @@ def _end_note(plan: Plan) -> str:
         return ""
     where = f"{-after_s:.0f} s before" if after_s < 0.0 else f"{after_s:.0f} s after"
     return (
-        f"the scene ends at {plan.scene.duration_s:g} s, {where} the burnout of {plan.targets.ids[last]}:"
-        f" impact regions shrink when a burnout is recognised; let it last {AFTER_BURNOUT_S:.0f} s longer than the burn"
+        f"the scene ends at {plan.scene.duration_s:g} s, {where} the burnout of"
+        f" {plan.targets.ids[last]}:"
+        f" impact regions shrink when a burnout is recognised; let it last {AFTER_BURNOUT_S:.0f} s"
+        f" longer than the burn"
     )
 
 
 def built_executor(study: Study, context: ExecutorContext, host: Host | None = None) -> Any:
-    """Return the executor of a study; raises `SceneError` or `PluginError` as `planned_study` does."""
+    """Return the executor of a study; raises `SceneError` or `PluginError` as `planned_study`
+    does.
+    """
     host = host or Host.discover()
     choice = _choice(ExecutorModel.hook, study.executor, "executor", host)
     return host.component(ExecutorModel, choice.name).build(choice.config, context)
@@ -157,7 +183,9 @@ def _numbered(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _scene_name(study: Study) -> str:
-    return str(study.scene.get("scene", "")) if isinstance(study.scene, Mapping) else str(study.scene)
+    return (
+        str(study.scene.get("scene", "")) if isinstance(study.scene, Mapping) else str(study.scene)
+    )
 
 
 def _choice(hook: str, written: Any, path: str, host: Host) -> Choice:
@@ -172,7 +200,9 @@ def _choice(hook: str, written: Any, path: str, host: Host) -> Choice:
         raise SceneError([Problem(path, "write a name, or {name: settings}")], source=source)
     node = node_of_data(settings or {})
     try:
-        return reader.choice(hook, name, path, Settings(node, dict(block_of(node)), other_keys=("preset",)))
+        return reader.choice(
+            hook, name, path, Settings(node, dict(block_of(node)), other_keys=("preset",))
+        )
     except InvalidNode as refused:
         problems = [
             Problem(f"{path}.{name}{'.' if each.path else ''}{each.path}", each.text)

@@ -1,4 +1,6 @@
-"""What the package offers: metrics, executors and commands; heavy modules are imported when one of them is used."""
+"""What the package offers: metrics, executors and commands; heavy modules are imported when one of
+them is used.
+"""
 
 from collections.abc import Callable, Iterable
 from importlib import import_module
@@ -9,7 +11,8 @@ from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesC
 
 _SUMMARIES = {
     "compare": "run a scene with several trackers, many times, and score them",
-    "optimise": "find the best design under requirements, by evaluating a small part of all designs",
+    "optimise": "find the best design under requirements, by evaluating a small part of all"
+    " designs",
     "sweep": "run a scene over many settings and seeds, and print metrics with intervals",
     "tune": "choose the accuracy settings of a scene: least run time for wanted errors",
 }
@@ -28,7 +31,8 @@ def opir_metrics() -> Iterable[MetricModel]:
     detection = "metrics.detection_metrics"
     yield MetricModel(
         name="latency",
-        summary="time from ignition to the first detection and to its report; share of launches detected",
+        summary="time from ignition to the first detection and to its report; share of launches"
+        " detected",
         build=_built_by(detection, "latency_metric"),
     )
     yield MetricModel(
@@ -70,7 +74,8 @@ def _track_metrics() -> Iterable[MetricModel]:
     )
     yield MetricModel(
         name="warning_time",
-        summary="time from a warning that meets a requirement, and stays within it, to the impact; times to report,"
+        summary="time from a warning that meets a requirement, and stays within it, to the impact;"
+        " times to report,"
         " track, region and warning",
         config=WarningConfig,
         build=_built_by("metrics.warning_metric", "warning_time_metric"),
@@ -81,7 +86,9 @@ def _track_metrics() -> Iterable[MetricModel]:
 def opir_executors() -> Iterable[ExecutorModel]:
     """Yield the executors of one computer."""
     yield ExecutorModel(
-        name="serial", summary="one run after another, in this process", build=_built_by("executors", "serial_executor")
+        name="serial",
+        summary="one run after another, in this process",
+        build=_built_by("executors", "serial_executor"),
     )
     yield ExecutorModel(
         name="processes",

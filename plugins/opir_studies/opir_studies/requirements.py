@@ -1,4 +1,6 @@
-"""Requirements on the mean of a figure, `warning_time_s >= 900`: lines in plots, verdicts in tables."""
+"""Requirements on the mean of a figure, `warning_time_s >= 900`: lines in plots, verdicts in
+tables.
+"""
 
 import math
 import re
@@ -22,7 +24,9 @@ class FigureRequirement:
     is_least: bool
 
     def violation(self, mean: float) -> float:
-        """Return by which share of the limit a mean misses it, 0 where it is met; a mean that is nan misses it by 1."""
+        """Return by which share of the limit a mean misses it, 0 where it is met; a mean that is
+        nan misses it by 1.
+        """
         if not math.isfinite(mean):
             return 1.0
         missing = self.limit - mean if self.is_least else mean - self.limit
@@ -37,9 +41,15 @@ class FigureRequirement:
         return f"{self.figure} {'>=' if self.is_least else '<='} {self.limit:g}"
 
 
-def requirements_of(texts: Sequence[str], units: Mapping[str, str], source: str) -> tuple[FigureRequirement, ...]:
-    """Return requirements on figures with these units; raises `SceneError` for what cannot be read, or is unknown."""
-    return tuple(_requirement(text, f"requirements[{row}]", units, source) for row, text in enumerate(texts))
+def requirements_of(
+    texts: Sequence[str], units: Mapping[str, str], source: str
+) -> tuple[FigureRequirement, ...]:
+    """Return requirements on figures with these units; raises `SceneError` for what cannot be read,
+    or is unknown.
+    """
+    return tuple(
+        _requirement(text, f"requirements[{row}]", units, source) for row, text in enumerate(texts)
+    )
 
 
 def _requirement(text: str, path: str, units: Mapping[str, str], source: str) -> FigureRequirement:
@@ -49,7 +59,9 @@ def _requirement(text: str, path: str, units: Mapping[str, str], source: str) ->
     except ValueError:
         limit = math.nan
     if match is None or not math.isfinite(limit):
-        words = f"{text!r} is not FIGURE >= VALUE or FIGURE <= VALUE, such as 'warning_time_s >= 900'"
+        words = (
+            f"{text!r} is not FIGURE >= VALUE or FIGURE <= VALUE, such as 'warning_time_s >= 900'"
+        )
         raise SceneError([Problem(path, words)], source=source)
     require_figures([match[1]], path, units, source)
     return FigureRequirement(match[1], limit, match[2] in (">", ">=", "≥"))
@@ -59,5 +71,8 @@ def require_figures(names: Sequence[str], path: str, units: Mapping[str, str], s
     """Raise `SceneError` for a figure that no metric gives."""
     for name in names:
         if name not in units:
-            words = f"no metric of the study gives {name!r}{nearest(name, units)}; there are {', '.join(units)}"
+            words = (
+                f"no metric of the study gives {name!r}{nearest(name, units)}; there are"
+                f" {', '.join(units)}"
+            )
             raise SceneError([Problem(path, words)], source=source)

@@ -1,7 +1,9 @@
-"""The result of a study: tidy tables in a folder, the same bytes whatever ran them and in which order.
+"""The result of a study: tidy tables in a folder, the same bytes whatever ran them and in which
+order.
 
-`results.parquet` and `results.csv` have a row per design and figure, `runs.parquet` a row per run, `study.json` the
-definition. Processor times are in `run_times.csv` alone, which differs from one execution to the next.
+`results.parquet` and `results.csv` have a row per design and figure, `runs.parquet` a row per run,
+`study.json` the definition. Processor times are in `run_times.csv` alone, which differs from one
+execution to the next.
 """
 
 import csv
@@ -31,7 +33,8 @@ RUNS = "runs.parquet"
 DEFINITION = "study.json"
 TIMES = "run_times.csv"
 _VERSION = 1
-#: How the names of figures begin that are shares of launches; others without a unit are counts, which may exceed 1.
+#: How the names of figures begin that are shares of launches; others without a unit are counts,
+#: which may exceed 1.
 _SHARES = (
     *("detected", "tracked", "completeness", "warned", "warning_contained"),
     *("impact_contained", "impact_predicted"),
@@ -42,10 +45,11 @@ _SHARES = (
 class StudyResult:
     """A study's result.
 
-    `table` has a row per design and figure: `design`, a column for each path that varies, `figure`, `unit`, `runs`,
-    `first_seed`, `last_seed`, `runs_with_value`, `mean`, `low_95`, `high_95`, `sd`, `q10`, `median`, `q90`, and the
-    paired `difference` from design 0 with its 95 % interval. `runs` has a row per run: `design`, the paths,
-    `replicate`, `seed` and a column per figure. `definition` is the content of `study.json`.
+    `table` has a row per design and figure: `design`, a column for each path that varies, `figure`,
+    `unit`, `runs`, `first_seed`, `last_seed`, `runs_with_value`, `mean`, `low_95`, `high_95`, `sd`,
+    `q10`, `median`, `q90`, and the paired `difference` from design 0 with its 95 % interval. `runs`
+    has a row per run: `design`, the paths, `replicate`, `seed` and a column per figure.
+    `definition` is the content of `study.json`.
     """
 
     folder: Path
@@ -71,7 +75,9 @@ class StudyResult:
         return [row for row in self.table.to_pylist() if row["figure"] == figure]
 
     def shown_rows(self, figure: str) -> list[dict[str, Any]]:
-        """Return the rows of a figure with the intervals of means cut at the figure's bounds, as tables show them."""
+        """Return the rows of a figure with the intervals of means cut at the figure's bounds, as
+        tables show them.
+        """
         low, high = self.definition["bounds"][figure]
         least = -math.inf if low is None else low
         most = math.inf if high is None else high
@@ -101,12 +107,24 @@ def load_study(folder: str | Path) -> StudyResult:
         for entry in definition.get(FILES_KEY, ()):
             if file_digest(place / entry["name"]) != entry["sha256"]:
                 raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
-        return StudyResult(place, definition, pq.read_table(place / RESULTS), pq.read_table(place / RUNS))
+        return StudyResult(
+            place, definition, pq.read_table(place / RESULTS), pq.read_table(place / RUNS)
+        )
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
         raise SceneError([Problem("", words)], source=str(place)) from error
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, pa.ArrowException) as error:
-        words = f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are kept"
+    except (
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+        pa.ArrowException,
+    ) as error:
+        words = (
+            f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are"
+            f" kept"
+        )
         raise SceneError([Problem("", words)], source=str(place)) from error
 
 
@@ -116,21 +134,32 @@ def written_result(
     records: Sequence[Sequence[RunRecord | None]],
     extra: Mapping[str, Any] | None = None,
 ) -> StudyResult:
-    """Write the result of a study from the records of each design's runs, None for a run that failed; return it.
+    """Write the result of a study from the records of each design's runs, None for a run that
+    failed; return it.
 
     `extra` is added to its definition.
     """
     runs = _runs_table(planned, records)
     table = _results_table(planned, records)
-    contents = {RUNS: parquet_bytes(runs), RESULTS: parquet_bytes(table), RESULTS_CSV: _csv_bytes(table)}
-    with OutputFiles() as times:  # they differ from one execution to the next, and are listed nowhere
+    contents = {
+        RUNS: parquet_bytes(runs),
+        RESULTS: parquet_bytes(table),
+        RESULTS_CSV: _csv_bytes(table),
+    }
+    with (
+        OutputFiles() as times
+    ):  # they differ from one execution to the next, and are listed nowhere
         times.make_folder(folder, parents=True)
-        times.write(folder / TIMES, _csv_bytes(_times_table(planned, records)), "study's", is_made_up=True)
+        times.write(
+            folder / TIMES, _csv_bytes(_times_table(planned, records)), "study's", is_made_up=True
+        )
     files = OutputFiles(folder / DEFINITION, is_made_up=True)
     try:
         for name, content in contents.items():
             files.write(folder / name, content, "study's", is_made_up=True)
-        definition = files.commit({**_definition(planned), "bounds": _bounds(planned, runs), **(extra or {})})
+        definition = files.commit(
+            {**_definition(planned), "bounds": _bounds(planned, runs), **(extra or {})}
+        )
     except BaseException:
         files.abandon()
         raise
@@ -153,12 +182,20 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         "shown": list(study.show),
         "requirements": [asdict(each) for each in planned.requirements],
         "notes": list(planned.notes),
-        "settings": json.loads(json.dumps(dict(planned.settings))),  # tuples as the lists that are read back
-        "metrics": {name: list(metric.units) for name, metric in zip(planned.names, planned.metrics, strict=True)},
+        "settings": json.loads(
+            json.dumps(dict(planned.settings))
+        ),  # tuples as the lists that are read back
+        "metrics": {
+            name: list(metric.units)
+            for name, metric in zip(planned.names, planned.metrics, strict=True)
+        },
         "designs": [
             {
                 "design": each.design.number,
-                **{path: level.label for path, level in zip(each.design.paths, each.design.levels, strict=True)},
+                **{
+                    path: level.label
+                    for path, level in zip(each.design.paths, each.design.levels, strict=True)
+                },
                 "runs_of": each.identity,
             }
             for each in planned.designs
@@ -167,15 +204,22 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
 
 
 def _bounds(planned: PlannedStudy, runs: pa.Table) -> dict[str, list[float | None]]:
-    """Return the bounds of each figure's mean: 0 where no run has less, and 1 of shares; None for no bound."""
-    is_least = {name: not any(value < 0.0 for value in runs[name].to_pylist()) for name in planned.units}
+    """Return the bounds of each figure's mean: 0 where no run has less, and 1 of shares; None for
+    no bound.
+    """
+    is_least = {
+        name: not any(value < 0.0 for value in runs[name].to_pylist()) for name in planned.units
+    }
     return {
-        name: [0.0 if is_least[name] else None, 1.0 if name.startswith(_SHARES) else None] for name in planned.units
+        name: [0.0 if is_least[name] else None, 1.0 if name.startswith(_SHARES) else None]
+        for name in planned.units
     }
 
 
 def _labels(planned: PlannedStudy, counts: Sequence[int]) -> dict[str, pa.Array]:
-    """Return the columns of the designs: the number, and the label of each path, repeated `counts` times."""
+    """Return the columns of the designs: the number, and the label of each path, repeated `counts`
+    times.
+    """
     designs = [each.design for each in planned.designs]
     repeated = np.repeat(np.arange(len(designs)), counts).tolist()
     columns = {"design": pa.array(repeated, pa.int64())}
@@ -191,7 +235,10 @@ def _same_kind(levels: Sequence[Level]) -> list[Any]:
     labels = [level.label for level in levels]
     if all(isinstance(label, int | float) and not isinstance(label, bool) for label in labels):
         return [float(label) for label in labels if label is not None]
-    return [label if isinstance(label, str) else level.text for label, level in zip(labels, levels, strict=True)]
+    return [
+        label if isinstance(label, str) else level.text
+        for label, level in zip(labels, levels, strict=True)
+    ]
 
 
 def _runs_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
@@ -205,17 +252,27 @@ def _runs_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | No
     return pa.table(columns)
 
 
-def _results_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
+def _results_table(
+    planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]
+) -> pa.Table:
     units = planned.units
     rows = list[dict[str, Any]]()
     values = [_values(each, len(units)) for each in records]
     for each, own in zip(planned.designs, values, strict=True):
-        seeds = {"runs": len(own), "first_seed": each.scene.seed, "last_seed": each.scene.seed + len(own) - 1}
+        seeds = {
+            "runs": len(own),
+            "first_seed": each.scene.seed,
+            "last_seed": each.scene.seed + len(own) - 1,
+        }
         for place, (name, unit) in enumerate(units.items()):
             difference = difference_of(own[:, place], values[0][:, place])
-            rows.append({"figure": name, "unit": unit, **seeds, **figures_of(own[:, place]), **difference})
+            rows.append(
+                {"figure": name, "unit": unit, **seeds, **figures_of(own[:, place]), **difference}
+            )
     columns = _labels(planned, [len(units)] * len(records))
-    return pa.table({**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}})
+    return pa.table(
+        {**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}}
+    )
 
 
 def _values(records: Sequence[RunRecord | None], figures: int) -> Any:
@@ -226,10 +283,14 @@ def _values(records: Sequence[RunRecord | None], figures: int) -> Any:
 
 
 def _times_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
-    times = [np.array([record.run_time_s for record in each if record is not None]) for each in records]
+    times = [
+        np.array([record.run_time_s for record in each if record is not None]) for each in records
+    ]
     rows = [figures_of(each) for each in times]
     columns = {**_labels(planned, [1] * len(records)), "unit": pa.array(["s"] * len(rows))}
-    return pa.table({**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}})
+    return pa.table(
+        {**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}}
+    )
 
 
 def _csv_bytes(table: pa.Table) -> bytes:

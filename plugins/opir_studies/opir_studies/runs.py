@@ -31,7 +31,9 @@ class RunTask:
 
 @frozen
 class RunRecord:
-    """A finished run: the values of the figures in the order of the metrics, or the reason why there are none."""
+    """A finished run: the values of the figures in the order of the metrics, or the reason why
+    there are none.
+    """
 
     replicate: int
     seed: int
@@ -42,7 +44,9 @@ class RunRecord:
 
 @frozen
 class TaskResult:
-    """The records of a task's runs, and the versions of what made them: opir-core, NumPy and the plugins used."""
+    """The records of a task's runs, and the versions of what made them: opir-core, NumPy and the
+    plugins used.
+    """
 
     versions: Mapping[str, str]
     records: tuple[RunRecord, ...]
@@ -50,7 +54,9 @@ class TaskResult:
 
 @define(eq=False)
 class ReplicatePlans:
-    """Plans of the replicates of designs, one design after another: parts that no seed changes are built once."""
+    """Plans of the replicates of designs, one design after another: parts that no seed changes are
+    built once.
+    """
 
     _scene: Scene | None = None
     _plan: Plan | None = None
@@ -71,7 +77,9 @@ PLANS = ReplicatePlans()
 def result_of(task: RunTask) -> TaskResult:
     """Return the records of a task: the function that executors run."""
     records = tuple(_record(task, number) for number in task.replicates)
-    plugins = {each.distribution: each.version for each in worker_host().used() if each.distribution}
+    plugins = {
+        each.distribution: each.version for each in worker_host().used() if each.distribution
+    }
     return TaskResult({"opir-core": __version__, "numpy": np.__version__, **plugins}, records)
 
 
@@ -88,15 +96,23 @@ def _record(task: RunTask, replicate: int) -> RunRecord:
     start = time.perf_counter()
     try:
         run = run_of_plan(PLANS.of(task.scene, seed))
-        values = tuple(float(value) for metric in task.metrics for value in _in_order(metric, metric.values(run)))
+        values = tuple(
+            float(value)
+            for metric in task.metrics
+            for value in _in_order(metric, metric.values(run))
+        )
     except Exception as error:  # of any plugin: the other runs go on, and the study reports it
-        return RunRecord(replicate, seed, time.perf_counter() - start, failure=described_error(error))
+        return RunRecord(
+            replicate, seed, time.perf_counter() - start, failure=described_error(error)
+        )
     return RunRecord(replicate, seed, time.perf_counter() - start, values)
 
 
 def _in_order(metric: Metric, values: Mapping[str, float]) -> Sequence[float]:
     if values.keys() != metric.units.keys():
-        raise ValueError(f"the metric gives {', '.join(values)}, where its figures are {', '.join(metric.units)}")
+        raise ValueError(
+            f"the metric gives {', '.join(values)}, where its figures are {', '.join(metric.units)}"
+        )
     return [values[name] for name in metric.units]
 
 
@@ -109,17 +125,26 @@ def worker_host() -> Host:
 def identity_of(plan: Plan, metrics: Sequence[tuple[str, Mapping[str, Any], str]]) -> str:
     """Return the SHA-256 of all that the runs of a design depend on, except their number.
 
-    These are the scene, the files that it reads, opir-core, the plugins of its components, and the metrics: name,
-    settings and owner of each.
+    These are the scene, the files that it reads, opir-core, the plugins of its components, and the
+    metrics: name, settings and owner of each.
     """
     owners = sorted({(part["distribution"], part["version"]) for part in components_used(plan)})
     files = run_files(plan)
-    parts = [scene_hash(plan.scene), files, SCHEME, __version__, owners, [list(each) for each in metrics]]
+    parts = [
+        scene_hash(plan.scene),
+        files,
+        SCHEME,
+        __version__,
+        owners,
+        [list(each) for each in metrics],
+    ]
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def run_files(plan: Plan) -> list[Any]:
-    """Return the files that a plan's trajectories were read from, with their hashes, as in the manifest."""
+    """Return the files that a plan's trajectories were read from, with their hashes, as in the
+    manifest.
+    """
     return [file for part in plan.targets.trajectories for file in part.files]
 
 

@@ -1,6 +1,8 @@
-"""The search of the best design: the tree-structured Parzen estimator of Optuna, then the neighbours of the best one.
+"""The search of the best design: the tree-structured Parzen estimator of Optuna, then the
+neighbours of the best one.
 
-Its suggestions depend on the seed and the results alone, so that a search that was stopped takes the same way again.
+Its suggestions depend on the seed and the results alone, so that a search that was stopped takes
+the same way again.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +28,9 @@ _VIOLATED = 1e30
 
 @frozen(order=True)
 class Outcome:
-    """How good a design is, less is better: first by how much it violates the requirements, then by its value."""
+    """How good a design is, less is better: first by how much it violates the requirements, then by
+    its value.
+    """
 
     violation: float
     value: float
@@ -34,7 +38,9 @@ class Outcome:
 
 @define
 class DesignSearch:
-    """A search over designs: numbers of levels of each axis, and which of these are ordered numbers."""
+    """A search over designs: numbers of levels of each axis, and which of these are ordered
+    numbers.
+    """
 
     levels: tuple[int, ...]
     is_ordered: tuple[bool, ...]
@@ -52,11 +58,19 @@ class DesignSearch:
         """The best design so far; the earliest of equals."""
         return min(self.found, key=self.found.__getitem__)
 
-    def run(self, evaluations: int, outcomes: Callable[[Sequence[Point]], Sequence[Outcome]]) -> None:
-        """Evaluate designs, a batch at a time, until there are `evaluations` of them or none is left."""
+    def run(
+        self, evaluations: int, outcomes: Callable[[Sequence[Point]], Sequence[Outcome]]
+    ) -> None:
+        """Evaluate designs, a batch at a time, until there are `evaluations` of them or none is
+        left.
+        """
         most = min(evaluations, int(np.prod(self.levels, dtype=np.float64)))
         while len(self.found) < most:
-            near = [] if len(self.found) < _EXPLORING * evaluations else list(self._neighbours(self.best))
+            near = (
+                []
+                if len(self.found) < _EXPLORING * evaluations
+                else list(self._neighbours(self.best))
+            )
             trials = [] if near else self._asked(min(BATCH, most - len(self.found)))
             points = near[: most - len(self.found)] or [point for _, point in trials]
             self.found.update(zip(points, outcomes(points), strict=True))
@@ -64,7 +78,9 @@ class DesignSearch:
                 self._tell(trial, self.found[point])
 
     def _neighbours(self, point: Point) -> Iterator[Point]:
-        """Yield designs not evaluated yet that differ by one step of a number, or by any other name, on one axis."""
+        """Yield designs not evaluated yet that differ by one step of a number, or by any other
+        name, on one axis.
+        """
         for axis, (place, count) in enumerate(zip(point, self.levels, strict=True)):
             steps = (place - 1, place + 1) if self.is_ordered[axis] else range(count)
             for each in steps:
@@ -75,7 +91,8 @@ class DesignSearch:
     def _asked(self, count: int) -> list[tuple[Any, Point]]:
         """Return trials of Optuna with designs that were not evaluated.
 
-        Optuna may suggest a design again: it is given the outcome of that design if there is one, and asked anew.
+        Optuna may suggest a design again: it is given the outcome of that design if there is one,
+        and asked anew.
         """
         asked: dict[Point, Any] = {}
         repeated = 0
@@ -110,7 +127,8 @@ class DesignSearch:
     def _tell(self, trial: Any, outcome: Outcome) -> None:
         if trial is None:
             return
-        # The estimator uses the order of values alone: those that violate requirements come after all others.
+        # The estimator uses the order of values alone: those that violate requirements come after
+        # all others.
         is_good = outcome.violation == 0.0 and np.isfinite(outcome.value)
         self._study.tell(trial, outcome.value if is_good else _VIOLATED * (1.0 + outcome.violation))
 
@@ -119,10 +137,15 @@ def _optuna_study(seed: int) -> Any:
     try:
         import optuna
     except ModuleNotFoundError as error:
-        words = "opir optimise needs Optuna, which is not installed; pip install 'opir-studies[optimise]'"
+        words = (
+            "opir optimise needs Optuna, which is not installed; pip install"
+            " 'opir-studies[optimise]'"
+        )
         raise PluginError(words) from error
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    return optuna.create_study(direction="minimize", sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True))
+    return optuna.create_study(
+        direction="minimize", sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True)
+    )
 
 
 def _failed() -> Any:

@@ -22,15 +22,21 @@ def interval(values: FloatArray) -> tuple[float, float, float]:
         return mean, np.nan, np.nan
     from scipy.special import stdtrit  # lazily: reading a result needs no SciPy
 
-    half = float(stdtrit(len(known) - 1, 0.5 + 0.5 * _LEVEL) * known.std(ddof=1) / np.sqrt(len(known)))
+    half = float(
+        stdtrit(len(known) - 1, 0.5 + 0.5 * _LEVEL) * known.std(ddof=1) / np.sqrt(len(known))
+    )
     return mean, mean - half, mean + half
 
 
 def figures_of(values: FloatArray) -> dict[str, Any]:
-    """Return count, mean, standard deviation, interval, median and the 10 and 90 % quantiles of values (n,)."""
+    """Return count, mean, standard deviation, interval, median and the 10 and 90 % quantiles of
+    values (n,).
+    """
     known = values[np.isfinite(values)]
     mean, low, high = interval(values)
-    low_10, median, high_90 = np.quantile(known, [0.1, 0.5, 0.9]).tolist() if len(known) else [np.nan] * 3
+    low_10, median, high_90 = (
+        np.quantile(known, [0.1, 0.5, 0.9]).tolist() if len(known) else [np.nan] * 3
+    )
     return {
         "runs_with_value": len(known),
         "mean": mean,
@@ -44,7 +50,9 @@ def figures_of(values: FloatArray) -> dict[str, Any]:
 
 
 def difference_of(values: FloatArray, reference: FloatArray) -> dict[str, float]:
-    """Return the mean paired difference of values from a reference, of the same runs, with its 95 % interval."""
+    """Return the mean paired difference of values from a reference, of the same runs, with its 95 %
+    interval.
+    """
     count = min(len(values), len(reference))
     mean, low, high = interval(values[:count] - reference[:count])
     return {"difference": mean, "difference_low_95": low, "difference_high_95": high}

@@ -11,7 +11,11 @@ from opir_core.plugin import nested, number, text
 from opir_core.reading import InvalidNode, class_reader, complaints_inside, node_of_yaml, ordered
 from opir_core.scene import file_bytes, text_of
 
-FACTORIAL, ONE_AT_A_TIME, LATIN_HYPERCUBE = DESIGNS = ("factorial", "one-at-a-time", "latin-hypercube")
+FACTORIAL, ONE_AT_A_TIME, LATIN_HYPERCUBE = DESIGNS = (
+    "factorial",
+    "one-at-a-time",
+    "latin-hypercube",
+)
 
 #: The most runs of one design.
 MAXIMUM_RUNS = 1_000_000
@@ -24,14 +28,15 @@ MINIMUM_RUNS = 20
 class Study:
     """A study, as its file has it.
 
-    `scene` is the path of a scene file or a scene as a mapping. Everything is checked by `opir_studies.sweep`, before
-    the first run.
+    `scene` is the path of a scene file or a scene as a mapping. Everything is checked by
+    `opir_studies.sweep`, before the first run.
     """
 
     scene: Any = nested(help="path of the scene, relative to the study's file", source="")
     study: str = text(help="name of the study", default="study", source="arbitrary")
     question: str = text(
-        help="the question: the heading of the report, which begins with the answer; `vary` lists values from the least"
+        help="the question: the heading of the report, which begins with the answer; `vary` lists"
+        " values from the least"
         " costly on",
         default="",
         source="arbitrary",
@@ -40,13 +45,15 @@ class Study:
         help="settings of the scene in all designs: path to value", default={}, source="arbitrary"
     )
     vary: Mapping[str, Any] = nested(
-        help="what varies: path to a list, to {from, to, step} or {from, to, count, scale}, to {named: {name: value}},"
+        help="what varies: path to a list, to {from, to, step} or {from, to, count, scale}, to"
+        " {named: {name: value}},"
         " or to {uniform: [low, high], scale} for a Latin hypercube",
         default={},
         source="arbitrary",
     )
     split: str = text(
-        help="the path of `vary` whose values are answered one by one, such as `targets` of one launch and of a raid;"
+        help="the path of `vary` whose values are answered one by one, such as `targets` of one"
+        " launch and of a raid;"
         " '' for none",
         default="",
         source="arbitrary",
@@ -59,7 +66,11 @@ class Study:
         source="arbitrary",
     )
     samples: int = number(
-        help="designs of a Latin hypercube", default=20, minimum=1, maximum=10_000, source="arbitrary"
+        help="designs of a Latin hypercube",
+        default=20,
+        minimum=1,
+        maximum=10_000,
+        source="arbitrary",
     )
     seed: int = number(
         help="seed of the Latin hypercube; runs have the scene's seed plus their number",
@@ -76,26 +87,33 @@ class Study:
         source="arbitrary",
     )
     until: str = text(
-        help="stop a design early when the half width of the 95 % interval of a figure is small enough:"
+        help="stop a design early when the half width of the 95 % interval of a figure is small"
+        " enough:"
         " `latency_s:0.5%` of the mean, or `latency_s:0.2` in its unit; '' for never",
         default="",
         source="arbitrary",
     )
     metrics: tuple[Any, ...] = nested(
-        help="metrics, by name, or {name: settings}", default=("latency", "detection_by_time"), source="arbitrary"
+        help="metrics, by name, or {name: settings}",
+        default=("latency", "detection_by_time"),
+        source="arbitrary",
     )
     show: tuple[str, ...] = nested(
-        help="figures that the table and the report begin with; by default the first of each metric",
+        help="figures that the table and the report begin with; by default the first of each"
+        " metric",
         default=(),
         source="arbitrary",
     )
     requirements: tuple[str, ...] = nested(
-        help="bounds of means, `warning_time_s >= 900`: lines in plots, and which designs meet them",
+        help="bounds of means, `warning_time_s >= 900`: lines in plots, and which designs meet"
+        " them",
         default=(),
         source="arbitrary",
     )
     executor: Any = nested(
-        help="where the runs are made: a name, or {name: settings}", default="processes", source="arbitrary"
+        help="where the runs are made: a name, or {name: settings}",
+        default="processes",
+        source="arbitrary",
     )
 
 
@@ -115,7 +133,9 @@ def read_study(path: str | Path) -> Study:
         problems = [Problem(each.path, each.text) for each in ordered(refused.complaints)]
         raise SceneError(problems, source=str(path)) from None
     except OSError as error:
-        raise SceneError([Problem("", f"cannot be read: {reason_of(error)}")], source=str(path)) from None
+        raise SceneError(
+            [Problem("", f"cannot be read: {reason_of(error)}")], source=str(path)
+        ) from None
     except ValueError as error:
         raise SceneError([Problem("", str(error))], source=str(path)) from None
     if isinstance(study.scene, str):
@@ -124,9 +144,15 @@ def read_study(path: str | Path) -> Study:
 
 
 def is_study(path: str | Path) -> bool:
-    """Return whether a file is a study rather than a scene: it has the key `scene`, and no `sensors`."""
+    """Return whether a file is a study rather than a scene: it has the key `scene`, and no
+    `sensors`.
+    """
     try:
         root = node_of_yaml(text_of(file_bytes(path)))
     except (InvalidNode, OSError, ValueError):
         return False
-    return isinstance(root.value, dict) and "scene" in root.value and not {"sensors", "epoch"} & root.value.keys()
+    return (
+        isinstance(root.value, dict)
+        and "scene" in root.value
+        and not {"sensors", "epoch"} & root.value.keys()
+    )

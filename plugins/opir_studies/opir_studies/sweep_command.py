@@ -47,13 +47,18 @@ def sweep(arguments: argparse.Namespace) -> int:
     written = write_report(folder)
     if arguments.quiet:
         return 0
-    text = json.dumps(_plain(result), indent=2) if arguments.json else "\n".join([as_text(result), *written])
+    text = (
+        json.dumps(_plain(result), indent=2)
+        if arguments.json
+        else "\n".join([as_text(result), *written])
+    )
     sys.stdout.write(text + "\n")
     return 0
 
 
 def report_writer(arguments: argparse.Namespace) -> Callable[[Path], Sequence[str]]:
-    """Return what writes the report that the arguments ask for, and returns lines on what was written.
+    """Return what writes the report that the arguments ask for, and returns lines on what was
+    written.
 
     Raises `SceneError`, before a run is made, where the package that draws is missing.
     """
@@ -80,12 +85,19 @@ def report_writer(arguments: argparse.Namespace) -> Callable[[Path], Sequence[st
 
 
 def study_of(arguments: argparse.Namespace) -> Study:
-    """Return the study of the arguments: that of the file, or of a scene, with what the command line changes."""
+    """Return the study of the arguments: that of the file, or of a scene, with what the command
+    line changes.
+    """
     if arguments.workers is not None and arguments.workers < 1:
-        raise _refused("--workers", f"{arguments.workers} is not a number of workers; give 1 or more")
+        raise _refused(
+            "--workers", f"{arguments.workers} is not a number of workers; give 1 or more"
+        )
     path = arguments.study
     study = read_study(path) if is_study(path) else Study(scene=path, study=Path(path).stem)
-    changes = {name: getattr(arguments, name) for name in ("runs", "executor", "until", "design", "samples", "seed")}
+    changes = {
+        name: getattr(arguments, name)
+        for name in ("runs", "executor", "until", "design", "samples", "seed")
+    }
     changes = {name: value for name, value in changes.items() if value is not None}
     vary = dict(study.vary)
     overrides = dict(study.overrides)
@@ -105,7 +117,9 @@ def study_of(arguments: argparse.Namespace) -> Study:
         changes["executor"] = _value("--executor", changes["executor"])
     show = tuple(arguments.show) or study.show
     requirements = tuple(arguments.requirements) or study.requirements
-    study = evolve(study, vary=vary, overrides=overrides, metrics=metrics, show=show, requirements=requirements)
+    study = evolve(
+        study, vary=vary, overrides=overrides, metrics=metrics, show=show, requirements=requirements
+    )
     for name, value in changes.items():
         try:
             study = evolve(study, **{name: value})
@@ -117,10 +131,17 @@ def study_of(arguments: argparse.Namespace) -> Study:
 def _value(flag: str, text: str) -> Any:
     plain = text.strip()
     try:
-        node = node_of_yaml(plain, plain) if plain[:1] in tuple("'\"[{") else node_of_scalar(plain, plain)
+        node = (
+            node_of_yaml(plain, plain)
+            if plain[:1] in tuple("'\"[{")
+            else node_of_scalar(plain, plain)
+        )
         return data_of_node(node)
     except (InvalidNode, IndexError) as refused:
-        words = "; ".join(each.message for each in getattr(refused, "complaints", ())) or "a value is missing"
+        words = (
+            "; ".join(each.message for each in getattr(refused, "complaints", ()))
+            or "a value is missing"
+        )
         raise _refused(flag, words) from refused
 
 
@@ -129,14 +150,23 @@ def _refused(path: str, words: str) -> SceneError:
 
 
 @contextmanager
-def watched_runs(arguments: argparse.Namespace, folder: Path) -> Iterator[Callable[[StudyProgress], None]]:
-    """Show the progress of runs, end the process if one is stuck, and say after an interrupt how to go on."""
+def watched_runs(
+    arguments: argparse.Namespace, folder: Path
+) -> Iterator[Callable[[StudyProgress], None]]:
+    """Show the progress of runs, end the process if one is stuck, and say after an interrupt how to
+    go on.
+    """
     is_shown = sys.stderr.isatty() and not arguments.quiet
     try:
-        with ended_if_stuck(arguments.dead_after), _shown_progress(is_shown=is_shown) as on_progress:
+        with (
+            ended_if_stuck(arguments.dead_after),
+            _shown_progress(is_shown=is_shown) as on_progress,
+        ):
             yield on_progress
     except KeyboardInterrupt:
-        sys.stderr.write(f"stopped; finished runs are kept in {folder}, and the same command continues\n")
+        sys.stderr.write(
+            f"stopped; finished runs are kept in {folder}, and the same command continues\n"
+        )
         raise
 
 
@@ -147,7 +177,13 @@ def _shown_progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], Non
         yield lambda _progress: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
@@ -159,9 +195,11 @@ def _shown_progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], Non
 
 
 def as_text(result: StudyResult) -> str:
-    """Return which designs meet the requirements, and a table: the figures that were asked for, with intervals.
+    """Return which designs meet the requirements, and a table: the figures that were asked for,
+    with intervals.
 
-    Figures that have one value in all runs, and those that some runs do not have, are lines of text below it.
+    Figures that have one value in all runs, and those that some runs do not have, are lines of text
+    below it.
     """
     shown, same = _shown(result)
     rows = {name: result.shown_rows(name) for name in result.units}
@@ -199,7 +237,9 @@ def _shown(result: StudyResult) -> tuple[Sequence[str], Sequence[str]]:
     first = [names[0] for names in result.definition["metrics"].values()]
     runs = result.runs
     values = {name: {each for each in runs[name].to_pylist() if each == each} for name in first}
-    same = [name for name in first if len(values[name]) == 1 and len(result.definition["designs"]) > 1]
+    same = [
+        name for name in first if len(values[name]) == 1 and len(result.definition["designs"]) > 1
+    ]
     words = [f"{name} {next(iter(values[name])):g} {result.units[name]}".strip() for name in same]
     varying = [name for name in first if name not in same][:_MOST_FIGURES]
     return (varying, words) if varying else (first[:_MOST_FIGURES], [])
@@ -209,14 +249,22 @@ def _without_value(
     result: StudyResult, shown: Sequence[str], rows: Mapping[str, Sequence[Mapping[str, Any]]]
 ) -> Sequence[str]:
     """Return a line on the figures that some runs do not have, none if all have them."""
-    counts = {name: sum(row["runs"] - row["runs_with_value"] for row in rows[name]) for name in shown}
+    counts = {
+        name: sum(row["runs"] - row["runs_with_value"] for row in rows[name]) for name in shown
+    }
     missing = [f"{name} in {grouped(count)}" for name, count in counts.items() if count]
     runs = grouped(result.runs.num_rows)
-    return [f"Without a value, as no launch of the run has one: {', '.join(missing)} of {runs} runs"] if missing else []
+    return (
+        [f"Without a value, as no launch of the run has one: {', '.join(missing)} of {runs} runs"]
+        if missing
+        else []
+    )
 
 
 def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> Sequence[str]:
-    """Return a table, or several where it would be too wide; each begins with the `fixed` first columns."""
+    """Return a table, or several where it would be too wide; each begins with the `fixed` first
+    columns.
+    """
     widths = [max(len(row[column]) for row in (head, *body)) + 2 for column in range(len(head))]
     room = _WIDEST - sum(widths[:fixed])
     groups = [[fixed]]
@@ -228,7 +276,10 @@ def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> S
         groups[-1].append(column)
         left -= widths[column]
     places = [[*range(fixed), *group] for group in groups]
-    return [table([head[each] for each in row], [[cells[each] for each in row] for cells in body]) for row in places]
+    return [
+        table([head[each] for each in row], [[cells[each] for each in row] for cells in body])
+        for row in places
+    ]
 
 
 def _verdicts(result: StudyResult) -> Sequence[str]:
@@ -237,10 +288,16 @@ def _verdicts(result: StudyResult) -> Sequence[str]:
     lines = []
     for each in result.definition["requirements"]:
         required = FigureRequirement(**each)
-        met = required.is_met(np.array([row["mean"] for row in result.rows(required.figure)])).tolist()
+        met = required.is_met(
+            np.array([row["mean"] for row in result.rows(required.figure)])
+        ).tolist()
         names = [", ".join(str(design[path]) for path in result.paths) for design in designs]
         good = [name for name, is_met in zip(names, met, strict=True) if is_met and name]
-        which = f" ({'; '.join(good[:_MOST_NAMED])}{'; …' if len(good) > _MOST_NAMED else ''})" if good else ""
+        which = (
+            f" ({'; '.join(good[:_MOST_NAMED])}{'; …' if len(good) > _MOST_NAMED else ''})"
+            if good
+            else ""
+        )
         lines.append(f"{required}: met by {sum(met)} of {len(designs)} designs{which}")
     return ["\n".join(lines)] if lines else []
 
@@ -250,11 +307,18 @@ def _heading(result: StudyResult) -> str:
     runs = result.runs.num_rows
     count = len(definition["designs"])
     words = "mean [95 % interval] over runs" if runs > count else "one run of each, so no intervals"
-    return f"{definition['study']}: {grouped(count)} design{'s' if count != 1 else ''}, {grouped(runs)} runs; {words}"
+    return (
+        f"{definition['study']}: {grouped(count)} design{'s' if count != 1 else ''},"
+        f" {grouped(runs)} runs; {words}"
+    )
 
 
-def _differences(result: StudyResult, shown: Sequence[str], rows: Mapping[str, Sequence[Any]]) -> Sequence[str]:
-    """Return the table of differences from the first design, of the same seeds; none for a single design."""
+def _differences(
+    result: StudyResult, shown: Sequence[str], rows: Mapping[str, Sequence[Any]]
+) -> Sequence[str]:
+    """Return the table of differences from the first design, of the same seeds; none for a single
+    design.
+    """
     designs = result.definition["designs"][1:_MOST_ROWS]
     if not designs:
         return ()
@@ -262,7 +326,10 @@ def _differences(result: StudyResult, shown: Sequence[str], rows: Mapping[str, S
     body = [
         [
             ", ".join(str(design[path]) for path in result.paths),
-            *(cell(rows[name][place], "difference", "difference_low_95", "difference_high_95") for name in shown),
+            *(
+                cell(rows[name][place], "difference", "difference_low_95", "difference_high_95")
+                for name in shown
+            ),
         ]
         for place, design in enumerate(designs, start=1)
     ]
@@ -276,7 +343,9 @@ def _short(path: str) -> str:
     return f"{before}.{last}" if last.isupper() else last  # a target class says little alone
 
 
-def cell(row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: str = "high_95") -> str:
+def cell(
+    row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: str = "high_95"
+) -> str:
     """Return a mean with its interval, to two digits of the interval: `0.28 [0.23, 0.34]`."""
     if not math.isfinite(row[mean]):
         return "-"
@@ -289,14 +358,19 @@ def cell(row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: 
 
 
 def _digits(mean: float, width: float) -> int:
-    """Return the decimals that show two digits of an interval's width, or four of the mean without one."""
+    """Return the decimals that show two digits of an interval's width, or four of the mean without
+    one.
+    """
     size = width if width > 0.0 else abs(mean) * 1e-2
     return min(max(0, 1 - math.floor(math.log10(size))), 9) if size > 0.0 else 0
 
 
 def _plain(result: StudyResult) -> Mapping[str, Any]:
     rows = [
-        {name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in row.items()}
+        {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in row.items()
+        }
         for row in result.table.to_pylist()
     ]
     return {**result.definition, "results": rows}

@@ -32,7 +32,9 @@ class StudyError(OpirError):
 
 @frozen
 class StudyProgress:
-    """How far a study is: finished runs of those that it needs at most, and those that were on the disk before."""
+    """How far a study is: finished runs of those that it needs at most, and those that were on the
+    disk before.
+    """
 
     done: int
     total: int
@@ -47,12 +49,13 @@ def sweep(
     dead_after_s: float = DEAD_AFTER_S,
     on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
 ) -> StudyResult:
-    """Run a study into a folder and return its result; runs that are there already are not run again.
+    """Run a study into a folder and return its result; runs that are there already are not run
+    again.
 
-    `workers` is for the study's executor; a run fails in which one call of a component lasts `dead_after_s`.
-    A script with the executor `processes` needs `if __name__ == "__main__":`.
-    Raises `SceneError` or `PluginError` for an invalid study before the first run, and `StudyError`, when everything
-    else has ended, with the runs that failed.
+    `workers` is for the study's executor; a run fails in which one call of a component lasts
+    `dead_after_s`. A script with the executor `processes` needs `if __name__ == "__main__":`.
+    Raises `SceneError` or `PluginError` for an invalid study before the first run, and
+    `StudyError`, when everything else has ended, with the runs that failed.
     """
     planned = planned_study(study)
     place = Path(folder)
@@ -66,7 +69,9 @@ def sweep(
     finally:
         state.close()
     result = written_result(
-        planned, place, [state.records_of(*each) for each in zip(planned.designs, counts, strict=True)]
+        planned,
+        place,
+        [state.records_of(*each) for each in zip(planned.designs, counts, strict=True)],
     )
     state.require_no_failure()
     return result
@@ -115,7 +120,10 @@ class SweepState:
         if self.failures:
             count = len(self.failures)
             rest = len(self.failures) - _SHOWN
-            head = f"{count} run{'s' if count > 1 else ''} failed; the others are kept in {self.parts.folder.parent}"
+            head = (
+                f"{count} run{'s' if count > 1 else ''} failed; the others are kept in"
+                f" {self.parts.folder.parent}"
+            )
             more = [f"and {rest} more"] if rest > 0 else []
             raise StudyError("\n  ".join([head, *self.failures[:_SHOWN], *more]))
 
@@ -134,13 +142,19 @@ class SweepState:
             lost = list(self._lost(tasks, counts))
             # Which run of a lost task is the cause shows when each is a task of its own.
             singles = [(place, (number,)) for (place, numbers), _ in lost for number in numbers]
-            for (place, numbers), reason in lost if len(singles) == len(lost) else self._lost(singles, counts):
+            for (place, numbers), reason in (
+                lost if len(singles) == len(lost) else self._lost(singles, counts)
+            ):
                 self._fail(place, numbers[0], reason)
 
-    def _tasks(self, counts: Sequence[int], active: Sequence[int]) -> Iterator[tuple[int, tuple[int, ...]]]:
+    def _tasks(
+        self, counts: Sequence[int], active: Sequence[int]
+    ) -> Iterator[tuple[int, tuple[int, ...]]]:
         missing = {
             place: [
-                number for number in range(counts[place]) if self.planned.designs[place].key(number) not in self.records
+                number
+                for number in range(counts[place])
+                if self.planned.designs[place].key(number) not in self.records
             ]
             for place in active
         }
@@ -154,9 +168,14 @@ class SweepState:
     def _lost(
         self, tasks: Sequence[tuple[int, tuple[int, ...]]], counts: Sequence[int]
     ) -> Iterator[tuple[tuple[int, tuple[int, ...]], str]]:
-        """Run tasks and keep their records; yield those whose worker died again and again or was ended, and why."""
+        """Run tasks and keep their records; yield those whose worker died again and again or was
+        ended, and why.
+        """
         self.executor = self.executor or built_executor(self.planned.study, self.context)
-        given = [RunTask(self.planned.designs[place].scene, numbers, self.planned.metrics) for place, numbers in tasks]
+        given = [
+            RunTask(self.planned.designs[place].scene, numbers, self.planned.metrics)
+            for place, numbers in tasks
+        ]
         try:
             for index, result in self.executor.results(result_of, given):
                 self._keep(tasks[index][0], result)
@@ -167,10 +186,14 @@ class SweepState:
     def _keep(self, place: int, result: TaskResult) -> None:
         for name, version in result.versions.items():
             if version != (here := installed_version(name)):
-                words = f"a worker has {name} {version}, and this is {here}; install the same on both"
+                words = (
+                    f"a worker has {name} {version}, and this is {here}; install the same on both"
+                )
                 raise SceneError([Problem("executor", words)], source="study")
         design = self.planned.designs[place]
-        kept = {design.key(record.replicate): record for record in result.records if not record.failure}
+        kept = {
+            design.key(record.replicate): record for record in result.records if not record.failure
+        }
         if kept:
             self.parts.write(kept)
         self.records.update(kept)
@@ -181,7 +204,9 @@ class SweepState:
     def _fail(self, place: int, replicate: int, reason: str) -> None:
         design = self.planned.designs[place]
         self.records[design.key(replicate)] = RunRecord(replicate, 0, 0.0, failure=reason)
-        self.failures.append(f"{design.design.name}, seed {design.scene.seed + replicate}: {reason}")
+        self.failures.append(
+            f"{design.design.name}, seed {design.scene.seed + replicate}: {reason}"
+        )
 
     def _report(self, counts: Sequence[int]) -> None:
         self.on_progress(StudyProgress(len(self.records), sum(counts), self.found))

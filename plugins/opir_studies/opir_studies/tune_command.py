@@ -22,8 +22,13 @@ def tune(arguments: argparse.Namespace) -> int:
         raise SceneError([Problem("--runs", words)], source="command line")
     wanted = wanted_of(arguments)
     with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
-        found = tune_scene(arguments.scene, wanted, overrides=arguments.overrides, runs=arguments.runs)
-    sys.stdout.write((as_json(found, wanted) if arguments.json else as_text(arguments.scene, found, wanted)) + "\n")
+        found = tune_scene(
+            arguments.scene, wanted, overrides=arguments.overrides, runs=arguments.runs
+        )
+    sys.stdout.write(
+        (as_json(found, wanted) if arguments.json else as_text(arguments.scene, found, wanted))
+        + "\n"
+    )
     return 0 if found.meets else 2
 
 
@@ -35,7 +40,9 @@ def wanted_of(arguments: argparse.Namespace) -> dict[str, float]:
         try:
             wanted[name.strip()] = float(text)
         except ValueError:
-            problem = Problem("--error", f"{words!r} has no number; write NAME=VALUE, e.g. impact_km=1")
+            problem = Problem(
+                "--error", f"{words!r} has no number; write NAME=VALUE, e.g. impact_km=1"
+            )
             raise SceneError([problem], source="command line") from None
     return wanted
 
@@ -44,7 +51,13 @@ def as_text(scene: str, found: Tuned, wanted: Mapping[str, float]) -> str:
     """Return the choice, its errors and its cost."""
     head = ["error", "wanted", "these settings", "the scene's own", "what it is"]
     rows = [
-        [name, f"{bound:g}", f"{found.checked[name]:.2g}", f"{found.given.errors[name]:.2g}", MEASURES[name]]
+        [
+            name,
+            f"{bound:g}",
+            f"{found.checked[name]:.2g}",
+            f"{found.given.errors[name]:.2g}",
+            MEASURES[name],
+        ]
         for name, bound in wanted.items()
     ]
     chosen = found.chosen.time_s
@@ -62,23 +75,34 @@ def as_text(scene: str, found: Tuned, wanted: Mapping[str, float]) -> str:
             *_not_asked(found, wanted),
             *_from_truth(found),
             _levels(found),
-            f"opir run {quote(scene)} {sets}" if found.meets else "no settings are within the errors on other seeds",
+            f"opir run {quote(scene)} {sets}"
+            if found.meets
+            else "no settings are within the errors on other seeds",
         ]
     )
 
 
 def _not_asked(found: Tuned, wanted: Mapping[str, float]) -> list[str]:
-    """Return the table of errors that were not asked for and are larger than with the scene's own settings, if any."""
+    """Return the table of errors that were not asked for and are larger than with the scene's own
+    settings, if any.
+    """
     head = ["not asked for, and larger", "these settings", "the scene's own", "what it is"]
     rows = [
-        [name, f"{found.chosen.errors[name]:.2g}", f"{found.given.errors[name]:.2g}", MEASURES[name]]
+        [
+            name,
+            f"{found.chosen.errors[name]:.2g}",
+            f"{found.given.errors[name]:.2g}",
+            MEASURES[name],
+        ]
         for name in found.not_asked(wanted)
     ]
     return [table(head, rows, numbers=(1, 2))] if rows else []
 
 
 def _from_truth(found: Tuned) -> list[str]:
-    """Return the table of errors from the truth, if the scene has estimates whose truth is known."""
+    """Return the table of errors from the truth, if the scene has estimates whose truth is
+    known.
+    """
     trials = (found.exact, found.chosen, found.given)
     rows = [
         [name, *(f"{each.from_truth[name]:.2g}" for each in trials)]
@@ -94,7 +118,14 @@ def _levels(found: Tuned) -> str:
     rows = []
     for knob, level, own in zip(found.knobs, found.chosen.levels, found.own_levels, strict=True):
         chosen = " ".join(knob.levels[level]) or "as in the scene"
-        rows.append([knob.name, chosen, f"{level + 1} of {len(knob.levels)}", "none" if own is None else f"{own + 1}"])
+        rows.append(
+            [
+                knob.name,
+                chosen,
+                f"{level + 1} of {len(knob.levels)}",
+                "none" if own is None else f"{own + 1}",
+            ]
+        )
     return table(["setting", "chosen", "level, 1 is exact", "the scene's own level"], rows)
 
 
@@ -116,7 +147,11 @@ def as_json(found: Tuned, wanted: Mapping[str, float]) -> str:
 
 
 def _as_plain(trial: Trial) -> dict[str, Any]:
-    return {"time_s": trial.time_s, "errors": dict(trial.errors), "from_truth": _finite(trial.from_truth)}
+    return {
+        "time_s": trial.time_s,
+        "errors": dict(trial.errors),
+        "from_truth": _finite(trial.from_truth),
+    }
 
 
 def _finite(errors: Mapping[str, float]) -> dict[str, float]:

@@ -1,4 +1,6 @@
-"""Choosing accuracy settings: the cheapest ones whose errors against an exact reference stay within given bounds."""
+"""Choosing accuracy settings: the cheapest ones whose errors against an exact reference stay within
+given bounds.
+"""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -24,9 +26,11 @@ from opir_studies.differences import (
 )
 from opir_studies.knobs import Knob, Overrides, knobs_of
 
-#: The share of a wanted error that the choice may use on its own seeds: other seeds and scenes like it need the rest.
+#: The share of a wanted error that the choice may use on its own seeds: other seeds and scenes like
+#: it need the rest.
 MARGIN = 0.5
-#: A coarser level must be cheaper by this share to be taken: processor times repeat to a few per cent.
+#: A coarser level must be cheaper by this share to be taken: processor times repeat to a few per
+#: cent.
 WORTH = 0.03
 #: An error that is larger by less than this is no other.
 MORE = 1.1
@@ -36,8 +40,8 @@ _OTHER_SEEDS = 1_000_000
 
 @frozen
 class Trial:
-    """Settings that were run: a level of each knob, processor time per run, s, errors against the reference, and
-    those from the truth.
+    """Settings that were run: a level of each knob, processor time per run, s, errors against the
+    reference, and those from the truth.
     """
 
     levels: tuple[int, ...]
@@ -54,8 +58,8 @@ class Trial:
 class Tuned:
     """A choice: its overrides, what it costs, and its errors on seeds that it was not chosen on.
 
-    `given` are the scene's own settings, at `own_levels` of the knobs, None where that is none of the levels; `exact`
-    is the reference.
+    `given` are the scene's own settings, at `own_levels` of the knobs, None where that is none of
+    the levels; `exact` is the reference.
     """
 
     overrides: Overrides
@@ -69,16 +73,26 @@ class Tuned:
     meets: bool
 
     def not_asked(self, wanted: Mapping[str, float]) -> list[str]:
-        """Return the errors that nobody asked for and that are larger than with the scene's own settings."""
+        """Return the errors that nobody asked for and that are larger than with the scene's own
+        settings.
+        """
         rest = [name for name in MEASURES if name not in wanted]
-        return [name for name in rest if abs(self.chosen.errors[name]) > MORE * abs(self.given.errors[name])]
+        return [
+            name
+            for name in rest
+            if abs(self.chosen.errors[name]) > MORE * abs(self.given.errors[name])
+        ]
 
 
-def tune(path: str, errors: Mapping[str, float], *, overrides: Sequence[str] = (), runs: int = 3) -> Tuned:
-    """Return the cheapest settings found of a scene file whose errors are within `errors`, as `opir tune` does.
+def tune(
+    path: str, errors: Mapping[str, float], *, overrides: Sequence[str] = (), runs: int = 3
+) -> Tuned:
+    """Return the cheapest settings found of a scene file whose errors are within `errors`, as `opir
+    tune` does.
 
-    `errors` are bounds by the names of `opir tune --error`, such as `{"impact_km": 1.0}`; `overrides` are as for
-    `--set`; each setting is run with `runs` seeds. Raises `SceneError` for an unknown or impossible error.
+    `errors` are bounds by the names of `opir tune --error`, such as `{"impact_km": 1.0}`;
+    `overrides` are as for `--set`; each setting is run with `runs` seeds. Raises `SceneError` for
+    an unknown or impossible error.
     """
     return tuned(Tuner(path, overrides=overrides, runs=runs), errors)
 
@@ -88,7 +102,8 @@ Answered = tuple[list[RunAnswers], float]
 
 
 def timed_answers(scene: Scene, seeds: Sequence[int], host: Host) -> Answered:
-    """Return the answers of runs of a scene with these seeds, and the processor time of one, s, from the plan on.
+    """Return the answers of runs of a scene with these seeds, and the processor time of one, s,
+    from the plan on.
 
     The plan is made once; what runs of one plan share is computed in each, as in a run by itself.
     """
@@ -108,7 +123,9 @@ def timed_answers(scene: Scene, seeds: Sequence[int], host: Host) -> Answered:
 
 @frozen(eq=False, slots=False)
 class Tuner:
-    """A scene file with its knobs, and runs of it; trials and the answers of the reference are kept."""
+    """A scene file with its knobs, and runs of it; trials and the answers of the reference are
+    kept.
+    """
 
     path: str
     overrides: Sequence[str] = ()
@@ -120,7 +137,9 @@ class Tuner:
 
     def scene(self, extra: Overrides = ()) -> Scene:
         """Return the scene with more overrides, without outputs."""
-        return evolve(load_scene(self.path, overrides=[*self.overrides, *extra], host=self.host), outputs=())
+        return evolve(
+            load_scene(self.path, overrides=[*self.overrides, *extra], host=self.host), outputs=()
+        )
 
     @cached_property
     def knobs(self) -> list[Knob]:
@@ -128,17 +147,23 @@ class Tuner:
         return knobs_of(self.scene())
 
     def own_levels(self) -> list[int | None]:
-        """Return the level of each knob that the scene itself has; None where it has none of them."""
+        """Return the level of each knob that the scene itself has; None where it has none of
+        them.
+        """
         own = scene_mapping(self.scene())
         found = list[int | None]()
         for knob in self.knobs:
-            same = (n for n, level in enumerate(knob.levels) if scene_mapping(self.scene(level)) == own)
+            same = (
+                n for n, level in enumerate(knob.levels) if scene_mapping(self.scene(level)) == own
+            )
             found.append(next(same, None))
         return found
 
     def trial(self, levels: Sequence[int], seeds: Sequence[int]) -> Trial:
         """Return the time and errors of levels over runs with these seeds."""
-        return evolve(self._trial(overrides_at(self.knobs, levels), tuple(seeds)), levels=tuple(levels))
+        return evolve(
+            self._trial(overrides_at(self.knobs, levels), tuple(seeds)), levels=tuple(levels)
+        )
 
     def as_given(self, seeds: Sequence[int]) -> Trial:
         """Return the time and errors of the scene's own settings."""
@@ -169,27 +194,36 @@ class Tuner:
 
 def overrides_at(knobs: Sequence[Knob], levels: Sequence[int]) -> Overrides:
     """Return the overrides of a level of each knob."""
-    return tuple(each for knob, level in zip(knobs, levels, strict=True) for each in knob.levels[level])
+    return tuple(
+        each for knob, level in zip(knobs, levels, strict=True) for each in knob.levels[level]
+    )
 
 
 def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
-    """Return the cheapest settings found whose errors are within `wanted`, by the names of `MEASURES`.
+    """Return the cheapest settings found whose errors are within `wanted`, by the names of
+    `MEASURES`.
 
-    Each knob is loosened by itself as long as the errors stay within half of what is wanted; the levels that pay are
-    then tried together, and the knob with the largest error is tightened until they fit. At last other seeds are run:
-    where these exceed what is wanted, a knob is tightened and further seeds are run. `meets` says whether the last
-    check held; it does not where even the reference differs from itself, which it never does.
+    Each knob is loosened by itself as long as the errors stay within half of what is wanted; the
+    levels that pay are then tried together, and the knob with the largest error is tightened until
+    they fit. At last other seeds are run: where these exceed what is wanted, a knob is tightened
+    and further seeds are run. `meets` says whether the last check held; it does not where even the
+    reference differs from itself, which it never does.
     """
     _check(wanted)
     knobs = tuner.knobs
     first = tuner.scene().seed
     seeds = [first + number for number in range(tuner.runs)]
-    tuner.simulate(tuner.scene(), seeds[:1], tuner.host)  # what is imported at the first use is not counted
+    tuner.simulate(
+        tuner.scene(), seeds[:1], tuner.host
+    )  # what is imported at the first use is not counted
     _check_answered(tuner, wanted, seeds)
     given = tuner.as_given(seeds)
     within = {name: MARGIN * bound for name, bound in wanted.items()}
     alone = [_loosened(tuner, number, wanted, seeds) for number in range(len(knobs))]
-    levels = [max(trials, key=lambda each: each.levels[number]).levels[number] for number, trials in enumerate(alone)]
+    levels = [
+        max(trials, key=lambda each: each.levels[number]).levels[number]
+        for number, trials in enumerate(alone)
+    ]
     chosen = tuner.trial(levels, seeds)
     while chosen.worst(within) > 1.0 and any(levels):
         _tighten(levels, alone, within)
@@ -204,11 +238,25 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
     tried_alone = tuple(each for trials in alone for each in trials)
     overrides = overrides_at(knobs, levels)
     exact = tuner.trial([0] * len(knobs), seeds)
-    return Tuned(overrides, chosen, checked.errors, given, tuner.own_levels(), exact, knobs, tried_alone, meets)
+    return Tuned(
+        overrides,
+        chosen,
+        checked.errors,
+        given,
+        tuner.own_levels(),
+        exact,
+        knobs,
+        tried_alone,
+        meets,
+    )
 
 
-def _loosened(tuner: Tuner, number: int, wanted: Mapping[str, float], seeds: Sequence[int]) -> list[Trial]:
-    """Return the trials of one knob alone that are within bounds and each cheaper than the one before."""
+def _loosened(
+    tuner: Tuner, number: int, wanted: Mapping[str, float], seeds: Sequence[int]
+) -> list[Trial]:
+    """Return the trials of one knob alone that are within bounds and each cheaper than the one
+    before.
+    """
     knob = tuner.knobs[number]
     levels = [0] * len(tuner.knobs)
     kept = [tuner.trial(levels, seeds)]
@@ -224,11 +272,17 @@ def _loosened(tuner: Tuner, number: int, wanted: Mapping[str, float], seeds: Seq
     return kept
 
 
-def _tighten(levels: list[int], alone: Sequence[Sequence[Trial]], within: Mapping[str, float]) -> None:
-    """Set the loosened knob with the largest error of its own to its next more exact level that paid."""
+def _tighten(
+    levels: list[int], alone: Sequence[Sequence[Trial]], within: Mapping[str, float]
+) -> None:
+    """Set the loosened knob with the largest error of its own to its next more exact level that
+    paid.
+    """
     loose = [number for number, level in enumerate(levels) if level]
     number = max(loose, key=lambda each: _own(alone[each], each, levels[each]).worst(within))
-    levels[number] = max(each.levels[number] for each in alone[number] if each.levels[number] < levels[number])
+    levels[number] = max(
+        each.levels[number] for each in alone[number] if each.levels[number] < levels[number]
+    )
 
 
 def _own(trials: Sequence[Trial], number: int, level: int) -> Trial:
@@ -244,7 +298,10 @@ def _fresh_seeds(first: int, runs: int) -> Sequence[list[int]]:
 def _check_answered(tuner: Tuner, wanted: Mapping[str, float], seeds: Sequence[int]) -> None:
     """Refuse errors of what the scene has no answer to, which no setting changes."""
     lacking = unanswered(tuner.reference(seeds)[0][0])
-    tracker = f"its tracker is {tuner.scene().tracker.name}; name one that estimates it, e.g. --set tracker=imm, or "
+    tracker = (
+        f"its tracker is {tuner.scene().tracker.name}; name one that estimates it, e.g. --set"
+        f" tracker=imm, or "
+    )
     problems = [
         Problem(
             f"--error {name}",
@@ -262,7 +319,10 @@ def _check(wanted: Mapping[str, float]) -> None:
     problems = []
     for name, bound in wanted.items():
         if name not in MEASURES:
-            words = f"no error is called {name!r}{nearest(name, MEASURES)}; there are {', '.join(MEASURES)}"
+            words = (
+                f"no error is called {name!r}{nearest(name, MEASURES)}; there are"
+                f" {', '.join(MEASURES)}"
+            )
             problems.append(Problem("--error", words))
         elif not bound > 0.0:
             problems.append(Problem("--error", f"{name}={bound:g} is not a positive error"))

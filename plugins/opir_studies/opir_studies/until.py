@@ -1,7 +1,7 @@
 """Stopping early: when the interval of a figure is narrow enough.
 
-Decisions are made after fixed numbers of runs, so the result depends neither on the executor nor on the order in which
-runs end.
+Decisions are made after fixed numbers of runs, so the result depends neither on the executor nor on
+the order in which runs end.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,21 +20,27 @@ _GROWTH = 1.5
 
 @frozen
 class Until:
-    """The largest half width of the 95 % interval of a figure: in its unit, or as a share of the mean."""
+    """The largest half width of the 95 % interval of a figure: in its unit, or as a share of the
+    mean.
+    """
 
     figure: str
     half_width: float
     is_relative: bool
 
     def is_met(self, values: Any) -> bool:
-        """Return whether the interval of values (n,) is narrow enough; runs without a value do not count."""
+        """Return whether the interval of values (n,) is narrow enough; runs without a value do not
+        count.
+        """
         mean, low, high = interval(np.asarray(values, dtype=np.float64))
         limit = self.half_width * abs(mean) if self.is_relative else self.half_width
         return bool(0.5 * (high - low) <= limit)
 
 
 def until_of(study: Study, units: Mapping[str, str]) -> Until | None:
-    """Return when a study stops early; raises `SceneError` for what cannot be read, or an unknown figure."""
+    """Return when a study stops early; raises `SceneError` for what cannot be read, or an unknown
+    figure.
+    """
     if not study.until:
         return None
     figure, colon, width = study.until.partition(":")
@@ -44,9 +50,14 @@ def until_of(study: Study, units: Mapping[str, str]) -> Until | None:
     except ValueError:
         value = np.nan
     if not colon or not 0.0 < value < np.inf:
-        raise _problem(study, f"{study.until!r} is not FIGURE:WIDTH; write latency_s:0.5% or latency_s:0.2")
+        raise _problem(
+            study, f"{study.until!r} is not FIGURE:WIDTH; write latency_s:0.5% or latency_s:0.2"
+        )
     if figure.strip() not in units:
-        words = f"no metric of the study gives {figure!r}{nearest(figure, units)}; there are {', '.join(units)}"
+        words = (
+            f"no metric of the study gives {figure!r}{nearest(figure, units)}; there are"
+            f" {', '.join(units)}"
+        )
         raise _problem(study, words)
     return Until(figure.strip(), value, is_relative)
 

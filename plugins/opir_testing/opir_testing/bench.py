@@ -1,7 +1,8 @@
-"""The test scene of conformance tests: a small scene of edge cases, run with the component under test.
+"""The test scene of conformance tests: a small scene of edge cases, run with the component under
+test.
 
-Three sensors, one of them moving, high over the pole; launches across the antimeridian, close to the pole, in full
-view, and on the far side of the Earth, out of view of the geostationary sensors.
+Three sensors, one of them moving, high over the pole; launches across the antimeridian, close to
+the pole, in full view, and on the far side of the Earth, out of view of the geostationary sensors.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,7 +15,15 @@ from attrs import frozen
 from opir_core import DetectionTruth, Plan, compile_plan, plan_windows
 from opir_core.arrays import IntArray
 from opir_core.planning import Looks
-from opir_core.plugin import ClassifierInputs, Detections, Encoder, EncoderContext, Exposures, Host, RandomDraws
+from opir_core.plugin import (
+    ClassifierInputs,
+    Detections,
+    Encoder,
+    EncoderContext,
+    Exposures,
+    Host,
+    RandomDraws,
+)
 from opir_core.random_streams import PairStreams, WindowNumbers
 from opir_core.reading import scene_from_mapping
 
@@ -22,19 +31,36 @@ from opir_core.reading import scene_from_mapping
 SceneFile = Mapping[str, Any]
 
 _POLAR_ORBIT = {
-    "circular": {"altitude_km": 30000.0, "inclination_deg": 90.0, "raan_deg": 0.0, "arg_latitude_deg": 85.0}
+    "circular": {
+        "altitude_km": 30000.0,
+        "inclination_deg": 90.0,
+        "raan_deg": 0.0,
+        "arg_latitude_deg": 85.0,
+    }
 }
 
 SENSORS: tuple[Mapping[str, Any], ...] = (
     {"model": "generic-scanner", "id": "BENCH-1", "orbital_slot_deg": -100.0},
-    {"model": "generic-scanner", "id": "BENCH-2", "orbital_slot_deg": 180.0, "scan_period_ms": 700.0},
-    {"model": "generic-scanner", "id": "BENCH-3", "orbit": _POLAR_ORBIT, "bands": {"MWIR": [4.2, 4.45]}},
+    {
+        "model": "generic-scanner",
+        "id": "BENCH-2",
+        "orbital_slot_deg": 180.0,
+        "scan_period_ms": 700.0,
+    },
+    {
+        "model": "generic-scanner",
+        "id": "BENCH-3",
+        "orbit": _POLAR_ORBIT,
+        "bands": {"MWIR": [4.2, 4.45]},
+    },
 )
 
 NEIGHBOUR_SENSOR = {"model": "generic-scanner", "id": "NEIGHBOUR", "orbital_slot_deg": -140.0}
 
 
-def launch(name: str, kind: str, start: tuple[float, float], aim: tuple[float, float], time_s: float) -> dict[str, Any]:
+def launch(
+    name: str, kind: str, start: tuple[float, float], aim: tuple[float, float], time_s: float
+) -> dict[str, Any]:
     """Return the block of a target of the model `ballistic`; positions are (lat_deg, lon_deg)."""
     return {
         "id": name,
@@ -94,11 +120,14 @@ class BenchRun:
         sensor_ids = frozenset(sensors)
         target_ids = frozenset(targets)
         ids = self.plan.targets.ids
-        rows = zip(self.detections.sensor.tolist(), self.truth.target.tolist(), self.lines, strict=True)
+        rows = zip(
+            self.detections.sensor.tolist(), self.truth.target.tolist(), self.lines, strict=True
+        )
         return tuple(
             line
             for sensor, target, line in rows
-            if self.plan.sensors[sensor].id in sensor_ids and (target < 0 or ids[target] in target_ids)
+            if self.plan.sensors[sensor].id in sensor_ids
+            and (target < 0 or ids[target] in target_ids)
         )
 
 
@@ -138,7 +167,9 @@ def encoder_of(plan: Plan, name: str = "forge") -> Encoder:
 
 @frozen(eq=False)
 class LookTable:
-    """All looks of a plan with a visible target: read-only exposures, and the random draws of each row."""
+    """All looks of a plan with a visible target: read-only exposures, and the random draws of each
+    row.
+    """
 
     exposures: Exposures
     numbers: WindowNumbers
@@ -164,10 +195,14 @@ class LookTable:
 
 
 def classifier_inputs(plan: Plan, looks: LookTable) -> ClassifierInputs:
-    """Return classifier inputs in which each look detects, with all combinations of bands, counts and SNR."""
+    """Return classifier inputs in which each look detects, with all combinations of bands, counts
+    and SNR.
+    """
     exposed = looks.exposures
     rows = np.arange(len(looks.exposures))
-    totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)[exposed.sensor]
+    totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)[
+        exposed.sensor
+    ]
     counts = rows % totals + 1
     return ClassifierInputs(
         time_s=exposed.time_s,
@@ -183,5 +218,7 @@ def classifier_inputs(plan: Plan, looks: LookTable) -> ClassifierInputs:
         band_irradiance_w_m2=np.where(
             np.arange(totals.max()) < totals[:, None], 1e-12 * (1.0 + rows[:, None] % 5), np.nan
         ),
-        band_noise_w_m2=np.where(np.arange(totals.max()) < totals[:, None], 1e-13 * (1.0 + rows[:, None] % 7), 1.0),
+        band_noise_w_m2=np.where(
+            np.arange(totals.max()) < totals[:, None], 1e-13 * (1.0 + rows[:, None] % 7), 1.0
+        ),
     ).freeze()

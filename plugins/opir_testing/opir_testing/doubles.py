@@ -1,4 +1,6 @@
-"""Test doubles of the parts of a simulation, and windows of given detections for tests of encoders and sinks."""
+"""Test doubles of the parts of a simulation, and windows of given detections for tests of encoders
+and sinks.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -45,10 +47,13 @@ _SIGMA_RAD = 2e-5
 _EARTH_RADIUS_KM = 6371.0088
 
 
-def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = None, **columns: Any) -> Window:
+def stub_window(
+    count: int, *, first_scan: int = 0, estimates: Tracks | None = None, **columns: Any
+) -> Window:
     """Return a window of detections of sensor 0, one a second from `first_scan` on.
 
-    `columns` replace columns of the detections; values are broadcast. Reports are at once unless given.
+    `columns` replace columns of the detections; values are broadcast. Reports are at once unless
+    given.
     """
     scan = np.arange(first_scan, first_scan + count)
     detections = _detections(scan)
@@ -72,14 +77,21 @@ def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = N
     )
 
 
-def stub_estimates(count: int, hypotheses: Sequence[Hypothesis] | None = None, **columns: Any) -> Tracks:
+def stub_estimates(
+    count: int, hypotheses: Sequence[Hypothesis] | None = None, **columns: Any
+) -> Tracks:
     """Return estimates with tick (0, 1, … s), track (0) and nan; `columns` replace columns.
 
-    `impact_regions` is a sequence of tuples, one per row. With `hypothesis_probability`, over `hypotheses` (by default
-    `core_hypotheses()`), the probabilities of launches, missiles and orbits are its sums.
+    `impact_regions` is a sequence of tuples, one per row. With `hypothesis_probability`, over
+    `hypotheses` (by default `core_hypotheses()`), the probabilities of launches, missiles and
+    orbits are its sums.
     """
     unknown = {
-        name: np.full((count, *column.shape[1:]), np.nan if column.dtype == np.float64 else 0, dtype=column.dtype)
+        name: np.full(
+            (count, *column.shape[1:]),
+            np.nan if column.dtype == np.float64 else 0,
+            dtype=column.dtype,
+        )
         for name, column in _columns(Tracks.empty()).items()
     }
     unknown["tick_s"] = np.arange(count, dtype=np.float64)
@@ -99,7 +111,9 @@ def stub_estimates(count: int, hypotheses: Sequence[Hypothesis] | None = None, *
 
 
 def stub_hypotheses(**chances: float) -> FloatArray:
-    """Return the probabilities (H,) of `core_hypotheses()`, by names with `_` for spaces; the rest is none of these."""
+    """Return the probabilities (H,) of `core_hypotheses()`, by names with `_` for spaces; the rest
+    is none of these.
+    """
     names = [each.name.replace(" ", "_") for each in core_hypotheses()]
     shares = np.zeros(len(names))
     for name, chance in chances.items():
@@ -108,24 +122,37 @@ def stub_hypotheses(**chances: float) -> FloatArray:
     return shares
 
 
-def hypothesis_sums(chances: Any, hypotheses: Sequence[Hypothesis] | None = None) -> dict[str, FloatArray]:
-    """Return the sums that `Tracks` has of probabilities (..., H) of hypotheses, `core_hypotheses()` by default."""
+def hypothesis_sums(
+    chances: Any, hypotheses: Sequence[Hypothesis] | None = None
+) -> dict[str, FloatArray]:
+    """Return the sums that `Tracks` has of probabilities (..., H) of hypotheses,
+    `core_hypotheses()` by default.
+    """
     groups = [each.group for each in hypotheses or core_hypotheses()]
     summed = {"launch": LAUNCH_GROUPS, "missile": ("missile",), "orbit": ("orbit",)}
     return {
-        f"probability_{name}": np.asarray(chances)[..., [group in own for group in groups]].sum(axis=-1)
+        f"probability_{name}": np.asarray(chances)[..., [group in own for group in groups]].sum(
+            axis=-1
+        )
         for name, own in summed.items()
     }
 
 
 def stub_regions(
-    latitude_deg: float, longitude_deg: float, radius_km: float = 100.0, corners: int = 64, **figures: Any
+    latitude_deg: float,
+    longitude_deg: float,
+    radius_km: float = 100.0,
+    corners: int = 64,
+    **figures: Any,
 ) -> tuple[ImpactRegion, ...]:
-    """Return round regions for `TRACK_CONTAINMENTS` about a point: geodesic circles, the 95 % one of `radius_km`.
+    """Return round regions for `TRACK_CONTAINMENTS` about a point: geodesic circles, the 95 % one
+    of `radius_km`.
 
     `figures` are other attributes of the regions: condition, probability, effective samples.
     """
-    radii = radius_km * np.sqrt(np.log1p(-np.array(TRACK_CONTAINMENTS)) / np.log1p(-TRACK_CONTAINMENTS[-1]))
+    radii = radius_km * np.sqrt(
+        np.log1p(-np.array(TRACK_CONTAINMENTS)) / np.log1p(-TRACK_CONTAINMENTS[-1])
+    )
     turn = np.linspace(0.0, 2.0 * np.pi, corners + 1)
     latitude = np.radians(latitude_deg)
     longitude = np.radians(longitude_deg)
@@ -139,7 +166,9 @@ def stub_regions(
         ring = np.stack([np.arcsin(sine), np.mod(east + np.pi, 2.0 * np.pi) - np.pi], axis=1)
         ring[-1] = ring[0]
         area_km2 = 2.0 * np.pi * _EARTH_RADIUS_KM**2 * float(1.0 - np.cos(angle))
-        regions.append(ImpactRegion(containment=containment, area_km2=area_km2, polygons=((ring,),), **figures))
+        regions.append(
+            ImpactRegion(containment=containment, area_km2=area_km2, polygons=((ring,),), **figures)
+        )
     return tuple(regions)
 
 
@@ -186,7 +215,9 @@ _NS = 1_000_000_000
 
 @frozen(eq=False)
 class VerticalTargets(Trajectories):
-    """Targets that climb vertically from positions (n,) at constant speed from ignition to burnout."""
+    """Targets that climb vertically from positions (n,) at constant speed from ignition to
+    burnout.
+    """
 
     latitude_deg: FloatArray
     longitude_deg: FloatArray
@@ -211,13 +242,17 @@ class VerticalTargets(Trajectories):
         """Return the burning times."""
         return [
             {"ignition_s": ignition, "burnout_s": burnout}
-            for ignition, burnout in zip(self.ignition_s.tolist(), self.burnout_s.tolist(), strict=True)
+            for ignition, burnout in zip(
+                self.ignition_s.tolist(), self.burnout_s.tolist(), strict=True
+            )
         ]
 
 
 @frozen
 class CertainDetection(DetectionProbability):
-    """A detection model of one probability, in the first band, without SNR; constant for a pair or look by look."""
+    """A detection model of one probability, in the first band, without SNR; constant for a pair or
+    look by look.
+    """
 
     chance: float = 1.0
     is_constant: bool = True
@@ -260,7 +295,9 @@ SilentTracker = NoTracker
 
 
 class CountingTracker(Tracker):
-    """A tracker with one track per sensor, whose state is the number of detections so far; records its ticks."""
+    """A tracker with one track per sensor, whose state is the number of detections so far; records
+    its ticks.
+    """
 
     def __init__(self, cadence_s: float = 1.0) -> None:
         self.cadence_s: float | None = cadence_s
@@ -281,11 +318,15 @@ class CountingTracker(Tracker):
         state = np.zeros((len(rows), 6))
         state[:, 0] = [detections for _, detections in rows]
         track = np.array([sensor for sensor, _ in rows], dtype=np.int64)
-        return stub_estimates(len(rows), tick_s=tick_s, track=track, state=state, type_probability=0.25)
+        return stub_estimates(
+            len(rows), tick_s=tick_s, track=track, state=state, type_probability=0.25
+        )
 
 
 def stub_sensor(id: str = "S-1", slot_deg: float = 0.0, **changes: Any) -> Sensor:  # noqa: A002
-    """Return a staring sensor in a geostationary slot with 10 looks a second; `changes` set fields."""
+    """Return a staring sensor in a geostationary slot with 10 looks a second; `changes` set
+    fields.
+    """
     settings: dict[str, Any] = {
         "id": id,
         "type": "STUB",
@@ -321,13 +362,17 @@ def stub_scene(*, seed: int = 0, duration_s: float = 100.0, light_time: bool = T
     )
 
 
-def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], scene: Scene, **parts: Any) -> Plan:
+def stub_plan(
+    sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], scene: Scene, **parts: Any
+) -> Plan:
     """Return a plan of given sensors and targets; `parts` replace the stub models."""
     targets = join_targets(ids, [trajectories], [range(len(ids))])
     end_ns = round(scene.duration_s * _NS)
     starts = [0.0] * len(sensors)
     exclusions = solar_exclusions(sensors, scene.epoch_us, scene.duration_s)
-    pairs, sightlines = PairCompiler(sensors, targets, starts, scene.light_time, end_ns, exclusions).compiled()
+    pairs, sightlines = PairCompiler(
+        sensors, targets, starts, scene.light_time, end_ns, exclusions
+    ).compiled()
     models: dict[str, Any] = {
         "detection": CertainDetection(),
         "classifier": UnknownClassifier(),

@@ -1,8 +1,10 @@
-"""Monitors of a function's execution: bytecode instructions, and use of clock, entropy, network, global random state.
+"""Monitors of a function's execution: bytecode instructions, and use of clock, entropy, network,
+global random state.
 
-The count of instructions is the same on every machine. Array code needs a number that hardly depends on the rows; a
-loop over rows needs several for each. Python's profiler sees each call of a C function, however it was imported; calls
-from within C code (threads of a client library) are not seen.
+The count of instructions is the same on every machine. Array code needs a number that hardly
+depends on the rows; a loop over rows needs several for each. Python's profiler sees each call of a
+C function, however it was imported; calls from within C code (threads of a client library) are not
+seen.
 """
 
 import gc
@@ -17,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-#: A loop over rows takes more steps than this for each row; array computations in blocks of rows take fewer.
+#: A loop over rows takes more steps than this for each row; array computations in blocks of rows
+#: take fewer.
 LOOP_STEPS = 8.0
 
 
@@ -46,14 +49,26 @@ def python_steps(act: Callable[[], object]) -> int:
 
 
 def steps_per_row(act: Callable[[int], object], few: int, many: int) -> float:
-    """Return the additional steps of a function for each additional row, between `few` and `many` rows."""
+    """Return the additional steps of a function for each additional row, between `few` and `many`
+    rows.
+    """
     return (python_steps(lambda: act(many)) - python_steps(lambda: act(few))) / (many - few)
 
 
-_CLOCK = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "process_time", "sleep"}
+_CLOCK = {
+    "time",
+    "time_ns",
+    "monotonic",
+    "monotonic_ns",
+    "perf_counter",
+    "perf_counter_ns",
+    "process_time",
+    "sleep",
+}
 _DATES = {"now", "utcnow", "today"}
-#: Modules that may use clock and entropy themselves. Philox draws entropy for a seed sequence that it does not use,
-#: because the core's streams give it a key; the boundary of plugins notes when a call began, for the watchdog.
+#: Modules that may use clock and entropy themselves. Philox draws entropy for a seed sequence that
+#: it does not use, because the core's streams give it a key; the boundary of plugins notes when a
+#: call began, for the watchdog.
 _OWN = {"opir_core.random_streams.philox", "opir_core.host.boundary"}
 _EXEMPT = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", *_OWN}
 #: The seed of both global generators during monitoring; no other code uses it.
@@ -61,7 +76,8 @@ _MARK = 0x6F706972
 
 
 def outside_inputs(act: Callable[[], object]) -> list[str]:
-    """Return the uses of clock, entropy, network and global random state by a function, each with its source line.
+    """Return the uses of clock, entropy, network and global random state by a function, each with
+    its source line.
 
     The function runs once before, so that imports do not count.
     """

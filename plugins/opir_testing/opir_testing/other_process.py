@@ -1,7 +1,8 @@
 """A second Python process with a different hash seed, which runs the test scenes.
 
-`python -m opir_testing.other_process` reads requests as lines of JSON and answers each with a line of JSON. One
-process serves all tests of a session, so state that a component keeps between runs shows as a difference.
+`python -m opir_testing.other_process` reads requests as lines of JSON and answers each with a line
+of JSON. One process serves all tests of a session, so state that a component keeps between runs
+shows as a difference.
 """
 
 import atexit
@@ -21,7 +22,8 @@ _OTHER_HASH_SEED = "7"
 
 
 def events_in_other_process(scene: SceneFile, plugins: Sequence[str]) -> tuple[bytes, ...]:
-    """Return the events of a scene from the other process; raises `RuntimeError` with its message if it fails.
+    """Return the events of a scene from the other process; raises `RuntimeError` with its message
+    if it fails.
 
     `plugins` are the modules of plugins that are not installed.
     """
@@ -61,7 +63,9 @@ def _serve() -> None:
         sys.path[:] = arguments["path"]
         try:
             lines = bench_run(arguments["scene"], bench_host(arguments["plugins"])).lines
-            answer: dict[str, object] = {"lines": [base64.b64encode(line).decode() for line in lines]}
+            answer: dict[str, object] = {
+                "lines": [base64.b64encode(line).decode() for line in lines]
+            }
         except Exception as error:
             answer = {"error": f"{type(error).__name__}: {error}"}
         sys.stdout.write(json.dumps(answer) + "\n")

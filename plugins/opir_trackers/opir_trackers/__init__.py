@@ -1,4 +1,6 @@
-"""Trackers for opir, `kepler-arc` and `imm`, and how they begin a track, for adapters of other trackers."""
+"""Trackers for opir, `kepler-arc` and `imm`, and how they begin a track, for adapters of other
+trackers.
+"""
 
 from opir_core.doors import door
 

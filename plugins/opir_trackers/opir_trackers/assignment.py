@@ -1,12 +1,13 @@
-"""One-to-one assignment on a sparse graph of gated pairs: the cheapest, and the probabilities of all.
+"""One-to-one assignment on a sparse graph of gated pairs: the cheapest, and the probabilities of
+all.
 
-Pairs that share neither row nor column with another one are settled at once; the rest is a dense problem for
-`scipy.optimize.linear_sum_assignment`, some connected components at a time.
+Pairs that share neither row nor column with another one are settled at once; the rest is a dense
+problem for `scipy.optimize.linear_sum_assignment`, some connected components at a time.
 
-Association probabilities are sums over all one-to-one hypotheses; the weight of a hypothesis is the product of the
-likelihood ratios of its pairs. They are approximated by loopy belief propagation (Williams and Lau, "Approximate
-evaluation of marginal association probabilities with belief propagation", IEEE Trans. AES 50(4), 2014), which is exact
-where the graph has no loops.
+Association probabilities are sums over all one-to-one hypotheses; the weight of a hypothesis is the
+product of the likelihood ratios of its pairs. They are approximated by loopy belief propagation
+(Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
+propagation", IEEE Trans. AES 50(4), 2014), which is exact where the graph has no loops.
 """
 
 import numpy as np
@@ -16,13 +17,14 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 #: Numbers are ranked by a table up to this many entries per number, and sorted beyond.
 _DENSE = 8
 
-#: Components are solved together up to about this number of pairs: calls for fewer, and empty elements for more, take
-#: longer.
+#: Components are solved together up to about this number of pairs: calls for fewer, and empty
+#: elements for more, take longer.
 _TOGETHER = 200
 
 
 def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
-    """Return the component (n,), from 0, of each pair of a bipartite graph, and the number of components.
+    """Return the component (n,), from 0, of each pair of a bipartite graph, and the number of
+    components.
 
     Rows and columns are whole numbers from 0; components are numbered by their lowest rows.
     """
@@ -57,13 +59,17 @@ def ranks(value: IntArray) -> IntArray:
 
 
 def distinct(value: IntArray) -> IntArray:
-    """Return the sorted distinct values of whole numbers from 0, none of which is many times their count."""
+    """Return the sorted distinct values of whole numbers from 0, none of which is many times their
+    count.
+    """
     kept: IntArray = np.flatnonzero(np.bincount(value))
     return kept
 
 
 def group_sums(group: IntArray, columns: FloatArray, count: int = 0) -> FloatArray:
-    """Return the sums (count, k), or of as many groups as there are, of columns (n, k) by group (n,), from 0."""
+    """Return the sums (count, k), or of as many groups as there are, of columns (n, k) by group
+    (n,), from 0.
+    """
     sums = np.stack([np.bincount(group, column, count) for column in columns.T], axis=1)
     return sums.astype(np.float64, copy=False)
 
@@ -79,8 +85,8 @@ def unambiguous(row: IntArray, column: IntArray) -> BoolArray:
 def cheapest_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> BoolArray:
     """Return which pairs (n,) the cheapest one-to-one assignment uses.
 
-    `row`, `column` (n,) are the nodes of the gated pairs, each pair once. `cost` is that of the pair relative to
-    leaving both nodes unassigned: pairs with a cost of 0 or more are never used.
+    `row`, `column` (n,) are the nodes of the gated pairs, each pair once. `cost` is that of the
+    pair relative to leaving both nodes unassigned: pairs with a cost of 0 or more are never used.
     """
     chosen = np.zeros(len(row), dtype=bool)
     useful = np.flatnonzero(cost < 0.0)
@@ -97,7 +103,9 @@ def cheapest_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> Bo
     first = np.cumsum(np.bincount(group, minlength=count)) // _TOGETHER
     cuts = np.flatnonzero(np.diff(first[group[order]])) + 1
     for part in np.split(order, cuts):
-        used = _cheapest(rows[part] - rows[part].min(), columns[part] - columns[part].min(), cost[rest[part]])
+        used = _cheapest(
+            rows[part] - rows[part].min(), columns[part] - columns[part].min(), cost[rest[part]]
+        )
         chosen[rest[part[used]]] = True
     return chosen
 
@@ -114,7 +122,8 @@ def _cheapest(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
     return used[used >= 0]
 
 
-#: Belief propagation stops once no message changes by more than this, or after the given number of sweeps.
+#: Belief propagation stops once no message changes by more than this, or after the given number of
+#: sweeps.
 _CONVERGED = 1e-4
 _SWEEPS = 50
 
@@ -122,12 +131,15 @@ _SWEEPS = 50
 _SETTLED = 0.01
 
 
-def swap_probabilities(row: IntArray, column: IntArray, log: FloatArray, sweeps: int = 300) -> FloatArray:
-    """Return approximate association probabilities (n,) where every row has a column, by log likelihoods (n,).
+def swap_probabilities(
+    row: IntArray, column: IntArray, log: FloatArray, sweeps: int = 300
+) -> FloatArray:
+    """Return approximate association probabilities (n,) where every row has a column, by log
+    likelihoods (n,).
 
-    The squared likelihoods are scaled until no row and no column has more than 1 in all (Sinkhorn, Ann. Math. Stat.
-    35(2), 1964). That is exact where two rows may have swapped their columns; of more rows the error is 0.03 in the
-    mean (docs/design/association_probability_error.py).
+    The squared likelihoods are scaled until no row and no column has more than 1 in all (Sinkhorn,
+    Ann. Math. Stat. 35(2), 1964). That is exact where two rows may have swapped their columns; of
+    more rows the error is 0.03 in the mean (docs/design/association_probability_error.py).
     """
     log = 2.0 * log
     for _ in range(sweeps):
@@ -149,10 +161,14 @@ def _log_sums(node: IntArray, log: FloatArray) -> FloatArray:
     return sums
 
 
-def belief_propagation(row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = _SWEEPS) -> FloatArray:
-    """Return approximate association probabilities (n,) by loopy belief propagation, linear in the pairs.
+def belief_propagation(
+    row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = _SWEEPS
+) -> FloatArray:
+    """Return approximate association probabilities (n,) by loopy belief propagation, linear in the
+    pairs.
 
-    It is exact without loops. With loops of strong evidence it is overconfident in the likeliest hypothesis.
+    It is exact without loops. With loops of strong evidence it is overconfident in the likeliest
+    hypothesis.
     """
     line = ranks(row)
     place = ranks(column)
@@ -175,5 +191,7 @@ def _others(node: IntArray, value: FloatArray) -> FloatArray:
     """
     total = np.bincount(node, value)[node]
     most = value > 0.5 * total
-    rest: FloatArray = np.where(most, np.bincount(node, np.where(most, 0.0, value))[node], total - value)
+    rest: FloatArray = np.where(
+        most, np.bincount(node, np.where(most, 0.0, value))[node], total - value
+    )
     return rest

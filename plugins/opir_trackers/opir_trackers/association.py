@@ -1,4 +1,6 @@
-"""Data association of lines of sight with tracks: one line per track and scan, one track per line."""
+"""Data association of lines of sight with tracks: one line per track and scan, one track per
+line.
+"""
 
 from typing import NamedTuple
 
@@ -7,7 +9,14 @@ from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot, tangent_axes
-from opir_trackers.assignment import cheapest_assignment, components, distinct, group_sums, ranks, unambiguous
+from opir_trackers.assignment import (
+    cheapest_assignment,
+    components,
+    distinct,
+    group_sums,
+    ranks,
+    unambiguous,
+)
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import FEW_PAIRS, GatedPairs
 from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
@@ -18,7 +27,8 @@ _UNIT = np.eye(2)
 class Association(NamedTuple):
     """The track of each line of sight (m,), -1 for none, and the assigned pairs.
 
-    `is_ambiguous` is False where no line had two candidate tracks and no track two lines of one scan.
+    `is_ambiguous` is False where no line had two candidate tracks and no track two lines of one
+    scan.
     """
 
     owner: IntArray
@@ -28,7 +38,8 @@ class Association(NamedTuple):
 
 def _log_odds(model: "AssociationModel") -> FloatArray:
     return np.log(
-        model.detection_probability / ((1.0 - model.detection_probability) * 2.0 * np.pi * model.clutter_per_sr)
+        model.detection_probability
+        / ((1.0 - model.detection_probability) * 2.0 * np.pi * model.clutter_per_sr)
     )
 
 
@@ -45,24 +56,32 @@ class AssociationModel:
 
     def log_ratio(self, pairs: GatedPairs, lines: LinesOfSight) -> FloatArray:
         """Return the log likelihood ratio (n,) of pairs to a miss and a false alarm."""
-        log: FloatArray = self.log_odds.take(lines.sensor.take(pairs.line)) - 0.5 * (pairs.distance + pairs.log_volume)
+        log: FloatArray = self.log_odds.take(lines.sensor.take(pairs.line)) - 0.5 * (
+            pairs.distance + pairs.log_volume
+        )
         return log
 
 
 def scan_groups(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
-    """Return the group (n,) of each pair's track, sensor and scan; a track takes at most one line per group."""
+    """Return the group (n,) of each pair's track, sensor and scan; a track takes at most one line
+    per group.
+    """
     scan = scan_numbers(lines.sensor, lines.scan)
     return ranks(pairs.track * (int(scan.max(initial=0)) + 1) + scan[pairs.line])
 
 
 def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
-    """Return the sorted tracks that share a line with another track or have several lines of one scan."""
+    """Return the sorted tracks that share a line with another track or have several lines of one
+    scan.
+    """
     rivals = ~unambiguous(scan_groups(pairs, lines), pairs.line)
     return distinct(pairs.track[rivals])
 
 
 def connected_tracks(track: IntArray, line: IntArray, some: IntArray) -> BoolArray:
-    """Return which tracks, up to the last with a pair (m,), are among `some` or connected to them by shared lines."""
+    """Return which tracks, up to the last with a pair (m,), are among `some` or connected to them
+    by shared lines.
+    """
     connected = np.zeros(int(max(track.max(initial=-1), some.max(initial=-1))) + 1, dtype=bool)
     connected[some] = True
     if len(some):
@@ -81,12 +100,17 @@ def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
 
 
 def is_unambiguous(pairs: GatedPairs, lines: LinesOfSight) -> bool:
-    """Return whether a quick test shows that no line has two candidate tracks and no track two lines of a scan."""
+    """Return whether a quick test shows that no line has two candidate tracks and no track two
+    lines of a scan.
+    """
     line = pairs.line.tolist()
     count = len(lines.scan)
     if len(line) > FEW_PAIRS or len(set(line)) < len(line):
         return False
-    if count <= FEW_PAIRS and len(set(zip(lines.sensor.tolist(), lines.scan.tolist(), strict=True))) == count:
+    if (
+        count <= FEW_PAIRS
+        and len(set(zip(lines.sensor.tolist(), lines.scan.tolist(), strict=True))) == count
+    ):
         return True
     sensor = lines.sensor.take(pairs.line).tolist()
     scan = lines.scan.take(pairs.line).tolist()
@@ -100,12 +124,16 @@ def unassigned(count: int) -> IntArray:
     return owner
 
 
-def associate_nearest(pairs: GatedPairs, lines: LinesOfSight, model: AssociationModel) -> Association:
+def associate_nearest(
+    pairs: GatedPairs, lines: LinesOfSight, model: AssociationModel
+) -> Association:
     """Return the assignment of each scan by global nearest neighbour."""
     ratio = model.log_ratio(pairs, lines)
     if is_unambiguous(pairs, lines):
         return hard_association(pairs, lines, ratio > 0.0)._replace(is_ambiguous=False)
-    return hard_association(pairs, lines, cheapest_assignment(scan_groups(pairs, lines), pairs.line, -ratio))
+    return hard_association(
+        pairs, lines, cheapest_assignment(scan_groups(pairs, lines), pairs.line, -ratio)
+    )
 
 
 def hard_association(pairs: GatedPairs, lines: LinesOfSight, chosen: BoolArray) -> Association:
@@ -116,15 +144,20 @@ def hard_association(pairs: GatedPairs, lines: LinesOfSight, chosen: BoolArray) 
     return Association(owner, used)
 
 
-#: Pairs of a track and sensor within this time, s, are updated with as one: a target's path bends by 1 m in half of it.
+#: Pairs of a track and sensor within this time, s, are updated with as one: a target's path bends
+#: by 1 m in half of it.
 _MERGED_S = 0.5
 
 
 def merged(pairs: GatedPairs, sensor: IndexArray, path: PredictedMeasurements) -> GatedPairs:
-    """Return one pair (k,) of each track and sensor in each part of a slice: the mean of theirs, `sensor` (n,)."""
+    """Return one pair (k,) of each track and sensor in each part of a slice: the mean of theirs,
+    `sensor` (n,).
+    """
     part = np.ceil((path.time_s - pairs.time_s) / _MERGED_S).astype(np.int64)
     part -= part.min(initial=0)
-    key = (pairs.track * (int(sensor.max(initial=0)) + 1) + sensor) * (int(part.max(initial=0)) + 1) + part
+    key = (pairs.track * (int(sensor.max(initial=0)) + 1) + sensor) * (
+        int(part.max(initial=0)) + 1
+    ) + part
     group = ranks(key)
     count = int(group.max(initial=-1)) + 1
     if count == len(pairs):

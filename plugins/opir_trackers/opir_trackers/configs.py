@@ -15,13 +15,19 @@ def _needed_scans() -> int | None:
         default=None,
         minimum=2,
         maximum=100,
-        help="M of M-of-N track initiation: scans with a detection; by default 4, or 2 where 4 scans take over 4 s",
+        help="M of M-of-N track initiation: scans with a detection; by default 4, or 2 where 4"
+        " scans take over 4 s",
     )
     return scans
 
 
 def _recent_scans() -> int:
-    scans: int = number(default=8, minimum=2, maximum=1000, help="N of M-of-N track initiation: last scans of a sensor")
+    scans: int = number(
+        default=8,
+        minimum=2,
+        maximum=1000,
+        help="N of M-of-N track initiation: last scans of a sensor",
+    )
     return scans
 
 
@@ -39,13 +45,19 @@ class ThrustConfig:
         unit="deg",
         above=0.0,
         maximum=45.0,
-        source="steering of the tracker's law of boosts beyond 1 km/s: 2.4 (docs/design/pitch_over.py), with shorter"
+        source="steering of the tracker's law of boosts beyond 1 km/s: 2.4"
+        " (docs/design/pitch_over.py), with shorter"
         " correlation; with 2 velocities of flights unlike that law were held too seldom; notional",
-        help="standard deviation of the angle between thrust and velocity, in each of two directions, once a boost has"
+        help="standard deviation of the angle between thrust and velocity, in each of two"
+        " directions, once a boost has"
         " pitched over",
     )
     tilt_s: float = number(
-        default=30.0, unit="s", above=0.0, maximum=1e4, help="Gauss–Markov correlation time of that angle"
+        default=30.0,
+        unit="s",
+        above=0.0,
+        maximum=1e4,
+        help="Gauss–Markov correlation time of that angle",
     )
     noise_m_s2: float = number(
         default=0.5,
@@ -60,9 +72,12 @@ class ThrustConfig:
         unit="s",
         above=0.0,
         maximum=1e4,
-        source="least burn of a boost of the tracker's prior; tuned on 24 two-stage flights: the state's 95 % region"
-        " holds 92 % of the states at the staging mark, with 60 or 90 s 83 %; 80 s was not tried; notional",
-        help="mean time from one stage to the next; a new stage begins with the prior of force and growth",
+        source="least burn of a boost of the tracker's prior; tuned on 24 two-stage flights: the"
+        " state's 95 % region"
+        " holds 92 % of the states at the staging mark, with 60 or 90 s 83 %; 80 s was not tried;"
+        " notional",
+        help="mean time from one stage to the next; a new stage begins with the prior of force and"
+        " growth",
     )
     force_sigma_m_s2: float = number(
         default=10.0,
@@ -79,24 +94,34 @@ class ThrustConfig:
         help="prior mean of the relative growth rate of the specific force",
     )
     growth_sigma_per_s: float = number(
-        default=0.01, unit="1/s", above=0.0, maximum=1.0, help="prior standard deviation of that rate"
+        default=0.01,
+        unit="1/s",
+        above=0.0,
+        maximum=1.0,
+        help="prior standard deviation of that rate",
     )
     growth_noise_per_s: float = number(
-        default=0.001, unit="1/s/√s", minimum=0.0, maximum=1.0, help="process-noise density of that rate"
+        default=0.001,
+        unit="1/s/√s",
+        minimum=0.0,
+        maximum=1.0,
+        help="process-noise density of that rate",
     )
     free_share: float = number(
         default=0.1,
         minimum=0.0,
         maximum=0.5,
         source="notional: one burn in ten after the dark, or after looks that no boost explains",
-        help="probability that a burn after the dark has a force in any direction (a stage that flies back)",
+        help="probability that a burn after the dark has a force in any direction (a stage that"
+        " flies back)",
     )
     free_sigma_m_s2: float = number(
         default=22.0,
         unit="m/s²",
         above=0.0,
         maximum=1000.0,
-        source="each axis as large as the force of a new stage, 20 ± 10 m/s²: root mean square 22; notional",
+        source="each axis as large as the force of a new stage, 20 ± 10 m/s²: root mean square 22;"
+        " notional",
         help="prior standard deviation of a force in any direction, on each axis",
     )
     free_noise_m_s2: float = number(
@@ -104,7 +129,8 @@ class ThrustConfig:
         unit="m/s²/√s",
         above=0.0,
         maximum=1000.0,
-        source="a force of 40 m/s² that loses a third in 30 s as engines are shut down one by one; notional",
+        source="a force of 40 m/s² that loses a third in 30 s as engines are shut down one by one;"
+        " notional",
         help="process-noise density of a force in any direction, on each axis",
     )
     free_s: float = number(
@@ -112,7 +138,8 @@ class ThrustConfig:
         unit="s",
         above=0.0,
         maximum=1e4,
-        source="several times a burn of 30 to 60 s that flies back: it keeps its direction; notional",
+        source="several times a burn of 30 to 60 s that flies back: it keeps its direction;"
+        " notional",
         help="mean time until a force in any direction is one along the velocity again",
     )
     residual_share: float = number(
@@ -120,14 +147,16 @@ class ThrustConfig:
         minimum=0.0,
         maximum=1.0,
         source="a plume of SNR 100 is detected down to a twentieth of its intensity; notional",
-        help="standard deviation of the unseen force for 5 s after burnout, as a share of the force before",
+        help="standard deviation of the unseen force for 5 s after burnout, as a share of the force"
+        " before",
     )
     launch_noise_m_s2: float = number(
         default=0.25,
         unit="m/s²/√s",
         minimum=0.0,
         maximum=1000.0,
-        source="a cubic through the true motion of 150 flights of the tracker's prior, followed back to the launch"
+        source="a cubic through the true motion of 150 flights of the tracker's prior, followed"
+        " back to the launch"
         " over 20 to 80 s, misses the velocity as 0.14 to 0.4 would; notional",
         help="process-noise density of the force on a path followed back to its launch",
     )
@@ -142,7 +171,8 @@ class HypothesesConfig:
         unit="1/day",
         above=0.0,
         maximum=1e6,
-        source="one launch for each thousand hot sources on the ground; some 250 launches to orbit a year alone;"
+        source="one launch for each thousand hot sources on the ground; some 250 launches to orbit"
+        " a year alone;"
         " notional",
         help="prior rate of launches in view: anything powered that rises",
     )
@@ -151,9 +181,11 @@ class HypothesesConfig:
         unit="1/day",
         minimum=0.0,
         maximum=1e9,
-        source="MODIS Collection 6 lists 40 196 fire pixels on one day on Earth (30 September 2020), in clusters;"
+        source="MODIS Collection 6 lists 40 196 fire pixels on one day on Earth (30 September"
+        " 2020), in clusters;"
         " notional",
-        help="prior rate of hot sources that appear on the ground in view: fires, flares, glints, industry",
+        help="prior rate of hot sources that appear on the ground in view: fires, flares, glints,"
+        " industry",
     )
     bolides_per_day: float = number(
         default=0.1,
@@ -168,32 +200,41 @@ class HypothesesConfig:
         unit="1/day",
         above=0.0,
         maximum=1e6,
-        help="prior rate of objects in view that are none of these: aircraft, balloons, what nobody thought of",
+        help="prior rate of objects in view that are none of these: aircraft, balloons, what nobody"
+        " thought of",
     )
     in_flight_share: float = number(
         default=0.15,
         minimum=0.0,
         maximum=1.0,
-        help="share of launches that are first seen in flight: out of cloud, or when a sensor begins to look",
+        help="share of launches that are first seen in flight: out of cloud, or when a sensor"
+        " begins to look",
     )
     inland_share: float = number(
         default=0.5,
         minimum=0.0,
         maximum=1.0,
-        source="the Earth's land is 0.8 km high in the mean, with a standard deviation of 0.8 km (ETOPO1); notional",
-        help="share of launch sites that are as high as land is; the others are at sea level: ships, coasts, lowlands",
+        source="the Earth's land is 0.8 km high in the mean, with a standard deviation of 0.8 km"
+        " (ETOPO1); notional",
+        help="share of launch sites that are as high as land is; the others are at sea level:"
+        " ships, coasts, lowlands",
     )
     ground_drift_m_s: float = number(
         default=1.0,
         unit="m/s",
         above=0.0,
         maximum=100.0,
-        source="a wind-driven fire front advances by some 1 m/s; a pointing bias of 20 µrad from a low orbit"
+        source="a wind-driven fire front advances by some 1 m/s; a pointing bias of 20 µrad from a"
+        " low orbit"
         " moves a source by less",
         help="standard deviation of the apparent velocity of a source on the ground, per axis",
     )
     bolide_s: float = number(
-        default=5.0, unit="s", above=0.0, maximum=1000.0, help="mean time for which a bolide is bright"
+        default=5.0,
+        unit="s",
+        above=0.0,
+        maximum=1000.0,
+        help="mean time for which a bolide is bright",
     )
 
 
@@ -202,7 +243,8 @@ def _least_launch_probability() -> float:
         default=0.5,
         minimum=0.0,
         maximum=1.0,
-        help="a track that is a launch with a lower probability has no launch point and no predicted impact",
+        help="a track that is a launch with a lower probability has no launch point and no"
+        " predicted impact",
     )
     return least
 
@@ -212,7 +254,11 @@ class ImmConfig:
     """Settings of the tracker `imm`."""
 
     cadence_s: float = number(
-        default=1.0, unit="s", minimum=0.01, maximum=60.0, help="time between two estimates of a track"
+        default=1.0,
+        unit="s",
+        minimum=0.01,
+        maximum=60.0,
+        help="time between two estimates of a track",
     )
     slice_s: float = number(
         default=1.0,
@@ -221,7 +267,9 @@ class ImmConfig:
         maximum=10.0,
         help="length of a slice, whose looks update a track together; at most the cadence",
     )
-    gate_sigma: float = number(default=GATE_SIGMAS, minimum=1.0, maximum=20.0, help="gate, in standard deviations")
+    gate_sigma: float = number(
+        default=GATE_SIGMAS, minimum=1.0, maximum=20.0, help="gate, in standard deviations"
+    )
     false_alarms_per_sr: float = number(
         default=100.0,
         unit="1/sr",
@@ -232,21 +280,35 @@ class ImmConfig:
     needed_scans: int | None = _needed_scans()
     recent_scans: int = _recent_scans()
     motion: str = text(
-        default="boost-coast", choices=MOTIONS, help="motion modes: boost, coast (free flight), or both (IMM)"
+        default="boost-coast",
+        choices=MOTIONS,
+        help="motion modes: boost, coast (free flight), or both (IMM)",
     )
     thrust: ThrustConfig = nested(
         default=ThrustConfig(),
-        help="priors and process noise of a boost: slowly growing force along the velocity but for a tilt",
+        help="priors and process noise of a boost: slowly growing force along the velocity but for"
+        " a tilt",
     )
     coast_noise_m_s: float = number(
-        default=0.01, unit="m/s/√s", minimum=0.0, maximum=100.0, help="process-noise density of the coast mode"
+        default=0.01,
+        unit="m/s/√s",
+        minimum=0.0,
+        maximum=100.0,
+        help="process-noise density of the coast mode",
     )
-    boost_s: float = number(default=150.0, unit="s", above=0.0, maximum=10000.0, help="mean duration of a boost")
+    boost_s: float = number(
+        default=150.0, unit="s", above=0.0, maximum=10000.0, help="mean duration of a boost"
+    )
     coast_s: float = number(
-        default=1000.0, unit="s", above=0.0, maximum=1e6, help="mean duration of a coast before another boost"
+        default=1000.0,
+        unit="s",
+        above=0.0,
+        maximum=1e6,
+        help="mean duration of a coast before another boost",
     )
     hypotheses: HypothesesConfig = nested(
-        default=HypothesesConfig(), help="prior rates of what a track may be: ground source, launch, bolide, none"
+        default=HypothesesConfig(),
+        help="prior rates of what a track may be: ground source, launch, bolide, none",
     )
     least_launch_probability: float = _least_launch_probability()
     clock_sigma_s: float = number(
@@ -254,8 +316,10 @@ class ImmConfig:
         unit="s",
         minimum=0.0,
         maximum=10.0,
-        help="standard deviation of the constant offset of each sensor's clock, which is estimated as far as lines of"
-        " sight show it; what they do not show widens positions along the motion; by default clocks are assumed to be"
+        help="standard deviation of the constant offset of each sensor's clock, which is estimated"
+        " as far as lines of"
+        " sight show it; what they do not show widens positions along the motion; by default clocks"
+        " are assumed to be"
         " right",
     )
     bias_correlation_s: float = number(
@@ -263,9 +327,11 @@ class ImmConfig:
         unit="s",
         above=0.0,
         maximum=1e9,
-        source="a bias that follows the Sun once a day changes by 2 % of its standard deviation in 300 s, as a"
+        source="a bias that follows the Sun once a day changes by 2 % of its standard deviation in"
+        " 300 s, as a"
         " Gauss–Markov process of 1.4e6 s does; slower, as most of it is not thermal; notional",
-        help="Gauss–Markov correlation time of sensors' line-of-sight biases: how slowly they drift",
+        help="Gauss–Markov correlation time of sensors' line-of-sight biases: how slowly they"
+        " drift",
     )
     late_s: float = number(
         default=0.0,
@@ -279,21 +345,28 @@ class ImmConfig:
         unit="s",
         minimum=0.1,
         maximum=600.0,
-        help="impact regions are worked out anew after this time, and where a target stops or starts to burn",
+        help="impact regions are worked out anew after this time, and where a target stops or"
+        " starts to burn",
     )
     boost_prior: str | None = text(
         default=None,
-        help="file of a law of vehicles, as `opir prior fit` writes it; by default the tracker's own",
+        help="file of a law of vehicles, as `opir prior fit` writes it; by default the tracker's"
+        " own",
     )
     silence_s: float = number(
-        default=1800.0, unit="s", above=0.0, maximum=1e6, help="a track is deleted after this time without detection"
+        default=1800.0,
+        unit="s",
+        above=0.0,
+        maximum=1e6,
+        help="a track is deleted after this time without detection",
     )
     lost_sigma_m: float = number(
         default=300e3,
         unit="m",
         above=0.0,
         maximum=1e9,
-        help="a track with a larger position sigma is deleted once missed detections no longer explain its silence",
+        help="a track with a larger position sigma is deleted once missed detections no longer"
+        " explain its silence",
     )
 
     def __attrs_post_init__(self) -> None:
@@ -305,7 +378,11 @@ class KeplerArcConfig:
     """Settings of the tracker `kepler-arc`."""
 
     cadence_s: float = number(
-        default=1.0, unit="s", minimum=0.1, maximum=60.0, help="time between two estimates of a track"
+        default=1.0,
+        unit="s",
+        minimum=0.1,
+        maximum=60.0,
+        help="time between two estimates of a track",
     )
     needed_scans: int | None = _needed_scans()
     recent_scans: int = _recent_scans()
@@ -321,9 +398,11 @@ class KeplerArcConfig:
         unit="m/s²",
         above=0.0,
         maximum=200.0,
-        source="twice the height over the squared time since ignition of the class profiles: 7.5 (ICBM_liquid) to"
+        source="twice the height over the squared time since ignition of the class profiles: 7.5"
+        " (ICBM_liquid) to"
         " 18 (ICBM_solid), 15 to 17 of the others; notional",
-        help="assumed vertical acceleration of a target seen by one sensor: height = half this times the squared time"
+        help="assumed vertical acceleration of a target seen by one sensor: height = half this"
+        " times the squared time"
         " since launch",
     )
     sigma_0_m: float = number(
@@ -338,11 +417,13 @@ class KeplerArcConfig:
         default=4.6,
         minimum=0.0,
         maximum=100.0,
-        source='opir-simulator paper (2026), section 5.2: "by mid-boost, it converges to tens of kilometers": ln 100',
+        source='opir-simulator paper (2026), section 5.2: "by mid-boost, it converges to tens of'
+        ' kilometers": ln 100',
         help="k in σ = σ₀ exp(-k n/N), after n of N expected detections of the boost",
     )
     hypotheses: HypothesesConfig = nested(
-        default=HypothesesConfig(), help="prior rates of what a track may be: ground source, launch, bolide, none"
+        default=HypothesesConfig(),
+        help="prior rates of what a track may be: ground source, launch, bolide, none",
     )
     least_launch_probability: float = _least_launch_probability()
 

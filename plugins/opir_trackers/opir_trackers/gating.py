@@ -1,7 +1,8 @@
-"""Gating of lines of sight by their Mahalanobis distance from predicted directions, with spatial bins.
+"""Gating of lines of sight by their Mahalanobis distance from predicted directions, with spatial
+bins.
 
-Directions are binned in cubes of about the gate's width, tracks with similar gates together, so the cost grows with the
-number of gated pairs and not with tracks times lines.
+Directions are binned in cubes of about the gate's width, tracks with similar gates together, so the
+cost grows with the number of gated pairs and not with tracks times lines.
 """
 
 from typing import NamedTuple
@@ -25,7 +26,8 @@ from opir_trackers.lines_of_sight import (
 )
 from opir_trackers.triangulation import FAR_M
 
-#: Bits of each of the three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
+#: Bits of each of the three bin numbers in a key, which leaves room for 512 sensors; the finest
+#: bins are 15 µrad wide.
 _BITS = 18
 _FINEST = 2.0 ** -(_BITS - 2)
 
@@ -44,7 +46,8 @@ _GROUND_M_S = 600.0
 #: Up to this many pairs are searched one by one for ambiguities.
 FEW_PAIRS = 128
 
-#: Up to this many pairs of tracks and lines are all candidates: bins would take longer than gating them.
+#: Up to this many pairs of tracks and lines are all candidates: bins would take longer than gating
+#: them.
 _ALL_PAIRS = 512
 
 
@@ -52,8 +55,8 @@ _ALL_PAIRS = 512
 class GatedPairs(Columns):
     """Gated pairs of a track and a line of sight, in the tangent plane of the predicted direction.
 
-    `measured` (n, 2), rad, is the innovation, `distance` (n,) its squared Mahalanobis distance and `log_volume` (n,)
-    the logarithm of the determinant of its covariance. Vectors are inertial, m.
+    `measured` (n, 2), rad, is the innovation, `distance` (n,) its squared Mahalanobis distance and
+    `log_volume` (n,) the logarithm of the determinant of its covariance. Vectors are inertial, m.
     """
 
     track: IntArray
@@ -72,15 +75,23 @@ class GatedPairs(Columns):
         whole = np.empty(0, dtype=np.int64)
         none = np.empty(0)
         vectors = np.empty((0, 3))
-        return cls(whole, whole, none, vectors, np.empty((0, 3, 3)), vectors[:, :2], none, none, none)
+        return cls(
+            whole, whole, none, vectors, np.empty((0, 3, 3)), vectors[:, :2], none, none, none
+        )
 
     def measurements(self, measured: FloatArray, whitener: FloatArray) -> AngleMeasurements:
         """Return the pairs as measurements with other innovations and whiteners."""
-        return AngleMeasurements(self.track, self.time_s, self.origin_m, self.axes, measured, whitener)
+        return AngleMeasurements(
+            self.track, self.time_s, self.origin_m, self.axes, measured, whitener
+        )
 
 
 def candidates(
-    predicted: PredictedMeasurements, lines: LinesOfSight, span_s: float, gate: float, light_time: bool
+    predicted: PredictedMeasurements,
+    lines: LinesOfSight,
+    span_s: float,
+    gate: float,
+    light_time: bool,
 ) -> tuple[IntArray, IntArray]:
     """Return tracks and lines of pairs that may pass the gate, a superset of the gated pairs."""
     count = len(predicted.root)
@@ -90,11 +101,15 @@ def candidates(
     sensor, which = np.unique(lines.sensor, return_inverse=True)
     parts = max(1, int(np.ceil(span_s / _PART_S)))
     part_s = float(span_s) / parts
-    part = np.clip(((lines.time_s - predicted.time_s + span_s) / part_s).astype(np.int64), 0, parts - 1)
+    part = np.clip(
+        ((lines.time_s - predicted.time_s + span_s) / part_s).astype(np.int64), 0, parts - 1
+    )
     places = len(sensor) * parts
     track = np.repeat(np.arange(count), places)
     place = np.tile(np.arange(places), count)
-    middle: FloatArray = predicted.time_s - span_s + (place % parts + 0.5).astype(np.float64) * part_s
+    middle: FloatArray = (
+        predicted.time_s - span_s + (place % parts + 0.5).astype(np.float64) * part_s
+    )
     origin, sigma = _middles(lines, which, len(sensor))
     at = place // parts
     apart, range_m = _directions(predicted, track, origin[at], middle, light_time)
@@ -121,7 +136,11 @@ def _parallax(lines: LinesOfSight, which: IntArray, origin: FloatArray) -> Float
 
 
 def _directions(
-    predicted: PredictedMeasurements, track: IntArray, origin: FloatArray, time_s: FloatArray, light_time: bool
+    predicted: PredictedMeasurements,
+    track: IntArray,
+    origin: FloatArray,
+    time_s: FloatArray,
+    light_time: bool,
 ) -> tuple[FloatArray, FloatArray]:
     """Return ECEF unit vectors (n, 3) to tracks at looks (n,), and ranges (n,)."""
     range_m = np.full(len(time_s), FAR_M)
@@ -133,19 +152,32 @@ def _directions(
 
 
 def _reach(
-    predicted: PredictedMeasurements, track: IntArray, range_m: FloatArray, span_s: float, part_s: float, gate: float
+    predicted: PredictedMeasurements,
+    track: IntArray,
+    range_m: FloatArray,
+    span_s: float,
+    part_s: float,
+    gate: float,
 ) -> FloatArray:
-    """Return the largest angle, rad, between a track's middle direction and its gate within a part of the span."""
+    """Return the largest angle, rad, between a track's middle direction and its gate within a part
+    of the span.
+    """
     # Over the ground, which itself turns by this at most.
     speed = np.sqrt(np.sum(predicted.derivative[:, 1] ** 2, axis=1)) + _GROUND_M_S
     wide: FloatArray = (
-        gate * predicted.position_bound_m(span_s + _LIGHT_TIME_S) + speed * (0.5 * part_s + _EMISSION_MARGIN_S)
+        gate * predicted.position_bound_m(span_s + _LIGHT_TIME_S)
+        + speed * (0.5 * part_s + _EMISSION_MARGIN_S)
     )[track] / range_m
     return wide
 
 
 def _touching(
-    track: IntArray, place: IntArray, middle: FloatArray, reach: FloatArray, which: IntArray, direction: FloatArray
+    track: IntArray,
+    place: IntArray,
+    middle: FloatArray,
+    reach: FloatArray,
+    which: IntArray,
+    direction: FloatArray,
 ) -> tuple[IntArray, IntArray]:
     """Return tracks and lines whose distance is within `reach`, found by bins, sorted."""
     octave = np.ceil(np.log2(np.clip(reach, _FINEST, 1.0))).astype(np.int64)
@@ -159,7 +191,8 @@ def _touching(
         entry, cluster = _touching_rows(keys[order], place[mine], _bins(middle[mine], level))
         entry = mine[entry]
         line = order[cluster]
-        # Bins are up to twice as wide as the reach, and nine of them touch: most that meet there are too far apart.
+        # Bins are up to twice as wide as the reach, and nine of them touch: most that meet there
+        # are too far apart.
         apart = direction.take(line, axis=0)
         apart -= middle.take(entry, axis=0)
         near = (dot(apart, apart) <= square.take(entry)).nonzero()[0]
@@ -184,17 +217,24 @@ def _keys(place: IntArray, bins: IntArray) -> IntArray:
     return ((place << _BITS | bins[:, 0]) << _BITS | bins[:, 1]) << _BITS | bins[:, 2]
 
 
-#: What the keys of a bin's 9 columns of neighbours differ by from its own: bins are numbered from 1.
+#: What the keys of a bin's 9 columns of neighbours differ by from its own: bins are numbered from
+#: 1.
 _COLUMNS = np.array([[(dx << 2 * _BITS) + (dy << _BITS)] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
 
 
 def _touching_rows(keys: IntArray, place: IntArray, bins: IntArray) -> tuple[IntArray, IntArray]:
-    """Return entries and rows of the sorted keys in touching bins: a run of three for each of 9 columns."""
+    """Return entries and rows of the sorted keys in touching bins: a run of three for each of 9
+    columns.
+    """
     key = (_keys(place, bins) + _COLUMNS).ravel()
     start = np.searchsorted(keys, key - 1, side="left")
     length = np.searchsorted(keys, key + 1, side="right") - start
     entry = np.repeat(np.tile(np.arange(len(place)), 9), length)
-    cluster = np.arange(int(length.sum())) - np.repeat(np.cumsum(length) - length, length) + np.repeat(start, length)
+    cluster = (
+        np.arange(int(length.sum()))
+        - np.repeat(np.cumsum(length) - length, length)
+        + np.repeat(start, length)
+    )
     return entry, cluster
 
 
@@ -229,7 +269,9 @@ def gated(
     rows = whole.axes[:, :2] / range_m[:, None, None]
     covariance = predicted.projected_covariances(track, whole.time_s, whole.weight, rows)
     if predicted.bias_covariance is not None:
-        covariance += (rows @ predicted.bias_covariance[track, lines.sensor[line]]) @ rows.transpose(0, 2, 1)
+        covariance += (
+            rows @ predicted.bias_covariance[track, lines.sensor[line]]
+        ) @ rows.transpose(0, 2, 1)
     noise = sigma * sigma
     covariance[:, 0, 0] += noise
     covariance[:, 1, 1] += noise
@@ -250,7 +292,8 @@ def gated(
 class _PairGeometry(NamedTuple):
     """Emission time, origin and direction (inertial), range and axes of pairs (n,).
 
-    `weight` (n, 5) are the Taylor weights of the track then. The third axis is the predicted direction.
+    `weight` (n, 5) are the Taylor weights of the track then. The third axis is the predicted
+    direction.
     """
 
     time_s: FloatArray
@@ -262,7 +305,11 @@ class _PairGeometry(NamedTuple):
 
 
 def _pair_geometry(
-    predicted: PredictedMeasurements, lines: LinesOfSight, track: IntArray, line: IntArray, light_time: bool
+    predicted: PredictedMeasurements,
+    lines: LinesOfSight,
+    track: IntArray,
+    line: IntArray,
+    light_time: bool,
 ) -> _PairGeometry:
     """Return the geometry of pairs (n,), with light time."""
     guess = emission_s(lines.time_s, FAR_M, light_time)
@@ -277,4 +324,6 @@ def _pair_geometry(
     weight = predicted.weights(time_s)
     apart = predicted.positions_with(track, weight) - origin
     range_m = np.sqrt(dot(apart, apart))
-    return _PairGeometry(time_s, weight, origin, direction, range_m, tangent_axes(apart / range_m[:, None]))
+    return _PairGeometry(
+        time_s, weight, origin, direction, range_m, tangent_axes(apart / range_m[:, None])
+    )

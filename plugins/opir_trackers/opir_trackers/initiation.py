@@ -1,16 +1,17 @@
 """Track initiation from unassigned lines of sight: M of N scans, in one direction or triangulated.
 
-Lines of a sensor within a few standard deviations of each other form a cluster. Clusters of different sensors whose
-mean lines intersect at a height possible for a target form a candidate. A candidate starts a track once its lines come
-from M different scans of the last N. Before its first update a track has only its prior, given in `track_priors.py` and
-docs/explanation/association.md: a candidate of a single sensor is near the ground, unless its speed across the line of
-sight or its crossing with a line of another sensor places it higher.
+Lines of a sensor within a few standard deviations of each other form a cluster. Clusters of
+different sensors whose mean lines intersect at a height possible for a target form a candidate. A
+candidate starts a track once its lines come from M different scans of the last N. Before its first
+update a track has only its prior, given in `track_priors.py` and docs/explanation/association.md: a
+candidate of a single sensor is near the ground, unless its speed across the line of sight or its
+crossing with a line of another sensor places it higher.
 
-Neighbouring launches may lie closer than the size of a cluster. A scan sees a target at most once, so a cluster that
-has lines of one scan farther apart than the noise allows holds several targets. Its lines are split scan by scan,
-one-to-one, to the nearest part; a line off all parts begins a new one. Parts of several sensors intersect in many
-combinations: these are ranked by their likelihood, in which accurate lines count more and launches begin near the
-ground.
+Neighbouring launches may lie closer than the size of a cluster. A scan sees a target at most once,
+so a cluster that has lines of one scan farther apart than the noise allows holds several targets.
+Its lines are split scan by scan, one-to-one, to the nearest part; a line off all parts begins a new
+one. Parts of several sensors intersect in many combinations: these are ranked by their likelihood,
+in which accurate lines count more and launches begin near the ground.
 """
 
 import numpy as np
@@ -37,20 +38,23 @@ from opir_trackers.triangulation import (
     triangulated,
 )
 
-#: Two lines in one direction differ by more than this many standard deviations with a probability of 10⁻⁴;
-#: clusters are searched in bins of this width.
+#: Two lines in one direction differ by more than this many standard deviations with a probability
+#: of 10⁻⁴; clusters are searched in bins of this width.
 _WIDE_SIGMAS = 6.0
 
-#: Standard deviation of the speed of targets first seen by several sensors, as in the track priors, m/s.
+#: Standard deviation of the speed of targets first seen by several sensors, as in the track priors,
+#: m/s.
 SPEED_SIGMA_M_S = 300.0
 
 
 def split_clusters(
     cluster: IntArray, lines: LinesOfSight, direction: FloatArray, sigma_rad: FloatArray
 ) -> tuple[IntArray, BoolArray]:
-    """Return the clusters (n,) of lines, from 0, with wide ones split, and which clusters (m,) are parts.
+    """Return the clusters (n,) of lines, from 0, with wide ones split, and which clusters (m,) are
+    parts.
 
-    `direction` (n, 3), unit vectors, and `sigma_rad` (n,) are those that the clusters were formed by.
+    `direction` (n, 3), unit vectors, and `sigma_rad` (n,) are those that the clusters were formed
+    by.
     """
     wide = _wide_clusters(cluster, lines.scan, direction, sigma_rad)
     parts = cluster.copy()
@@ -62,18 +66,24 @@ def split_clusters(
     return which.astype(np.int64), np.asarray(number > cluster.max(initial=-1))
 
 
-def _wide_clusters(cluster: IntArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray) -> IntArray:
+def _wide_clusters(
+    cluster: IntArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray
+) -> IntArray:
     """Return the clusters in which some scan has lines of several resolved targets."""
     order = np.lexsort((scan, cluster))
     key = np.stack([cluster, scan])[:, order]
     first = np.append(0, 1 + np.flatnonzero(np.any(key[:, 1:] != key[:, :-1], axis=0)))
-    across = np.maximum.reduceat(direction[order], first) - np.minimum.reduceat(direction[order], first)
+    across = np.maximum.reduceat(direction[order], first) - np.minimum.reduceat(
+        direction[order], first
+    )
     far = dot(across, across) > np.square(_WIDE_SIGMAS * sigma_rad[order[first]])
     wide: IntArray = np.unique(key[0, first[far]])
     return wide
 
 
-def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray) -> IntArray:
+def _parts_of(
+    time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray
+) -> IntArray:
     """Return the part (n,), from 0, of each line of a wide cluster."""
     part = np.empty(len(scan), dtype=np.int64)
     total = 0
@@ -84,7 +94,13 @@ def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_r
         rows = np.flatnonzero(scan == one)
         moved = SPEED_SIGMA_M_S * (time_s[rows[0]] - seen_s[:total]) / FAR_M
         blur = np.sqrt(1.0 / looks[:total] + np.square(moved / sigma_rad[rows].min()))
-        row, old = _assigned(direction[rows], sigma_rad[rows], mean[:total], blur, np.zeros(len(rows), dtype=np.int64))
+        row, old = _assigned(
+            direction[rows],
+            sigma_rad[rows],
+            mean[:total],
+            blur,
+            np.zeros(len(rows), dtype=np.int64),
+        )
         mine = np.full(len(rows), -1)
         mine[row] = old
         new = np.flatnonzero(mine < 0)
@@ -95,7 +111,9 @@ def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_r
         part[rows] = mine
         seen_s[mine] = time_s[rows]
     # A line before the first of its own part may have been assigned to a neighbour's.
-    row, new = _assigned(direction, sigma_rad, mean[:total], np.sqrt(1.0 / looks[:total]), ranks(scan - scan.min()))
+    row, new = _assigned(
+        direction, sigma_rad, mean[:total], np.sqrt(1.0 / looks[:total]), ranks(scan - scan.min())
+    )
     part[row] = new
     return part
 
@@ -103,7 +121,8 @@ def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_r
 def _assigned(
     direction: FloatArray, sigma_rad: FloatArray, mean: FloatArray, blur: FloatArray, scan: IntArray
 ) -> tuple[IntArray, IntArray]:
-    """Return lines and the parts assigned to them, at most one line per scan (n,), from 0, and part.
+    """Return lines and the parts assigned to them, at most one line per scan (n,), from 0, and
+    part.
 
     `blur` (m,) are the errors of the parts' means (m, 3) in units of a line's error.
     """
@@ -116,7 +135,9 @@ def _assigned(
     line = near["i"].astype(np.int64)
     part = near["j"].astype(np.int64)
     distance = np.square(near["v"] / sigma_rad[line]) / (1.0 + np.square(blur[part]))
-    used = np.flatnonzero(cheapest_assignment(line, scan[line] * len(mean) + part, distance - GATE_SIGMAS**2))
+    used = np.flatnonzero(
+        cheapest_assignment(line, scan[line] * len(mean) + part, distance - GATE_SIGMAS**2)
+    )
     return line[used], part[used]
 
 
@@ -129,22 +150,25 @@ _NARROWEST_RAD = 2.0**-17 + 2.0**-30
 #: Height that shifts where a line meets the ground, m: more where it grazes it.
 HIGHER_M = 5e3
 
-#: The speed of a candidate across the line of sight is its estimate less this many standard deviations: a speed that
-#: noise alone exceeds in 1 % of candidates.
+#: The speed of a candidate across the line of sight is its estimate less this many standard
+#: deviations: a speed that noise alone exceeds in 1 % of candidates.
 _SPEED_SIGMAS = 3.0
 
-#: Mean upward acceleration, m/s², by which the speed of a burning target gives its height, and the greatest height, m.
-#: Notional.
+#: Mean upward acceleration, m/s², by which the speed of a burning target gives its height, and the
+#: greatest height, m. Notional.
 STEADY_M_S2 = 20.0
 _HIGHEST_BURN_M = 200e3
 
 #: Squared semi-axes of the Earth, m².
-_AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
+_AXES_M2 = (
+    np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
+)
 
 
 @frozen(eq=False, repr=False)
 class Clusters(Columns):
-    """Clusters of unassigned lines of one sensor: mean line, its standard deviation, and number of scans.
+    """Clusters of unassigned lines of one sensor: mean line, its standard deviation, and number of
+    scans.
 
     `is_part` (n,) marks parts of wide clusters.
     """
@@ -162,37 +186,51 @@ class Clusters(Columns):
 class TrackCandidates(Columns):
     """Candidates for new tracks: position (n, 3) in ECEF, m, time, and number of sensors.
 
-    `sine` (n,) is that of the angle at which the line of a single sensor meets the ground, `speed_m_s` (n,) a lower
-    bound of the speed across it, 0 if unknown; `is_of_parts` (n,) marks candidates from parts of wide clusters.
+    `sine` (n,) is that of the angle at which the line of a single sensor meets the ground,
+    `speed_m_s` (n,) a lower bound of the speed across it, 0 if unknown; `is_of_parts` (n,) marks
+    candidates from parts of wide clusters.
     """
 
     position_ecef_m: FloatArray
     time_s: FloatArray
     sensors: IntArray
-    sine: FloatArray = field(default=Factory(lambda self: np.ones(len(self.sensors)), takes_self=True))
-    is_of_parts: BoolArray = field(default=Factory(lambda self: np.zeros(len(self.sensors), bool), takes_self=True))
-    speed_m_s: FloatArray = field(default=Factory(lambda self: np.zeros(len(self.sensors)), takes_self=True))
+    sine: FloatArray = field(
+        default=Factory(lambda self: np.ones(len(self.sensors)), takes_self=True)
+    )
+    is_of_parts: BoolArray = field(
+        default=Factory(lambda self: np.zeros(len(self.sensors), bool), takes_self=True)
+    )
+    speed_m_s: FloatArray = field(
+        default=Factory(lambda self: np.zeros(len(self.sensors)), takes_self=True)
+    )
 
     @property
     def height_by_speed_m(self) -> FloatArray:
-        """The heights (n,), m, at which a boost of `STEADY_M_S2` from the ground reaches `speed_m_s`."""
-        return np.asarray(np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), _HIGHEST_BURN_M))
+        """The heights (n,), m, at which a boost of `STEADY_M_S2` from the ground reaches
+        `speed_m_s`.
+        """
+        return np.asarray(
+            np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), _HIGHEST_BURN_M)
+        )
 
 
 @frozen(eq=False)
 class Initiation:
-    """The cluster of each line (m,), the candidate of its cluster, -1 for none, and the candidates."""
+    """The cluster of each line (m,), the candidate of its cluster, -1 for none, and the
+    candidates.
+    """
 
     cluster: IntArray
     place: IntArray
     begun: TrackCandidates
 
     def owned(self, place: IntArray, line: IntArray, sensor: IndexArray) -> BoolArray:
-        """Return which pairs (n,) of a candidate and a line in its gate, by `sensor`, may initiate the track.
+        """Return which pairs (n,) of a candidate and a line in its gate, by `sensor`, may initiate
+        the track.
 
-        A candidate's gate is wide and may hold neighbours: where a scan missed the target, a neighbour's line would
-        shift the track by kilometres. So where any sensor has several clusters in the gate, only the candidate's own
-        lines count.
+        A candidate's gate is wide and may hold neighbours: where a scan missed the target, a
+        neighbour's line would shift the track by kilometres. So where any sensor has several
+        clusters in the gate, only the candidate's own lines count.
         """
         clusters = np.unique(np.stack([place, sensor, self.cluster[line]]), axis=1)[:2]
         looks, several = np.unique(clusters, axis=1, return_counts=True)
@@ -201,11 +239,14 @@ class Initiation:
         return own
 
 
-def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: FloatArray) -> Initiation:
-    """Return the candidates of lines, all recent and unassigned, with at least `scans_needed` scans each.
+def track_candidates(
+    lines: LinesOfSight, scans_needed: int, bias_sigma_rad: FloatArray
+) -> Initiation:
+    """Return the candidates of lines, all recent and unassigned, with at least `scans_needed` scans
+    each.
 
-    `bias_sigma_rad` (sensors,) is the standard deviation of each sensor's bias, which averaging over scans does not
-    reduce.
+    `bias_sigma_rad` (sensors,) is the standard deviation of each sensor's bias, which averaging
+    over scans does not reduce.
     """
     clusters, cluster = clusters_of(lines)
     used = np.flatnonzero(clusters.scans >= 2)
@@ -231,11 +272,15 @@ def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: Flo
     return Initiation(cluster, place[cluster], _raised_by_speed(begun, lines, place[cluster]))
 
 
-def _raised_by_speed(begun: TrackCandidates, lines: LinesOfSight, owner: IntArray) -> TrackCandidates:
-    """Return candidates with the speeds of those of a single distant sensor, at the heights that these give.
+def _raised_by_speed(
+    begun: TrackCandidates, lines: LinesOfSight, owner: IntArray
+) -> TrackCandidates:
+    """Return candidates with the speeds of those of a single distant sensor, at the heights that
+    these give.
 
-    `owner` (m,) are the candidates of lines. The speed is the rate of the points where lines meet the ground, across
-    the line of sight; seen from a low orbit, a target above the ground would have the speed of the sensor.
+    `owner` (m,) are the candidates of lines. The speed is the rate of the points where lines meet
+    the ground, across the line of sight; seen from a low orbit, a target above the ground would
+    have the speed of the sensor.
     """
     rows = _lines_of(begun.sensors == 1, owner)
     rows = rows[~are_low_orbits(lines.origin_ecef_m[rows])]
@@ -261,16 +306,23 @@ def _raised_by_speed(begun: TrackCandidates, lines: LinesOfSight, owner: IntArra
     last = np.zeros(count, dtype=np.int64)
     last[of] = rows
     away = faster.height_by_speed_m / np.maximum(begun.sine, GRAZING_SINE)
-    return evolve(faster, position_ecef_m=begun.position_ecef_m - away[:, None] * lines.direction_ecef[last])
+    return evolve(
+        faster, position_ecef_m=begun.position_ecef_m - away[:, None] * lines.direction_ecef[last]
+    )
 
 
 def _lines_of(candidate: BoolArray, owner: IntArray) -> IntArray:
-    """Return the rows of lines whose candidate, by `owner` (m,), -1 for none, is one of some (n,)."""
+    """Return the rows of lines whose candidate, by `owner` (m,), -1 for none, is one of some
+    (n,).
+    """
     return np.flatnonzero(np.append(candidate, False)[owner])
 
 
-def placed_at_crossings(begun: TrackCandidates, lines: LinesOfSight, owner: IntArray) -> TrackCandidates:
-    """Return the candidates, those of a single sensor with lines of others in their gates where these lines cross.
+def placed_at_crossings(
+    begun: TrackCandidates, lines: LinesOfSight, owner: IntArray
+) -> TrackCandidates:
+    """Return the candidates, those of a single sensor with lines of others in their gates where
+    these lines cross.
 
     `owner` (m,) are the candidates of lines, by association.
     """
@@ -284,7 +336,9 @@ def placed_at_crossings(begun: TrackCandidates, lines: LinesOfSight, owner: IntA
     used = lines.take(rows)
     number = np.cumsum(several) - 1
     of = number[owner[rows]]
-    point = triangulated(of, int(several.sum()), used.origin_ecef_m, used.direction_ecef, used.sigma_rad).position_m
+    point = triangulated(
+        of, int(several.sum()), used.origin_ecef_m, used.direction_ecef, used.sigma_rad
+    ).position_m
     height_m = ecef_to_geodetic(point).height_m
     possible = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
     moved = np.flatnonzero(several)[possible]
@@ -314,7 +368,9 @@ def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
     if clusters.scans.sum() == len(cluster):
         return clusters, cluster
     cluster, parts = split_clusters(cluster, lines, direction, sigma_rad)
-    return (evolve(_means(lines, cluster), is_part=parts) if np.count_nonzero(parts) else clusters), cluster
+    return (
+        evolve(_means(lines, cluster), is_part=parts) if np.count_nonzero(parts) else clusters
+    ), cluster
 
 
 def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:
@@ -322,9 +378,16 @@ def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> Int
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    bins = np.floor((direction + 1.0) / np.maximum(width, _NARROWEST_RAD)[which][:, None]).astype(np.int64) + 1
+    bins = (
+        np.floor((direction + 1.0) / np.maximum(width, _NARROWEST_RAD)[which][:, None]).astype(
+            np.int64
+        )
+        + 1
+    )
     size = int(bins.max(initial=0)) + 2
-    key, of_row = np.unique(((which * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2], return_inverse=True)
+    key, of_row = np.unique(
+        ((which * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2], return_inverse=True
+    )
     sought = key + (_FORWARD @ np.array([size * size, size, 1]))[:, None]
     place = np.minimum(np.searchsorted(key, sought), len(key) - 1)
     here = key[place] == sought
@@ -335,7 +398,9 @@ def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> Int
 
 
 #: Half of the 26 neighbours of a bin.
-_FORWARD = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)])
+_FORWARD = np.array(
+    [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)]
+)
 
 
 def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
@@ -347,7 +412,12 @@ def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
     origin = group_sums(cluster, lines.origin_ecef_m, count) / total
     direction = group_sums(cluster, lines.direction_ecef, count) / total
     if np.count_nonzero(are_low_orbits(origin)):
-        aim = group_sums(cluster, points_near_ground(lines.origin_ecef_m, lines.direction_ecef), count) / total
+        aim = (
+            group_sums(
+                cluster, points_near_ground(lines.origin_ecef_m, lines.direction_ecef), count
+            )
+            / total
+        )
         direction = mean_directions(origin, direction, aim)
     else:
         direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
@@ -363,7 +433,8 @@ def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
 
 
 def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
-    """Return a group number for each cluster, each sensor at most once per group, and the number of groups.
+    """Return a group number for each cluster, each sensor at most once per group, and the number of
+    groups.
 
     The groups are the cheapest assignment across the sensors of mean lines.
     """
@@ -394,7 +465,8 @@ def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
 def _sigma_with_motion(clusters: Clusters) -> FloatArray:
     """Return the errors of mean lines, including motion during a cluster."""
     return np.hypot(
-        clusters.sigma_rad, 0.1 * _CLUSTER_SPEED_M_S / ranges_m(clusters.origin_ecef_m, clusters.direction_ecef)
+        clusters.sigma_rad,
+        0.1 * _CLUSTER_SPEED_M_S / ranges_m(clusters.origin_ecef_m, clusters.direction_ecef),
     )
 
 
@@ -402,11 +474,15 @@ def _positions(clusters: Clusters, group: IntArray, count: int, sensors: IntArra
     """Return the positions of candidates: triangulated, or near the ground on a single line."""
     position = np.full((count, 3), np.nan)
     single = sensors[group] == 1
-    position[group[single]] = points_near_ground(clusters.origin_ecef_m[single], clusters.direction_ecef[single])
+    position[group[single]] = points_near_ground(
+        clusters.origin_ecef_m[single], clusters.direction_ecef[single]
+    )
     several = np.flatnonzero(~single)
     if len(several):
         used, place = np.unique(group[several], return_inverse=True)
         part = clusters.take(several)
-        fix = triangulated(place, len(used), part.origin_ecef_m, part.direction_ecef, _sigma_with_motion(part))
+        fix = triangulated(
+            place, len(used), part.origin_ecef_m, part.direction_ecef, _sigma_with_motion(part)
+        )
         position[used] = fix.position_m
     return position

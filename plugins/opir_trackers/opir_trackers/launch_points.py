@@ -13,7 +13,9 @@ from opir_trackers.filter.estimates import PredictedMeasurements
 
 
 class LaunchPoints(NamedTuple):
-    """Latitude_rad, longitude_rad and scene time_s (n, 3), and covariances (n, 3, 3) as in `Tracks`; nan if unknown."""
+    """Latitude_rad, longitude_rad and scene time_s (n, 3), and covariances (n, 3, 3) as in
+    `Tracks`; nan if unknown.
+    """
 
     place: FloatArray
     covariance: FloatArray
@@ -27,24 +29,27 @@ class LaunchPoints(NamedTuple):
 def updated_points(known: LaunchPoints, fresh: LaunchPoints) -> LaunchPoints:
     """Return points with the finite ones of `fresh` in place of the known.
 
-    The more certain of two is not preferred: an estimate from less data may be more certain and wrong.
+    The more certain of two is not preferred: an estimate from less data may be more certain and
+    wrong.
     """
     new = np.isfinite(fresh.place[:, 0])
     place = np.where(new[:, None], fresh.place, known.place)
     return LaunchPoints(place, np.where(new[:, None, None], fresh.covariance, known.covariance))
 
 
-#: Launch times are searched over this interval before the first detection, s, on a grid denser towards it. The class
-#: profiles reach 10 km after 34 to 51 s, and 20 km, the highest cloud top, after 49 to 73 s.
+#: Launch times are searched over this interval before the first detection, s, on a grid denser
+#: towards it. The class profiles reach 10 km after 34 to 51 s, and 20 km, the highest cloud top,
+#: after 49 to 73 s.
 BEFORE_S = 80.0
 _TIMES = 80
 
-#: Prior probability that a launch is seen from the ground, and detected at the next looks; others are hidden by clouds
-#: at first.
+#: Prior probability that a launch is seen from the ground, and detected at the next looks; others
+#: are hidden by clouds at first.
 AT_ONCE = 0.5
 
-#: Kinds of launch sites, at sea level and inland: means and standard deviations of heights above the ellipsoid, m, and
-#: the shares of the inland ones, together as high as land is: 0.9 km in the mean, 0.85 km about it (ETOPO1: 0.8 km).
+#: Kinds of launch sites, at sea level and inland: means and standard deviations of heights above
+#: the ellipsoid, m, and the shares of the inland ones, together as high as land is: 0.9 km in the
+#: mean, 0.85 km about it (ETOPO1: 0.8 km).
 SITES = np.array([[0.0, 100.0], [500.0, 300.0], [1800.0, 1000.0]])
 _INLAND = np.array([0.7, 0.3])
 
@@ -54,7 +59,8 @@ _REST_M_S = 1.0
 #: Gate, squared distance with 4 degrees of freedom, for a start from rest at the best time.
 _LAUNCHED = 25.0
 
-#: Edges of the time intervals before the first detection, s: times of launch are worked out in each.
+#: Edges of the time intervals before the first detection, s: times of launch are worked out in
+#: each.
 EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
 _MIDDLES_S = 0.5 * (EDGES_S[1:] + EDGES_S[:-1])
 _WIDTHS_S = np.diff(EDGES_S)
@@ -62,8 +68,8 @@ _WIDTHS_S = np.diff(EDGES_S)
 #: Prior probability of a late detection in each interval.
 _LATER = (1.0 - AT_ONCE) * _WIDTHS_S / BEFORE_S
 
-#: Starts from rest are worked out at each kind of site and each time: means and variances of heights, times before the
-#: first detection, and the widths of their intervals (cases,).
+#: Starts from rest are worked out at each kind of site and each time: means and variances of
+#: heights, times before the first detection, and the widths of their intervals (cases,).
 _SITE_HEIGHT_M, _SITE_M2 = np.repeat([SITES[:, 0], SITES[:, 1] ** 2], _TIMES, axis=1)
 _CASES_S, _CASE_WIDTHS_S = np.tile([_MIDDLES_S, _WIDTHS_S], len(SITES))
 
@@ -74,7 +80,9 @@ def site_shares(inland: float) -> FloatArray:
 
 
 def site_height_m(inland: float) -> float:
-    """Return the root mean square of the heights of launch sites, m, with a share of sites inland."""
+    """Return the root mean square of the heights of launch sites, m, with a share of sites
+    inland.
+    """
     return float(np.sqrt(site_shares(inland) @ np.sum(SITES**2, axis=1)))
 
 
@@ -85,8 +93,8 @@ _BELOW = np.tril_indices(3, -1)
 class FirstMotion(NamedTuple):
     """What the filter assumed of motions (n,) at the first detection: (n,) each, or numbers.
 
-    Height, m, over the ellipsoid, climb, m/s, net acceleration, m/s², and jerk, m/s³, upwards; standard deviations of
-    position, m, velocity, m/s, acceleration and jerk, the same on each axis.
+    Height, m, over the ellipsoid, climb, m/s, net acceleration, m/s², and jerk, m/s³, upwards;
+    standard deviations of position, m, velocity, m/s, acceleration and jerk, the same on each axis.
     """
 
     height: FloatArray
@@ -96,21 +104,37 @@ class FirstMotion(NamedTuple):
     sigmas: tuple[FloatArray, FloatArray, float, float]
 
     def log_rest_densities(self, noise: float) -> FloatArray:
-        """Return the log densities (n, cases), but for a constant, of rest on the ground before the first detection."""
+        """Return the log densities (n, cases), but for a constant, of rest on the ground before the
+        first detection.
+        """
         span = _CASES_S
-        place, speed, force, growth = (np.square(sigma)[..., None] for sigma in map(np.asarray, self.sigmas))
+        place, speed, force, growth = (
+            np.square(sigma)[..., None] for sigma in map(np.asarray, self.sigmas)
+        )
         noisy = noise * noise
         square = span * span
-        fast = _REST_M_S**2 + speed + square * (force + 0.25 * square * growth) + noisy / 3.0 * square * span
-        high = _SITE_M2 + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
+        fast = (
+            _REST_M_S**2
+            + speed
+            + square * (force + 0.25 * square * growth)
+            + noisy / 3.0 * square * span
+        )
+        high = (
+            _SITE_M2 + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
+        )
         high = high + noisy / 20.0 * square * square * span
-        both = -span * (speed + square * (0.5 * force + square / 12.0 * growth)) - noisy / 8.0 * square * square
+        both = (
+            -span * (speed + square * (0.5 * force + square / 12.0 * growth))
+            - noisy / 8.0 * square * square
+        )
         climb = self.climb[:, None]
         gained = span * (self.acceleration[:, None] - 0.5 * self.jerk * span) - climb
         height = self.height[:, None] - _SITE_HEIGHT_M - climb * span
         height += square * (0.5 * self.acceleration[:, None] - self.jerk / 6.0 * span)
         apart = high * fast - both * both
-        misfit = (fast * height * height + 2.0 * both * height * gained + high * gained * gained) / apart
+        misfit = (
+            fast * height * height + 2.0 * both * height * gained + high * gained * gained
+        ) / apart
         # Upwards height and velocity together; velocity along each axis of the ground alone.
         return np.asarray(-0.5 * (np.log(apart) + misfit) - np.log(fast))
 
@@ -118,12 +142,13 @@ class FirstMotion(NamedTuple):
 class LaunchDelayPrior(NamedTuple):
     """What is known of launches (n,) before the first line.
 
-    `at_once` (n, times) are the probabilities of each interval of `EDGES_S` before the first detection for a launch
-    that is seen at once. With a prior probability of 1/2 it is, else the first detection is uniformly late, up to 80 s.
-    The path seen is followed back from the filter's estimate, which holds the prior `motion`: a start from rest is as
-    likely as the ratio of its densities after and before the lines (Dickey, Annals of Mathematical Statistics 42,
-    1971). Without the ratio, late detections would seem earlier ones: what was known before is wider the longer the
-    path is. A share `inland` of sites is as high as land is.
+    `at_once` (n, times) are the probabilities of each interval of `EDGES_S` before the first
+    detection for a launch that is seen at once. With a prior probability of 1/2 it is, else the
+    first detection is uniformly late, up to 80 s. The path seen is followed back from the filter's
+    estimate, which holds the prior `motion`: a start from rest is as likely as the ratio of its
+    densities after and before the lines (Dickey, Annals of Mathematical Statistics 42, 1971).
+    Without the ratio, late detections would seem earlier ones: what was known before is wider the
+    longer the path is. A share `inland` of sites is as high as land is.
     """
 
     at_once: FloatArray
@@ -131,11 +156,15 @@ class LaunchDelayPrior(NamedTuple):
     inland: float
 
 
-def delays_at_once(period_s: FloatArray, detection_probability: FloatArray, seen: BoolArray) -> FloatArray:
-    """Return the prior (n, times) of the time from launch to first detection of launches seen from the ground.
+def delays_at_once(
+    period_s: FloatArray, detection_probability: FloatArray, seen: BoolArray
+) -> FloatArray:
+    """Return the prior (n, times) of the time from launch to first detection of launches seen from
+    the ground.
 
-    Sensors (s,) look every `period_s`, from a time between ignition and a period later, and detect a launch with
-    `detection_probability`; `seen` (n, s) are those that see each track. Probabilities are those of the intervals.
+    Sensors (s,) look every `period_s`, from a time between ignition and a period later, and detect
+    a launch with `detection_probability`; `seen` (n, s) are those that see each track.
+    Probabilities are those of the intervals.
     """
     looks = EDGES_S / period_s[:, None]
     whole = np.floor(looks)
@@ -151,11 +180,13 @@ def launches(
     noise: float,
     biased: FloatArray | None = None,
 ) -> LaunchPoints:
-    """Return launch points of boosts from rest on the ground at an unknown time before `first_s` (n,); nan if none.
+    """Return launch points of boosts from rest on the ground at an unknown time before `first_s`
+    (n,); nan if none.
 
-    `first_s` is the time at which the light of the first detection was emitted, `noise` the process-noise density of
-    the force, m/s²/√s, on the path followed back. Mean and covariance are moments of the mixture over times and sites.
-    `biased` (n, 3, 3) is the position covariance due to sensor biases, along the whole path.
+    `first_s` is the time at which the light of the first detection was emitted, `noise` the
+    process-noise density of the force, m/s²/√s, on the path followed back. Mean and covariance are
+    moments of the mixture over times and sites. `biased` (n, 3, 3) is the position covariance due
+    to sensor biases, along the whole path.
     """
     count = len(predicted.root)
     if not count:
@@ -177,7 +208,9 @@ def launches(
 
 
 def _launch_chances(log_likelihood: FloatArray, prior: LaunchDelayPrior) -> FloatArray:
-    """Return the probabilities (n, cases) of a launch at each kind of site in each of `EDGES_S`, given likelihoods."""
+    """Return the probabilities (n, cases) of a launch at each kind of site in each of `EDGES_S`,
+    given likelihoods.
+    """
     before = (AT_ONCE * prior.at_once + _LATER)[:, None] * site_shares(prior.inland)[:, None]
     with np.errstate(divide="ignore"):
         log = log_likelihood + np.log(before).reshape(len(before), -1)
@@ -186,10 +219,12 @@ def _launch_chances(log_likelihood: FloatArray, prior: LaunchDelayPrior) -> Floa
 
 
 class _Starts(NamedTuple):
-    """Paths at cases (m,): inertial position (3, m), its covariance (3, 3, m), and the likelihood of a start from rest.
+    """Paths at cases (m,): inertial position (3, m), its covariance (3, 3, m), and the likelihood
+    of a start from rest.
 
-    `white` (4, 4, m) is whitened: the first three columns are by the position, the last is the residual. `misfit` (m,)
-    is the squared distance of a start from rest, `log` (m,) the logarithm of its normalisation.
+    `white` (4, 4, m) is whitened: the first three columns are by the position, the last is the
+    residual. `misfit` (m,) is the squared distance of a start from rest, `log` (m,) the logarithm
+    of its normalisation.
     """
 
     place: FloatArray
@@ -202,14 +237,21 @@ class _Starts(NamedTuple):
 def _rest_likelihood(
     predicted: PredictedMeasurements, when: FloatArray, noise: float, biased: FloatArray | None
 ) -> _Starts:
-    """Return the likelihood of starts from rest at times (m,), those of `EDGES_S` per track, at each kind of site."""
+    """Return the likelihood of starts from rest at times (m,), those of `EDGES_S` per track, at
+    each kind of site.
+    """
     count = len(predicted.root)
     place, velocity, covariance = path_moments(predicted, when, noise, biased)
     height, up = height_and_up(place, 1.0 / np.sqrt(np.add.reduce(place * place)))
     state = np.concatenate([place, velocity])[:, None]
     crossed = _height_and_velocity(covariance, up)
     points = np.concatenate(
-        [_height_and_velocity(crossed.transpose(1, 0, 2), up), crossed[:, :3], _height_and_velocity(state, up)], axis=1
+        [
+            _height_and_velocity(crossed.transpose(1, 0, 2), up),
+            crossed[:, :3],
+            _height_and_velocity(state, up),
+        ],
+        axis=1,
     )
     points[0, -1] = height
     points, place, spread = (_at_sites(each, count) for each in (points, place, covariance[:3, :3]))
@@ -222,7 +264,9 @@ def _rest_likelihood(
 def path_moments(
     predicted: PredictedMeasurements, when: FloatArray, noise: float, biased: FloatArray | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return inertial positions and velocities (3, m) and covariances (6, 6, m) at times (m,), as many per track."""
+    """Return inertial positions and velocities (3, m) and covariances (6, 6, m) at times (m,), as
+    many per track.
+    """
     count = len(predicted.root)
     weight = taylor_weights(when - predicted.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
     path = predicted.derivative.transpose(0, 2, 1)
@@ -240,10 +284,11 @@ def _at_sites(rows: FloatArray, count: int) -> FloatArray:
 
 
 def _whitened(rows: FloatArray, site_m2: FloatArray) -> FloatArray:
-    """Replace rows [S | B] (4, 4 + c, m) by L⁻¹ B, L Lᵀ = S + the covariance at rest; return -log det L (m,).
+    """Replace rows [S | B] (4, 4 + c, m) by L⁻¹ B, L Lᵀ = S + the covariance at rest; return -log
+    det L (m,).
 
-    In place; S is overwritten. Each pivot is at least that of the covariance at rest: of the height of a site (m,), and
-    of velocities.
+    In place; S is overwritten. Each pivot is at least that of the covariance at rest: of the height
+    of a site (m,), and of velocities.
     """
     log = np.zeros(rows.shape[2])
     for k, at_rest in enumerate((site_m2, *[_REST_M_S**2] * 3)):
@@ -266,7 +311,9 @@ def _places(starts: _Starts, when: FloatArray) -> tuple[FloatArray, FloatArray]:
     angle = EARTH_ROTATION_RAD_S * when
     sine = np.sin(angle)
     cosine = np.cos(angle)
-    return _to_ecef(place, sine, cosine), _to_ecef(_to_ecef(left, sine, cosine).swapaxes(0, 1), sine, cosine)
+    return _to_ecef(place, sine, cosine), _to_ecef(
+        _to_ecef(left, sine, cosine).swapaxes(0, 1), sine, cosine
+    )
 
 
 def _to_ecef(rows: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArray:
@@ -278,7 +325,9 @@ def _to_ecef(rows: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArr
 
 
 def _height_and_velocity(rows: FloatArray, up: FloatArray) -> FloatArray:
-    """Return heights and velocities over the ground, (4, c, m), from states (6, c, m), linearised; `up` (3, m)."""
+    """Return heights and velocities over the ground, (4, c, m), from states (6, c, m), linearised;
+    `up` (3, m).
+    """
     gained = np.empty((4, *rows.shape[1:]))
     gained[0] = up[0] * rows[0] + up[1] * rows[1] + up[2] * rows[2]
     gained[1:] = rows[3:]
@@ -293,7 +342,8 @@ def _rows(each: FloatArray) -> FloatArray:
 
 
 def _covariances(predicted: PredictedMeasurements, weight: FloatArray) -> FloatArray:
-    """Return the covariances (6, 6, m) of position and velocity at times with Taylor weights (n, 5, t).
+    """Return the covariances (6, 6, m) of position and velocity at times with Taylor weights (n, 5,
+    t).
 
     Each is a sum of products of two weights; the rounding error is of the size of the largest.
     """
@@ -302,7 +352,11 @@ def _covariances(predicted: PredictedMeasurements, weight: FloatArray) -> FloatA
     share[:, :, 0] = weight[:, :4]
     share[:, 1:, 1] = weight[:, :3]
     both = share[:, :, None, :, None] * share[:, None, :, None]
-    known = (predicted.root @ predicted.root.transpose(0, 2, 1)).reshape(count, 4, 3, 4, 3).transpose(0, 2, 4, 1, 3)
+    known = (
+        (predicted.root @ predicted.root.transpose(0, 2, 1))
+        .reshape(count, 4, 3, 4, 3)
+        .transpose(0, 2, 4, 1, 3)
+    )
     sums = known.reshape(count, 9, 16) @ both.reshape(count, 16, 4 * times)
     # Tracks, two axes of space, position or velocity twice, times.
     parts = sums.reshape(count, 3, 3, 2, 2, times).transpose(3, 1, 4, 2, 0, 5)
@@ -325,7 +379,9 @@ def _add_noise(covariance: FloatArray, intensity: float, span_s: FloatArray) -> 
 def moment_matched(
     place: FloatArray, covariance: FloatArray, when: FloatArray, chance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of mixtures over launch times."""
+    """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of mixtures over
+    launch times.
+    """
     count, times = chance.shape
     each = np.concatenate([place, when[None]]).reshape(4, count, times).transpose(1, 0, 2)
     weighed = chance[:, :, None]
@@ -338,7 +394,9 @@ def moment_matched(
 
 
 def on_ground(mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of ECEF position and time (n, 4)."""
+    """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of ECEF position
+    and time (n, 4).
+    """
     points, level = _on_ground(mean[:, :3])
     points[:, 2] = mean[:, 3]
     flat = np.zeros((len(mean), 3, 4))
@@ -348,9 +406,11 @@ def on_ground(mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return latitudes and longitudes, rad, with a third column, and east and north axes (n, 2, 3) at positions (n, 3).
+    """Return latitudes and longitudes, rad, with a third column, and east and north axes (n, 2, 3)
+    at positions (n, 3).
 
-    One step of Bowring's formula (Survey Review 23, 1976): to 2e-13 rad within 10 km of the ellipsoid.
+    One step of Bowring's formula (Survey Review 23, 1976): to 2e-13 rad within 10 km of the
+    ellipsoid.
     """
     x, y, z = place.T
     a = WGS84.equatorial_radius_m

@@ -12,9 +12,10 @@ from opir_core.estimation import FEW_ROWS, matvec
 from opir_core.interfaces import Columns
 from opir_core.plugin import Detections
 
-#: Lower bound on the standard deviation of a line of sight at its target, m: with less, the model error of the path
-#: within a slice exceeds the noise and tracks are lost (at 0.4 m, of an ICBM seen by one or two geostationary scanners;
-#: at 1 m none is). A sensor in a low orbit has the same bound in metres, so a larger angle.
+#: Lower bound on the standard deviation of a line of sight at its target, m: with less, the model
+#: error of the path within a slice exceeds the noise and tracks are lost (at 0.4 m, of an ICBM seen
+#: by one or two geostationary scanners; at 1 m none is). A sensor in a low orbit has the same bound
+#: in metres, so a larger angle.
 LEAST_SIGMA_M = 1.0
 
 #: Least height of a sensor for this, m.
@@ -26,11 +27,11 @@ SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0,
 
 @frozen(eq=False, repr=False)
 class LinesOfSight(Columns):
-    """Lines of sight, one row each: scene time of the look, sensor, scan, origin and direction in ECEF, error.
+    """Lines of sight, one row each: scene time of the look, sensor, scan, origin and direction in
+    ECEF, error.
 
-    `direction_ecef` (n, 3) are unit vectors; `sigma_rad` is the standard deviation of each of the two angles across the
-    line, at least `LEAST_SIGMA_M` as far away as the ground below
-    the sensor.
+    `direction_ecef` (n, 3) are unit vectors; `sigma_rad` is the standard deviation of each of the
+    two angles across the line, at least `LEAST_SIGMA_M` as far away as the ground below the sensor.
     """
 
     time_s: FloatArray
@@ -49,29 +50,36 @@ class LinesOfSight(Columns):
             detections.scan,
             detections.sensor_ecef_m,
             detections.line_of_sight_ecef,
-            np.maximum(detections.line_of_sight_sigma_rad, _least_sigma_rad(detections.sensor_ecef_m)),
+            np.maximum(
+                detections.line_of_sight_sigma_rad, _least_sigma_rad(detections.sensor_ecef_m)
+            ),
         )
 
     def of_instants(self) -> "LinesOfSight":
         """Return the lines of sight with each instant of a sensor as a scan of its own."""
         scan = np.rint(self.time_s * 1e9).astype(np.int64)
-        return LinesOfSight(self.time_s, self.sensor, scan, self.origin_ecef_m, self.direction_ecef, self.sigma_rad)
+        return LinesOfSight(
+            self.time_s, self.sensor, scan, self.origin_ecef_m, self.direction_ecef, self.sigma_rad
+        )
 
 
 def _least_sigma_rad(origin_ecef_m: FloatArray) -> FloatArray:
     """Return lower bounds (n,), rad, of sensors at positions (n, 3)."""
-    height = np.sqrt(np.add.reduce(origin_ecef_m * origin_ecef_m, axis=1)) - EARTH_EQUATORIAL_RADIUS_M
+    height = (
+        np.sqrt(np.add.reduce(origin_ecef_m * origin_ecef_m, axis=1)) - EARTH_EQUATORIAL_RADIUS_M
+    )
     least: FloatArray = LEAST_SIGMA_M / np.maximum(height, _LOWEST_M)
     return least
 
 
 @frozen(eq=False, repr=False)
 class AngleMeasurements(Columns):
-    """Angle measurements of tracks in the tangent plane of a reference direction; two whitened residuals each.
+    """Angle measurements of tracks in the tangent plane of a reference direction; two whitened
+    residuals each.
 
-    A point p projects to y = E (p - origin) / (z · (p - origin)), where E is the first two rows of `axes` (n, 3, 3) and
-    z the third. The residuals are `whitener` (n, 2, 2) times (`measured` (n, 2) - y). `track` is a row of the
-    estimates, `time_s` the time of emission; vectors are inertial.
+    A point p projects to y = E (p - origin) / (z · (p - origin)), where E is the first two rows of
+    `axes` (n, 3, 3) and z the third. The residuals are `whitener` (n, 2, 2) times (`measured` (n,
+    2) - y). `track` is a row of the estimates, `time_s` the time of emission; vectors are inertial.
     """
 
     track: IntArray
@@ -86,7 +94,9 @@ class AngleMeasurements(Columns):
         return evolve(self, track=track)
 
     def residuals(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return whitened residuals (n, 2) at positions (n, 3) and the whitened Jacobian (n, 2, 3) of y, 1/m."""
+        """Return whitened residuals (n, 2) at positions (n, 3) and the whitened Jacobian (n, 2, 3)
+        of y, 1/m.
+        """
         return self.whitened().projected(position_m)[:2]
 
     def whitened(self) -> "TangentPlanes":
@@ -102,14 +112,18 @@ class AngleMeasurements(Columns):
 
 
 class TangentPlanes(NamedTuple):
-    """Tangent planes scaled to unit noise: `axes` with E whitened, and `aim` (n, 2), `measured` whitened."""
+    """Tangent planes scaled to unit noise: `axes` with E whitened, and `aim` (n, 2), `measured`
+    whitened.
+    """
 
     origin_m: FloatArray
     axes: FloatArray
     aim: FloatArray
 
     def projected(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return residuals and Jacobians as `AngleMeasurements.residuals`, and depths, m, at positions (..., n, 3)."""
+        """Return residuals and Jacobians as `AngleMeasurements.residuals`, and depths, m, at
+        positions (..., n, 3).
+        """
         local = matvec(self.axes, position_m - self.origin_m)
         depth = local[..., 2]
         y = local[..., :2] / depth[..., None]
@@ -130,7 +144,12 @@ def no_measurements() -> AngleMeasurements:
     none = np.empty((0, 3))
     square = np.empty((0, 2, 2))
     return AngleMeasurements(
-        np.empty(0, dtype=np.int64), np.empty(0), none, np.empty((0, 3, 3)), np.empty((0, 2)), square
+        np.empty(0, dtype=np.int64),
+        np.empty(0),
+        none,
+        np.empty((0, 3, 3)),
+        np.empty((0, 2)),
+        square,
     )
 
 
@@ -140,7 +159,9 @@ def emission_s(time_s: FloatArray, range_m: FloatArray | float, light_time: bool
 
 
 def earth_rotated(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return ECEF vectors (n, 3) in the inertial frame at scene times (n,); negative times give the inverse."""
+    """Return ECEF vectors (n, 3) in the inertial frame at scene times (n,); negative times give the
+    inverse.
+    """
     out = vectors.copy()
     plane = np.ascontiguousarray(out[:, :2])
     plane.view(np.complex128)[:, 0] *= _rotation_factor(time_s)
@@ -149,7 +170,9 @@ def earth_rotated(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
 
 
 def both_earth_rotated(first: FloatArray, second: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return two sets of ECEF vectors (n, 3) in the inertial frame at scene times (n,), as (2, n, 3)."""
+    """Return two sets of ECEF vectors (n, 3) in the inertial frame at scene times (n,), as (2, n,
+    3).
+    """
     out = np.empty((2, *first.shape))
     out[0] = first
     out[1] = second
@@ -173,7 +196,9 @@ def rotate_slightly(vectors: FloatArray, later_s: FloatArray) -> None:
 
 
 def _rotation_factor(time_s: FloatArray) -> NDArray[np.complex128]:
-    """Return the complex factor (n,) that takes x + i y from ECEF to the inertial frame at scene times (n,)."""
+    """Return the complex factor (n,) that takes x + i y from ECEF to the inertial frame at scene
+    times (n,).
+    """
     angle = EARTH_ROTATION_RAD_S * time_s
     factor = np.empty(angle.shape, dtype=np.complex128)
     factor.real = np.cos(angle)

@@ -1,11 +1,13 @@
 """Pairing of focal-plane tracks across sensors: the second level of association, by geometry alone.
 
-Each focal-plane track keeps its directions of the last `KEPT_S`, one a slice. Directions of one target meet, at every
-instant; those of two targets pass one another. The cost of a set of focal-plane tracks, one a sensor, is the sum over
-the stretch of the least squares of the triangulation: for two sensors the misfit of their epipolar planes. The cheapest
-one-to-one assignment is exact for two sensors. For more it is NP-hard: each sensor in turn is assigned to the sets of
-the others until nothing changes (multidimensional assignment by relaxation to two dimensions: Poore, Computational
-Optimization and Applications 3, 1994), from the present pairing and from none.
+Each focal-plane track keeps its directions of the last `KEPT_S`, one a slice. Directions of one
+target meet, at every instant; those of two targets pass one another. The cost of a set of
+focal-plane tracks, one a sensor, is the sum over the stretch of the least squares of the
+triangulation: for two sensors the misfit of their epipolar planes. The cheapest one-to-one
+assignment is exact for two sensors. For more it is NP-hard: each sensor in turn is assigned to the
+sets of the others until nothing changes (multidimensional assignment by relaxation to two
+dimensions: Poore, Computational Optimization and Applications 3, 1994), from the present pairing
+and from none.
 """
 
 from itertools import pairwise
@@ -20,32 +22,35 @@ from opir_core.interfaces import Columns
 from opir_trackers.assignment import cheapest_assignment, ranks, swap_probabilities
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 
-#: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a kilometre are paired right
-#: in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
+#: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a
+#: kilometre are paired right in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
 KEPT_S = 40.0
 
 #: Time from one pairing to the next, s.
 RENEWED_S = 4.0
 
-#: Least gain (log likelihood) of a set over its parts alone: a stage that ignites moves focal-plane tracks by more than
-#: their errors for a second or two, and wrong partners lose more within a few slices.
+#: Least gain (log likelihood) of a set over its parts alone: a stage that ignites moves focal-plane
+#: tracks by more than their errors for a second or two, and wrong partners lose more within a few
+#: slices.
 _LEAST_GAIN = -20.0
 
-#: That of sets that begin tracks: a squared misfit of one degree of freedom above 15.1 has a probability of 10⁻⁴.
+#: That of sets that begin tracks: a squared misfit of one degree of freedom above 15.1 has a
+#: probability of 10⁻⁴.
 _LEAST_FIRST_GAIN = -7.5
 
 #: Tolerance below the ground of a first crossing, m, in addition to its own error.
 _DEEP_M = 500.0
 
-#: Log likelihood that a degree of freedom has for one target over different ones, at each of the stretch's instants:
-#: those of different targets are larger by chance three times in four or so, and long correlated.
+#: Log likelihood that a degree of freedom has for one target over different ones, at each of the
+#: stretch's instants: those of different targets are larger by chance three times in four or so,
+#: and long correlated.
 REWARD = 1.0
 
 #: That of one of a first crossing: mean lines are known to some 350 m, in a crowd of 10 km.
 _FIRST_REWARD = 3.0
 
-#: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks change targets every
-#: 20 s or so; and how many last instants count whatever was before.
+#: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks
+#: change targets every 20 s or so; and how many last instants count whatever was before.
 _SWAPPED = 3.0
 _RECENT = 3
 
@@ -55,8 +60,9 @@ _KEPT = 3.0
 #: Assignments are repeated while they gain more than this (log likelihood).
 _SETTLED = 1e-3
 
-#: Sets and focal-plane tracks are compared at these instants first, from the last. If they add more to the least
-#: squares there, in the mean, they are no pair: two degrees of freedom exceed it with a probability of 10⁻⁴ at one.
+#: Sets and focal-plane tracks are compared at these instants first, from the last. If they add more
+#: to the least squares there, in the mean, they are no pair: two degrees of freedom exceed it with
+#: a probability of 10⁻⁴ at one.
 _COARSE = (-1, -3, -6)
 _HOPELESS = 18.0
 
@@ -67,23 +73,27 @@ _HIGHEST_M = 7.2e6
 #: LineCrossings beyond these distances by fewer standard deviations than this may be targets.
 _SURE_SIGMAS = 5.0
 
-#: Lines that cross to within no better than this, m, are parallel: nothing says that they are of one target.
+#: Lines that cross to within no better than this, m, are parallel: nothing says that they are of
+#: one target.
 _VAGUE_M = 300e3
 
-#: With this number of sensors, crossings of wrong sets are rare: sets that fit are right. With more, the assignment
-#: starts from the present pairing.
+#: With this number of sensors, crossings of wrong sets are rare: sets that fit are right. With
+#: more, the assignment starts from the present pairing.
 _CERTAIN = 3
 
 #: Rounds of assignment of each sensor to the sets of the others.
 _ROUNDS = 6
 
-#: Log likelihoods of pairings are divided by this: errors of directions are correlated over some slices.
+#: Log likelihoods of pairings are divided by this: errors of directions are correlated over some
+#: slices.
 _CORRELATED = 4.0
 
 
 @frozen(eq=False, repr=False)
 class Directions(Columns):
-    """Kept directions of focal-plane tracks: track number and sensor, slice, unit vectors in ECEF and their errors."""
+    """Kept directions of focal-plane tracks: track number and sensor, slice, unit vectors in ECEF
+    and their errors.
+    """
 
     number: IntArray
     sensor: IntArray
@@ -104,21 +114,31 @@ class Directions(Columns):
 def normal_equations(
     directions: Directions, row: IntArray, count: int, range_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the normal equations (count, instants, 12) of the intersections of directions, and a point of reference.
+    """Return the normal equations (count, instants, 12) of the intersections of directions, and a
+    point of reference.
 
-    `row` (m,) is the focal-plane track of each direction, `range_m` (m,) its range. Columns: matrix (6), side (3),
-    least squares without the point, and numbers of focal-plane tracks and of lines. Those of a set are sums.
+    `row` (m,) is the focal-plane track of each direction, `range_m` (m,) its range. Columns: matrix
+    (6), side (3), least squares without the point, and numbers of focal-plane tracks and of lines.
+    Those of a set are sums.
     """
     instants, instant = np.unique(directions.time_s, return_inverse=True)
     table = np.zeros((count, len(instants), 12))
     unit = directions.direction_ecef
     sigma_m = directions.sigma_rad * range_m
-    centre = (directions.origin_ecef_m + range_m[:, None] * unit).mean(axis=0) if len(row) else np.zeros(3)
+    centre = (
+        (directions.origin_ecef_m + range_m[:, None] * unit).mean(axis=0)
+        if len(row)
+        else np.zeros(3)
+    )
     from_centre = directions.origin_ecef_m - centre
     across = from_centre - unit * np.sum(unit * from_centre, axis=1)[:, None]
     weight = 1.0 / np.square(sigma_m)
     outer = -unit[:, _FIRST] * unit[:, _SECOND] + (_FIRST == _SECOND)
-    columns = [weight[:, None] * outer, weight[:, None] * across, weight * np.sum(across * across, axis=1)]
+    columns = [
+        weight[:, None] * outer,
+        weight[:, None] * across,
+        weight * np.sum(across * across, axis=1),
+    ]
     table[row, instant] = np.column_stack([*columns, np.zeros(len(row)), np.ones(len(row))])
     table[..., 10] = 1.0
     return table, centre
@@ -133,10 +153,11 @@ _SECOND = np.array([0, 1, 2, 1, 2, 2])
 
 
 class LineCrossings(NamedTuple):
-    """LineCrossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least squares (...).
+    """LineCrossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least
+    squares (...).
 
-    The least squares of a single line are 0: as a difference they would be rounding errors, of some 100 where lines
-    have errors of metres.
+    The least squares of a single line are 0: as a difference they would be rounding errors, of some
+    100 where lines have errors of metres.
     """
 
     point: tuple[FloatArray, FloatArray, FloatArray]
@@ -147,7 +168,9 @@ class LineCrossings(NamedTuple):
         """Return those of the last instant."""
         point = [one[..., -1] for one in self.point]
         covariance = [one[..., -1] for one in self.covariance]
-        return LineCrossings((point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1])
+        return LineCrossings(
+            (point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1]
+        )
 
 
 def fixes(table: FloatArray) -> LineCrossings:
@@ -175,16 +198,19 @@ def intersections(table: FloatArray) -> FloatArray:
 def gains(table: FloatArray, reward: float = REWARD) -> FloatArray:
     """Return the log likelihoods (...) of sets, by sums of normal equations (..., instants, 12).
 
-    The least squares of an instant with k lines have 2 k - 3 degrees of freedom, each of which has a `reward` over
-    different targets. Where a focal-plane track was not there yet, a set has the reward as if its lines fitted: else
-    long tracks of different targets, which happen to fit, would be preferred to short ones of one. In a crowd
-    focal-plane tracks change targets: a set is one since the instant that makes it likeliest.
+    The least squares of an instant with k lines have 2 k - 3 degrees of freedom, each of which has
+    a `reward` over different targets. Where a focal-plane track was not there yet, a set has the
+    reward as if its lines fitted: else long tracks of different targets, which happen to fit, would
+    be preferred to short ones of one. In a crowd focal-plane tracks change targets: a set is one
+    since the instant that makes it likeliest.
     """
     return _gains(table, fixes(table).misfit, reward)
 
 
 def _gains(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
-    return reward * _degrees(table[..., 10]).sum(axis=-1) - _losses(table, misfit, reward).min(axis=-1)
+    return reward * _degrees(table[..., 10]).sum(axis=-1) - _losses(table, misfit, reward).min(
+        axis=-1
+    )
 
 
 def first_instants(table: FloatArray) -> IntArray:
@@ -194,13 +220,16 @@ def first_instants(table: FloatArray) -> IntArray:
 
 
 def are_open(table: FloatArray, group: IntArray) -> BoolArray:
-    """Return which rows are of sets (n,), from 0, that the pairing may change: of two sensors, or that fit badly.
+    """Return which rows are of sets (n,), from 0, that the pairing may change: of two sensors, or
+    that fit badly.
 
     Lines of three sensors do not cross at all instants by chance.
     """
     sums = set_sums(table, group)
     whole = REWARD * _degrees(sums[..., 11]).sum(axis=-1)
-    is_sure = (sums[:, 0, 10] >= _CERTAIN) & (_losses(sums, fixes(sums).misfit, REWARD)[:, 0] < _FITTING * whole)
+    is_sure = (sums[:, 0, 10] >= _CERTAIN) & (
+        _losses(sums, fixes(sums).misfit, REWARD)[:, 0] < _FITTING * whole
+    )
     open_rows: BoolArray = ~is_sure[group]
     return open_rows
 
@@ -210,18 +239,22 @@ def _is_settled(table: FloatArray, group: IntArray) -> bool:
     return len(np.unique(group[are_open(table, group)])) < 2
 
 
-#: A set of three sensors is sure where it has lost less than this share of its reward: where the mean least squares of
-#: a degree of freedom are below 1.5.
+#: A set of three sensors is sure where it has lost less than this share of its reward: where the
+#: mean least squares of a degree of freedom are below 1.5.
 _FITTING = 0.25
 
 
 def _losses(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
-    """Return what sets lose (..., instants) to perfect ones if they are of one target since each instant."""
+    """Return what sets lose (..., instants) to perfect ones if they are of one target since each
+    instant.
+    """
     degrees = _degrees(table[..., 11])
     excess = np.where(degrees > 0.0, 0.5 * (misfit - degrees), 0.0)
     rest = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
     before = np.cumsum(reward * degrees, axis=-1) - reward * degrees
-    loss: FloatArray = (rest + before + _SWAPPED * (before > 0.0))[..., : max(table.shape[-2] - _RECENT, 1)]
+    loss: FloatArray = (rest + before + _SWAPPED * (before > 0.0))[
+        ..., : max(table.shape[-2] - _RECENT, 1)
+    ]
     return loss
 
 
@@ -231,11 +264,13 @@ def _degrees(lines: FloatArray) -> FloatArray:
 
 
 class SetModel(NamedTuple):
-    """What sets of focal-plane tracks are likely: `centre` (3,) is the point of reference of normal equations, ECEF, m.
+    """What sets of focal-plane tracks are likely: `centre` (3,) is the point of reference of normal
+    equations, ECEF, m.
 
-    `present` (n,) are the sets of the rows as they are: what came before the stretch speaks for them. No target is
-    below the ground. Of sets that `begin` tracks the height h at the first look counts: its prior density is
-    proportional to 1 / (3 km + h), so that above 3 km each octave is equally probable.
+    `present` (n,) are the sets of the rows as they are: what came before the stretch speaks for
+    them. No target is below the ground. Of sets that `begin` tracks the height h at the first look
+    counts: its prior density is proportional to 1 / (3 km + h), so that above 3 km each octave is
+    equally probable.
     """
 
     centre: FloatArray
@@ -244,7 +279,11 @@ class SetModel(NamedTuple):
 
     def total(self, table: FloatArray, group: IntArray) -> float:
         """Return the log likelihood of sets (n,), from 0, of the rows of normal equations."""
-        kept = 0 if self.present is None else len(group) - np.unique(np.stack([group, self.present]), axis=1).shape[1]
+        kept = (
+            0
+            if self.present is None
+            else len(group) - np.unique(np.stack([group, self.present]), axis=1).shape[1]
+        )
         return float(self.gains(set_sums(table, group)).sum()) + _KEPT * kept
 
     @property
@@ -253,7 +292,9 @@ class SetModel(NamedTuple):
         return _LEAST_FIRST_GAIN if self.begin else _LEAST_GAIN
 
     def gains(self, table: FloatArray) -> FloatArray:
-        """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the last height."""
+        """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the
+        last height.
+        """
         every = fixes(table)
         last = table[..., -1, :]
         height_m, sigma_m = self._heights(every.last())
@@ -265,34 +306,55 @@ class SetModel(NamedTuple):
         return lawful
 
     def _heights(self, there: LineCrossings) -> tuple[FloatArray, FloatArray]:
-        """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their standard deviations."""
+        """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their
+        standard deviations.
+        """
         radius = self._radius(there)
-        x, y, z = ((one + centre) / radius for one, centre in zip(there.point, self.centre.tolist(), strict=True))
+        x, y, z = (
+            (one + centre) / radius
+            for one, centre in zip(there.point, self.centre.tolist(), strict=True)
+        )
         ground = WGS84.equatorial_radius_m * (1.0 - WGS84.flattening * np.square(z))
         xx, xy, xz, yy, yz, zz = there.covariance
-        variance = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+        variance = (
+            xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+        )
         return radius - ground, np.sqrt(variance)
 
     def _radius(self, there: LineCrossings) -> FloatArray:
-        x, y, z = (one + centre for one, centre in zip(there.point, self.centre.tolist(), strict=True))
+        x, y, z = (
+            one + centre for one, centre in zip(there.point, self.centre.tolist(), strict=True)
+        )
         radius: FloatArray = np.sqrt(x * x + y * y + z * z)
         return radius
 
     def may_be_one(self, theirs: FloatArray, mine: FloatArray) -> BoolArray:
-        """Return which sums (..., instants, 12) may be of one target at a lawful height, where both have lines."""
+        """Return which sums (..., instants, 12) may be of one target at a lawful height, where both
+        have lines.
+        """
         both = fixes(theirs + mine)
         met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
         radius = self._radius(both)
-        blur_m = _SURE_SIGMAS * np.sqrt(both.covariance[0] + both.covariance[3] + both.covariance[5])
-        lawful = (radius > _LOWEST_M - blur_m) & (radius < _HIGHEST_M + blur_m) & (blur_m < _SURE_SIGMAS * _VAGUE_M)
+        blur_m = _SURE_SIGMAS * np.sqrt(
+            both.covariance[0] + both.covariance[3] + both.covariance[5]
+        )
+        lawful = (
+            (radius > _LOWEST_M - blur_m)
+            & (radius < _HIGHEST_M + blur_m)
+            & (blur_m < _SURE_SIGMAS * _VAGUE_M)
+        )
         lawful |= ~met
-        added = np.where(met, both.misfit - fixes(theirs).misfit, 0.0).sum(axis=-1) / np.maximum(met.sum(axis=-1), 1)
+        added = np.where(met, both.misfit - fixes(theirs).misfit, 0.0).sum(axis=-1) / np.maximum(
+            met.sum(axis=-1), 1
+        )
         possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
         return possible
 
 
 class Candidates(NamedTuple):
-    """Possible pairs (m,) of a set and a focal-plane track of one sensor, and the log likelihood of the addition."""
+    """Possible pairs (m,) of a set and a focal-plane track of one sensor, and the log likelihood of
+    the addition.
+    """
 
     set: IntArray
     row: IntArray
@@ -300,7 +362,8 @@ class Candidates(NamedTuple):
 
 
 def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetModel) -> Candidates:
-    """Return the possible additions of focal-plane tracks `rows` to sets with `sums` (sets, instants, 12).
+    """Return the possible additions of focal-plane tracks `rows` to sets with `sums` (sets,
+    instants, 12).
 
     They are sought at the last instant, then at some.
     """
@@ -319,19 +382,27 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
 
 
 def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
-    """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the least total cost."""
+    """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the
+    least total cost.
+    """
     if model.present is not None and np.ptp(sensor) >= _CERTAIN:
         return _relaxed(table, sensor, model.present, model)[0]
     group, total = _relaxed(table, sensor, _in_sequence(table, sensor, model), model)
     if model.present is None and _is_settled(table, group):
         return group
-    start = _in_sequence(table, sensor.max() - sensor, model) if model.present is None else model.present
+    start = (
+        _in_sequence(table, sensor.max() - sensor, model)
+        if model.present is None
+        else model.present
+    )
     other, most = _relaxed(table, sensor, start, model)
     return other if most > total else group
 
 
 def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
-    """Return sets made sensor by sensor: the rows of each are assigned to the sets of those before."""
+    """Return sets made sensor by sensor: the rows of each are assigned to the sets of those
+    before.
+    """
     group = np.arange(len(sensor))
     for one in np.unique(sensor)[1:].tolist():
         rows = np.flatnonzero(sensor <= one)
@@ -342,8 +413,11 @@ def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArr
     return ranks(group)
 
 
-def _relaxed(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel) -> tuple[IntArray, float]:
-    """Return sets and their log likelihood after each sensor in turn is assigned until nothing changes.
+def _relaxed(
+    table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel
+) -> tuple[IntArray, float]:
+    """Return sets and their log likelihood after each sensor in turn is assigned until nothing
+    changes.
 
     Where one sensor at a time gains nothing, of four or more sensors pairs are assigned together.
     """
@@ -376,8 +450,12 @@ def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
     return sums
 
 
-def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], model: SetModel) -> IntArray:
-    """Return the sets after the parts of sets of some sensors are assigned to the parts of the others."""
+def _reassigned(
+    table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], model: SetModel
+) -> IntArray:
+    """Return the sets after the parts of sets of some sensors are assigned to the parts of the
+    others.
+    """
     chosen = np.isin(sensor, ones)
     rows = np.flatnonzero(chosen)
     others = np.flatnonzero(~chosen)
@@ -403,7 +481,9 @@ def _reassigned(table: FloatArray, sensor: IntArray, group: IntArray, ones: list
 
 
 class Rivals(NamedTuple):
-    """Focal-plane tracks that a set may have instead of its own of a sensor: set, own, other, probability (m,)."""
+    """Focal-plane tracks that a set may have instead of its own of a sensor: set, own, other,
+    probability (m,).
+    """
 
     set: IntArray
     own: IntArray
@@ -411,8 +491,12 @@ class Rivals(NamedTuple):
     probability: FloatArray
 
 
-def rivals(table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel, least: float) -> Rivals:
-    """Return other partners of sets, with probabilities of at least `least`, of all sensors but the first."""
+def rivals(
+    table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel, least: float
+) -> Rivals:
+    """Return other partners of sets, with probabilities of at least `least`, of all sensors but the
+    first.
+    """
     parts = []
     for one in np.unique(sensor).tolist()[1:]:
         rows = np.flatnonzero(sensor == one)

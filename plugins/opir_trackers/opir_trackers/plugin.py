@@ -27,13 +27,15 @@ def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `kepler-arc` and `imm`."""
     yield TrackerModel(
         name="kepler-arc",
-        summary="a Keplerian arc fitted to three or more detections, with the paper's empirical impact sigma",
+        summary="a Keplerian arc fitted to three or more detections, with the paper's empirical"
+        " impact sigma",
         config=KeplerArcConfig,
         build=_kepler_arc,
     )
     yield TrackerModel(
         name="imm",
-        summary="an IMM filter of boost and coast for one or more sensors, with impact regions from the first track on",
+        summary="an IMM filter of boost and coast for one or more sensors, with impact regions from"
+        " the first track on",
         config=ImmConfig,
         build=_imm,
     )

@@ -1,10 +1,12 @@
-"""`opir prior fit FILES -o prior.json`: the law of vehicles of the tracker imm, from a user's own recorded flights.
+"""`opir prior fit FILES -o prior.json`: the law of vehicles of the tracker imm, from a user's own
+recorded flights.
 
-Files are tables of the target model `table` with `is_burning`. Each burn gives its time, first acceleration and ratio
-of masses (the rocket equation: the inverse of the force along the velocity falls linearly), and the gap after it.
-Flights that end in an orbit are space launches, others missiles. Medians are those of the flights; standard deviations
-are widened by `WIDEN`, and are at least `LEAST`: a few flights do not show how others differ. What no flight shows
-stays as it is in the tracker's own law.
+Files are tables of the target model `table` with `is_burning`. Each burn gives its time, first
+acceleration and ratio of masses (the rocket equation: the inverse of the force along the velocity
+falls linearly), and the gap after it. Flights that end in an orbit are space launches, others
+missiles. Medians are those of the flights; standard deviations are widened by `WIDEN`, and are at
+least `LEAST`: a few flights do not show how others differ. What no flight shows stays as it is in
+the tracker's own law.
 """
 
 import argparse
@@ -34,12 +36,21 @@ LEAST_ROWS = 4
 #: Perigee above which a flight ends in an orbit, m from the centre.
 _ORBIT_M = 6371e3 + 80e3
 
-_COLUMNS = ("time_s", "x_ecef_m", "y_ecef_m", "z_ecef_m", "vx_ecef_m_s", "vy_ecef_m_s", "vz_ecef_m_s", "is_burning")
+_COLUMNS = (
+    "time_s",
+    "x_ecef_m",
+    "y_ecef_m",
+    "z_ecef_m",
+    "vx_ecef_m_s",
+    "vy_ecef_m_s",
+    "vz_ecef_m_s",
+    "is_burning",
+)
 
 
 class RecordedFlight(NamedTuple):
-    """The stages (n, 4) of a recorded flight: burn time, first acceleration, ratio, gap; whether it ends in an
-    orbit."""
+    """The stages (n, 4) of a recorded flight: burn time, first acceleration, ratio, gap; whether it
+    ends in an orbit."""
 
     stages: FloatArray
     orbits: bool
@@ -49,8 +60,12 @@ def prior_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `opir prior`."""
     actions = parser.add_subparsers(metavar="ACTION", required=True)
     fit_ = actions.add_parser("fit", help="fit a law of vehicles to recorded flights")
-    fit_.add_argument("files", nargs="+", type=Path, metavar="FILE", help="table of a flight, with is_burning")
-    fit_.add_argument("-o", "--out", type=Path, required=True, help="JSON for the setting boost_prior of imm")
+    fit_.add_argument(
+        "files", nargs="+", type=Path, metavar="FILE", help="table of a flight, with is_burning"
+    )
+    fit_.add_argument(
+        "-o", "--out", type=Path, required=True, help="JSON for the setting boost_prior of imm"
+    )
 
 
 def fit(arguments: argparse.Namespace) -> int:
@@ -59,7 +74,9 @@ def fit(arguments: argparse.Namespace) -> int:
     data = fitted(flights)
     with OutputFiles() as files:
         files.write(arguments.out, (json.dumps(data, indent=2) + "\n").encode(), "law of vehicles")
-    sys.stdout.write("\n".join([f"{arguments.out}:", *map(_shown, arguments.files, flights)]) + "\n")
+    sys.stdout.write(
+        "\n".join([f"{arguments.out}:", *map(_shown, arguments.files, flights)]) + "\n"
+    )
     return 0
 
 
@@ -74,26 +91,39 @@ def _shown(path: Path, flight: RecordedFlight) -> str:
 
 
 def recorded_flight(path: Path) -> RecordedFlight:
-    """Return the stages of a flight in a table. Raises `OpirError` if a column or a burn is missing."""
+    """Return the stages of a flight in a table. Raises `OpirError` if a column or a burn is
+    missing.
+    """
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
         table = np.array([[float(row[name]) for name in _COLUMNS] for row in rows])
     except KeyError as missing:
-        raise OpirError(f"{path}: no column {missing.args[0]}; needed are {', '.join(_COLUMNS)}") from None
+        raise OpirError(
+            f"{path}: no column {missing.args[0]}; needed are {', '.join(_COLUMNS)}"
+        ) from None
     except OSError as error:
         raise OpirError(f"{path}: {error.strerror}") from error
     except (ValueError, TypeError) as error:
         raise OpirError(f"{path}: {error}") from error
-    spans = [span for span in _burns(table) if span.stop - span.start >= LEAST_ROWS] if len(table) else []
+    spans = (
+        [span for span in _burns(table) if span.stop - span.start >= LEAST_ROWS]
+        if len(table)
+        else []
+    )
     if not spans:
-        raise OpirError(f"{path}: no burn of {LEAST_ROWS} rows or more; is_burning must be 1 in a burn")
+        raise OpirError(
+            f"{path}: no burn of {LEAST_ROWS} rows or more; is_burning must be 1 in a burn"
+        )
     time_s = table[:, 0]
     ends = [float(time_s[min(span.stop, len(table) - 1)]) for span in spans]
-    gaps = [float(time_s[two.start]) - end for (_, two), end in zip(pairwise(spans), ends, strict=False)]
+    gaps = [
+        float(time_s[two.start]) - end for (_, two), end in zip(pairwise(spans), ends, strict=False)
+    ]
     stages = np.array([_stage(table[span], end) for span, end in zip(spans, ends, strict=True)])
     columns = np.column_stack([stages, np.array([*gaps, np.nan])])
-    # A burn against the motion is a return or a landing, not a stage on the way up; nor is what follows.
+    # A burn against the motion is a return or a landing, not a stage on the way up; nor is what
+    # follows.
     ahead = np.logical_and.accumulate(np.isfinite(stages[:, 0]))
     if not ahead[0]:
         raise OpirError(f"{path}: the first burn is against the motion")
@@ -109,7 +139,8 @@ def _burns(table: FloatArray) -> list[slice]:
 
 
 def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
-    """Return burn time, first acceleration and ratio of masses of the rows of a burn that ends at a time.
+    """Return burn time, first acceleration and ratio of masses of the rows of a burn that ends at a
+    time.
 
     They are nan for a burn against the motion.
     """
@@ -126,16 +157,23 @@ def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
     force = np.gradient(velocity, time_s, axis=0) + EARTH_MU_M3_S2 / radius**3 * place + turning
     speed = np.linalg.norm(velocity, axis=1)
     along = np.where(
-        speed > 1.0, np.sum(force * velocity, axis=1) / np.maximum(speed, 1.0), np.linalg.norm(force, axis=1)
+        speed > 1.0,
+        np.sum(force * velocity, axis=1) / np.maximum(speed, 1.0),
+        np.linalg.norm(force, axis=1),
     )
     since = time_s - time_s[0]
     if np.median(along) <= 0.0:
         return np.nan, np.nan, np.nan
     along = np.maximum(along, 0.5)
-    # An error of the force f is one of its inverse that is larger by 1/f²: rows of little force say little.
+    # An error of the force f is one of its inverse that is larger by 1/f²: rows of little force say
+    # little.
     slope, start = np.polyfit(since, 1.0 / along, 1, w=along**2)
     burn = end_s - float(time_s[0])
-    return burn, 1.0 / max(start, 1e-3), float(np.clip(start / max(start + slope * burn, 1e-4), 1.02, 20.0))
+    return (
+        burn,
+        1.0 / max(start, 1e-3),
+        float(np.clip(start / max(start + slope * burn, 1e-4), 1.02, 20.0)),
+    )
 
 
 def _perigee_m(row: FloatArray) -> float:
@@ -162,18 +200,25 @@ def fitted(flights: list[RecordedFlight]) -> dict[str, Any]:
         law = data["families"][name]
         count = np.bincount([len(stages) - 1 for stages in mine], minlength=STAGES) + 0.5
         law["stages"] = (count / count.sum()).round(4).tolist()
-        for part, rows in (("first", [one[:1] for one in mine]), ("upper", [one[1:] for one in mine])):
+        for part, rows in (
+            ("first", [one[:1] for one in mine]),
+            ("upper", [one[1:] for one in mine]),
+        ):
             _fit_part(law[part], np.concatenate(rows))
     data["marginal"] = marginal_of(model_of(data), DRAWS, 1)
     return data
 
 
 def _fit_part(part: dict[str, list[float]], rows: FloatArray) -> None:
-    """Replace medians and standard deviations of a part by those of stages (n, 4), where there are any."""
+    """Replace medians and standard deviations of a part by those of stages (n, 4), where there are
+    any.
+    """
     for row in range(4):
         known = rows[:, row][np.isfinite(rows[:, row]) & (rows[:, row] > 0.5)]
         if not len(known):
             continue
         part["median"][row] = round(float(np.exp(np.mean(np.log(known)))), 3)
-        spread = WIDEN * float(np.std(np.log(known), ddof=1)) if len(known) > 2 else part["sigma"][row]
+        spread = (
+            WIDEN * float(np.std(np.log(known), ddof=1)) if len(known) > 2 else part["sigma"][row]
+        )
         part["sigma"][row] = round(max(spread, LEAST[row]), 3)

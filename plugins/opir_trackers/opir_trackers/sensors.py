@@ -1,4 +1,6 @@
-"""What trackers assume of the sensors: schedule, detection probability, stated biases, and their lines of sight."""
+"""What trackers assume of the sensors: schedule, detection probability, stated biases, and their
+lines of sight.
+"""
 
 from collections.abc import Callable, Sequence
 from operator import attrgetter
@@ -24,8 +26,13 @@ class SensorSchedule:
 
     @classmethod
     def of(cls, sensors: Sequence[Sensor], *, least: float, most: float) -> "SensorSchedule":
-        """Return the schedule of a scene's sensors, with detection probabilities clipped to [least, most]."""
-        chance = [[sensor.detection_probability.get(kind, _UNSTATED) for kind in TARGET_TYPES] for sensor in sensors]
+        """Return the schedule of a scene's sensors, with detection probabilities clipped to [least,
+        most].
+        """
+        chance = [
+            [sensor.detection_probability.get(kind, _UNSTATED) for kind in TARGET_TYPES]
+            for sensor in sensors
+        ]
         stated = np.array(chance, dtype=np.float64).reshape(len(sensors), len(TARGET_TYPES))
         return cls(
             period_s=np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors]),
@@ -34,17 +41,23 @@ class SensorSchedule:
 
 
 def expected_detection_rate(sensors: Sequence[Sensor]) -> float:
-    """Return the expected detections per second of a target in view of all sensors, mean over types."""
+    """Return the expected detections per second of a target in view of all sensors, mean over
+    types.
+    """
     schedule = SensorSchedule.of(sensors, least=0.01, most=1.0)
     return float(np.sum(schedule.detection_probability.mean(axis=1) / schedule.period_s))
 
 
 def clutter_per_sr(context: TrackerContext, assumed: float) -> FloatArray:
-    """Return the false alarms (sensors,) per scan and steradian of the field of regard; `assumed` where unknown."""
+    """Return the false alarms (sensors,) per scan and steradian of the field of regard; `assumed`
+    where unknown.
+    """
     if context.false_alarms_per_scan is None:
         return np.full(len(context.sensors), assumed)
     half_rad = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
-    return np.asarray(np.array(context.false_alarms_per_scan) / (4.0 * np.pi * np.square(np.sin(0.5 * half_rad))))
+    return np.asarray(
+        np.array(context.false_alarms_per_scan) / (4.0 * np.pi * np.square(np.sin(0.5 * half_rad)))
+    )
 
 
 #: Least error of an angle, rad: 4 cm at geostationary range.
@@ -56,7 +69,8 @@ _PRIOR_SIGMA_M = 30e3
 
 @frozen(eq=False)
 class Biases:
-    """The sensors of a scene, the standard deviation of each bias (sensors,), rad, and whether there is any.
+    """The sensors of a scene, the standard deviation of each bias (sensors,), rad, and whether
+    there is any.
 
     `clock_sigma_s` is the standard deviation of the constant offset of each sensor's clock.
     """
@@ -64,7 +78,9 @@ class Biases:
     sensors: tuple[Sensor, ...]
     sigma_rad: FloatArray
     clock_sigma_s: float = 0.0
-    any: bool = field(default=Factory(lambda self: bool(self.sigma_rad.any()), takes_self=True), init=False)
+    any: bool = field(
+        default=Factory(lambda self: bool(self.sigma_rad.any()), takes_self=True), init=False
+    )
 
     @classmethod
     def of(cls, sensors: Sequence[Sensor], clock_sigma_s: float = 0.0) -> "Biases":
@@ -73,7 +89,9 @@ class Biases:
         return cls(tuple(sensors), sigma_rad, clock_sigma_s)
 
     def ranges_m(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
-        """Return the mean distance (n,), m, of inertial positions (n, 3) from the sensors that see them."""
+        """Return the mean distance (n,), m, of inertial positions (n, 3) from the sensors that see
+        them.
+        """
         apart = position_m[:, None] - self.geometry(time_s, seen)[0]
         distance = np.sqrt(np.sum(apart * apart, axis=2))
         return np.asarray(np.sum(distance * seen, axis=1) / np.maximum(seen.sum(axis=1), 1))
@@ -81,11 +99,15 @@ class Biases:
     def geometry(self, time_s: float, seen: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
         """Return the sensors' positions, visibility and weights of their angles."""
         when = np.full(1, time_s)
-        origin = np.concatenate([earth_rotated(sensor.orbit.position_ecef_m(when), when) for sensor in self.sensors])
+        origin = np.concatenate(
+            [earth_rotated(sensor.orbit.position_ecef_m(when), when) for sensor in self.sensors]
+        )
         return origin, seen, self.weights(self.sigma_rad)
 
     def weights(self, shared_rad: FloatArray) -> FloatArray:
-        """Return the weights (sensors,) of angles with noise and shared errors (sensors,), 1/rad² per second."""
+        """Return the weights (sensors,) of angles with noise and shared errors (sensors,), 1/rad²
+        per second.
+        """
         noise = np.array([sensor.line_of_sight_sigma_rad for sensor in self.sensors])
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in self.sensors])
         weight: FloatArray = 1.0 / (period_s * np.maximum(noise**2 + shared_rad**2, _LEAST_RAD**2))
@@ -95,11 +117,12 @@ class Biases:
 def shifts_of_positions(
     position_m: FloatArray, origin_m: FloatArray, seen: BoolArray, weight: FloatArray
 ) -> FloatArray:
-    """Return the matrices (n, s, 3, 3) that turn shifts of what one sensor sees, m, into shifts of a position.
+    """Return the matrices (n, s, 3, 3) that turn shifts of what one sensor sees, m, into shifts of
+    a position.
 
-    Shifts along the line of sight have no effect. `origin_m` (s, 3) are the sensor positions, `seen` (n, s) marks which
-    sensor sees which target, and `weight` (s,) is that of a sensor's angles, 1/rad² per second: look rate over error
-    variance.
+    Shifts along the line of sight have no effect. `origin_m` (s, 3) are the sensor positions,
+    `seen` (n, s) marks which sensor sees which target, and `weight` (s,) is that of a sensor's
+    angles, 1/rad² per second: look rate over error variance.
     """
     across, weight_m2, total = _least_squares(position_m, origin_m, seen, weight)
     shift: FloatArray = np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
@@ -109,10 +132,14 @@ def shifts_of_positions(
 def _least_squares(
     position_m: FloatArray, origin_m: FloatArray, seen: BoolArray, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return projections across (n, s, 3, 3), weights (n, s), 1/m² per second, and information (n, 3, 3)."""
+    """Return projections across (n, s, 3, 3), weights (n, s), 1/m² per second, and information (n,
+    3, 3).
+    """
     apart = position_m[:, None] - origin_m
     range_square = np.sum(apart * apart, axis=2)
-    across = np.eye(3) - apart[:, :, :, None] * apart[:, :, None, :] / range_square[:, :, None, None]
+    across = (
+        np.eye(3) - apart[:, :, :, None] * apart[:, :, None, :] / range_square[:, :, None, None]
+    )
     weight_m2 = np.where(seen, weight / range_square, 0.0)
     # In observed directions the lines of one second outweigh the prior.
     total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / _PRIOR_SIGMA_M**2

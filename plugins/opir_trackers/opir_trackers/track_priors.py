@@ -23,8 +23,9 @@ from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 #: Prior specific force of a boost, upwards, m/s².
 FIRST_FORCE_M_S2 = 20.0
 
-#: Of a target that one sensor alone sees, prior mean of the climb and standard deviations of the velocity over the
-#: ground, east-north-up, m/s: within 40 s of launch at a net 2 to 15 m/s² upwards, a third of it across. Notional.
+#: Of a target that one sensor alone sees, prior mean of the climb and standard deviations of the
+#: velocity over the ground, east-north-up, m/s: within 40 s of launch at a net 2 to 15 m/s²
+#: upwards, a third of it across. Notional.
 FIRST_CLIMB_M_S = 150.0
 _SPEEDS_M_S = (200.0, 200.0, 300.0)
 
@@ -34,17 +35,17 @@ FARTHER_M = 20e3
 #: Prior probability that a new target is burning.
 _BURN_PROBABILITY = 0.98
 
-#: Probability of a detection per slice of a coasting track where no sensor detects bodies: false alarms or the end of
-#: the burn.
+#: Probability of a detection per slice of a coasting track where no sensor detects bodies: false
+#: alarms or the end of the burn.
 _COAST_DETECTION = 0.01
 
-#: A burning target may go undetected for up to this many scans of the slowest sensor; this counts in its detection
-#: rate.
+#: A burning target may go undetected for up to this many scans of the slowest sensor; this counts
+#: in its detection rate.
 _PAUSE_SCANS = 4.0
 
 
-#: Squared innovation of the position of both modes along the velocity, in standard deviations, at which a free burn is
-#: started: one slice in 50 exceeds it by chance (χ² of 3 degrees of freedom).
+#: Squared innovation of the position of both modes along the velocity, in standard deviations, at
+#: which a free burn is started: one slice in 50 exceeds it by chance (χ² of 3 degrees of freedom).
 _SURPRISE = 10.0
 
 
@@ -59,7 +60,8 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
         coast_detection=1.0 if _follows_bodies(context) else _COAST_DETECTION,
         scan_s=min((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
-        pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
+        pause_s=_PAUSE_SCANS
+        * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
         residual_share=0.0 if _follows_bodies(context) else config.thrust.residual_share,
         stage=stage_of(config.thrust),
         free=_free_of(config.thrust, free),
@@ -104,7 +106,9 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     axes = prior_axes(candidates)
     inertial = np.stack([earth_rotated(axes[:, row], now) for row in range(3)], axis=1)
     position = earth_rotated(candidates.position_ecef_m, now)
-    velocity = EARTH_ROTATION_RAD_S * np.stack([-position[:, 1], position[:, 0], np.zeros(count)], axis=1)
+    velocity = EARTH_ROTATION_RAD_S * np.stack(
+        [-position[:, 1], position[:, 0], np.zeros(count)], axis=1
+    )
     force = FIRST_FORCE_M_S2 * inertial[:, 2]
     rate, sigmas = _first_rates(config.thrust)
     place, speed = prior_sigmas(candidates)
@@ -123,18 +127,25 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
 
 
 def standing_estimates(
-    before: ModeEstimates, position_m: FloatArray, covariance: FloatArray, speed_sigma_m_s: float, config: ImmConfig
+    before: ModeEstimates,
+    position_m: FloatArray,
+    covariance: FloatArray,
+    speed_sigma_m_s: float,
+    config: ImmConfig,
 ) -> ModeEstimates:
     """Return estimates (n,) of sources that stand on the ground, in place of those of their tracks.
 
-    `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances the weight.
+    `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances
+    the weight.
     """
     count, size = before.boost_mean.shape
     mean = before.boost_mean.copy()
     root = np.zeros((count, size, size))
     cubed = dot(position_m, position_m)[:, None] ** 1.5
     mean[:, :3] = position_m
-    mean[:, 3:6] = EARTH_ROTATION_RAD_S * np.stack([-position_m[:, 1], position_m[:, 0], np.zeros(count)], axis=1)
+    mean[:, 3:6] = EARTH_ROTATION_RAD_S * np.stack(
+        [-position_m[:, 1], position_m[:, 0], np.zeros(count)], axis=1
+    )
     mean[:, 6:9] = EARTH_MU_M3_S2 / cubed * position_m
     mean[:, 6:8] -= EARTH_ROTATION_RAD_S**2 * position_m[:, :2]
     root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
@@ -142,7 +153,9 @@ def standing_estimates(
     root[:, range(6, size), range(6, size)] = 1.0 / _STANDING_SIGMA
     coast_mean = mean[:, :COAST].copy()
     coast_root = root[:, :COAST, :COAST].copy()
-    return ModeEstimates(_first_weights(count, config), mean, root, coast_mean, coast_root, before.detection_rate)
+    return ModeEstimates(
+        _first_weights(count, config), mean, root, coast_mean, coast_root, before.detection_rate
+    )
 
 
 def _first_weights(count: int, config: ImmConfig) -> FloatArray:
@@ -150,20 +163,22 @@ def _first_weights(count: int, config: ImmConfig) -> FloatArray:
     return np.tile([burning, 1.0 - burning], (count, 1))
 
 
-#: Standard deviations of the force on a source that stands, m/s², and of its growth, 1/s: next to none.
+#: Standard deviations of the force on a source that stands, m/s², and of its growth, 1/s: next to
+#: none.
 _STANDING_SIGMA = 0.01
 
 
 def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
     """Return prior standard deviations (n, 3) of position and (n, 3) of velocity, east-north-up.
 
-    For a candidate of one sensor: 30 km along the ground, 5 km in height, and `_SPEEDS_M_S` about a climb: a line of
-    sight alone does not say whether its target climbs or descends. Where its line grazes the ground the
-    height shifts it by more: up to 250 km along the horizon, where the curvature of the Earth is 5 km too. Where its
-    speed across the line is known to be higher, height and velocity have the standard deviations of the height by speed
-    and of the speed. A candidate of several sensors may be at any height; its speed grows with the height: 300 m/s plus
-    1.5 times the speed from a steady 20 m/s² upwards. Of neighbouring launches, with intersections at many heights,
-    those near the ground were chosen: the height is within its own value, or 3 km.
+    For a candidate of one sensor: 30 km along the ground, 5 km in height, and `_SPEEDS_M_S` about a
+    climb: a line of sight alone does not say whether its target climbs or descends. Where its line
+    grazes the ground the height shifts it by more: up to 250 km along the horizon, where the
+    curvature of the Earth is 5 km too. Where its speed across the line is known to be higher,
+    height and velocity have the standard deviations of the height by speed and of the speed. A
+    candidate of several sensors may be at any height; its speed grows with the height: 300 m/s plus
+    1.5 times the speed from a steady 20 m/s² upwards. Of neighbouring launches, with intersections
+    at many heights, those near the ground were chosen: the height is within its own value, or 3 km.
     """
     height = np.maximum(ecef_to_geodetic(candidates.position_ecef_m).height_m, 0.0)
     alone = candidates.sensors == 1
@@ -196,10 +211,14 @@ def first_motion(
     # As `prior_sigmas` for a candidate of one sensor that its speed has placed at this height.
     fast = np.where(height > HIGHER_M, np.sqrt(2.0 * STEADY_M_S2 * np.maximum(height, 0.0)), 0.0)
     place = np.where(alone, np.maximum(height, HIGHER_M), FARTHER_M)
-    speed = np.where(alone, np.maximum(fast, _SPEEDS_M_S[2]), _speed_sigmas(np.maximum(height, 0.0)))
+    speed = np.where(
+        alone, np.maximum(fast, _SPEEDS_M_S[2]), _speed_sigmas(np.maximum(height, 0.0))
+    )
     jerk = thrust.growth_per_s * FIRST_FORCE_M_S2
     force = thrust.force_sigma_m_s2
-    growth = float(np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force))
+    growth = float(
+        np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force)
+    )
     net = FIRST_FORCE_M_S2 - EARTH_MU_M3_S2 / (radius * radius)
     climb = np.where(alone, np.maximum(FIRST_CLIMB_M_S, 0.5 * fast), 0.0)
     return FirstMotion(height, climb, net, jerk, (place, speed, force, growth))
@@ -212,13 +231,17 @@ def prior_axes(candidates: TrackCandidates) -> FloatArray:
 
 
 def _first_rates(thrust: ThrustConfig) -> tuple[FloatArray, FloatArray]:
-    """Return the prior mean of the state after the specific force, and the standard deviations of both."""
+    """Return the prior mean of the state after the specific force, and the standard deviations of
+    both.
+    """
     deviation = np.append(np.repeat(thrust.force_sigma_m_s2, 3), thrust.growth_sigma_per_s)
     return np.array([thrust.growth_per_s]), deviation
 
 
 def _information_roots(axes: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Return upper triangular information roots (n, 3, 3) with standard deviations (n, 3) along the rows of axes."""
+    """Return upper triangular information roots (n, 3, 3) with standard deviations (n, 3) along the
+    rows of axes.
+    """
     from opir_core.estimation.square_root import triangular
 
     return triangular(axes / sigma[:, :, None])

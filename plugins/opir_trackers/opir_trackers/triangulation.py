@@ -1,8 +1,9 @@
 """Triangulation of lines of sight, and their comparison for sensors in low orbits.
 
-From geostationary height a launch stays in its direction for seconds, whatever the satellite's motion. From a low orbit
-it moves by tenths of a degree per second. So lines of low sensors are compared by where they meet the ground, seen from
-a fixed station at geostationary height above the sensor.
+From geostationary height a launch stays in its direction for seconds, whatever the satellite's
+motion. From a low orbit it moves by tenths of a degree per second. So lines of low sensors are
+compared by where they meet the ground, seen from a fixed station at geostationary height above the
+sensor.
 """
 
 import numpy as np
@@ -20,7 +21,8 @@ FAR_M = 3.6e7
 #: Sensors below this distance from the Earth's centre, m, move noticeably past a target.
 _LOW_M = 3e7 + EARTH_EQUATORIAL_RADIUS_M
 
-#: Mean height of a target at its first detection by a single sensor, and the lowest and highest of a target, m.
+#: Mean height of a target at its first detection by a single sensor, and the lowest and highest of
+#: a target, m.
 FIRST_HEIGHT_M = 3e3
 LOWEST_M = -20e3
 HIGHEST_M = 500e3
@@ -35,10 +37,11 @@ def are_low_orbits(origin_m: FloatArray) -> BoolArray:
 
 
 def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the points (n, 3) of lines at a target's first height or, where they pass above it, at their lowest.
+    """Return the points (n, 3) of lines at a target's first height or, where they pass above it, at
+    their lowest.
 
-    A biased line near the horizon may miss the Earth, as does one of a target that rises behind it. Lines above any
-    target give nan.
+    A biased line near the horizon may miss the Earth, as does one of a target that rises behind it.
+    Lines above any target give nan.
     """
     point = intersection_with_ellipsoid(origin_m, direction, FIRST_HEIGHT_M)
     missed = np.flatnonzero(np.isnan(point[:, 0]))
@@ -51,7 +54,8 @@ def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArra
 
 
 def geostationary_directions(lines: LinesOfSight, which: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return directions (n, 3) as from geostationary height, and their errors (n,), rad; `which` (n,) is the sensor.
+    """Return directions (n, 3) as from geostationary height, and their errors (n,), rad; `which`
+    (n,) is the sensor.
 
     Lines of low sensors without a ground point keep their directions.
     """
@@ -77,11 +81,14 @@ def geostationary_directions(lines: LinesOfSight, which: IntArray) -> tuple[Floa
 
 
 def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArray) -> FloatArray:
-    """Return unit vectors (n, 3) of mean lines from the means of their origins, directions and ground points.
+    """Return unit vectors (n, 3) of mean lines from the means of their origins, directions and
+    ground points.
 
     For a low sensor it is from the mean origin to the mean ground point, where there is one.
     """
-    along = np.where((are_low_orbits(origin_m) & np.isfinite(aim_m[:, 0]))[:, None], aim_m - origin_m, direction)
+    along = np.where(
+        (are_low_orbits(origin_m) & np.isfinite(aim_m[:, 0]))[:, None], aim_m - origin_m, direction
+    )
     unit: FloatArray = along / np.sqrt(np.sum(along * along, axis=1))[:, None]
     return unit
 
@@ -99,7 +106,8 @@ def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
 
 @frozen(eq=False, repr=False)
 class Fixes(Columns):
-    """Triangulated positions (n, 3), m, their information (n, 3, 3), 1/m², and least sums of squared residuals (n,).
+    """Triangulated positions (n, 3), m, their information (n, 3, 3), 1/m², and least sums of
+    squared residuals (n,).
 
     Positions of groups with parallel lines are nan.
     """
@@ -115,9 +123,11 @@ class Fixes(Columns):
 
 
 def information(direction: FloatArray, range_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:
-    """Return the Fisher information of each line about a position, (I - u uᵀ) / (σ R)², (n, 3, 3), 1/m².
+    """Return the Fisher information of each line about a position, (I - u uᵀ) / (σ R)², (n, 3, 3),
+    1/m².
 
-    Each line has two independent angular errors of σ; the information of a triangulation is the sum.
+    Each line has two independent angular errors of σ; the information of a triangulation is the
+    sum.
     """
     outer = direction[:, :, None] * direction[:, None, :]
     projector = np.eye(3) - outer
@@ -125,11 +135,18 @@ def information(direction: FloatArray, range_m: FloatArray, sigma_rad: FloatArra
 
 
 def triangulated(
-    group: IntArray, count: int, origin_m: FloatArray, direction: FloatArray, sigma_rad: FloatArray, rounds: int = 3
+    group: IntArray,
+    count: int,
+    origin_m: FloatArray,
+    direction: FloatArray,
+    sigma_rad: FloatArray,
+    rounds: int = 3,
 ) -> Fixes:
-    """Return the intersections of the lines (n, 3) of `count` groups: weighted least squares of the angles.
+    """Return the intersections of the lines (n, 3) of `count` groups: weighted least squares of the
+    angles.
 
-    The weights depend on the ranges, so the solution is iterated. Each group needs two lines that are not parallel.
+    The weights depend on the ranges, so the solution is iterated. Each group needs two lines that
+    are not parallel.
     """
     range_m = np.full(len(group), 4e7)
     for _ in range(rounds):
@@ -147,7 +164,9 @@ def triangulated(
 
 
 def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the solutions (n, 3) of symmetric systems; nan where a matrix is singular to working precision."""
+    """Return the solutions (n, 3) of symmetric systems; nan where a matrix is singular to working
+    precision.
+    """
     # What was singular in one round has no range for the next, and is not finite.
     sound: BoolArray = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
     sound[sound] = np.linalg.cond(matrix[sound]) < 1e13

@@ -1,4 +1,6 @@
-"""The target model `ballistic`: where targets are, what truth says of them, and how the impossible is refused."""
+"""The target model `ballistic`: where targets are, what truth says of them, and how the impossible
+is refused.
+"""
 
 import json
 import math
@@ -31,7 +33,9 @@ def a_target(kind, launch, aim, time_s=0.0, **settings):
 
 def built(*configs):
     numbers = range(len(configs))
-    context = TargetContext(ids=tuple(f"T{n}" for n in numbers), paths=tuple(f"targets[{n}]" for n in numbers))
+    context = TargetContext(
+        ids=tuple(f"T{n}" for n in numbers), paths=tuple(f"targets[{n}]" for n in numbers)
+    )
     return ballistic_targets(configs, context)
 
 
@@ -50,7 +54,10 @@ def targets():
 def ends_of(targets):
     """Return positions (n, 3) at ignition and at burnout."""
     everyone = np.arange(len(targets.type_code), dtype=np.int32)
-    return (targets.position_ecef_m(everyone, times) for times in (targets.ignition_s, targets.burnout_s))
+    return (
+        targets.position_ecef_m(everyone, times)
+        for times in (targets.ignition_s, targets.burnout_s)
+    )
 
 
 def ecef_m(place):
@@ -72,7 +79,9 @@ def test_types_and_burning_times(targets):
     assert (targets.burnout_s - targets.ignition_s).tolist() == [250.0, 140.0, 65.0]
 
 
-def test_a_target_starts_at_its_launch_point_and_ends_its_boost_at_the_burnout_of_the_truth(targets):
+def test_a_target_starts_at_its_launch_point_and_ends_its_boost_at_the_burnout_of_the_truth(
+    targets,
+):
     for start, end, truth in zip(*ends_of(targets), targets.truth(), strict=True):
         assert np.linalg.norm(start - ecef_m(truth["launch"])) < 0.011
         assert np.linalg.norm(end - truth["burnout"]["position_ecef_m"]) < 0.011
@@ -97,7 +106,9 @@ def test_the_arc_from_burnout_comes_down_on_the_aim_point(targets):
 
 
 def test_an_independent_integration_of_the_arc_agrees(targets):
-    """Integrate the two-body equation from the truth's burnout state to its impact time, in the frame of the Earth."""
+    """Integrate the two-body equation from the truth's burnout state to its impact time, in the
+    frame of the Earth.
+    """
     from scipy.integrate import solve_ivp
 
     for truth in targets.truth():
@@ -109,10 +120,16 @@ def test_an_independent_integration_of_the_arc_agrees(targets):
         def pull(_time, state):
             return [*state[3:], *(-EARTH_MU_M3_S2 * state[:3] / np.linalg.norm(state[:3]) ** 3)]
 
-        end = solve_ivp(pull, (0.0, flight_s), [*position, *velocity], method="DOP853", rtol=1e-12, atol=1e-6)
+        end = solve_ivp(
+            pull, (0.0, flight_s), [*position, *velocity], method="DOP853", rtol=1e-12, atol=1e-6
+        )
         turn = EARTH_ROTATION_RAD_S * flight_s
         x, y, z = end.y[:3, -1]
-        landed = [x * math.cos(turn) + y * math.sin(turn), -x * math.sin(turn) + y * math.cos(turn), z]
+        landed = [
+            x * math.cos(turn) + y * math.sin(turn),
+            -x * math.sin(turn) + y * math.cos(turn),
+            z,
+        ]
         assert np.linalg.norm(landed - ecef_m(truth["aim"])) < 0.1
 
 
@@ -164,7 +181,12 @@ def test_all_targets_out_of_reach_are_reported_at_once_with_the_distance_and_the
             a_target("IRBM", KAUAI, KAUAI),
         )
     problems = {problem.path: problem.message for problem in refusal.value.problems}
-    assert list(problems) == ["targets[0].aim", "targets[2].aim", "targets[3].profile", "targets[4].aim"]
+    assert list(problems) == [
+        "targets[0].aim",
+        "targets[2].aim",
+        "targets[3].profile",
+        "targets[4].aim",
+    ]
     kilometres = Geodesic.WGS84.Inverse(*CALIFORNIA, *KWAJALEIN)["s12"] / 1e3
     assert f"{kilometres:.0f} km from the launch point; SRBM flies" in problems["targets[0].aim"]
     assert "ICBM_liquid flies" in problems["targets[2].aim"]
@@ -182,12 +204,17 @@ def test_all_targets_out_of_reach_are_reported_at_once_with_the_distance_and_the
     ],
 )
 def test_settings_that_cannot_be_meant_are_refused(settings, words):
-    places = {"launch": LaunchConfig(lat_deg=0.0, lon_deg=0.0), "aim": AimConfig(lat_deg=1.0, lon_deg=1.0)}
+    places = {
+        "launch": LaunchConfig(lat_deg=0.0, lon_deg=0.0),
+        "aim": AimConfig(lat_deg=1.0, lon_deg=1.0),
+    }
     with pytest.raises(ValueError, match=words):
         BallisticConfig(**{"type": "SRBM", **places, **settings})
 
 
-@pytest.mark.parametrize(("place", "value"), [("lat_deg", 90.1), ("lon_deg", 180.1), ("height_m", 9001.0)])
+@pytest.mark.parametrize(
+    ("place", "value"), [("lat_deg", 90.1), ("lon_deg", 180.1), ("height_m", 9001.0)]
+)
 @pytest.mark.parametrize("kind", [LaunchConfig, AimConfig])
 def test_places_off_the_globe_are_refused(kind, place, value):
     with pytest.raises(ValueError, match="outside"):

@@ -58,7 +58,9 @@ def sightings_of(sensor, target):
     index = [np.asarray(values, dtype=np.int32) for values in (sensor, target)]
     bands = counts.astype(np.uint8)
     so_far = counts.astype(np.int32)
-    return ClassifierInputs(floats, *index, floats, floats, bands, counts, counts, so_far, floats, np.empty((rows, 0)))
+    return ClassifierInputs(
+        floats, *index, floats, floats, bands, counts, counts, so_far, floats, np.empty((rows, 0))
+    )
 
 
 def reported(classifier, sensor, target, numbers):
@@ -107,22 +109,34 @@ def rows_of_confusion(draw):
 
 @given(rows_of_confusion(), st.floats(min_value=0.0, max_value=1.0, exclude_max=True))
 def test_no_type_without_a_probability_is_ever_reported(row, number):
-    classifier = confusion_classifier(ConfusionConfig(), context_of([a_sensor({"ICBM": row})], ["ICBM"]))
+    classifier = confusion_classifier(
+        ConfusionConfig(), context_of([a_sensor({"ICBM": row})], ["ICBM"])
+    )
     for drawn in (number, 0.0, 1.0 - 2**-53):
         assert row[reported(classifier, [0], [0], [drawn])[0]] > 0.0
 
 
 def test_each_sensor_has_its_own_matrix_and_the_configuration_overrides_by_row():
-    sensors = [a_sensor(type_name="A"), a_sensor({"ICBM": {"SRBM": 1.0}, "SRBM": {"ICBM": 1.0}}, type_name="B")]
+    sensors = [
+        a_sensor(type_name="A"),
+        a_sensor({"ICBM": {"SRBM": 1.0}, "SRBM": {"ICBM": 1.0}}, type_name="B"),
+    ]
     config = ConfusionConfig(matrices={"B": {"ICBM": {"IRBM": 1.0}}})
     classifier = confusion_classifier(config, context_of(sensors, ["ICBM", "SRBM"]))
-    assert reported(classifier, [0, 1, 0, 1], [0, 0, 1, 1], [0.0] * 4) == ["ICBM", "IRBM", "SRBM", "ICBM"]
+    assert reported(classifier, [0, 1, 0, 1], [0, 0, 1, 1], [0.0] * 4) == [
+        "ICBM",
+        "IRBM",
+        "SRBM",
+        "ICBM",
+    ]
 
 
 def test_a_sensor_without_a_row_is_reported_what_to_do():
     sensors = [a_sensor({"ICBM": {"ICBM": 1.0}}, name="X-7", type_name="SPY")]
     confusion_classifier(ConfusionConfig(), context_of(sensors, ["ICBM"]))
-    with pytest.raises(ModelError, match=r"X-7 \(SPY\).*IRBM.*confusion.*matrices\.SPY.*classification: none"):
+    with pytest.raises(
+        ModelError, match=r"X-7 \(SPY\).*IRBM.*confusion.*matrices\.SPY.*classification: none"
+    ):
         confusion_classifier(ConfusionConfig(), context_of(sensors, ["IRBM"]))
 
 
@@ -138,7 +152,8 @@ def test_a_matrix_for_a_sensor_type_that_the_scene_has_not_is_refused():
     with pytest.raises(ModelError) as error:
         confusion_classifier(config, context_of(sensors, ["ICBM"]))
     assert str(error.value) == (
-        "classification: matrices.DPS is for sensors of type DPS, and the scene has none; the nearest is 'DSP';"
+        "classification: matrices.DPS is for sensors of type DPS, and the scene has none; the"
+        " nearest is 'DSP';"
         " the scene's sensors are of type DSP, LEO"
     )
 
@@ -153,4 +168,7 @@ def test_the_null_classifiers():
     sightings = sightings_of([0, 0, 0], [2, 0, 1])
     no_draws = FakeDraws([])
     assert true_type(NoConfig(), context).reported_type(sightings, no_draws).tolist() == [2, 0, 1]
-    assert no_answer(NoConfig(), context).reported_type(sightings, no_draws).tolist() == [UNKNOWN_TYPE] * 3
+    assert (
+        no_answer(NoConfig(), context).reported_type(sightings, no_draws).tolist()
+        == [UNKNOWN_TYPE] * 3
+    )

@@ -24,7 +24,9 @@ def sightings(band_count, band_total, detection_count, elevation_rad):
         sensor=index,
         target=index,
         range_m=floats,
-        elevation_sine=np.array([math.sin(angle) if math.isfinite(angle) else math.nan for angle in elevation_rad]),
+        elevation_sine=np.array(
+            [math.sin(angle) if math.isfinite(angle) else math.nan for angle in elevation_rad]
+        ),
         bands=np.zeros(rows, np.uint8),
         band_count=np.array(band_count, dtype=np.int64),
         band_total=np.array(band_total, dtype=np.int64),
@@ -64,7 +66,9 @@ def test_the_count_term_is_full_at_nine_detections_and_stays_so():
 
 @st.composite
 def weights(draw):
-    first, second = sorted((draw(st.floats(min_value=0, max_value=1)), draw(st.floats(min_value=0, max_value=1))))
+    first, second = sorted(
+        (draw(st.floats(min_value=0, max_value=1)), draw(st.floats(min_value=0, max_value=1)))
+    )
     return {"band": first, "count": second - first, "geometry": 1.0 - second}
 
 
@@ -75,15 +79,24 @@ def weights(draw):
     st.integers(-(2**31), 2**31 - 1),
     st.floats(allow_nan=True, allow_infinity=True),
 )
-def test_confidence_is_in_0_to_1_for_every_input(weights, band_count, band_total, detection_count, elevation_rad):
+def test_confidence_is_in_0_to_1_for_every_input(
+    weights, band_count, band_total, detection_count, elevation_rad
+):
     found = weighted([band_count], [band_total], [detection_count], [elevation_rad], **weights)
     assert 0.0 <= found[0] <= 1.0
 
 
-@given(st.integers(1, 8), st.integers(1, 1000), st.floats(min_value=-math.pi / 2, max_value=math.pi / 2))
+@given(
+    st.integers(1, 8),
+    st.integers(1, 1000),
+    st.floats(min_value=-math.pi / 2, max_value=math.pi / 2),
+)
 def test_more_of_anything_is_never_less_confidence(bands, count, elevation_rad):
     here = weighted([bands], [9], [count], [elevation_rad])
-    for more in ([bands + 1], [9], [count], [elevation_rad]), ([bands], [9], [count + 1], [elevation_rad]):
+    for more in (
+        ([bands + 1], [9], [count], [elevation_rad]),
+        ([bands], [9], [count + 1], [elevation_rad]),
+    ):
         assert weighted(*more)[0] >= here[0]
     higher = min(elevation_rad + 0.01, math.pi / 2)
     assert weighted([bands], [9], [count], [higher])[0] >= here[0]
@@ -91,7 +104,12 @@ def test_more_of_anything_is_never_less_confidence(bands, count, elevation_rad):
 
 def test_a_confidence_does_not_depend_on_the_rest_of_the_batch():
     rng = np.random.default_rng(5)
-    columns = [rng.integers(1, 4, 97), np.full(97, 3), rng.integers(1, 50, 97), rng.uniform(-0.2, 1.5, 97)]
+    columns = [
+        rng.integers(1, 4, 97),
+        np.full(97, 3),
+        rng.integers(1, 50, 97),
+        rng.uniform(-0.2, 1.5, 97),
+    ]
     whole = weighted(*columns)
     alone = [weighted(*([column[row]] for column in columns))[0] for row in range(97)]
     assert whole.tolist() == alone

@@ -1,4 +1,6 @@
-"""Detection models without radiometry: probabilities of pairs, confirming bands, and what is drawn for them."""
+"""Detection models without radiometry: probabilities of pairs, confirming bands, and what is drawn
+for them.
+"""
 
 import zlib
 
@@ -19,7 +21,9 @@ from opir_core.scene.scene import TARGET_TYPES
 
 
 class FakeDraws:
-    """Numbers that depend on a row's sensor and target, the purpose and the number of words; it counts its calls."""
+    """Numbers that depend on a row's sensor and target, the purpose and the number of words; it
+    counts its calls.
+    """
 
     def __init__(self, sensor, target):
         self.pairs = list(zip(sensor.tolist(), target.tolist(), strict=True))
@@ -28,7 +32,9 @@ class FakeDraws:
     def uniforms(self, purpose, words=1):
         self.calls.append((purpose, words))
         keys = [[zlib.crc32(purpose.encode()), words, *pair] for pair in self.pairs]
-        return np.array([np.random.default_rng(key).random(words) for key in keys]).reshape(-1, words)
+        return np.array([np.random.default_rng(key).random(words) for key in keys]).reshape(
+            -1, words
+        )
 
     def pair_uniforms(self, purpose, words=1):
         raise AssertionError("nothing is drawn by pair here")
@@ -55,13 +61,25 @@ def looks(sensor, target):
     vectors = np.empty((0, 3))
     index = [np.asarray(values, dtype=np.int32) for values in (sensor, target)]
     return Exposures(
-        np.zeros(rows), np.zeros(rows), np.zeros(rows, np.int64), *index, nothing, nothing, vectors, vectors
+        np.zeros(rows),
+        np.zeros(rows),
+        np.zeros(rows, np.int64),
+        *index,
+        nothing,
+        nothing,
+        vectors,
+        vectors,
     )
 
 
 def test_constant_gives_each_sensors_probability_by_type():
-    sensors = [a_sensor(), a_sensor(name="T", detection_probability={"ICBM": 0.3, "IRBM": 0.2, "SRBM": 0.1})]
-    model = constant_detection(ConstantConfig(), context_of(sensors, ("SRBM", "ICBM", "ICBM", "IRBM")))
+    sensors = [
+        a_sensor(),
+        a_sensor(name="T", detection_probability={"ICBM": 0.3, "IRBM": 0.2, "SRBM": 0.1}),
+    ]
+    model = constant_detection(
+        ConstantConfig(), context_of(sensors, ("SRBM", "ICBM", "ICBM", "IRBM"))
+    )
     sensor = np.array([0, 0, 0, 0, 1, 1], np.int32)
     target = np.array([0, 1, 2, 3, 3, 0], np.int32)
     expected = [0.5, 0.8, 0.8, 0.7, 0.2, 0.1]
@@ -71,7 +89,9 @@ def test_constant_gives_each_sensors_probability_by_type():
 
 
 def test_without_band_confirmation_every_band_confirms_and_nothing_is_drawn():
-    model = constant_detection(ConstantConfig(), context_of([a_sensor(1), a_sensor(3), a_sensor(8)]))
+    model = constant_detection(
+        ConstantConfig(), context_of([a_sensor(1), a_sensor(3), a_sensor(8)])
+    )
     exposures = looks([0, 1, 2, 1], [0, 0, 1, 2])
     rng = FakeDraws(exposures.sensor, exposures.target)
     measured = model.measure(exposures, rng)
@@ -84,12 +104,17 @@ def test_without_band_confirmation_every_band_confirms_and_nothing_is_drawn():
 def test_band_confirmation_0_leaves_the_first_band():
     model = constant_detection(ConstantConfig(band_confirmation=0.0), context_of([a_sensor(3)]))
     exposures = looks([0] * 5, [0] * 5)
-    assert model.measure(exposures, FakeDraws(exposures.sensor, exposures.target)).bands.tolist() == [1] * 5
+    assert (
+        model.measure(exposures, FakeDraws(exposures.sensor, exposures.target)).bands.tolist()
+        == [1] * 5
+    )
 
 
 @given(st.integers(min_value=1, max_value=8), st.floats(min_value=0.0, max_value=1.0))
 def test_at_least_one_band_confirms_and_none_that_the_sensor_lacks(count, band_confirmation):
-    model = constant_detection(ConstantConfig(band_confirmation=band_confirmation), context_of([a_sensor(count)]))
+    model = constant_detection(
+        ConstantConfig(band_confirmation=band_confirmation), context_of([a_sensor(count)])
+    )
     exposures = looks([0] * 9, [0, 1, 2] * 3)
     bands = model.measure(exposures, FakeDraws(exposures.sensor, exposures.target)).bands
     assert ((bands >= 1) & (bands < 1 << count)).all()
@@ -100,7 +125,8 @@ def test_at_least_one_band_confirms_and_none_that_the_sensor_lacks(count, band_c
 def test_bands_confirm_as_often_as_they_should(band_confirmation):
     rows = 20_000
     model = constant_detection(
-        ConstantConfig(band_confirmation=band_confirmation), context_of([a_sensor(3)], ["ICBM"] * rows)
+        ConstantConfig(band_confirmation=band_confirmation),
+        context_of([a_sensor(3)], ["ICBM"] * rows),
     )
     exposures = looks([0] * rows, range(rows))
     bands = model.measure(exposures, FakeDraws(exposures.sensor, exposures.target)).bands
@@ -121,8 +147,12 @@ def test_a_row_draws_the_same_whatever_else_is_in_the_scene():
     many = context_of([a_sensor(2), a_sensor(5), a_sensor(1)])
     alone = looks([0, 0, 0], [0, 1, 2])
     crowd = looks([1, 0, 2, 0, 1, 0], [0, 0, 1, 1, 2, 2])
-    first = constant_detection(config, few).measure(alone, FakeDraws(alone.sensor, alone.target)).bands
-    second = constant_detection(config, many).measure(crowd, FakeDraws(crowd.sensor, crowd.target)).bands
+    first = (
+        constant_detection(config, few).measure(alone, FakeDraws(alone.sensor, alone.target)).bands
+    )
+    second = (
+        constant_detection(config, many).measure(crowd, FakeDraws(crowd.sensor, crowd.target)).bands
+    )
     assert first.tolist() == second[crowd.sensor == 0].tolist()
 
 
@@ -137,7 +167,10 @@ def test_as_many_words_are_drawn_as_the_sensors_have_bands():
 def test_a_missing_probability_is_said_before_the_run():
     sensor = a_sensor(name="DSP-1", detection_probability={"ICBM": 0.6})
     constant_detection(ConstantConfig(), context_of([sensor], ["ICBM"]))
-    with pytest.raises(ModelError, match=r"DSP-1 \(X\) has no probability of detection for SRBM targets: give SRBM in"):
+    with pytest.raises(
+        ModelError,
+        match=r"DSP-1 \(X\) has no probability of detection for SRBM targets: give SRBM in",
+    ):
         constant_detection(ConstantConfig(), context_of([sensor], ["ICBM", "SRBM"]))
 
 
@@ -157,7 +190,9 @@ def test_a_sensor_with_more_bands_than_a_mask_holds_is_refused():
 def test_always_and_never_need_no_probabilities():
     sensor = a_sensor(2, detection_probability={})
     exposures = looks([0, 0], [0, 2])
-    always, never = (make(NoConfig(), context_of([sensor])) for make in (always_detection, never_detection))
+    always, never = (
+        make(NoConfig(), context_of([sensor])) for make in (always_detection, never_detection)
+    )
     assert always.pair_probability(exposures.sensor, exposures.target).tolist() == [1.0, 1.0]
     assert never.pair_probability(exposures.sensor, exposures.target).tolist() == [0.0, 0.0]
     rng = FakeDraws(exposures.sensor, exposures.target)

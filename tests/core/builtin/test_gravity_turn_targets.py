@@ -1,4 +1,6 @@
-"""Targets of the model gravity-turn in scenes: classes, truth, early shutdown, messages for what cannot be flown."""
+"""Targets of the model gravity-turn in scenes: classes, truth, early shutdown, messages for what
+cannot be flown.
+"""
 
 import json
 
@@ -50,14 +52,23 @@ def truth_of(kind, range_m, bearing_deg=270.0, **settings):
 def test_every_ballistic_class_has_a_preset_for_its_ranges(kind, range_m, staging, stages):
     truth = truth_of(kind, range_m)
     json.dumps(truth, allow_nan=False)
-    assert (truth["staging"], len(truth["stages"]), truth["miss_m"] < 10.0) == (staging, stages, True)
-    assert (truth["stages"][0]["ignition_s"], truth["stages"][-1]["burnout_s"]) == (20.0, truth["burnout_s"])
+    assert (truth["staging"], len(truth["stages"]), truth["miss_m"] < 10.0) == (
+        staging,
+        stages,
+        True,
+    )
+    assert (truth["stages"][0]["ignition_s"], truth["stages"][-1]["burnout_s"]) == (
+        20.0,
+        truth["burnout_s"],
+    )
     assert len(truth["gaps_s"]) == stages - 1
 
 
 @pytest.mark.parametrize(("kind", "model"), [("SLV", "orbit"), ("HGV", "glide")])
 def test_classes_that_do_not_come_down_ballistically_are_refused(kind, model):
-    with pytest.raises(SceneError, match=f"{kind} has the model {model}, not gravity-turn; omit model"):
+    with pytest.raises(
+        SceneError, match=f"{kind} has the model {model}, not gravity-turn; omit model"
+    ):
         truth_of(kind, 5000e3)
 
 
@@ -87,8 +98,14 @@ def test_an_early_shutdown_ends_the_last_burn_earlier_and_falls_short():
             {"early_shutdown_s": 100.0},
             r"targets\[0\].early_shutdown_s: the last burn cannot be cut off so early",
         ),
-        ({"staging": "NONE"}, r"targets\[0\].staging: no staging 'NONE'; there are SRBM, SRBM_long, MRBM"),
-        ({"staging": "SRBM"}, r"targets\[0\].aim: the aim point is 9000 km .* the nearest range in reach is about"),
+        (
+            {"staging": "NONE"},
+            r"targets\[0\].staging: no staging 'NONE'; there are SRBM, SRBM_long, MRBM",
+        ),
+        (
+            {"staging": "SRBM"},
+            r"targets\[0\].aim: the aim point is 9000 km .* the nearest range in reach is about",
+        ),
     ],
 )
 def test_what_cannot_be_flown_is_reported_with_the_way_out(settings, words):

@@ -1,4 +1,6 @@
-"""The target models `orbit` and `glide` in scenes: models by class, truth, scores and summaries without an impact."""
+"""The target models `orbit` and `glide` in scenes: models by class, truth, scores and summaries
+without an impact.
+"""
 
 import json
 
@@ -32,8 +34,13 @@ def scene_of(*targets, **changes):
 
 
 def plan_of(*targets, follows=False, **changes):
-    sensors = [{**STARING, "id": "S1", "follows_bodies": follows}, {**STARING, "id": "S2", "orbital_slot_deg": -110.0}]
-    return compile_plan(scene_of(*targets, sensors=sensors, **{"duration_s": 700.0, **changes}), HOST)
+    sensors = [
+        {**STARING, "id": "S1", "follows_bodies": follows},
+        {**STARING, "id": "S2", "orbital_slot_deg": -110.0},
+    ]
+    return compile_plan(
+        scene_of(*targets, sensors=sensors, **{"duration_s": 700.0, **changes}), HOST
+    )
 
 
 def problems_of(*targets):
@@ -52,9 +59,18 @@ def test_a_target_without_a_model_has_that_of_its_class(target, model):
 @pytest.mark.parametrize(
     ("target", "words"),
     [
-        ({**ICBM, "type": "HGV", "model": "ballistic"}, "HGV has the model glide, not ballistic; omit model"),
-        ({**ICBM, "type": "SLV", "model": "glide"}, "SLV has the model orbit, not glide; omit model"),
-        ({**SLV, "type": "ICBM", "model": "orbit"}, "ICBM has the model ballistic, not orbit; omit model"),
+        (
+            {**ICBM, "type": "HGV", "model": "ballistic"},
+            "HGV has the model glide, not ballistic; omit model",
+        ),
+        (
+            {**ICBM, "type": "SLV", "model": "glide"},
+            "SLV has the model orbit, not glide; omit model",
+        ),
+        (
+            {**SLV, "type": "ICBM", "model": "orbit"},
+            "ICBM has the model ballistic, not orbit; omit model",
+        ),
     ],
 )
 def test_a_model_of_another_flight_is_refused(target, words):
@@ -62,7 +78,9 @@ def test_a_model_of_another_flight_is_refused(target, words):
 
 
 def test_keys_of_another_model_are_refused_with_where_they_belong():
-    with pytest.raises(SceneError, match=r"targets\[0\].aim: unknown key; it belongs to the target models"):
+    with pytest.raises(
+        SceneError, match=r"targets\[0\].aim: unknown key; it belongs to the target models"
+    ):
         scene_of({**SLV, "aim": HGV["aim"]})
 
 
@@ -81,7 +99,9 @@ def test_the_truth_of_an_insertion_has_an_orbit_and_no_impact():
     assert orbit["eccentricity"] < 1e-8
     axis_m = EARTH_EQUATORIAL_RADIUS_M + 300e3
     assert orbit["semi_major_axis_m"] == pytest.approx(axis_m, abs=0.1)
-    assert orbit["period_s"] == pytest.approx(2.0 * np.pi * np.sqrt(axis_m**3 / EARTH_MU_M3_S2), abs=1e-3)
+    assert orbit["period_s"] == pytest.approx(
+        2.0 * np.pi * np.sqrt(axis_m**3 / EARTH_MU_M3_S2), abs=1e-3
+    )
     # Due east from 28.5 degrees north, whose geocentric latitude is 28.34.
     assert orbit["inclination_deg"] == pytest.approx(28.34, abs=0.15)
 
@@ -91,7 +111,9 @@ def test_the_truth_of_a_glide_goes_over_its_end_to_the_aim_point():
     json.dumps(truth, allow_nan=False)
     assert truth["burnout_s"] < truth["glide_end"]["time_s"] < truth["impact"]["time_s"]
     assert truth["glide_end"]["height_m"] > 15e3
-    assert (truth["impact"]["lat_deg"], truth["impact"]["lon_deg"]) == pytest.approx((40.0, -30.0), abs=1e-6)
+    assert (truth["impact"]["lat_deg"], truth["impact"]["lon_deg"]) == pytest.approx(
+        (40.0, -30.0), abs=1e-6
+    )
     assert truth["miss_m"] < 0.01
 
 
@@ -117,7 +139,9 @@ def test_drag_lowers_an_orbit_that_is_followed():
     for forces in ("kepler", ["drag"]):
         plan = plan_of({**SLV, **settings}, follows=True, forces=forces)
         time_s = np.array([plan.targets.end_s[0]])
-        radii.append(np.linalg.norm(plan.targets.position_ecef_m(np.zeros(1, dtype=np.int32), time_s)))
+        radii.append(
+            np.linalg.norm(plan.targets.position_ecef_m(np.zeros(1, dtype=np.int32), time_s))
+        )
     assert 500.0 < radii[0] - radii[1] < 50e3
 
 
@@ -125,13 +149,17 @@ def test_a_glide_is_followed_to_its_impact():
     plan = plan_of(HGV, follows=True)
     (truth,) = plan.targets.truth()
     assert plan.targets.end_s[0] == truth["impact"]["time_s"]
-    flown = plan.targets.position_ecef_m(np.zeros(200, np.int32), np.linspace(5.0, plan.targets.end_s[0], 200))
+    flown = plan.targets.position_ecef_m(
+        np.zeros(200, np.int32), np.linspace(5.0, plan.targets.end_s[0], 200)
+    )
     assert np.isfinite(flown).all()
 
 
 @pytest.mark.slow
 def test_summaries_and_scores_do_without_an_impact():
-    """A launch into orbit beside a ballistic one: its class, its right type UNKNOWN, said, and one impact of two."""
+    """A launch into orbit beside a ballistic one: its class, its right type UNKNOWN, said, and one
+    impact of two.
+    """
     plan = plan_of(SLV, ICBM, tracker="imm")
     run = run_of_plan(plan)
     rows = {row["target_id"]: row for row in run.summary["targets"]}
@@ -154,8 +182,18 @@ def test_no_tracker_predicts_an_impact_of_a_body_in_orbit():
 
 def test_bodies_of_gliders_are_warmer_than_those_of_others():
     """By default 1200 K against 300 K: brighter in medium waves after burnout."""
-    sensor = {**STARING, "id": "S", "follows_bodies": True, "bands": {"MWIR": [4.0, 5.0]}, "nei_w_m2": 1e-12}
-    changes = {"sensors": [sensor], "detection": {"model": "snr", "calibrate": "none"}, "classification": "none"}
+    sensor = {
+        **STARING,
+        "id": "S",
+        "follows_bodies": True,
+        "bands": {"MWIR": [4.0, 5.0]},
+        "nei_w_m2": 1e-12,
+    }
+    changes = {
+        "sensors": [sensor],
+        "detection": {"model": "snr", "calibrate": "none"},
+        "classification": "none",
+    }
     plan = compile_plan(scene_of(HGV, ICBM, duration_s=600.0, **changes), HOST)
     run = run_of_plan(plan)
     late = run.truth.emission_time_s > plan.targets.burnout_s[run.truth.target] + 1.0

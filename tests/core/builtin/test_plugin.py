@@ -1,4 +1,6 @@
-"""Core's own plugin: what it offers, that describing it imports nothing heavy, and the null tracker."""
+"""Core's own plugin: what it offers, that describing it imports nothing heavy, and the null
+tracker.
+"""
 
 import subprocess
 import sys
@@ -9,7 +11,12 @@ from attrs import fields, has
 from repository import ROOT
 
 from opir_core.builtin import plugin, target_models
-from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
+from opir_core.builtin.configs import (
+    BallisticConfig,
+    ConfusionConfig,
+    ConstantConfig,
+    WeightedConfig,
+)
 from opir_core.host.components import CATALOGUE
 from opir_core.interfaces.contexts import ModelContext, TrackerContext
 from opir_core.interfaces.records import Detections
@@ -41,7 +48,9 @@ def test_every_kind_of_model_has_an_honest_one_or_a_null(hook):
     assert all(isinstance(component, CATALOGUE[hook]) for component in components.values())
 
 
-@pytest.mark.parametrize("hook", ["opir_detection_models", "opir_classifiers", "opir_confidence_models"])
+@pytest.mark.parametrize(
+    "hook", ["opir_detection_models", "opir_classifiers", "opir_confidence_models"]
+)
 def test_every_model_without_sensors_can_be_built(hook):
     context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
     for component in offered(hook).values():
@@ -49,7 +58,8 @@ def test_every_model_without_sensors_can_be_built(hook):
 
 
 @pytest.mark.parametrize(
-    "config", [ConstantConfig, ConfusionConfig, WeightedConfig, BallisticConfig, ScanningSensorConfig]
+    "config",
+    [ConstantConfig, ConfusionConfig, WeightedConfig, BallisticConfig, ScanningSensorConfig],
 )
 def test_every_field_of_a_configuration_says_what_it_is(config):
     for attribute in fields(config):
@@ -63,7 +73,9 @@ def test_every_field_of_a_configuration_says_what_it_is(config):
 def test_describing_the_built_in_components_imports_nothing_heavy():
     hooks = "; ".join(f"list(plugin.{hook}())" for hook in MODELS)
     code = f"import sys; from opir_core.builtin import plugin; {hooks}; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     loaded = {name.partition(".")[0] for name in done.stdout.split()}
     assert loaded.isdisjoint(HEAVY), loaded & set(HEAVY)
 

@@ -1,4 +1,6 @@
-"""Sinks in trouble: readers that leave, full disks, paths that do not open: an error, exact counts, whole lines."""
+"""Sinks in trouble: readers that leave, full disks, paths that do not open: an error, exact counts,
+whole lines.
+"""
 
 import io
 import json
@@ -33,7 +35,9 @@ def test_a_reader_that_is_gone_is_an_error_with_a_count(monkeypatch: pytest.Monk
     read_end, write_end = os.pipe()
     os.close(read_end)
     out = on_pipe(write_end, monkeypatch)
-    with pytest.raises(SinkError, match="broken pipe, after 0 events were delivered; its reader stopped reading"):
+    with pytest.raises(
+        SinkError, match="broken pipe, after 0 events were delivered; its reader stopped reading"
+    ):
         out.write(stub_window(3))
     assert out.close() == Delivery(delivered=0, dropped=3)
 
@@ -135,7 +139,9 @@ def test_a_disk_that_fills_leaves_whole_lines_and_an_exact_count(tmp_path: Path)
         ("half\ud800.jsonl", "is no path"),
     ],
 )
-def test_a_path_that_cannot_be_opened_is_refused_before_the_run(tmp_path: Path, path: str, message: str) -> None:
+def test_a_path_that_cannot_be_opened_is_refused_before_the_run(
+    tmp_path: Path, path: str, message: str
+) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SinkError) as caught:
         sink("jsonl", path=f"{tmp_path}/{path}")

@@ -103,13 +103,20 @@ def test_a_line_that_a_killed_run_left_unfinished_is_taken_off_by_the_next_that_
 
 
 def test_jsonl_writes_to_standard_output() -> None:
-    done = python("print('before'); sink = LineFile('-', encoder); sink.write(stub_window(2)); sink.close()")
+    done = python(
+        "print('before'); sink = LineFile('-', encoder); sink.write(stub_window(2)); sink.close()"
+    )
     assert done.returncode == 0, done.stderr
-    assert [line[:16] for line in done.stdout.splitlines()] == [b"before", *2 * [b'{"detection_id":']]
+    assert [line[:16] for line in done.stdout.splitlines()] == [
+        b"before",
+        *2 * [b'{"detection_id":'],
+    ]
 
 
 def test_standard_output_stays_open_after_the_sink_is_closed() -> None:
-    done = python("sink = LineFile('-', encoder); sink.write(stub_window(1)); sink.close(); print('after')")
+    done = python(
+        "sink = LineFile('-', encoder); sink.write(stub_window(1)); sink.close(); print('after')"
+    )
     assert done.stdout.splitlines()[-1] == b"after"
     assert done.returncode == 0
 

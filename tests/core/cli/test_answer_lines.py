@@ -1,4 +1,6 @@
-"""The answers of a run: one sentence per launch with who says what it is; sources in a table of their own."""
+"""The answers of a run: one sentence per launch with who says what it is; sources in a table of
+their own.
+"""
 
 from typing import Any
 
@@ -16,12 +18,20 @@ from opir_core.simulation.latest_tracks import LatestTracks
 
 NAMES = [each.name for each in core_hypotheses()]
 SEEN = {"first_sensor_id": "S-1", "detections": 12, "highest_confidence": 0.904, "track_id": 0}
-TARGET = {**SEEN, "target_id": "T1", "target_type": "ICBM", "latency_s": 0.25, "end_to_end_latency_s": 0.25} | {
-    "reported_type": "IRBM"
-}
+TARGET = {
+    **SEEN,
+    "target_id": "T1",
+    "target_type": "ICBM",
+    "latency_s": 0.25,
+    "end_to_end_latency_s": 0.25,
+} | {"reported_type": "IRBM"}
 SOURCE = {**SEEN, "source_id": "F1", "source_type": "fire", "reported_type": "UNKNOWN"}
-OVER = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0)
-AGAIN = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125, effective_samples=12.0)
+OVER = stub_regions(
+    9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
+)
+AGAIN = stub_regions(
+    9.0, 167.7, 400.0, condition="relights", probability=0.125, effective_samples=12.0
+)
 
 
 def tracks_of(chances: Any = None, regions: Any = (), **columns: Any) -> list[Any]:
@@ -65,7 +75,9 @@ def test_both_fates_are_printed_while_both_are_possible() -> None:
 def test_before_a_tracker_has_an_answer_the_detections_give_it() -> None:
     for tracks in ([], tracks_of(type_probability=np.nan)):
         (line,) = sentences(tracks)
-        assert line.startswith("T1 (ICBM): first seen by S-1 after 0.250 s; detections: IRBM, confidence up to 0.90")
+        assert line.startswith(
+            "T1 (ICBM): first seen by S-1 after 0.250 s; detections: IRBM, confidence up to 0.90"
+        )
     (line,) = sentences(tracks_of())
     assert "; tracker: ICBM 0.75; from 34.73 N" in line
     assert line.count("ICBM") == 2
@@ -82,15 +94,29 @@ def test_a_source_has_a_sentence_only_if_it_is_taken_for_a_launch() -> None:
     launch = stub_hypotheses(ground_source=0.25, SRBM=0.75)
     assert sentences(tracks_of(fire), (), (SOURCE,)) == []
     (line,) = sentences(tracks_of(launch, impact=np.nan), (), (SOURCE,))
-    assert line == "F1 (fire): taken for a launch; tracker: SRBM 0.75; from 34.73 N 120.57 W (0.1 km)"
-    assert sentences(tracks_of(launch), (), [SOURCE] * 9)[-1] == "... and 3 more sources taken for launches"
+    assert (
+        line == "F1 (fire): taken for a launch; tracker: SRBM 0.75; from 34.73 N 120.57 W (0.1 km)"
+    )
+    assert (
+        sentences(tracks_of(launch), (), [SOURCE] * 9)[-1]
+        == "... and 3 more sources taken for launches"
+    )
     (track,) = tracks_of(fire)
-    assert source_cells(SOURCE, {0: track}) == ("F1", "fire", "S-1", "12", "0", "tracker: ground source 0.75")
+    assert source_cells(SOURCE, {0: track}) == (
+        "F1",
+        "fire",
+        "S-1",
+        "12",
+        "0",
+        "tracker: ground source 0.75",
+    )
     assert source_cells(SOURCE, {})[-2:] == ("-", "detections: UNKNOWN, confidence up to 0.90")
 
 
 def test_launches_come_first_in_the_tables() -> None:
-    fire, launch = (tracks_of(stub_hypotheses(**{name: 0.75})) for name in ("ground_source", "SRBM"))
+    fire, launch = (
+        tracks_of(stub_hypotheses(**{name: 0.75})) for name in ("ground_source", "SRBM")
+    )
     tracks = [*({**fire[0], "track_id": number} for number in (0, 1)), {**launch[0], "track_id": 2}]
     sources = [{**SOURCE, "source_id": f"F{number}", "track_id": number} for number in range(3)]
     summary = {"targets": [], "sources": sources, "tracks": tracks}
@@ -103,7 +129,9 @@ def test_an_impact_by_the_paper_s_law_says_so() -> None:
     assert line.endswith("to 9.00 N 167.70 E (sigma 30.0 km, the paper's law, without containment)")
 
 
-@pytest.mark.parametrize("chance", [0.0, 1e-9, 0.00499, 0.005, 0.1, 0.5, 0.9949, 0.995, 0.9951, 0.99999, 1.0])
+@pytest.mark.parametrize(
+    "chance", [0.0, 1e-9, 0.00499, 0.005, 0.1, 0.5, 0.9949, 0.995, 0.9951, 0.99999, 1.0]
+)
 def test_nothing_is_printed_as_certain(chance: float) -> None:
     text = probability_text(chance)
     assert text not in ("0.00", "1.00")
@@ -128,7 +156,11 @@ def test_sources_are_in_a_table_of_their_own_without_ignition_and_latency() -> N
     assert [row["hypotheses"]["ICBM"] for row in summary["tracks"]] == [0.9, 0.0]
     text = as_text(plan.scene, outcome, {})
     heads = ["sensor", "target", "source", "track"]
-    assert [line.split()[0] for line in text.splitlines() if line.split()[:1] in [[head] for head in heads]] == heads
+    assert [
+        line.split()[0]
+        for line in text.splitlines()
+        if line.split()[:1] in [[head] for head in heads]
+    ] == heads
     assert "tracker: ground source > 0.99" in text
     assert "T1 (ICBM): first seen by A" in text
     assert "; tracker: ICBM 0.90; from 34.70 N 120.60 W" in text

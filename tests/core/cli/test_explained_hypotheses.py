@@ -22,8 +22,12 @@ SCENE = "examples/first_light.yaml"
         (("detection=snr", "tracker=imm"), ["by_motion", "by_light"]),
     ],
 )
-def test_hypotheses_are_listed_by_the_evidence_of_what_weighs_them(changes: tuple[str, ...], by: list[str]) -> None:
-    """A tracker sees motion and no bands, a classifier bands and no motion: each is listed only where it is there."""
+def test_hypotheses_are_listed_by_the_evidence_of_what_weighs_them(
+    changes: tuple[str, ...], by: list[str]
+) -> None:
+    """A tracker sees motion and no bands, a classifier bands and no motion: each is listed only
+    where it is there.
+    """
     plan = opir.compile_plan(opir.load_scene(SCENE, overrides=["outputs=[]", *changes]))
     rows = explained(plan)["hypotheses"]
     assert bool(rows) == bool(by)
@@ -42,4 +46,6 @@ def test_the_text_says_what_distinguishes_them(capsys: pytest.CaptureFixture[str
     start = next(place for place, line in enumerate(lines) if line.startswith("it may be "))
     assert lines[start].split("  ")[-1].strip() == "by its motion, to the tracker"
     assert not any("bands" in line for line in lines[start : start + 8])
-    assert any(line.startswith("ground source ") and "stands still" in line for line in lines[start:])
+    assert any(
+        line.startswith("ground source ") and "stands still" in line for line in lines[start:]
+    )

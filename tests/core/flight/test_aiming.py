@@ -26,26 +26,44 @@ PROFILES = tuple(boost_profiles().values())
 POLE = math.pi / 2
 
 
-def flights(latitude, longitude, bearing, range_m, profiles, *, heights=(0.0, 0.0), ignition_s=0.0, **settings):
+def flights(
+    latitude,
+    longitude,
+    bearing,
+    range_m,
+    profiles,
+    *,
+    heights=(0.0, 0.0),
+    ignition_s=0.0,
+    **settings,
+):
     """Return flights from places over a range in a direction, and the aim points."""
     there = Geodetic(*geodesic_direct(latitude, longitude, bearing, range_m), heights[1])
-    return aim(Geodetic(latitude, longitude, heights[0]), there, ignition_s, profiles, **settings), there
+    return aim(
+        Geodetic(latitude, longitude, heights[0]), there, ignition_s, profiles, **settings
+    ), there
 
 
 def random_flights(count, seed, **settings):
     rng = np.random.default_rng(seed)
     profiles = [PROFILES[k % len(PROFILES)] for k in range(count)]
-    range_m = np.array([rng.uniform(1.0002 * p.minimum_range_m, 0.9998 * p.maximum_range_m) for p in profiles])
+    range_m = np.array(
+        [rng.uniform(1.0002 * p.minimum_range_m, 0.9998 * p.maximum_range_m) for p in profiles]
+    )
     latitude = np.arcsin(rng.uniform(-1, 1, count))
     longitude = rng.uniform(-np.pi, np.pi, count)
-    return flights(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m, profiles, **settings)
+    return flights(
+        latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m, profiles, **settings
+    )
 
 
 def assert_hits(flight, there):
     assert flight.converged.all()
     assert not any(flight.complaints)
     aim_m = geodetic_to_ecef(*there)
-    np.testing.assert_allclose(np.linalg.norm(flight.impact_ecef_m - aim_m, axis=-1), flight.miss_m, atol=1e-9)
+    np.testing.assert_allclose(
+        np.linalg.norm(flight.impact_ecef_m - aim_m, axis=-1), flight.miss_m, atol=1e-9
+    )
     assert flight.miss_m.max() <= 0.01
 
 
@@ -57,11 +75,15 @@ def test_every_class_hits_from_anywhere_to_anywhere():
 
 def test_the_impact_is_that_of_the_burnout_state():
     flight, _ = random_flights(50, 4, ignition_s=1234.5)
-    duration_s, point_m = kepler_impact(flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s, 0.0)
+    duration_s, point_m = kepler_impact(
+        flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s, 0.0
+    )
     np.testing.assert_allclose(flight.burnout_s + duration_s, flight.impact_s, atol=1e-6)
     landed, _ = eci_to_ecef_state(point_m, point_m, flight.impact_s)
     np.testing.assert_allclose(landed, flight.impact_ecef_m, atol=1e-6)
-    fixed = eci_to_ecef_state(flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s, flight.burnout_s)
+    fixed = eci_to_ecef_state(
+        flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s, flight.burnout_s
+    )
     np.testing.assert_allclose(fixed[0], flight.burnout_position_ecef_m, atol=1e-6)
     np.testing.assert_allclose(fixed[1], flight.burnout_velocity_ecef_m_s, atol=1e-9)
 
@@ -71,7 +93,9 @@ def test_the_burnout_state_is_the_end_of_the_boost():
     position, velocity = flight.path.state(np.arange(50), flight.path.burnout_s)
     assert position.tobytes() == flight.burnout_position_ecef_m.tobytes()
     assert velocity.tobytes() == flight.burnout_velocity_ecef_m_s.tobytes()
-    np.testing.assert_allclose(np.linalg.norm(velocity, axis=1), flight.burnout_speed_m_s, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.norm(velocity, axis=1), flight.burnout_speed_m_s, rtol=1e-12
+    )
 
 
 def test_the_flight_path_angle_follows_the_minimum_energy_rule():
@@ -98,7 +122,10 @@ def test_aim_points_at_the_poles(latitude):
     there = Geodetic(np.full(len(PROFILES), latitude), 2.0, 0.0)
     away = np.array([0.5 * (p.minimum_range_m + p.maximum_range_m) for p in PROFILES]) / 6.371e6
     flight = aim(
-        Geodetic(latitude - np.sign(latitude) * away, np.linspace(-3, 3, len(PROFILES)), 0.0), there, 0.0, PROFILES
+        Geodetic(latitude - np.sign(latitude) * away, np.linspace(-3, 3, len(PROFILES)), 0.0),
+        there,
+        0.0,
+        PROFILES,
     )
     assert_hits(flight, there)
 
@@ -107,8 +134,14 @@ def test_aim_points_at_the_poles(latitude):
 @pytest.mark.parametrize("share", [1e-6, 0.5, 1.0 - 1e-6])
 @pytest.mark.parametrize("bearing", [0.0, math.pi / 2, math.pi, 1.5 * math.pi])
 def test_the_whole_range_of_every_class_in_every_direction(share, bearing):
-    range_m = np.array([p.minimum_range_m + share * (p.maximum_range_m - p.minimum_range_m) for p in PROFILES])
-    range_m = np.clip(range_m, [p.minimum_range_m + 100 for p in PROFILES], [p.maximum_range_m - 100 for p in PROFILES])
+    range_m = np.array(
+        [p.minimum_range_m + share * (p.maximum_range_m - p.minimum_range_m) for p in PROFILES]
+    )
+    range_m = np.clip(
+        range_m,
+        [p.minimum_range_m + 100 for p in PROFILES],
+        [p.maximum_range_m - 100 for p in PROFILES],
+    )
     for latitude in (-1.0, 0.0, 0.7):
         assert_hits(*flights(np.full(len(PROFILES), latitude), 3.1, bearing, range_m, PROFILES))
 
@@ -123,7 +156,9 @@ def test_heights_of_launch_and_aim_point_count():
 def test_other_burn_times_hit_too(burn_time_s):
     profiles = [profile.with_burn_time(burn_time_s) for profile in PROFILES]
     range_m = np.array([profile.reference_range_m for profile in profiles])
-    flight, there = flights(np.full(len(PROFILES), 0.4), 1.0, 2.0, range_m, profiles, ignition_s=5.0)
+    flight, there = flights(
+        np.full(len(PROFILES), 0.4), 1.0, 2.0, range_m, profiles, ignition_s=5.0
+    )
     assert_hits(flight, there)
     assert flight.burnout_s.tolist() == [5.0 + burn_time_s] * len(PROFILES)
 
@@ -152,12 +187,17 @@ def test_the_time_of_launch_only_shifts_the_flight():
     late, _ = random_flights(50, 9, ignition_s=86164.1 * 3)
     assert late.azimuth_rad.tobytes() == early.azimuth_rad.tobytes()
     assert late.burnout_speed_m_s.tobytes() == early.burnout_speed_m_s.tobytes()
-    np.testing.assert_allclose(late.impact_s - late.path.ignition_s, early.impact_s - early.path.ignition_s, atol=1e-9)
+    np.testing.assert_allclose(
+        late.impact_s - late.path.ignition_s, early.impact_s - early.path.ignition_s, atol=1e-9
+    )
     turn = EARTH_ROTATION_RAD_S * 86164.1 * 3
     x = early.burnout_position_eci_m[:, 0]
     y = early.burnout_position_eci_m[:, 1]
     np.testing.assert_allclose(
-        late.burnout_position_eci_m[:, 0], x * math.cos(turn) - y * math.sin(turn), rtol=1e-9, atol=1e-2
+        late.burnout_position_eci_m[:, 0],
+        x * math.cos(turn) - y * math.sin(turn),
+        rtol=1e-9,
+        atol=1e-2,
     )
 
 
@@ -198,8 +238,16 @@ def test_a_target_is_aimed_as_if_alone():
     [
         (0.0, "SRBM", "the aim point is 0 km from the launch point; SRBM flies 50 to 1000 km"),
         (1e3, "SRBM", "the aim point is 1 km from the launch point; SRBM flies 50 to 1000 km"),
-        (2.0e7, "ICBM_liquid", "the aim point is 20000 km from the launch point; ICBM_liquid flies 5500 to 16000 km"),
-        (4e6, "ICBM_solid", "the aim point is 4000 km from the launch point; ICBM_solid flies 5500 to 16000 km"),
+        (
+            2.0e7,
+            "ICBM_liquid",
+            "the aim point is 20000 km from the launch point; ICBM_liquid flies 5500 to 16000 km",
+        ),
+        (
+            4e6,
+            "ICBM_solid",
+            "the aim point is 4000 km from the launch point; ICBM_solid flies 5500 to 16000 km",
+        ),
     ],
 )
 def test_ranges_no_class_member_flies_are_reported(range_m, name, words):
@@ -227,21 +275,28 @@ def test_no_targets_are_no_trouble():
 def test_a_flight_that_never_comes_down_there_is_reported():
     """Aim points far above the apogee of a short flight."""
     flight, _ = flights(np.array([0.3]), 0.2, 1.0, 6e4, [boost_profile("SRBM")], heights=(0.0, 9e5))
-    assert flight.complaints[0].startswith("the aim point is 60 km from the launch point; no flight of SRBM was found")
+    assert flight.complaints[0].startswith(
+        "the aim point is 60 km from the launch point; no flight of SRBM was found"
+    )
     assert not flight.converged[0]
 
 
 def test_free_flight_under_other_forces_is_aimed_for_them():
-    """Gravity a percent stronger, in place of any other force: aimed for it, flights hit; aimed without, they miss."""
+    """Gravity a percent stronger, in place of any other force: aimed for it, flights hit; aimed
+    without, they miss.
+    """
     mu_m3_s2 = 1.01 * 3.986004418e14
     stronger = partial(kepler_impact, mu_m3_s2=mu_m3_s2)
-    flight, there = random_flights(50, 12, forces=Forces(zonal=(), gravity=ZonalField(mu_m3_s2=mu_m3_s2)))
+    flight, there = random_flights(
+        50, 12, forces=Forces(zonal=(), gravity=ZonalField(mu_m3_s2=mu_m3_s2))
+    )
     assert_hits(flight, there)
     plain, _ = random_flights(50, 12)
     assert (flight.burnout_speed_m_s > plain.burnout_speed_m_s).all()
     _, point_m = stronger(plain.burnout_position_eci_m, plain.burnout_velocity_eci_m_s, 0.0)
     short = np.linalg.norm(
-        point_m - kepler_impact(plain.burnout_position_eci_m, plain.burnout_velocity_eci_m_s)[1], axis=1
+        point_m - kepler_impact(plain.burnout_position_eci_m, plain.burnout_velocity_eci_m_s)[1],
+        axis=1,
     )
     assert short.min() > 100.0
 
@@ -260,11 +315,16 @@ def test_any_launch_and_any_aim_within_range(latitude, longitude, bearing, share
     low = profile.minimum_range_m + 100.0
     high = profile.maximum_range_m - 100.0
     range_m = low + share * (high - low)
-    assert_hits(*flights(np.array([latitude]), longitude, bearing, range_m, [profile], heights=heights))
+    assert_hits(
+        *flights(np.array([latitude]), longitude, bearing, range_m, [profile], heights=heights)
+    )
 
 
 @examples(100)
-@given(places=st.tuples(*[st.floats(-POLE, POLE), st.floats(-math.pi, math.pi)] * 2), profile=st.sampled_from(PROFILES))
+@given(
+    places=st.tuples(*[st.floats(-POLE, POLE), st.floats(-math.pi, math.pi)] * 2),
+    profile=st.sampled_from(PROFILES),
+)
 def test_any_two_places_are_hit_or_reported(places, profile):
     launch = Geodetic(*places[:2], 0.0)
     there = Geodetic(*places[2:], 0.0)

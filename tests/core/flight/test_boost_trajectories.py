@@ -1,4 +1,6 @@
-"""Boosted flight: where it starts, that nothing jumps, and that a target flies as if it were alone."""
+"""Boosted flight: where it starts, that nothing jumps, and that a target flies as if it were
+alone.
+"""
 
 import math
 
@@ -8,31 +10,52 @@ from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.flight.boost import ascent, boost_path, boost_profile, boost_profiles, launch_site, vertical_climb_s
+from opir_core.flight.boost import (
+    ascent,
+    boost_path,
+    boost_profile,
+    boost_profiles,
+    launch_site,
+    vertical_climb_s,
+)
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
 
 PROFILES = tuple(boost_profiles().values())
 EVERYONE = np.arange(len(PROFILES))
 
 
-def a_path(latitude_rad=0.6, longitude_rad=-2.1, height_m=0.0, ignition_s=0.0, azimuth_rad=5.0, profiles=PROFILES):
+def a_path(
+    latitude_rad=0.6,
+    longitude_rad=-2.1,
+    height_m=0.0,
+    ignition_s=0.0,
+    azimuth_rad=5.0,
+    profiles=PROFILES,
+):
     count = len(profiles)
     course = ascent(profiles, [profile.burnout_flight_path_angle_rad for profile in profiles])
     speed = np.array([profile.burnout_speed_m_s for profile in profiles])
     site = launch_site(np.broadcast_to(latitude_rad, (count,)), longitude_rad, height_m)
-    return boost_path(site, ignition_s, np.broadcast_to(np.asarray(azimuth_rad, float), (count,)), speed, course)
+    return boost_path(
+        site, ignition_s, np.broadcast_to(np.asarray(azimuth_rad, float), (count,)), speed, course
+    )
 
 
 def test_flight_starts_at_rest_at_the_launch_point():
     path = a_path(height_m=1234.0, ignition_s=17.0)
     position, velocity = path.state(EVERYONE, np.full(len(PROFILES), 17.0))
-    assert position.tobytes() == np.tile(geodetic_to_ecef(0.6, -2.1, 1234.0), (len(PROFILES), 1)).tobytes()
+    assert (
+        position.tobytes()
+        == np.tile(geodetic_to_ecef(0.6, -2.1, 1234.0), (len(PROFILES), 1)).tobytes()
+    )
     assert not velocity.any()
 
 
 def test_flight_rises_straight_up_before_pitch_over():
     path = a_path()
-    position, velocity = path.state(EVERYONE, np.array([profile.pitch_start_s - 0.1 for profile in PROFILES]))
+    position, velocity = path.state(
+        EVERYONE, np.array([profile.pitch_start_s - 0.1 for profile in PROFILES])
+    )
     east, north, up = east_north_up_axes(0.6, -2.1)
     for offset in (position - geodetic_to_ecef(0.6, -2.1, 0.0), velocity):
         assert (offset @ up > 10.0).all()
@@ -43,11 +66,15 @@ def test_burnout_has_the_speed_and_the_flight_path_angle_of_the_profile():
     path = a_path()
     position, velocity = path.state(EVERYONE, path.burnout_s)
     speed = np.linalg.norm(velocity, axis=1)
-    np.testing.assert_allclose(speed, [profile.burnout_speed_m_s for profile in PROFILES], rtol=1e-14)
+    np.testing.assert_allclose(
+        speed, [profile.burnout_speed_m_s for profile in PROFILES], rtol=1e-14
+    )
     centre = path.plane.launch_m - path.plane.radius_m[:, None] * path.plane.up
     radial = (position - centre) / np.linalg.norm(position - centre, axis=1)[:, None]
     angle = np.arcsin((velocity * radial).sum(axis=1) / speed)
-    np.testing.assert_allclose(angle, [p.burnout_flight_path_angle_rad for p in PROFILES], rtol=1e-13)
+    np.testing.assert_allclose(
+        angle, [p.burnout_flight_path_angle_rad for p in PROFILES], rtol=1e-13
+    )
 
 
 def test_flight_heads_along_the_azimuth():
@@ -57,7 +84,9 @@ def test_flight_heads_along_the_azimuth():
         east, north, _ = east_north_up_axes(0.6, -2.1)
         offset = position - geodetic_to_ecef(0.6, -2.1, 0.0)
         bearing = np.arctan2(offset @ east, offset @ north)
-        np.testing.assert_allclose(np.remainder(bearing - azimuth + np.pi, 2 * np.pi), np.pi, atol=1e-12)
+        np.testing.assert_allclose(
+            np.remainder(bearing - azimuth + np.pi, 2 * np.pi), np.pi, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize(
@@ -69,8 +98,12 @@ def test_flight_heads_along_the_azimuth():
         (-np.pi / 2, 2.0, EARTH_EQUATORIAL_RADIUS_M**2 / EARTH_POLAR_RADIUS_M),
     ],
 )
-def test_the_circle_of_the_launch_plane_osculates_the_ellipsoid(latitude_rad, azimuth_rad, radius_m):
-    assert a_path(latitude_rad, azimuth_rad=azimuth_rad).plane.radius_m == pytest.approx(radius_m, rel=1e-14)
+def test_the_circle_of_the_launch_plane_osculates_the_ellipsoid(
+    latitude_rad, azimuth_rad, radius_m
+):
+    assert a_path(latitude_rad, azimuth_rad=azimuth_rad).plane.radius_m == pytest.approx(
+        radius_m, rel=1e-14
+    )
 
 
 def test_height_of_the_path_is_height_above_the_ellipsoid_near_the_launch():
@@ -78,8 +111,12 @@ def test_height_of_the_path_is_height_above_the_ellipsoid_near_the_launch():
     path = a_path(height_m=500.0)
     times = np.array([60.0 if profile.name == "ICBM_liquid" else 30.0 for profile in PROFILES])
     position, _ = path.state(EVERYONE, times)
-    rise = np.linalg.norm(position - (path.plane.launch_m - path.plane.radius_m[:, None] * path.plane.up), axis=1)
-    np.testing.assert_allclose(ecef_to_geodetic(position).height_m, 500.0 + rise - path.plane.radius_m, atol=5.0)
+    rise = np.linalg.norm(
+        position - (path.plane.launch_m - path.plane.radius_m[:, None] * path.plane.up), axis=1
+    )
+    np.testing.assert_allclose(
+        ecef_to_geodetic(position).height_m, 500.0 + rise - path.plane.radius_m, atol=5.0
+    )
 
 
 def test_nothing_jumps_at_pitch_over():
@@ -95,7 +132,9 @@ def test_velocity_is_the_derivative_of_position(span):
     path = a_path()
     step = 1e-3
     for share in np.linspace(*span, 40):
-        elapsed = np.array([p.pitch_start_s + share * (p.burn_time_s - p.pitch_start_s) for p in PROFILES])
+        elapsed = np.array(
+            [p.pitch_start_s + share * (p.burn_time_s - p.pitch_start_s) for p in PROFILES]
+        )
         (ahead, _), (behind, _) = (path.state(EVERYONE, elapsed + h) for h in (step / 2, -step / 2))
         _, velocity = path.state(EVERYONE, elapsed)
         kink = 60.0 * np.sqrt(step) if share < 1e-4 else 0.05

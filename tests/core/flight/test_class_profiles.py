@@ -9,7 +9,9 @@ from opir_core.scene.target_classes import Ballistic, core_target_class, core_ta
 
 
 def test_the_boost_profiles_are_those_of_the_classes_that_fly_ballistic():
-    flown = [kind for kind in core_target_classes().values() if isinstance(kind.after_burnout, Ballistic)]
+    flown = [
+        kind for kind in core_target_classes().values() if isinstance(kind.after_burnout, Ballistic)
+    ]
     assert {profile.name for kind in flown for profile in kind.profiles} == set(boost_profiles())
 
 
@@ -20,7 +22,11 @@ def test_a_profile_holds_its_row_of_the_table():
     assert (profile.speed_shape, profile.pitch_exponent) == (1.5, 0.55)
     assert profile.burnout_speed_m_s == 6931.1
     assert profile.burnout_flight_path_angle_rad == math.radians(25.0)
-    assert (profile.reference_range_m, profile.minimum_range_m, profile.maximum_range_m) == (1e7, 5.5e6, 1.6e7)
+    assert (profile.reference_range_m, profile.minimum_range_m, profile.maximum_range_m) == (
+        1e7,
+        5.5e6,
+        1.6e7,
+    )
 
 
 def test_reference_ranges_lie_within_the_limits():
@@ -30,7 +36,8 @@ def test_reference_ranges_lie_within_the_limits():
 
 def test_an_unknown_profile_is_reported_with_the_known_ones():
     with pytest.raises(
-        ValueError, match=r"no boost profile 'MIRV'; there are ICBM_liquid, ICBM_solid, IRBM, MRBM, SLBM, SRBM"
+        ValueError,
+        match=r"no boost profile 'MIRV'; there are ICBM_liquid, ICBM_solid, IRBM, MRBM, SLBM, SRBM",
     ):
         boost_profile("MIRV")
 

@@ -32,17 +32,26 @@ def conics(rng, e, q, nu):
     r = p / (1.0 + e * np.cos(nu))
     scale = np.sqrt(EARTH_MU_M3_S2 / p)
     position = r[:, None] * (np.cos(nu)[:, None] * ahead + np.sin(nu)[:, None] * along)
-    return position, scale[:, None] * (-np.sin(nu)[:, None] * ahead + (e + np.cos(nu))[:, None] * along)
+    return position, scale[:, None] * (
+        -np.sin(nu)[:, None] * ahead + (e + np.cos(nu))[:, None] * along
+    )
 
 
 def launches(count=3000, seed=5):
     rng = np.random.default_rng(seed)
     radius = 6378e3 + rng.uniform(50e3, 300e3, count)
-    return arcs(rng, radius, rng.uniform(100.0, 7.4e3, count), np.radians(rng.uniform(2.0, 90.0, count)))
+    return arcs(
+        rng, radius, rng.uniform(100.0, 7.4e3, count), np.radians(rng.uniform(2.0, 90.0, count))
+    )
 
 
 def general(rng, count):
-    return arcs(rng, rng.uniform(5e6, 9e6, count), rng.uniform(0.0, 11.5e3, count), rng.uniform(-1.57, 1.57, count))
+    return arcs(
+        rng,
+        rng.uniform(5e6, 9e6, count),
+        rng.uniform(0.0, 11.5e3, count),
+        rng.uniform(-1.57, 1.57, count),
+    )
 
 
 def nearly_circular(rng, count):
@@ -72,7 +81,9 @@ def from_the_surface(rng, count):
 
 
 def first_descent(position, velocity, height, longest_s, samples=4001):
-    """Return the sampled interval of the first descent through the height: nan where there is none."""
+    """Return the sampled interval of the first descent through the height: nan where there is
+    none.
+    """
     times = np.linspace(0.0, longest_s, samples)
     above = ecef_to_geodetic(propagate_kepler(position, velocity, times)[0]).height_m - height
     outside = above > 0.0
@@ -84,7 +95,9 @@ def first_descent(position, velocity, height, longest_s, samples=4001):
 
 
 def have_come_down(position, velocity, height):
-    """Return which starts are below the height and descend, by their heights a hundredth of a second later."""
+    """Return which starts are below the height and descend, by their heights a hundredth of a
+    second later.
+    """
     now, then = (ecef_to_geodetic(position + s * velocity).height_m for s in (0.0, 1e-2))
     return (now < height - 1e-6) & (then < now)
 
@@ -92,7 +105,9 @@ def have_come_down(position, velocity, height):
 def longest_flight(position, velocity):
     """Return a period, or for open arcs some hours."""
     alpha = 2.0 / np.linalg.norm(position, axis=1) - np.sum(velocity**2, axis=1) / EARTH_MU_M3_S2
-    return np.where(alpha > 0.0, 2.0 * np.pi / np.sqrt(EARTH_MU_M3_S2 * np.abs(alpha) ** 3), 40_000.0)
+    return np.where(
+        alpha > 0.0, 2.0 * np.pi / np.sqrt(EARTH_MU_M3_S2 * np.abs(alpha) ** 3), 40_000.0
+    )
 
 
 def assert_on_arc_and_surface(position, velocity, height, duration, point):
@@ -104,7 +119,10 @@ def assert_on_arc_and_surface(position, velocity, height, duration, point):
     assert np.all(np.linalg.norm(there - point[hit], axis=1) <= 1e-7 + 100.0 * rounding)
     heights = ecef_to_geodetic(point[hit]).height_m
     assert np.max(np.abs(heights - np.broadcast_to(height, hit.shape)[hit])) <= 2e-7
-    assert np.all(np.sum(speed * there, axis=1) < 0.05 * np.linalg.norm(speed, axis=1) * np.linalg.norm(there, axis=1))
+    assert np.all(
+        np.sum(speed * there, axis=1)
+        < 0.05 * np.linalg.norm(speed, axis=1) * np.linalg.norm(there, axis=1)
+    )
 
 
 @pytest.mark.parametrize("height", [0.0, 100e3, -50e3])
@@ -133,21 +151,28 @@ def test_it_is_the_first_descent(family, height):
     down = have_come_down(position, velocity, height)
     assert np.all(duration[down] == 0.0)
     np.testing.assert_allclose(point[down], position[down], atol=2e-9)
-    position, velocity, duration, point = (each[~down] for each in (position, velocity, duration, point))
+    position, velocity, duration, point = (
+        each[~down] for each in (position, velocity, duration, point)
+    )
     assert_on_arc_and_surface(position, velocity, height, duration, point)
     longest = np.fmax(longest_flight(position, velocity), duration * 1.2)
     if family is from_the_surface:
-        longest = np.where(np.isfinite(duration), np.minimum(longest, 2.0 * duration + 1.0), longest)
+        longest = np.where(
+            np.isfinite(duration), np.minimum(longest, 2.0 * duration + 1.0), longest
+        )
     for i in range(duration.size):
         before, after = first_descent(position[i], velocity[i], height, longest[i])
         if np.isnan(before):
-            # A descent between two samples is one that sampling misses: found, it was held to arc and surface above.
+            # A descent between two samples is one that sampling misses: found, it was held to arc
+            # and surface above.
             assert np.isnan(duration[i]) or duration[i] <= longest[i]
         else:
             assert duration[i] <= after + 1e-3
             if duration[i] < before - 1e-3:
                 step = longest[i] / 4000.0
-                inside, _ = propagate_kepler(position[i], velocity[i], duration[i] + np.linspace(0.0, step, 200))
+                inside, _ = propagate_kepler(
+                    position[i], velocity[i], duration[i] + np.linspace(0.0, step, 200)
+                )
                 assert np.min(ecef_to_geodetic(inside).height_m - height) <= 2e-7
 
 
@@ -181,7 +206,9 @@ def test_a_start_on_the_surface():
 @pytest.mark.parametrize("depth_m", [1e-5, 1.0, 50.0, 5e3, 60e3])
 def test_a_start_below_that_descends_has_come_down(depth_m):
     for latitude in (0.0, 0.6, np.pi / 2.0):
-        start, higher = (geodetic_to_ecef(latitude, 1.0, height) for height in (-depth_m, 1.0 - depth_m))
+        start, higher = (
+            geodetic_to_ecef(latitude, 1.0, height) for height in (-depth_m, 1.0 - depth_m)
+        )
         up = higher - start
         east = np.array([-np.sin(1.0), np.cos(1.0), 0.0])
         duration, point = kepler_impact(start, 2000.0 * east - 300.0 * up)
@@ -190,7 +217,9 @@ def test_a_start_below_that_descends_has_come_down(depth_m):
 
 
 def test_a_launch_from_a_site_below_the_ellipsoid_comes_down_on_it():
-    """Straight up at the equator: the time to fall from the top is that of a radial ellipse, in closed form."""
+    """Straight up at the equator: the time to fall from the top is that of a radial ellipse, in
+    closed form.
+    """
     start = EARTH_EQUATORIAL_RADIUS_M - 400.0
     speed = 1500.0
     duration, _ = kepler_impact([start, 0.0, 0.0], [speed, 0.0, 0.0])
@@ -202,7 +231,9 @@ def test_a_launch_from_a_site_below_the_ellipsoid_comes_down_on_it():
             np.arccos(np.sqrt(share)) + np.sqrt(share * (1.0 - share))
         )
 
-    assert duration == pytest.approx(since_top(start) + since_top(EARTH_EQUATORIAL_RADIUS_M), rel=1e-9)
+    assert duration == pytest.approx(
+        since_top(start) + since_top(EARTH_EQUATORIAL_RADIUS_M), rel=1e-9
+    )
 
 
 def test_a_start_below_has_to_rise_first():
@@ -247,7 +278,9 @@ def test_nothing_where_there_is_no_impact():
 def test_an_element_has_the_same_bits_in_any_company():
     rng = np.random.default_rng(8)
     families = (general, nearly_circular, grazing_ellipses, from_the_surface)
-    position, velocity = (np.concatenate(x) for x in zip(*(family(rng, 50) for family in families), strict=True))
+    position, velocity = (
+        np.concatenate(x) for x in zip(*(family(rng, 50) for family in families), strict=True)
+    )
     duration, point = kepler_impact(position, velocity)
     for part in (slice(0, 1), slice(7, 90), slice(120, 200)):
         some, some_points = kepler_impact(position[part], velocity[part])
@@ -267,7 +300,9 @@ def test_turning_the_scene_about_the_axis_turns_the_impact():
 
 
 def test_shapes():
-    duration, point = kepler_impact(np.tile([7e6, 0.0, 0.0], (4, 1, 1)), [0.0, 1e3, 0.0], [0.0, 10e3])
+    duration, point = kepler_impact(
+        np.tile([7e6, 0.0, 0.0], (4, 1, 1)), [0.0, 1e3, 0.0], [0.0, 10e3]
+    )
     assert duration.shape == (4, 2)
     assert point.shape == (4, 2, 3)
 

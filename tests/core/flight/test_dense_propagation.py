@@ -26,7 +26,8 @@ def shots(count, seed=0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "tolerance_m", [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)]
+    "tolerance_m",
+    [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)],
 )
 @pytest.mark.parametrize("name", list(MODELS))
 def test_every_state_is_what_propagation_to_its_time_gives(name, tolerance_m):
@@ -69,7 +70,9 @@ def test_outside_its_duration_an_arc_has_no_state(name):
     position, velocity = shots(3)
     arcs = dense_arcs(position, velocity, np.array([100.0, 200.0, -100.0]), MODELS[name])
     found, speed = arcs.state([0, 0, 1, 1, 2, 2], [-1e-6, 100.001, 150.0, np.nan, -50.0, 1.0])
-    np.testing.assert_array_equal(np.isnan(found).all(axis=1), [True, True, False, True, False, True])
+    np.testing.assert_array_equal(
+        np.isnan(found).all(axis=1), [True, True, False, True, False, True]
+    )
     np.testing.assert_array_equal(np.isnan(speed), np.isnan(found))
 
 

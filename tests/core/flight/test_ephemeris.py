@@ -1,4 +1,6 @@
-"""Piecewise polynomials: within their tolerance, nothing outside their span, the same alone and in a crowd."""
+"""Piecewise polynomials: within their tolerance, nothing outside their span, the same alone and in
+a crowd.
+"""
 
 import numpy as np
 import pytest
@@ -16,7 +18,9 @@ def circling(target, time_s):
     """Circles of three sizes and speeds."""
     angle = RATE[target] * time_s
     radius = RADIUS[target]
-    position = np.stack([radius * np.cos(angle), radius * np.sin(angle), 1e3 * target + 0.0 * angle], axis=1)
+    position = np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle), 1e3 * target + 0.0 * angle], axis=1
+    )
     speed = radius * RATE[target]
     return position, np.stack([-speed * np.sin(angle), speed * np.cos(angle), 0.0 * angle], axis=1)
 
@@ -27,17 +31,24 @@ def falling_from(break_s):
     def motion(target, time_s):
         fall = np.maximum(time_s - break_s[target], 0.0)
         zero = np.zeros_like(fall)
-        return np.stack([zero, zero, -4.9 * fall**2], axis=1), np.stack([zero, zero, -9.8 * fall], axis=1)
+        return np.stack([zero, zero, -4.9 * fall**2], axis=1), np.stack(
+            [zero, zero, -9.8 * fall], axis=1
+        )
 
     return motion
 
 
 def three_circles(tolerance_m=0.01):
-    return Ephemeris.build(circling, [0.0, -500.0, 1e4], [3000.0, 2000.0, 9e4], tolerance_m=tolerance_m)
+    return Ephemeris.build(
+        circling, [0.0, -500.0, 1e4], [3000.0, 2000.0, 9e4], tolerance_m=tolerance_m
+    )
 
 
 def times_within(ephemeris, target, rng):
-    return ephemeris.start_s[target] + rng.random(len(target)) * (ephemeris.end_s - ephemeris.start_s)[target]
+    return (
+        ephemeris.start_s[target]
+        + rng.random(len(target)) * (ephemeris.end_s - ephemeris.start_s)[target]
+    )
 
 
 @pytest.mark.parametrize("tolerance_m", [100.0, 1.0, 0.01, 1e-4, 1e-6])
@@ -65,7 +76,9 @@ def test_position_and_velocity_do_not_jump_between_segments():
     segments = ephemeris.segments
     inner = np.flatnonzero(segments.target[1:] == segments.target[:-1])
     edge = segments.end_s[inner]
-    left, right = (ephemeris.state(segments.target[inner], t) for t in (np.nextafter(edge, -np.inf), edge))
+    left, right = (
+        ephemeris.state(segments.target[inner], t) for t in (np.nextafter(edge, -np.inf), edge)
+    )
     assert len(inner) > 5
     np.testing.assert_allclose(left[0], right[0], atol=1e-6)
     np.testing.assert_allclose(left[1], right[1], atol=1e-6)
@@ -75,7 +88,9 @@ def test_both_ends_belong_to_the_span_and_nothing_beyond():
     ephemeris = three_circles()
     everyone = np.arange(3)
     for edge, outward in ((ephemeris.start_s, -np.inf), (ephemeris.end_s, np.inf)):
-        np.testing.assert_allclose(ephemeris.position_m(everyone, edge), circling(everyone, edge)[0], atol=1e-6)
+        np.testing.assert_allclose(
+            ephemeris.position_m(everyone, edge), circling(everyone, edge)[0], atol=1e-6
+        )
         assert np.isnan(ephemeris.position_m(everyone, np.nextafter(edge, outward))).all()
     for time in (np.nan, np.inf, -np.inf, 1e300, -1e300):
         position, velocity = ephemeris.state(everyone, time)
@@ -101,7 +116,9 @@ def test_a_point_is_the_same_alone_and_in_any_company():
     target = np.repeat([0, 1, 2, 0], [60_000, 40_000, 20_000, 20_001])
     whole = ephemeris.position_m(target, times)
     shuffle = rng.permutation(len(times))
-    assert ephemeris.position_m(target[shuffle], times[shuffle]).tobytes() == whole[shuffle].tobytes()
+    assert (
+        ephemeris.position_m(target[shuffle], times[shuffle]).tobytes() == whole[shuffle].tobytes()
+    )
     for size in (1, 2, 3, 17, 4097, 65537):
         part = slice(59_990, 59_990 + size)
         assert ephemeris.position_m(target[part], times[part]).tobytes() == whole[part].tobytes()
@@ -110,7 +127,9 @@ def test_a_point_is_the_same_alone_and_in_any_company():
 def test_a_target_is_the_same_whoever_else_is_in_the_ephemeris():
     ephemeris = three_circles()
     times = np.linspace(-500.0, 2000.0, 999)
-    alone = Ephemeris.build(lambda target, t: circling(target + 1, t), -500.0, 2000.0, tolerance_m=0.01)
+    alone = Ephemeris.build(
+        lambda target, t: circling(target + 1, t), -500.0, 2000.0, tolerance_m=0.01
+    )
     assert alone.position_m(0, times).tobytes() == ephemeris.position_m(1, times).tobytes()
 
 
@@ -137,7 +156,8 @@ def test_breakpoints_outside_the_span_do_no_harm():
 def test_parts_join_where_one_ends_and_the_next_starts():
     cuts = np.array([[0.0, 500.0, 3000.0], [-500.0, 0.0, 2000.0], [1e4, 1.5e4, 9e4]]).T
     parts = [
-        Ephemeris.build(circling, a, b, tolerance_m=t) for a, b, t in zip(cuts, cuts[1:], (0.01, 0.1), strict=False)
+        Ephemeris.build(circling, a, b, tolerance_m=t)
+        for a, b, t in zip(cuts, cuts[1:], (0.01, 0.1), strict=False)
     ]
     joined = Ephemeris.joined(parts)
     assert joined.tolerance_m == 0.1
@@ -146,7 +166,9 @@ def test_parts_join_where_one_ends_and_the_next_starts():
     rng = np.random.default_rng(8)
     target = rng.integers(0, 3, 10_000)
     times = times_within(joined, target, rng)
-    np.testing.assert_allclose(joined.position_m(target, times), circling(target, times)[0], atol=0.1)
+    np.testing.assert_allclose(
+        joined.position_m(target, times), circling(target, times)[0], atol=0.1
+    )
 
 
 def test_parts_that_do_not_meet_are_refused():
@@ -182,7 +204,9 @@ def test_a_motion_too_rough_for_the_tolerance_is_reported():
         position, velocity = circling(target, time_s)
         return position + (time_s > 40.0)[:, None], velocity
 
-    with pytest.raises(ModelError, match=r"motion of target 0 near 4\d\.\d+ s cannot be followed to within 0\.01 m"):
+    with pytest.raises(
+        ModelError, match=r"motion of target 0 near 4\d\.\d+ s cannot be followed to within 0\.01 m"
+    ):
         Ephemeris.build(jump, 0.0, 100.0)
 
 
@@ -208,8 +232,15 @@ def test_times_a_nanosecond_apart_are_distinguished():
     tolerance_m=st.sampled_from([1.0, 1e-2, 1e-5]),
 )
 @example(starts=[-2.3e-309], lengths=[1.0, 1.0, 1.0, 1.0], breaks=[0.0], tolerance_m=1.0)
-@example(starts=[-1.0], lengths=[1.0, 1.0, 1.0, 1.0], breaks=[-2.3e-309, -5e-10, -0.5], tolerance_m=1e-5)
-@example(starts=[0.0], lengths=[1.0, 1.0, 1.0, 1.0], breaks=[0.3, 0.3 + 1e-12, 0.3 + 1e-10], tolerance_m=1e-5)
+@example(
+    starts=[-1.0], lengths=[1.0, 1.0, 1.0, 1.0], breaks=[-2.3e-309, -5e-10, -0.5], tolerance_m=1e-5
+)
+@example(
+    starts=[0.0],
+    lengths=[1.0, 1.0, 1.0, 1.0],
+    breaks=[0.3, 0.3 + 1e-12, 0.3 + 1e-10],
+    tolerance_m=1e-5,
+)
 def test_any_spans_and_breaks(starts, lengths, breaks, tolerance_m):
     start = np.array(starts)
     end = start + np.array(lengths[: len(starts)])
@@ -220,6 +251,10 @@ def test_any_spans_and_breaks(starts, lengths, breaks, tolerance_m):
 
     ephemeris = Ephemeris.build(motion, start, end, cuts, tolerance_m)
     target = np.repeat(np.arange(len(starts)), 101)
-    times = (start[:, None] + np.linspace(0.0, 1.0, 101) * (end - start)[:, None]).ravel().clip(max=end[target])
+    times = (
+        (start[:, None] + np.linspace(0.0, 1.0, 101) * (end - start)[:, None])
+        .ravel()
+        .clip(max=end[target])
+    )
     error = np.linalg.norm(ephemeris.position_m(target, times) - motion(target, times)[0], axis=1)
     assert error.max() <= tolerance_m

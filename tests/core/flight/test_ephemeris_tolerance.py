@@ -1,4 +1,6 @@
-"""Flights of every class as ephemerides: the tolerance holds at a million points, burnout and impact included."""
+"""Flights of every class as ephemerides: the tolerance holds at a million points, burnout and
+impact included.
+"""
 
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ def flight():
     profiles = [profile for profile in boost_profiles().values() for _ in range(EACH)]
     latitude = np.arcsin(rng.uniform(-1, 1, len(profiles)))
     longitude = rng.uniform(-np.pi, np.pi, len(profiles))
-    range_m = np.array([rng.uniform(1.001 * p.minimum_range_m, 0.999 * p.maximum_range_m) for p in profiles])
+    range_m = np.array(
+        [rng.uniform(1.001 * p.minimum_range_m, 0.999 * p.maximum_range_m) for p in profiles]
+    )
     there = geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, len(profiles)), range_m)
     ignition_s = rng.uniform(0.0, 1e5, len(profiles))
     found = aim(Geodetic(latitude, longitude, 0.0), Geodetic(*there, 0.0), ignition_s, profiles)
@@ -35,15 +39,22 @@ def exact_m(flight, target, time_s):
         flight.burnout_velocity_eci_m_s[target],
         np.maximum(time_s - flight.burnout_s[target], 0.0),
     )
-    return np.where((time_s <= flight.burnout_s[target])[:, None], boost, eci_to_ecef(coast, time_s))
+    return np.where(
+        (time_s <= flight.burnout_s[target])[:, None], boost, eci_to_ecef(coast, time_s)
+    )
 
 
 @pytest.mark.parametrize(
     ("tolerance_m", "points"),
-    [(0.01, 100_000), *(pytest.param(each, 1_000_000, marks=pytest.mark.slow) for each in (1.0, 0.01, 1e-4))],
+    [
+        (0.01, 100_000),
+        *(pytest.param(each, 1_000_000, marks=pytest.mark.slow) for each in (1.0, 0.01, 1e-4)),
+    ],
 )
 def test_points_anywhere_are_within_the_tolerance(flight, tolerance_m, points):
-    """A third anywhere in the boost, a third crowded to pitch-over, where it bends most, a third in free flight."""
+    """A third anywhere in the boost, a third crowded to pitch-over, where it bends most, a third in
+    free flight.
+    """
     rng = np.random.default_rng(12)
     path = flight.path
     ephemeris = flight_ephemeris(flight, tolerance_m)
@@ -54,12 +65,18 @@ def test_points_anywhere_are_within_the_tolerance(flight, tolerance_m, points):
     burnout_s = path.burnout_s[target]
     impact_s = flight.impact_s[target]
     anywhere = path.ignition_s[target] + share * (burnout_s - path.ignition_s[target])
-    choices = [anywhere, bend_s + crowded * (burnout_s - bend_s), burnout_s + share * (impact_s - burnout_s)]
+    choices = [
+        anywhere,
+        bend_s + crowded * (burnout_s - bend_s),
+        burnout_s + share * (impact_s - burnout_s),
+    ]
     times = np.select([np.arange(points) % 3 == k for k in range(3)], choices)
     everyone = np.arange(len(ephemeris))
     target = np.concatenate([target, everyone, everyone, everyone])
     times = np.concatenate([times, path.ignition_s, path.burnout_s, ephemeris.end_s])
-    error = np.linalg.norm(ephemeris.position_m(target, times) - exact_m(flight, target, times), axis=1)
+    error = np.linalg.norm(
+        ephemeris.position_m(target, times) - exact_m(flight, target, times), axis=1
+    )
     assert 0.1 * tolerance_m < error.max() <= tolerance_m
 
 
@@ -73,12 +90,16 @@ def test_flights_go_from_launch_to_impact_without_a_jump(flight):
     np.testing.assert_allclose(ends[1], flight.impact_ecef_m, atol=1e-5)
     boost = boost_ephemeris(flight.path)
     coast = coast_ephemeris(flight)
-    for before, after in zip(boost.state(everyone, boost.end_s), coast.state(everyone, coast.start_s), strict=True):
+    for before, after in zip(
+        boost.state(everyone, boost.end_s), coast.state(everyone, coast.start_s), strict=True
+    ):
         np.testing.assert_allclose(after, before, atol=1e-5)
 
 
 def test_velocities_come_close_where_the_motion_is_smooth(flight):
-    """At a tolerance of 1 cm: 1 mm/s in free flight; in the boost 2 cm/s, but for the second after pitch-over."""
+    """At a tolerance of 1 cm: 1 mm/s in free flight; in the boost 2 cm/s, but for the second after
+    pitch-over.
+    """
     ephemeris = flight_ephemeris(flight, 0.01)
     rng = np.random.default_rng(13)
     target = rng.integers(0, len(ephemeris), 100_000)
@@ -97,16 +118,24 @@ def test_velocities_come_close_where_the_motion_is_smooth(flight):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("forces", [Forces(), Forces(zonal=("j2", "j3"), drag=Drag(1500.0))], ids=["j2", "drag"])
+@pytest.mark.parametrize(
+    "forces", [Forces(), Forces(zonal=("j2", "j3"), drag=Drag(1500.0))], ids=["j2", "drag"]
+)
 def test_free_flight_under_forces_is_within_the_tolerance(forces):
-    """Against propagation from burnout to each time, a thousand times as tight; to the aim point, through the air."""
+    """Against propagation from burnout to each time, a thousand times as tight; to the aim point,
+    through the air.
+    """
     rng = np.random.default_rng(17)
     profiles = [profile for profile in boost_profiles().values() for _ in range(4)]
     latitude = np.arcsin(rng.uniform(-1, 1, len(profiles)))
     longitude = rng.uniform(-np.pi, np.pi, len(profiles))
-    range_m = np.array([rng.uniform(1.01 * p.minimum_range_m, 0.99 * p.maximum_range_m) for p in profiles])
+    range_m = np.array(
+        [rng.uniform(1.01 * p.minimum_range_m, 0.99 * p.maximum_range_m) for p in profiles]
+    )
     there = geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, len(profiles)), range_m)
-    flight = aim(Geodetic(latitude, longitude, 0.0), Geodetic(*there, 0.0), 0.0, profiles, forces=forces)
+    flight = aim(
+        Geodetic(latitude, longitude, 0.0), Geodetic(*there, 0.0), 0.0, profiles, forces=forces
+    )
     assert flight.converged.all()
     coast = coast_ephemeris(flight, 0.01, forces)
     target = np.repeat(np.arange(len(profiles)), 40)
@@ -114,7 +143,9 @@ def test_free_flight_under_forces_is_within_the_tolerance(forces):
     elapsed_s = share * (flight.impact_s - flight.burnout_s)[target]
     starts = flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target]
     exact, _ = propagate(*starts, elapsed_s, forces, tolerance_m=1e-5)
-    time_s = np.clip(flight.burnout_s[target] + elapsed_s, coast.start_s[target], coast.end_s[target])
+    time_s = np.clip(
+        flight.burnout_s[target] + elapsed_s, coast.start_s[target], coast.end_s[target]
+    )
     error = np.linalg.norm(coast.position_m(target, time_s) - eci_to_ecef(exact, time_s), axis=1)
     assert error.max() <= 0.01
     assert error.max() > 1e-4

@@ -1,4 +1,6 @@
-"""Boost-glide flights: the closed forms of equilibrium glide, continuity, aim points, and independence of targets."""
+"""Boost-glide flights: the closed forms of equilibrium glide, continuity, aim points, and
+independence of targets.
+"""
 
 import math
 
@@ -20,7 +22,9 @@ COUNT = 300
 def shape_of(count, **changes):
     glide = evolve(KIND.after_burnout, **changes)
     return GlideShape(
-        np.full(count, glide.lift_to_drag), np.full(count, glide.final_speed_m_s), np.full(count, glide.scale_height_m)
+        np.full(count, glide.lift_to_drag),
+        np.full(count, glide.final_speed_m_s),
+        np.full(count, glide.scale_height_m),
     )
 
 
@@ -29,7 +33,10 @@ def launches(count, seed):
     latitude = np.arcsin(rng.uniform(-1, 1, count))
     longitude = rng.uniform(-np.pi, np.pi, count)
     range_m = rng.uniform(1.0005 * PROFILE.minimum_range_m, 0.9995 * PROFILE.maximum_range_m, count)
-    there = Geodetic(*geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m), np.zeros(count))
+    there = Geodetic(
+        *geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m),
+        np.zeros(count),
+    )
     return Geodetic(latitude, longitude, np.zeros(count)), there, rng.uniform(0.0, 1e4, count)
 
 
@@ -79,7 +86,9 @@ def test_the_glide_ends_at_the_final_speed(everywhere):
     assert np.abs(scale - 1.0).max() < 0.01
 
 
-def test_the_duration_of_the_glide_is_that_of_constant_drag_over_weight_less_centrifugal_force(everywhere):
+def test_the_duration_of_the_glide_is_that_of_constant_drag_over_weight_less_centrifugal_force(
+    everywhere,
+):
     """t = (E v_c/2g) ln((1 + v_0/v_c)(1 - v_f/v_c)/((1 - v_0/v_c)(1 + v_f/v_c)))."""
     start = everywhere.burnout_position_ecef_m
     radius_m = np.linalg.norm(start, axis=1)
@@ -101,8 +110,11 @@ def test_the_descent_keeps_lift_equal_to_weight_less_centrifugal_force(everywher
     speed_m_s = level_speed_m_s(position, velocity) * radius_m / np.linalg.norm(position, axis=1)
     squared = speed_m_s**2 * radius_m / EARTH_MU_M3_S2
     height_m = ecef_to_geodetic(position).height_m
-    lift = (squared / (1.0 - squared) * np.exp(-height_m / KIND.after_burnout.scale_height_m)).reshape(21, COUNT)
-    # The height is along the geocentric direction, up to a third of a degree from the normal: 0.6 m at 60 km.
+    lift = (
+        squared / (1.0 - squared) * np.exp(-height_m / KIND.after_burnout.scale_height_m)
+    ).reshape(21, COUNT)
+    # The height is along the geocentric direction, up to a third of a degree from the normal: 0.6 m
+    # at 60 km.
     np.testing.assert_allclose(lift, np.broadcast_to(lift[0], lift.shape), rtol=2e-4)
 
 
@@ -113,7 +125,9 @@ def test_position_and_velocity_do_not_jump_at_burnout_and_release(everywhere):
     np.testing.assert_allclose(glide[0], boost[0], atol=1e-6)
     np.testing.assert_allclose(glide[1], boost[1], atol=1e-6)
     ephemeris = glide_ephemeris(everywhere)
-    before, after = (ephemeris.state(everyone, everywhere.release_s + step) for step in (-1e-3, 1e-3))
+    before, after = (
+        ephemeris.state(everyone, everywhere.release_s + step) for step in (-1e-3, 1e-3)
+    )
     np.testing.assert_allclose(after[0], before[0], atol=4.0)
     np.testing.assert_allclose(after[1], before[1], atol=0.1)
 
@@ -123,16 +137,22 @@ def test_velocity_is_the_derivative_of_position(everywhere):
     for share in (0.01, 0.5, 0.99):
         time_s = everywhere.burnout_s + share * (everywhere.release_s - everywhere.burnout_s)
         ahead, behind = (everywhere.state(everyone, time_s + step)[0] for step in (0.05, -0.05))
-        np.testing.assert_allclose((ahead - behind) / 0.1, everywhere.state(everyone, time_s)[1], atol=1e-3)
+        np.testing.assert_allclose(
+            (ahead - behind) / 0.1, everywhere.state(everyone, time_s)[1], atol=1e-3
+        )
 
 
 def test_the_ephemeris_goes_from_burnout_to_impact(everywhere):
     ephemeris = glide_ephemeris(everywhere)
     everyone = np.arange(COUNT)
     np.testing.assert_allclose(
-        ephemeris.position_m(everyone, everywhere.burnout_s), everywhere.burnout_position_ecef_m, atol=1e-5
+        ephemeris.position_m(everyone, everywhere.burnout_s),
+        everywhere.burnout_position_ecef_m,
+        atol=1e-5,
     )
-    np.testing.assert_allclose(ephemeris.position_m(everyone, everywhere.impact_s), everywhere.impact_ecef_m, atol=1e-5)
+    np.testing.assert_allclose(
+        ephemeris.position_m(everyone, everywhere.impact_s), everywhere.impact_ecef_m, atol=1e-5
+    )
     middle_s = 0.5 * (everywhere.burnout_s + everywhere.release_s)
     error = ephemeris.position_m(everyone, middle_s) - everywhere.state(everyone, middle_s)[0]
     assert np.linalg.norm(error, axis=1).max() <= 0.01
@@ -153,7 +173,9 @@ def test_heights_fall_and_stay_in_the_air(everywhere):
 def test_the_reference_range_takes_the_reference_burnout_speed():
     """Launched at the pole; sphere and ellipsoid differ by a quarter of a percent in speed."""
     pole = Geodetic(np.array([0.5 * math.pi]), np.zeros(1), np.zeros(1))
-    there = Geodetic(*geodesic_direct(pole.latitude_rad, 0.0, 0.0, PROFILE.reference_range_m), np.zeros(1))
+    there = Geodetic(
+        *geodesic_direct(pole.latitude_rad, 0.0, 0.0, PROFILE.reference_range_m), np.zeros(1)
+    )
     flight = glide_flight(pole, there, np.zeros(1), [PROFILE], shape_of(1))
     assert flight.burnout_speed_m_s[0] == pytest.approx(PROFILE.burnout_speed_m_s, rel=0.003)
     assert flight.burnout_s[0] == PROFILE.burn_time_s
@@ -169,7 +191,9 @@ def test_aim_points_are_hit_under_forces_after_the_glide(forces):
     plain = glide_flight(*launches(12, 3), [PROFILE] * 12, shape_of(12))
     assert np.abs(flight.burnout_speed_m_s - plain.burnout_speed_m_s).max() > 1e-3
     ephemeris = glide_ephemeris(flight, 0.01, forces)
-    np.testing.assert_allclose(ephemeris.position_m(np.arange(12), flight.impact_s), flight.impact_ecef_m, atol=0.02)
+    np.testing.assert_allclose(
+        ephemeris.position_m(np.arange(12), flight.impact_s), flight.impact_ecef_m, atol=0.02
+    )
 
 
 def test_a_flight_is_the_same_alone_and_among_others(everywhere):
@@ -178,7 +202,10 @@ def test_a_flight_is_the_same_alone_and_among_others(everywhere):
         part = slice(row, row + 1)
         here, aim = (Geodetic(*(column[part] for column in each)) for each in (place, there))
         alone = glide_flight(here, aim, ignition_s[part], [PROFILE], shape_of(1))
-        assert alone.burnout_velocity_ecef_m_s.tobytes() == everywhere.burnout_velocity_ecef_m_s[part].tobytes()
+        assert (
+            alone.burnout_velocity_ecef_m_s.tobytes()
+            == everywhere.burnout_velocity_ecef_m_s[part].tobytes()
+        )
         assert alone.impact_s.tobytes() == everywhere.impact_s[part].tobytes()
 
 
@@ -194,7 +221,9 @@ def test_ranges_beyond_the_limits_are_refused(range_m, words):
 
 
 def test_a_glide_that_would_end_underground_is_refused():
-    """With a scale height of 30 km the air is so thick below that the glide ends beneath the ground."""
+    """With a scale height of 30 km the air is so thick below that the glide ends beneath the
+    ground.
+    """
     flight = glide_flight(*launches(3, 4), [PROFILE] * 3, shape_of(3, scale_height_m=30e3))
     assert not flight.converged.any()
     assert "no flight of HGV was found" in flight.complaints[0]

@@ -1,4 +1,6 @@
-"""Staged gravity turns: closed forms of thrust, vertical flight and energy; aims by class; lofts; rows alone."""
+"""Staged gravity turns: closed forms of thrust, vertical flight and energy; aims by class; lofts;
+rows alone.
+"""
 
 import math
 
@@ -13,7 +15,14 @@ from opir_core.flight.boost import launch_site
 from opir_core.flight.dense_output import StepRecorder
 from opir_core.flight.staged.flights import staged_flights
 from opir_core.flight.staged.gravity_turn import Boosts, record_boosts
-from opir_core.flight.staged.staging import Stage, StageColumns, Staging, staging_for, stagings, stagings_of_classes
+from opir_core.flight.staged.staging import (
+    Stage,
+    StageColumns,
+    Staging,
+    staging_for,
+    stagings,
+    stagings_of_classes,
+)
 from opir_core.geometry import Geodetic
 from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scene.target_classes import core_target_class
@@ -22,15 +31,22 @@ NO_AIR = 1e15
 
 
 def flown(names, lat, lon, bearing, range_m, loft=0.0, early=0.0):
-    """Return the flights of stagings by name, and their aim points as (latitude, longitude), degrees."""
+    """Return the flights of stagings by name, and their aim points as (latitude, longitude),
+    degrees.
+    """
     n = len(names)
-    columns = (np.broadcast_to(np.asarray(v, dtype=float), (n,)) for v in (lat, lon, bearing, range_m, loft, early))
+    columns = (
+        np.broadcast_to(np.asarray(v, dtype=float), (n,))
+        for v in (lat, lon, bearing, range_m, loft, early)
+    )
     lat, lon, bearing, range_m, loft, early = columns
     ends = [Geodesic.WGS84.Direct(*row) for row in zip(lat, lon, bearing, range_m, strict=True)]
     aims = [(end["lat2"], end["lon2"]) for end in ends]
     launch = Geodetic(np.radians(lat), np.radians(lon), np.zeros(n))
     aim = Geodetic(*np.radians(np.array(aims)).T, np.zeros(n))
-    return staged_flights(launch, aim, np.zeros(n), [stagings()[name] for name in names], loft, early), aims
+    return staged_flights(
+        launch, aim, np.zeros(n), [stagings()[name] for name in names], loft, early
+    ), aims
 
 
 def place(position):
@@ -75,7 +91,9 @@ def test_vertical_flight_without_air_obeys_the_rocket_equation_with_gravity_loss
     half = 0.5 * np.diff(edges)
     times = middle[:, None] + half[:, None] * grid
     position, _ = arcs.state(np.zeros(times.size, dtype=int), times.ravel())
-    loss = np.sum(EARTH_MU_M3_S2 / position[:, 2].reshape(times.shape) ** 2 * weight * half[:, None])
+    loss = np.sum(
+        EARTH_MU_M3_S2 / position[:, 2].reshape(times.shape) ** 2 * weight * half[:, None]
+    )
     _, velocity = arcs.state(0, burnout_s)
     ideal = sum(stage.ideal_speed_m_s for stage in staging.stages)
     assert velocity[2] == pytest.approx(ideal - loss, abs=1e-4)
@@ -88,14 +106,21 @@ def test_drag_of_a_vertical_flight_costs_speed_by_its_integral():
     times = np.linspace(0.0, burnout_s, 40001)
     position, velocity = arcs.state(np.zeros(times.size, dtype=int), times)
     height = position[:, 2] - position[0, 2]
-    air = 1.225 * np.exp(-height / 7500.0) * velocity[:, 2] ** 2 / (2 * staging.ballistic_coefficient_kg_m2)
+    air = (
+        1.225
+        * np.exp(-height / 7500.0)
+        * velocity[:, 2] ** 2
+        / (2 * staging.ballistic_coefficient_kg_m2)
+    )
     loss = np.trapezoid(EARTH_MU_M3_S2 / position[:, 2] ** 2 + air, times)
     assert np.trapezoid(air, times) > 10.0
     assert velocity[-1, 2] == pytest.approx(staging.stages[0].ideal_speed_m_s - loss, abs=1e-3)
 
 
 def inertial_energy(position, velocity):
-    carried = velocity + EARTH_ROTATION_RAD_S * np.stack([-position[:, 1], position[:, 0], np.zeros(len(position))], 1)
+    carried = velocity + EARTH_ROTATION_RAD_S * np.stack(
+        [-position[:, 1], position[:, 0], np.zeros(len(position))], 1
+    )
     return 0.5 * np.sum(carried**2, axis=1) - EARTH_MU_M3_S2 / np.linalg.norm(position, axis=1)
 
 
@@ -115,7 +140,9 @@ def test_every_class_has_stagings_without_fault_for_all_of_its_ranges():
     for kind, presets in stagings_of_classes().items():
         profiles = core_target_class(kind).profiles
         for range_m in np.linspace(
-            min(each.minimum_range_m for each in profiles), max(each.maximum_range_m for each in profiles), 40
+            min(each.minimum_range_m for each in profiles),
+            max(each.maximum_range_m for each in profiles),
+            40,
         ):
             chosen = staging_for(presets, range_m)
             assert chosen.minimum_range_m <= range_m <= chosen.maximum_range_m, (kind, range_m)
@@ -123,14 +150,17 @@ def test_every_class_has_stagings_without_fault_for_all_of_its_ranges():
 
 
 def drawn_aims(names, seed):
-    """Return flights to aims anywhere in the ranges of their stagings, at any place and bearing, and the aims.
+    """Return flights to aims anywhere in the ranges of their stagings, at any place and bearing,
+    and the aims.
 
     Every other flight has a loft, of up to a half.
     """
     random = np.random.default_rng(seed)
     n = len(names)
     share = random.uniform(0.0, 1.0, n)
-    limits = [(stagings()[name].minimum_range_m, stagings()[name].maximum_range_m) for name in names]
+    limits = [
+        (stagings()[name].minimum_range_m, stagings()[name].maximum_range_m) for name in names
+    ]
     range_m = [low + part * (high - low) for (low, high), part in zip(limits, share, strict=True)]
     lat = np.degrees(np.arcsin(random.uniform(-0.9, 0.9, n)))
     lon = random.uniform(-180.0, 180.0, n)
@@ -157,7 +187,9 @@ def test_flights_come_down_within_ten_metres_of_their_aims():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", stagings())
 def test_flights_of_every_preset_come_down_within_ten_metres_of_many_aims(name):
-    """With 60 flights of each preset, half of them lofted, a fault in one of twenty is found at 95 %."""
+    """With 60 flights of each preset, half of them lofted, a fault in one of twenty is found at 95
+    %.
+    """
     assert_they_come_down_at_their_aims(*drawn_aims([name] * 60, 17))
 
 
@@ -175,7 +207,9 @@ def test_the_loft_is_around_the_kick_of_the_earliest_cut_off(name, range_m):
     duration = flights.impact_s - flights.burnout_s
     assert (np.diff(duration) > 0.0).all()
     radius = np.linalg.norm(flights.burnout_position_ecef_m, axis=1)
-    climb = np.sum(flights.burnout_position_ecef_m * flights.burnout_velocity_ecef_m_s, axis=1) / radius
+    climb = (
+        np.sum(flights.burnout_position_ecef_m * flights.burnout_velocity_ecef_m_s, axis=1) / radius
+    )
     angle = np.arcsin(climb / np.linalg.norm(flights.burnout_velocity_ecef_m_s, axis=1))
     assert (np.diff(angle) > 0.0).all()
 
@@ -184,7 +218,9 @@ def test_the_loft_is_around_the_kick_of_the_earliest_cut_off(name, range_m):
 def test_an_early_shutdown_ends_the_burn_so_much_earlier_and_falls_short():
     (both, aims) = flown(["IRBM"] * 2, 20.0, 10.0, 80.0, 4500e3, early=[0.0, 5.0])
     assert both.burnout_s[0] - both.burnout_s[1] == pytest.approx(5.0, abs=1e-9)
-    reached = [Geodesic.WGS84.Inverse(20.0, 10.0, *place(point))["s12"] for point in both.impact_ecef_m]
+    reached = [
+        Geodesic.WGS84.Inverse(20.0, 10.0, *place(point))["s12"] for point in both.impact_ecef_m
+    ]
     assert reached[0] == pytest.approx(4500e3, abs=10.0)
     assert reached[1] < 4300e3
     short = Geodesic.WGS84.Inverse(*aims[1], *place(both.impact_ecef_m[1]))["s12"]
@@ -207,12 +243,16 @@ def test_out_of_reach_is_reported_with_the_ranges_that_are_in_reach():
 @pytest.mark.slow
 def test_a_flight_has_the_same_bits_in_any_company():
     names = ["SRBM", "ICBM_solid", "IRBM", "ICBM_solid"]
-    together, _ = flown(names, [10.0, 40.0, -20.0, 5.0], 0.0, 90.0, [200e3, 9e6, 4e6, 7e6], loft=[0, 0.3, 0, 0])
+    together, _ = flown(
+        names, [10.0, 40.0, -20.0, 5.0], 0.0, 90.0, [200e3, 9e6, 4e6, 7e6], loft=[0, 0.3, 0, 0]
+    )
     alone, _ = flown(["ICBM_solid"], 40.0, 0.0, 90.0, 9e6, loft=0.3)
     times = np.linspace(0.0, float(alone.burnout_s[0]), 50)
     assert alone.burnout_s[0] == together.burnout_s[1]
     for one, other in zip(
-        alone.state(np.zeros(50, dtype=int), times), together.state(np.ones(50, dtype=int), times), strict=True
+        alone.state(np.zeros(50, dtype=int), times),
+        together.state(np.ones(50, dtype=int), times),
+        strict=True,
     ):
         assert one.tobytes() == other.tobytes()
 
@@ -232,7 +272,12 @@ def test_stages_that_cannot_be_flown_are_named(stages, words):
 
 
 def test_a_first_burn_must_outlast_rise_pitch_over_and_tail_off() -> None:
-    staging = evolve(stagings()["ICBM_solid"], vertical_rise_s=4.0, pitch_over_s=16.0, tail_off_s=0.5)
+    staging = evolve(
+        stagings()["ICBM_solid"], vertical_rise_s=4.0, pitch_over_s=16.0, tail_off_s=0.5
+    )
     at_once, longer = ((Stage(burn_s, 1000.0, 1.0),) for burn_s in (20.5, 20.5 + 2.0**-40))
-    assert "no longer than rise, pitch-over and tail-off together (20.5 s)" in evolve(staging, stages=at_once).fault()
+    assert (
+        "no longer than rise, pitch-over and tail-off together (20.5 s)"
+        in evolve(staging, stages=at_once).fault()
+    )
     assert "no longer than rise" not in evolve(staging, stages=longer).fault()

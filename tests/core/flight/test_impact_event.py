@@ -36,7 +36,10 @@ def shots(count, seed=0, fastest=7200.0):
 @pytest.mark.parametrize("name", list(MODELS))
 def test_without_a_height_it_is_that_of_the_ellipsoid(name):
     position, velocity = shots(3)
-    states, at_zero = (impact_states_eci(position, velocity, *height, forces=MODELS[name]) for height in ((), (0.0,)))
+    states, at_zero = (
+        impact_states_eci(position, velocity, *height, forces=MODELS[name])
+        for height in ((), (0.0,))
+    )
     assert np.array_equal(states.position_m, at_zero.position_m)
 
 
@@ -49,7 +52,9 @@ def test_impacts_are_on_the_height_and_on_the_arc(name, height_m):
     hit = states.reason == ImpactReason.IMPACT
     assert hit.sum() >= 30
     assert np.abs(ecef_to_geodetic(states.position_m[hit]).height_m - height_m).max() <= 1e-6
-    there, speed = propagate(position[hit], velocity[hit], states.duration_s[hit], MODELS[name], tolerance_m=1e-6)
+    there, speed = propagate(
+        position[hit], velocity[hit], states.duration_s[hit], MODELS[name], tolerance_m=1e-6
+    )
     np.testing.assert_allclose(states.position_m[hit], there, rtol=0.0, atol=1e-5)
     np.testing.assert_allclose(states.velocity_m_s[hit], speed, rtol=0.0, atol=1e-6)
     descent = (states.velocity_m_s[hit] * states.position_m[hit]).sum(axis=1)
@@ -62,7 +67,9 @@ def test_an_impact_is_the_first(name):
     position, velocity = shots(10, seed=2)
     duration, _ = impact(position, velocity, 10e3, MODELS[name])
     fraction = np.linspace(0.0, 1.0, 60)[:-1, np.newaxis]
-    on_the_way, _ = propagate(position, velocity, fraction * duration, MODELS[name], tolerance_m=1e-2)
+    on_the_way, _ = propagate(
+        position, velocity, fraction * duration, MODELS[name], tolerance_m=1e-2
+    )
     assert ecef_to_geodetic(on_the_way).height_m.min() > 10e3
 
 
@@ -80,7 +87,8 @@ def test_without_oblateness_it_is_the_closed_form(tolerance_m, height_m):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "tolerance_m", [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)]
+    "tolerance_m",
+    [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)],
 )
 @pytest.mark.parametrize("name", NUMERICAL)
 def test_errors_stay_within_the_tolerance(name, tolerance_m):
@@ -128,11 +136,16 @@ def test_reasons_for_no_impact(name):
     assert np.isnan(states.velocity_m_s[:3]).all()
     soon = impact_states_eci(position[3], velocity[3], 0.0, MODELS[name], within_s=10.0)
     assert soon.reason == ImpactReason.NO_DESCENT
-    assert impact_states_eci(position[3], velocity[3], np.nan, MODELS[name]).reason == ImpactReason.NOT_FINITE
+    assert (
+        impact_states_eci(position[3], velocity[3], np.nan, MODELS[name]).reason
+        == ImpactReason.NOT_FINITE
+    )
 
 
 def test_drag_ends_below_the_air_model():
-    states = impact_states_eci([6378137.0 + 1e3, 0.0, 0.0], [-300.0, 0.0, 0.0], -6e3, MODELS["us76"])
+    states = impact_states_eci(
+        [6378137.0 + 1e3, 0.0, 0.0], [-300.0, 0.0, 0.0], -6e3, MODELS["us76"]
+    )
     assert states.reason == ImpactReason.BELOW_AIR
 
 
@@ -189,20 +202,30 @@ def test_a_perigee_just_below_the_height_is_an_impact_and_just_above_is_none(nam
         spread = times[1] - times[0]
         times = np.linspace(times[lowest] - spread, times[lowest] + spread, 400)
     perigee = heights.min()
-    states = impact_states_eci(start, velocity, perigee + depth_m, MODELS[name], within_s=4000.0, tolerance_m=1e-6)
+    states = impact_states_eci(
+        start, velocity, perigee + depth_m, MODELS[name], within_s=4000.0, tolerance_m=1e-6
+    )
     assert (states.reason == ImpactReason.IMPACT) == (depth_m > 0.0)
 
 
 @examples(40)
 @given(
-    st.floats(0.0, 90.0), st.floats(0.0, 5.0), st.floats(1.0, 11e3), st.floats(-90.0, 90.0), st.sampled_from(NUMERICAL)
+    st.floats(0.0, 90.0),
+    st.floats(0.0, 5.0),
+    st.floats(1.0, 11e3),
+    st.floats(-90.0, 90.0),
+    st.sampled_from(NUMERICAL),
 )
-def test_no_shot_warns_and_every_impact_is_on_the_ground(latitude, height_exponent, speed, angle, name):
+def test_no_shot_warns_and_every_impact_is_on_the_ground(
+    latitude, height_exponent, speed, angle, name
+):
     latitude, angle = np.radians([latitude, angle])
     start = geodetic_to_ecef(latitude, 1.0, 10.0**height_exponent)
     normal = geodetic_to_ecef(latitude, 1.0, 10.0**height_exponent + 1.0) - start
     velocity = speed * (np.sin(angle) * normal + np.cos(angle) * np.cross([0.6, 0.0, 0.8], normal))
-    states = impact_states_eci(start, velocity, 0.0, MODELS[name], within_s=5000.0, tolerance_m=1e-3)
+    states = impact_states_eci(
+        start, velocity, 0.0, MODELS[name], within_s=5000.0, tolerance_m=1e-3
+    )
     if states.reason == ImpactReason.IMPACT:
         assert abs(ecef_to_geodetic(states.position_m).height_m) <= 1e-6
         assert states.duration_s >= 0.0

@@ -22,11 +22,17 @@ def mixed_states(count, seed=1):
     direction = rng.normal(size=(count, 3))
     kinds = rng.integers(0, 3, count)
     direction[kinds == 0] = position[kinds == 0]
-    direction[kinds == 1] += 1e6 * position[kinds == 1] * rng.choice([-1.0, 1.0], (count, 1))[kinds == 1]
+    direction[kinds == 1] += (
+        1e6 * position[kinds == 1] * rng.choice([-1.0, 1.0], (count, 1))[kinds == 1]
+    )
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     escape = np.sqrt(2.0 * EARTH_MU_M3_S2 / np.linalg.norm(position, axis=1))
     speed = escape * np.where(rng.random(count) < 0.2, 1.0, rng.uniform(-3.0, 3.0, count))
-    return position, speed[:, None] * direction, 10.0 ** rng.uniform(-6.0, 6.4, count) * rng.choice([-1.0, 1.0], count)
+    return (
+        position,
+        speed[:, None] * direction,
+        10.0 ** rng.uniform(-6.0, 6.4, count) * rng.choice([-1.0, 1.0], count),
+    )
 
 
 def energy(position, velocity):
@@ -36,9 +42,14 @@ def energy(position, velocity):
 def test_energy_and_angular_momentum_are_kept():
     position, velocity, duration = mixed_states(4000)
     end_position, end_velocity = propagate_kepler(position, velocity, duration)
-    start_scale = np.sum(velocity**2, axis=1) / 2.0 + EARTH_MU_M3_S2 / np.linalg.norm(position, axis=1)
-    end_scale = np.sum(end_velocity**2, axis=1) / 2.0 + EARTH_MU_M3_S2 / np.linalg.norm(end_position, axis=1)
-    # Energy is a difference: it is known only to the rounding of its terms at either end, or of the way between.
+    start_scale = np.sum(velocity**2, axis=1) / 2.0 + EARTH_MU_M3_S2 / np.linalg.norm(
+        position, axis=1
+    )
+    end_scale = np.sum(end_velocity**2, axis=1) / 2.0 + EARTH_MU_M3_S2 / np.linalg.norm(
+        end_position, axis=1
+    )
+    # Energy is a difference: it is known only to the rounding of its terms at either end, or of the
+    # way between.
     bar = 1e-11 * np.maximum(start_scale, end_scale)
     assert np.all(np.abs(energy(end_position, end_velocity) - energy(position, velocity)) <= bar)
     before = np.cross(position, velocity)
@@ -57,7 +68,9 @@ def test_a_ballistic_arc_there_and_back():
     speed = rng.uniform(2e3, 7.2e3, 1000)
     velocity = np.stack([speed * np.sin(elevation), speed * np.cos(elevation), 0.0 * speed], axis=1)
     duration = 2.0 * velocity[:, 0] / 9.4
-    back, back_velocity = propagate_kepler(*propagate_kepler(position, velocity, duration), -duration)
+    back, back_velocity = propagate_kepler(
+        *propagate_kepler(position, velocity, duration), -duration
+    )
     assert np.max(np.abs(back - position)) <= 1e-7
     assert np.max(np.abs(back_velocity - velocity)) <= 1e-10
 
@@ -76,7 +89,9 @@ def test_an_element_has_the_same_bits_in_any_company(size):
     whole = propagate_kepler(position, velocity, duration)
     for first in (0, 13, 8999 - size):
         part = slice(max(first, 0), max(first, 0) + size)
-        for all_, some in zip(whole, propagate_kepler(position[part], velocity[part], duration[part]), strict=True):
+        for all_, some in zip(
+            whole, propagate_kepler(position[part], velocity[part], duration[part]), strict=True
+        ):
             assert np.array_equal(all_[part], some, equal_nan=True)
 
 
@@ -84,11 +99,15 @@ def test_memory_order_and_broadcasting_change_nothing():
     position, velocity, duration = mixed_states(60)
     plain = propagate_kepler(position[:, None], velocity[:, None], duration)
     assert plain[0].shape == (60, 60, 3)
-    strided = propagate_kepler(np.asfortranarray(position)[:, None], velocity[:, None], duration[None])
+    strided = propagate_kepler(
+        np.asfortranarray(position)[:, None], velocity[:, None], duration[None]
+    )
     for a, b in zip(plain, strided, strict=True):
         assert np.array_equal(a, b)
     for i in range(0, 60, 7):
-        assert np.array_equal(propagate_kepler(position[i], velocity[i], duration[i])[0], plain[0][i, i])
+        assert np.array_equal(
+            propagate_kepler(position[i], velocity[i], duration[i])[0], plain[0][i, i]
+        )
 
 
 def test_shapes():
@@ -109,7 +128,9 @@ def test_many_turns_come_round():
 
 
 def test_a_straight_fall_turns_back_in_the_centre():
-    """From rest, the centre is reached after half the period and the start again after the whole."""
+    """From rest, the centre is reached after half the period and the start again after the
+    whole.
+    """
     radius = 8e6
     period = 2.0 * np.pi * np.sqrt((radius / 2.0) ** 3 / EARTH_MU_M3_S2)
     times = np.array([0.3, 0.45, 0.55, 0.7, 1.0]) * period
@@ -160,7 +181,10 @@ def test_a_bad_element_does_not_touch_its_neighbours():
 
 @pytest.mark.slow
 @examples(300)
-@given(*[st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3)] * 2, st.floats())
+@given(
+    *[st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3)] * 2,
+    st.floats(),
+)
 def test_any_doubles_give_a_number_or_a_reason(position, velocity, duration):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -1,4 +1,6 @@
-"""Lambert's problem: the velocities found carry one end to the other, every way, or there are none."""
+"""Lambert's problem: the velocities found carry one end to the other, every way, or there are
+none.
+"""
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 
 def ends(count=2000, seed=2, separation=None):
-    """Return two points within a few Earth radii, at a given angle (rad) or any, and a time of a minute to an hour."""
+    """Return two points within a few Earth radii, at a given angle (rad) or any, and a time of a
+    minute to an hour.
+    """
     rng = np.random.default_rng(seed)
     first, second = rng.normal(size=(2, count, 3))
     first /= np.linalg.norm(first, axis=1)[:, None]
@@ -50,8 +54,14 @@ def test_the_arc_arrives(way):
 def test_the_ways_go_the_ways_they_say():
     first, second, duration = ends()
     across = np.cross(first, second)
-    assert np.all(np.sum(turning(first, lambert(first, second, duration, way="short")[0]) * across, axis=1) > 0.0)
-    assert np.all(np.sum(turning(first, lambert(first, second, duration, way="long")[0]) * across, axis=1) < 0.0)
+    assert np.all(
+        np.sum(turning(first, lambert(first, second, duration, way="short")[0]) * across, axis=1)
+        > 0.0
+    )
+    assert np.all(
+        np.sum(turning(first, lambert(first, second, duration, way="long")[0]) * across, axis=1)
+        < 0.0
+    )
     assert np.all(turning(first, lambert(first, second, duration, way="prograde")[0])[:, 2] > 0.0)
     assert np.all(turning(first, lambert(first, second, duration, way="retrograde")[0])[:, 2] < 0.0)
 
@@ -100,7 +110,9 @@ def test_the_time_of_the_parabola_is_an_ordinary_time():
     parabolic = 4.0 / 3.0 * np.sqrt(2.0 * q**3 / EARTH_MU_M3_S2)
     for factor in (1.0, 1.0 - 1e-15, 1.0 + 1e-15, 1.0 - 1e-9, 1.0 + 1e-9, 1.0 - 1e-4, 1.0 + 1e-4):
         v1, _ = lambert(first, second, factor * parabolic)
-        assert np.linalg.norm(v1) == pytest.approx(np.sqrt(2.0 * EARTH_MU_M3_S2 / q), rel=abs(factor - 1.0) + 1e-14)
+        assert np.linalg.norm(v1) == pytest.approx(
+            np.sqrt(2.0 * EARTH_MU_M3_S2 / q), rel=abs(factor - 1.0) + 1e-14
+        )
         assert np.linalg.norm(propagate_kepler(first, v1, factor * parabolic)[0] - second) <= 1e-7
 
 
@@ -124,7 +136,9 @@ def test_an_element_has_the_same_bits_in_any_company():
     first, second, duration = ends(500)
     whole = lambert(first, second, duration)
     for part in (slice(0, 1), slice(3, 4), slice(10, 333)):
-        for all_, some in zip(whole, lambert(first[part], second[part], duration[part]), strict=True):
+        for all_, some in zip(
+            whole, lambert(first[part], second[part], duration[part]), strict=True
+        ):
             assert np.array_equal(all_[part], some)
 
 
@@ -148,5 +162,8 @@ def test_almost_opposite_points_are_joined(off_rad, way):
     there, speed = propagate_kepler(first, v1, duration)
     # The plane of the arc is known as well as the points: to the rounding of both.
     miss = np.linalg.norm(there - second, axis=1)
-    assert np.all(miss <= 100.0 * rounding_of_arrival(first, v1, duration, there) + 1e-14 * np.linalg.norm(second))
+    assert np.all(
+        miss
+        <= 100.0 * rounding_of_arrival(first, v1, duration, there) + 1e-14 * np.linalg.norm(second)
+    )
     assert np.max(np.linalg.norm(speed - v2, axis=1) / np.linalg.norm(v2, axis=1)) < 1e-6

@@ -1,4 +1,6 @@
-"""Insertion into circular orbits: vis-viva, circularity, the profile of the table, and independence of targets."""
+"""Insertion into circular orbits: vis-viva, circularity, the profile of the table, and independence
+of targets.
+"""
 
 import math
 
@@ -20,7 +22,12 @@ def launches(count, seed):
     latitude = np.arcsin(rng.uniform(-1, 1, count))
     longitude = rng.uniform(-np.pi, np.pi, count)
     place = Geodetic(latitude, longitude, rng.uniform(0.0, 3000.0, count))
-    return place, rng.uniform(0.0, 1e4, count), rng.uniform(0.0, 2.0 * np.pi, count), rng.uniform(150e3, 600e3, count)
+    return (
+        place,
+        rng.uniform(0.0, 1e4, count),
+        rng.uniform(0.0, 2.0 * np.pi, count),
+        rng.uniform(150e3, 600e3, count),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +46,9 @@ def test_the_speed_at_burnout_is_that_of_vis_viva_for_a_circle(everywhere):
     radius_m = np.linalg.norm(flight.burnout_position_eci_m, axis=1)
     np.testing.assert_allclose(radius_m, EARTH_EQUATORIAL_RADIUS_M + altitude_m, atol=1e-2)
     circular_m_s = np.sqrt(EARTH_MU_M3_S2 * (2.0 / radius_m - 1.0 / radius_m))
-    np.testing.assert_allclose(np.linalg.norm(flight.burnout_velocity_eci_m_s, axis=1), circular_m_s, atol=1e-5)
+    np.testing.assert_allclose(
+        np.linalg.norm(flight.burnout_velocity_eci_m_s, axis=1), circular_m_s, atol=1e-5
+    )
 
 
 def test_the_orbit_has_one_radius_and_comes_round(everywhere):
@@ -55,18 +64,29 @@ def test_the_orbit_has_one_radius_and_comes_round(everywhere):
 
 def test_burns_last_as_long_as_the_profile_says_and_start_at_the_launch_point(everywhere):
     flight, _ = everywhere
-    np.testing.assert_allclose(flight.burnout_s - flight.path.ignition_s, PROFILE.burn_time_s, rtol=1e-12)
+    np.testing.assert_allclose(
+        flight.burnout_s - flight.path.ignition_s, PROFILE.burn_time_s, rtol=1e-12
+    )
     position, velocity = flight.path.state(np.arange(400), flight.path.ignition_s)
     np.testing.assert_allclose(position, flight.path.plane.launch_m, atol=1e-6)
     assert not velocity.any()
 
 
 def test_the_burnout_of_the_table_is_that_orbit_over_a_sphere_at_rest():
-    """Over a sphere of 6371 km the table's speed is circular at 200 km, where its pitch exponent ends the climb."""
-    columns = [np.array([getattr(PROFILE, name)]) for name in ("burn_time_s", "pitch_start_s", "speed_shape")]
-    course = ascent_of_shape(*columns, np.array([PROFILE.pitch_exponent]), np.array([0.5 * math.pi]))
+    """Over a sphere of 6371 km the table's speed is circular at 200 km, where its pitch exponent
+    ends the climb.
+    """
+    columns = [
+        np.array([getattr(PROFILE, name)])
+        for name in ("burn_time_s", "pitch_start_s", "speed_shape")
+    ]
+    course = ascent_of_shape(
+        *columns, np.array([PROFILE.pitch_exponent]), np.array([0.5 * math.pi])
+    )
     altitude_m = core_target_class("SLV").after_burnout.altitude_m
-    assert course.burnout_height_m(np.array([PROFILE.burnout_speed_m_s]))[0] == pytest.approx(altitude_m, abs=20.0)
+    assert course.burnout_height_m(np.array([PROFILE.burnout_speed_m_s]))[0] == pytest.approx(
+        altitude_m, abs=20.0
+    )
     circular_m_s = math.sqrt(EARTH_MU_M3_S2 / (6371e3 + altitude_m))
     assert PROFILE.burnout_speed_m_s == pytest.approx(circular_m_s, abs=0.05)
 
@@ -78,12 +98,16 @@ def test_the_rotation_of_the_earth_saves_its_speed_eastwards_and_costs_it_westwa
     flight = insertion(place, np.zeros(2), azimuth_rad, altitude_m, [PROFILE] * 2)
     turning_m_s = EARTH_ROTATION_RAD_S * (EARTH_EQUATORIAL_RADIUS_M + 200e3)
     circular_m_s = math.sqrt(EARTH_MU_M3_S2 / (EARTH_EQUATORIAL_RADIUS_M + 200e3))
-    np.testing.assert_allclose(flight.burnout_speed_m_s, circular_m_s + np.array([-1.0, 1.0]) * turning_m_s, rtol=1e-6)
+    np.testing.assert_allclose(
+        flight.burnout_speed_m_s, circular_m_s + np.array([-1.0, 1.0]) * turning_m_s, rtol=1e-6
+    )
 
 
 def test_from_a_pole_the_orbit_is_polar():
     place = Geodetic(np.full(3, 0.5 * math.pi), np.zeros(3), np.zeros(3))
-    flight = insertion(place, np.zeros(3), np.array([0.0, 1.0, 4.0]), np.full(3, 300e3), [PROFILE] * 3)
+    flight = insertion(
+        place, np.zeros(3), np.array([0.0, 1.0, 4.0]), np.full(3, 300e3), [PROFILE] * 3
+    )
     momentum = np.cross(flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s)
     # The rotation of the Earth at burnout, some 1000 km from the pole, leans the orbit by a degree.
     inclination_rad = np.arccos(momentum[:, 2] / np.linalg.norm(momentum, axis=1))
@@ -109,8 +133,14 @@ def test_a_target_flies_as_if_alone(everywhere):
             altitude_m[part],
             [PROFILE],
         )
-        assert alone.burnout_position_ecef_m.tobytes() == everywhere[0].burnout_position_ecef_m[part].tobytes()
-        assert alone.burnout_velocity_ecef_m_s.tobytes() == everywhere[0].burnout_velocity_ecef_m_s[part].tobytes()
+        assert (
+            alone.burnout_position_ecef_m.tobytes()
+            == everywhere[0].burnout_position_ecef_m[part].tobytes()
+        )
+        assert (
+            alone.burnout_velocity_ecef_m_s.tobytes()
+            == everywhere[0].burnout_velocity_ecef_m_s[part].tobytes()
+        )
 
 
 def test_an_orbit_out_of_reach_is_said_not_to_be_reached():

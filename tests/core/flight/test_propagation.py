@@ -73,7 +73,12 @@ def test_there_and_back(forces):
 def test_two_halves_are_the_whole(forces):
     position, velocity = flights(30)
     whole = propagate(position, velocity, 600.0, forces, tolerance_m=1e-6)
-    halves = propagate(*propagate(position, velocity, 300.0, forces, tolerance_m=1e-6), 300.0, forces, tolerance_m=1e-6)
+    halves = propagate(
+        *propagate(position, velocity, 300.0, forces, tolerance_m=1e-6),
+        300.0,
+        forces,
+        tolerance_m=1e-6,
+    )
     assert np.abs(whole[0] - halves[0]).max() <= 1e-5
 
 
@@ -102,12 +107,16 @@ def of(name, beta):
 @pytest.mark.slow
 @pytest.mark.parametrize("forces", MODELS.values(), ids=list(MODELS))
 def test_few_arcs_are_many_to_the_last_bit(forces):
-    """Few arcs are stepped in plain numbers, many in columns: the same operations in the same order."""
+    """Few arcs are stepped in plain numbers, many in columns: the same operations in the same
+    order.
+    """
     position, velocity = flights(40, seed=9)
     for tolerance_m in (1e-2, 1e-6):
         whole = propagate(position, velocity, 1200.0, forces, tolerance_m=tolerance_m)
         for part in (slice(0, 1), slice(1, 3), slice(3, 11)):
-            some = propagate(position[part], velocity[part], 1200.0, forces, tolerance_m=tolerance_m)
+            some = propagate(
+                position[part], velocity[part], 1200.0, forces, tolerance_m=tolerance_m
+            )
             np.testing.assert_array_equal(some[0], whole[0][part])
             np.testing.assert_array_equal(some[1], whole[1][part])
 
@@ -116,8 +125,16 @@ def test_few_arcs_are_many_to_the_last_bit(forces):
 def test_results_do_not_depend_on_blocks_and_memory_layout(name):
     position, velocity = flights(2100, seed=8)
     whole = propagate(position, velocity, 700.0, MODELS[name], tolerance_m=0.1)
-    fortran = propagate(np.asfortranarray(position), velocity[::-1][::-1], 700.0, MODELS[name], tolerance_m=0.1)
-    shaped = propagate(position.reshape(3, 700, 3), velocity.reshape(3, 700, 3), 700.0, MODELS[name], tolerance_m=0.1)
+    fortran = propagate(
+        np.asfortranarray(position), velocity[::-1][::-1], 700.0, MODELS[name], tolerance_m=0.1
+    )
+    shaped = propagate(
+        position.reshape(3, 700, 3),
+        velocity.reshape(3, 700, 3),
+        700.0,
+        MODELS[name],
+        tolerance_m=0.1,
+    )
     single = propagate(position[2050], velocity[2050], 700.0, MODELS[name], tolerance_m=0.1)
     np.testing.assert_array_equal(fortran[0], whole[0])
     np.testing.assert_array_equal(shaped[0].reshape(-1, 3), whole[0])
@@ -129,9 +146,13 @@ def test_results_do_not_depend_on_blocks_and_memory_layout(name):
 @pytest.mark.parametrize("name", list(MODELS))
 def test_turning_everything_about_the_axis_changes_nothing(name, angle):
     position, velocity = flights(40)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]).T
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    ).T
     end, speed = propagate(position, velocity, 900.0, MODELS[name], tolerance_m=1e-6)
-    turned, turned_speed = propagate(position @ turn, velocity @ turn, 900.0, MODELS[name], tolerance_m=1e-6)
+    turned, turned_speed = propagate(
+        position @ turn, velocity @ turn, 900.0, MODELS[name], tolerance_m=1e-6
+    )
     assert np.linalg.norm(turned - end @ turn, axis=1).max() <= 1e-9 * 6.4e6
     assert np.linalg.norm(turned_speed - speed @ turn, axis=1).max() <= 1e-9 * 7e3
 
@@ -139,20 +160,28 @@ def test_turning_everything_about_the_axis_changes_nothing(name, angle):
 def test_a_mirror_at_the_equator_changes_nothing_but_j3():
     position, velocity = flights(10)
     mirror = np.array([1.0, 1.0, -1.0])
-    for forces, same in ((Forces(), True), (MODELS["us76"], True), (Forces(zonal=("j2", "j3")), False)):
+    for forces, same in (
+        (Forces(), True),
+        (MODELS["us76"], True),
+        (Forces(zonal=("j2", "j3")), False),
+    ):
         end, _ = propagate(position, velocity, 900.0, forces)
         mirrored, _ = propagate(position * mirror, velocity * mirror, 900.0, forces)
         assert np.allclose(mirrored, end * mirror, rtol=0.0, atol=1e-6) == same
 
 
 def test_air_that_turns_with_a_body_does_not_brake_it():
-    """A body at rest over the ground, held up by nothing, meets no wind at first: it drops straight."""
+    """A body at rest over the ground, held up by nothing, meets no wind at first: it drops
+    straight.
+    """
     radius = 6378137.0 + 20e3
     position = np.array([radius, 0.0, 0.0])
     turning = np.array([0.0, radius * EARTH_ROTATION_RAD_S, 0.0])
     with_drag, _ = propagate(position, turning, 1.0, Forces(drag=Drag(1000.0)))
     without, _ = propagate(position, turning, 1.0)
-    in_still_air, _ = propagate(position, turning, 1.0, Forces(drag=Drag(1000.0, air_rotation_rad_s=0.0)))
+    in_still_air, _ = propagate(
+        position, turning, 1.0, Forces(drag=Drag(1000.0, air_rotation_rad_s=0.0))
+    )
     assert abs(with_drag[1] - without[1]) < 1e-6
     assert without[1] - in_still_air[1] > 1e-3
 
@@ -179,4 +208,7 @@ def test_a_zonal_field_of_none_is_kepler():
     position, velocity = flights(50)
     none = Forces(gravity=ZonalField(j2=0.0))
     found, _ = propagate(position, velocity, 1500.0, none, tolerance_m=1e-6)
-    assert np.linalg.norm(found - propagate_kepler(position, velocity, 1500.0)[0], axis=1).max() <= 1e-6
+    assert (
+        np.linalg.norm(found - propagate_kepler(position, velocity, 1500.0)[0], axis=1).max()
+        <= 1e-6
+    )

@@ -1,4 +1,6 @@
-"""Propagation at its edges: shapes, no time, no answer, what is refused, and what is not imported."""
+"""Propagation at its edges: shapes, no time, no answer, what is refused, and what is not
+imported.
+"""
 
 import subprocess
 import sys
@@ -17,7 +19,9 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 def test_shapes_broadcast():
     position, velocity = flights(4)
-    end, speed = propagate(position, velocity, np.array([[10.0], [20.0], [30.0]]), Forces(drag=Drag(np.full(4, 500.0))))
+    end, speed = propagate(
+        position, velocity, np.array([[10.0], [20.0], [30.0]]), Forces(drag=Drag(np.full(4, 500.0)))
+    )
     assert end.shape == speed.shape == (3, 4, 3)
     alone, _ = propagate(position[2], velocity[2], 20.0, Forces(drag=Drag(500.0)))
     np.testing.assert_array_equal(end[1, 2], alone)
@@ -57,7 +61,9 @@ def test_below_the_air_model_there_is_nothing():
     deep = np.array([6378137.0 - 6e3, 0.0, 0.0])
     assert np.isnan(propagate(deep, np.array([100.0, 0.0, 0.0]), 1.0, MODELS["us76"])[0]).all()
     falling = np.array([6378137.0 + 1e3, 0.0, 0.0])
-    assert np.isnan(propagate(falling, np.array([-300.0, 0.0, 0.0]), 100.0, MODELS["us76"])[0]).all()
+    assert np.isnan(
+        propagate(falling, np.array([-300.0, 0.0, 0.0]), 100.0, MODELS["us76"])[0]
+    ).all()
 
 
 @examples(60)
@@ -71,10 +77,20 @@ def test_below_the_air_model_there_is_nothing():
     st.floats(-3.0, 3.6),
     st.sampled_from(sorted(MODELS)),
 )
-def test_no_state_warns_or_fails(latitude, longitude, height_exponent, speed, azimuth, angle, time_exponent, name):
-    """From the ground to far beyond the Moon, up and down, poles and date line: a number or nan, never a warning."""
+def test_no_state_warns_or_fails(
+    latitude, longitude, height_exponent, speed, azimuth, angle, time_exponent, name
+):
+    """From the ground to far beyond the Moon, up and down, poles and date line: a number or nan,
+    never a warning.
+    """
     latitude, longitude, azimuth, angle = np.radians([latitude, longitude, azimuth, angle])
-    up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
+    up = np.array(
+        [
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ]
+    )
     east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
     along = np.cos(azimuth) * np.cross(up, east) + np.sin(azimuth) * east
     position = up * (6378137.0 + 1e3 * 10.0**height_exponent)
@@ -129,7 +145,8 @@ HEAVY = {
 )
 def test_nothing_is_imported_for_forces_that_are_not_chosen(forces, absent):
     code = (
-        "import sys\nfrom opir_core.flight.forces import Forces\nfrom opir_core.flight.propagation import propagate\n"
+        "import sys\nfrom opir_core.flight.forces import Forces\nfrom opir_core.flight.propagation"
+        " import propagate\n"
         f"propagate([7e6, 0.0, 0.0], [0.0, 7e3, 0.0], 10.0, {forces})\nprint(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -24,9 +24,18 @@ for home, name in {names}:
 @pytest.mark.slow
 def test_a_name_is_what_it_says_even_after_its_module_was_imported() -> None:
     values = {name: getattr(opir_core.flight, name) for name in opir_core.flight.__all__}
-    names = [(value.__module__, name) for name, value in values.items() if isclass(value) or isroutine(value)]
+    names = [
+        (value.__module__, name)
+        for name, value in values.items()
+        if isclass(value) or isroutine(value)
+    ]
     assert len(names) > 10
-    done = subprocess.run([sys.executable, "-c", EACH.format(names=names)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", EACH.format(names=names)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
 
 

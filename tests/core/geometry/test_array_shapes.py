@@ -1,4 +1,6 @@
-"""Arrays in, arrays out: shapes, scalars, slices that change nothing, and nan instead of warnings."""
+"""Arrays in, arrays out: shapes, scalars, slices that change nothing, and nan instead of
+warnings.
+"""
 
 import numpy as np
 import pytest
@@ -58,7 +60,9 @@ FUNCTIONS = {
     "sun_position_of_date_m": (sun_position_of_date_m, [()]),
     "sunlit_fraction": (sunlit_fraction, [(3,), (3,)]),
 }
-every_function = pytest.mark.parametrize(("function", "trailing"), FUNCTIONS.values(), ids=FUNCTIONS.keys())
+every_function = pytest.mark.parametrize(
+    ("function", "trailing"), FUNCTIONS.values(), ids=FUNCTIONS.keys()
+)
 
 
 def columns(result):
@@ -68,7 +72,10 @@ def columns(result):
 def arguments(leading, trailing, seed=1):
     rng = np.random.default_rng(seed)
     scales = np.array([7e6, 9e6, 4e7, 3e8])
-    return [rng.normal(size=(*leading, *shape)) * (rng.choice(scales) if shape == (3,) else 1.0) for shape in trailing]
+    return [
+        rng.normal(size=(*leading, *shape)) * (rng.choice(scales) if shape == (3,) else 1.0)
+        for shape in trailing
+    ]
 
 
 def test_every_public_function_is_tried_here():
@@ -86,15 +93,25 @@ def test_public_names_are_sorted():
 
 @every_function
 def test_any_slice_gives_the_same_bytes(function, trailing):
-    """Lengths and offsets on both sides of every vector width, strided and reversed columns, single elements."""
+    """Lengths and offsets on both sides of every vector width, strided and reversed columns, single
+    elements.
+    """
     whole_arguments = arguments((203,), trailing)
     whole = columns(function(*whole_arguments))
-    cuts = [slice(start, start + count) for start in (0, 1, 3, 8) for count in (1, 2, 3, 4, 7, 8, 9, 16, 33)]
+    cuts = [
+        slice(start, start + count)
+        for start in (0, 1, 3, 8)
+        for count in (1, 2, 3, 4, 7, 8, 9, 16, 33)
+    ]
     for cut in [*cuts, slice(None, None, 3), slice(None, None, -1)]:
-        for part, full in zip(columns(function(*(a[cut] for a in whole_arguments))), whole, strict=True):
+        for part, full in zip(
+            columns(function(*(a[cut] for a in whole_arguments))), whole, strict=True
+        ):
             assert part.tobytes() == full[cut].tobytes()
     for index in (0, 57, 202):
-        for part, full in zip(columns(function(*(a[index] for a in whole_arguments))), whole, strict=True):
+        for part, full in zip(
+            columns(function(*(a[index] for a in whole_arguments))), whole, strict=True
+        ):
             assert np.asarray(part).tobytes() == full[index].tobytes()
 
 
@@ -113,7 +130,9 @@ def test_leading_axes_broadcast(function, trailing):
 def test_scalars_and_lists_serve_as_arrays(function, trailing):
     given = arguments((), trailing)
     for result, listed in zip(
-        columns(function(*given)), columns(function(*(a.tolist() for a in map(np.asarray, given)))), strict=True
+        columns(function(*given)),
+        columns(function(*(a.tolist() for a in map(np.asarray, given)))),
+        strict=True,
     ):
         assert np.asarray(listed).tobytes() == np.asarray(result).tobytes()
         assert isinstance(result, np.generic) or result.ndim > 0
@@ -128,7 +147,9 @@ def test_no_elements_give_no_elements(function, trailing):
 @every_function
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200, -1e308])
 def test_what_is_not_finite_or_too_large_never_warns(function, trailing, bad):
-    """Warnings are errors in this suite. Each component of each argument in turn; the neighbour is unmoved."""
+    """Warnings are errors in this suite. Each component of each argument in turn; the neighbour is
+    unmoved.
+    """
     clean = arguments((2,), trailing)
     good = columns(function(*clean))
     for number, shape in enumerate(trailing):
@@ -137,8 +158,14 @@ def test_what_is_not_finite_or_too_large_never_warns(function, trailing, bad):
             spoilt[number][(0, *place)] = bad
             for result, unspoilt in zip(columns(function(*spoilt)), good, strict=True):
                 assert result[1:].tobytes() == unspoilt[1:].tobytes()
-                # Azimuth does not ask the upward axis, nor elevation which of the level ones is north.
-                if np.isnan(bad) and result.dtype == np.float64 and result.ndim == 1 and shape != (3, 3):
+                # Azimuth does not ask the upward axis, nor elevation which of the level ones is
+                # north.
+                if (
+                    np.isnan(bad)
+                    and result.dtype == np.float64
+                    and result.ndim == 1
+                    and shape != (3, 3)
+                ):
                     assert np.isnan(result[0])
 
 

@@ -1,4 +1,6 @@
-"""What holds for geometry everywhere: round trips, the Earth's symmetry about its axis, units of a turning frame."""
+"""What holds for geometry everywhere: round trips, the Earth's symmetry about its axis, units of a
+turning frame.
+"""
 
 import numpy as np
 from hypothesis import example, given, strategies as st
@@ -25,18 +27,30 @@ from opir_core.geometry import (
     sunlit_fraction,
 )
 
-latitudes = st.one_of(st.floats(-np.pi / 2, np.pi / 2), st.sampled_from([0.0, -0.0, np.pi / 2, -np.pi / 2, 1e-300]))
-longitudes = st.one_of(
-    st.floats(-np.pi, np.pi), st.sampled_from([0.0, np.pi, -np.pi, np.pi / 2, np.nextafter(np.pi, 0)])
+latitudes = st.one_of(
+    st.floats(-np.pi / 2, np.pi / 2), st.sampled_from([0.0, -0.0, np.pi / 2, -np.pi / 2, 1e-300])
 )
-heights = st.one_of(st.floats(-5e3, 1e6), st.floats(1e6, 4e8), st.sampled_from([0.0, -0.0, 3.5786e7]))
+longitudes = st.one_of(
+    st.floats(-np.pi, np.pi),
+    st.sampled_from([0.0, np.pi, -np.pi, np.pi / 2, np.nextafter(np.pi, 0)]),
+)
+heights = st.one_of(
+    st.floats(-5e3, 1e6), st.floats(1e6, 4e8), st.sampled_from([0.0, -0.0, 3.5786e7])
+)
 places = st.tuples(latitudes, longitudes, heights)
 azimuths = st.one_of(
-    st.floats(0.0, 2 * np.pi, exclude_max=True), st.sampled_from([0.0, 1e-300, np.nextafter(2 * np.pi, 0)])
+    st.floats(0.0, 2 * np.pi, exclude_max=True),
+    st.sampled_from([0.0, 1e-300, np.nextafter(2 * np.pi, 0)]),
 )
-elevations = st.one_of(st.floats(-np.pi / 2, np.pi / 2), st.sampled_from([np.pi / 2, -np.pi / 2, 0.0]))
-times = st.one_of(st.floats(-3e6, 3e6), st.sampled_from([0.0, 1e-9, 2.0 * np.pi / EARTH_ROTATION_RAD_S]))
-coordinates = st.one_of(st.floats(-5e8, 5e8), st.sampled_from([0.0, -0.0, 1e-300, 42697.672707157535, 6378137.0]))
+elevations = st.one_of(
+    st.floats(-np.pi / 2, np.pi / 2), st.sampled_from([np.pi / 2, -np.pi / 2, 0.0])
+)
+times = st.one_of(
+    st.floats(-3e6, 3e6), st.sampled_from([0.0, 1e-9, 2.0 * np.pi / EARTH_ROTATION_RAD_S])
+)
+coordinates = st.one_of(
+    st.floats(-5e8, 5e8), st.sampled_from([0.0, -0.0, 1e-300, 42697.672707157535, 6378137.0])
+)
 positions = st.tuples(coordinates, coordinates, coordinates).map(np.array)
 
 
@@ -46,7 +60,9 @@ def length(vector):
 
 def spun(vector, angle):
     x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
-    return np.stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y, z], axis=-1)
+    return np.stack(
+        [np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y, z], axis=-1
+    )
 
 
 @given(positions)
@@ -54,7 +70,9 @@ def test_position_to_geodetic_and_back(position):
     latitude, longitude, height = ecef_to_geodetic(position)
     assert abs(latitude) <= np.pi / 2
     assert abs(longitude) <= np.pi
-    assert length(geodetic_to_ecef(latitude, longitude, height) - position) <= 6e-9 + 6e-16 * length(position)
+    assert length(
+        geodetic_to_ecef(latitude, longitude, height) - position
+    ) <= 6e-9 + 6e-16 * length(position)
 
 
 @given(places)
@@ -89,9 +107,13 @@ def test_inertial_frame_and_back(position, time):
 
 @given(positions, positions.map(lambda p: p * 1e-5), times)
 def test_inertial_state_and_back(position, velocity, time):
-    back_position, back_velocity = eci_to_ecef_state(*ecef_to_eci_state(position, velocity, time), time)
+    back_position, back_velocity = eci_to_ecef_state(
+        *ecef_to_eci_state(position, velocity, time), time
+    )
     assert length(back_position - position) <= 6e-16 * length(position)
-    assert length(back_velocity - velocity) <= 1e-15 * (length(velocity) + EARTH_ROTATION_RAD_S * length(position))
+    assert length(back_velocity - velocity) <= 1e-15 * (
+        length(velocity) + EARTH_ROTATION_RAD_S * length(position)
+    )
 
 
 @given(positions, positions.map(lambda p: p * 1e-5), st.floats(-1e4, 1e4))
@@ -99,8 +121,13 @@ def test_inertial_velocity_is_the_change_of_inertial_position(position, velocity
     step = 0.5
     _, inertial = ecef_to_eci_state(position, velocity, time)
     ahead, behind = (ecef_to_eci(position + velocity * s, time + s) for s in (step, -step))
-    curvature = EARTH_ROTATION_RAD_S**2 * (length(velocity) + EARTH_ROTATION_RAD_S * length(position))
-    assert length((ahead - behind) / (2 * step) - inertial) <= step**2 * curvature + 4e-15 * length(position) + 1e-12
+    curvature = EARTH_ROTATION_RAD_S**2 * (
+        length(velocity) + EARTH_ROTATION_RAD_S * length(position)
+    )
+    assert (
+        length((ahead - behind) / (2 * step) - inertial)
+        <= step**2 * curvature + 4e-15 * length(position) + 1e-12
+    )
 
 
 @given(places, azimuths, elevations, st.floats(1.0, 4e8))
@@ -123,9 +150,14 @@ def test_looks_are_symmetric_about_the_axis(observer, target, angle):
         return
     one = azimuth_elevation_range(observer, target)
     other = azimuth_elevation_range(spun(observer, angle), spun(target, angle))
-    rounding = 3e-15 * (length(observer) + length(target)) * (1 / length(target - observer) + 1 / 1e6)
+    rounding = (
+        3e-15 * (length(observer) + length(target)) * (1 / length(target - observer) + 1 / 1e6)
+    )
     assert abs(other.elevation_rad - one.elevation_rad) <= 1e-15 + rounding
-    assert abs(np.sin(other.azimuth_rad - one.azimuth_rad)) * np.cos(one.elevation_rad) <= 1e-15 + rounding
+    assert (
+        abs(np.sin(other.azimuth_rad - one.azimuth_rad)) * np.cos(one.elevation_rad)
+        <= 1e-15 + rounding
+    )
     assert abs(other.range_m - one.range_m) <= 1e-15 * (length(observer) + length(target))
     assert elevation_rad(observer, target) == one.elevation_rad
     assert azimuth_elevation_range_in_axes(target - observer, local_axes(observer)) == one
@@ -156,7 +188,10 @@ def test_grazing_height_is_symmetric_and_never_above_the_ends(observer, target, 
     height = grazing_height_m(observer, target)
     reach = length(observer) + length(target)
     assert abs(grazing_height_m(target, observer) - height) <= 1e-8 + 1e-15 * reach
-    assert abs(grazing_height_m(spun(observer, angle), spun(target, angle)) - height) <= 1e-8 + 3e-15 * reach
+    assert (
+        abs(grazing_height_m(spun(observer, angle), spun(target, angle)) - height)
+        <= 1e-8 + 3e-15 * reach
+    )
     ends = ecef_to_geodetic(np.stack([observer, target])).height_m
     assert height <= np.min(ends) + 3e-9 + 1e-15 * reach
     assert is_occluded(observer, target) == is_occluded(target, observer)
@@ -166,7 +201,9 @@ def test_grazing_height_is_symmetric_and_never_above_the_ends(observer, target, 
 @example(np.array([4.2e7, 0.0, 0.0]), np.array([-4.2e7, 1e3, 0.0]), -1e5)
 @example(np.array([4.2e7, 0.0, 0.0]), np.array([0.0, 6.37e6, 0.0]), -10.0)
 def test_inexact_grazing_heights_are_upper_bounds_below_the_limit(observer, target, limit_m):
-    exact, quick = (grazing_height_m(observer, target, exact_above_m=limit) for limit in (-np.inf, limit_m))
+    exact, quick = (
+        grazing_height_m(observer, target, exact_above_m=limit) for limit in (-np.inf, limit_m)
+    )
     assert quick == exact or exact - 1e-8 <= quick < limit_m
 
 
@@ -189,7 +226,9 @@ def test_what_a_ray_meets_is_in_view_and_what_lies_behind_is_not(place, azimuth,
 
 @given(positions, st.floats(0.0, 2 * np.pi), st.floats(-0.41, 0.41), st.floats(-10.0, 10.0))
 @example(np.array([0.0, 6378137.0, 0.0]), 0.0, 0.0, 9.99609375)
-def test_sunlight_is_a_share_and_symmetric_about_the_axis(position, right_ascension, declination, angle):
+def test_sunlight_is_a_share_and_symmetric_about_the_axis(
+    position, right_ascension, declination, angle
+):
     sun = 1.496e11 * np.array(
         [
             np.cos(right_ascension) * np.cos(declination),
@@ -202,7 +241,8 @@ def test_sunlight_is_a_share_and_symmetric_about_the_axis(position, right_ascens
     share = sunlit_fraction(position, sun)
     assert 0.0 <= share <= 1.0
     assert is_sunlit(position, sun) == (share > 0.0)
-    # At the ground the horizon dips with the root of height: 3e-9 m of rounding is 3e-8 rad of a disc of 9e-3 rad.
+    # At the ground the horizon dips with the root of height: 3e-9 m of rounding is 3e-8 rad of a
+    # disc of 9e-3 rad.
     rounding = 1e-5 if length(position) < 6.4e6 else 1e-8
     assert abs(sunlit_fraction(spun(position, angle), spun(sun, angle)) - share) <= rounding
     if np.sum(position * sun) > 0.01 * length(position) * length(sun):

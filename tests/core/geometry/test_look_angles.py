@@ -1,9 +1,15 @@
-"""Looks where conventions bite: straight up and down, north and south, poles, the same place; and light and shade."""
+"""Looks where conventions bite: straight up and down, north and south, poles, the same place; and
+light and shade.
+"""
 
 import numpy as np
 import pytest
 
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M, GEOSTATIONARY_RADIUS_M
+from opir_core.constants import (
+    EARTH_EQUATORIAL_RADIUS_M,
+    EARTH_POLAR_RADIUS_M,
+    GEOSTATIONARY_RADIUS_M,
+)
 from opir_core.geometry import (
     azimuth_elevation_range,
     east_north_up_axes,
@@ -36,13 +42,17 @@ def test_azimuth_runs_clockwise_from_north():
     observer = geodetic_to_ecef(0.5, 1.0, 0.0)
     for azimuth, (north, east) in {0.0: (1, 0), 0.5: (0, 1), 1.0: (-1, 0), 1.5: (0, -1)}.items():
         target = geodetic_to_ecef(0.5 + 1e-6 * north, 1.0 + 1e-6 * east, 0.0)
-        assert azimuth_elevation_range(observer, target).azimuth_rad == pytest.approx(azimuth * np.pi, abs=1e-6)
+        assert azimuth_elevation_range(observer, target).azimuth_rad == pytest.approx(
+            azimuth * np.pi, abs=1e-6
+        )
 
 
 def test_due_north_is_zero_and_never_a_full_turn():
     observer = np.array([EARTH_EQUATORIAL_RADIUS_M, 0.0, 0.0])
     for west in (0.0, -0.0, -5e-324, -1e-300, -1e-12, -1e-9, -4e-10):
-        azimuth = azimuth_elevation_range(observer, observer + np.array([0.0, west, 1e6])).azimuth_rad
+        azimuth = azimuth_elevation_range(
+            observer, observer + np.array([0.0, west, 1e6])
+        ).azimuth_rad
         assert 0.0 <= azimuth < 2.0 * np.pi
         assert not np.signbit(azimuth)
 
@@ -58,7 +68,10 @@ def test_on_the_axis_longitude_counts_as_zero():
     north_pole = np.array([0.0, 0.0, EARTH_POLAR_RADIUS_M])
     # At the pole north points to where longitude is 180 degrees, east to 90.
     assert azimuth_elevation_range(north_pole, [-1e6, 0.0, EARTH_POLAR_RADIUS_M])[:2] == (0.0, 0.0)
-    assert azimuth_elevation_range(north_pole, [0.0, 1e6, EARTH_POLAR_RADIUS_M]).azimuth_rad == np.pi / 2
+    assert (
+        azimuth_elevation_range(north_pole, [0.0, 1e6, EARTH_POLAR_RADIUS_M]).azimuth_rad
+        == np.pi / 2
+    )
     assert line_of_sight(north_pole, np.pi / 2, 0.0) == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
 
 
@@ -90,13 +103,17 @@ def test_the_same_place_has_a_range_and_no_direction():
 def test_nadir_angle_ends():
     assert nadir_angle_rad(SLOT, [0.0, 0.0, 0.0]) == 0.0
     assert nadir_angle_rad(SLOT, 2.0 * SLOT) == np.pi
-    limb = nadir_angle_rad(SLOT, [EARTH_EQUATORIAL_RADIUS_M**2 / GEOSTATIONARY_RADIUS_M, 6304791.0, 0.0])
+    limb = nadir_angle_rad(
+        SLOT, [EARTH_EQUATORIAL_RADIUS_M**2 / GEOSTATIONARY_RADIUS_M, 6304791.0, 0.0]
+    )
     assert np.degrees(limb) == pytest.approx(8.7, abs=0.01)
 
 
 @pytest.mark.slow
 def test_least_height_against_a_search_along_the_segment():
-    """A golden-section search over heights: signed distance to a convex body has one minimum on a line."""
+    """A golden-section search over heights: signed distance to a convex body has one minimum on a
+    line.
+    """
     rng = np.random.default_rng(1)
     ratio = (np.sqrt(5.0) - 1.0) / 2.0
     for lowest, highest, bound in (
@@ -107,7 +124,9 @@ def test_least_height_against_a_search_along_the_segment():
         (6.4e6, 4.3e7, 5e-8),
     ):
         ends = rng.normal(size=(2, 250, 3))
-        ends *= rng.uniform(lowest, highest, (2, 250, 1)) / np.linalg.norm(ends, axis=2, keepdims=True)
+        ends *= rng.uniform(lowest, highest, (2, 250, 1)) / np.linalg.norm(
+            ends, axis=2, keepdims=True
+        )
         observer, target = ends
 
         def height(share, observer=observer, target=target):
@@ -121,7 +140,9 @@ def test_least_height_against_a_search_along_the_segment():
             falls = height(left) < height(right)
             low = np.where(falls, low, left)
             high = np.where(falls, right, high)
-        searched = np.minimum(height(0.5 * (low + high)), np.minimum(height(0.0 * low), height(0.0 * low + 1.0)))
+        searched = np.minimum(
+            height(0.5 * (low + high)), np.minimum(height(0.0 * low), height(0.0 * low + 1.0))
+        )
         assert np.max(np.abs(grazing_height_m(observer, target) - searched)) < bound
 
 
@@ -130,11 +151,16 @@ def test_least_height_through_the_middle_of_the_earth():
     b = EARTH_POLAR_RADIUS_M
     assert grazing_height_m([0, 0, 9e6], [0, 0, -9e6]) == pytest.approx(-b, rel=0.0, abs=1e-8)
     assert grazing_height_m([9e6, 0, 0], [-9e6, 0, 0]) == pytest.approx(-b, rel=0.0, abs=1e-8)
-    # Across the disc of the two nearest points the slope jumps: -b sqrt(1 - rho² / (a² - b²)) is deepest.
+    # Across the disc of the two nearest points the slope jumps: -b sqrt(1 - rho² / (a² - b²)) is
+    # deepest.
     for rho in (1e4, 4e4):
         deepest = -b * np.sqrt(1.0 - rho**2 / (a**2 - b**2))
-        assert grazing_height_m([rho, 0, 9e6], [rho, 0, -8e6]) == pytest.approx(deepest, rel=0.0, abs=1e-8)
-    assert grazing_height_m([9e6, 1.0, 0], [9e6, -1.0, 0]) == pytest.approx(9e6 - a, rel=0.0, abs=1e-8)
+        assert grazing_height_m([rho, 0, 9e6], [rho, 0, -8e6]) == pytest.approx(
+            deepest, rel=0.0, abs=1e-8
+        )
+    assert grazing_height_m([9e6, 1.0, 0], [9e6, -1.0, 0]) == pytest.approx(
+        9e6 - a, rel=0.0, abs=1e-8
+    )
 
 
 def test_least_height_counts_the_ends():
@@ -148,7 +174,9 @@ def test_least_height_counts_the_ends():
 def test_occlusion_is_the_least_height_below_the_margin_between_the_ends(margin_m):
     rng = np.random.default_rng(2)
     target = rng.normal(size=(20000, 3))
-    target *= (6.38e6 + rng.uniform(0.0, 1e6, (20000, 1))) / np.linalg.norm(target, axis=1, keepdims=True)
+    target *= (6.38e6 + rng.uniform(0.0, 1e6, (20000, 1))) / np.linalg.norm(
+        target, axis=1, keepdims=True
+    )
     occluded = is_occluded(SLOT, target, margin_m)
     least = grazing_height_m(SLOT, target)
     ends = np.minimum(ecef_to_geodetic(target).height_m, ecef_to_geodetic(SLOT).height_m)
@@ -181,13 +209,19 @@ def test_a_miss_is_nan_and_so_is_what_has_no_ray():
         intersection_with_ellipsoid(SLOT, -SLOT, -7e6),
     ]
     assert np.all(np.isnan(nowhere))
-    assert intersection_with_ellipsoid(SLOT, -SLOT) == pytest.approx([EARTH_EQUATORIAL_RADIUS_M, 0.0, 0.0], rel=1e-15)
-    assert intersection_with_ellipsoid([0.0, 0.0, 0.0], [0.0, 0.0, -3.0])[2] == pytest.approx(-EARTH_POLAR_RADIUS_M)
+    assert intersection_with_ellipsoid(SLOT, -SLOT) == pytest.approx(
+        [EARTH_EQUATORIAL_RADIUS_M, 0.0, 0.0], rel=1e-15
+    )
+    assert intersection_with_ellipsoid([0.0, 0.0, 0.0], [0.0, 0.0, -3.0])[2] == pytest.approx(
+        -EARTH_POLAR_RADIUS_M
+    )
 
 
 def test_the_longer_ellipsoid_is_within_30_cm_of_constant_height_at_100_km():
     directions = np.random.default_rng(3).normal(size=(2000, 3))
-    heights = ecef_to_geodetic(intersection_with_ellipsoid(5e7 * directions, -directions, 1e5)).height_m
+    heights = ecef_to_geodetic(
+        intersection_with_ellipsoid(5e7 * directions, -directions, 1e5)
+    ).height_m
     assert np.max(np.abs(heights - 1e5)) < 0.3
 
 
@@ -204,8 +238,12 @@ def test_the_shadow_has_an_umbra_a_penumbra_and_an_end():
     # Umbra and penumbra end where lines from edge to edge of Sun and Earth pass: similar triangles.
     dark = across[np.sum(shares == 0.0), 1]
     light = across[np.sum(shares < 1.0), 1]
-    assert dark == pytest.approx(EARTH_EQUATORIAL_RADIUS_M - 4.2e7 * (6.957e8 - 6378137.0) / 1.496e11, abs=5e3)
-    assert light == pytest.approx(EARTH_EQUATORIAL_RADIUS_M + 4.2e7 * (6.957e8 + 6378137.0) / 1.496e11, abs=5e3)
+    assert dark == pytest.approx(
+        EARTH_EQUATORIAL_RADIUS_M - 4.2e7 * (6.957e8 - 6378137.0) / 1.496e11, abs=5e3
+    )
+    assert light == pytest.approx(
+        EARTH_EQUATORIAL_RADIUS_M + 4.2e7 * (6.957e8 + 6378137.0) / 1.496e11, abs=5e3
+    )
 
 
 def test_the_share_of_the_disc_against_counting_rays():

@@ -20,13 +20,18 @@ def test_directions_and_distances_are_those_of_geographiclib(
     centre: tuple[float, float], place: tuple[float, float]
 ) -> None:
     there = SPHERE.Inverse(*np.degrees([*centre, *place]).tolist())
-    assert great_circle_m(np.array([centre]), np.array([place]))[0] == pytest.approx(there["s12"], abs=1e-6)
+    assert great_circle_m(np.array([centre]), np.array([place]))[0] == pytest.approx(
+        there["s12"], abs=1e-6
+    )
     chart = AzimuthalEquidistant.about(unit_vectors(np.array([centre]))[0])
     east, north = chart.points(np.array([place]))[0].tolist()
     assert np.hypot(east, north) == pytest.approx(there["s12"], abs=1e-6)
     if 1.0 < there["s12"] < 2.0e7 and abs(centre[0]) < 1.57:
         turn = np.arctan2(east, north) - np.radians(there["azi1"])
-        assert abs(np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi) * there["s12"] < 0.5 + 1e-6 * there["s12"]
+        assert (
+            abs(np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi) * there["s12"]
+            < 0.5 + 1e-6 * there["s12"]
+        )
 
 
 @given(places, places)

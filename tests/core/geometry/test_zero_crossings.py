@@ -1,4 +1,6 @@
-"""Zero crossings against functions whose zeros are known: sines, parabolas that dip between samples, corners."""
+"""Zero crossings against functions whose zeros are known: sines, parabolas that dip between
+samples, corners.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from opir_core.geometry.crossings import intervals_below, zero_crossings
 
 
 def test_every_zero_of_a_sine_is_found():
-    found = zero_crossings(lambda _, time_s: np.sin(time_s), np.array([0.5]), np.array([20.0]), step_s=0.9)
+    found = zero_crossings(
+        lambda _, time_s: np.sin(time_s), np.array([0.5]), np.array([20.0]), step_s=0.9
+    )
     assert found.time_s == pytest.approx(np.pi * np.arange(1, 7), abs=1e-3)
     assert found.rises.tolist() == [False, True] * 3
 
@@ -29,7 +33,12 @@ def test_rows_have_functions_and_ends_of_their_own():
 @example(25.0, 1.0, "parabola", False)
 @example(5.0, 1.0, "parabola", False)
 @example(95.0, 1.0, "parabola", True)
-@given(st.floats(0.05, 99.95), st.floats(3e-3, 3.0), st.sampled_from(["parabola", "corner"]), st.booleans())
+@given(
+    st.floats(0.05, 99.95),
+    st.floats(3e-3, 3.0),
+    st.sampled_from(["parabola", "corner"]),
+    st.booleans(),
+)
 def test_a_dip_between_two_samples_is_found(centre_s, half_s, shape, is_negated):
     """A dip of any width, below zero within half_s of its centre, and samples 10 s apart."""
     edges = np.array([centre_s - half_s, centre_s + half_s])
@@ -40,7 +49,9 @@ def test_a_dip_between_two_samples_is_found(centre_s, half_s, shape, is_negated)
         off = np.abs(time_s - centre_s) / half_s
         return sign * (off**2 - 1.0 if shape == "parabola" else off - 1.0)
 
-    found = zero_crossings(lambda _, time_s: function(time_s), np.zeros(1), np.full(1, 100.0), step_s=10.0)
+    found = zero_crossings(
+        lambda _, time_s: function(time_s), np.zeros(1), np.full(1, 100.0), step_s=10.0
+    )
     assert found.time_s == pytest.approx(edges[(edges > 0.0) & (edges < 100.0)], abs=1.5e-3)
 
 

@@ -1,4 +1,6 @@
-"""Fake distributions for the plugin host: real metadata and modules in a folder of their own on `sys.path`."""
+"""Fake distributions for the plugin host: real metadata and modules in a folder of their own on
+`sys.path`.
+"""
 
 import sys
 import sysconfig
@@ -18,7 +20,8 @@ from opir_core.host.host import Host
 #: What plugins here import: no `*`, which would import numpy.
 HEADER = (
     "from attrs import frozen\n"
-    "from opir_core.plugin import AtmosphereModel, Constellation, DetectionModel, EventEncoder, NoConfig, SensorModel,"
+    "from opir_core.plugin import AtmosphereModel, Constellation, DetectionModel, EventEncoder,"
+    " NoConfig, SensorModel,"
     " SinkModel, TrackerModel, hookimpl, number\n"
 )
 
@@ -41,7 +44,9 @@ class Shop:
         requires: Sequence[str] = (),
         on_path: bool = True,
     ) -> Path:
-        """Write a distribution with one module, `opir_PLUGIN.plugin`, and put its folder first on the path."""
+        """Write a distribution with one module, `opir_PLUGIN.plugin`, and put its folder first on
+        the path.
+        """
         distribution = distribution or f"opir-{plugin}"
         package = distribution.replace("-", "_")
         folder = self.folder / f"{package}-{version}"
@@ -50,14 +55,24 @@ class Shop:
         (folder / package / "__init__.py").touch()
         (folder / package / "plugin.py").write_text(HEADER + dedent(code))
         groups = {"opir": {plugin: module}, "opir.components": dict.fromkeys(advertise, module)}
-        write_metadata(folder, distribution, version, groups if entry_points is None else entry_points, requires)
+        write_metadata(
+            folder,
+            distribution,
+            version,
+            groups if entry_points is None else entry_points,
+            requires,
+        )
         if on_path:
             sys.path.insert(0, str(folder))
         return folder
 
 
 def write_metadata(
-    folder: Path, name: str, version: str, groups: Mapping[str, Mapping[str, str]], requires: Sequence[str] = ()
+    folder: Path,
+    name: str,
+    version: str,
+    groups: Mapping[str, Mapping[str, str]],
+    requires: Sequence[str] = (),
 ) -> None:
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
@@ -75,7 +90,9 @@ def write_metadata(
 
 def tracker_code(*names: str) -> str:
     """Return a plugin that offers trackers."""
-    yields = "\n".join(f'yield TrackerModel(name="{name}", summary="a tracker", build=print)' for name in names)
+    yields = "\n".join(
+        f'yield TrackerModel(name="{name}", summary="a tracker", build=print)' for name in names
+    )
     return f"@hookimpl\ndef opir_trackers():\n{indent(yields, '    ')}\n"
 
 
@@ -88,7 +105,11 @@ def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shop]:
     monkeypatch.delenv("OPIR_PLUGINS", raising=False)
     monkeypatch.setitem(sys.modules, "opir_core.builtin.plugin", stub_builtin())
     monkeypatch.setattr(discovery, "CORE_PLUGINS", {"builtin": discovery.CORE_PLUGINS["builtin"]})
-    for name in [name for name in sys.modules if name.startswith("opir_") and name.partition(".")[0] != "opir_core"]:
+    for name in [
+        name
+        for name in sys.modules
+        if name.startswith("opir_") and name.partition(".")[0] != "opir_core"
+    ]:
         monkeypatch.delitem(sys.modules, name)
     yield Shop(tmp_path)
     forget(str(tmp_path))
@@ -109,7 +130,9 @@ def assert_left_out(shop: Shop, caplog: pytest.LogCaptureFixture) -> Callable[[s
         shop.install("bad", code, version="3.1")
         assert_costs_itself_alone(reason)
         assert [record.getMessage() for record in caplog.records] == [f"plugin left out: {failure}"]
-        assert [(record.name, record.levelname) for record in caplog.records] == [("opir", "WARNING")]
+        assert [(record.name, record.levelname) for record in caplog.records] == [
+            ("opir", "WARNING")
+        ]
         forget(sys.path.pop(0))
         Shop(shop.folder / "again").install("bad", code, version="3.1", advertise=["trackers.arc"])
         assert_advertised_name_is_refused(failure)
@@ -159,7 +182,9 @@ def stub_builtin() -> types.ModuleType:
 
     @hookimpl
     def opir_detection_models() -> list[DetectionModel]:
-        return [DetectionModel(name="constant", summary="always the same", config=NoConfig, build=print)]
+        return [
+            DetectionModel(name="constant", summary="always the same", config=NoConfig, build=print)
+        ]
 
     module.opir_detection_models = opir_detection_models  # type: ignore[attr-defined]
     return module

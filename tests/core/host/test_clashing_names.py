@@ -22,7 +22,8 @@ def test_a_component_of_two_plugins_is_reported_with_both(shop: Any, trackers: A
     shop.install("two", trackers("arc"), advertise=["trackers.arc"])
     (text,) = clashes()
     assert text.startswith(
-        "two plugins offer the tracker 'arc': opir-one 1.0 (plugin one) and opir-two 1.0 (plugin two)"
+        "two plugins offer the tracker 'arc': opir-one 1.0 (plugin one) and opir-two 1.0 (plugin"
+        " two)"
     )
     assert "uninstall" in text
 
@@ -32,7 +33,8 @@ def test_a_command_of_two_plugins_is_reported_with_both(shop: Any) -> None:
         shop.install(name, COMMANDS, advertise=["commands.chart"])
     (text,) = clashes()
     assert text.startswith(
-        "two plugins offer the command 'chart': opir-one 1.0 (plugin one) and opir-two 1.0 (plugin two)"
+        "two plugins offer the command 'chart': opir-one 1.0 (plugin one) and opir-two 1.0 (plugin"
+        " two)"
     )
 
 

@@ -51,11 +51,16 @@ def test_only_the_owner_of_a_command_is_imported(shop, commands, trackers):
     shop.install("arc", trackers("arc"), advertise=["trackers.arc"])
     shop.install("silent", command("silent", "hum"))
     assert added_commands(Host.discover(), commands, "serve") == ("hum", "serve")
-    assert {"opir_http", "opir_other", "opir_arc", "opir_silent"} & set(sys.modules) == {"opir_http", "opir_silent"}
+    assert {"opir_http", "opir_other", "opir_arc", "opir_silent"} & set(sys.modules) == {
+        "opir_http",
+        "opir_silent",
+    }
 
 
 def test_help_has_all_commands(shop, parser, commands, trackers):
-    shop.install("http", command("http", "serve", "watch"), advertise=["commands.serve", "commands.watch"])
+    shop.install(
+        "http", command("http", "serve", "watch"), advertise=["commands.serve", "commands.watch"]
+    )
     shop.install("arc", trackers("arc"), advertise=["trackers.arc"])
     shop.install("silent", command("silent", "hum"))
     assert added_commands(Host.discover(), commands) == ("hum", "serve", "watch")
@@ -69,7 +74,9 @@ def test_a_command_that_nobody_has(shop, commands):
 
 
 def test_commands_in_the_catalogue(shop):
-    shop.install("http", command("http", "serve", "watch"), advertise=["commands.watch", "commands.serve"])
+    shop.install(
+        "http", command("http", "serve", "watch"), advertise=["commands.watch", "commands.serve"]
+    )
     assert [row.commands for row in Host.discover().catalogue()] == [(), ("serve", "watch")]
 
 
@@ -79,8 +86,10 @@ def test_two_owners_of_one_command(shop, caplog, parser, commands, first, second
     shop.install("http", command("http", "serve"), advertise=first)
     shop.install("acme", command("acme", "serve"), version="2", advertise=second)
     complaint = (
-        "two plugins offer the command 'serve': opir-acme 2 (plugin acme) and opir-http 1.0 (plugin http)\n"
-        "  uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without acme or http"
+        "two plugins offer the command 'serve': opir-acme 2 (plugin acme) and opir-http 1.0 (plugin"
+        " http)\n"
+        "  uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without acme"
+        " or http"
     )
     with pytest.raises(PluginError) as error:
         added_commands(Host.discover(), commands, "serve")
@@ -102,16 +111,29 @@ def test_a_contest_about_another_command_is_let_be(shop, commands):
 @pytest.mark.parametrize(
     ("code", "advertise", "reason"),
     [
-        ("1 / 0", "serve", "cannot be imported: ZeroDivisionError: division by zero (opir_http/plugin.py, line 3)"),
         (
-            "@hookimpl\ndef opir_add_commands(commands):\n    commands.add_parser('serve')\n    1 / 0",
+            "1 / 0",
             "serve",
-            "opir_add_commands raised ZeroDivisionError: division by zero (opir_http/plugin.py, line 6)",
+            "cannot be imported: ZeroDivisionError: division by zero (opir_http/plugin.py, line 3)",
+        ),
+        (
+            (
+                "@hookimpl\ndef opir_add_commands(commands):\n    commands.add_parser('serve')\n    1 /"
+                " 0"
+            ),
+            "serve",
+            (
+                "opir_add_commands raised ZeroDivisionError: division by zero (opir_http/plugin.py,"
+                " line 6)"
+            ),
         ),
         (
             command("http", "listen"),
             "serve",
-            "its entry points in group opir.components advertise the commands serve; it adds listen",
+            (
+                "its entry points in group opir.components advertise the commands serve; it adds"
+                " listen"
+            ),
         ),
         (
             command("http"),
@@ -140,7 +162,8 @@ def test_a_command_whose_plugin_fails(shop, caplog, commands, code, advertise, r
     with pytest.raises(PluginError) as error:
         added_commands(Host.discover(), commands, "serve")
     assert str(error.value) == (
-        f"the command 'serve' cannot be used, because its plugin failed\n  failed: opir-http 5 (plugin http): {reason}"
+        f"the command 'serve' cannot be used, because its plugin failed\n  failed: opir-http 5"
+        f" (plugin http): {reason}"
     )
     caplog.clear()
     others = argparse.ArgumentParser().add_subparsers()

@@ -1,4 +1,6 @@
-"""Which plugins a host sees: what the metadata say, what `OPIR_PLUGINS` allows, and in no order but that of names."""
+"""Which plugins a host sees: what the metadata say, what `OPIR_PLUGINS` allows, and in no order but
+that of names.
+"""
 
 import itertools
 import sys
@@ -28,7 +30,8 @@ def owners(host):
 @pytest.mark.parametrize("group", ["console_scripts", "pytest11", "no.such.group"])
 def test_distributions_agree_with_importlib_metadata(group):
     expected = {
-        (point.dist.name, point.dist.version, point.name, point.value) for point in metadata.entry_points(group=group)
+        (point.dist.name, point.dist.version, point.name, point.value)
+        for point in metadata.entry_points(group=group)
     }
     found = {
         (distribution.name, distribution.version, name, value)
@@ -40,14 +43,22 @@ def test_distributions_agree_with_importlib_metadata(group):
 
 
 def test_every_hook_is_specified_once():
-    specified = [name for spec in (CatalogueHooks, ExtensionHooks) for name in vars(spec) if name.startswith("opir_")]
+    specified = [
+        name
+        for spec in (CatalogueHooks, ExtensionHooks)
+        for name in vars(spec)
+        if name.startswith("opir_")
+    ]
     assert sorted(specified) == sorted(HOOKS)
     assert set(CATALOGUE) < set(HOOKS)
 
 
 def test_core_alone(shop):
     constant = ComponentRow(
-        hook="opir_detection_models", kind="detection model", name="constant", summary="always the same"
+        hook="opir_detection_models",
+        kind="detection model",
+        name="constant",
+        summary="always the same",
     )
     assert Host.discover().catalogue() == [
         PluginRow(
@@ -89,7 +100,10 @@ def test_plugins_in_an_archive(shop, trackers, tmp_path):
         for path in folder.rglob("*"):
             archive.write(path, path.relative_to(folder))
     sys.path.insert(0, str(tmp_path / "zipped.whl"))
-    assert str(Host.discover().provenance("opir_trackers", "kalman")) == "opir-zipped 1.0 (plugin zipped)"
+    assert (
+        str(Host.discover().provenance("opir_trackers", "kalman"))
+        == "opir-zipped 1.0 (plugin zipped)"
+    )
 
 
 def test_plugins_that_only_a_finder_knows(shop, trackers, tmp_path, monkeypatch):
@@ -108,10 +122,15 @@ def test_plugins_that_only_a_finder_knows(shop, trackers, tmp_path, monkeypatch)
 
     assert "found" not in states(Host.discover())
     monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, Finder()])
-    assert str(Host.discover().provenance("opir_trackers", "kalman")) == "opir-found 1.0 (plugin found)"
+    assert (
+        str(Host.discover().provenance("opir_trackers", "kalman"))
+        == "opir-found 1.0 (plugin found)"
+    )
 
 
-@pytest.mark.parametrize("text", [b"", b"\xff\xfe[opir]\x00", b"[opir]\nnonsense\n", b"x = y\n[opir", b"[]\n=\n"])
+@pytest.mark.parametrize(
+    "text", [b"", b"\xff\xfe[opir]\x00", b"[opir]\nnonsense\n", b"x = y\n[opir", b"[]\n=\n"]
+)
 def test_damaged_metadata_of_a_neighbour(shop, trackers, text):
     shop.install("good", trackers("kalman"))
     folder = shop.install("odd")
@@ -151,7 +170,12 @@ class TestAllowList:
         shop.install("heo", trackers("mht"))
 
     def test_unset_allows_all(self):
-        assert states(Host.discover()) == {"builtin": "ready", "dsp": "ready", "heo": "ready", "kafka": "ready"}
+        assert states(Host.discover()) == {
+            "builtin": "ready",
+            "dsp": "ready",
+            "heo": "ready",
+            "kafka": "ready",
+        }
 
     def test_none_allows_all_whatever_the_variable_says(self, monkeypatch):
         monkeypatch.setenv("OPIR_PLUGINS", "dsp")
@@ -161,7 +185,12 @@ class TestAllowList:
     def test_only_names_on_the_list_are_loaded(self, monkeypatch, value):
         monkeypatch.setenv("OPIR_PLUGINS", value)
         host = Host.discover()
-        assert states(host) == {"builtin": "ready", "dsp": "ready", "kafka": "ready", "heo": "hidden"}
+        assert states(host) == {
+            "builtin": "ready",
+            "dsp": "ready",
+            "kafka": "ready",
+            "heo": "hidden",
+        }
         assert host.names("opir_trackers") == ["arc", "kalman"]
         assert "opir_heo" not in sys.modules
 
@@ -169,7 +198,12 @@ class TestAllowList:
     def test_an_empty_list_leaves_core_alone(self, monkeypatch, value):
         monkeypatch.setenv("OPIR_PLUGINS", value)
         host = Host.discover()
-        assert states(host) == {"builtin": "ready", "dsp": "hidden", "heo": "hidden", "kafka": "hidden"}
+        assert states(host) == {
+            "builtin": "ready",
+            "dsp": "hidden",
+            "heo": "hidden",
+            "kafka": "hidden",
+        }
         assert not {"opir_dsp", "opir_heo", "opir_kafka"} & set(sys.modules)
 
     def test_a_list_may_be_given_by_the_program(self, monkeypatch):
@@ -182,12 +216,15 @@ class TestAllowList:
         monkeypatch.setenv("OPIR_PLUGINS", "dsp,kafak,zzz")
         rows = Host.discover().catalogue()
         complaint = (
-            "OPIR_PLUGINS names 'kafak', but no installed distribution has such a plugin; the nearest is 'kafka'"
+            "OPIR_PLUGINS names 'kafak', but no installed distribution has such a plugin; the"
+            " nearest is 'kafka'"
         )
         other = "OPIR_PLUGINS names 'zzz', but no installed distribution has such a plugin"
         assert [record.getMessage() for record in caplog.records] == [complaint, other]
         assert [row for row in rows if row.state == "unknown"] == [
-            PluginRow(distribution="", version="", plugin="kafak", state="unknown", failure=complaint),
+            PluginRow(
+                distribution="", version="", plugin="kafak", state="unknown", failure=complaint
+            ),
             PluginRow(distribution="", version="", plugin="zzz", state="unknown", failure=other),
         ]
 
@@ -199,12 +236,16 @@ class TestAllowList:
             "tracker: no tracker is named 'arc'\n"
             "  trackers installed: kalman of opir-kafka 1.0 (plugin kafka)\n"
             "  opir-dsp 1.0 (plugin dsp) offers it, but OPIR_PLUGINS does not allow dsp\n"
-            "  hidden, because OPIR_PLUGINS does not allow them: opir-dsp 1.0 (plugin dsp), opir-heo 1.0 (plugin heo)\n"
-            "  OPIR_PLUGINS names 'hoe', but no installed distribution has such a plugin; the nearest is 'heo'"
+            "  hidden, because OPIR_PLUGINS does not allow them: opir-dsp 1.0 (plugin dsp),"
+            " opir-heo 1.0 (plugin heo)\n"
+            "  OPIR_PLUGINS names 'hoe', but no installed distribution has such a plugin; the"
+            " nearest is 'heo'"
         )
 
     def test_a_program_is_reported_of_its_own_list(self):
-        with pytest.raises(PluginError, match="hidden, because the allow-list does not allow them: opir-dsp"):
+        with pytest.raises(
+            PluginError, match="hidden, because the allow-list does not allow them: opir-dsp"
+        ):
             Host.discover(["kafka"]).component("opir_trackers", "arc")
 
 
@@ -228,9 +269,17 @@ def test_the_order_of_installation_has_no_effect(shop, trackers, tmp_path):
             with pytest.raises(PluginError) as error:
                 host.component("opir_trackers", name, "tracker")
             answers.append(str(error.value))
-        seen.add((*answers, str(host.names("opir_trackers")), str(host.failures), str(host.catalogue())))
+        seen.add(
+            (*answers, str(host.names("opir_trackers")), str(host.failures), str(host.catalogue()))
+        )
     assert len(seen) == 1
-    assert [row.plugin for row in Host.discover().catalogue()] == ["alpha", "beta", "builtin", "delta", "gamma"]
+    assert [row.plugin for row in Host.discover().catalogue()] == [
+        "alpha",
+        "beta",
+        "builtin",
+        "delta",
+        "gamma",
+    ]
 
 
 OFFERING = """
@@ -247,7 +296,9 @@ class Offering:
 @pytest.mark.parametrize("names", list(itertools.permutations("abc")))
 def test_the_order_of_entry_points_and_of_yielding_has_no_effect(shop, order, names):
     code = f"{OFFERING}\nfirst, second, third = Offering(*{names}), Offering('d'), Offering('e')"
-    shop.install("many", code, entry_points={"opir": {name: f"opir_many.plugin:{name}" for name in order}})
+    shop.install(
+        "many", code, entry_points={"opir": {name: f"opir_many.plugin:{name}" for name in order}}
+    )
     rows = [row for row in Host.discover().catalogue() if row.plugin != "builtin"]
     assert [(row.plugin, [part.name for part in row.components]) for row in rows] == [
         ("first", ["a", "b", "c"]),

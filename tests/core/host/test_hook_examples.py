@@ -1,4 +1,6 @@
-"""Each hook and each base class of a contract shows an example in its docstring, which runs as it is written."""
+"""Each hook and each base class of a contract shows an example in its docstring, which runs as it
+is written.
+"""
 
 import doctest
 import sys
@@ -25,8 +27,16 @@ def bases() -> Iterator[Any]:
     """Yield the base classes and protocols of what components build."""
     for name in ("outputs", "protocols", "radiometric_models", "results"):
         module = import_module(f"opir_core.interfaces.{name}")
-        own = [each for each in vars(module).values() if getattr(each, "__module__", "") == module.__name__]
-        yield from (each for each in own if isinstance(each, type) and {PluginPart, Protocol} & {*each.__bases__})
+        own = [
+            each
+            for each in vars(module).values()
+            if getattr(each, "__module__", "") == module.__name__
+        ]
+        yield from (
+            each
+            for each in own
+            if isinstance(each, type) and {PluginPart, Protocol} & {*each.__bases__}
+        )
 
 
 def fault_of(shown: Any) -> str:

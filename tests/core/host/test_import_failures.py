@@ -12,7 +12,10 @@ from opir_core.host.host import Host
 FAULTS = {
     "a missing dependency": (
         "import aiobroken",
-        "cannot be imported: ModuleNotFoundError: No module named 'aiobroken' (opir_bad/plugin.py, line 3)",
+        (
+            "cannot be imported: ModuleNotFoundError: No module named 'aiobroken' (opir_bad/plugin.py,"
+            " line 3)"
+        ),
     ),
     "an error on import": (
         "1 / 0",
@@ -73,7 +76,10 @@ FAULTS = {
         def opir_trackers(*, scene):
             return ()
         """,
-        "opir_trackers raised TypeError: opir_trackers() missing 1 required keyword-only argument: 'scene'",
+        (
+            "opir_trackers raised TypeError: opir_trackers() missing 1 required keyword-only argument:"
+            " 'scene'"
+        ),
     ),
     "no mark": (
         """
@@ -128,7 +134,9 @@ def test_an_interrupt_is_not_swallowed(shop):
 
 
 def test_a_failed_plugin_is_tried_once(shop, caplog):
-    folder = shop.install("bad", "import sys\nsys.tries = getattr(sys, 'tries', 0) + 1\nraise ValueError")
+    folder = shop.install(
+        "bad", "import sys\nsys.tries = getattr(sys, 'tries', 0) + 1\nraise ValueError"
+    )
     host = Host.discover()
     for _ in range(3):
         host.catalogue()
@@ -148,19 +156,30 @@ def test_failures_are_sorted_however_they_were_found(shop):
 
 
 def test_a_hook_for_later_cores_is_allowed(shop, trackers):
-    shop.install("new", trackers("kalman") + "@hookimpl(optionalhook=True)\ndef opir_dreams(): pass\n")
+    shop.install(
+        "new", trackers("kalman") + "@hookimpl(optionalhook=True)\ndef opir_dreams(): pass\n"
+    )
     assert Host.discover().names("opir_trackers") == ["kalman"]
 
 
 @pytest.mark.parametrize(
     ("value", "reason"),
     [
-        ("opir_odd.plugin:absent", "AttributeError: module 'opir_odd.plugin' has no attribute 'absent'"),
+        (
+            "opir_odd.plugin:absent",
+            "AttributeError: module 'opir_odd.plugin' has no attribute 'absent'",
+        ),
         (
             "opir_odd.plugin:",
-            "ImportError: the entry point 'opir_odd.plugin:' is not of the form module or module:object",
+            (
+                "ImportError: the entry point 'opir_odd.plugin:' is not of the form module or"
+                " module:object"
+            ),
         ),
-        ("opir odd", "ImportError: the entry point 'opir odd' is not of the form module or module:object"),
+        (
+            "opir odd",
+            "ImportError: the entry point 'opir odd' is not of the form module or module:object",
+        ),
         ("opir_absent.plugin", "ModuleNotFoundError: No module named 'opir_absent'"),
     ],
 )
@@ -168,7 +187,9 @@ def test_an_entry_point_that_leads_nowhere(shop, value, reason):
     shop.install("odd", entry_points={"opir": {"odd": value}})
     host = Host.discover()
     host.catalogue()
-    assert host.failures == (PluginFailure(Provenance("odd", "opir-odd", "1.0"), f"cannot be imported: {reason}"),)
+    assert host.failures == (
+        PluginFailure(Provenance("odd", "opir-odd", "1.0"), f"cannot be imported: {reason}"),
+    )
 
 
 def test_an_entry_point_may_name_an_object(shop, trackers):
@@ -180,7 +201,9 @@ def test_an_entry_point_may_name_an_object(shop, trackers):
     class shelf:
         plugin = Plugin()
     """
-    shop.install("object", code, entry_points={"opir": {"object": "opir_object.plugin : shelf.plugin"}})
+    shop.install(
+        "object", code, entry_points={"opir": {"object": "opir_object.plugin : shelf.plugin"}}
+    )
     assert Host.discover().names("opir_trackers") == ["kalman"]
 
 

@@ -1,4 +1,6 @@
-"""A plugin whose hooks raise, or yield what is not a component, or a component that is not fit to be chosen."""
+"""A plugin whose hooks raise, or yield what is not a component, or a component that is not fit to
+be chosen.
+"""
 
 import warnings
 
@@ -107,7 +109,10 @@ FAULTS = {
         def opir_trackers():
             yield TrackerModel(name="t", summary="s", config=dict, build=print)
         """,
-        "opir_trackers yielded a tracker named 't' with the config <class 'dict'>, not an attrs class",
+        (
+            "opir_trackers yielded a tracker named 't' with the config <class 'dict'>, not an attrs"
+            " class"
+        ),
     ),
     "a configuration instead of its class": (
         """
@@ -123,7 +128,10 @@ FAULTS = {
         def opir_trackers():
             yield TrackerModel(name="t", summary="s", build="opir_bad.tracker:build")
         """,
-        "opir_trackers yielded a tracker named 't' with the build 'opir_bad.tracker:build', not a function",
+        (
+            "opir_trackers yielded a tracker named 't' with the build 'opir_bad.tracker:build', not a"
+            " function"
+        ),
     ),
     "presets that are a list": (
         """
@@ -131,7 +139,10 @@ FAULTS = {
         def opir_trackers():
             yield TrackerModel(name="t", summary="s", build=print, presets={"old": ["x"]})
         """,
-        "opir_trackers yielded a tracker named 't' with presets that are not a mapping of names to mappings",
+        (
+            "opir_trackers yielded a tracker named 't' with presets that are not a mapping of names to"
+            " mappings"
+        ),
     ),
     "a name twice": (
         """
@@ -164,7 +175,10 @@ FAULTS = {
         def opir_constellations():
             yield Constellation(name="F", summary="s", model=None, satellites=[{"id": "F-1"}])
         """,
-        "opir_constellations yielded a constellation named 'F' with the model None, not the name of a sensor model",
+        (
+            "opir_constellations yielded a constellation named 'F' with the model None, not the name of"
+            " a sensor model"
+        ),
     ),
     "satellites that are names": (
         """
@@ -172,7 +186,10 @@ FAULTS = {
         def opir_constellations():
             yield Constellation(name="F", summary="s", model="M", satellites="F1")
         """,
-        "opir_constellations yielded a constellation named 'F' with satellites that are not a sequence of mappings",
+        (
+            "opir_constellations yielded a constellation named 'F' with satellites that are not a"
+            " sequence of mappings"
+        ),
     ),
     "a satellite without an id": (
         """

@@ -1,4 +1,6 @@
-"""A scene pays only for what it names: a plugin that advertises is imported when a name of its is asked for."""
+"""A scene pays only for what it names: a plugin that advertises is imported when a name of its is
+asked for.
+"""
 
 import json
 import subprocess
@@ -66,7 +68,9 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation(fleets):
     after_discovery, names, after_names, modules = run(ASK, *fleets)
     assert after_discovery == after_names == []
     assert {"DSP", "HEO", "SBIRS"} <= set(names)
-    assert {name for name in modules if name.startswith(("opir_dsp", "opir_sbirs", "opir_heo"))} == {
+    assert {
+        name for name in modules if name.startswith(("opir_dsp", "opir_sbirs", "opir_heo"))
+    } == {
         "opir_dsp",
         "opir_dsp.plugin",
     }
@@ -74,11 +78,23 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation(fleets):
 
 def test_resolution_imports_nothing_heavy(fleets):
     *_, modules = run(ASK, *fleets)
-    heavy = {"numpy", "scipy", "importlib.metadata", "email", "logging", "difflib", "yaml", "cattrs", "argparse"}
+    heavy = {
+        "numpy",
+        "scipy",
+        "importlib.metadata",
+        "email",
+        "logging",
+        "difflib",
+        "yaml",
+        "cattrs",
+        "argparse",
+    }
     assert heavy & set(modules) == set()
 
 
-def test_a_plugin_that_advertises_nothing_is_imported_at_the_first_resolution(fleets, shop, trackers):
+def test_a_plugin_that_advertises_nothing_is_imported_at_the_first_resolution(
+    fleets, shop, trackers
+):
     silent = shop.install("silent", trackers("kalman"))
     *_, modules = run(ASK, *fleets, silent)
     assert "opir_silent.plugin" in modules
@@ -104,12 +120,20 @@ def test_a_name_is_asked_of_its_owner_alone(fleets):
             ["arc"],
             ["mht"],
             "mht",
-            "advertises trackers.mht and does not offer it; offers trackers.arc and does not advertise it",
+            (
+                "advertises trackers.mht and does not offer it; offers trackers.arc and does not"
+                " advertise it"
+            ),
         ),
     ],
 )
 def test_an_advertisement_that_is_not_kept(shop, trackers, offered, advertised, asked, reason):
-    shop.install("one", trackers(*offered), version="0.9", advertise=[f"trackers.{name}" for name in advertised])
+    shop.install(
+        "one",
+        trackers(*offered),
+        version="0.9",
+        advertise=[f"trackers.{name}" for name in advertised],
+    )
     with pytest.raises(PluginError) as error:
         Host.discover().component("opir_trackers", asked, "tracker")
     assert str(error.value) == (
@@ -120,7 +144,10 @@ def test_an_advertisement_that_is_not_kept(shop, trackers, offered, advertised, 
 
 def test_a_name_that_was_not_advertised_is_missing_with_the_reason(shop, trackers):
     shop.install("one", trackers("arc", "mht"), advertise=["trackers.arc"])
-    with pytest.raises(PluginError, match=f"named 'mht'\n(.*\n)*  failed: opir-one 1.0 .plugin one.: {MISMATCH}offers"):
+    with pytest.raises(
+        PluginError,
+        match=f"named 'mht'\n(.*\n)*  failed: opir-one 1.0 .plugin one.: {MISMATCH}offers",
+    ):
         Host.discover().component("opir_trackers", "mht")
 
 
@@ -132,11 +159,18 @@ def test_a_name_that_was_not_advertised_is_missing_with_the_reason(shop, tracker
             "opir_one.plugin",
             "advertises trackerz.arc, which is not a kind of component and a name",
         ),
-        ("trackers", "opir_one.plugin", "advertises trackers, which is not a kind of component and a name"),
+        (
+            "trackers",
+            "opir_one.plugin",
+            "advertises trackers, which is not a kind of component and a name",
+        ),
         (
             "trackers.arc",
             "opir_one.plugn",
-            "advertises trackers.arc for 'opir_one.plugn', which is not one of its entry points in group opir",
+            (
+                "advertises trackers.arc for 'opir_one.plugn', which is not one of its entry points in"
+                " group opir"
+            ),
         ),
     ],
 )
@@ -155,7 +189,8 @@ def test_an_advertisement_of_no_plugin_at_all(shop, trackers):
     with pytest.raises(PluginError) as error:
         Host.discover().component("opir_trackers", "arc")
     assert str(error.value).endswith(
-        "failed: opir-one 1.0: advertises trackers.arc for 'opir_one.plugin', which is not one of its entry points in "
+        "failed: opir-one 1.0: advertises trackers.arc for 'opir_one.plugin', which is not one of"
+        " its entry points in "
         "group opir"
     )
 

@@ -1,4 +1,6 @@
-"""The watchdog of commands: it names the call that does not return; and calls in a thread that may not."""
+"""The watchdog of commands: it names the call that does not return; and calls in a thread that may
+not.
+"""
 
 import signal
 import threading
@@ -12,7 +14,13 @@ from waiting import until
 
 import opir_core as opir
 from opir_core.host.boundary import PluginErrors, blamed_call, overdue_call
-from opir_core.host.watchdog import DEAD_AFTER_S, CallThread, OverdueError, ended_if_stuck, limit_in_force
+from opir_core.host.watchdog import (
+    DEAD_AFTER_S,
+    CallThread,
+    OverdueError,
+    ended_if_stuck,
+    limit_in_force,
+)
 
 ME = threading.get_ident()
 
@@ -26,7 +34,9 @@ def over() -> Iterator[threading.Event]:
 
 def begun(name: str, call: Callable[[], object]) -> int:
     """Begin a call of a component in a thread of its own; return the thread."""
-    thread = threading.Thread(target=lambda: blamed_call(lambda: name, "hint", "step", call), daemon=True)
+    thread = threading.Thread(
+        target=lambda: blamed_call(lambda: name, "hint", "step", call), daemon=True
+    )
     thread.start()
     assert thread.ident is not None
     return thread.ident
@@ -42,7 +52,9 @@ def test_a_call_that_does_not_return_is_named_with_its_line(over: threading.Even
     until(lambda: not overdue_call(thread, 0.0))
 
 
-def test_a_call_within_a_call_is_the_one_that_is_named_and_its_end_is_a_sign_of_life(over: threading.Event) -> None:
+def test_a_call_within_a_call_is_the_one_that_is_named_and_its_end_is_a_sign_of_life(
+    over: threading.Event,
+) -> None:
     inner = threading.Event()
 
     def outer() -> None:
@@ -58,7 +70,9 @@ def test_a_call_within_a_call_is_the_one_that_is_named_and_its_end_is_a_sign_of_
     assert overdue_call(thread, 0.3).startswith("outer: step")
 
 
-def test_a_call_may_return_while_it_is_looked_at(over: threading.Event, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_call_may_return_while_it_is_looked_at(
+    over: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
     thread = begun("short", over.wait)
     until(lambda: overdue_call(thread, 0.0))
     ended = next(each for each in threading.enumerate() if each.ident == thread)
@@ -106,12 +120,16 @@ def test_a_call_in_a_thread_returns_raises_or_is_given_up(over: threading.Event)
 
 def test_a_thread_for_calls_ends_after_the_last_one() -> None:
     calls = CallThread()
-    assert calls.result(threading.get_ident, 60.0) == calls.result(threading.get_ident, 60.0, is_last=True)
+    assert calls.result(threading.get_ident, 60.0) == calls.result(
+        threading.get_ident, 60.0, is_last=True
+    )
     until(lambda: not calls._thread.is_alive())
 
 
 def test_a_pause_of_the_process_is_not_the_time_of_a_call(over: threading.Event) -> None:
-    """A process that sleeps in a signal handler for longer than the limit, as one that was stopped, gets its answer."""
+    """A process that sleeps in a signal handler for longer than the limit, as one that was stopped,
+    gets its answer.
+    """
     calls = CallThread()
     main = signal.getsignal(signal.SIGALRM)
     signal.signal(signal.SIGALRM, lambda *_: (time.sleep(2.5), over.set()))

@@ -1,4 +1,6 @@
-"""The versions of opir-core that a plugin requires: read from its dependencies, shown by `opir plugins`, checked."""
+"""The versions of opir-core that a plugin requires: read from its dependencies, shown by `opir
+plugins`, checked.
+"""
 
 import sys
 import tomllib
@@ -31,15 +33,23 @@ from opir_core.host.registry import PluginRow
     ],
 )
 def test_versions_inside_and_outside(specifier: str, inside: list[str], outside: list[str]) -> None:
-    assert [version for version in inside if error_of_requirement(specifier, "opir-x", version)] == []
-    assert [version for version in outside if not error_of_requirement(specifier, "opir-x", version)] == []
+    assert [
+        version for version in inside if error_of_requirement(specifier, "opir-x", version)
+    ] == []
+    assert [
+        version for version in outside if not error_of_requirement(specifier, "opir-x", version)
+    ] == []
 
 
 @pytest.mark.parametrize("version", ["0.1.0", "0.1.7", "0.2.0", "1.0", "1.2.3", "2.0", "10.0.1"])
-@pytest.mark.parametrize("specifier", [">=0.1,<0.2", "~=1.0", "==1.*", "!=2.0", ">1,<=10", ">=1.2.3", "<2"])
+@pytest.mark.parametrize(
+    "specifier", [">=0.1,<0.2", "~=1.0", "==1.*", "!=2.0", ">1,<=10", ">=1.2.3", "<2"]
+)
 def test_versions_agree_with_packaging(specifier: str, version: str) -> None:
     packaging = pytest.importorskip("packaging.specifiers")
-    assert packaging.SpecifierSet(specifier).contains(version) == (not error_of_requirement(specifier, "x", version))
+    assert packaging.SpecifierSet(specifier).contains(version) == (
+        not error_of_requirement(specifier, "x", version)
+    )
 
 
 @pytest.mark.parametrize(
@@ -57,7 +67,9 @@ def test_versions_agree_with_packaging(specifier: str, version: str) -> None:
         (["opir-core @ https://example.org/opir.whl"], ""),
     ],
 )
-def test_the_specifier_of_the_core_among_requirements(requirements: list[str], specifier: str) -> None:
+def test_the_specifier_of_the_core_among_requirements(
+    requirements: list[str], specifier: str
+) -> None:
     assert core_specifier(requirements) == specifier
 
 
@@ -65,7 +77,9 @@ def row_of(plugin: str) -> PluginRow:
     return next(row for row in Host.discover().catalogue() if row.plugin == plugin)
 
 
-def test_a_plugin_in_range_is_used_and_its_range_shown(shop: object, trackers: Callable[..., str]) -> None:
+def test_a_plugin_in_range_is_used_and_its_range_shown(
+    shop: object, trackers: Callable[..., str]
+) -> None:
     shop.install("other", trackers("arc"), requires=["opir-core<2,>=0.1", "numpy"])  # type: ignore[attr-defined]
     assert Host.discover().component("opir_trackers", "arc").name == "arc"
     assert row_of("other").requires_core == ">=0.1,<2"
@@ -77,10 +91,13 @@ def test_a_plugin_without_a_range_is_used(shop: object, trackers: Callable[..., 
     assert row_of("other").requires_core == ""
 
 
-def test_a_plugin_for_another_core_is_rejected_without_import(shop: object, trackers: Callable[..., str]) -> None:
+def test_a_plugin_for_another_core_is_rejected_without_import(
+    shop: object, trackers: Callable[..., str]
+) -> None:
     shop.install("other", trackers("arc"), version="2.0", requires=["opir-core>=7.1"])  # type: ignore[attr-defined]
     sentence = (
-        f"opir-other 2.0 (plugin other): requires opir-core >=7.1, and opir-core {__version__} is installed; install an"
+        f"opir-other 2.0 (plugin other): requires opir-core >=7.1, and opir-core {__version__} is"
+        f" installed; install an"
         f" opir-core in that range, or a release of opir-other for opir-core {__version__}"
     )
     with pytest.raises(PluginError) as error:
@@ -89,13 +106,18 @@ def test_a_plugin_for_another_core_is_rejected_without_import(shop: object, trac
     assert "opir_other" not in sys.modules
     row = row_of("other")
     expected = ("failed", ">=7.1", sentence)
-    assert (row.state, row.requires_core, f"opir-other 2.0 (plugin other): {row.failure}") == expected
+    assert (
+        row.state,
+        row.requires_core,
+        f"opir-other 2.0 (plugin other): {row.failure}",
+    ) == expected
 
 
 def projects() -> dict[str, dict[str, object]]:
     files = (ROOT / "plugins").glob("*/pyproject.toml")
     return {
-        project["name"]: project for project in (tomllib.loads(path.read_text())["project"] for path in sorted(files))
+        project["name"]: project
+        for project in (tomllib.loads(path.read_text())["project"] for path in sorted(files))
     }
 
 

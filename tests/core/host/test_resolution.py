@@ -9,7 +9,13 @@ import pytest
 
 import opir_core
 from opir_core.errors import PluginError
-from opir_core.host.components import Constellation, EventEncoder, Provenance, SensorModel, TrackerModel
+from opir_core.host.components import (
+    Constellation,
+    EventEncoder,
+    Provenance,
+    SensorModel,
+    TrackerModel,
+)
 from opir_core.host.hookspecs import hookimpl
 from opir_core.host.host import Host
 
@@ -80,10 +86,12 @@ def test_a_missing_name_with_the_nearest(shop, trackers):
     shop.install("arc", trackers("kepler-are"), advertise=["trackers.kepler-are"])
     assert complaint(Host.discover(), "opir_trackers", "kepler-arc", "tracker") == (
         "tracker: no tracker is named 'kepler-arc'\n"
-        "  nearest: Kepler-Arc of opir-more 2.1 (plugin more), kepler-are of opir-arc 1.0 (plugin arc)\n"
+        "  nearest: Kepler-Arc of opir-more 2.1 (plugin more), kepler-are of opir-arc 1.0 (plugin"
+        " arc)\n"
         "  opir-trackers provides it: python -m pip install opir-trackers (in a clone of opir: "
         "./plugins/opir_trackers)\n"
-        "  trackers installed: Kepler-Arc of opir-more 2.1 (plugin more), kalman of opir-more 2.1 (plugin more), "
+        "  trackers installed: Kepler-Arc of opir-more 2.1 (plugin more), kalman of opir-more 2.1"
+        " (plugin more), "
         "kepler-are of opir-arc 1.0 (plugin arc), mht of opir-more 2.1 (plugin more)"
     )
 
@@ -97,7 +105,9 @@ def test_a_missing_name_that_another_kind_has(shop, trackers):
         "  'DSP' is a sensor model of opir-dsp 1.0 (plugin dsp), not a tracker"
     )
     reported = complaint(Host.discover(), "opir_atmosphere_models", "DSP")
-    assert "'DSP' is a constellation of opir-dsp 1.0 (plugin dsp), not an atmosphere model" in reported
+    assert (
+        "'DSP' is a constellation of opir-dsp 1.0 (plugin dsp), not an atmosphere model" in reported
+    )
 
 
 def test_a_missing_name_wakes_every_plugin_to_say_what_failed(shop, trackers):
@@ -105,13 +115,16 @@ def test_a_missing_name_wakes_every_plugin_to_say_what_failed(shop, trackers):
     assert complaint(Host.discover(), "opir_trackers", "arc") == (
         "no tracker is named 'arc'\n"
         "  trackers installed: none\n"
-        "  failed: opir-bad 7 (plugin bad): cannot be imported: ModuleNotFoundError: No module named 'aiobroken' "
+        "  failed: opir-bad 7 (plugin bad): cannot be imported: ModuleNotFoundError: No module"
+        " named 'aiobroken' "
         "(opir_bad/plugin.py, line 3)"
     )
 
 
 BOTH = "acme-dsp 2.0 (plugin acme) and opir-dsp 0.4 (plugin dsp)"
-WAY_OUT = "uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without acme or dsp"
+WAY_OUT = (
+    "uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without acme or dsp"
+)
 
 
 @pytest.mark.parametrize("first", [(), ("sensor_models.DSP", "constellations.DSP")])
@@ -126,7 +139,9 @@ def test_two_owners_of_one_name(shop, monkeypatch, first, second):
     )
     loaded = {"opir_dsp.plugin", "acme_dsp.plugin"} & set(sys.modules)
     assert loaded == {
-        name for name, reported in (("opir_dsp.plugin", first), ("acme_dsp.plugin", second)) if not reported
+        name
+        for name, reported in (("opir_dsp.plugin", first), ("acme_dsp.plugin", second))
+        if not reported
     }
     monkeypatch.setenv("OPIR_PLUGINS", "acme")
     assert Host.discover().provenance("opir_sensor_models", "DSP").distribution == "acme-dsp"
@@ -163,9 +178,11 @@ def test_three_owners_and_core_among_them(shop):
     shop.install("one", code)
     shop.install("two", code)
     assert complaint(Host.discover(), "opir_detection_models", "constant") == (
-        f"3 plugins offer the detection model 'constant': opir-core {opir_core.__version__} (plugin builtin) and "
+        f"3 plugins offer the detection model 'constant': opir-core {opir_core.__version__} (plugin"
+        f" builtin) and "
         "opir-one 1.0 (plugin one) and opir-two 1.0 (plugin two)\n"
-        "  uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without one or two"
+        "  uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without one or"
+        " two"
     )
 
 
@@ -173,7 +190,8 @@ def test_two_distributions_with_one_plugin_name(shop):
     shop.install("dsp", DSP, version="0.4")
     shop.install("dsp", DSP, version="2.0", distribution="acme-dsp")
     assert complaint(Host.discover(), "opir_sensor_models", "DSP") == (
-        "two plugins offer the sensor model 'DSP': acme-dsp 2.0 (plugin dsp) and opir-dsp 0.4 (plugin dsp)\n"
+        "two plugins offer the sensor model 'DSP': acme-dsp 2.0 (plugin dsp) and opir-dsp 0.4"
+        " (plugin dsp)\n"
         "  uninstall all of them but one"
     )
 
@@ -190,7 +208,9 @@ def test_a_failed_owner_still_contests_what_it_advertises(shop, trackers):
 
 
 def test_a_hook_that_does_not_exist_is_a_mistake_of_the_program(shop):
-    with pytest.raises(ValueError, match="'opir_trackerz' is not a catalogue hook; those are opir_constellations, "):
+    with pytest.raises(
+        ValueError, match="'opir_trackerz' is not a catalogue hook; those are opir_constellations, "
+    ):
         Host.discover().component("opir_trackerz", "x")
 
 
@@ -198,11 +218,16 @@ class TestPluginsOfThisProgram:
     pytestmark = pytest.mark.usefixtures("shop")
 
     def test_objects_and_modules(self, shop):
-        module = SimpleNamespace(__name__="my_module", opir_event_encoders=hookimpl(lambda: [encoder()]))
+        module = SimpleNamespace(
+            __name__="my_module", opir_event_encoders=hookimpl(lambda: [encoder()])
+        )
         module.opir_event_encoders = hookimpl(specname="opir_event_encoders")(lambda: [encoder()])
         host = Host.of(Plugin("arc"), Plugin("kalman"), module)
         assert host.provenance("opir_trackers", "arc") == Provenance("Plugin", "", "")
-        assert str(host.provenance("opir_trackers", "kalman")) == "plugin Plugin-2 (registered by this program)"
+        assert (
+            str(host.provenance("opir_trackers", "kalman"))
+            == "plugin Plugin-2 (registered by this program)"
+        )
         assert host.provenance("opir_event_encoders", "csv").plugin == "my_module"
         assert host.component("opir_detection_models", "constant").name == "constant"
 
@@ -217,7 +242,8 @@ class TestPluginsOfThisProgram:
         assert host.names("opir_trackers") == ["arc", "kalman"]
         host.register(Plugin("arc"), name="other")
         assert complaint(host, "opir_trackers", "arc") == (
-            "two plugins offer the tracker 'arc': opir-one 1.0 (plugin one) and plugin other (registered by this "
+            "two plugins offer the tracker 'arc': opir-one 1.0 (plugin one) and plugin other"
+            " (registered by this "
             "program)\n  leave out other, which this program registered"
         )
 
@@ -225,7 +251,8 @@ class TestPluginsOfThisProgram:
         with pytest.raises(PluginError) as error:
             Host.of(Plugin("a b"))
         assert str(error.value).startswith(
-            "plugin Plugin (registered by this program): opir_trackers yielded a tracker named 'a b'; names are"
+            "plugin Plugin (registered by this program): opir_trackers yielded a tracker named 'a"
+            " b'; names are"
         )
 
     def test_a_name_that_is_taken(self, shop):

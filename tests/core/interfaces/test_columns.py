@@ -1,4 +1,6 @@
-"""Records of columns: columns that are the array of the first one stay so, and others stay apart."""
+"""Records of columns: columns that are the array of the first one stay so, and others stay
+apart.
+"""
 
 from typing import ClassVar
 
@@ -24,7 +26,9 @@ SHARED = np.arange(5)
 APART = np.arange(5) + 10
 
 
-@pytest.mark.parametrize("rows", [slice(1, 4), np.array([3, 1, 1]), np.array([True, False, True, True, False])])
+@pytest.mark.parametrize(
+    "rows", [slice(1, 4), np.array([3, 1, 1]), np.array([True, False, True, True, False])]
+)
 def test_take_copies_one_array_once(rows: object) -> None:
     taken = Row(SHARED, SHARED, APART).take(rows)
     assert taken.one is taken.other
@@ -75,10 +79,16 @@ def test_a_record_without_rows_has_the_number_types_of_its_annotations() -> None
 
 
 def test_every_array_type_has_its_number_type() -> None:
-    named = {name: alias for name, alias in vars(arrays).items() if name.endswith("Array") and name != "NDArray"}
+    named = {
+        name: alias
+        for name, alias in vars(arrays).items()
+        if name.endswith("Array") and name != "NDArray"
+    }
     assert set(arrays.NUMBER_TYPES) == set(named.values())
 
 
 def test_a_column_of_no_known_number_type_is_named() -> None:
-    with pytest.raises(TypeError, match=r"annotate Row\.one, Row\.other, Row\.third with an array type"):
+    with pytest.raises(
+        TypeError, match=r"annotate Row\.one, Row\.other, Row\.third with an array type"
+    ):
         Row.empty()

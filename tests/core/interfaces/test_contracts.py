@@ -1,4 +1,6 @@
-"""Base classes of contracts: their examples run, and parts of other classes have the defaults of what they lack."""
+"""Base classes of contracts: their examples run, and parts of other classes have the defaults of
+what they lack.
+"""
 
 import pickle
 from typing import Any
@@ -59,7 +61,12 @@ class Faulty(Bare):
 
 def test_a_part_of_another_class_has_the_defaults_of_what_it_lacks() -> None:
     sink = Sink.adopt(Bare())
-    assert (sink.delivery_so_far(), sink.waits, sink.outlives_the_process, sink.parked) == (None, 0, None, None)
+    assert (sink.delivery_so_far(), sink.waits, sink.outlives_the_process, sink.parked) == (
+        None,
+        0,
+        None,
+        None,
+    )
     assert not sink.retry()
     sink.close_by(0.0)
     assert sink.close() == Delivery(delivered=0)
@@ -99,9 +106,13 @@ def test_what_sends_is_a_transport_and_what_writes_a_sink() -> None:
     assert isinstance(sink_or_transport(Bare()), Sink)
 
 
-@pytest.mark.parametrize(("made", "seen"), [(None, "None without close, write"), (Lines(), "a Lines without close")])
+@pytest.mark.parametrize(
+    ("made", "seen"), [(None, "None without close, write"), (Lines(), "a Lines without close")]
+)
 def test_what_is_no_sink_is_refused_with_its_owner_and_what_it_lacks(made: Any, seen: str) -> None:
-    with pytest.raises(ModelError, match=f"outputs\\[0\\]: .*'own' of plugin .*build made {seen}.*plugin.Sink"):
+    with pytest.raises(
+        ModelError, match=f"outputs\\[0\\]: .*'own' of plugin .*build made {seen}.*plugin.Sink"
+    ):
         run_into(made)
 
 
@@ -116,10 +127,14 @@ def run_into(sink: Any) -> Any:
     class Plugin:
         @hookimpl
         def opir_sinks(self) -> Any:
-            yield SinkModel(name="own", summary="for this test", build=lambda _config, _context: sink)
+            yield SinkModel(
+                name="own", summary="for this test", build=lambda _config, _context: sink
+            )
 
     host = opir_core.Host.of(Plugin())
-    plan = opir_core.compile_plan(opir_core.scene_from_mapping({**SCENE, "outputs": ["own"]}, host=host), host)
+    plan = opir_core.compile_plan(
+        opir_core.scene_from_mapping({**SCENE, "outputs": ["own"]}, host=host), host
+    )
     return deliver(plan)
 
 
@@ -141,7 +156,9 @@ def test_a_derived_part_without_a_required_attribute_is_refused() -> None:
         def encode(self, window: Any) -> bytes:
             return b""
 
-    with pytest.raises(ModelError, match=r"an Unnamed without schema_version; .* opir_core.plugin.Encoder"):
+    with pytest.raises(
+        ModelError, match=r"an Unnamed without schema_version; .* opir_core.plugin.Encoder"
+    ):
         Encoder.adopt(Unnamed())
 
 

@@ -1,4 +1,6 @@
-"""Regions contain what lies inside their rings: circles on the sphere, at poles and at the 180th meridian too."""
+"""Regions contain what lies inside their rings: circles on the sphere, at poles and at the 180th
+meridian too.
+"""
 
 import numpy as np
 import pytest
@@ -10,9 +12,13 @@ from opir_core.arrays import FloatArray
 
 
 def around(place: tuple[float, float], angle_rad: float, bearing_rad: FloatArray) -> FloatArray:
-    """Return points (k, 2) at an angular distance and bearings from a place (latitude, longitude), spherical law."""
+    """Return points (k, 2) at an angular distance and bearings from a place (latitude, longitude),
+    spherical law.
+    """
     latitude, longitude = place
-    sine = np.sin(latitude) * np.cos(angle_rad) + np.cos(latitude) * np.sin(angle_rad) * np.cos(bearing_rad)
+    sine = np.sin(latitude) * np.cos(angle_rad) + np.cos(latitude) * np.sin(angle_rad) * np.cos(
+        bearing_rad
+    )
     east = np.sin(bearing_rad) * np.sin(angle_rad) * np.cos(latitude)
     away = np.arctan2(east, np.cos(angle_rad) - np.sin(latitude) * sine)
     turned = longitude + away
@@ -30,9 +36,18 @@ SIZES_RAD = [1e-4, 0.05, 1.0]
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("size_rad", SIZES_RAD)
-def test_a_circle_with_a_hole_contains_what_is_between(place: tuple[float, float], size_rad: float) -> None:
+def test_a_circle_with_a_hole_contains_what_is_between(
+    place: tuple[float, float], size_rad: float
+) -> None:
     region = ImpactRegion(0.5, 1.0, ((ring(place, size_rad), ring(place, 0.4 * size_rad)),))
-    for share, inside in ((0.02, False), (0.38, False), (0.42, True), (0.98, True), (1.02, False), (2.5, False)):
+    for share, inside in (
+        (0.02, False),
+        (0.38, False),
+        (0.42, True),
+        (0.98, True),
+        (1.02, False),
+        (2.5, False),
+    ):
         points = around(place, share * size_rad, np.linspace(0.1, 6.1, 7))
         assert [region.contains(*point) for point in points.tolist()] == [inside] * 7
 

@@ -1,4 +1,6 @@
-"""Angles that detections work out when asked: those of the geometry, row by row, whoever else is in the record."""
+"""Angles that detections work out when asked: those of the geometry, row by row, whoever else is in
+the record.
+"""
 
 import subprocess
 import sys
@@ -13,19 +15,27 @@ from opir_core.interfaces.viewpoints import Viewpoints
 
 
 def seen(count: int = 400, share_moving: float = 0.3) -> Detections:
-    """Return detections of sensors 0, 2, 3 and 7; sensor 3 is never twice at a place, sensor 7 now and then away."""
+    """Return detections of sensors 0, 2, 3 and 7; sensor 3 is never twice at a place, sensor 7 now
+    and then away.
+    """
     random = np.random.default_rng(11)
     sensor = random.choice([0, 2, 3, 7], count)
     direction = random.normal(size=(count, 3))
     is_away = (sensor == 3) | ((sensor == 7) & (random.random(count) < share_moving))
-    place = 4.2e7 * random.normal(size=(8, 3))[sensor] + is_away[:, None] * random.uniform(-1e6, 1e6, (count, 3))
+    place = 4.2e7 * random.normal(size=(8, 3))[sensor] + is_away[:, None] * random.uniform(
+        -1e6, 1e6, (count, 3)
+    )
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    return stub_window(count, sensor=sensor, sensor_ecef_m=place, line_of_sight_ecef=direction).detections
+    return stub_window(
+        count, sensor=sensor, sensor_ecef_m=place, line_of_sight_ecef=direction
+    ).detections
 
 
 def test_angles_are_those_of_each_row_alone() -> None:
     found = seen()
-    alone = azimuth_elevation_range_in_axes(found.line_of_sight_ecef, local_axes(found.sensor_ecef_m))
+    alone = azimuth_elevation_range_in_axes(
+        found.line_of_sight_ecef, local_axes(found.sensor_ecef_m)
+    )
     assert found.angles().azimuth_rad.tobytes() == alone.azimuth_rad.tobytes()
     assert found.angles().elevation_rad.tobytes() == alone.elevation_rad.tobytes()
     assert found.azimuth_rad.tobytes() == alone.azimuth_rad.tobytes()
@@ -35,13 +45,17 @@ def test_angles_are_those_of_each_row_alone() -> None:
 
 def test_angles_are_those_of_a_point_on_the_line_of_sight() -> None:
     found = seen()
-    there = azimuth_elevation_range(found.sensor_ecef_m, found.sensor_ecef_m + 4e7 * found.line_of_sight_ecef)
+    there = azimuth_elevation_range(
+        found.sensor_ecef_m, found.sensor_ecef_m + 4e7 * found.line_of_sight_ecef
+    )
     turned = np.sin(found.azimuth_rad - there.azimuth_rad) * np.cos(there.elevation_rad)
     assert np.max(np.abs(turned)) < 1e-14
     assert np.max(np.abs(found.elevation_rad - there.elevation_rad)) < 1e-12
 
 
-@pytest.mark.parametrize("rows", [slice(0, 1), slice(3, 200, 7), slice(None, None, -1), slice(0, 0)])
+@pytest.mark.parametrize(
+    "rows", [slice(0, 1), slice(3, 200, 7), slice(None, None, -1), slice(0, 0)]
+)
 def test_angles_do_not_depend_on_the_other_rows(rows: slice) -> None:
     found = seen()
     assert found.take(rows).azimuth_rad.tobytes() == found.azimuth_rad[rows].tobytes()
@@ -69,7 +83,12 @@ def test_what_is_not_known_is_nan_and_does_not_spread() -> None:
 
 def test_no_detections_have_no_angles_and_no_times() -> None:
     nothing = Detections.empty()
-    assert nothing.angles().azimuth_rad.shape == nothing.elevation_rad.shape == nothing.time_s.shape == (0,)
+    assert (
+        nothing.angles().azimuth_rad.shape
+        == nothing.elevation_rad.shape
+        == nothing.time_s.shape
+        == (0,)
+    )
 
 
 def test_seconds_are_the_nanoseconds() -> None:
@@ -78,6 +97,11 @@ def test_seconds_are_the_nanoseconds() -> None:
 
 
 def test_records_import_no_geometry() -> None:
-    program = "import sys; import opir_core.interfaces.records; assert 'opir_core.geometry' not in sys.modules"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    program = (
+        "import sys; import opir_core.interfaces.records; assert 'opir_core.geometry' not in"
+        " sys.modules"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr

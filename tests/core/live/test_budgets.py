@@ -1,4 +1,6 @@
-"""Work that no machine can do is refused before it is accepted, and a cycle of many looks is cut into windows."""
+"""Work that no machine can do is refused before it is accepted, and a cycle of many looks is cut
+into windows.
+"""
 
 from typing import Any
 
@@ -19,7 +21,9 @@ def host() -> Host:
 
 
 @pytest.mark.slow
-def test_a_cycle_of_many_looks_is_cut_into_windows(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cycle_of_many_looks_is_cut_into_windows(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(running, "LOOKS_PER_WINDOW", 10)
     scene = scene_from_mapping(mapping(), host=host)
     kept: list[LiveWindow] = []
@@ -34,13 +38,17 @@ def test_a_cycle_of_many_looks_is_cut_into_windows(host: Host, monkeypatch: pyte
 
 
 def test_a_setting_that_no_cycle_can_bear_is_refused_and_the_run_goes_on(host: Host) -> None:
-    scene = scene_from_mapping(mapping(allow_implausible=True, limits={"looks_per_cycle": 1e5}), host=host)
+    scene = scene_from_mapping(
+        mapping(allow_implausible=True, limits={"looks_per_cycle": 1e5}), host=host
+    )
     run = LiveRun(scene, host, LiveSettings())
     run.start()
     settings = run.settings_mapping()
     for period_ms, limit in ((1e-6, "run"), (1e-4, "cycle")):
         settings["sensors"][0]["members"][0]["scan_period_ms"] = period_ms
-        with pytest.raises(SceneError, match=rf"limits\.looks_per_{limit}: .* lengthen scan_period_ms of DSP-1"):
+        with pytest.raises(
+            SceneError, match=rf"limits\.looks_per_{limit}: .* lengthen scan_period_ms of DSP-1"
+        ):
             run.configure(settings)
     settings["sensors"][0]["members"][0]["scan_period_ms"] = 50.0
     assert run.configure(settings) > 0
@@ -62,7 +70,9 @@ def test_a_launch_above_the_limit_of_a_cycle_is_refused(host: Host, name: str) -
         scene = scene_from_mapping(mapping(limits={name: limit}, **changes), host=host)
         return LiveRun(scene, host, LiveSettings(speed=100.0))
 
-    work = LiveRun(scene_from_mapping(mapping(), host=host), host, LiveSettings()).plan.workload.of_cycle(5 * 10**9)
+    work = LiveRun(
+        scene_from_mapping(mapping(), host=host), host, LiveSettings()
+    ).plan.workload.of_cycle(5 * 10**9)
     enough = getattr(work, name.partition("_")[0])
     with pytest.raises(SceneError, match=rf"limits\.{name}: a cycle of 5 s of scene time has"):
         limited(enough - 1)

@@ -1,4 +1,6 @@
-"""Live runs of sensors with reporting latency: events when they are reported, also after the scene's end."""
+"""Live runs of sensors with reporting latency: events when they are reported, also after the
+scene's end.
+"""
 
 from typing import Any
 
@@ -27,9 +29,18 @@ def finished(scene: opir.Scene, **settings: Any) -> tuple[LiveRun, list[LiveWind
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("tracker", "order"), [("none", "observation"), ("imm", "observation"), ("imm", "report")])
+@pytest.mark.parametrize(
+    ("tracker", "order"), [("none", "observation"), ("imm", "observation"), ("imm", "report")]
+)
 def test_a_live_run_ends_with_the_events_of_the_batch(tracker: str, order: str) -> None:
-    scene = late_scene(UNEVEN, "paper-ground-chain", "none", tracker=tracker, tracking_order=order, outputs=["memory"])
+    scene = late_scene(
+        UNEVEN,
+        "paper-ground-chain",
+        "none",
+        tracker=tracker,
+        tracking_order=order,
+        outputs=["memory"],
+    )
     run, kept = finished(scene)
     status = run.stop()
     plan = compile_plan(scene)
@@ -39,7 +50,9 @@ def test_a_live_run_ends_with_the_events_of_the_batch(tracker: str, order: str) 
     assert status.time_ns > 70 * NS
     last_s = [sensor.last_detection_s for sensor in status.sensors]
     seen = opir.simulate(scene).detections
-    assert last_s == pytest.approx([seen.time_s[seen.sensor == number].max() for number in range(3)])
+    assert last_s == pytest.approx(
+        [seen.time_s[seen.sensor == number].max() for number in range(3)]
+    )
 
 
 def test_an_event_is_delivered_in_the_cycle_of_its_report() -> None:
@@ -47,7 +60,9 @@ def test_an_event_is_delivered_in_the_cycle_of_its_report() -> None:
     assert len(kept) >= 60
     for live in kept:
         reported_s = live.window.detections.reported_ns * 1e-9
-        assert np.all((reported_s >= live.window.start_s - 1e-9) & (reported_s < live.window.end_s + 1e-9))
+        assert np.all(
+            (reported_s >= live.window.start_s - 1e-9) & (reported_s < live.window.end_s + 1e-9)
+        )
         assert np.all(np.diff(reported_s) >= 0.0)
 
 
@@ -72,7 +87,9 @@ def test_laps_overlap_and_lose_no_report() -> None:
 
 def test_a_looped_scene_cannot_track_in_the_order_of_report() -> None:
     scene = late_scene(UNEVEN, tracker="kepler-arc", tracking_order="report")
-    with pytest.raises(opir.SceneError, match="tracking_order: a looped scene cannot track in the order of report"):
+    with pytest.raises(
+        opir.SceneError, match="tracking_order: a looped scene cannot track in the order of report"
+    ):
         LiveRun(scene, Host.discover(), LiveSettings(loop=True))
 
 

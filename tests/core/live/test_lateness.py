@@ -14,16 +14,19 @@ from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.reading import scene_from_mapping
 
 NS = 1_000_000_000
-#: Real time that each cycle takes, s, after it was due; a cycle of 0.1 s that takes longer delays the next.
+#: Real time that each cycle takes, s, after it was due; a cycle of 0.1 s that takes longer delays
+#: the next.
 TAKEN_S = [0.004, 0.3, 0.02, 0.0, 0.02]
-#: Lateness by hand: due at 0.1, 0.2, 0.3; the second ends at 0.5, so the third (two cycles in one, for it owes 3) is
-#: due at 0.5 and ends at 0.52, the fourth is due at 0.6.
+#: Lateness by hand: due at 0.1, 0.2, 0.3; the second ends at 0.5, so the third (two cycles in one,
+#: for it owes 3) is due at 0.5 and ends at 0.52, the fourth is due at 0.6.
 LATE_S = [0.004, 0.3, 0.02, 0.0, 0.02]
 
 
 def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     host = Host.discover()
-    scene = scene_from_mapping(mapping(outputs=["null"], sensors=[{"constellation": "DSP"}]), host=host)
+    scene = scene_from_mapping(
+        mapping(outputs=["null"], sensors=[{"constellation": "DSP"}]), host=host
+    )
     clock_ns = [77 * NS]
     taken = iter(TAKEN_S)
 
@@ -34,7 +37,9 @@ def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatc
     service = Service(run, HttpSettings())
     monkeypatch.setattr(time, "monotonic_ns", lambda: clock_ns[0])
     run._pace.start()
-    run._pace.wait = lambda due_ns, _stopping: not clock_ns.__setitem__(0, max(clock_ns[0], 77 * NS + due_ns))  # type: ignore[method-assign]
+    run._pace.wait = lambda due_ns, _stopping: (
+        not clock_ns.__setitem__(0, max(clock_ns[0], 77 * NS + due_ns))
+    )  # type: ignore[method-assign]
     seen = []
     for _ in TAKEN_S:
         run._cycle()
@@ -44,7 +49,11 @@ def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatc
     assert latest_s == pytest.approx([0.004, 0.3, 0.3, 0.3, 0.3], abs=1e-9)
     clock = service.status()["clock"]
     assert (clock["late_s"], clock["latest_s"]) == (0.02, 0.3)
-    lines = dict(line.rsplit(" ", 1) for line in metrics_text(service).splitlines() if not line.startswith("#"))
+    lines = dict(
+        line.rsplit(" ", 1)
+        for line in metrics_text(service).splitlines()
+        if not line.startswith("#")
+    )
     buckets = {"0.0025": 1, "0.005": 2, "0.01": 2, "0.025": 4, "0.25": 4, "0.5": 5, "+Inf": 5}
     for edge, count in buckets.items():
         assert float(lines[f'opir_cycle_late_seconds_bucket{{le="{edge}"}}']) == count, edge
@@ -52,7 +61,9 @@ def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatc
     assert float(lines["opir_cycle_late_seconds_count"]) == 5
 
 
-def test_a_cycle_later_than_the_shortest_scan_period_misses_its_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cycle_later_than_the_shortest_scan_period_misses_its_deadline(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     host = Host.discover()
     sensors = [
         {"model": "generic-scanner", "id": "A", "orbital_slot_deg": 0.0, "scan_period_ms": 200.0},
@@ -82,7 +93,9 @@ def run_with(
     """Return a run whose cycles take some real time each, under a clock of the test."""
     host = Host.discover()
     clock_ns = [0]
-    scene = scene_from_mapping(mapping(outputs=["null"], sensors=[{"constellation": "DSP"}]), host=host)
+    scene = scene_from_mapping(
+        mapping(outputs=["null"], sensors=[{"constellation": "DSP"}]), host=host
+    )
 
     def work(_window: object) -> None:
         clock_ns[0] += round(taken_s[0] * NS)
@@ -99,11 +112,18 @@ def run_with(
     return run, clock_ns
 
 
-LAUNCH = {"type": "SRBM", "launch": {"lat_deg": 34.0, "lon_deg": -120.0}, "aim": {"lat_deg": 34.0, "lon_deg": -115.0}}
+LAUNCH = {
+    "type": "SRBM",
+    "launch": {"lat_deg": 34.0, "lon_deg": -120.0},
+    "aim": {"lat_deg": 34.0, "lon_deg": -115.0},
+}
 
 
-def test_a_late_run_is_unready_and_refuses_launches_and_settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    # A late run does up to 20 cycles at once, so that only 2 s and more for such a step let it fall behind for good.
+def test_a_late_run_is_unready_and_refuses_launches_and_settings(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A late run does up to 20 cycles at once, so that only 2 s and more for such a step let it fall
+    # behind for good.
     run, _ = run_with(LiveSettings(cycle_ns=NS // 10, late_after_s=3.0), [2.5], monkeypatch)
     while run.late_s <= 3.0:
         ready = not run.progress().delays
@@ -117,7 +137,9 @@ def test_a_late_run_is_unready_and_refuses_launches_and_settings(monkeypatch: py
 
 
 def test_a_slowed_run_takes_longer_and_stays_ready(monkeypatch: pytest.MonkeyPatch) -> None:
-    run, clock_ns = run_with(LiveSettings(cycle_ns=NS // 10, late_after_s=3.0, slows=True), [2.5], monkeypatch)
+    run, clock_ns = run_with(
+        LiveSettings(cycle_ns=NS // 10, late_after_s=3.0, slows=True), [2.5], monkeypatch
+    )
     for _ in range(20):
         run._cycle()
         assert run.late_s <= 3.0
@@ -139,7 +161,8 @@ def test_a_launch_that_would_make_the_run_late_is_refused(monkeypatch: pytest.Mo
     assert run._pace.load == pytest.approx(0.7, abs=0.04)
     # Of 0.7 the two targets have 0.5; a third would make it 0.95.
     with pytest.raises(
-        BusyError, match=r"the run takes [67].% of real time with 2 targets: one more would make it late"
+        BusyError,
+        match=r"the run takes [67].% of real time with 2 targets: one more would make it late",
     ):
         run.launch(LAUNCH)
     taken_s[0] = 0.06

@@ -1,4 +1,6 @@
-"""Drafts of a running scene: launches and settings let in between two windows change nobody else's events."""
+"""Drafts of a running scene: launches and settings let in between two windows change nobody else's
+events.
+"""
 
 from typing import Any
 
@@ -8,7 +10,12 @@ from live_scene import LATER, NS, batch, lines, mapping
 
 from opir_core.errors import SceneError
 from opir_core.host.host import Host
-from opir_core.live.changes import RestartError, launch_change, settings_change, without_finished_targets
+from opir_core.live.changes import (
+    RestartError,
+    launch_change,
+    settings_change,
+    without_finished_targets,
+)
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import Scene
@@ -40,7 +47,9 @@ def test_a_launch_let_in_between_windows_gives_the_events_of_a_batch(
     assert change.not_after_ns == 31_700_000_000
 
 
-def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(scene: Scene, host: Host) -> None:
+def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(
+    scene: Scene, host: Host
+) -> None:
     plan = compile_plan(scene, host)
     engine = Engine(plan)
     before = engine.advance(30 * NS)
@@ -54,7 +63,9 @@ def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(scene: 
 
 
 @pytest.mark.parametrize(("name", "stays"), [("none", True), ("paper", False)])
-def test_a_classifier_that_knows_no_truth_stays_when_a_launch_is_added(host: Host, name: str, stays: bool) -> None:
+def test_a_classifier_that_knows_no_truth_stays_when_a_launch_is_added(
+    host: Host, name: str, stays: bool
+) -> None:
     plan = compile_plan(scene_from_mapping({**mapping(), "classification": name}, host=host), host)
     assert (launch_change(plan, LATER, 0, 0).engine.plan.classifier is plan.classifier) == stays
 
@@ -75,7 +86,11 @@ def test_a_plan_that_many_launches_pass_through_stays_small(scene: Scene, host: 
         engine = change.engine
         engine.advance(2 * (number + 1) * NS)
         sizes.append(
-            (len(engine.plan.pairs), len(engine.plan.sightlines.travel_s), len(engine.plan.targets.trajectories))
+            (
+                len(engine.plan.pairs),
+                len(engine.plan.sightlines.travel_s),
+                len(engine.plan.targets.trajectories),
+            )
         )
     assert np.max(sizes[8:], axis=0).tolist() <= np.max(sizes[:8], axis=0).tolist()
 
@@ -93,22 +108,33 @@ def test_another_scan_rate_disturbs_nobody_and_repeats_no_id(scene: Scene, host:
         windows.append(engine.advance(engine.time_ns + 15 * NS))
     live = lines(plan, *windows).splitlines()
     undisturbed = [line for line in live if b'"DSP-1"' not in line]
-    assert undisturbed == [line for line in batch(scene, host, 85 * NS).splitlines() if b'"DSP-1"' not in line]
+    assert undisturbed == [
+        line for line in batch(scene, host, 85 * NS).splitlines() if b'"DSP-1"' not in line
+    ]
     ids = [line.split(b'"')[3] for line in live]
     assert len(set(ids)) == len(ids)
-    own = [len([line for line in lines(plan, window).splitlines() if b'"DSP-1"' in line]) for window in windows[1:]]
+    own = [
+        len([line for line in lines(plan, window).splitlines() if b'"DSP-1"' in line])
+        for window in windows[1:]
+    ]
     assert own[0] < own[1] < own[2]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_a_tracker_gets_the_new_rate_of_sensors(host: Host, tracker: str) -> None:
-    """Half a second between looks, then ten: what is not seen meanwhile burns on, and the track goes on."""
+    """Half a second between looks, then ten: what is not seen meanwhile burns on, and the track
+    goes on.
+    """
     scanner = {"model": "generic-scanner", "scan_period_ms": 500.0}
     slots = {"A": -135.0, "B": -90.0}
-    sensors = [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()]
+    sensors = [
+        {**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()
+    ]
     target = mapping()["targets"][0]
-    scene = scene_from_mapping(mapping(duration_s=110, sensors=sensors, targets=[target], tracker=tracker), host=host)
+    scene = scene_from_mapping(
+        mapping(duration_s=110, sensors=sensors, targets=[target], tracker=tracker), host=host
+    )
     plan = compile_plan(scene, host)
     before = Engine(plan)
     before.advance(60 * NS)
@@ -123,17 +149,33 @@ def test_a_tracker_gets_the_new_rate_of_sensors(host: Host, tracker: str) -> Non
     if tracker == "kepler-arc":
         return
     assert np.all(tracks.probability_burning > 0.5), tracks.probability_burning.min()
-    away = tracks.state[:, :3] - plan.targets.position_ecef_m(np.zeros(50, dtype=np.int32), tracks.tick_s)
-    nees = np.sum(away * np.linalg.solve(tracks.state_covariance[:, :3, :3], away[:, :, None])[:, :, 0], axis=1) / 3.0
+    away = tracks.state[:, :3] - plan.targets.position_ecef_m(
+        np.zeros(50, dtype=np.int32), tracks.tick_s
+    )
+    nees = (
+        np.sum(
+            away * np.linalg.solve(tracks.state_covariance[:, :3, :3], away[:, :, None])[:, :, 0],
+            axis=1,
+        )
+        / 3.0
+    )
     assert np.median(nees) < 3.0
 
 
 def without_targets(scene: Scene) -> dict[str, Any]:
-    return {key: value for key, value in scene_mapping(scene).items() if key not in ("targets", "sources")}
+    return {
+        key: value
+        for key, value in scene_mapping(scene).items()
+        if key not in ("targets", "sources")
+    }
 
 
 def test_settings_that_need_a_restart_are_refused_all_at_once(scene: Scene, host: Host) -> None:
-    settings = without_targets(scene) | {"seed": 4, "epoch": "2026-04-01T13:00:00Z", "outputs": ["null"]}
+    settings = without_targets(scene) | {
+        "seed": 4,
+        "epoch": "2026-04-01T13:00:00Z",
+        "outputs": ["null"],
+    }
     settings["sensors"][0]["members"][0]["orbital_slot_deg"] = 7.0
     with pytest.raises(RestartError) as refused:
         settings_change(compile_plan(scene, host), settings, 0, scene)

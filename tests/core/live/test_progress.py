@@ -1,4 +1,6 @@
-"""A live run is watched: calls that hang or end their thread are noticed meanwhile, finished cycles are reported."""
+"""A live run is watched: calls that hang or end their thread are noticed meanwhile, finished cycles
+are reported.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -65,7 +67,9 @@ def test_a_sink_that_hangs_is_named_and_the_engine_goes_on_until_its_queue_is_fu
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("error", [SystemExit(0), GeneratorExit(), KeyboardInterrupt(), MemoryError("all")])
+@pytest.mark.parametrize(
+    "error", [SystemExit(0), GeneratorExit(), KeyboardInterrupt(), MemoryError("all")]
+)
 @pytest.mark.parametrize("part", PARTS)
 def test_whatever_a_component_raises_is_reported(part: str, error: BaseException) -> None:
     hook, sound, method, changes = PARTS[part]

@@ -1,4 +1,6 @@
-"""The live form of the engine in its thread: the same events as in a batch, whatever comes while it runs."""
+"""The live form of the engine in its thread: the same events as in a batch, whatever comes while it
+runs.
+"""
 
 import time
 from typing import Any
@@ -48,7 +50,9 @@ def test_a_live_run_ends_with_the_events_of_the_batch(scene: Scene, host: Host) 
     until(lambda: run.status().state == "ended")
     status = run.stop()
     assert b"".join(lines(run.plan, live.window) for live in kept.windows) == batch(scene, host)
-    assert [(sink.state, sink.delivered, sink.dropped) for sink in status.sinks] == [("closed", status.detections, 0)]
+    assert [(sink.state, sink.delivered, sink.dropped) for sink in status.sinks] == [
+        ("closed", status.detections, 0)
+    ]
     with pytest.raises(RefusedError, match="start it again"):
         run.launch(LATER)
 
@@ -63,7 +67,9 @@ def test_each_lap_is_the_scene_with_its_epoch_moved_on_and_its_seed_one_more(hos
     plan = compile_plan(short, host)
     for lap in range(3):
         again = evolve(short, epoch_us=short.epoch_us + lap * 30_000_000, seed=short.seed + lap)
-        live = b"".join(lines(plan, reported.window) for reported in kept.windows if reported.lap == lap)
+        live = b"".join(
+            lines(plan, reported.window) for reported in kept.windows if reported.lap == lap
+        )
         assert live == batch(again, host, 30 * NS), lap
 
 
@@ -81,7 +87,8 @@ def test_all_times_of_a_laps_tracks_are_moved_on(host: Host) -> None:
     assert len(alone) > 10
     assert np.isfinite(alone.burnout[-1]).all()
     times = [(reported.tick_s, alone.tick_s)] + [
-        (getattr(reported, name)[:, -1], getattr(alone, name)[:, -1]) for name in ("launch", "impact", "burnout")
+        (getattr(reported, name)[:, -1], getattr(alone, name)[:, -1])
+        for name in ("launch", "impact", "burnout")
     ]
     for ours, theirs in times:
         assert np.allclose(ours, theirs + 20.0, rtol=0.0, atol=1e-9, equal_nan=True)
@@ -113,7 +120,11 @@ def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Hos
     assert run.settings_mapping()["confidence"] == {"model": "always"}
 
 
-UNTIMED = {"type": "SRBM", "launch": {"lat_deg": 22.0, "lon_deg": -160.0}, "aim": {"lat_deg": 24.0, "lon_deg": -158.0}}
+UNTIMED = {
+    "type": "SRBM",
+    "launch": {"lat_deg": 22.0, "lon_deg": -160.0},
+    "aim": {"lat_deg": 24.0, "lon_deg": -158.0},
+}
 
 
 @pytest.mark.slow
@@ -127,7 +138,8 @@ def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -
         asked_s.append(run.time_ns / NS)
         times.append(run.launch(UNTIMED).time_s)
     status = run.stop()
-    # Not in order within a lap: one that a busy machine was slow to plan goes up later than the next, at once planned.
+    # Not in order within a lap: one that a busy machine was slow to plan goes up later than the
+    # next, at once planned.
     assert all(time_s > before_s for time_s, before_s in zip(times, asked_s, strict=True))
     laps = [time_s // 20.0 for time_s in times]
     assert laps == sorted(laps)

@@ -1,4 +1,6 @@
-"""Sinks of a live run: nothing is lost, no viewer gets an event too early, and no sink holds up another."""
+"""Sinks of a live run: nothing is lost, no viewer gets an event too early, and no sink holds up
+another.
+"""
 
 import threading
 import time
@@ -49,7 +51,11 @@ def scene(host: Host) -> Scene:
 
 
 def run_into(host: Host, speed: float | None, *outputs: Mapping[str, Any]) -> LiveRun:
-    return LiveRun(scene_from_mapping({**SCENE, "outputs": outputs}, host=host), host, LiveSettings(speed=speed))
+    return LiveRun(
+        scene_from_mapping({**SCENE, "outputs": outputs}, host=host),
+        host,
+        LiveSettings(speed=speed),
+    )
 
 
 class Slow(Sink):
@@ -87,11 +93,17 @@ def test_a_slow_sink_loses_nothing_and_one_that_fails_is_reported(scene: Scene, 
     broken.close(time.monotonic() + 60.0)
     events = len(window.detections) * (QUEUED_WINDOWS // 2)
     assert (slow.status().delivered, slow.status().state) == (events, "closed")
-    assert (broken.status().dropped, broken.status().state, broken.status().error) == (events, "failed", "no room")
+    assert (broken.status().dropped, broken.status().state, broken.status().error) == (
+        events,
+        "failed",
+        "no room",
+    )
 
 
 class Kept(Slow):
-    """A sink with a spool, which counts what it has written down, and how many of another's windows came before."""
+    """A sink with a spool, which counts what it has written down, and how many of another's windows
+    came before.
+    """
 
     outlives_the_process = True
     waits = 0
@@ -107,13 +119,18 @@ class Kept(Slow):
         super().write(window)
 
 
-def test_no_viewer_gets_an_event_before_the_outputs_with_a_spool_have_it(scene: Scene, host: Host) -> None:
+def test_no_viewer_gets_an_event_before_the_outputs_with_a_spool_have_it(
+    scene: Scene, host: Host
+) -> None:
     shown: list[LiveWindow] = []
     run = LiveRun(evolve(scene, outputs=()), host, LiveSettings(speed=None), shown.append)
     other = Slow(threading.Event())
     other.gate.set()
     kept = Kept(lambda: max(run.status().detections, reported(shown), other.taken))
-    run._sinks = (SinkThread("outputs[0]", "other", other), SinkThread("outputs[1]", "kept", kept, is_spooled=True))
+    run._sinks = (
+        SinkThread("outputs[0]", "other", other),
+        SinkThread("outputs[1]", "kept", kept, is_spooled=True),
+    )
     run._state = "running"
     run._thread.start()
     until(lambda: run.state == "ended")
@@ -135,7 +152,11 @@ def test_a_kept_output_that_fails_is_reported_and_the_run_goes_on(scene: Scene, 
         broken.write(window, threading.Event())
     broken.close(time.monotonic() + 60.0)
     reported = broken.status()
-    assert (reported.state, reported.error, reported.dropped) == ("failed", "no room", 3 * len(window.detections))
+    assert (reported.state, reported.error, reported.dropped) == (
+        "failed",
+        "no room",
+        3 * len(window.detections),
+    )
 
 
 def test_a_spooled_output_that_is_changed_loses_nothing(tmp_path: Any, host: Host) -> None:

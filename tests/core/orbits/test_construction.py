@@ -10,7 +10,15 @@ import pytest
 
 from opir_core.errors import PluginError, SceneError
 from opir_core.geometry import gmst_rad
-from opir_core.orbits import CircularConfig, KeplerConfig, OmmFileConfig, OrbitConfig, SlotConfig, elements_of, orbit_of
+from opir_core.orbits import (
+    CircularConfig,
+    KeplerConfig,
+    OmmFileConfig,
+    OrbitConfig,
+    SlotConfig,
+    elements_of,
+    orbit_of,
+)
 
 EPOCH_US = 1_775_044_800_000_000
 OMM = {
@@ -35,7 +43,9 @@ def circular(**node):
 
 def test_a_node_by_longitude_stands_there_at_the_scene_epoch():
     for epoch_us in (0, EPOCH_US, 4_102_444_800_000_000):
-        x, y, z = orbit_of(circular(lon_asc_node_deg=40.0), epoch_us).position_ecef_m(np.zeros(1))[0]
+        x, y, z = orbit_of(circular(lon_asc_node_deg=40.0), epoch_us).position_ecef_m(np.zeros(1))[
+            0
+        ]
         assert math.degrees(math.atan2(y, x)) == pytest.approx(40.0, abs=1e-9)
         assert z == pytest.approx(0.0, abs=1e-3)
 
@@ -49,13 +59,19 @@ def test_a_node_by_right_ascension_stands_at_that_less_the_sidereal_time():
 
 def test_the_argument_of_latitude_moves_the_satellite_along():
     config = OrbitConfig(
-        circular=CircularConfig(altitude_km=700.0, inclination_deg=98.0, lon_asc_node_deg=0.0, arg_latitude_deg=90.0)
+        circular=CircularConfig(
+            altitude_km=700.0, inclination_deg=98.0, lon_asc_node_deg=0.0, arg_latitude_deg=90.0
+        )
     )
     position = orbit_of(config, 0).position_ecef_m(np.zeros(1))[0]
-    assert math.degrees(math.asin(position[2] / np.linalg.norm(position))) == pytest.approx(82.0, abs=1e-9)
+    assert math.degrees(math.asin(position[2] / np.linalg.norm(position))) == pytest.approx(
+        82.0, abs=1e-9
+    )
 
 
-@pytest.mark.parametrize(("true_deg", "mean_deg"), [(0.0, 0.0), (180.0, 180.0), (-180.0, -180.0), (360.0, 0.0)])
+@pytest.mark.parametrize(
+    ("true_deg", "mean_deg"), [(0.0, 0.0), (180.0, 180.0), (-180.0, -180.0), (360.0, 0.0)]
+)
 def test_true_and_mean_anomaly_agree_at_the_apsides(true_deg, mean_deg):
     shared = {
         "semi_major_axis_km": 26_562.0,
@@ -67,7 +83,9 @@ def test_true_and_mean_anomaly_agree_at_the_apsides(true_deg, mean_deg):
     by_true = orbit_of(OrbitConfig(kepler=KeplerConfig(**shared, true_anomaly_deg=true_deg)), 0)
     by_mean = orbit_of(OrbitConfig(kepler=KeplerConfig(**shared, mean_anomaly_deg=mean_deg)), 0)
     time_s = np.linspace(0.0, 4000.0, 9)
-    assert by_true.position_ecef_m(time_s) == pytest.approx(by_mean.position_ecef_m(time_s), rel=0.0, abs=1e-3)
+    assert by_true.position_ecef_m(time_s) == pytest.approx(
+        by_mean.position_ecef_m(time_s), rel=0.0, abs=1e-3
+    )
 
 
 def test_an_inclined_slot_goes_north_over_the_slot_at_the_scene_epoch():
@@ -133,10 +151,12 @@ def test_without_sgp4_the_way_out_is_said(monkeypatch):
 def test_orbits_without_sgp4_do_not_import_it():
     code = (
         "import sys; import numpy as np; from opir_core.orbits import *;"
-        "orbit_of(OrbitConfig(molniya=MolniyaConfig(apogee_lon_deg=0.0)), 0).position_ecef_m(np.zeros(3));"
+        "orbit_of(OrbitConfig(molniya=MolniyaConfig(apogee_lon_deg=0.0)),"
+        " 0).position_ecef_m(np.zeros(3));"
         "roots = {name.split('.')[0] for name in sys.modules};"
         "assert not roots & {'sgp4', 'scipy'}, roots;"
         "flight = {name for name in sys.modules if name.startswith('opir_core.flight.')};"
-        "assert not {f'opir_core.flight.{name}' for name in ('propagation', 'drag', 'gravity', 'dop853')} & flight"
+        "assert not {f'opir_core.flight.{name}' for name in ('propagation', 'drag', 'gravity',"
+        " 'dop853')} & flight"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,4 +1,6 @@
-"""Moving sensors in the engine: results do not depend on windows, and sensors are where their orbits say."""
+"""Moving sensors in the engine: results do not depend on windows, and sensors are where their
+orbits say.
+"""
 
 import math
 
@@ -36,9 +38,17 @@ def plan_of(names):
     ]
     rng = np.random.default_rng(7)
     start_s = IGNITION_S + rng.uniform(0.0, 5.0, 12)
-    targets = VerticalTargets(rng.uniform(-40, 60, 12), rng.uniform(-60, 60, 12), start_s, start_s + 25.0)
+    targets = VerticalTargets(
+        rng.uniform(-40, 60, 12), rng.uniform(-60, 60, 12), start_s, start_s + 25.0
+    )
     scene = stub_scene(duration_s=END_NS * 1e-9)
-    return stub_plan(sensors, targets, [f"T{n}" for n in range(12)], scene, detection=CertainDetection(0.7, False))
+    return stub_plan(
+        sensors,
+        targets,
+        [f"T{n}" for n in range(12)],
+        scene,
+        detection=CertainDetection(0.7, False),
+    )
 
 
 def detections(plan, edges_ns) -> Detections:
@@ -53,7 +63,9 @@ def test_windows_cut_anywhere_give_the_same_bytes(cuts):
     cut = detections(plan_of(ORBITS), [*sorted(cuts), END_NS])
     assert len(whole) > 200
     for column in fields(Detections):
-        assert getattr(whole, column.name).tobytes() == getattr(cut, column.name).tobytes(), column.name
+        assert getattr(whole, column.name).tobytes() == getattr(cut, column.name).tobytes(), (
+            column.name
+        )
 
 
 @pytest.mark.parametrize("name", ORBITS)

@@ -1,4 +1,6 @@
-"""What holds for every orbit: conserved quantities, bounds, the Earth's symmetry, and independence of the batch."""
+"""What holds for every orbit: conserved quantities, bounds, the Earth's symmetry, and independence
+of the batch.
+"""
 
 import math
 
@@ -10,7 +12,14 @@ from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import ecef_to_eci_state
 from opir_core.orbits import Elements, OrbitConfig, SlotConfig, circular_elements, orbit_of
-from opir_core.orbits.orbit_models import FARTHEST_S, KEPT_SPANS, SPAN_S, GeostationaryOrbit, MovingOrbit, TwoBodyMotion
+from opir_core.orbits.orbit_models import (
+    FARTHEST_S,
+    KEPT_SPANS,
+    SPAN_S,
+    GeostationaryOrbit,
+    MovingOrbit,
+    TwoBodyMotion,
+)
 
 angles = st.floats(-6.3, 6.3)
 EPOCH_US = 1_775_044_800_000_000
@@ -22,7 +31,9 @@ def orbits(draw: st.DrawFn) -> Elements:
     return Elements(
         semi_major_axis_m=draw(st.floats(6.6e6, 4.3e7)) / (1.0 - eccentricity),
         eccentricity=eccentricity,
-        inclination_rad=draw(st.one_of(st.floats(0.0, math.pi), st.sampled_from([0.0, math.pi, math.pi / 2]))),
+        inclination_rad=draw(
+            st.one_of(st.floats(0.0, math.pi), st.sampled_from([0.0, math.pi, math.pi / 2]))
+        ),
         node_longitude_rad=draw(angles),
         argument_of_perigee_rad=draw(angles),
         mean_anomaly_rad=draw(angles),
@@ -46,7 +57,9 @@ def test_energy_and_momentum_stay(elements):
     energy = 0.5 * np.einsum("ij,ij->i", velocity, velocity) - EARTH_MU_M3_S2 / radius
     momentum = np.cross(position, velocity)
     greatest = EARTH_MU_M3_S2 / elements.perigee_radius_m
-    assert energy == pytest.approx(-0.5 * EARTH_MU_M3_S2 / elements.semi_major_axis_m, rel=0.0, abs=1e-11 * greatest)
+    assert energy == pytest.approx(
+        -0.5 * EARTH_MU_M3_S2 / elements.semi_major_axis_m, rel=0.0, abs=1e-11 * greatest
+    )
     semilatus = elements.semi_major_axis_m * (1.0 - elements.eccentricity**2)
     length = math.sqrt(EARTH_MU_M3_S2 * semilatus)
     tilt = elements.inclination_rad
@@ -71,7 +84,9 @@ def test_distance_and_latitude_stay_within_their_bounds(elements):
 def test_polynomials_keep_the_tolerance(elements, seed):
     motion = TwoBodyMotion(elements)
     time_s = times(2000, seed, 6e3)
-    miss = np.linalg.norm(MovingOrbit(motion).position_ecef_m(time_s) - motion.position_ecef_m(time_s), axis=1)
+    miss = np.linalg.norm(
+        MovingOrbit(motion).position_ecef_m(time_s) - motion.position_ecef_m(time_s), axis=1
+    )
     assert miss.max() <= 1e-3
 
 
@@ -98,11 +113,19 @@ def test_turning_the_node_turns_the_orbit_about_the_earths_axis(elements, turn_r
 
 
 def test_shifting_the_epoch_by_a_sidereal_day_moves_nothing():
-    # A mean sidereal day is 86164.090531 s (Explanatory Supplement to the Astronomical Almanac, 1992, section 2.24).
+    # A mean sidereal day is 86164.090531 s (Explanatory Supplement to the Astronomical Almanac,
+    # 1992, section 2.24).
     day_us = 86_164_090_531
     config = OrbitConfig(
         **orbit_config_block(
-            {"circular": {"altitude_km": 1200.0, "inclination_deg": 53.0, "raan_deg": 40.0, "arg_latitude_deg": 10.0}}
+            {
+                "circular": {
+                    "altitude_km": 1200.0,
+                    "inclination_deg": 53.0,
+                    "raan_deg": 40.0,
+                    "arg_latitude_deg": 10.0,
+                }
+            }
         )
     )
     first = orbit_of(config, EPOCH_US).position_ecef_m(np.zeros(1))
@@ -120,7 +143,10 @@ def test_a_position_has_the_same_bits_in_any_batch(elements, data):
     for row in order:
         assert one.position_ecef_m(time_s[[row]]).tobytes() == together[[row]].tobytes()
     many = np.concatenate([np.repeat(time_s, 50), times(5000, 4, 2e3)])
-    assert moving(elements).position_ecef_m(many)[: 50 * len(time_s) : 50].tobytes() == together.tobytes()
+    assert (
+        moving(elements).position_ecef_m(many)[: 50 * len(time_s) : 50].tobytes()
+        == together.tobytes()
+    )
 
 
 def test_spans_that_were_forgotten_come_back_the_same():
@@ -131,12 +157,15 @@ def test_spans_that_were_forgotten_come_back_the_same():
 
 
 @pytest.mark.parametrize(
-    "time_s", [0.0, SPAN_S, -SPAN_S, np.nextafter(SPAN_S, 0.0), -1e-300, 1e7, np.nextafter(FARTHEST_S, 0.0)]
+    "time_s",
+    [0.0, SPAN_S, -SPAN_S, np.nextafter(SPAN_S, 0.0), -1e-300, 1e7, np.nextafter(FARTHEST_S, 0.0)],
 )
 def test_the_ends_of_spans_have_positions(time_s):
     elements = circular_elements(1.2e6, 0.9, 0.1)
     expected = TwoBodyMotion(elements).position_ecef_m(np.array([time_s]))
-    assert moving(elements).position_ecef_m(np.array([time_s])) == pytest.approx(expected, rel=0.0, abs=1e-3)
+    assert moving(elements).position_ecef_m(np.array([time_s])) == pytest.approx(
+        expected, rel=0.0, abs=1e-3
+    )
 
 
 def test_times_without_a_position():
@@ -165,7 +194,9 @@ def test_a_motion_that_no_polynomial_follows_is_asked_itself():
             return self.position_ecef_m(time_s), np.ones((len(time_s), 3))
 
     time_s = times(200, 5)
-    assert np.array_equal(MovingOrbit(Sawtooth()).position_ecef_m(time_s), Sawtooth().position_ecef_m(time_s))
+    assert np.array_equal(
+        MovingOrbit(Sawtooth()).position_ecef_m(time_s), Sawtooth().position_ecef_m(time_s)
+    )
 
 
 def test_a_slot_is_stationary_only_where_it_is():

@@ -1,4 +1,6 @@
-"""The page of orbits: its scene blocks are read as they stand, and it names every key with its default."""
+"""The page of orbits: its scene blocks are read as they stand, and it names every key with its
+default.
+"""
 
 import math
 import re
@@ -28,7 +30,10 @@ class Carrier:
 def kinds() -> dict[str, Any]:
     """Return the configuration class of each kind of orbit, None for a kind that has none."""
     hints = get_type_hints(OrbitConfig)
-    inner = {name: get_args(hint)[0] if isinstance(hint, UnionType) else hint for name, hint in hints.items()}
+    inner = {
+        name: get_args(hint)[0] if isinstance(hint, UnionType) else hint
+        for name, hint in hints.items()
+    }
     return {name: kind if has(kind) else None for name, kind in inner.items()}
 
 
@@ -44,7 +49,9 @@ def test_blocks_are_read(block):
     assert class_reader(Carrier)(node_of_yaml(block)).orbit is not None
 
 
-@pytest.mark.parametrize(("name", "kind"), [(name, kind) for name, kind in kinds().items() if kind is not None])
+@pytest.mark.parametrize(
+    ("name", "kind"), [(name, kind) for name, kind in kinds().items() if kind is not None]
+)
 def test_every_key_is_named_and_its_default_with_it(name, kind):
     keys = {attribute.name: attribute.default for attribute in fields(kind)}
     text = "\n".join(block for block in BLOCKS if "tundra" in block or f"{name}:" in block)
@@ -52,11 +59,15 @@ def test_every_key_is_named_and_its_default_with_it(name, kind):
         assert re.search(rf"\b{key}\b", text), key
         if default is NOTHING or default is None or isinstance(default, Factory):
             continue
-        line = next(line for line in text.splitlines() if re.search(rf"\b{key}:", line) and "#" in line)
-        reported = f"default {shown(default)}"
-        assert re.search(rf"{re.escape(reported)}\b", line) or f"{name} {default}" in line or "the default" in line, (
-            line
+        line = next(
+            line for line in text.splitlines() if re.search(rf"\b{key}:", line) and "#" in line
         )
+        reported = f"default {shown(default)}"
+        assert (
+            re.search(rf"{re.escape(reported)}\b", line)
+            or f"{name} {default}" in line
+            or "the default" in line
+        ), line
 
 
 def shown(default: Any) -> str:
@@ -78,13 +89,19 @@ def test_an_inclined_slot_draws_the_figure_eight_of_the_page():
 def test_a_molniya_satellite_is_north_for_the_share_of_the_page():
     orbit = orbit_of(OrbitConfig(molniya=MolniyaConfig(apogee_lon_deg=90.0)), 0)
     share = (orbit.position_ecef_m(np.arange(86164) + 0.5)[:, 2] > 0).mean()
-    eccentric = math.acos(0.74)  # the true anomaly is 90 deg; Kepler's equation gives the time from there
+    eccentric = math.acos(
+        0.74
+    )  # the true anomaly is 90 deg; Kepler's equation gives the time from there
     assert abs(share - (1 - (eccentric - 0.74 * math.sin(eccentric)) / math.pi)) < 1e-4
     assert f"spends {share:.0%}".replace("%", " %") in " ".join(PAGE.split())
 
 
 def test_the_element_set_of_the_page_is_at_the_distance_that_sgp4_gives():
-    (lines,) = [tuple(re.findall(r"^    - (.*)$", block, re.MULTILINE)) for block in BLOCKS if "tle:" in block]
+    (lines,) = [
+        tuple(re.findall(r"^    - (.*)$", block, re.MULTILINE))
+        for block in BLOCKS
+        if "tle:" in block
+    ]
     epoch_us = int(np.datetime64("2008-09-20T12:30:00", "us").astype(np.int64))
     teme_m = Sgp4Motion(satellite_of_tle(lines), epoch_us).position_teme_m(np.array([0.0]))
     ecef_m = orbit_of(OrbitConfig(tle=lines), epoch_us).position_ecef_m(np.array([0.0]))

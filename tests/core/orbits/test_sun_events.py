@@ -1,4 +1,6 @@
-"""Eclipses and outages: directions of a geostationary field, shares of it, and what never meets the Sun."""
+"""Eclipses and outages: directions of a geostationary field, shares of it, and what never meets the
+Sun.
+"""
 
 import numpy as np
 import pytest
@@ -7,7 +9,13 @@ from opir_testing import stub_sensor
 
 from opir_core.geometry import is_sunlit, nadir_angle_rad
 from opir_core.geometry.sun import sun_ecef_m
-from opir_core.orbits import CircularConfig, OrbitConfig, eclipse_intervals, orbit_of, outage_intervals
+from opir_core.orbits import (
+    CircularConfig,
+    OrbitConfig,
+    eclipse_intervals,
+    orbit_of,
+    outage_intervals,
+)
 from opir_core.orbits.sun_events import cap_overlap_sr
 
 EQUINOX = np.datetime64("2026-03-20T12:00:00")
@@ -23,13 +31,16 @@ def geostationary(slot_deg=0.0, exclusion_deg=5.0, field_deg=10.0):
 
 
 def test_around_local_midnight_the_sun_is_beyond_the_west_limb_then_the_east_limb():
-    """Before midnight the Sun has not set far enough: it stands beyond the limb where the day ended, in the west."""
+    """Before midnight the Sun has not set far enough: it stands beyond the limb where the day
+    ended, in the west.
+    """
     found = outage_intervals(geostationary(), EQUINOX, 0.0, DAY_S)
     eclipse = eclipse_intervals(geostationary().orbit, EQUINOX, 0.0, DAY_S)
     before, after = np.degrees(found.azimuth_rad)
     assert before == pytest.approx(270.0, abs=4.0)
     assert after == pytest.approx(90.0, abs=4.0)
-    # 15 degrees from nadir is an hour from midnight, whose time the equation of time moves by seven minutes.
+    # 15 degrees from nadir is an hour from midnight, whose time the equation of time moves by seven
+    # minutes.
     assert found.start_s[0] == pytest.approx(11.1 * 3600.0, abs=200.0)
     assert found.stop_s[1] == pytest.approx(13.1 * 3600.0, abs=200.0)
     # The gap is the umbra, at most 70 minutes at geostationary distance.
@@ -44,9 +55,9 @@ def test_the_sun_is_north_of_a_field_in_august_and_south_of_it_in_february():
         found = outage_intervals(geostationary(), epoch, 0.0, DAY_S)
         middle = 0.5 * (found.start_s[0] + found.stop_s[0])
         at_middle = outage_intervals(geostationary(), epoch, middle - 1.0, middle + 1.0)
-        assert np.degrees(at_middle.azimuth_rad[0, 0] - np.radians(expected) + np.pi) % 360.0 == pytest.approx(
-            180.0, abs=8.0
-        )
+        assert np.degrees(
+            at_middle.azimuth_rad[0, 0] - np.radians(expected) + np.pi
+        ) % 360.0 == pytest.approx(180.0, abs=8.0)
 
 
 def test_no_exclusion_angle_and_no_time_mean_no_outage():
@@ -57,9 +68,15 @@ def test_no_exclusion_angle_and_no_time_mean_no_outage():
     assert len(outage_intervals(geostationary(), "2026-06-21T00:00:00", 0.0, DAY_S).start_s) == 0
 
 
-@pytest.mark.parametrize(("altitude_km", "inclination_deg"), [(500.0, 97.4), (1200.0, 60.0), (2000.0, 0.0)])
-def test_intervals_hold_just_the_moments_with_the_sun_near_and_in_view(altitude_km, inclination_deg):
-    config = CircularConfig(altitude_km=altitude_km, inclination_deg=inclination_deg, lon_asc_node_deg=30.0)
+@pytest.mark.parametrize(
+    ("altitude_km", "inclination_deg"), [(500.0, 97.4), (1200.0, 60.0), (2000.0, 0.0)]
+)
+def test_intervals_hold_just_the_moments_with_the_sun_near_and_in_view(
+    altitude_km, inclination_deg
+):
+    config = CircularConfig(
+        altitude_km=altitude_km, inclination_deg=inclination_deg, lon_asc_node_deg=30.0
+    )
     epoch_us = int(EQUINOX.astype("datetime64[us]").astype(np.int64))
     sensor = stub_sensor(
         orbit=orbit_of(OrbitConfig(circular=config), epoch_us),
@@ -90,7 +107,8 @@ def test_the_overlap_of_cones_is_a_share_of_both(one, other, apart):
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "apart"), [(0.17, 0.087, 0.2), (1.9, 0.3, 1.8), (0.5, 0.5, 0.1), (2.5, 2.0, 1.5)]
+    ("one", "other", "apart"),
+    [(0.17, 0.087, 0.2), (1.9, 0.3, 1.8), (0.5, 0.5, 0.1), (2.5, 2.0, 1.5)],
 )
 def test_the_overlap_of_cones_is_that_counted(one, other, apart):
     rng = np.random.default_rng(11)
@@ -100,4 +118,6 @@ def test_the_overlap_of_cones_is_that_counted(one, other, apart):
     both = (directions[:, 2] > np.cos(one)) & (directions @ axis > np.cos(other))
     share = np.mean(both)
     sigma = 4.0 * np.pi * np.sqrt(share * (1.0 - share) / len(both))
-    assert float(cap_overlap_sr(one, other, apart)) == pytest.approx(4.0 * np.pi * share, abs=4.5 * sigma)
+    assert float(cap_overlap_sr(one, other, apart)) == pytest.approx(
+        4.0 * np.pi * share, abs=4.5 * sigma
+    )

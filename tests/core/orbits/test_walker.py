@@ -27,7 +27,10 @@ def places(total, planes, phasing, **more):
 
 def turned(vectors, angle):
     x, y, z = vectors.T
-    return np.stack([math.cos(angle) * x - math.sin(angle) * y, math.sin(angle) * x + math.cos(angle) * y, z], axis=1)
+    return np.stack(
+        [math.cos(angle) * x - math.sin(angle) * y, math.sin(angle) * x + math.cos(angle) * y, z],
+        axis=1,
+    )
 
 
 def same_set(one, other):
@@ -41,9 +44,12 @@ def same_set(one, other):
 def test_a_delta_pattern_turned_by_a_plane_and_moved_by_its_phasing_is_itself(numbers):
     total, planes, phasing = numbers
     here = places(total, planes, phasing)
-    ahead = places(total, planes, phasing, first_argument_of_latitude_rad=phasing * 2.0 * math.pi / total)
+    ahead = places(
+        total, planes, phasing, first_argument_of_latitude_rad=phasing * 2.0 * math.pi / total
+    )
     moved = turned(ahead, 2.0 * math.pi / planes)
-    # Each plane, turned and moved, is the next, satellite by satellite; the last is the first, in another order.
+    # Each plane, turned and moved, is the next, satellite by satellite; the last is the first, in
+    # another order.
     a_plane = total // planes
     assert moved[: total - a_plane] == pytest.approx(here[a_plane:], rel=0.0, abs=1e-2)
     assert same_set(moved[total - a_plane :], here[:a_plane])
@@ -51,7 +57,9 @@ def test_a_delta_pattern_turned_by_a_plane_and_moved_by_its_phasing_is_itself(nu
 
 @pytest.mark.parametrize("phasing", [-1, 6])
 def test_a_phasing_of_no_plane_is_refused(phasing):
-    with pytest.raises(ValueError, match=rf"phasing: {phasing} is not in \[0, 6\), the number of planes"):
+    with pytest.raises(
+        ValueError, match=rf"phasing: {phasing} is not in \[0, 6\), the number of planes"
+    ):
         walker_pattern(24, 6, phasing, 1.2e6, 0.9)
 
 
@@ -66,20 +74,31 @@ def test_every_plane_is_evenly_filled(numbers, star):
     step = (math.pi if star else 2.0 * math.pi) / planes
     assert all(later - earlier == pytest.approx(step) for earlier, later in pairwise(nodes))
     for plane in range(planes):
-        latitudes = sorted(elements.mean_anomaly_rad for elements in pattern[plane * a_plane : (plane + 1) * a_plane])
-        assert np.diff([*latitudes, latitudes[0] + 2.0 * math.pi]) == pytest.approx(2.0 * math.pi / a_plane)
+        latitudes = sorted(
+            elements.mean_anomaly_rad
+            for elements in pattern[plane * a_plane : (plane + 1) * a_plane]
+        )
+        assert np.diff([*latitudes, latitudes[0] + 2.0 * math.pi]) == pytest.approx(
+            2.0 * math.pi / a_plane
+        )
 
 
 def test_galileo_is_24_3_1():
-    # Walker 56 deg: 24/3/1 at 23 222 km, published for Galileo: planes 120 deg apart, 15 deg from one to the next, and
-    # 17 turns in 10 sidereal days.
+    # Walker 56 deg: 24/3/1 at 23 222 km, published for Galileo: planes 120 deg apart, 15 deg from
+    # one to the next, and 17 turns in 10 sidereal days.
     pattern = walker_pattern(24, 3, 1, 23_222e3, math.radians(56.0))
-    degrees = np.degrees([(elements.node_longitude_rad, elements.mean_anomaly_rad) for elements in pattern])
-    assert degrees[[0, 1, 8, 16]] == pytest.approx(np.array([(0.0, 0.0), (0.0, 45.0), (120.0, 15.0), (240.0, 30.0)]))
+    degrees = np.degrees(
+        [(elements.node_longitude_rad, elements.mean_anomaly_rad) for elements in pattern]
+    )
+    assert degrees[[0, 1, 8, 16]] == pytest.approx(
+        np.array([(0.0, 0.0), (0.0, 45.0), (120.0, 15.0), (240.0, 30.0)])
+    )
     assert pattern[0].period_s == pytest.approx(10.0 / 17.0 * 86_164.1, rel=2e-4)
 
 
-@pytest.mark.parametrize(("numbers", "words"), [((24, 5, 0), "evenly"), ((24, 6, 6), "phasing"), ((0, 1, 0), "evenly")])
+@pytest.mark.parametrize(
+    ("numbers", "words"), [((24, 5, 0), "evenly"), ((24, 6, 6), "phasing"), ((0, 1, 0), "evenly")]
+)
 def test_impossible_patterns_are_refused(numbers, words):
     with pytest.raises(ValueError, match=words):
         walker_pattern(*numbers, 1e6, 1.0)
@@ -88,9 +107,22 @@ def test_impossible_patterns_are_refused(numbers, words):
 @pytest.mark.parametrize("kind", ["delta", "star"])
 def test_a_scene_names_a_satellite_of_a_pattern(kind):
     pattern = walker_pattern(
-        24, 6, 1, 1.2e6, math.radians(53.0), star=kind == "star", first_node_longitude_rad=math.radians(10.0)
+        24,
+        6,
+        1,
+        1.2e6,
+        math.radians(53.0),
+        star=kind == "star",
+        first_node_longitude_rad=math.radians(10.0),
     )
-    block = {"total": 24, "planes": 6, "phasing": 1, "kind": kind, "altitude_km": 1200.0, "inclination_deg": 53.0}
+    block = {
+        "total": 24,
+        "planes": 6,
+        "phasing": 1,
+        "kind": kind,
+        "altitude_km": 1200.0,
+        "inclination_deg": 53.0,
+    }
     for number, elements in enumerate(pattern, start=1):
         config = WalkerConfig(**block, lon_asc_node_deg=10.0, satellite=number)
         assert elements_of(OrbitConfig(walker=config), 0) == elements

@@ -1,4 +1,6 @@
-"""Books that balance: whatever figures a sink gives, every event is counted once, and a wrong figure is reported."""
+"""Books that balance: whatever figures a sink gives, every event is counted once, and a wrong
+figure is reported.
+"""
 
 import threading
 import time
@@ -44,18 +46,32 @@ class Liar(Sink):
 
 
 @given(st.builds(Delivery, **COUNTS), st.integers(0, 40), st.booleans())
-def test_counts_add_up_whatever_is_reported(reported: Delivery, handed: int, is_final: bool) -> None:
+def test_counts_add_up_whatever_is_reported(
+    reported: Delivery, handed: int, is_final: bool
+) -> None:
     counts, off = balanced(reported, handed, is_final=is_final)
     due = handed + counts.recovered
-    assert min(counts.delivered, counts.spooled, counts.dropped, counts.withheld, counts.recovered) >= 0
+    assert (
+        min(counts.delivered, counts.spooled, counts.dropped, counts.withheld, counts.recovered)
+        >= 0
+    )
     assert total(counts) == due if is_final else total(counts) <= due
     assert counts.delivered <= max(0, reported.delivered)
     is_right = (
-        total(reported) == handed + reported.recovered if is_final else total(reported) <= handed + reported.recovered
+        total(reported) == handed + reported.recovered
+        if is_final
+        else total(reported) <= handed + reported.recovered
     )
     is_right = (
         is_right
-        and min(reported.delivered, reported.spooled, reported.dropped, reported.withheld, reported.recovered) >= 0
+        and min(
+            reported.delivered,
+            reported.spooled,
+            reported.dropped,
+            reported.withheld,
+            reported.recovered,
+        )
+        >= 0
     )
     assert (off == 0) == is_right
     assert counts == reported if is_right else counts != reported
@@ -70,7 +86,9 @@ def test_a_figure_that_is_no_number_of_events_counts_for_nothing(figure: Any) ->
 
 @given(st.builds(Delivery, **COUNTS), st.lists(st.integers(0, 9), max_size=4), st.integers(0, 3))
 def test_the_report_of_a_run_adds_up(reported: Delivery, windows: list[int], fails_at: int) -> None:
-    report = pump([stub_window(count) for count in windows], {"a": Liar(reported, fails_at=fails_at)})
+    report = pump(
+        [stub_window(count) for count in windows], {"a": Liar(reported, fails_at=fails_at)}
+    )
     (sink,) = report.sinks
     handed = sum(windows[:fails_at]) if 0 < fails_at <= len(windows) else sum(windows)
     assert total(sink) == handed + sink.recovered

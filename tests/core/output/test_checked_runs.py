@@ -1,4 +1,6 @@
-"""What is read back is checked against its run: times, nesting, names that a terminal would obey."""
+"""What is read back is checked against its run: times, nesting, names that a terminal would
+obey.
+"""
 
 import json
 import shutil
@@ -26,7 +28,9 @@ def copied(kept: Path, tmp_path: Path) -> Path:
 
 
 def unlisted(folder: Path) -> Path:
-    """Return the events of a copy of a run whose manifest lists no files, as that of a run through a spool."""
+    """Return the events of a copy of a run whose manifest lists no files, as that of a run through
+    a spool.
+    """
     manifest = next(folder.glob("*.manifest.json"))
     text = json.loads(manifest.read_text(encoding="utf-8"))
     del text["written_files"]

@@ -8,7 +8,9 @@ from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_core.output.events.estimates import OTHER_CONTAINMENTS
 
-CHI_SQUARE_95_TWO_DEGREES = 5.991464547107979  # Abramowitz and Stegun, table 26.8, more digits from -2 ln 0.05
+CHI_SQUARE_95_TWO_DEGREES = (
+    5.991464547107979  # Abramowitz and Stegun, table 26.8, more digits from -2 ln 0.05
+)
 SIGMA = st.floats(0.1, 1e6)
 
 
@@ -31,7 +33,9 @@ def test_axes_are_the_eigenvectors(first: float, second: float, bearing_rad: flo
     assert axis @ matrix @ axis * CHI_SQUARE_95_TWO_DEGREES == pytest.approx(large**2, rel=1e-9)
 
 
-@pytest.mark.parametrize(("bearing_deg", "expected_deg"), [(0.0, 0.0), (90.0, 90.0), (30.0, 30.0), (200.0, 20.0)])
+@pytest.mark.parametrize(
+    ("bearing_deg", "expected_deg"), [(0.0, 0.0), (90.0, 90.0), (30.0, 30.0), (200.0, 20.0)]
+)
 def test_bearing_is_clockwise_from_north(bearing_deg: float, expected_deg: float) -> None:
     ellipse = containment_ellipse(covariance(2.0, 1.0, np.radians(bearing_deg))[np.newaxis])
     assert np.degrees(ellipse.bearing_rad[0]) % 180.0 == pytest.approx(expected_deg, abs=1e-9)
@@ -41,7 +45,9 @@ def test_bearing_is_clockwise_from_north(bearing_deg: float, expected_deg: float
 def test_the_ellipse_holds_its_share_of_points(share: float) -> None:
     matrix = covariance(3000.0, 400.0, 0.7)
     draws = np.random.default_rng(5).multivariate_normal([0.0, 0.0], matrix, size=200_000)
-    major, minor, bearing = (float(axis[0]) for axis in containment_ellipse(matrix[np.newaxis], share))
+    major, minor, bearing = (
+        float(axis[0]) for axis in containment_ellipse(matrix[np.newaxis], share)
+    )
     along = draws @ [np.sin(bearing), np.cos(bearing)]
     across = draws @ [np.cos(bearing), -np.sin(bearing)]
     held = np.mean((along / major) ** 2 + (across / minor) ** 2 <= 1.0)
@@ -54,7 +60,9 @@ def test_radii_that_a_tracker_tells_are_those_of_the_ellipse() -> None:
     for column, share in enumerate(TRACK_CONTAINMENTS):
         usual = containment_ellipse(matrix, share)
         found = containment_ellipse(matrix, share, reported)
-        assert found.semi_major_m == pytest.approx([2.0 * reported[0, column], *usual.semi_major_m[1:]])
+        assert found.semi_major_m == pytest.approx(
+            [2.0 * reported[0, column], *usual.semi_major_m[1:]]
+        )
         assert found.semi_minor_m == pytest.approx([reported[0, column], *usual.semi_minor_m[1:]])
         assert found.bearing_rad == pytest.approx(usual.bearing_rad)
 

@@ -31,7 +31,9 @@ def documented_event() -> dict[str, Any]:
 
 
 def made_event() -> dict[str, Any]:
-    """Return the page's event: a detection from 75° W, 60.05 s into the scene, of a track that knows both points."""
+    """Return the page's event: a detection from 75° W, 60.05 s into the scene, of a track that
+    knows both points.
+    """
     bands = (Band("SWIR", 2.6, 2.8), Band("MWIR", 4.2, 4.4))
     sensor = stub_sensor("SBIRS-GEO-1", -75.0, type="SBIRS-GEO", bands=bands)
     place = sensor.orbit.position_ecef_m(np.array([60.05]))

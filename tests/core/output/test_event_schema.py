@@ -28,9 +28,14 @@ SCHEMA = detection_schema()
 def sample_event() -> dict[str, Any]:
     encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))
     known = stub_estimates(
-        1, launch=[0.1, 0.2, 0.3], launch_covariance=[[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]], state=7e6
+        1,
+        launch=[0.1, 0.2, 0.3],
+        launch_covariance=[[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]],
+        state=7e6,
     )
-    event: dict[str, Any] = json.loads(encoder.encode(stub_window(1, estimates=known, estimate=0, track=1, snr=9.0)))
+    event: dict[str, Any] = json.loads(
+        encoder.encode(stub_window(1, estimates=known, estimate=0, track=1, snr=9.0))
+    )
     return event
 
 
@@ -46,8 +51,9 @@ def test_the_schema_is_a_schema() -> None:
 
 def test_schema_and_encoder_name_the_same_fields_in_the_same_order() -> None:
     fields = list(SCHEMA["properties"])
-    # These are only there if the classifier gives probabilities, or if the encoder reports irradiances or track states:
-    # test_spectral_classifier.py, test_forge_bands.py, test_forge_tracks.py.
+    # These are only there if the classifier gives probabilities, or if the encoder reports
+    # irradiances or track states: test_spectral_classifier.py, test_forge_bands.py,
+    # test_forge_tracks.py.
     of_tracks = {"burnout", *(name for name in fields if name.startswith("track_"))} - {"track_id"}
     assert len(of_tracks) == 10
     for name in ("type_probability", "band_irradiance_w_m2", *of_tracks):
@@ -56,7 +62,8 @@ def test_schema_and_encoder_name_the_same_fields_in_the_same_order() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "struct"), [("point", EstimatedPoint), ("ellipse", UncertaintyEllipse), ("state", TrackState)]
+    ("name", "struct"),
+    [("point", EstimatedPoint), ("ellipse", UncertaintyEllipse), ("state", TrackState)],
 )
 def test_schema_and_encoder_name_the_same_fields_of_parts(name: str, struct: Any) -> None:
     part = SCHEMA["$defs"][name]
@@ -66,8 +73,15 @@ def test_schema_and_encoder_name_the_same_fields_of_parts(name: str, struct: Any
 def test_schema_and_encoder_have_the_same_constants() -> None:
     names = re.compile(SCHEMA["properties"]["target_type"]["pattern"])
     assert all(names.fullmatch(name) for name in (*REPORTED_TYPES, *core_target_classes()))
-    assert SCHEMA["properties"]["schema_version"]["const"] == SCHEMA_VERSION == ForgeEncoder.schema_version
-    assert SCHEMA["$defs"]["ellipse"]["properties"]["containment"]["enum"] == [CONTAINMENT, *OTHER_CONTAINMENTS]
+    assert (
+        SCHEMA["properties"]["schema_version"]["const"]
+        == SCHEMA_VERSION
+        == ForgeEncoder.schema_version
+    )
+    assert SCHEMA["$defs"]["ellipse"]["properties"]["containment"]["enum"] == [
+        CONTAINMENT,
+        *OTHER_CONTAINMENTS,
+    ]
 
 
 @pytest.mark.parametrize("name", SCHEMA["required"])
@@ -83,7 +97,9 @@ def test_a_field_of_the_wrong_type_is_refused(name: str) -> None:
     assert not is_valid(sample_event() | {name: {"wrong": "type"}})
 
 
-@pytest.mark.parametrize("name", ["target_id", "range_m", "emission_time_s", "probability", "true_type"])
+@pytest.mark.parametrize(
+    "name", ["target_id", "range_m", "emission_time_s", "probability", "true_type"]
+)
 def test_an_event_with_truth_in_it_is_refused(name: str) -> None:
     assert not is_valid(sample_event() | {name: 1.0})
 

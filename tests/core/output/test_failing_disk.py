@@ -1,6 +1,8 @@
-"""A disk that fails at any one call, or from one on: nothing is lost uncounted, and the run before is intact.
+"""A disk that fails at any one call, or from one on: nothing is lost uncounted, and the run before
+is intact.
 
-By default the calls that fail are the first and the last of each kind on each file; OPIR_EVERY_FAULT=1 takes every one.
+By default the calls that fail are the first and the last of each kind on each file;
+OPIR_EVERY_FAULT=1 takes every one.
 """
 
 import errno
@@ -30,7 +32,10 @@ from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.reading import scene_from_mapping
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(not can_fail(), reason="needs /proc and SQLite's calls")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not can_fail(), reason="needs /proc and SQLite's calls"),
+]
 
 IS_EVERY = bool(os.environ.get("OPIR_EVERY_FAULT"))
 #: An error that occurs once, one that stays, as on a full disk, and a short write.
@@ -40,7 +45,10 @@ if IS_EVERY:
 FAULT = pytest.mark.parametrize(
     ("error", "lasts"),
     FAULTS,
-    ids=[f"{errno.errorcode.get(error, 'SHORT')}{'-lasts' if lasts else ''}" for error, lasts in FAULTS],
+    ids=[
+        f"{errno.errorcode.get(error, 'SHORT')}{'-lasts' if lasts else ''}"
+        for error, lasts in FAULTS
+    ],
 )
 
 SCENE = {
@@ -57,7 +65,8 @@ SCENE = {
         }
     ],
 }
-#: What a message says of files that are the new run's, in part or in whole, although the run failed.
+#: What a message says of files that are the new run's, in part or in whole, although the run
+#: failed.
 IS_THERE = re.compile("whole under temporary names|files are in place")
 NAMES = ["e.jsonl", "e.manifest.json", "e.tracks.jsonl", "e.truth.jsonl"]
 
@@ -81,7 +90,10 @@ def run_into(folder: Path, plan: Plan) -> Any:
     outcome = deliver(plan, **beside, manifest_path=folder / "e.manifest.json")
     for sink in outcome.report.sinks:
         given = outcome.report.events
-        assert sink.delivered + sink.spooled + sink.dropped + sink.withheld == given + sink.recovered or sink.error
+        assert (
+            sink.delivered + sink.spooled + sink.dropped + sink.withheld == given + sink.recovered
+            or sink.error
+        )
     outcome.raise_for_failures()
     return outcome
 
@@ -94,7 +106,9 @@ def good(tmp_path: Path) -> Path:
 
 
 @FAULT
-def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(good: Path, error: int, lasts: bool) -> None:
+def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(
+    good: Path, error: int, lasts: bool
+) -> None:
     place = good.with_name("place")
     host = Host.discover()
     plans = {seed: plan_of(seed, {"jsonl": {"path": str(place / "e.jsonl")}}) for seed in (2, 3)}
@@ -114,8 +128,13 @@ def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(good: Path,
             failed = disk.failed
             disk.heal()
             seed = read_manifest(place / "e.manifest.json")["seed"]
-            assert (reported is None) == (seed == 2) or IS_THERE.search(reported or ""), (number, reported)
-            assert reported is None or (place / "e.jsonl").name in reported or str(place) in reported, reported
+            assert (reported is None) == (seed == 2) or IS_THERE.search(reported or ""), (
+                number,
+                reported,
+            )
+            assert (
+                reported is None or (place / "e.jsonl").name in reported or str(place) in reported
+            ), reported
             seed = load_run(place, host).manifest["seed"]  # finishes the run that is whole
             assert seed == 2 if reported is None else seed in (1, 2)
             run_into(place, plans[3])
@@ -141,7 +160,12 @@ WINDOWS = 5
 
 
 def sink_into(
-    path: Path, carrier: Holding, when_full: str, policy: Policy | None = None, *, survives_power_cut: bool = False
+    path: Path,
+    carrier: Holding,
+    when_full: str,
+    policy: Policy | None = None,
+    *,
+    survives_power_cut: bool = False,
 ) -> TransportSink:
     damage = salvaged_at_start(path)
     journal = Journal(str(path), 64 * MIB, survives_power_cut=survives_power_cut)
@@ -150,8 +174,12 @@ def sink_into(
     return TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy, damage)
 
 
-def life(path: Path, when_full: str, carrier: Holding, first: int, **more: bool) -> tuple[Any, int, str | None]:
-    """Return the counts of a sink that is given windows until it fails, how many events these had, and its error."""
+def life(
+    path: Path, when_full: str, carrier: Holding, first: int, **more: bool
+) -> tuple[Any, int, str | None]:
+    """Return the counts of a sink that is given windows until it fails, how many events these had,
+    and its error.
+    """
     sink = sink_into(path, carrier, when_full, **more)
     given = 0
     reported = None
@@ -179,7 +207,9 @@ def test_a_spool_loses_nothing_uncounted_whatever_call_fails(
             lives = []
             for place, carrier in enumerate(carriers[:2]):
                 try:
-                    reported, given, failure = life(path, when_full, carrier, place * ROWS * WINDOWS)
+                    reported, given, failure = life(
+                        path, when_full, carrier, place * ROWS * WINDOWS
+                    )
                 except SinkError as refused:  # the spool cannot be opened: the run does not start
                     assert str(path) in str(refused)  # noqa: PT017
                     continue
@@ -194,7 +224,9 @@ def test_a_spool_loses_nothing_uncounted_whatever_call_fails(
 
 
 def examine(lives: Sequence[tuple[Any, int, int]], rest: Any, carriers: Sequence[Holding]) -> None:
-    """Hold what arrived against what was given: what is missing is counted, each sensor's events are in order."""
+    """Hold what arrived against what was given: what is missing is counted, each sensor's events
+    are in order.
+    """
     arrived = dict.fromkeys(name for carrier in carriers for name in carrier.ids)
     whole = ids_of(window(3 * ROWS * WINDOWS))
     given = [name for _, place, count in lives for name in whole[place * ROWS * WINDOWS :][:count]]
@@ -204,13 +236,19 @@ def examine(lives: Sequence[tuple[Any, int, int]], rest: Any, carriers: Sequence
     assert len(missing) <= sum(reported.dropped for reported, _, _ in lives)
     in_order = [name for name in given if name in arrived]
     for sensor in range(len(SENSORS)):
-        place = {name: number for number, name in enumerate(whole) if number % len(SENSORS) == sensor}
-        assert [name for name in arrived if name in place] == [name for name in in_order if name in place]
+        place = {
+            name: number for number, name in enumerate(whole) if number % len(SENSORS) == sensor
+        }
+        assert [name for name in arrived if name in place] == [
+            name for name in in_order if name in place
+        ]
 
 
 @pytest.mark.parametrize("lasts", [False, True])
 @pytest.mark.parametrize("survives_power_cut", [False, True])
-def test_a_spool_that_waits_for_its_disk_drops_nothing(tmp_path: Path, survives_power_cut: bool, lasts: bool) -> None:
+def test_a_spool_that_waits_for_its_disk_drops_nothing(
+    tmp_path: Path, survives_power_cut: bool, lasts: bool
+) -> None:
     more = {"survives_power_cut": survives_power_cut}
     with FailingDisk(tmp_path) as disk:
         life(tmp_path / "spool", "wait", Holding(), 0, **more)
@@ -220,7 +258,13 @@ def test_a_spool_that_waits_for_its_disk_drops_nothing(tmp_path: Path, survives_
             carrier = Holding()
             patient = Policy(when_full="wait", wait_s=20.0, stall_s=5.0)
             sink = sink_into(path, carrier, "wait", patient, **more)
-            disk.fail_at(number - opened - 4, errno.EIO, lasts=lasts, kinds=[*WRITING, READ], of=path_is(path))
+            disk.fail_at(
+                number - opened - 4,
+                errno.EIO,
+                lasts=lasts,
+                kinds=[*WRITING, READ],
+                of=path_is(path),
+            )
             reported = []
             writing = threading.Thread(
                 target=lambda: reported.extend(  # noqa: B023
@@ -234,13 +278,19 @@ def test_a_spool_that_waits_for_its_disk_drops_nothing(tmp_path: Path, survives_
             writing.join(20.0)
             assert reported == [None] * WINDOWS
             counts = sink.close()
-            assert (counts.delivered, counts.dropped, counts.complaint) == (ROWS * WINDOWS, 0, None), number
+            assert (counts.delivered, counts.dropped, counts.complaint) == (
+                ROWS * WINDOWS,
+                0,
+                None,
+            ), number
             assert list(dict.fromkeys(carrier.ids)) == ids_of(window(ROWS * WINDOWS))
             assert spool_state(path).events == 0
 
 
 @FAULT
-def test_a_spooled_file_is_whole_after_it_is_run_again(tmp_path: Path, error: int, lasts: bool) -> None:
+def test_a_spooled_file_is_whole_after_it_is_run_again(
+    tmp_path: Path, error: int, lasts: bool
+) -> None:
     def plan_in(folder: Path) -> Plan:
         spool = {"path": str(folder / "spool")}
         return plan_of(2, {"jsonl": {"path": str(folder / "e.jsonl"), "spool": spool}})
@@ -256,7 +306,11 @@ def test_a_spooled_file_is_whole_after_it_is_run_again(tmp_path: Path, error: in
             disk.fail_at(number, error, lasts=lasts)
             reported = message_of(lambda: run_into(folder, plan))  # noqa: B023
             disk.heal()
-            lines = (folder / "e.jsonl").read_bytes().splitlines() if (folder / "e.jsonl").exists() else []
+            lines = (
+                (folder / "e.jsonl").read_bytes().splitlines()
+                if (folder / "e.jsonl").exists()
+                else []
+            )
             assert reported is not None or list(dict.fromkeys(lines)) == whole, number
             run_into(folder, plan)
             lines = (folder / "e.jsonl").read_bytes().splitlines()
@@ -264,7 +318,9 @@ def test_a_spooled_file_is_whole_after_it_is_run_again(tmp_path: Path, error: in
             assert all(json.loads(line) for line in lines)
 
 
-def test_a_line_that_a_failing_disk_left_incomplete_is_removed_before_the_next(tmp_path: Path) -> None:
+def test_a_line_that_a_failing_disk_left_incomplete_is_removed_before_the_next(
+    tmp_path: Path,
+) -> None:
     """A retried output would otherwise append to half a line, and lose the event of that line."""
     path = tmp_path / "lines"
     lines = ENCODER.encode(window(21)).splitlines()

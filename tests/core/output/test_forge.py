@@ -44,7 +44,9 @@ POSITION = st.floats(-1e100, 1e100)
 ANGLE = st.floats(-2 * np.pi, 2 * np.pi)
 
 
-def column(values: st.SearchStrategy[Any], count: int, kind: Any = np.float64, shape: tuple[int, ...] = ()) -> Any:
+def column(
+    values: st.SearchStrategy[Any], count: int, kind: Any = np.float64, shape: tuple[int, ...] = ()
+) -> Any:
     return arrays(kind, (count, *shape), elements=values)
 
 
@@ -85,8 +87,14 @@ def windows(draw: st.DrawFn) -> Window:
         estimates=known,
         sensor=sensor,
         time_ns=draw(column(st.integers(-(2**63) + 1, 2**63 - 1), count, np.int64)),
-        **({"reported_ns": draw(column(st.integers(0, 2**62), count, np.int64))} if draw(st.booleans()) else {}),
-        detection_id=uuid8_words(draw(column(st.integers(0, 2**64 - 1), count, np.uint64, (2,))), np.arange(count)),
+        **(
+            {"reported_ns": draw(column(st.integers(0, 2**62), count, np.int64))}
+            if draw(st.booleans())
+            else {}
+        ),
+        detection_id=uuid8_words(
+            draw(column(st.integers(0, 2**64 - 1), count, np.uint64, (2,))), np.arange(count)
+        ),
         reported_type=draw(column(st.integers(0, 3), count, np.uint8)),
         bands=draw(column(st.integers(0, 255), count, np.int64)) % band_ends[sensor],
         confidence=draw(column(st.floats(0.0, 1.0), count)),
@@ -114,21 +122,35 @@ def test_every_event_says_what_its_row_says(window: Window) -> None:
         d = window.detections
         sensor = SENSORS[d.sensor[row]]
         assert event["detection_id"] == uuid_text(d.detection_id[row : row + 1])[0]
-        assert event["reported_at"] == timestamp_text(unix_microseconds(d.reported_ns[row : row + 1], EPOCH_US))[0]
-        assert event["timestamp"] == timestamp_text(unix_microseconds(d.time_ns[row : row + 1], EPOCH_US))[0]
+        assert (
+            event["reported_at"]
+            == timestamp_text(unix_microseconds(d.reported_ns[row : row + 1], EPOCH_US))[0]
+        )
+        assert (
+            event["timestamp"]
+            == timestamp_text(unix_microseconds(d.time_ns[row : row + 1], EPOCH_US))[0]
+        )
         assert (event["sensor_id"], event["sensor_type"]) == (sensor.id, sensor.type)
         assert event["orbital_slot"] == sensor.orbital_slot_deg
         assert event["target_type"] == REPORTED_TYPES[d.reported_type[row]]
         assert event["confidence"] == pytest.approx(d.confidence[row], abs=5.1e-7)
         assert event["schema_version"] == SCHEMA_VERSION
         assert event["track_id"] == (None if d.track[row] < 0 else d.track[row])
-        seen = azimuth_elevation_range_in_axes(d.line_of_sight_ecef[row], local_axes(d.sensor_ecef_m[row]))
+        seen = azimuth_elevation_range_in_axes(
+            d.line_of_sight_ecef[row], local_axes(d.sensor_ecef_m[row])
+        )
         turned = abs(event["azimuth_deg"] - math.degrees(seen.azimuth_rad)) % 360.0
         assert min(turned, 360.0 - turned) <= 1e-9
-        assert event["elevation_deg"] == pytest.approx(math.degrees(seen.elevation_rad), abs=5.1e-10)
+        assert event["elevation_deg"] == pytest.approx(
+            math.degrees(seen.elevation_rad), abs=5.1e-10
+        )
         assert event["line_of_sight_sigma_urad"] == 20.0
-        assert event["bands"] == [band.name for bit, band in enumerate(sensor.bands) if d.bands[row] >> bit & 1]
-        assert event["sensor_position_ecef_m"] == pytest.approx(d.sensor_ecef_m[row].tolist(), abs=5.1e-4, rel=1e-15)
+        assert event["bands"] == [
+            band.name for bit, band in enumerate(sensor.bands) if d.bands[row] >> bit & 1
+        ]
+        assert event["sensor_position_ecef_m"] == pytest.approx(
+            d.sensor_ecef_m[row].tolist(), abs=5.1e-4, rel=1e-15
+        )
         if math.isfinite(d.snr[row]):
             assert event["snr"] == pytest.approx(d.snr[row], abs=5.1e-7, rel=1e-15)
         else:
@@ -136,7 +158,9 @@ def test_every_event_says_what_its_row_says(window: Window) -> None:
 
 
 @given(windows(), st.data())
-def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(window: Window, data: st.DataObject) -> None:
+def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(
+    window: Window, data: st.DataObject
+) -> None:
     rows = data.draw(st.integers(1, 4))
     parts = [ENCODER.encode(part) for part in window_blocks(window, rows)]
     assert b"".join(parts) == ENCODER.encode(window)
@@ -205,7 +229,9 @@ def test_columns_that_may_not_be_written_are_enough() -> None:
 def test_strided_columns_encode_like_their_copies() -> None:
     window = raid(101)
     reversed_rows = window.detections.take(slice(None, None, -2))
-    copied = Detections(*(np.ascontiguousarray(getattr(reversed_rows, name)) for name in names_of(reversed_rows)))
+    copied = Detections(
+        *(np.ascontiguousarray(getattr(reversed_rows, name)) for name in names_of(reversed_rows))
+    )
     truth = window.truth.take(slice(0, 0))
     assert ENCODER.encode(evolve(window, detections=reversed_rows, truth=truth)) == ENCODER.encode(
         evolve(window, detections=copied, truth=truth)
@@ -219,10 +245,14 @@ def names_of(detections: Detections) -> list[str]:
 def test_blocks_of_a_window_are_the_window() -> None:
     window = evolve(raid(10), tracks=stub_estimates(3))
     parts = list(window_blocks(window, 4))
-    assert [len(part.detections) for part in parts] == [4, 4, 2] == [len(part.truth) for part in parts]
+    assert (
+        [len(part.detections) for part in parts] == [4, 4, 2] == [len(part.truth) for part in parts]
+    )
     assert sum(part.looks for part in parts) == window.looks
     assert sum(len(part.tracks) for part in parts) == 3
-    assert np.array_equal(np.concatenate([part.detections.scan for part in parts]), window.detections.scan)
+    assert np.array_equal(
+        np.concatenate([part.detections.scan for part in parts]), window.detections.scan
+    )
 
 
 def test_naming_the_encoder_imports_no_msgspec() -> None:
@@ -234,5 +264,7 @@ def test_naming_the_encoder_imports_no_msgspec() -> None:
         "ENCODERS[0].build(ENCODERS[0].config(), EncoderContext(sensors=(), epoch_us=0));"
         "assert 'msgspec' in sys.modules, 'built'"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,6 @@
-"""The encoder `forge-bands`: the event of `forge`, and in it what each band of the sensor measured."""
+"""The encoder `forge-bands`: the event of `forge`, and in it what each band of the sensor
+measured.
+"""
 
 import json
 import math
@@ -62,7 +64,9 @@ def test_an_event_says_what_each_band_of_its_sensor_measured(window: Window) -> 
         VALIDATOR.validate(event)
         reported = event.pop("band_irradiance_w_m2")
         assert list(reported) == [band.name for band in SENSORS[sensor].bands]
-        assert list(reported.values()) == pytest.approx(measured[: len(reported)].tolist(), rel=5.000001e-6, abs=1e-290)
+        assert list(reported.values()) == pytest.approx(
+            measured[: len(reported)].tolist(), rel=5.000001e-6, abs=1e-290
+        )
         assert event == json.loads(plain)
 
 
@@ -73,17 +77,24 @@ def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int
 
 
 @given(
-    st.lists(FINITE.filter(lambda value: 1e-290 <= abs(value) <= 1e290) | st.floats(1e-20, 1e-6), min_size=1), st.data()
+    st.lists(
+        FINITE.filter(lambda value: 1e-290 <= abs(value) <= 1e290) | st.floats(1e-20, 1e-6),
+        min_size=1,
+    ),
+    st.data(),
 )
 def test_significant_digits_are_those_of_python(values: list[float], data: st.DataObject) -> None:
     digits = data.draw(st.integers(1, 15))
     expected = [float(f"{value:.{digits - 1}e}") for value in values]
     found = significant(np.array(values), digits).tolist()
-    # At a tie the product with a power of ten may be rounded to the other side: off by one in the last digit.
+    # At a tie the product with a power of ten may be rounded to the other side: off by one in the
+    # last digit.
     last_digits = [10.0 ** (math.floor(math.log10(abs(value))) - digits + 1) for value in values]
     for one, other, value, last in zip(found, expected, values, last_digits, strict=True):
         rounding = 3.0 * math.ulp(value)
-        assert one == pytest.approx(other, rel=1e-15) or abs(abs(one - value) - 0.5 * last) <= rounding
+        assert (
+            one == pytest.approx(other, rel=1e-15) or abs(abs(one - value) - 0.5 * last) <= rounding
+        )
 
 
 def test_irradiances_are_written_short() -> None:
@@ -94,7 +105,10 @@ def test_irradiances_are_written_short() -> None:
 
 def test_a_band_that_measured_nothing_is_null() -> None:
     window = stub_window(1, bands=1)
-    window = evolve(window, detections=evolve(window.detections, band_irradiance_w_m2=np.array([[1e-12, np.nan]])))
+    window = evolve(
+        window,
+        detections=evolve(window.detections, band_irradiance_w_m2=np.array([[1e-12, np.nan]])),
+    )
     event = json.loads(WITH_BANDS.encode(window))
     assert event["band_irradiance_w_m2"] == {"SWIR": 1e-12, '"M"': None}
     VALIDATOR.validate(event)
@@ -116,7 +130,9 @@ def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
     events = events_of(plan, "forge-bands")
     found = opir.simulate(plan.scene).detections
     assert len(events) == len(found) > 100
-    for event, measured, sensor in zip(events, found.band_irradiance_w_m2.tolist(), found.sensor, strict=True):
+    for event, measured, sensor in zip(
+        events, found.band_irradiance_w_m2.tolist(), found.sensor, strict=True
+    ):
         reported = event["band_irradiance_w_m2"]
         assert set(event) == {*detection_schema()["required"], "band_irradiance_w_m2"}
         assert list(reported) == [band.name for band in plan.sensors[sensor].bands]

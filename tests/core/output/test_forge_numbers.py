@@ -1,4 +1,6 @@
-"""Numbers in events of `forge`: places on Earth or null, bearings below 360, zeros without a sign."""
+"""Numbers in events of `forge`: places on Earth or null, bearings below 360, zeros without a
+sign.
+"""
 
 from typing import Any
 
@@ -16,7 +18,15 @@ from opir_core.output.events.text import rounded_bearing_deg, rounded_degrees
 
 def test_until_a_track_is_estimated_its_fields_are_null() -> None:
     (event,) = events_of(stub_window(1))
-    unknown = ("launch_point", "impact_point", "track_id", "latitude_deg", "longitude_deg", "altitude_m", "snr")
+    unknown = (
+        "launch_point",
+        "impact_point",
+        "track_id",
+        "latitude_deg",
+        "longitude_deg",
+        "altitude_m",
+        "snr",
+    )
     assert [event[name] for name in unknown] == [None] * len(unknown)
 
 
@@ -32,9 +42,24 @@ def test_an_estimated_point_says_where_when_and_how_surely() -> None:
         "lat_deg": 34.73,
         "lon_deg": -120.57,
         "time": "2026-04-01T12:00:10.250000Z",
-        "ellipse": {"semi_major_m": 7343.240, "semi_minor_m": 2447.747, "bearing_deg": 90.0, "containment": 0.95},
-        "ellipse_50": {"semi_major_m": 3532.230, "semi_minor_m": 1177.410, "bearing_deg": 90.0, "containment": 0.5},
-        "ellipse_90": {"semi_major_m": 6437.898, "semi_minor_m": 2145.966, "bearing_deg": 90.0, "containment": 0.9},
+        "ellipse": {
+            "semi_major_m": 7343.240,
+            "semi_minor_m": 2447.747,
+            "bearing_deg": 90.0,
+            "containment": 0.95,
+        },
+        "ellipse_50": {
+            "semi_major_m": 3532.230,
+            "semi_minor_m": 1177.410,
+            "bearing_deg": 90.0,
+            "containment": 0.5,
+        },
+        "ellipse_90": {
+            "semi_major_m": 6437.898,
+            "semi_minor_m": 2145.966,
+            "bearing_deg": 90.0,
+            "containment": 0.9,
+        },
         "time_sigma_s": 1.5,
     }
     unknown = dict.fromkeys(("time", "ellipse", "ellipse_50", "ellipse_90", "time_sigma_s"))
@@ -52,8 +77,19 @@ def test_an_impact_of_the_paper_s_law_has_a_sigma_in_place_of_ellipses(radii: An
         impact_sigmas=radii,
         impact_method=[1, 0],
     )
-    paper, posterior = (event["impact_point"] for event in events_of(stub_window(2, estimates=known, estimate=[0, 1])))
-    figures = ("method", "containment", "sigma_m", "ellipse", "ellipse_50", "ellipse_90", "time_sigma_s")
+    paper, posterior = (
+        event["impact_point"]
+        for event in events_of(stub_window(2, estimates=known, estimate=[0, 1]))
+    )
+    figures = (
+        "method",
+        "containment",
+        "sigma_m",
+        "ellipse",
+        "ellipse_50",
+        "ellipse_90",
+        "time_sigma_s",
+    )
     assert [paper[name] for name in figures] == ["paper", None, 30_000.0, None, None, None, 5.0]
     assert [posterior[name] for name in figures[:3]] == ["posterior", 0.95, None]
     assert posterior["ellipse"]["semi_major_m"] > 0.0
@@ -64,7 +100,11 @@ def test_the_track_s_place_is_carried_to_the_time_of_the_detection() -> None:
     start = geodetic_to_ecef(0.0, 0.0, 100_000.0)
     known = stub_estimates(1, tick_s=5.0, state=np.concatenate([start, 2000.0 * up]))
     early, late = events_of(stub_window(2, first_scan=5, estimates=known, estimate=0))
-    assert [early[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")] == [0.0, 0.0, 100_000.0]
+    assert [early[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")] == [
+        0.0,
+        0.0,
+        100_000.0,
+    ]
     assert late["altitude_m"] == pytest.approx(102_000.0, abs=1e-3)
 
 
@@ -137,22 +177,33 @@ def test_straight_up_and_down_have_an_azimuth_too(up: float, elevation_deg: floa
 
 
 def test_rounding_leaves_the_length_of_a_unit_vector_lawful() -> None:
-    one, other = events_of(stub_window(2, line_of_sight_ecef=[[1.0 + 9e-7, 0.0, 0.0], [1.0 - 9e-7, 0.0, 0.0]]))
+    one, other = events_of(
+        stub_window(2, line_of_sight_ecef=[[1.0 + 9e-7, 0.0, 0.0], [1.0 - 9e-7, 0.0, 0.0]])
+    )
     assert one["elevation_deg"] == other["elevation_deg"] == 90.0
 
 
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({"confidence": np.nan}, r"confidence must be in \[0, 1\] \(the first is of sensor SBIRS-GEO-1 at 0.0 s\)"),
+        (
+            {"confidence": np.nan},
+            r"confidence must be in \[0, 1\] \(the first is of sensor SBIRS-GEO-1 at 0.0 s\)",
+        ),
         ({"confidence": [0.5, -1e-9, 2.0]}, "2 of 3 detections cannot be encoded: the confidence"),
         ({"line_of_sight_ecef": [np.nan, 0.0, 1.0]}, "the line of sight must be a unit vector"),
         ({"line_of_sight_ecef": [0.0, np.inf, 0.0]}, "the line of sight must be a unit vector"),
         ({"line_of_sight_ecef": [0.0, 0.0, -np.inf]}, "the line of sight must be a unit vector"),
         ({"line_of_sight_ecef": 0.0}, "the line of sight must be a unit vector"),
         ({"line_of_sight_ecef": 1e200}, "the line of sight must be a unit vector"),
-        ({"line_of_sight_ecef": [1.0 + 1.1e-6, 0.0, 0.0]}, "the line of sight must be a unit vector"),
-        ({"line_of_sight_ecef": [0.0, 1.0 - 1.1e-6, 0.0]}, "the line of sight must be a unit vector"),
+        (
+            {"line_of_sight_ecef": [1.0 + 1.1e-6, 0.0, 0.0]},
+            "the line of sight must be a unit vector",
+        ),
+        (
+            {"line_of_sight_ecef": [0.0, 1.0 - 1.1e-6, 0.0]},
+            "the line of sight must be a unit vector",
+        ),
         ({"sensor_ecef_m": [0.0, np.nan, 0.0]}, "position"),
         ({"sensor_ecef_m": [-np.inf, 0.0, np.inf]}, "position"),
         ({"sensor_ecef_m": [0.0, -1.1e100, 0.0]}, "position"),

@@ -51,13 +51,22 @@ def windows(draw: st.DrawFn) -> Window:
         "burnout": draw(arrays(np.float64, (rows, 7), elements=ANY)),
         "burnout_covariance": symmetric(draw(arrays(np.float64, (rows, 7, 7), elements=ANY))),
         "state_sigmas": draw(arrays(np.float64, (rows, 3), elements=ANY)),
-        "available_s": draw(arrays(np.float64, rows, elements=st.floats(-1e6, 1e6) | st.just(np.nan))),
-        "type_probability": draw(arrays(np.float64, (rows, 4), elements=st.floats(0.0, 1.0) | st.just(np.nan))),
+        "available_s": draw(
+            arrays(np.float64, rows, elements=st.floats(-1e6, 1e6) | st.just(np.nan))
+        ),
+        "type_probability": draw(
+            arrays(np.float64, (rows, 4), elements=st.floats(0.0, 1.0) | st.just(np.nan))
+        ),
     }
-    # Where a track is comes out as nan unless it can be written: see the tests of the event's place.
-    columns["state"][~np.isfinite(columns["state"]).all(axis=1) | (np.abs(columns["state"]) > 1e9).any(axis=1)] = np.nan
+    # Where a track is comes out as nan unless it can be written: see the tests of the event's
+    # place.
+    columns["state"][
+        ~np.isfinite(columns["state"]).all(axis=1) | (np.abs(columns["state"]) > 1e9).any(axis=1)
+    ] = np.nan
     estimate = draw(arrays(np.int64, count, elements=st.integers(-1, rows - 1)))
-    return stub_window(count, estimates=stub_estimates(rows, **columns), estimate=estimate, track=estimate)
+    return stub_window(
+        count, estimates=stub_estimates(rows, **columns), estimate=estimate, track=estimate
+    )
 
 
 def reported(state: FloatArray, time_s: float, covariance: FloatArray, document: Any) -> None:
@@ -65,7 +74,9 @@ def reported(state: FloatArray, time_s: float, covariance: FloatArray, document:
     if not np.isfinite(state).all():
         assert document is None
         return
-    assert document["position_ecef_m"] + document["velocity_ecef_m_s"] == pytest.approx(state, rel=1e-15, abs=5.001e-4)
+    assert document["position_ecef_m"] + document["velocity_ecef_m_s"] == pytest.approx(
+        state, rel=1e-15, abs=5.001e-4
+    )
     if abs(time_s) < 5e10:  # Some 1580 years: those between 1 and 9999 can be written.
         assert document["timestamp"].endswith("Z")
     elif not abs(time_s) < 3e11:
@@ -85,15 +96,30 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
         state, burnout, types, *weighed, available = (event.pop(name) for name in ADDED)
         assert event == json.loads(without)
         if row < 0:
-            assert (state, burnout, types, available, weighed) == (None, None, None, None, [None] * 6)
+            assert (state, burnout, types, available, weighed) == (
+                None,
+                None,
+                None,
+                None,
+                [None] * 6,
+            )
             continue
         assert available == time_texts(estimates.available_s[row : row + 1], EPOCH_US)[0]
-        reported(estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state)
+        reported(
+            estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state
+        )
         radii = estimates.state_sigmas[row]
         if state is not None:
-            assert state["ellipsoid_sigmas"] == (radii.tolist() if np.isfinite(radii).all() else None)
+            assert state["ellipsoid_sigmas"] == (
+                radii.tolist() if np.isfinite(radii).all() else None
+            )
         assert burnout is None or burnout["ellipsoid_sigmas"] is None
-        reported(estimates.burnout[row, :6], estimates.burnout[row, 6], estimates.burnout_covariance[row], burnout)
+        reported(
+            estimates.burnout[row, :6],
+            estimates.burnout[row, 6],
+            estimates.burnout_covariance[row],
+            burnout,
+        )
         shares = estimates.type_probability[row]
         if np.isfinite(shares).all():
             assert list(types) == list(REPORTED_TYPES)
@@ -105,7 +131,9 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
 def test_an_event_says_what_its_track_may_be_and_how_it_ended() -> None:
     fire = stub_hypotheses(ground_source=0.75, SRBM=0.125)
     boost = stub_hypotheses(ICBM=0.25, SLV=0.5)
-    estimates = stub_estimates(3, hypothesis_probability=[fire, boost, np.full_like(fire, np.nan)], end=[3, 0, 1])
+    estimates = stub_estimates(
+        3, hypothesis_probability=[fire, boost, np.full_like(fire, np.nan)], end=[3, 0, 1]
+    )
     window = stub_window(3, estimates=estimates, estimate=np.arange(3), track=np.arange(3))
     first, second, third = (json.loads(line) for line in WITH_TRACKS.encode(window).splitlines())
     for event in (first, second, third):
@@ -114,7 +142,10 @@ def test_an_event_says_what_its_track_may_be_and_how_it_ended() -> None:
     assert {name: share for name, share in first["track_hypotheses"].items() if share} == {
         "ground source": 0.75, "SRBM": 0.125, "none of these": 0.125,
     }  # fmt: skip
-    assert [[event[name] for name in SUMS] for event in (first, second)] == [[0.125, 0.125, 0.0], [0.75, 0.25, 0.5]]
+    assert [[event[name] for name in SUMS] for event in (first, second)] == [
+        [0.125, 0.125, 0.0],
+        [0.75, 0.25, 0.5],
+    ]
     assert [event["track_end"] for event in (first, second, third)] == ["lost", None, "impact"]
     assert [third[name] for name in ("track_hypotheses", *SUMS)] == [None] * 4
 
@@ -137,7 +168,9 @@ def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int
 def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> None:
     changes = ["duration_s=90", "outputs=[]", f"tracker={tracker}"]
     plan = opir.compile_plan(opir.load_scene("examples/first_light.yaml", overrides=changes))
-    lines = b"".join(encoder_of(plan, "forge-tracks").encode(window) for window in plan_windows(plan))
+    lines = b"".join(
+        encoder_of(plan, "forge-tracks").encode(window) for window in plan_windows(plan)
+    )
     events = [json.loads(line) for line in lines.splitlines()]
     run = opir.simulate(plan.scene)
     assert len(events) == len(run.detections) > 100
@@ -149,7 +182,9 @@ def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> 
             assert [event[name] for name in ADDED] == [None] * len(ADDED)
             continue
         tracked += 1
-        reported(run.estimates.state[row], 0.0, run.estimates.state_covariance[row], event["track_state"])
+        reported(
+            run.estimates.state[row], 0.0, run.estimates.state_covariance[row], event["track_state"]
+        )
         burnout = run.estimates.burnout[row]
         covariance = run.estimates.burnout_covariance[row]
         reported(burnout[:6], burnout[6], covariance, event["burnout"])
@@ -160,7 +195,11 @@ def test_covariances_read_back_are_those_of_the_run_and_stay_positive() -> None:
     """Also one that rounding would spoil: condition 1e15."""
     axes = np.linalg.qr(np.random.default_rng(3).normal(size=(6, 6)))[0]
     covariance = symmetric(axes @ np.diag(10.0 ** np.linspace(-3.0, 12.0, 6)) @ axes.T)
-    window = stub_window(1, estimates=stub_estimates(1, state=7e6, state_covariance=covariance), estimate=0, track=0)
+    window = stub_window(
+        1, estimates=stub_estimates(1, state=7e6, state_covariance=covariance), estimate=0, track=0
+    )
     lower = np.zeros((6, 6))
-    lower[np.tril_indices(6)] = json.loads(WITH_TRACKS.encode(window))["track_state"]["covariance_ecef"]
+    lower[np.tril_indices(6)] = json.loads(WITH_TRACKS.encode(window))["track_state"][
+        "covariance_ecef"
+    ]
     assert np.array_equal(symmetric(lower), covariance)

@@ -1,4 +1,6 @@
-"""Regions as GeoJSON keep RFC 7946 and their area and content: across the 180th meridian and around the poles too."""
+"""Regions as GeoJSON keep RFC 7946 and their area and content: across the 180th meridian and around
+the poles too.
+"""
 
 from itertools import pairwise
 from typing import Any
@@ -11,7 +13,12 @@ from opir_testing.doubles import stub_regions
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
-from opir_core.output.geojson import geometry_of, region_document, region_from_document, region_texts
+from opir_core.output.geojson import (
+    geometry_of,
+    region_document,
+    region_from_document,
+    region_texts,
+)
 
 EARTH_RADIUS_KM = 6371.0088
 PLACES = [
@@ -32,9 +39,11 @@ def polygons_of(geometry: dict[str, Any]) -> list[list[FloatArray]]:
 
 
 def area_km2(ring: FloatArray) -> float:
-    """Return the area on the sphere inside a ring of edges straight in longitude and latitude; negative if clockwise.
+    """Return the area on the sphere inside a ring of edges straight in longitude and latitude;
+    negative if clockwise.
 
-    By Green's theorem it is the integral of -sin(latitude) along the ring, which has a closed form on each edge.
+    By Green's theorem it is the integral of -sin(latitude) along the ring, which has a closed form
+    on each edge.
     """
     (east, north) = np.radians(ring).T
     total = 0.0
@@ -87,7 +96,9 @@ def test_regions_of_more_than_a_hemisphere_keep_their_area(
     latitude_deg: float, longitude_deg: float, radius_km: float
 ) -> None:
     centre = np.radians([latitude_deg, longitude_deg]).tolist()
-    region = evolve(stub_regions(latitude_deg, longitude_deg, radius_km, corners=1440)[2], centre=tuple(centre))
+    region = evolve(
+        stub_regions(latitude_deg, longitude_deg, radius_km, corners=1440)[2], centre=tuple(centre)
+    )
     geometry = geometry_of(region)
     requires_of_rfc(geometry)
     total = sum(area_km2(ring) for polygon in polygons_of(geometry) for ring in polygon)
@@ -95,11 +106,14 @@ def test_regions_of_more_than_a_hemisphere_keep_their_area(
 
 
 def ring_of(*corners: tuple[float, float]) -> FloatArray:
-    """Return a closed ring of corners, east of the 180th meridian and north of the equator in tenths of a degree."""
+    """Return a closed ring of corners, east of the 180th meridian and north of the equator in
+    tenths of a degree.
+    """
     return np.radians([(0.1 * north, 180.0 + 0.1 * east) for east, north in (*corners, corners[0])])
 
 
-#: A C open to the east, around the 180th meridian: cut there, it is two arms in the east and a back in the west.
+#: A C open to the east, around the 180th meridian: cut there, it is two arms in the east and a back
+#: in the west.
 BAY = ring_of((-2, 0), (2, 0), (2, 1), (-1, 1), (-1, 2), (2, 2), (2, 3), (-2, 3))
 SQUARE = ring_of((-2, 0), (2, 0), (2, 4), (-2, 4))
 HOLE = ring_of((-1, 1), (1, 1), (1, 2), (-1, 2))
@@ -108,12 +122,20 @@ ASIDE = ring_of((-1.8, 1), (-1.2, 1), (-1.2, 2), (-1.8, 2))
 
 @pytest.mark.parametrize(
     ("polygon", "parts"),
-    [((BAY,), [1, 1, 1]), ((SQUARE, HOLE), [1, 1]), ((SQUARE, ASIDE), [2, 1]), ((SQUARE, HOLE, ASIDE), [2, 1])],
+    [
+        ((BAY,), [1, 1, 1]),
+        ((SQUARE, HOLE), [1, 1]),
+        ((SQUARE, ASIDE), [2, 1]),
+        ((SQUARE, HOLE, ASIDE), [2, 1]),
+    ],
 )
-def test_shapes_are_cut_at_the_180th_meridian(polygon: tuple[FloatArray, ...], parts: list[int]) -> None:
+def test_shapes_are_cut_at_the_180th_meridian(
+    polygon: tuple[FloatArray, ...], parts: list[int]
+) -> None:
     for whole in (polygon, tuple(ring[::-1] for ring in polygon)):
         wrapped = tuple(
-            np.stack([ring[:, 0], np.mod(ring[:, 1] + np.pi, 2.0 * np.pi) - np.pi], axis=1) for ring in whole
+            np.stack([ring[:, 0], np.mod(ring[:, 1] + np.pi, 2.0 * np.pi) - np.pi], axis=1)
+            for ring in whole
         )
         region = ImpactRegion(containment=0.9, area_km2=1.0, polygons=(wrapped,))
         geometry = geometry_of(region)
@@ -121,7 +143,9 @@ def test_shapes_are_cut_at_the_180th_meridian(polygon: tuple[FloatArray, ...], p
         found = polygons_of(geometry)
         assert [len(rings) for rings in found] == parts
         outer, *holes = (np.abs(area_km2(np.degrees(ring[:, ::-1]))) for ring in polygon)
-        assert sum(area_km2(ring) for rings in found for ring in rings) == pytest.approx(outer - sum(holes), rel=1e-4)
+        assert sum(area_km2(ring) for rings in found for ring in rings) == pytest.approx(
+            outer - sum(holes), rel=1e-4
+        )
 
 
 @pytest.mark.slow
@@ -136,8 +160,12 @@ def test_points_are_inside_the_geometry_if_they_are_in_the_region(data: st.DataO
     requires_of_rfc(geometry)
     back = region_from_document(region_document(region))
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
-    for distance, bearing in zip(rng.uniform(0.2, 1.8, 40), rng.uniform(0.0, 2.0 * np.pi, 40), strict=True):
-        if abs(distance - 1.0) < 0.02:  # between corners, great circles, chords in the plane and the circle differ
+    for distance, bearing in zip(
+        rng.uniform(0.2, 1.8, 40), rng.uniform(0.0, 2.0 * np.pi, 40), strict=True
+    ):
+        if (
+            abs(distance - 1.0) < 0.02
+        ):  # between corners, great circles, chords in the plane and the circle differ
             continue
         ring = stub_regions(latitude_deg, longitude_deg, distance * radius_km)[2].polygons[0][0]
         north, east = ring[round(bearing / (2.0 * np.pi) * (len(ring) - 1))]
@@ -176,7 +204,9 @@ def test_a_triangle_is_a_ring(west_deg: float, parts: int) -> None:
     document = region_document(ImpactRegion(containment=0.5, area_km2=1.0, polygons=((ring,),)))
     found = polygons_of(document["geometry"])
     assert [len(rings) for rings in found] == [1] * parts
-    assert sum(area_km2(rings[0]) for rings in found) == pytest.approx(area_km2(np.degrees(ring[:, ::-1])), rel=1e-4)
+    assert sum(area_km2(rings[0]) for rings in found) == pytest.approx(
+        area_km2(np.degrees(ring[:, ::-1])), rel=1e-4
+    )
     assert len(region_from_document(document).polygons) == parts
 
 

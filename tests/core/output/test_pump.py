@@ -16,7 +16,9 @@ from opir_core.output.pump import PumpReport, SinkGroup, SinkReport, pump
 class Recorder(Sink):
     """A sink that counts, and fails on request."""
 
-    def __init__(self, *, fails_at: int | None = None, fails_to_close: BaseException | None = None) -> None:
+    def __init__(
+        self, *, fails_at: int | None = None, fails_to_close: BaseException | None = None
+    ) -> None:
         self.windows: list[Window] = []
         self.closed = 0
         self.delivered = 0
@@ -92,10 +94,15 @@ def test_when_every_sink_has_failed_no_more_windows_are_drawn() -> None:
 
     report = pump(endless(), {"a": Recorder(fails_at=1), "b": Recorder(fails_at=3)})
     assert (len(drawn), len(ended)) == (3, 1)
-    assert report.sinks == (SinkReport("a", 0, 0, 3, "full after 0"), SinkReport("b", 2, 0, 1, "full after 2"))
+    assert report.sinks == (
+        SinkReport("a", 0, 0, 3, "full after 0"),
+        SinkReport("b", 2, 0, 1, "full after 2"),
+    )
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), ModelError("broken"), ZeroDivisionError(), SystemExit(1)])
+@pytest.mark.parametrize(
+    "error", [KeyboardInterrupt(), ModelError("broken"), ZeroDivisionError(), SystemExit(1)]
+)
 def test_every_sink_is_closed_once_when_the_windows_end_in_an_error(error: BaseException) -> None:
     failed = Recorder(fails_at=1)
     good = Recorder()
@@ -130,7 +137,11 @@ def test_a_defect_in_a_sink_is_passed_on_with_every_sink_closed() -> None:
 def test_progress_is_reported_once_a_window_is_taken() -> None:
     sink = Recorder()
     reported: list[tuple[int, int]] = []
-    pump(stream(2, 3), {"a": sink}, on_window=lambda window: reported.append((len(window.detections), sink.delivered)))
+    pump(
+        stream(2, 3),
+        {"a": sink},
+        on_window=lambda window: reported.append((len(window.detections), sink.delivered)),
+    )
     assert reported == [(2, 2), (3, 5)]
 
 
@@ -158,7 +169,11 @@ def test_an_error_in_closing_one_does_not_keep_the_others_open(error: BaseExcept
     assert (first.closed, bad.closed, last.closed) == (1, 1, 1)
     outlets.close()
     assert (first.closed, bad.closed, last.closed) == (1, 1, 1)
-    assert [sink.error for sink in outlets.report().sinks] == [None, "closing it was interrupted", None]
+    assert [sink.error for sink in outlets.report().sinks] == [
+        None,
+        "closing it was interrupted",
+        None,
+    ]
 
 
 def test_the_report_can_be_had_after_an_interruption() -> None:
@@ -180,8 +195,12 @@ def test_what_a_sink_spooled_is_neither_delivered_nor_dropped() -> None:
 
 
 @given(st.lists(st.integers(0, 3), max_size=6), st.lists(st.none() | st.integers(1, 7), max_size=4))
-def test_events_in_are_events_out_whatever_fails(counts: list[int], fails_at: list[int | None]) -> None:
-    sinks: dict[str, Any] = {str(number): Recorder(fails_at=at) for number, at in enumerate(fails_at)}
+def test_events_in_are_events_out_whatever_fails(
+    counts: list[int], fails_at: list[int | None]
+) -> None:
+    sinks: dict[str, Any] = {
+        str(number): Recorder(fails_at=at) for number, at in enumerate(fails_at)
+    }
     report = pump(stream(*counts), sinks)
     for sink in report.sinks:
         assert sink.delivered + sink.spooled + sink.dropped == report.events

@@ -1,4 +1,6 @@
-"""Lines from typed columns: the compiled renderer makes the bytes of the reference, whose numbers read back."""
+"""Lines from typed columns: the compiled renderer makes the bytes of the reference, whose numbers
+read back.
+"""
 
 import json
 from collections.abc import Callable, Iterable, Sequence
@@ -10,7 +12,15 @@ import pytest
 from hypothesis import assume, example, given, strategies as st
 
 from opir_core.errors import PluginError, SinkError
-from opir_core.output.events.rendering import Column, Decimal, Ids, Looked, Times, chosen_renderer, reference
+from opir_core.output.events.rendering import (
+    Column,
+    Decimal,
+    Ids,
+    Looked,
+    Times,
+    chosen_renderer,
+    reference,
+)
 from opir_core.output.events.text import END_UNIX_US, FIRST_UNIX_US
 from opir_core.plugin import Host, RendererContext, RendererModel, hookimpl
 
@@ -22,7 +32,9 @@ numbers = st.one_of(
     st.floats(-1e-3, 1e-3),
     st.floats(-360.0, 360.0),
     st.integers(-(10**16), 10**16).map(float),
-    st.tuples(st.integers(-(10**7), 10**7), st.integers(0, 12)).map(lambda pair: pair[0] / 10.0 ** pair[1]),
+    st.tuples(st.integers(-(10**7), 10**7), st.integers(0, 12)).map(
+        lambda pair: pair[0] / 10.0 ** pair[1]
+    ),
 )
 columns = st.one_of(
     st.binary(max_size=5),
@@ -33,7 +45,9 @@ columns = st.one_of(
     st.tuples(st.lists(numbers, min_size=LINES, max_size=LINES), st.integers(0, 12)).map(
         lambda pair: Decimal(np.array(pair[0]), pair[1])
     ),
-    st.lists(st.tuples(words, words), min_size=LINES, max_size=LINES).map(lambda ids: Ids(np.array(ids, np.uint64))),
+    st.lists(st.tuples(words, words), min_size=LINES, max_size=LINES).map(
+        lambda ids: Ids(np.array(ids, np.uint64))
+    ),
     st.lists(st.integers(FIRST_UNIX_US, END_UNIX_US - 1), min_size=LINES, max_size=LINES).map(
         lambda times: Times(np.array(times))
     ),
@@ -44,7 +58,9 @@ columns = st.one_of(
 def compiled() -> Callable[..., bytes]:
     pytest.importorskip("opir_render.compiled", reason="needs opir-render, built with a compiler")
     component = Host.discover(["render"]).component(RendererModel, "compiled")
-    render: Callable[..., bytes] = component.build(component.config(), RendererContext(reference=reference))
+    render: Callable[..., bytes] = component.build(
+        component.config(), RendererContext(reference=reference)
+    )
     return render
 
 
@@ -56,8 +72,12 @@ def test_the_compiled_renderer_makes_the_bytes_of_the_reference(line: list[Colum
 
 
 @given(st.lists(numbers, min_size=1), st.integers(0, 12))
-@example([0.1 + 0.2, -0.0, 5e-10, 9.99999999949e-6, 1e-5, 123456789.0, 999999.9999999995, 1e15, 1e22], 9)
-def test_both_renderers_write_the_shortest_text_of_the_rounded_double(values: list[float], decimals: int) -> None:
+@example(
+    [0.1 + 0.2, -0.0, 5e-10, 9.99999999949e-6, 1e-5, 123456789.0, 999999.9999999995, 1e15, 1e22], 9
+)
+def test_both_renderers_write_the_shortest_text_of_the_rounded_double(
+    values: list[float], decimals: int
+) -> None:
     column = Decimal(np.array(values), decimals)
     texts = reference(len(values), [column, b"\n"]).splitlines()
     assert compiled()(len(values), [column, b"\n"]).splitlines() == texts
@@ -98,7 +118,9 @@ def test_a_time_outside_the_years_of_timestamps_is_refused(unix_us: int) -> None
         (Ids(np.zeros((2, 1), np.uint64)), ValueError),
     ],
 )
-def test_the_compiled_renderer_refuses_columns_of_another_length(column: Column, error: type[Exception]) -> None:
+def test_the_compiled_renderer_refuses_columns_of_another_length(
+    column: Column, error: type[Exception]
+) -> None:
     with pytest.raises(error):
         compiled()(2, [column])
 
@@ -108,7 +130,9 @@ class Traced:
 
     @hookimpl
     def opir_renderers(self) -> Iterable[RendererModel]:
-        yield RendererModel(name="traced", summary="the reference", build=lambda _config, _context: traced)
+        yield RendererModel(
+            name="traced", summary="the reference", build=lambda _config, _context: traced
+        )
 
 
 def traced(count: int, columns: Sequence[Column]) -> bytes:
@@ -124,10 +148,16 @@ def test_the_environment_chooses_the_renderer(monkeypatch: pytest.MonkeyPatch) -
     assert chosen_renderer(host) == ("reference", reference)
 
 
-def test_a_renderer_that_is_not_there_is_refused_with_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_renderer_that_is_not_there_is_refused_with_the_way_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("OPIR_RENDERER", "fast")
-    with pytest.raises(PluginError, match=r"(?s)OPIR_RENDERER: no renderer is named 'fast'.*installed: reference"):
+    with pytest.raises(
+        PluginError, match=r"(?s)OPIR_RENDERER: no renderer is named 'fast'.*installed: reference"
+    ):
         chosen_renderer(Host.of())
     monkeypatch.setenv("OPIR_RENDERER", "compiled")
-    with pytest.raises(PluginError, match="opir-render provides it: python -m pip install opir-render"):
+    with pytest.raises(
+        PluginError, match="opir-render provides it: python -m pip install opir-render"
+    ):
         chosen_renderer(Host.of())

@@ -25,7 +25,9 @@ latitudes = st.one_of(st.floats(-90.0, 90.0), st.sampled_from([-90.0, 90.0, 0.0,
 longitudes = st.one_of(st.floats(-180.0, 180.0), st.sampled_from([-180.0, 180.0, 179.9999, 0.0]))
 
 
-def ring_about(chart: AzimuthalEquidistant, east_m: float, north_m: float, radii_m: FloatArray) -> FloatArray:
+def ring_about(
+    chart: AzimuthalEquidistant, east_m: float, north_m: float, radii_m: FloatArray
+) -> FloatArray:
     """Return a closed ring whose corners lie at distances around a point of a map."""
     turn = np.linspace(0.0, 2.0 * np.pi, len(radii_m), endpoint=False)
     plane = np.stack([east_m + radii_m * np.cos(turn), north_m + radii_m * np.sin(turn)], axis=1)
@@ -35,7 +37,9 @@ def ring_about(chart: AzimuthalEquidistant, east_m: float, north_m: float, radii
 
 @st.composite
 def regions(draw: st.DrawFn) -> ImpactRegion:
-    """Draw a region about a centre: a star of up to 0.97 of the way to the antipode, a hole, a second polygon."""
+    """Draw a region about a centre: a star of up to 0.97 of the way to the antipode, a hole, a
+    second polygon.
+    """
     centre = tuple(np.radians([draw(latitudes), draw(longitudes)]).tolist())
     chart = AzimuthalEquidistant.about(unit_vectors(np.array([centre]))[0])
     size_m = draw(st.one_of(st.floats(1e3, 5e6), st.floats(5e6, 0.97 * _HALF_M)))
@@ -58,17 +62,26 @@ def regions(draw: st.DrawFn) -> ImpactRegion:
         effective_samples=draw(st.one_of(st.floats(1.0, 1e6), st.just(math.nan))),
     )
     # Through a pole, to the grid of the file, an edge has no sense of turning.
-    assume(not any(is_at_an_edge(region, np.array([pole, 0.0])) for pole in (-0.5 * np.pi, 0.5 * np.pi)))
+    assume(
+        not any(
+            is_at_an_edge(region, np.array([pole, 0.0])) for pole in (-0.5 * np.pi, 0.5 * np.pi)
+        )
+    )
     return region
 
 
 def points_about(region: ImpactRegion, seed: int, count: int) -> FloatArray:
-    """Return places (n, 2), rad: half of them over the Earth, half about the corners of a region."""
+    """Return places (n, 2), rad: half of them over the Earth, half about the corners of a
+    region.
+    """
     rng = np.random.default_rng(seed)
-    anywhere = np.stack([np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count)], axis=1)
+    anywhere = np.stack(
+        [np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count)], axis=1
+    )
     corners = np.concatenate([ring for polygon in region.polygons for ring in polygon])
     near = corners[rng.integers(len(corners), size=count)] + rng.normal(0.0, 0.02, (count, 2))
-    # A region that is cut at the 180th meridian may have a corner at a pole: the very pole may be on either side.
+    # A region that is cut at the 180th meridian may have a corner at a pole: the very pole may be
+    # on either side.
     most = 0.5 * np.pi - _NEAR_M / 6_371_008.8
     near[:, 0] = np.clip(near[:, 0], -most, most)
     return np.concatenate([anywhere, near])
@@ -80,12 +93,16 @@ def is_at_an_edge(region: ImpactRegion, place: FloatArray) -> bool:
     up = unit_vectors(place[np.newaxis])[0]
     east = np.array([-math.sin(longitude), math.cos(longitude), 0.0])
     turn = np.linspace(0.0, 2.0 * np.pi, 9)[:, np.newaxis]
-    x, y, z = (up + _NEAR_M / 6_371_008.8 * (np.cos(turn) * east + np.sin(turn) * np.cross(up, east))).T
+    x, y, z = (
+        up + _NEAR_M / 6_371_008.8 * (np.cos(turn) * east + np.sin(turn) * np.cross(up, east))
+    ).T
     around = np.stack([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)], axis=1)
     return len({region.contains(*each) for each in (place, *around)}) > 1
 
 
-def requires_same_answers(region: ImpactRegion, back: ImpactRegion, seed: int, count: int = 20) -> None:
+def requires_same_answers(
+    region: ImpactRegion, back: ImpactRegion, seed: int, count: int = 20
+) -> None:
     wrong = [
         place.tolist()
         for place in points_about(region, seed, count)
@@ -103,7 +120,14 @@ ANNULUS = ImpactRegion(
             np.radians(ring)
             for ring in (
                 [[-30.1, -117.4], [-8.0, 148.8], [-59.7, 46.4], [-30.1, -117.4]],
-                [[-58.1, -171.5], [-53.6, -179.6], [-55.8, 170.0], [-62.1, 169.4], [-63.8, -177.0], [-58.1, -171.5]],
+                [
+                    [-58.1, -171.5],
+                    [-53.6, -179.6],
+                    [-55.8, 170.0],
+                    [-62.1, 169.4],
+                    [-63.8, -177.0],
+                    [-58.1, -171.5],
+                ],
             )
         ),
     ),
@@ -141,7 +165,9 @@ def tracks(draw: st.DrawFn, count: int = 3) -> Tracks:
     def place() -> FloatArray:
         column = known(3)
         column[:, 0] = np.radians([draw(latitudes) for _ in range(count)])
-        column[:, 1] = np.where(np.isnan(column[:, 1]), np.nan, np.radians([draw(longitudes) for _ in range(count)]))
+        column[:, 1] = np.where(
+            np.isnan(column[:, 1]), np.nan, np.radians([draw(longitudes) for _ in range(count)])
+        )
         column[:, 0] = np.where(np.isnan(column[:, 1]), np.nan, column[:, 0])
         return column
 

@@ -48,7 +48,9 @@ def plan_of(folder: Path, seed: int, *more: Any) -> Plan:
     return compile_plan(scene_from_mapping({**SCENE, "seed": seed, "outputs": outputs}))
 
 
-def run_into(folder: Path, seed: int, *more: Any, on_window: Callable[[Any], None] | None = None) -> Any:
+def run_into(
+    folder: Path, seed: int, *more: Any, on_window: Callable[[Any], None] | None = None
+) -> Any:
     beside = {"truth_path": folder / "e.truth.jsonl", "manifest_path": folder / "e.manifest.json"}
     return deliver(plan_of(folder, seed, *more), **beside, on_window=on_window)
 
@@ -74,7 +76,10 @@ def test_the_manifest_has_the_sum_of_every_file(good: Path) -> None:
     files = contents(good)
     assert tuple(files) == NAMES
     reported = read_manifest(good / "e.manifest.json")["written_files"]
-    assert [(each["kind"], each["name"]) for each in reported] == [("events", "e.jsonl"), ("truth", "e.truth.jsonl")]
+    assert [(each["kind"], each["name"]) for each in reported] == [
+        ("events", "e.jsonl"),
+        ("truth", "e.truth.jsonl"),
+    ]
     for each in reported:
         assert each["sha256"] == sha256(files[each["name"]]).hexdigest()
         assert each["bytes"] == len(files[each["name"]]) > 0
@@ -101,7 +106,9 @@ def stop(_window: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", [StoppedError, KeyboardInterrupt, SystemExit, SinkError])
-def test_a_run_that_is_interrupted_leaves_the_run_before(good: Path, kind: type[BaseException]) -> None:
+def test_a_run_that_is_interrupted_leaves_the_run_before(
+    good: Path, kind: type[BaseException]
+) -> None:
     def interrupt(_window: Any) -> None:
         raise kind
 
@@ -134,7 +141,8 @@ def test_a_file_that_fails_leaves_the_run_before_and_says_what_is_where(
         patch.setattr("opir_core.builtin.sinks.os.write", full)
         outcome = run_into(good, 2, "null")
     with pytest.raises(
-        SinkError, match=r"no file of an earlier run is replaced; what was written is in .*e\.jsonl\.part"
+        SinkError,
+        match=r"no file of an earlier run is replaced; what was written is in .*e\.jsonl\.part",
     ):
         outcome.raise_for_failures()
     after = contents(good)
@@ -156,7 +164,8 @@ def test_of_three_runs_into_one_path_one_wins(good: Path) -> None:
     run_into(good, 2, on_window=more)
     assert len(refused) >= 2
     assert all(
-        "is being written by another run; wait until that has ended, or give another path" in each for each in refused
+        "is being written by another run; wait until that has ended, or give another path" in each
+        for each in refused
     )
     assert load_run(good).manifest["seed"] == 2
     assert tuple(contents(good)) == NAMES
@@ -172,7 +181,9 @@ def test_another_manifest_and_truth_do_not_make_it_another_file(good: Path) -> N
 
 
 def serial_calls(monkeypatch: pytest.MonkeyPatch, name: str, fails_at: int) -> list[Any]:
-    """Let the n-th call of a function of the system fail, as a damaged disk does; returns the calls."""
+    """Let the n-th call of a function of the system fail, as a damaged disk does; returns the
+    calls.
+    """
     owner: Any = Path if name == "replace" else os
     real = getattr(owner, name)
     calls = []
@@ -226,7 +237,11 @@ def test_a_run_that_is_killed_while_its_files_are_renamed_is_finished(
 ) -> None:
     with monkeypatch.context() as patch:
         serial_calls(patch, "replace", renamed + 1)
-        with pytest.raises(SinkError, match="whole under temporary names") if renamed < 3 else _nothing():
+        with (
+            pytest.raises(SinkError, match="whole under temporary names")
+            if renamed < 3
+            else _nothing()
+        ):
             run_into(good, 2)
     assert finish_interrupted(good / "e.manifest.json") == (renamed < 3)
     assert tuple(contents(good)) == NAMES
@@ -240,7 +255,9 @@ def _nothing() -> Any:
 
 
 def test_a_run_that_is_not_whole_is_not_finished(good: Path) -> None:
-    (good / "e.manifest.json.part").write_text('{"written_files": [{"name": "e.jsonl", "bytes": 3, "sha256": "0"}]}')
+    (good / "e.manifest.json.part").write_text(
+        '{"written_files": [{"name": "e.jsonl", "bytes": 3, "sha256": "0"}]}'
+    )
     (good / "e.jsonl.part").write_text("abc")
     before = contents(good)
     assert not finish_interrupted(good / "e.manifest.json")
@@ -280,7 +297,9 @@ def long_run(good: Path, tmp_path: Path) -> Iterator[Callable[[], subprocess.Pop
     sensors = [{"constellation": "DSP"}, {"constellation": "SBIRS-GEO"}]
     (target,) = SCENE["targets"]  # type: ignore[misc]
     launches = [{**target["launch"], "time_s": 60.0 * number} for number in range(400)]
-    targets = [{**target, "id": f"T{number}", "launch": launch} for number, launch in enumerate(launches)]
+    targets = [
+        {**target, "id": f"T{number}", "launch": launch} for number, launch in enumerate(launches)
+    ]
     changed = {"sensors": sensors, "targets": targets, "duration_s": 30_000.0}
     scene.write_text(json.dumps({**SCENE, **changed}), encoding="utf-8")
 

@@ -68,7 +68,9 @@ def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opi
     for key, decimals in TRUTH_DECIMALS.items():
         name = columns.get(key, key)
         half = 0.51 * 10.0**-decimals
-        assert np.allclose(getattr(mine, name), getattr(theirs, name), rtol=1e-15, atol=half, equal_nan=True), name
+        assert np.allclose(
+            getattr(mine, name), getattr(theirs, name), rtol=1e-15, atol=half, equal_nan=True
+        ), name
     assert len(saved.tracks) == len(memory.tracks) > 0
     assert np.array_equal(saved.tracks.state, memory.tracks.state)
 
@@ -79,16 +81,31 @@ def test_the_summary_is_counted_anew(saved: opir_core.Run, memory: opir_core.Run
     mine = saved.summary["targets"]
     theirs = memory.summary["targets"]
     assert [row["first_sensor_id"] for row in mine] == [row["first_sensor_id"] for row in theirs]
-    assert [row["latency_s"] for row in mine] == pytest.approx([row["latency_s"] for row in theirs], abs=1e-6)
+    assert [row["latency_s"] for row in mine] == pytest.approx(
+        [row["latency_s"] for row in theirs], abs=1e-6
+    )
 
 
-def test_hypotheses_and_ends_of_tracks_and_rows_of_sources_are_those_of_the_run(tmp_path: Path) -> None:
-    plan = two_sides_plan(duration_s=20.0, outputs=[{"jsonl": {"path": str(tmp_path / "events.jsonl")}}])
-    paths = {f"{what}_path": tmp_path / f"events.{what}.json{'' if what == 'manifest' else 'l'}" for what in BESIDE}
+def test_hypotheses_and_ends_of_tracks_and_rows_of_sources_are_those_of_the_run(
+    tmp_path: Path,
+) -> None:
+    plan = two_sides_plan(
+        duration_s=20.0, outputs=[{"jsonl": {"path": str(tmp_path / "events.jsonl")}}]
+    )
+    paths = {
+        f"{what}_path": tmp_path / f"events.{what}.json{'' if what == 'manifest' else 'l'}"
+        for what in BESIDE
+    }
     deliver(plan, **paths)
     saved = opir_core.load_run(tmp_path, plan.host)
     memory = run_of_plan(plan)
-    for name in ("hypothesis_probability", "probability_launch", "probability_missile", "probability_orbit", "end"):
+    for name in (
+        "hypothesis_probability",
+        "probability_launch",
+        "probability_missile",
+        "probability_orbit",
+        "end",
+    ):
         assert np.array_equal(getattr(saved.tracks, name), getattr(memory.tracks, name)), name
     assert saved.tracks.hypothesis_probability.shape == (40, len(plan.hypotheses))
     assert saved.summary["tracks"] == memory.summary["tracks"]
@@ -97,7 +114,9 @@ def test_hypotheses_and_ends_of_tracks_and_rows_of_sources_are_those_of_the_run(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["events.jsonl", "events.manifest.json", "events.truth.jsonl", "events.tracks.jsonl"])
+@pytest.mark.parametrize(
+    "name", ["events.jsonl", "events.manifest.json", "events.truth.jsonl", "events.tracks.jsonl"]
+)
 def test_any_file_of_the_run_will_do(folder: Path, saved: opir_core.Run, name: str) -> None:
     assert repr(opir_core.load_run(folder / name)) == repr(saved)
 
@@ -107,7 +126,9 @@ class Views:
 
     @hookimpl
     def opir_run_views(self) -> Iterable[RunView]:
-        yield RunView(name="map", summary="a picture", build=lambda run: f"<svg>{run.plan.scene.name}</svg>")
+        yield RunView(
+            name="map", summary="a picture", build=lambda run: f"<svg>{run.plan.scene.name}</svg>"
+        )
         yield RunView(name="broken", summary="fails", build=lambda run: run.plan.scene.name / 2)
 
 
@@ -143,7 +164,9 @@ def test_events_of_each_kin_of_forge_are_read(tmp_path: Path, encoder: str) -> N
     run = opir_core.load_run(tmp_path / "e.jsonl")
     memory = opir_core.simulate(opir_core.load_scene(SCENE, overrides=settings))
     assert len(run.detections) == len(memory.detections) > 0
-    assert np.allclose(run.detections.type_probability, memory.detections.type_probability, atol=1e-6)
+    assert np.allclose(
+        run.detections.type_probability, memory.detections.type_probability, atol=1e-6
+    )
     if encoder == "forge-bands":
         theirs = memory.detections.band_irradiance_w_m2
         assert np.allclose(run.detections.band_irradiance_w_m2, theirs, rtol=1e-5, equal_nan=True)
@@ -190,7 +213,9 @@ def test_a_run_of_given_plugins_is_shown_by_what_is_installed(memory: opir_core.
 
 
 def test_a_view_that_fails_is_refused_with_its_owner(memory: opir_core.Run) -> None:
-    with pytest.raises(ModelError, match=r"run.view\('broken'\): the run view 'broken' of plugin Views .*TypeError"):
+    with pytest.raises(
+        ModelError, match=r"run.view\('broken'\): the run view 'broken' of plugin Views .*TypeError"
+    ):
         with_host(memory, Views()).view("broken")
 
 
@@ -199,21 +224,28 @@ NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]\d+)?"
 
 
 @pytest.mark.slow
-def test_regions_and_scores_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
+def test_regions_and_scores_are_those_of_the_run(
+    saved: opir_core.Run, memory: opir_core.Run
+) -> None:
     rng = np.random.default_rng(44)
     asked = 0
-    for was, now in zip(memory.tracks.impact_regions.tolist(), saved.tracks.impact_regions.tolist(), strict=True):
+    for was, now in zip(
+        memory.tracks.impact_regions.tolist(), saved.tracks.impact_regions.tolist(), strict=True
+    ):
         for region, back in zip(was, now, strict=True):
             corners = np.concatenate([ring for polygon in region.polygons for ring in polygon])
             places = corners[rng.integers(len(corners), size=4)] + rng.normal(0.0, 0.01, (4, 2))
-            assert [region.contains(*place) for place in places] == [back.contains(*place) for place in places]
+            assert [region.contains(*place) for place in places] == [
+                back.contains(*place) for place in places
+            ]
             asked += len(places)
     assert asked > 100
     cards = [scorecard([evidence_of_run(run, run.plan)]) for run in (memory, saved)]
     texts = [scorecard_text({"imm": card}) for card in cards]
     words = [re.sub(NUMBER, "#", text).split() for text in texts]
     assert words[0] == words[1]
-    # Files round states and covariances: what is close to half a last digit of a score falls to the other side.
+    # Files round states and covariances: what is close to half a last digit of a score falls to the
+    # other side.
     numbers = [[float(number) for number in re.findall(NUMBER, text)] for text in texts]
     assert len(numbers[0]) > 100
     assert numbers[0] == pytest.approx(numbers[1], rel=2e-4, abs=0.011)

@@ -36,7 +36,12 @@ from opir_core.interfaces.outputs import Delivery, Encoder
 from opir_core.interfaces.records import Batch, Tracks
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.pump import pump
-from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher, WindowBatcher, WindowTransport
+from opir_core.output.spool.batches import (
+    BATCH_EVENTS,
+    EncodedBatcher,
+    WindowBatcher,
+    WindowTransport,
+)
 from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.sent_batches import AHEAD_BYTES
@@ -57,7 +62,11 @@ def test_what_a_carrier_acknowledges_is_delivered(tmp_path: Path) -> None:
 def test_a_parcel_says_whose_each_event_is_and_what_it_is() -> None:
     whole = window(3000)
     packed = list(EncodedBatcher(ENCODER, SENSORS).batches(whole))
-    assert [len(parcel) for parcel in packed] == [BATCH_EVENTS, BATCH_EVENTS, 3000 - 2 * BATCH_EVENTS]
+    assert [len(parcel) for parcel in packed] == [
+        BATCH_EVENTS,
+        BATCH_EVENTS,
+        3000 - 2 * BATCH_EVENTS,
+    ]
     assert b"".join(parcel.body for parcel in packed) == ENCODER.encode(whole)
     for parcel in packed:
         keys = [parcel.keys[key] for key in parcel.key_of]
@@ -172,7 +181,9 @@ def test_a_carrier_that_fails_at_the_end_is_reported_by_closing(tmp_path: Path) 
     assert lost.error == "stub: no acknowledgement came; a spool would keep what is lost"
 
 
-def test_a_defect_of_a_carrier_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_defect_of_a_carrier_is_passed_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("opir_core.output.spool.sender.TROUBLED_S", 0.0)
 
     class Broken(Holding):
@@ -207,7 +218,9 @@ def test_a_sink_in_a_hurry_is_closed_in_time(tmp_path: Path) -> None:
     sink.close_by(began + 2.5)
     filling.join()
     reported = sink.close()
-    assert time.monotonic() - began < 30.0  # of 60 s for which the sink may wait, on a machine that does other work
+    assert (
+        time.monotonic() - began < 30.0
+    )  # of 60 s for which the sink may wait, on a machine that does other work
     assert reported.spooled > 10_000
     assert "is full" in str(refused[0])
 
@@ -226,7 +239,11 @@ def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
     known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
     windows = [stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1), window(2, 4)]
     first = TransportSink(
-        "stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
+        "stub",
+        Holding("hold"),
+        Journal(str(tmp_path / "spool"), MIB),
+        WindowBatcher(ENCODER, ORIGIN),
+        QUICK,
     )
     for each in windows:
         first.write(each)
@@ -275,7 +292,9 @@ def test_what_a_run_left_in_a_spool_of_columns_keeps_its_times_and_sensors_in_a_
     known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
     left = stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1, sensor=[0, 1, 3, 4])
     spool = str(tmp_path / "spool")
-    first = TransportSink("stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK)
+    first = TransportSink(
+        "stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
+    )
     first.write(left)
     first.close()
     sensors = (*SENSORS[::-1], stub_sensor("new"))
@@ -283,7 +302,11 @@ def test_what_a_run_left_in_a_spool_of_columns_keeps_its_times_and_sensors_in_a_
     encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=origin.epoch_us))
     kept = MemorySink(lambda: encoder)
     second = TransportSink(
-        "stub", WindowTransport(kept, origin), Journal(spool, MIB), WindowBatcher(encoder, origin), QUICK
+        "stub",
+        WindowTransport(kept, origin),
+        Journal(spool, MIB),
+        WindowBatcher(encoder, origin),
+        QUICK,
     )
     assert second.close() == Delivery(delivered=4, recovered=4)
     assert kept.lines() == ENCODER.encode(left)
@@ -291,12 +314,16 @@ def test_what_a_run_left_in_a_spool_of_columns_keeps_its_times_and_sensors_in_a_
 
 def test_events_of_a_sensor_that_the_scene_no_longer_has_wait_in_the_spool(tmp_path: Path) -> None:
     spool = str(tmp_path / "spool")
-    first = TransportSink("stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK)
+    first = TransportSink(
+        "stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
+    )
     first.write(window(5))
     first.close()
     origin = Origin(0, SENSORS[:2])
     transport = WindowTransport(MemorySink(lambda: ENCODER), origin)
-    second = TransportSink("stub", transport, Journal(spool, MIB), WindowBatcher(ENCODER, origin), QUICK)
+    second = TransportSink(
+        "stub", transport, Journal(spool, MIB), WindowBatcher(ENCODER, origin), QUICK
+    )
     reported = second.close()
     assert (reported.delivered, reported.spooled, reported.recovered) == (0, 5, 5)
     assert "holds events of S-2, which the scene does not have" in str(reported)
@@ -312,9 +339,15 @@ def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
     known = stub_estimates(4, impact_regions=[(*shared, *given), (), several, shared])
     known.impact_regions[3] = known.impact_regions[0]
     first = TransportSink(
-        "stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
+        "stub",
+        Holding("hold"),
+        Journal(str(tmp_path / "spool"), MIB),
+        WindowBatcher(ENCODER, ORIGIN),
+        QUICK,
     )
-    first.write(evolve(stub_window(4, estimates=known, estimate=[0, 1, 2, 3], track=1), tracks=known))
+    first.write(
+        evolve(stub_window(4, estimates=known, estimate=[0, 1, 2, 3], track=1), tracks=known)
+    )
     assert first.close() == Delivery(delivered=0, spooled=4)
     kept = MemorySink(lambda: ENCODER)
     second = TransportSink(
@@ -345,7 +378,10 @@ def test_tracks_of_other_hypotheses_wait_in_the_spool(tmp_path: Path) -> None:
     tracks = origin.unpacked(batch).tracks
     assert np.array_equal(tracks.hypothesis_probability, [chances] * 2)
     assert tracks.end.tolist() == [1, 1]
-    with pytest.raises(SinkError, match="its spool holds tracks with other hypotheses; run the scene that made them"):
+    with pytest.raises(
+        SinkError,
+        match="its spool holds tracks with other hypotheses; run the scene that made them",
+    ):
         Origin(0, SENSORS, hypotheses=("H0",)).unpacked(batch)
     none = evolve(batch, body=origin.packed(evolve(stub_window(2), tracks=stub_estimates(2))))
     assert len(Origin(0, SENSORS).unpacked(none).tracks) == 2
@@ -362,7 +398,11 @@ def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path:
 
     carrier = Holding()
     sink = TransportSink(
-        "stub", carrier, Journal(str(tmp_path / "spool"), MIB), EncodedBatcher(Choosy(), SENSORS), QUICK
+        "stub",
+        carrier,
+        Journal(str(tmp_path / "spool"), MIB),
+        EncodedBatcher(Choosy(), SENSORS),
+        QUICK,
     )
     sink.write(window(10))
     assert sink.close() == Delivery(delivered=8, withheld=2)
@@ -371,7 +411,9 @@ def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path:
 
 @pytest.mark.slow
 def test_a_killed_process_loses_nothing_and_keeps_the_order(tmp_path: Path) -> None:
-    """SIGKILL at 20 moments of one spool's life; each process goes on where the one before was killed."""
+    """SIGKILL at 20 moments of one spool's life; each process goes on where the one before was
+    killed.
+    """
     first = killed_at_random("spool_transports", "spool_for_ever", tmp_path, 20, 0.05)
     rest = spooled(tmp_path / "spool", Appending(tmp_path / "arrived", 0.0), Policy(stall_s=5.0))
     assert rest.close().spooled == 0
@@ -380,9 +422,12 @@ def test_a_killed_process_loses_nothing_and_keeps_the_order(tmp_path: Path) -> N
     assert len(lines) - len(whole) <= 20
     arrived = list(dict.fromkeys(json.loads(line)["detection_id"] for line in whole))
     everything = ids_of(window(first))
-    # The window that was being written when the process was killed may have been taken without being noted.
+    # The window that was being written when the process was killed may have been taken without
+    # being noted.
     assert [each for each in everything if each not in set(arrived)] == []
-    assert arrived == sorted(arrived, key={each: place for place, each in enumerate(ids_of(window(first + 7)))}.get)
+    assert arrived == sorted(
+        arrived, key={each: place for place, each in enumerate(ids_of(window(first + 7)))}.get
+    )
 
 
 def is_whole(line: bytes) -> bool:
@@ -394,10 +439,16 @@ def is_whole(line: bytes) -> bool:
     return True
 
 
-def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(tmp_path: Path) -> None:
+def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(
+    tmp_path: Path,
+) -> None:
     journal = Journal(str(tmp_path / "spool"), 8 * MIB)
     sink = TransportSink(
-        "stub", Appending(tmp_path / "lines", 0.2), journal, EncodedBatcher(ENCODER, SENSORS), Policy(stall_s=60.0)
+        "stub",
+        Appending(tmp_path / "lines", 0.2),
+        journal,
+        EncodedBatcher(ENCODER, SENSORS),
+        Policy(stall_s=60.0),
     )
     for first in range(300):
         sink.write(window(1, first))

@@ -28,7 +28,9 @@ from opir_core.output.spool.transport_sink import TransportSink
 @pytest.mark.parametrize("is_spooled", [True, False])
 def test_a_full_backlog_refuses(tmp_path: Path, is_spooled: bool) -> None:
     sink = small(tmp_path, Holding("hold"), "refuse", is_spooled=is_spooled)
-    with pytest.raises(SinkError, match=r"stub: its (spool .*|queue) is full, with \d+ events that wait"):
+    with pytest.raises(
+        SinkError, match=r"stub: its (spool .*|queue) is full, with \d+ events that wait"
+    ):
         overfill(sink)
     reported = sink.close()
     assert (reported.spooled > 1000) is is_spooled
@@ -50,7 +52,9 @@ def test_a_full_backlog_drops_the_newest_and_counts(tmp_path: Path, is_spooled: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
-def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(tmp_path: Path, is_spooled: bool) -> None:
+def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(
+    tmp_path: Path, is_spooled: bool
+) -> None:
     carrier = Holding("hold")
     sink = small(tmp_path, carrier, "drop-oldest", is_spooled=is_spooled)
     events = overfill(sink)

@@ -1,4 +1,6 @@
-"""Damaged spools are set aside whole, and what is whole of them is sent; a disk that fails follows `when_full`."""
+"""Damaged spools are set aside whole, and what is whole of them is sent; a disk that fails follows
+`when_full`.
+"""
 
 import errno
 import random
@@ -36,7 +38,14 @@ def sent_from(path: Path) -> tuple[Any, list[str]]:
     """Return the counts of a sink that starts with a spool, and the ids that it sends."""
     carrier = Holding()
     damage = salvaged_at_start(path)
-    sink = TransportSink("stub", carrier, Journal(str(path), 64 * MIB), EncodedBatcher(ENCODER, SENSORS), QUICK, damage)
+    sink = TransportSink(
+        "stub",
+        carrier,
+        Journal(str(path), 64 * MIB),
+        EncodedBatcher(ENCODER, SENSORS),
+        QUICK,
+        damage,
+    )
     return sink.close(), list(carrier.ids)
 
 
@@ -57,14 +66,23 @@ def test_a_spool_that_is_whole_is_left_alone(spool: Path) -> None:
     assert sorted(path.name for path in spool.parent.iterdir()) == ["spool"]
 
 
-def test_one_flipped_byte_costs_one_batch_and_no_more(spool: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_one_flipped_byte_costs_one_batch_and_no_more(
+    spool: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     flip_body(spool, 350)
     damaged = spool.read_bytes()
     reported, ids = sent_from(spool)
     whole = ids_of(window(BATCHES * ROWS))
     assert ids == whole[:300] + whole[400:]
-    assert (reported.delivered, reported.recovered, reported.dropped, reported.spooled) == (1900, 2000, 100, 0)
-    assert "1900 events are salvaged, 1 batches with at least 100 events are lost" in (reported.complaint or "")
+    assert (reported.delivered, reported.recovered, reported.dropped, reported.spooled) == (
+        1900,
+        2000,
+        100,
+        0,
+    )
+    assert "1900 events are salvaged, 1 batches with at least 100 events are lost" in (
+        reported.complaint or ""
+    )
     assert "spool.damaged-1" in caplog.text
     assert (spool.parent / "spool.damaged-1").read_bytes() == damaged
     again, ids = sent_from(spool)
@@ -79,7 +97,8 @@ def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_
     journal.acknowledge(range(1, 11))
     journal.close()
     content = bytearray(path.read_bytes())
-    # Bytes 36 to 39 count the free pages, 32 to 35 name the first: https://www.sqlite.org/fileformat.html
+    # Bytes 36 to 39 count the free pages, 32 to 35 name the first:
+    # https://www.sqlite.org/fileformat.html
     assert int.from_bytes(content[36:40], "big") > 1
     content[32:36] = b"\x7f\xff\xff\xff"
     path.write_bytes(content)
@@ -96,7 +115,9 @@ def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 20))])
+@pytest.mark.parametrize(
+    "seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 20))]
+)
 def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: int) -> None:
     content = bytearray(spool.read_bytes())
     rng = random.Random(seed)
@@ -114,7 +135,9 @@ def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: in
 
 @pytest.fixture
 def killed(spool: Path) -> Path:
-    """Return the spool of a process that was killed: a file and SQLite's log, with 5 batches that are only there."""
+    """Return the spool of a process that was killed: a file and SQLite's log, with 5 batches that
+    are only there.
+    """
     folder = spool.parent / "killed"
     folder.mkdir()
     journal = Journal(str(spool), 64 * MIB)
@@ -145,7 +168,9 @@ def disk_of(spool: Path) -> Iterator[None]:
 def test_a_killed_salvage_is_begun_again_or_finished(
     killed: Path, monkeypatch: pytest.MonkeyPatch, stopped_at: str, is_merged: bool
 ) -> None:
-    """SQLite merges its log into the file when the damaged spool is closed, unless the disk is full."""
+    """SQLite merges its log into the file when the damaged spool is closed, unless the disk is
+    full.
+    """
     if not is_merged and not can_fail():
         pytest.skip("needs /proc and SQLite's calls")
     flip_body(killed, 5)
@@ -188,7 +213,9 @@ def files_of_at_most(size: int) -> Iterator[None]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("when_full", ["refuse", "wait", "drop-newest", "drop-oldest"])
-def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(tmp_path: Path, when_full: str) -> None:
+def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(
+    tmp_path: Path, when_full: str
+) -> None:
     failed = 0
     for limit in range(8192, 400_000, 12_288):
         path = tmp_path / f"spool-{limit}"
@@ -216,7 +243,13 @@ def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(tmp_pat
     assert failed > 2 or when_full.startswith("drop")
 
 
-ERRORS = ("SQLITE_IOERR_WRITE", "SQLITE_IOERR_FSYNC", "SQLITE_FULL", "SQLITE_READONLY", "SQLITE_IOERR_READ")
+ERRORS = (
+    "SQLITE_IOERR_WRITE",
+    "SQLITE_IOERR_FSYNC",
+    "SQLITE_FULL",
+    "SQLITE_READONLY",
+    "SQLITE_IOERR_READ",
+)
 
 
 class Failing:
@@ -254,7 +287,11 @@ def test_whatever_statement_the_disk_fails_nothing_is_lost(tmp_path: Path, name:
             sink.write(window(ROWS, ROWS * place))
         reported = sink.close()
         rest = TransportSink(
-            "stub", carrier, Journal(journal.path, 64 * MIB), EncodedBatcher(ENCODER, SENSORS), patient
+            "stub",
+            carrier,
+            Journal(journal.path, 64 * MIB),
+            EncodedBatcher(ENCODER, SENSORS),
+            patient,
         ).close()
         assert reported.dropped == rest.dropped == 0
         assert reported.complaint is None
@@ -275,7 +312,9 @@ def test_a_spool_on_a_disk_that_fails_is_not_taken_for_damaged(
 ) -> None:
     with FailingDisk(killed.parent) as disk:
         for number in range(1, 200):
-            disk.fail_at(number, error, lasts=True, kinds=kinds, of=lambda name: name.startswith("spool"))
+            disk.fail_at(
+                number, error, lasts=True, kinds=kinds, of=lambda name: name.startswith("spool")
+            )
             try:
                 assert salvaged_at_start(killed) is None
             except (SinkError, OSError) as refused:
@@ -289,7 +328,9 @@ def test_a_spool_on_a_disk_that_fails_is_not_taken_for_damaged(
     assert (reported.complaint, ids) == (None, ids_of(window((BATCHES + 5) * ROWS)))
 
 
-def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_sent(tmp_path: Path) -> None:
+def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_sent(
+    tmp_path: Path,
+) -> None:
     journal = Journal(str(tmp_path / "spool"), 64 * MIB)
     carrier = Holding()
     for number in range(3):
@@ -300,8 +341,15 @@ def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_s
     reported = sink.close()
     whole = ids_of(window(4 * ROWS))
     assert carrier.ids == whole[:ROWS] + whole[2 * ROWS :]
-    assert (reported.delivered, reported.spooled, reported.dropped, reported.recovered) == (3 * ROWS, ROWS, 0, 3 * ROWS)
-    assert f"batch 2 with {ROWS} events is not what was written, and is not sent" in (reported.complaint or "")
+    assert (reported.delivered, reported.spooled, reported.dropped, reported.recovered) == (
+        3 * ROWS,
+        ROWS,
+        0,
+        3 * ROWS,
+    )
+    assert f"batch 2 with {ROWS} events is not what was written, and is not sent" in (
+        reported.complaint or ""
+    )
     again, ids = sent_from(tmp_path / "spool")
     assert (again.delivered, again.dropped, ids) == (0, ROWS, [])
     assert (tmp_path / "spool.damaged-1").exists()

@@ -1,4 +1,6 @@
-"""The file of a spool: other files are refused and left unchanged, damage is reported, and its owner is recorded."""
+"""The file of a spool: other files are refused and left unchanged, damage is reported, and its
+owner is recorded.
+"""
 
 import errno
 import random
@@ -43,7 +45,9 @@ def test_a_device_is_no_spool(place: str) -> None:
 
 def test_a_spool_in_use_is_refused(tmp_path: Path) -> None:
     first = spooled(tmp_path / "spool", Holding())
-    with pytest.raises(SinkError, match=r"the spool .* is in use by another process; stop that, or give"):
+    with pytest.raises(
+        SinkError, match=r"the spool .* is in use by another process; stop that, or give"
+    ):
         Journal(str(tmp_path / "spool"), MIB)
     first.close()
     Journal(str(tmp_path / "spool"), MIB).close()
@@ -92,7 +96,9 @@ def test_a_missing_folder_is_reported(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
-def test_damage_anywhere_in_the_file_is_reported_or_harmless_and_never_sent(tmp_path: Path, seed: int) -> None:
+def test_damage_anywhere_in_the_file_is_reported_or_harmless_and_never_sent(
+    tmp_path: Path, seed: int
+) -> None:
     path = tmp_path / "spool"
     journal = Journal(str(path), 64 * MIB)
     for number in range(4):
@@ -135,7 +141,13 @@ def test_a_spool_of_another_output_is_reported(tmp_path: Path) -> None:
 
 def test_the_rest_of_a_batch_is_what_is_left_of_it(tmp_path: Path) -> None:
     key_of = np.array([0, 1, 0, 1], dtype=np.uint16)
-    made = Batch(body=b"a\nb\nc\nd\n", keys=("x", "y"), key_of=key_of, content_type="text", schema_version="1")
+    made = Batch(
+        body=b"a\nb\nc\nd\n",
+        keys=("x", "y"),
+        key_of=key_of,
+        content_type="text",
+        schema_version="1",
+    )
     journal = Journal(str(tmp_path / "spool"), 1 << 20)
     journal.put(made)
     journal.put(made)

@@ -1,4 +1,6 @@
-"""When a sink with a backlog is parked, tries again and gives up, and what it may send ahead; without threads."""
+"""When a sink with a backlog is parked, tries again and gives up, and what it may send ahead;
+without threads.
+"""
 
 from concurrent.futures import Future
 
@@ -26,12 +28,17 @@ def test_a_refused_batch_is_sent_again_after_the_pause() -> None:
     assert (parking.reason, parking.refused_from) == ("no such topic", 7)
     assert not parking.resume(104.9, is_closing=False)
     assert parking.resume(105.0, is_closing=False)
-    assert (parking.reason, parking.refused_from) == ("no such topic", None)  # parked until something is acknowledged
+    assert (parking.reason, parking.refused_from) == (
+        "no such topic",
+        None,
+    )  # parked until something is acknowledged
     parking.take()
     assert parking.reason is None
 
 
-def test_of_several_refused_batches_the_first_is_sent_again_and_the_pause_runs_from_the_first_refusal() -> None:
+def test_of_several_refused_batches_the_first_is_sent_again_and_the_pause_runs_from_the_first_refusal() -> (
+    None
+):
     parking = Parking(POLICY)
     for number, now_s in ((7, 100.0), (5, 103.0), (9, 104.0)):
         parking.refuse(number, f"reason {number}", now_s)
@@ -45,7 +52,9 @@ def test_the_pause_doubles_up_to_the_longest_until_something_is_acknowledged() -
     pauses = []
     for _ in range(4):
         parking.refuse(1, "refused", now_s)
-        pauses.append(next(pause for pause in range(100) if parking.resume(now_s + pause, is_closing=False)))
+        pauses.append(
+            next(pause for pause in range(100) if parking.resume(now_s + pause, is_closing=False))
+        )
         now_s += 100.0
     assert pauses == [5, 10, 12, 12]
     parking.take()
@@ -75,7 +84,8 @@ def test_closing_tries_once_without_a_pause_and_then_gives_up() -> None:
 
 
 @pytest.mark.parametrize(
-    ("acknowledged_at", "end_at", "stalled_at"), [(0.0, 1e9, 30.0), (25.0, 1e9, 35.0), (25.0, 22.0, 22.0)]
+    ("acknowledged_at", "end_at", "stalled_at"),
+    [(0.0, 1e9, 30.0), (25.0, 1e9, 35.0), (25.0, 22.0, 22.0)],
 )
 def test_closing_waits_from_the_last_acknowledgement_and_at_most_to_the_deadline(
     acknowledged_at: float, end_at: float, stalled_at: float
@@ -89,7 +99,9 @@ def test_closing_waits_from_the_last_acknowledgement_and_at_most_to_the_deadline
 
 
 def batch(size: int = 3, events: int = 1) -> Batch:
-    return Batch(body=b"x" * size, keys=("S-1",), key_of=[0] * events, content_type="", schema_version="")  # type: ignore[arg-type]
+    return Batch(
+        body=b"x" * size, keys=("S-1",), key_of=[0] * events, content_type="", schema_version=""
+    )  # type: ignore[arg-type]
 
 
 def test_what_is_sent_ahead_is_bounded_in_bytes() -> None:

@@ -1,4 +1,6 @@
-"""The key `spool` of an output: read like any setting, kept in the manifest, an option of every sink."""
+"""The key `spool` of an output: read like any setting, kept in the manifest, an option of every
+sink.
+"""
 
 import json
 from pathlib import Path
@@ -33,7 +35,10 @@ def spool_setting(tmp_path: Path, **settings: Any) -> str:
 def test_every_sink_can_have_a_spool(tmp_path: Path, sink: str) -> None:
     out = f"outputs[0].jsonl.path={tmp_path / 'events.jsonl'}"
     more = ["--set", out] if sink == "jsonl" else []
-    assert run("--sink", sink, *more, "--set", f"outputs[0].{sink}.spool={spool_setting(tmp_path)}") == 0
+    assert (
+        run("--sink", sink, *more, "--set", f"outputs[0].{sink}.spool={spool_setting(tmp_path)}")
+        == 0
+    )
     journal = Journal(str(tmp_path / "spool"), 1 << 20)
     assert journal.waiting == 0
     journal.close()
@@ -63,7 +68,10 @@ def test_a_scene_with_a_spool_is_written_out_and_read_back(tmp_path: Path) -> No
     [
         ("{}", "outputs[0].null.spool.path: is missing"),
         ("7", "outputs[0].null.spool: 7 is a number; a block of path, max_bytes"),
-        ("{path: a, when_full: explode}", "'explode' is not one of refuse, wait, drop-oldest, drop-newest"),
+        (
+            "{path: a, when_full: explode}",
+            "'explode' is not one of refuse, wait, drop-oldest, drop-newest",
+        ),
         ("{path: a, max_bytes: 5}", "outputs[0].null.spool.max_bytes: 5 is outside [1048576,"),
         ("{path: ''}", "the spool's path is empty"),
         ("{path: a, sise: 5}", "unknown key"),
@@ -83,7 +91,10 @@ def test_a_misspelt_spool_is_reported() -> None:
 def test_a_spool_that_cannot_be_opened_leaves_no_sink_open(tmp_path: Path) -> None:
     (tmp_path / "spool").write_text("something else, and long enough to be read as a page" * 100)
     scene = load_scene(
-        SCENE, overrides=[f"outputs=[null: {{spool: {spool_setting(tmp_path)}}}]".replace("null", "'null'")]
+        SCENE,
+        overrides=[
+            f"outputs=[null: {{spool: {spool_setting(tmp_path)}}}]".replace("null", "'null'")
+        ],
     )
     with pytest.raises(SinkError, match="is not a spool, or damaged"):
         deliver(compile_plan(scene))

@@ -22,7 +22,11 @@ EPOCH_US = 1_775_044_800_000_000
 
 
 def standard(unix_us: int) -> str:
-    return (UNIX_EPOCH + timedelta(microseconds=unix_us)).isoformat(timespec="microseconds").replace("+00:00", "Z")
+    return (
+        (UNIX_EPOCH + timedelta(microseconds=unix_us))
+        .isoformat(timespec="microseconds")
+        .replace("+00:00", "Z")
+    )
 
 
 @given(st.lists(WRITABLE | st.integers(0, 4_102_444_800_000_000)))
@@ -45,7 +49,9 @@ def test_equal_neighbours_and_unsorted_times_are_written_alike() -> None:
 
 
 @given(st.integers(-(2**63), 2**63 - 1), WRITABLE)
-def test_nanoseconds_round_to_the_nearest_microsecond_halves_later(time_ns: int, epoch_us: int) -> None:
+def test_nanoseconds_round_to_the_nearest_microsecond_halves_later(
+    time_ns: int, epoch_us: int
+) -> None:
     (unix_us,) = unix_microseconds(np.array([time_ns]), epoch_us).tolist()
     assert unix_us == epoch_us + (2 * time_ns + 1000) // 2000
 
@@ -74,11 +80,15 @@ def test_no_times_make_no_text() -> None:
 
 
 @given(st.floats(), st.sampled_from([EPOCH_US, FIRST_UNIX_US, END_UNIX_US - 1]))
-def test_seconds_that_a_timestamp_cannot_say_are_distinguished(time_s: float, epoch_us: int) -> None:
+def test_seconds_that_a_timestamp_cannot_say_are_distinguished(
+    time_s: float, epoch_us: int
+) -> None:
     unix_us, writable = writable_unix_microseconds(np.array([time_s]), epoch_us)
     if writable[0]:
         assert abs(int(unix_us[0]) - epoch_us - time_s * 1e6) <= 1 + abs(time_s) * 1e-9
         assert len(timestamp_text(unix_us)) == 1
     else:
-        inside = np.isfinite(time_s) and FIRST_UNIX_US + 1 < epoch_us + time_s * 1e6 < END_UNIX_US - 1
+        inside = (
+            np.isfinite(time_s) and FIRST_UNIX_US + 1 < epoch_us + time_s * 1e6 < END_UNIX_US - 1
+        )
         assert not inside

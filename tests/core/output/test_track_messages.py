@@ -1,4 +1,6 @@
-"""Messages of tracks: the lines of the tracks file with timestamps, also at ticks without detections."""
+"""Messages of tracks: the lines of the tracks file with timestamps, also at ticks without
+detections.
+"""
 
 import json
 from pathlib import Path
@@ -43,7 +45,11 @@ VALIDATOR = jsonschema.Draft202012Validator(
 )
 TIMESTAMPS = {"timestamp", "available_at"}
 #: A short burn, of which tracks go on for a while.
-SHORT = {**SCENE, "duration_s": 110.0, "targets": [{**SCENE["targets"][0], "type": "SRBM", "aim": AIM}]}
+SHORT = {
+    **SCENE,
+    "duration_s": 110.0,
+    "targets": [{**SCENE["targets"][0], "type": "SRBM", "aim": AIM}],
+}
 
 
 def tracks_of(count: int, **columns: Any) -> Tracks:
@@ -76,7 +82,11 @@ def messages_of(tracks: Tracks) -> list[dict[str, Any]]:
 
 
 def test_messages_follow_their_schema_with_all_values_known_and_unknown() -> None:
-    for tracks in (tracks_of(4), stub_estimates(3), tracks_of(1, impact_regions=[stub_regions(9.0, 180.0)])):
+    for tracks in (
+        tracks_of(4),
+        stub_estimates(3),
+        tracks_of(1, impact_regions=[stub_regions(9.0, 180.0)]),
+    ):
         for message in messages_of(tracks):
             VALIDATOR.validate(message)
             assert list(message) == schema("track")["required"]
@@ -99,7 +109,11 @@ def test_messages_are_the_lines_of_the_tracks_file_with_timestamps(tmp_path: Pat
         assert message["launch"].pop("time") == "2026-04-01T12:00:03.000000Z"
         assert message["burnout"].pop("time") == "2026-04-01T12:00:06.000000Z"
         assert message["impact"].pop("time") == "2026-04-01T12:30:00.000000Z"
-        assert {name: value for name, value in message.items() if name not in {*TIMESTAMPS, "schema_version"}} == line
+        assert {
+            name: value
+            for name, value in message.items()
+            if name not in {*TIMESTAMPS, "schema_version"}
+        } == line
 
 
 def test_a_tick_beyond_timestamps_is_refused() -> None:
@@ -127,7 +141,11 @@ def test_events_of_an_output_are_its_tracks(tmp_path: Path) -> None:
         "line": LineFile(str(tmp_path / "t.jsonl"), ENCODER),
         "memory": memory,
         "sent": TransportSink(
-            "stub", Holding(), Journal(str(tmp_path / "s"), MIB * 64), EncodedBatcher(ENCODER, SENSORS), QUICK
+            "stub",
+            Holding(),
+            Journal(str(tmp_path / "s"), MIB * 64),
+            EncodedBatcher(ENCODER, SENSORS),
+            QUICK,
         ),
         "forge": forge,
     }
@@ -158,7 +176,9 @@ def test_a_run_writes_its_tracks_also_without_detections_and_from_a_spool(tmp_pa
         written[0]
         == written[1]
         == TracksEncoder(
-            EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, hypotheses=plan.hypothesis_names)
+            EncoderContext(
+                sensors=plan.sensors, epoch_us=plan.scene.epoch_us, hypotheses=plan.hypothesis_names
+            )
         ).encode(evolve(stub_window(0), tracks=run.tracks))
     )
     last = json.loads(written[0].splitlines()[-1])
@@ -183,16 +203,25 @@ def test_a_live_run_writes_the_tracks_of_the_batch(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_output_may_change_its_encoder_while_the_run_goes_on(tmp_path: Path) -> None:
     run = LiveRun(
-        scene_from_mapping({**SCENE, "outputs": outputs(tmp_path)}), Host.discover(), LiveSettings(speed=20.0)
+        scene_from_mapping({**SCENE, "outputs": outputs(tmp_path)}),
+        Host.discover(),
+        LiveSettings(speed=20.0),
     )
     run.start()
     until(lambda: run.status().sinks[0].delivered > 3)
     settings = run.settings_mapping()
     settings["outputs"][0]["jsonl"] = {"path": str(tmp_path / "e.jsonl"), "encoder": "forge"}
     run.configure(settings)
-    until(lambda: (tmp_path / "e.jsonl").is_file() and (tmp_path / "e.jsonl").read_bytes().count(b"\n") > 50)
+    until(
+        lambda: (
+            (tmp_path / "e.jsonl").is_file()
+            and (tmp_path / "e.jsonl").read_bytes().count(b"\n") > 50
+        )
+    )
     (sink,) = run.stop().sinks
-    tracks, events = ((tmp_path / name).read_bytes().count(b"\n") for name in ("tracks.jsonl", "e.jsonl"))
+    tracks, events = (
+        (tmp_path / name).read_bytes().count(b"\n") for name in ("tracks.jsonl", "e.jsonl")
+    )
     assert (sink.given, sink.delivered, sink.dropped) == (tracks + events, tracks + events, 0)
 
 
@@ -204,5 +233,7 @@ def test_a_spool_holds_tracks_of_a_killed_run(tmp_path: Path) -> None:
         first.write(window)
     assert first.close() == Delivery(delivered=0, spooled=3)
     held = Holding()
-    again = TransportSink("stub", held, Journal(str(tmp_path / "spool"), MIB), EncodedBatcher(ENCODER, SENSORS), QUICK)
+    again = TransportSink(
+        "stub", held, Journal(str(tmp_path / "spool"), MIB), EncodedBatcher(ENCODER, SENSORS), QUICK
+    )
     assert again.close() == Delivery(delivered=3, recovered=3)

@@ -1,4 +1,6 @@
-"""The tracks file: keys with units, unknown values null, regions as GeoJSON; what is read is what was written."""
+"""The tracks file: keys with units, unknown values null, regions as GeoJSON; what is read is what
+was written.
+"""
 
 import json
 from pathlib import Path
@@ -17,7 +19,9 @@ from opir_core.scene.hypotheses import core_hypotheses
 RNG = np.random.default_rng(7)
 HYPOTHESES = tuple(each.name for each in core_hypotheses())
 REGIONS = (
-    *stub_regions(9.0, 167.7, 120.0, condition="burn over", probability=0.75, effective_samples=250.0),
+    *stub_regions(
+        9.0, 167.7, 120.0, condition="burn over", probability=0.75, effective_samples=250.0
+    ),
     *stub_regions(9.0, 167.7, 900.0, condition="relights", probability=0.125),
 )
 
@@ -36,9 +40,13 @@ def tracks_of(count: int, **changes: Any) -> Tracks:
         "state": RNG.normal(size=(count, 6)) * 1e6,
         "state_covariance": covariances(count, 6),
         "state_sigmas": [2.0, 3.0, 4.0],
-        "launch": np.column_stack([RNG.uniform(-1.5, 1.5, count), RNG.uniform(-3.1, 3.1, count), np.full(count, 3.0)]),
+        "launch": np.column_stack(
+            [RNG.uniform(-1.5, 1.5, count), RNG.uniform(-3.1, 3.1, count), np.full(count, 3.0)]
+        ),
         "launch_covariance": covariances(count, 3),
-        "impact": np.column_stack([RNG.uniform(-1.5, 1.5, count), RNG.uniform(-3.1, 3.1, count), np.full(count, 1e3)]),
+        "impact": np.column_stack(
+            [RNG.uniform(-1.5, 1.5, count), RNG.uniform(-3.1, 3.1, count), np.full(count, 1e3)]
+        ),
         "impact_covariance": covariances(count, 3),
         "impact_sigmas": [1.1, 2.2, 2.6],
         "type_probability": [0.7, 0.2, 0.1, 0.0],
@@ -75,21 +83,33 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
     assert line["covariance"] == tracks.state_covariance[0].tolist()
     launch = line["launch"]
     spread = tracks.launch_covariance[0]
-    assert (launch["lat_deg"], launch["lon_deg"], launch["time_s"]) == pytest.approx((34.5, -120.25, 12.0), rel=1e-15)
+    assert (launch["lat_deg"], launch["lon_deg"], launch["time_s"]) == pytest.approx(
+        (34.5, -120.25, 12.0), rel=1e-15
+    )
     assert launch["covariance_m2"] == spread[:2, :2].tolist()
-    assert (launch["time_variance_s2"], launch["time_covariance_m_s"]) == (spread[2, 2], spread[:2, 2].tolist())
+    assert (launch["time_variance_s2"], launch["time_covariance_m_s"]) == (
+        spread[2, 2],
+        spread[:2, 2].tolist(),
+    )
     assert line["burnout"]["position_ecef_m"] == tracks.burnout[0, :3].tolist()
     assert (line["impact"]["method"], line["impact"]["sigma_m"]) == ("posterior", None)
     assert line["impact"]["containment"] == list(TRACK_CONTAINMENTS)
     assert line["impact"]["ellipse_sigmas"] == [1.1, 2.2, 2.6]
     regions = line["impact_regions"]
     assert [region["containment"] for region in regions] == list(TRACK_CONTAINMENTS) * 2
-    figures = [[region[name] for name in ("condition", "probability", "effective_samples")] for region in regions]
+    figures = [
+        [region[name] for name in ("condition", "probability", "effective_samples")]
+        for region in regions
+    ]
     assert figures == [["burn over", 0.75, 250.0]] * 3 + [["relights", 0.125, None]] * 3
     assert {region["geometry"]["type"] for region in line["impact_regions"]} == {"Polygon"}
     assert (line["probability_burning"], line["probability_relights"]) == (0.25, 0.125)
     assert list(line["hypotheses"]) == list(HYPOTHESES)
-    assert [line["hypotheses"][name] for name in ("ICBM", "SLV", "none of these")] == [0.5, 0.25, 0.25]
+    assert [line["hypotheses"][name] for name in ("ICBM", "SLV", "none of these")] == [
+        0.5,
+        0.25,
+        0.25,
+    ]
     sums = [line[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
     assert (sums, line["end"]) == ([0.75, 0.5, 0.25, 0.875], "impact")
 
@@ -103,7 +123,9 @@ def test_unknown_values_are_null_and_read_as_nan(tmp_path: Path) -> None:
 
 
 def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
-    tracks = Tracks.concatenate([tracks_of(5), tracks_of(5, tick_s=np.full(5, 62.0), impact_regions=[()] * 5)])
+    tracks = Tracks.concatenate(
+        [tracks_of(5), tracks_of(5, tick_s=np.full(5, 62.0), impact_regions=[()] * 5)]
+    )
     written(tmp_path, tracks)
     read = read_tracks(tmp_path / "t.jsonl")
     assert_equal(read, tracks)
@@ -129,16 +151,23 @@ def assert_equal(read: Tracks, tracks: Tracks) -> None:
 
 
 def test_probabilities_are_read_by_the_names_of_hypotheses(tmp_path: Path) -> None:
-    """In another order, with one that the file lacks; rows without any are nan; others are refused with their line."""
+    """In another order, with one that the file lacks; rows without any are nan; others are refused
+    with their line.
+    """
     unknown = np.full(len(HYPOTHESES), np.nan)
-    written(tmp_path, tracks_of(2, hypothesis_probability=[unknown, stub_hypotheses(ICBM=0.5, SLV=0.25)]))
+    written(
+        tmp_path,
+        tracks_of(2, hypothesis_probability=[unknown, stub_hypotheses(ICBM=0.5, SLV=0.25)]),
+    )
     names = ["MIRV", *reversed(HYPOTHESES)]
     read = read_tracks(tmp_path / "t.jsonl", names).hypothesis_probability
     assert np.isnan(read[0]).all()
     assert {name: share for name, share in zip(names, read[1].tolist(), strict=True) if share} == {
         "none of these": 0.25, "SLV": 0.25, "ICBM": 0.5,
     }  # fmt: skip
-    with pytest.raises(SceneError, match="line 2: hypotheses: the scene has no hypothesis 'ICBM' with the plugins"):
+    with pytest.raises(
+        SceneError, match="line 2: hypotheses: the scene has no hypothesis 'ICBM' with the plugins"
+    ):
         read_tracks(tmp_path / "t.jsonl", [name for name in HYPOTHESES if name != "ICBM"])
 
 
@@ -146,38 +175,66 @@ def test_regions_without_hypotheses_do_not_tell_whether_it_comes_down(tmp_path: 
     none = evolve(tracks_of(1), hypothesis_probability=np.empty((1, 0)))
     whole = tracks_of(1, impact_regions=[stub_regions(9.0, 1.0, probability=0.5)])
     without = tracks_of(1, impact_regions=[()])
-    reported = [written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, whole, without)]
+    reported = [
+        written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, whole, without)
+    ]
     assert reported == [None, 0.5, None]
 
 
 def test_a_region_of_a_file_may_lack_its_condition_but_not_have_another(tmp_path: Path) -> None:
     ring = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
-    region = {"containment": 0.5, "area_km2": 1.0, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    region = {
+        "containment": 0.5,
+        "area_km2": 1.0,
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+    }
     line = {"time_s": 1.0, "track_id": 4, "impact_regions": [region]}
     (tmp_path / "t.jsonl").write_text(json.dumps(line))
     (read,) = read_tracks(tmp_path / "t.jsonl").impact_regions[0]
-    assert (read.condition, read.probability, np.isnan(read.effective_samples)) == ("comes down", 1.0, True)
+    assert (read.condition, read.probability, np.isnan(read.effective_samples)) == (
+        "comes down",
+        1.0,
+        True,
+    )
     region["condition"] = "soon"
     (tmp_path / "t.jsonl").write_text(json.dumps(line))
-    with pytest.raises(SceneError, match=r"line 1: impact_regions: .*'soon' is no condition of a region"):
+    with pytest.raises(
+        SceneError, match=r"line 1: impact_regions: .*'soon' is no condition of a region"
+    ):
         read_tracks(tmp_path / "t.jsonl")
 
 
 def test_an_impact_of_the_paper_s_law_has_a_sigma_and_no_containment(tmp_path: Path) -> None:
     spread = np.diag([9e8, 9e8, 4.0])
-    tracks = tracks_of(2, impact_covariance=spread, impact_method=[1, 0], impact_regions=[(), ()], impact_sigmas=np.nan)
+    tracks = tracks_of(
+        2,
+        impact_covariance=spread,
+        impact_method=[1, 0],
+        impact_regions=[(), ()],
+        impact_sigmas=np.nan,
+    )
     paper, posterior = (line["impact"] for line in written(tmp_path, tracks))
     assert (paper["method"], paper["sigma_m"]) == ("paper", 3e4)
-    assert (paper["covariance_m2"], paper["containment"], paper["ellipse_sigmas"]) == (None, None, None)
+    assert (paper["covariance_m2"], paper["containment"], paper["ellipse_sigmas"]) == (
+        None,
+        None,
+        None,
+    )
     assert (posterior["method"], posterior["sigma_m"]) == ("posterior", None)
     assert posterior["covariance_m2"] == spread[:2, :2].tolist()
     assert_equal(read_tracks(tmp_path / "t.jsonl"), tracks)
 
 
 def test_only_time_and_number_are_needed(tmp_path: Path) -> None:
-    (tmp_path / "t.jsonl").write_text('{"time_s": 2, "track_id": 4}\n{"time_s": 1.5, "track_id": 4}\n')
+    (tmp_path / "t.jsonl").write_text(
+        '{"time_s": 2, "track_id": 4}\n{"time_s": 1.5, "track_id": 4}\n'
+    )
     read = read_tracks(tmp_path / "t.jsonl")
-    assert (read.tick_s.tolist(), read.track.tolist(), read.available_s.tolist()) == ([1.5, 2.0], [4, 4], [1.5, 2.0])
+    assert (read.tick_s.tolist(), read.track.tolist(), read.available_s.tolist()) == (
+        [1.5, 2.0],
+        [4, 4],
+        [1.5, 2.0],
+    )
     assert np.isnan(read.state).all()
     assert read.impact_regions.tolist() == [(), ()]
 
@@ -197,4 +254,6 @@ def test_longitudes_are_within_half_a_turn(tmp_path: Path, longitude_deg: float)
     tracks = tracks_of(1, impact=np.radians([[10.0, longitude_deg, 0.0]]))
     (line,) = written(tmp_path, tracks)
     assert -180.0 <= line["impact"]["lon_deg"] <= 180.0
-    assert np.cos(np.radians(line["impact"]["lon_deg"] - longitude_deg)) == pytest.approx(1.0, abs=1e-15)
+    assert np.cos(np.radians(line["impact"]["lon_deg"] - longitude_deg)) == pytest.approx(
+        1.0, abs=1e-15
+    )

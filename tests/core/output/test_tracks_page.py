@@ -1,4 +1,6 @@
-"""The page of the tracks file documents every field, in the order in which the encoder writes them."""
+"""The page of the tracks file documents every field, in the order in which the encoder writes
+them.
+"""
 
 import re
 
@@ -12,11 +14,14 @@ TIMESTAMPS = {"schema_version", "timestamp", "available_at", "time"}
 
 
 @pytest.mark.parametrize(
-    ("start", "end", "part"), [("## Fields", "## Points", None), ("## Points", "## Impact", "impact")]
+    ("start", "end", "part"),
+    [("## Fields", "## Points", None), ("## Points", "## Impact", "impact")],
 )
 def test_every_field_is_documented_in_order(start: str, end: str, part: str | None) -> None:
     whole = schema("track")
     due = (whole["$defs"][part] if part else whole)["properties"]
-    cells = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \|", PAGE[PAGE.index(start) : PAGE.index(end)], re.MULTILINE)
+    cells = re.findall(
+        r"^\| ((?:`\w+`(?:, )?)+) \|", PAGE[PAGE.index(start) : PAGE.index(end)], re.MULTILINE
+    )
     documented = [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
     assert documented == [name for name in due if name not in TIMESTAMPS]

@@ -1,4 +1,6 @@
-"""When targets rise through altitudes: against closed forms, and against dense scans of their heights."""
+"""When targets rise through altitudes: against closed forms, and against dense scans of their
+heights.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,7 +17,8 @@ from opir_core.planning.targets import Targets
 
 Array = NDArray[np.float64]
 
-#: Parts of a burn between samples of height; errors of crossings, as shares of such a part: in the first and in others.
+#: Parts of a burn between samples of height; errors of crossings, as shares of such a part: in the
+#: first and in others.
 STEPS = 48
 FIRST_STEP = 0.075
 LATER_STEPS = 1e-3
@@ -23,12 +26,19 @@ LATER_STEPS = 1e-3
 #: Times of a dense scan of one burn.
 DENSE = 100_001
 
-LAUNCHES = [("ICBM", -50.0, -110.0), ("IRBM", -28.0, -170.0), ("MRBM", -7.0, -155.0), ("SRBM", 3.0, -148.0)]
+LAUNCHES = [
+    ("ICBM", -50.0, -110.0),
+    ("IRBM", -28.0, -170.0),
+    ("MRBM", -7.0, -155.0),
+    ("SRBM", 3.0, -148.0),
+]
 
 
 @frozen(eq=False)
 class Climbs:
-    """Trajectories straight up from the equator: heights are functions of the time since ignition."""
+    """Trajectories straight up from the equator: heights are functions of the time since
+    ignition.
+    """
 
     height_m: tuple[Callable[[Array], Array], ...]
     ignition_s: Array
@@ -42,7 +52,9 @@ class Climbs:
 
 
 def climbing(burn_s: list[float], *heights_m: Callable[[Array], Array]) -> Ascents:
-    """Return the ascents of targets that climb as given, the k-th of which ignites at 10 k + 1 s."""
+    """Return the ascents of targets that climb as given, the k-th of which ignites at 10 k + 1
+    s.
+    """
     count = len(heights_m)
     ignition_s = 10.0 * np.arange(len(heights_m)) + 1.0
     burnout_s = ignition_s + np.array(burn_s)
@@ -68,7 +80,9 @@ def test_crossings_of_constant_accelerations_are_square_roots() -> None:
 
 def test_constant_climbs_are_crossed_at_once_and_levels_below_and_above_never() -> None:
     rising = climbing([48.0, 96.0], lambda t: 1000.0 + 250.0 * t, lambda t: 500.0 * t)
-    times_s = rising.times_s(np.array([[999.9, 1000.5, 6789.0, 13_000.0, 13_000.5], [-1.0, 1.0, 250.0, 47_999.0, 1e6]]))
+    times_s = rising.times_s(
+        np.array([[999.9, 1000.5, 6789.0, 13_000.0, 13_000.5], [-1.0, 1.0, 250.0, 47_999.0, 1e6]])
+    )
     exact_s = [
         [np.nan, 1.002, 1.0 + 5789.0 / 250.0, 49.0, np.nan],
         [np.nan, 11.002, 11.5, 11.0 + 47_999.0 / 500.0, np.nan],
@@ -102,11 +116,15 @@ def launched() -> Targets:
     ]
     sensor = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": -140.0}
     scene = {"scene": "rise", "epoch": "2026-04-01T12:00:00Z", "duration_s": 400.0, "outputs": []}
-    return opir.compile_plan(opir.scene_from_mapping({**scene, "sensors": [sensor], "targets": targets})).targets
+    return opir.compile_plan(
+        opir.scene_from_mapping({**scene, "sensors": [sensor], "targets": targets})
+    ).targets
 
 
 def dense_heights_m(targets: Targets, row: int) -> tuple[Array, Array]:
-    """Return times of a burn and the heights then, by the geodesy that tests check against PROJ and ERFA."""
+    """Return times of a burn and the heights then, by the geodesy that tests check against PROJ and
+    ERFA.
+    """
     time_s = np.linspace(targets.ignition_s[row], targets.burnout_s[row], DENSE)
     position = targets.position_ecef_m(np.full(DENSE, row, dtype=np.int32), time_s)
     return time_s, ecef_to_geodetic(position).height_m
@@ -124,7 +142,9 @@ def test_crossings_of_class_flights_are_those_of_dense_scans(launched: Targets) 
         exact_s = np.where(rises.any(axis=0), dense_s[rises.argmax(axis=0)], np.nan)
         burn_s = launched.burnout_s[row] - launched.ignition_s[row]
         is_first = exact_s - launched.ignition_s[row] < burn_s / STEPS
-        allowed_s = np.where(is_first, FIRST_STEP, LATER_STEPS) * burn_s / STEPS + burn_s / (DENSE - 1)
+        allowed_s = np.where(is_first, FIRST_STEP, LATER_STEPS) * burn_s / STEPS + burn_s / (
+            DENSE - 1
+        )
         assert np.array_equal(np.isnan(times_s[row]), np.isnan(exact_s))
         assert np.isfinite(exact_s).sum() > 200
         assert np.nanmax(np.abs(times_s[row] - exact_s) / allowed_s) <= 1.0

@@ -1,4 +1,6 @@
-"""What a target model builds wrongly is a `ModelError` that names it, never an error of the core or all the memory."""
+"""What a target model builds wrongly is a `ModelError` that names it, never an error of the core or
+all the memory.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ def places(time_s):
 
 
 class Drawn(Trajectories):
-    """Two targets; `changes` replace attributes, `spoil` changes the positions that are returned."""
+    """Two targets; `changes` replace attributes, `spoil` changes the positions that are
+    returned.
+    """
 
     def __init__(self, spoil=None, **changes):
         self.type_code = np.zeros(2, dtype=np.uint8)
@@ -38,7 +42,9 @@ def run_with(trajectories):
     class Plugin:
         @hookimpl
         def opir_target_models(self):
-            yield TargetModel(name="drawn", summary="two", build=lambda configs, context: trajectories)
+            yield TargetModel(
+                name="drawn", summary="two", build=lambda configs, context: trajectories
+            )
 
     host = Host.of(Plugin())
     scene = {
@@ -59,14 +65,23 @@ def test_the_trajectories_as_they_should_be_run():
 @pytest.mark.parametrize(
     ("spoil", "reported"),
     [
-        (lambda position: position[:-1], "positions as float64 of shape (5, 3) for 6 times; floats of shape (6, 3)"),
+        (
+            lambda position: position[:-1],
+            "positions as float64 of shape (5, 3) for 6 times; floats of shape (6, 3)",
+        ),
         (lambda position: position.T, "positions as float64 of shape (3, 6) for 6 times"),
         (lambda position: position[:, :2], "positions as float64 of shape (6, 2) for 6 times"),
         (lambda position: None, "positions as None for 6 times"),
         (lambda position: position.tolist(), "positions as a list for 6 times"),
         (lambda position: position.astype(object), "positions as object of shape (6, 3)"),
-        (lambda position: position * np.inf, "a position inf m from the Earth's centre during a burn"),
-        (lambda position: position * np.nan, "a position nan m from the Earth's centre during a burn"),
+        (
+            lambda position: position * np.inf,
+            "a position inf m from the Earth's centre during a burn",
+        ),
+        (
+            lambda position: position * np.nan,
+            "a position nan m from the Earth's centre during a burn",
+        ),
         (
             lambda position: position * 1e-3,
             "a position 6557.46 m from the Earth's centre during a burn; positions are in",
@@ -86,7 +101,10 @@ def test_wrong_positions_are_reported_with_their_owner(spoil, reported):
 @pytest.mark.parametrize(
     ("changes", "reported"),
     [
-        ({"burnout_s": np.full(2, np.inf)}, "A burning from 5 to inf s; a burn ends after it begins"),
+        (
+            {"burnout_s": np.full(2, np.inf)},
+            "A burning from 5 to inf s; a burn ends after it begins",
+        ),
         ({"burnout_s": np.array([65.0, 1e12])}, "B burning from 5 to 1e+12 s"),
         ({"burnout_s": np.full(2, 1.0)}, "A burning from 5 to 1 s"),
         ({"end_s": None}, "end_s as None; 2 times from burnout on are required"),
@@ -104,5 +122,7 @@ def test_wrong_columns_are_reported_with_their_owner(changes, reported):
 
 
 def test_a_row_that_is_missing_from_long_answers_alone_is_reported():
-    with pytest.raises(ModelError, match=r"returned positions as \(\d+, 3\) for \d+ times; \(\d+, 3\) is required"):
+    with pytest.raises(
+        ModelError, match=r"returned positions as \(\d+, 3\) for \d+ times; \(\d+, 3\) is required"
+    ):
         run_with(Drawn(lambda position: position[:-1] if len(position) > 50 else position))

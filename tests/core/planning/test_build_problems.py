@@ -1,4 +1,6 @@
-"""Problems that show when components are built are reported like those of reading: all at once, with path and line."""
+"""Problems that show when components are built are reported like those of reading: all at once,
+with path and line.
+"""
 
 import pytest
 
@@ -48,9 +50,13 @@ def reported(tmp_path, monkeypatch, capsys):
 def test_two_files_that_are_none_are_two_problems(reported):
     assert reported(HEAD + FILES) == [
         "opir: scene.yaml: 2 problems",
-        "  sensors[0].orbit.omm_file.path: a.json: holds no OMM; exactly one is needed (line 5, column 62)",
         (
-            "  sensors[1].orbit.omm_file.path: b.json: cannot be read: no such file, relative to the working directory "
+            "  sensors[0].orbit.omm_file.path: a.json: holds no OMM; exactly one is needed (line 5,"
+            " column 62)"
+        ),
+        (
+            "  sensors[1].orbit.omm_file.path: b.json: cannot be read: no such file, relative to"
+            " the working directory "
             "(line 9, column 24)"
         ),
     ]
@@ -70,12 +76,17 @@ def test_sensors_and_targets_are_reported_together(reported):
 
 
 def test_a_setting_of_the_command_line_has_its_option_for_a_place(reported):
-    lines = reported(HEAD + FILES.splitlines(True)[0], "--set", "sensors[0].orbit.omm_file.path=c.json")
+    lines = reported(
+        HEAD + FILES.splitlines(True)[0], "--set", "sensors[0].orbit.omm_file.path=c.json"
+    )
     assert lines[1].endswith("(override 'sensors[0].orbit.omm_file.path=c.json')")
 
 
 def test_a_constellation_says_its_problem_once(reported):
-    lines = reported(HEAD + "  - {constellation: DSP, orbit: {omm_file: {path: a.json}}, orbital_slot_deg: null}\n")
+    lines = reported(
+        HEAD
+        + "  - {constellation: DSP, orbit: {omm_file: {path: a.json}}, orbital_slot_deg: null}\n"
+    )
     assert len(lines) == 2
 
 

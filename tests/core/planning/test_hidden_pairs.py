@@ -1,4 +1,6 @@
-"""Pairs that the coarse grid leaves out are never visible, and leaving them out changes no bit of the plan."""
+"""Pairs that the coarse grid leaves out are never visible, and leaving them out changes no bit of
+the plan.
+"""
 
 from collections.abc import Callable
 
@@ -22,7 +24,9 @@ GUARD_M = 25.0
 
 @frozen
 class Circle:
-    """A circular orbit seen from the rotating Earth: a radius, an inclination, the longitude of a node, a phase."""
+    """A circular orbit seen from the rotating Earth: a radius, an inclination, the longitude of a
+    node, a phase.
+    """
 
     radius_m: float
     inclination_rad: float
@@ -34,13 +38,19 @@ class Circle:
         x = np.cos(angle)
         y = np.sin(angle) * np.cos(self.inclination_rad)
         turned = self.node_rad - EARTH_ROTATION_RAD_S * time_s
-        across = np.stack([x * np.cos(turned) - y * np.sin(turned), x * np.sin(turned) + y * np.cos(turned)])
-        return self.radius_m * np.stack([*across, np.sin(angle) * np.sin(self.inclination_rad)], axis=1)
+        across = np.stack(
+            [x * np.cos(turned) - y * np.sin(turned), x * np.sin(turned) + y * np.cos(turned)]
+        )
+        return self.radius_m * np.stack(
+            [*across, np.sin(angle) * np.sin(self.inclination_rad)], axis=1
+        )
 
 
 @frozen
 class Climb:
-    """A target that climbs from a place near the ground and accelerates along a direction: ECEF, SI units."""
+    """A target that climbs from a place near the ground and accelerates along a direction: ECEF, SI
+    units.
+    """
 
     lat_rad: float
     lon_rad: float
@@ -53,7 +63,11 @@ class Climb:
         # At constant velocity beyond its ends, as the paths of pairs are.
         within = np.clip(time_s, 0.0, self.end_s)
         beyond = np.maximum(time_s - self.end_s, 0.0) * self.end_s
-        return start + 0.5 * within[:, None] ** 2 * self.acceleration_m_s2 + beyond[:, None] * self.acceleration_m_s2
+        return (
+            start
+            + 0.5 * within[:, None] ** 2 * self.acceleration_m_s2
+            + beyond[:, None] * self.acceleration_m_s2
+        )
 
 
 angles = st.floats(-np.pi, np.pi)
@@ -71,7 +85,9 @@ climbs = st.builds(
 def is_hidden(sensor: Callable[[FloatArray], FloatArray], target: Climb, is_moving: bool) -> bool:
     """Return whether the coarse grid leaves out a pair, without light time."""
     grid = CoarseGrid.over(np.array([0.0]), np.array([target.end_s]))
-    return bool(surely_hidden(grid, sensor(grid.time_s), target(grid.time_s), np.array([is_moving]))[0])
+    return bool(
+        surely_hidden(grid, sensor(grid.time_s), target(grid.time_s), np.array([is_moving]))[0]
+    )
 
 
 def never_visible(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolArray:
@@ -86,7 +102,9 @@ def never_visible(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolA
 @pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(circles, climbs, st.booleans())
-def test_pairs_that_are_left_out_are_never_visible(circle: Circle, target: Climb, is_moving: bool) -> None:
+def test_pairs_that_are_left_out_are_never_visible(
+    circle: Circle, target: Climb, is_moving: bool
+) -> None:
     place = circle(np.zeros(1))
     sensor = circle if is_moving else lambda time_s: np.broadcast_to(place, (len(time_s), 3))
     time_s = np.linspace(-1.0, target.end_s + 1.0, 500)
@@ -105,7 +123,9 @@ def test_a_target_opposite_to_its_sensor_is_left_out(circle: Circle, target: Cli
     stays = np.linalg.norm(low_m, axis=1).min() > WGS84.polar_radius_m
     near = np.linalg.norm(low_m - low_m[0], axis=1).max() < 5e5
     if stays and near:
-        assert is_hidden(lambda time_s: np.repeat(circle.radius_m * across, len(time_s), axis=0), target, False)
+        assert is_hidden(
+            lambda time_s: np.repeat(circle.radius_m * across, len(time_s), axis=0), target, False
+        )
 
 
 @pytest.mark.parametrize(("height_km", "climb_m_s2"), [(300.0, 30.0), (35786.0, 30.0)])
@@ -126,12 +146,19 @@ def test_a_target_that_rises_above_the_horizon_between_two_coarse_points_is_kept
 
 
 @pytest.mark.parametrize("is_moving", [True, False])
-def test_both_ends_of_a_step_are_hidden_from_both_ends_of_a_moving_sensors_step(is_moving: bool) -> None:
-    """Sensor and target change sides: hidden at both times, but not if one of them is a little late."""
+def test_both_ends_of_a_step_are_hidden_from_both_ends_of_a_moving_sensors_step(
+    is_moving: bool,
+) -> None:
+    """Sensor and target change sides: hidden at both times, but not if one of them is a little
+    late.
+    """
     grid = CoarseGrid.over(np.array([0.0]), np.array([4.0]))
     assert len(grid.time_s) == 2
     sides_m = np.array([[6.4e6, 0.0, 0.0], [-6.4e6, 0.0, 0.0]])
-    assert bool(surely_hidden(grid, -7.0 * sides_m, sides_m, np.array([is_moving]))[0]) is not is_moving
+    assert (
+        bool(surely_hidden(grid, -7.0 * sides_m, sides_m, np.array([is_moving]))[0])
+        is not is_moving
+    )
 
 
 SENSORS = (
@@ -163,7 +190,10 @@ def test_leaving_pairs_out_changes_no_bit_of_the_plan(
                         "lon_deg": 97.0 * number % 360.0 - 180.0,
                         "time_s": 3.7,
                     },
-                    "aim": {"lat_deg": 35.0 - 8.5 * number, "lon_deg": (97.0 * number + 250.0) % 360.0 - 180.0},
+                    "aim": {
+                        "lat_deg": 35.0 - 8.5 * number,
+                        "lon_deg": (97.0 * number + 250.0) % 360.0 - 180.0,
+                    },
                 }
                 for number in range(9)
             ],
@@ -172,7 +202,9 @@ def test_leaving_pairs_out_changes_no_bit_of_the_plan(
     made = compile_plan(scene)
     left_out = []
     monkeypatch.setattr(
-        pair_compiler, "surely_hidden", lambda grid, *_: left_out.append(1) or np.zeros(len(grid.first), np.bool_)
+        pair_compiler,
+        "surely_hidden",
+        lambda grid, *_: left_out.append(1) or np.zeros(len(grid.first), np.bool_),
     )
     assert_same(made, compile_plan(scene))
     assert left_out
@@ -203,7 +235,9 @@ def test_hidden_pairs_are_not_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     rows: list[int] = []
     margins_of = pair_compiler.Margins.of
-    monkeypatch.setattr(pair_compiler.Margins, "of", lambda *given: rows.append(len(given[2])) or margins_of(*given))
+    monkeypatch.setattr(
+        pair_compiler.Margins, "of", lambda *given: rows.append(len(given[2])) or margins_of(*given)
+    )
     plan = compile_plan(scene)
     assert plan.pairs.blocked.tolist() == [int(pair_compiler.Blocked.BEHIND_EARTH)]
     assert sum(rows) == 0

@@ -1,4 +1,6 @@
-"""Pairs are compiled in blocks: few calls per sensor, few rows at once, and the same plan whatever the blocks."""
+"""Pairs are compiled in blocks: few calls per sensor, few rows at once, and the same plan whatever
+the blocks.
+"""
 
 import numpy as np
 import pytest
@@ -46,7 +48,9 @@ class CountingScan:
     def period_ns(self) -> int:
         return self.of.period_ns
 
-    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
+    def phase_ns(
+        self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float
+    ) -> IntArray:
         self.counted.scan.append(len(target_ecef_m))
         return self.of.phase_ns(sensor_ecef_m, target_ecef_m, uniform)
 
@@ -60,14 +64,22 @@ def plan() -> Plan:
                 "epoch": "2026-04-01T00:00:00Z",
                 "duration_s": 250.0,
                 "sensors": [
-                    {"model": "SBIRS-GEO", "id": f"S{number}", "orbital_slot_deg": 9.0 * number - 180.0}
+                    {
+                        "model": "SBIRS-GEO",
+                        "id": f"S{number}",
+                        "orbital_slot_deg": 9.0 * number - 180.0,
+                    }
                     for number in range(SENSORS)
                 ],
                 "targets": [
                     {
                         "id": f"T{number}",
                         "type": "ICBM",
-                        "launch": {"lat_deg": 10.0 * number, "lon_deg": 5.0 * number, "time_s": 7.3 * number},
+                        "launch": {
+                            "lat_deg": 10.0 * number,
+                            "lon_deg": 5.0 * number,
+                            "time_s": 7.3 * number,
+                        },
                         "aim": {"lat_deg": -20.0, "lon_deg": 90.0},
                     }
                     for number in range(TARGETS)
@@ -84,7 +96,9 @@ def compiled(plan: Plan, sensors: "list[Sensor] | None" = None) -> tuple[Pairs, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("points", [1, 700, 10**9])
-def test_the_plan_does_not_depend_on_the_blocks(plan: Plan, points: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_plan_does_not_depend_on_the_blocks(
+    plan: Plan, points: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pairs, lines = compiled(plan)
     monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", points)
     same_pairs, same_lines = compiled(plan)
@@ -94,9 +108,11 @@ def test_the_plan_does_not_depend_on_the_blocks(plan: Plan, points: int, monkeyp
             assert np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f")
 
 
-def test_a_block_of_many_sensors_makes_a_call_per_sensor_and_step(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The orbit: at ignition and end of each step of the light time, twice on the coarse grid, and on the fine grid for
-    pairs that the Earth does not hide; the scan pattern: once."""
+def test_a_block_of_many_sensors_makes_a_call_per_sensor_and_step(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The orbit: at ignition and end of each step of the light time, twice on the coarse grid, and
+    on the fine grid for pairs that the Earth does not hide; the scan pattern: once."""
     monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", 10**9)
     counted, sensors = _counting(plan)
     compiled(plan, sensors)
@@ -110,14 +126,18 @@ def test_a_sensor_at_rest_is_asked_for_its_position_once(plan: Plan) -> None:
     assert {tuple(each.orbit) for each in counted} == {(1,)}
 
 
-def test_no_block_has_more_rows_than_its_limit_and_one_pair(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_block_has_more_rows_than_its_limit_and_one_pair(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
     limit = 700
     longest = int((plan.targets.burnout_s - plan.targets.ignition_s).max()) + 3
     monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", limit)
     rows: list[int] = []
     margins_of = pair_compiler.Margins.of
 
-    def counting(half: FloatArray, least: FloatArray, sensor_m: FloatArray, target_m: FloatArray) -> object:
+    def counting(
+        half: FloatArray, least: FloatArray, sensor_m: FloatArray, target_m: FloatArray
+    ) -> object:
         rows.append(len(target_m))
         return margins_of(half, least, sensor_m, target_m)
 
@@ -141,7 +161,11 @@ def test_lines_of_sight_are_kept_for_the_time_of_the_looks_alone(plan: Plan) -> 
 def _counting(plan: Plan, *, is_stationary: bool = False) -> tuple[list[Counted], list[Sensor]]:
     counted = [Counted() for _ in plan.sensors]
     sensors = [
-        evolve(sensor, orbit=CountingOrbit(sensor.orbit, each, is_stationary), scan=CountingScan(sensor.scan, each))
+        evolve(
+            sensor,
+            orbit=CountingOrbit(sensor.orbit, each, is_stationary),
+            scan=CountingScan(sensor.scan, each),
+        )
         for sensor, each in zip(plan.sensors, counted, strict=True)
     ]
     return counted, sensors

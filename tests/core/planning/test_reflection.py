@@ -1,4 +1,6 @@
-"""Sunlight on bodies: its amount by the geometry of each look, none in the Earth's shadow, none before burnout."""
+"""Sunlight on bodies: its amount by the geometry of each look, none in the Earth's shadow, none
+before burnout.
+"""
 
 from unittest import mock
 
@@ -18,12 +20,23 @@ from opir_core.planning.looks import Looks
 from opir_core.simulation.interpolation import ProbabilityInterpolant
 
 LOW = {
-    "circular": {"altitude_km": 1500.0, "inclination_deg": 30.0, "lon_asc_node_deg": -170.0, "arg_latitude_deg": 20.0}
+    "circular": {
+        "altitude_km": 1500.0,
+        "inclination_deg": 30.0,
+        "lon_asc_node_deg": -170.0,
+        "arg_latitude_deg": 20.0,
+    }
 }
-SENSOR = {"model": "LEO-MEDIUM", "id": "L", "orbit": LOW, "bands": {"SWIR": [2.5, 3.0], "MWIR": [4.2, 4.45]}}
+SENSOR = {
+    "model": "LEO-MEDIUM",
+    "id": "L",
+    "orbit": LOW,
+    "bands": {"SWIR": [2.5, 3.0], "MWIR": [4.2, 4.45]},
+}
 EAST = (34.73, -120.57)
 WEST = (9.0, 167.7)
-#: At 04:00 both bodies fly from one side of the terminator to the other, at 14:00 one of them twice, at 12:00 neither.
+#: At 04:00 both bodies fly from one side of the terminator to the other, at 14:00 one of them
+#: twice, at 12:00 neither.
 TWILIGHT = "2026-04-01T04:00:00"
 
 
@@ -34,21 +47,36 @@ def planned(epoch=TWILIGHT, albedo=0.3, detection="snr", sensors=(SENSOR,), **se
             "type": "ICBM",
             "launch": {"lat_deg": start[0], "lon_deg": start[1], "time_s": 10.0},
             "aim": {"lat_deg": aim[0], "lon_deg": aim[1]},
-            "signature": {"model": "plume", "body_albedo": albedo, "body_area_m2": 5.0, "body_emissivity": 0.8},
+            "signature": {
+                "model": "plume",
+                "body_albedo": albedo,
+                "body_area_m2": 5.0,
+                "body_emissivity": 0.8,
+            },
         }
         for name, start, aim in (("T1", EAST, WEST), ("T2", WEST, (30.0, -130.0)))
     ]
     scene = {"scene": "lit", "epoch": f"{epoch}Z", "duration_s": 2400.0, "seed": 5, "outputs": []}
-    mapping = {**scene, "sensors": list(sensors), "targets": targets, "detection": detection, **settings}
+    mapping = {
+        **scene,
+        "sensors": list(sensors),
+        "targets": targets,
+        "detection": detection,
+        **settings,
+    }
     return opir.compile_plan(opir.scene_from_mapping(mapping))
 
 
 def late_looks(plan, step=10):
-    """Exposures of looks after burnout, and the intensities that the scene's environment gives them."""
+    """Exposures of looks after burnout, and the intensities that the scene's environment gives
+    them.
+    """
     geometry = plan.look_geometry()
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     seen = geometry.exposures(looks.pair[::step], looks.scan[::step])
-    seen = seen.take(np.flatnonzero(seen.emission_time_s > plan.targets.burnout_s[seen.target] + 1e-6))
+    seen = seen.take(
+        np.flatnonzero(seen.emission_time_s > plan.targets.burnout_s[seen.target] + 1e-6)
+    )
     environment = plan.detection.environment
     height_m = environment.paths(seen).height_m
     aspect = environment.aspect_rad(seen)
@@ -104,16 +132,21 @@ def test_low_bodies_have_the_sunlight_that_the_air_leaves():
     up = local_axes(position_m)[:, 2]
     range_m = np.full(len(time_s), 1e6)
     ones = np.ones(len(time_s))
-    seen = Exposures(time_s, time_s, target, target, target, range_m, ones, position_m, position_m + 1e6 * up)
+    seen = Exposures(
+        time_s, time_s, target, target, target, range_m, ones, position_m, position_m + 1e6 * up
+    )
     height_m = ecef_to_geodetic(position_m).height_m
     plain, dimmed = (
-        plan.detection.environment.intensities_w_sr((0, 1), seen, height_m, ones) for plan in (clear, hazy)
+        plan.detection.environment.intensities_w_sr((0, 1), seen, height_m, ones)
+        for plan in (clear, hazy)
     )
     warm, reflected = expected_w_sr(clear, seen, 0.3)
     to_sun = sun_m - position_m
     sine = np.sum(up * to_sun, axis=1) / np.linalg.norm(to_sun, axis=1)
     path = Paths(height_m, sine, position_m, sun_m, time_s)
-    air = np.array([hazy.detection.environment.atmosphere.transmittance(band, path) for band in (0, 1)])
+    air = np.array(
+        [hazy.detection.environment.atmosphere.transmittance(band, path) for band in (0, 1)]
+    )
     assert plain == pytest.approx(warm + reflected, rel=3e-6)
     assert dimmed == pytest.approx(warm + air * reflected, rel=3e-6)
     assert np.all(air[:, height_m < 30e3] < 1.0)
@@ -134,11 +167,16 @@ def test_the_edges_of_the_shadow_are_breakpoints(epoch):
         shares = sunlit_fraction(position, sun_position_ecef_m(np.datetime64(epoch), around_s))
         assert (shares[0] in (0.0, 1.0)) != (shares[1] in (0.0, 1.0))
     known = plan.detection.breakpoints_s()
-    assert all(np.any(np.isclose(known[row], edge, atol=1e-9)) for row, edge in zip(target, edges_s, strict=True))
+    assert all(
+        np.any(np.isclose(known[row], edge, atol=1e-9))
+        for row, edge in zip(target, edges_s, strict=True)
+    )
 
 
 def test_interpolated_probabilities_hold_through_the_shadows_edges():
-    """A threshold between the warm and the lit body: P_d jumps at the shadow within a few seconds."""
+    """A threshold between the warm and the lit body: P_d jumps at the shadow within a few
+    seconds.
+    """
     plan = planned(sensors=({**SENSOR, "nei_w_m2": 6e-14, "spectral_discrimination": "none"},))
     geometry = plan.look_geometry()
     model = plan.detection

@@ -12,7 +12,12 @@ from opir_core.planning.plan import reseeded
 
 CLOUDS = {"model": "lowtran", "cloud": {"top_km": 8.0, "cover": 0.5, "cell_km": 50.0}}
 REGION = {"south_deg": 35, "north_deg": 45, "west_deg": -121, "east_deg": -110}
-BIASED = {"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": -90, "line_of_sight_bias_sigma_urad": 40.0}
+BIASED = {
+    "model": "SBIRS-GEO",
+    "id": "S",
+    "orbital_slot_deg": -90,
+    "line_of_sight_bias_sigma_urad": 40.0,
+}
 FIRES = {"id": "F", "model": "fires", "field": {"region": REGION, "per_million_km2": 8}}
 SCENES: dict[str, Mapping[str, Any]] = {
     "constant": {},
@@ -20,7 +25,14 @@ SCENES: dict[str, Mapping[str, Any]] = {
     "clouds": {"detection": "snr", "atmosphere": CLOUDS},
     "sources": {"detection": "snr", "sources": [FIRES]},
     "biases": {
-        "sensors": [{"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": -90, "line_of_sight_bias_sigma_urad": 40.0}]
+        "sensors": [
+            {
+                "model": "SBIRS-GEO",
+                "id": "S",
+                "orbital_slot_deg": -90,
+                "line_of_sight_bias_sigma_urad": 40.0,
+            }
+        ]
     },
     "tracker": {"tracker": "kepler-arc"},
 }
@@ -45,7 +57,11 @@ def test_a_replicate_builds_no_sensor_no_trajectory_and_no_model() -> None:
     other = reseeded(plan, 7)
     assert other.sensors is plan.sensors
     assert other.targets is plan.targets
-    assert (other.detection, other.classifier, other.confidence) == (plan.detection, plan.classifier, plan.confidence)
+    assert (other.detection, other.classifier, other.confidence) == (
+        plan.detection,
+        plan.classifier,
+        plan.confidence,
+    )
     assert other.detection is plan.detection
 
 
@@ -75,7 +91,9 @@ def test_replicates_share_the_knots_of_their_signals_whatever_the_phases_of_thei
 def test_replicates_ask_the_plugins_for_their_classes_once(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = opir.compile_plan(scene_of("constant"))
     opir.run_of_plan(plan)
-    monkeypatch.setattr("opir_core.planning.plan.offered_hypotheses", lambda _host: pytest.fail("asked again"))
+    monkeypatch.setattr(
+        "opir_core.planning.plan.offered_hypotheses", lambda _host: pytest.fail("asked again")
+    )
     for seed in (5, 6):
         assert len(opir.run_of_plan(reseeded(plan, seed)).plan.hypotheses) > 1
 
@@ -84,7 +102,9 @@ def test_another_model_does_not_get_the_knots_of_the_first() -> None:
     plan = opir.compile_plan(scene_of("signals"))
     dim = opir.compile_plan(
         opir.scene_from_mapping(
-            bench_scene(**SCENES["signals"] | {"detection": {"model": "snr", "probability_tolerance": 0.01}})
+            bench_scene(
+                **SCENES["signals"] | {"detection": {"model": "snr", "probability_tolerance": 0.01}}
+            )
         )
     )
     alone = bench_run_of(dim).lines

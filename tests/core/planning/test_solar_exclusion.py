@@ -1,7 +1,9 @@
-"""Solar exclusion: the looks that it prevents, by each look's own geometry, and its cost where it prevents none.
+"""Solar exclusion: the looks that it prevents, by each look's own geometry, and its cost where it
+prevents none.
 
-The scenes stand around local midnight of the spring equinox, when the Sun passes behind the Earth for a geostationary
-satellite: it stands beyond the west limb from 446 s to 2022 s of scene time, and beyond the east limb from 6070 s.
+The scenes stand around local midnight of the spring equinox, when the Sun passes behind the Earth
+for a geostationary satellite: it stands beyond the west limb from 446 s to 2022 s of scene time,
+and beyond the east limb from 6070 s.
 """
 
 from unittest import mock
@@ -31,7 +33,11 @@ EPOCH = np.datetime64("2026-03-20T11:00:00", "us")
 EPOCH_US = int(EPOCH.astype(np.int64))
 DURATION_S = 9000.0
 PERIOD_NS = 500_000_000
-GEO = {"slot_deg": 180.0, "scan": AlignedScan(PERIOD_NS), "field_of_regard_half_angle_rad": np.radians(10.0)}
+GEO = {
+    "slot_deg": 180.0,
+    "scan": AlignedScan(PERIOD_NS),
+    "field_of_regard_half_angle_rad": np.radians(10.0),
+}
 
 
 def low_orbit():
@@ -56,7 +62,9 @@ def plan(exclusion_deg=5.0, made=None, **changes):
 
 def detections(made, edges_s=(DURATION_S,)):
     engine = Engine(made)
-    return Detections.concatenate([engine.advance(round(edge * 1e9)).detections for edge in edges_s])
+    return Detections.concatenate(
+        [engine.advance(round(edge * 1e9)).detections for edge in edges_s]
+    )
 
 
 def looks_of(window):
@@ -64,7 +72,9 @@ def looks_of(window):
 
 
 def expected_looks(made):
-    """Every look of every burn, with the angle to the Sun by its cosine: those that see, and those the Sun prevents."""
+    """Every look of every burn, with the angle to the Sun by its cosine: those that see, and those
+    the Sun prevents.
+    """
     trajectories = made.targets.trajectories[0]
     (sensor,) = made.sensors
     seen = set()
@@ -72,14 +82,20 @@ def expected_looks(made):
     for target in range(len(made.targets.ids)):
         ignition_s = trajectories.ignition_s[target]
         burnout_s = trajectories.burnout_s[target]
-        scans = np.arange(np.floor(ignition_s / 0.5) + 1, np.floor(burnout_s / 0.5) + 1).astype(np.int64)
+        scans = np.arange(np.floor(ignition_s / 0.5) + 1, np.floor(burnout_s / 0.5) + 1).astype(
+            np.int64
+        )
         time_s = scans * 0.5
         sensor_m = sensor.orbit.position_ecef_m(time_s)
         target_m = trajectories.position_ecef_m(np.full(len(scans), target), time_s)
         sun_m = sun_position_ecef_m(EPOCH, time_s)
         way = target_m - sensor_m
         towards = sun_m - sensor_m
-        cosine = np.sum(way * towards, axis=1) / np.linalg.norm(way, axis=1) / np.linalg.norm(towards, axis=1)
+        cosine = (
+            np.sum(way * towards, axis=1)
+            / np.linalg.norm(way, axis=1)
+            / np.linalg.norm(towards, axis=1)
+        )
         near = (np.arccos(cosine) < sensor.solar_exclusion_rad) & is_sunlit(sensor_m, sun_m)
         visible = visible_now(sensor, sensor_m, target_m)
         seen |= {(target, int(scan)) for scan in scans[visible & ~near]}
@@ -90,7 +106,11 @@ def expected_looks(made):
 CASES = {
     "geostationary": {},
     "geostationary-wide": {"exclusion_deg": 12.0},
-    "low-orbit": {"orbit": low_orbit(), "field_of_regard_half_angle_rad": 1.4, "exclusion_deg": 50.0},
+    "low-orbit": {
+        "orbit": low_orbit(),
+        "field_of_regard_half_angle_rad": 1.4,
+        "exclusion_deg": 50.0,
+    },
 }
 
 
@@ -109,7 +129,9 @@ def test_looks_are_those_away_from_the_sun(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_most_cells_are_certain(name):
-    """Cells without a look test are as certain as for the other conditions; those near the Sun's edge are tested."""
+    """Cells without a look test are as certain as for the other conditions; those near the Sun's
+    edge are tested.
+    """
     made = plan(**CASES[name])
     pairs = made.pairs
     sight = made.sightlines.sight
@@ -119,7 +141,10 @@ def test_most_cells_are_certain(name):
     kinds = sight[place.point]
     seen, _ = expected_looks(made)
     truly = np.array(
-        [(t, s) in seen for t, s in zip(pairs.target[looks.pair].tolist(), looks.scan.tolist(), strict=True)]
+        [
+            (t, s) in seen
+            for t, s in zip(pairs.target[looks.pair].tolist(), looks.scan.tolist(), strict=True)
+        ]
     )
     assert truly[kinds == Visibility.ALWAYS].all()
     assert not truly[kinds == Visibility.NEVER].any()
@@ -131,7 +156,9 @@ def test_windows_cut_anywhere_give_the_same_bytes():
     whole = detections(plan())
     cut = detections(plan(), (446.2, 1000.0, 1893.7, 2022.05, 2022.1, 6070.3, DURATION_S))
     for column in fields(Detections):
-        assert getattr(whole, column.name).tobytes() == getattr(cut, column.name).tobytes(), column.name
+        assert getattr(whole, column.name).tobytes() == getattr(cut, column.name).tobytes(), (
+            column.name
+        )
 
 
 def in_the_west():
@@ -162,7 +189,9 @@ class Count:
 
     def __enter__(self):
         places = (opir_core.orbits.sun_events, opir_core.planning.solar_exclusion)
-        self.patches = [mock.patch.object(place, "sun_ecef_m", side_effect=place.sun_ecef_m) for place in places]
+        self.patches = [
+            mock.patch.object(place, "sun_ecef_m", side_effect=place.sun_ecef_m) for place in places
+        ]
         self.events, self.looks = (patch.start() for patch in self.patches)
         return self
 
@@ -189,7 +218,9 @@ def test_where_the_sun_stays_away_looks_do_not_ask_for_it():
 
 
 def test_planning_samples_the_sun_twice_a_minute():
-    with mock.patch.object(opir_core.orbits.sun_events, "intervals_below", side_effect=intervals_below) as found:
+    with mock.patch.object(
+        opir_core.orbits.sun_events, "intervals_below", side_effect=intervals_below
+    ) as found:
         plan(slot_deg=180.0)
     assert [call.kwargs["step_s"] for call in found.call_args_list] == [30.0]
 
@@ -224,22 +255,31 @@ def test_a_long_scene_is_searched_in_pieces_that_block_the_same_looks():
 
 def test_explain_says_when_and_where_a_sensor_is_blind_and_eclipsed():
     sensors = [{"model": "generic-scanner", "id": "S", "orbital_slot_deg": 180.0}]
-    made = snr_scene(sensors, names="S", epoch="2026-03-20T11:00:00Z", duration_s=9000, detection="constant")
+    made = snr_scene(
+        sensors, names="S", epoch="2026-03-20T11:00:00Z", duration_s=9000, detection="constant"
+    )
     reported = explained(compile_plan(made))
     west, east = reported["outages"]
-    assert (west["azimuth_at_stop_deg"], east["azimuth_at_start_deg"]) == pytest.approx((270.0, 90.0), abs=3.0)
+    assert (west["azimuth_at_stop_deg"], east["azimuth_at_start_deg"]) == pytest.approx(
+        (270.0, 90.0), abs=3.0
+    )
     assert west["stop_s"] == pytest.approx(reported["eclipses"][0]["umbra_start_s"], abs=0.01)
     assert 0.1 < west["share_of_field"] < 0.25
     # The field's own edge reaches the exclusion when the Sun is 15 degrees from nadir.
     assert west["start_s"] == pytest.approx(446.0, abs=1.0)
-    within = snr_scene(sensors, names="S", epoch="2026-03-20T11:10:00Z", duration_s=100, detection="constant")
+    within = snr_scene(
+        sensors, names="S", epoch="2026-03-20T11:10:00Z", duration_s=100, detection="constant"
+    )
     (whole,) = explained(compile_plan(within))["outages"]
     assert (whole["start_s"], whole["stop_s"]) == (0.0, 100.0)
 
 
 def test_the_sun_is_looked_for_between_the_ends_of_outages_only():
     exclusion = opir_core.planning.solar_exclusion.SolarExclusion(
-        angle_rad=0.1, epoch_us=EPOCH_US, start_s=np.array([10.0, 100.0]), stop_s=np.array([20.0, 200.0])
+        angle_rad=0.1,
+        epoch_us=EPOCH_US,
+        start_s=np.array([10.0, 100.0]),
+        stop_s=np.array([20.0, 200.0]),
     )
     time_s = np.array([9.9, 10.0, 20.0, 20.1, 99.9, 100.0, 200.0, 200.1])
     sunward = sun_position_ecef_m(EPOCH, time_s) / 1.496e11
@@ -249,10 +289,17 @@ def test_the_sun_is_looked_for_between_the_ends_of_outages_only():
 
 
 def test_false_alarms_stay_away_from_the_sun_as_well():
-    noisy = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": 180.0, "threshold_sigma": 3.9}
+    noisy = {
+        "model": "generic-scanner",
+        "id": "S",
+        "orbital_slot_deg": 180.0,
+        "threshold_sigma": 3.9,
+    }
 
     def window(**changes):
-        made = snr_scene([{**noisy, **changes}], names="S", epoch="2026-03-20T11:30:00Z", duration_s=10)
+        made = snr_scene(
+            [{**noisy, **changes}], names="S", epoch="2026-03-20T11:30:00Z", duration_s=10
+        )
         return Engine(compile_plan(made)).advance(10_000_000_000).detections
 
     free = window(solar_exclusion_deg=0.0)
@@ -268,5 +315,7 @@ def test_false_alarms_stay_away_from_the_sun_as_well():
 
 
 def test_the_sun_is_at_the_west_limb_before_midnight_and_not_at_the_east_limb():
-    both = VerticalTargets(np.zeros(2), np.array([107.0, 253.0]), np.full(2, 1900.0), np.full(2, 2000.0))
+    both = VerticalTargets(
+        np.zeros(2), np.array([107.0, 253.0]), np.full(2, 1900.0), np.full(2, 2000.0)
+    )
     assert plan(made=both).pairs.looks.tolist() == [0, 200]

@@ -1,4 +1,6 @@
-"""Lines of sight between grid points: what is interpolated stays within its stated bound, what is certain is true."""
+"""Lines of sight between grid points: what is interpolated stays within its stated bound, what is
+certain is true.
+"""
 
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ from opir_core.simulation.engine import Engine
 
 @frozen
 class PolarOrbit:
-    """A circular polar orbit over longitude 0 of an Earth that does not turn: a fast sensor close by."""
+    """A circular polar orbit over longitude 0 of an Earth that does not turn: a fast sensor close
+    by.
+    """
 
     height_m: float
     start_rad: float
@@ -59,9 +63,13 @@ def with_orbits(made: Plan, height_m: float) -> Plan:
     """Return the plan with its sensors in low orbits, from all around the pass over the launch."""
     sensors = tuple(
         evolve(sensor, orbit=PolarOrbit(height_m, start), field_of_regard_half_angle_rad=1.5)
-        for sensor, start in zip(made.sensors, np.linspace(-0.4, 0.3, len(made.sensors)), strict=True)
+        for sensor, start in zip(
+            made.sensors, np.linspace(-0.4, 0.3, len(made.sensors)), strict=True
+        )
     )
-    pairs, sightlines = PairCompiler(sensors, made.targets, [0.0] * len(sensors), True, made.end_ns).compiled()
+    pairs, sightlines = PairCompiler(
+        sensors, made.targets, [0.0] * len(sensors), True, made.end_ns
+    ).compiled()
     return evolve(made, sensors=sensors, pairs=pairs, sightlines=sightlines)
 
 
@@ -75,7 +83,9 @@ PLANS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLANS)
 @pytest.mark.parametrize(("height_m", "sine_bound"), [(None, 3e-6), (500e3, 3e-5), (1000e3, 3e-5)])
-def test_light_times_and_elevations_stay_within_their_bounds(name: str, height_m: float, sine_bound: float) -> None:
+def test_light_times_and_elevations_stay_within_their_bounds(
+    name: str, height_m: float, sine_bound: float
+) -> None:
     made = PLANS[name]()
     made = made if height_m is None else with_orbits(made, height_m)
     window = Engine(made).advance(made.end_ns)
@@ -94,7 +104,9 @@ def test_light_times_and_elevations_stay_within_their_bounds(name: str, height_m
 
 @pytest.mark.parametrize("height_m", [None, 500e3])
 def test_what_is_certain_is_true(height_m: float | None) -> None:
-    """Every scan of every pair, judged exactly, agrees with what the plan holds for certain: no look is no sight."""
+    """Every scan of every pair, judged exactly, agrees with what the plan holds for certain: no
+    look is no sight.
+    """
     made = PLANS["ICBM"]()
     made = made if height_m is None else with_orbits(made, height_m)
     judged = dict.fromkeys(Visibility, 0)
@@ -103,7 +115,9 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
         time_s = look_times_s(made.pairs, np.full(len(scans), pair), scans)
         sensor = made.sensors[made.pairs.sensor[pair]]
         exact, inside = seen_exactly(made, sensor, time_s)
-        is_look = ((made.pairs.first_scan[pair] <= scans) & (scans <= made.pairs.last_scan[pair]))[inside]
+        is_look = ((made.pairs.first_scan[pair] <= scans) & (scans <= made.pairs.last_scan[pair]))[
+            inside
+        ]
         sight = np.full(len(is_look), Visibility.NEVER)
         point = made.sightlines.first_point[pair] + np.floor(time_s[inside][is_look]).astype(int)
         sight[is_look] = made.sightlines.sight[point]
@@ -117,7 +131,9 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
 
 
 def seen_exactly(made: Plan, sensor: Sensor, time_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for the looks that fall into the burn, whether they see the target; light time is solved for."""
+    """Return, for the looks that fall into the burn, whether they see the target; light time is
+    solved for.
+    """
     sensor_m = sensor.orbit.position_ecef_m(time_s)
     ignition_s = made.targets.ignition_s[0]
     burnout_s = made.targets.burnout_s[0]
@@ -143,17 +159,28 @@ def test_a_sensor_at_the_horizon_sees_what_grazes_the_ellipsoid() -> None:
 
 
 @pytest.mark.parametrize("start_s", [59.99, 60.0, 61.0, 500.0])
-def test_what_begins_as_the_scene_ends_or_later_is_never_looked_at_and_upsets_nothing(start_s: float) -> None:
+def test_what_begins_as_the_scene_ends_or_later_is_never_looked_at_and_upsets_nothing(
+    start_s: float,
+) -> None:
     scene = {
         "scene": "late",
         "epoch": "2026-04-01T12:00:00Z",
         "duration_s": 60.0,
         "sensors": [{"model": "DSP", "id": "S", "orbital_slot_deg": 0.0}],
         "detection": "snr",
-        "sources": [{"id": "b", "model": "bolides", "at": [{"lat_deg": 1.0, "lon_deg": 2.0, "start_s": start_s}]}],
+        "sources": [
+            {
+                "id": "b",
+                "model": "bolides",
+                "at": [{"lat_deg": 1.0, "lon_deg": 2.0, "start_s": start_s}],
+            }
+        ],
         "outputs": [],
     }
     made = compile_plan(opir.scene_from_mapping(scene))
-    assert all(np.isfinite(each).all() for each in (made.sightlines.travel_s, made.sightlines.elevation_sine))
+    assert all(
+        np.isfinite(each).all()
+        for each in (made.sightlines.travel_s, made.sightlines.elevation_sine)
+    )
     truth = Engine(made).advance(made.end_ns).truth
     assert np.all(truth.target < 0)

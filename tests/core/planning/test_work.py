@@ -23,14 +23,20 @@ def scene(**changes: Any) -> opir.Scene:
 
 def pairs_of(rows: list[tuple[int, int, int, int]]) -> Pairs:
     """Return pairs with period, phase, first and last scan."""
-    period, phase, first, last = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
+    period, phase, first, last = (
+        np.array(column, dtype=np.int64) for column in zip(*rows, strict=True)
+    )
     zeros = np.zeros(len(rows), dtype=np.int32)
     none = np.zeros(len(rows), dtype=np.bool_)
-    return Pairs(zeros, zeros, period, phase, first, last, none, period * 0, period * 1.0, period, period)
+    return Pairs(
+        zeros, zeros, period, phase, first, last, none, period * 0, period * 1.0, period, period
+    )
 
 
 PAIRS = st.lists(
-    st.tuples(st.integers(1, 40), st.integers(0, 39), st.integers(0, 30), st.integers(-1, 40)), min_size=1, max_size=5
+    st.tuples(st.integers(1, 40), st.integers(0, 39), st.integers(0, 30), st.integers(-1, 40)),
+    min_size=1,
+    max_size=5,
 )
 
 
@@ -40,9 +46,16 @@ def test_no_interval_has_more_looks_and_one_has_nearly_as_many(
     rows: list[tuple[int, int, int, int]], duration: int
 ) -> None:
     times = np.array(
-        sorted(phase + scan * period for period, phase, first, last in rows for scan in range(first, last + 1))
+        sorted(
+            phase + scan * period
+            for period, phase, first, last in rows
+            for scan in range(first, last + 1)
+        )
     )
-    real = max((np.searchsorted(times, time + duration) - place for place, time in enumerate(times)), default=0)
+    real = max(
+        (np.searchsorted(times, time + duration) - place for place, time in enumerate(times)),
+        default=0,
+    )
     bound = most_looks(pairs_of(rows), duration)
     assert real <= bound <= len(times)
     if len(rows) == 1:
@@ -52,17 +65,26 @@ def test_no_interval_has_more_looks_and_one_has_nearly_as_many(
 def test_the_work_of_a_run_is_the_looks_that_the_engine_makes() -> None:
     plan = compile_plan(scene())
     run = opir.simulate(scene())
-    assert plan.workload.of_run() == Work(run.summary["counts"]["looks"], run.summary["counts"]["looks"])
+    assert plan.workload.of_run() == Work(
+        run.summary["counts"]["looks"], run.summary["counts"]["looks"]
+    )
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     times_ns = np.sort(look_times_ns(plan.pairs, looks.pair, looks.scan))
     for duration_ns in (NS // 20, NS, 10 * NS):
-        real = int(np.max(np.searchsorted(times_ns, times_ns + duration_ns) - np.arange(len(times_ns))))
+        real = int(
+            np.max(np.searchsorted(times_ns, times_ns + duration_ns) - np.arange(len(times_ns)))
+        )
         assert real <= plan.workload.of_cycle(duration_ns).looks <= real + len(plan.pairs)
 
 
 @pytest.mark.slow
 def test_false_alarms_are_events() -> None:
-    sensor = {"model": "generic-scanner", "id": "A", "orbital_slot_deg": -135.0, "false_alarm_probability": 1e-4}
+    sensor = {
+        "model": "generic-scanner",
+        "id": "A",
+        "orbital_slot_deg": -135.0,
+        "false_alarm_probability": 1e-4,
+    }
     noisy = scene(sensors=[sensor], detection="snr", background="none")
     plan = compile_plan(noisy)
     work = plan.workload.of_run()
@@ -75,7 +97,9 @@ def test_false_alarms_are_events() -> None:
 
 def test_more_work_than_accepted_is_rejected_with_the_figure_and_the_remedy() -> None:
     dense = scene(sensors=[{"constellation": "DSP", "scan_period_ms": 1e-6}])
-    with pytest.raises(opir.SceneError, match=r"looks_per_run: the scene has [0-9.]+e\+1\d looks") as refused:
+    with pytest.raises(
+        opir.SceneError, match=r"looks_per_run: the scene has [0-9.]+e\+1\d looks"
+    ) as refused:
         compile_plan(dense)
     assert "lengthen scan_period_ms of DSP-1" in str(refused.value)
     assert "or raise the limit" in str(refused.value)
@@ -100,6 +124,8 @@ def test_the_bytes_of_an_event_are_no_less_than_those_of_any_encoder() -> None:
     from opir_core.simulation.run import plan_windows
 
     plan = compile_plan(opir.load_scene("examples/pacific_test_range.yaml"))
-    encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=0, reported_types=plan.reported_types))
+    encoder = ForgeEncoder(
+        EncoderContext(sensors=plan.sensors, epoch_us=0, reported_types=plan.reported_types)
+    )
     lines = [line for window in plan_windows(plan) for line in encoder.encode(window).splitlines()]
     assert np.mean(list(map(len, lines))) <= EVENT_BYTES

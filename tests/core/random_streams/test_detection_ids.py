@@ -6,7 +6,13 @@ import numpy as np
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from opir_core.random_streams.detection_ids import id_key, stream_key_words, uuid8_words, uuid_characters, uuid_text
+from opir_core.random_streams.detection_ids import (
+    id_key,
+    stream_key_words,
+    uuid8_words,
+    uuid_characters,
+    uuid_text,
+)
 
 WORD = st.integers(0, 2**64 - 1)
 SCAN = st.integers(-(2**63), 2**63 - 1)
@@ -33,7 +39,9 @@ def uuid_of(high: int, low: int, scan: int) -> uuid.UUID:
 
 
 @given(WORD, WORD, SCAN)
-def test_ids_are_what_unbounded_integers_make_of_key_and_scan(high: int, low: int, scan: int) -> None:
+def test_ids_are_what_unbounded_integers_make_of_key_and_scan(
+    high: int, low: int, scan: int
+) -> None:
     words = uuid8_words(np.array([[high, low]], dtype=np.uint64), np.array([scan]))
     assert uuid_text(words) == [str(uuid_of(high, low, scan))]
 
@@ -55,7 +63,9 @@ def test_text_is_the_standard_library_s(words: np.ndarray) -> None:
 def test_more_than_a_million_ids_differ() -> None:
     streams = 1200
     scans = 1000
-    words = uuid8_words(np.repeat(keys(*range(streams)), scans, axis=0), np.tile(np.arange(scans), streams))
+    words = uuid8_words(
+        np.repeat(keys(*range(streams)), scans, axis=0), np.tile(np.arange(scans), streams)
+    )
     assert len(np.unique(words.view("V16"))) == streams * scans
 
 
@@ -68,14 +78,20 @@ def test_ids_do_not_depend_on_how_rows_are_grouped() -> None:
     key_words = keys(*range(50))
     scan = np.arange(50)
     whole = uuid8_words(key_words, scan)
-    parts = [uuid8_words(key_words[start : start + 7], scan[start : start + 7]) for start in range(0, 50, 7)]
+    parts = [
+        uuid8_words(key_words[start : start + 7], scan[start : start + 7])
+        for start in range(0, 50, 7)
+    ]
     assert np.array_equal(whole, np.concatenate(parts))
 
 
 def test_neighbouring_scans_share_no_more_bits_than_chance() -> None:
-    # Half of 122 bits flip from scan to scan; over 20 000 scans a bit's rate has a standard error of 0.0035.
+    # Half of 122 bits flip from scan to scan; over 20 000 scans a bit's rate has a standard error
+    # of 0.0035.
     words = uuid8_words(np.repeat(keys(3), 20_001, axis=0), np.arange(20_001))
-    flips = np.unpackbits((words[1:] ^ words[:-1]).astype(">u8").view(np.uint8), axis=1).mean(axis=0)
+    flips = np.unpackbits((words[1:] ^ words[:-1]).astype(">u8").view(np.uint8), axis=1).mean(
+        axis=0
+    )
     fixed = [48, 49, 50, 51, 64, 65]
     assert np.all(flips[fixed] == 0.0)
     assert np.all(np.abs(np.delete(flips, fixed) - 0.5) < 0.025)
@@ -83,12 +99,23 @@ def test_neighbouring_scans_share_no_more_bits_than_chance() -> None:
 
 def test_streams_share_no_more_bits_than_chance() -> None:
     words = uuid8_words(keys(*range(20_001)), np.zeros(20_001, dtype=np.int64))
-    flips = np.unpackbits((words[1:] ^ words[:-1]).astype(">u8").view(np.uint8), axis=1).mean(axis=0)
+    flips = np.unpackbits((words[1:] ^ words[:-1]).astype(">u8").view(np.uint8), axis=1).mean(
+        axis=0
+    )
     assert np.all(np.abs(np.delete(flips, [48, 49, 50, 51, 64, 65]) - 0.5) < 0.025)
 
 
 def test_no_two_ways_of_naming_a_stream_share_a_key() -> None:
-    named = [("ab", "c"), ("a", "bc"), ("abc",), ("abc", ""), ("", "abc"), (1, "c"), ("1", "c"), ("s1:", "c")]
+    named = [
+        ("ab", "c"),
+        ("a", "bc"),
+        ("abc",),
+        ("abc", ""),
+        ("", "abc"),
+        (1, "c"),
+        ("1", "c"),
+        ("s1:", "c"),
+    ]
     assert len({id_key(*parts) for parts in named}) == len(named)
 
 
@@ -110,9 +137,13 @@ def test_a_stream_s_key_does_not_depend_on_the_other_streams() -> None:
 
 def test_a_scene_without_streams_has_no_keys() -> None:
     assert stream_key_words(1, "scene", 0, []).shape == (0, 2)
-    assert uuid_text(uuid8_words(np.empty((0, 2), dtype=np.uint64), np.empty(0, dtype=np.int64))) == []
+    assert (
+        uuid_text(uuid8_words(np.empty((0, 2), dtype=np.uint64), np.empty(0, dtype=np.int64))) == []
+    )
 
 
 def test_ids_stay_what_they_are() -> None:
-    words = uuid8_words(np.array([id_key(7, "scene", 0, "S-1", "T-1")], dtype=np.uint64), np.array([42]))
+    words = uuid8_words(
+        np.array([id_key(7, "scene", 0, "S-1", "T-1")], dtype=np.uint64), np.array([42])
+    )
     assert uuid_text(words) == ["342bacf7-1e58-8022-85f7-24a2841f5be4"]

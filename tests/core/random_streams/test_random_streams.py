@@ -8,14 +8,26 @@ from hypothesis import given, strategies as st
 from scipy import stats
 
 from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
-from opir_core.random_streams.philox import Reader, Stream, further_words, normal_pairs, stream_key, uniforms_of
+from opir_core.random_streams.philox import (
+    Reader,
+    Stream,
+    further_words,
+    normal_pairs,
+    stream_key,
+    uniforms_of,
+)
 
 
 def raw(count: int, seed: int = 1) -> np.ndarray:
     return Stream(stream_key(seed, "test")).words(0, count)
 
 
-@given(st.integers(0, 10**12), st.integers(0, 300), st.integers(1, 5), st.lists(st.integers(0, 300), max_size=4))
+@given(
+    st.integers(0, 10**12),
+    st.integers(0, 300),
+    st.integers(1, 5),
+    st.lists(st.integers(0, 300), max_size=4),
+)
 def test_any_slice_of_a_stream_is_the_same_however_it_is_read(
     first: int, scans: int, words: int, cuts: list[int]
 ) -> None:
@@ -36,7 +48,9 @@ def test_going_back_gives_the_same_words_again() -> None:
 
 def test_words_are_those_of_numpys_philox() -> None:
     key = stream_key(3, "a", "b")
-    assert np.array_equal(Stream(key).words(0, 9), np.random.Philox(key=key, counter=0).random_raw(9))
+    assert np.array_equal(
+        Stream(key).words(0, 9), np.random.Philox(key=key, counter=0).random_raw(9)
+    )
 
 
 @given(st.integers(0, 2**128 - 1), st.integers(0, 2**66), st.integers(0, 40))
@@ -49,7 +63,9 @@ def test_a_reader_that_is_sent_anywhere_reads_what_a_generator_made_there_reads(
     assert np.array_equal(reader.words(key, first, count), made)
 
 
-def test_all_pairs_and_purposes_of_a_run_share_one_generator(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_pairs_and_purposes_of_a_run_share_one_generator(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     made = []
     philox = np.random.Philox
     monkeypatch.setattr(np.random, "Philox", lambda **place: made.append(place) or philox(**place))
@@ -65,15 +81,36 @@ def test_all_pairs_and_purposes_of_a_run_share_one_generator(monkeypatch: pytest
 
 @pytest.mark.parametrize("pairs", [3, 20_000])
 @pytest.mark.parametrize("words", [1, 2])
-def test_windows_that_read_ahead_jump_back_or_are_long_read_what_a_generator_reads(pairs: int, words: int) -> None:
+def test_windows_that_read_ahead_jump_back_or_are_long_read_what_a_generator_reads(
+    pairs: int, words: int
+) -> None:
     streams = PairStreams(1, [("S", f"T-{number}") for number in range(pairs)])
-    windows = [(0, 7), (7, 30), (37, 30), (30, 9), (60, 500), (560, 1), (561, 100), (661, 30), (2**40, 30)]
+    windows = [
+        (0, 7),
+        (7, 30),
+        (37, 30),
+        (30, 9),
+        (60, 500),
+        (560, 1),
+        (561, 100),
+        (661, 30),
+        (2**40, 30),
+    ]
     for first, scans in windows:
         some = np.array([0, 2])
-        read = streams.words("detection", words, some, np.array([first, first + 5]), np.array([scans, scans // 2 + 1]))
+        read = streams.words(
+            "detection",
+            words,
+            some,
+            np.array([first, first + 5]),
+            np.array([scans, scans // 2 + 1]),
+        )
         parts = (0, first, scans), (2, first + 5, scans // 2 + 1)
         keys = [stream_key(1, "S", f"T-{pair}", "detection") for pair, _, _ in parts]
-        made = [Stream(key, words).words(start, count) for key, (_, start, count) in zip(keys, parts, strict=True)]
+        made = [
+            Stream(key, words).words(start, count)
+            for key, (_, start, count) in zip(keys, parts, strict=True)
+        ]
         assert np.array_equal(read, np.concatenate(made))
 
 
@@ -89,7 +126,12 @@ def test_a_stream_is_read_for_several_windows_at_once(monkeypatch: pytest.Monkey
 
 
 def test_names_are_distinguished() -> None:
-    keys = {stream_key(1, "ab", "c"), stream_key(1, "a", "bc"), stream_key(1, "abc"), stream_key(11, "ab", "c")}
+    keys = {
+        stream_key(1, "ab", "c"),
+        stream_key(1, "a", "bc"),
+        stream_key(1, "abc"),
+        stream_key(11, "ab", "c"),
+    }
     assert len(keys) == 4
 
 
@@ -117,7 +159,9 @@ def test_normal_pairs_are_standard_normal_and_independent() -> None:
 def test_normal_pairs_are_box_and_mullers_to_1e_12() -> None:
     words = raw(10_000, seed=9)
     radius = np.sqrt(-2.0 * np.log1p(-(words >> np.uint64(24)).astype(float) * 2.0**-40))
-    turns = (words & np.uint64(4095)).astype(float) / 4096 + ((words >> np.uint64(12)) & np.uint64(4095)) / 2.0**24
+    turns = (words & np.uint64(4095)).astype(float) / 4096 + (
+        (words >> np.uint64(12)) & np.uint64(4095)
+    ) / 2.0**24
     first, second = normal_pairs(words)
     assert first == pytest.approx(radius * np.cos(2.0 * np.pi * turns), abs=3e-12)
     assert second == pytest.approx(radius * np.sin(2.0 * np.pi * turns), abs=3e-12)
@@ -126,12 +170,15 @@ def test_normal_pairs_are_box_and_mullers_to_1e_12() -> None:
 def test_normal_pairs_are_the_same_however_many_are_made_at_once() -> None:
     words = raw(50_000, seed=10)
     whole = np.array(normal_pairs(words))
-    parts = [np.array(normal_pairs(words[start : start + 777])) for start in range(0, len(words), 777)]
+    parts = [
+        np.array(normal_pairs(words[start : start + 777])) for start in range(0, len(words), 777)
+    ]
     assert whole.tobytes() == np.concatenate(parts, axis=1).tobytes()
 
 
 def test_further_words_are_those_of_splitmix64() -> None:
-    # The first five of the seed 1234567, as Rosetta Code's page "Pseudo-random numbers/Splitmix64" has them.
+    # The first five of the seed 1234567, as Rosetta Code's page "Pseudo-random numbers/Splitmix64"
+    # has them.
     known = [
         6457827717110365317,
         3203168211198807973,
@@ -144,8 +191,12 @@ def test_further_words_are_those_of_splitmix64() -> None:
     assert further_words(seeds, numbers).tolist() == known
 
 
-def test_normals_spun_from_a_looks_word_are_normal_and_know_nothing_of_its_direction_or_of_other_purposes() -> None:
-    """10 tests of normality, 132 rank correlations of values and of sizes: 99.9 % in all (Bonferroni)."""
+def test_normals_spun_from_a_looks_word_are_normal_and_know_nothing_of_its_direction_or_of_other_purposes() -> (
+    None
+):
+    """10 tests of normality, 132 rank correlations of values and of sizes: 99.9 % in all
+    (Bonferroni).
+    """
     words = raw(60_000, seed=4)
     none = np.zeros(0, dtype=np.int64)
     rows = np.arange(len(words))
@@ -178,13 +229,17 @@ def test_a_window_hands_out_the_same_numbers_whichever_rows_ask_first() -> None:
     for rows in (slice(5, 6), slice(1, 7), slice(0, 7)):
         found = late_first.of_rows("line-of-sight", 1, row[rows], pair[rows])[:, 0]
         assert np.array_equal(found, whole[rows])
-    assert np.array_equal(numbers().words("line-of-sight", np.array([False, True])), [0, 0, 0, 0, *whole[4:]])
+    assert np.array_equal(
+        numbers().words("line-of-sight", np.array([False, True])), [0, 0, 0, 0, *whole[4:]]
+    )
     both = numbers().of(row, pair).normals("x", 3)
     assert np.array_equal(both[2:5], numbers().of(row, pair).take(slice(2, 5)).normals("x", 3))
 
 
 def test_pairs_of_a_run_do_not_share_numbers() -> None:
     streams = PairStreams(1, [("S-1", "T-1"), ("S-1", "T-2"), ("S-2", "T-1")])
-    words = streams.words("detection", 1, np.arange(3), np.zeros(3, dtype=np.int64), np.full(3, 100))
+    words = streams.words(
+        "detection", 1, np.arange(3), np.zeros(3, dtype=np.int64), np.full(3, 100)
+    )
     assert len(np.unique(words)) == 300
     assert len(np.unique(streams.constants("classification", 2))) == 6

@@ -1,4 +1,6 @@
-"""The canonical form and its hash: what is written down repeats the scene, and says the same of the same scene."""
+"""The canonical form and its hash: what is written down repeats the scene, and says the same of the
+same scene.
+"""
 
 import json
 import random
@@ -29,7 +31,9 @@ DATA = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(TEXTS, inner, max_size=3),
     max_leaves=6,
 )
-PLACES = st.fixed_dictionaries({"lat_deg": st.floats(-90, 90), "lon_deg": SLOTS}, optional={"height_m": NUMBERS})
+PLACES = st.fixed_dictionaries(
+    {"lat_deg": st.floats(-90, 90), "lon_deg": SLOTS}, optional={"height_m": NUMBERS}
+)
 FORCES: list[Any] = [
     "kepler",
     ["drag", "j2"],
@@ -44,7 +48,8 @@ SCANNERS = st.fixed_dictionaries(
         "is_spinning": st.booleans(),
         "detection_probability": st.dictionaries(TEXTS, PARTS, max_size=3),
         "bands": st.lists(TEXTS, max_size=3),
-        "edges_um": st.none() | st.lists(st.floats(0, allow_infinity=False), min_size=2, max_size=2),
+        "edges_um": st.none()
+        | st.lists(st.floats(0, allow_infinity=False), min_size=2, max_size=2),
         "notes": DATA,
     },
 )
@@ -53,8 +58,18 @@ SCANNERS = st.fixed_dictionaries(
 @st.composite
 def mappings(draw: st.DrawFn) -> dict[str, Any]:
     """Return any good scene."""
-    ids = draw(st.lists(IDS.filter(lambda text: not text.startswith("FLEET")), min_size=1, max_size=4, unique=True))
-    singles = [{"model": draw(st.sampled_from(["SCANNER", "STARER"])), "id": own, **draw(SCANNERS)} for own in ids]
+    ids = draw(
+        st.lists(
+            IDS.filter(lambda text: not text.startswith("FLEET")),
+            min_size=1,
+            max_size=4,
+            unique=True,
+        )
+    )
+    singles = [
+        {"model": draw(st.sampled_from(["SCANNER", "STARER"])), "id": own, **draw(SCANNERS)}
+        for own in ids
+    ]
     fleet: dict[str, Any] = {"constellation": "FLEET", **draw(SCANNERS)}
     fleet |= draw(st.sampled_from([{}, {"preset": "slow"}]))
     targets = [
@@ -71,7 +86,9 @@ def mappings(draw: st.DrawFn) -> dict[str, Any]:
     return {
         "scene": draw(TEXTS.filter(str.strip)),
         "epoch": draw(
-            st.sampled_from(["1970-01-01T00:00:00Z", "2026-04-01T12:00:00.5Z", "2099-12-31T23:59:59.999999Z"])
+            st.sampled_from(
+                ["1970-01-01T00:00:00Z", "2026-04-01T12:00:00.5Z", "2099-12-31T23:59:59.999999Z"]
+            )
         ),
         "duration_s": draw(st.floats(1e-3, 1e6) | st.integers(1, 10**6)),
         "seed": draw(st.integers(0, 2**63 - 1)),
@@ -79,11 +96,15 @@ def mappings(draw: st.DrawFn) -> dict[str, Any]:
         "forces": draw(st.sampled_from(FORCES)),
         "sensors": draw(st.permutations([*singles, *draw(st.sampled_from([[], [fleet]]))])),
         "targets": targets,
-        "confidence": draw(st.sampled_from(["weighted", {"model": "weighted", "band": band, "count": 1 - band}])),
+        "confidence": draw(
+            st.sampled_from(["weighted", {"model": "weighted", "band": band, "count": 1 - band}])
+        ),
         "tracker": draw(st.sampled_from(["none", "arc", {"model": "arc", "window_s": 3}])),
         "outputs": draw(
             st.lists(
-                st.sampled_from(["null", {"null": {}}, {"jsonl": {"path": "-"}}, "jsonl"]), max_size=3, unique_by=repr
+                st.sampled_from(["null", {"null": {}}, {"jsonl": {"path": "-"}}, "jsonl"]),
+                max_size=3,
+                unique_by=repr,
             )
         ),
     }
@@ -117,8 +138,12 @@ def test_the_canonical_form_is_the_scene(mapping: dict[str, Any]) -> None:
 @pytest.mark.slow
 @examples(100)
 @given(mapping=mappings(), rng=st.randoms(use_true_random=False))
-def test_the_hash_says_the_same_of_the_same_scene(mapping: dict[str, Any], rng: random.Random) -> None:
-    """JSON is YAML, so one text is JSON with its keys shuffled and the other the canonical form through JSON."""
+def test_the_hash_says_the_same_of_the_same_scene(
+    mapping: dict[str, Any], rng: random.Random
+) -> None:
+    """JSON is YAML, so one text is JSON with its keys shuffled and the other the canonical form
+    through JSON.
+    """
     scene = scene_from_mapping(mapping, host=HOST)
     # JSON's escaped pairs of surrogates are not YAML's, so nothing is escaped.
     text = json.dumps(shuffled(mapping, rng), ensure_ascii=False, indent=rng.choice([None, 1]))
@@ -144,7 +169,11 @@ def test_spelling_does_not_change_the_hash() -> None:
 
 
 def test_a_preset_a_fleet_and_a_default_count_as_written_out() -> None:
-    mapping = {**good_mapping(), "sensors": [{"constellation": "FLEET", "preset": "slow"}], "tracker": "arc"}
+    mapping = {
+        **good_mapping(),
+        "sensors": [{"constellation": "FLEET", "preset": "slow"}],
+        "tracker": "arc",
+    }
     scene = scene_from_mapping(mapping, host=HOST)
     written = scene_mapping(scene)
     assert [list(sensor) for sensor in written["sensors"]] == [["constellation", "members"]]
@@ -176,13 +205,17 @@ def test_every_value_counts() -> None:
 @pytest.mark.parametrize("zero", ["0", "-0", "0.0", "-0.0", "0e5"])
 def test_zero_is_zero(zero: str) -> None:
     scenes = [
-        scene_from_mapping(good_mapping(), overrides=[f"targets[0].launch.lat_deg={text}"], host=HOST)
+        scene_from_mapping(
+            good_mapping(), overrides=[f"targets[0].launch.lat_deg={text}"], host=HOST
+        )
         for text in (zero, "0")
     ]
     assert scene_hash(scenes[0]) == scene_hash(scenes[1])
 
 
 def test_the_hash_stays() -> None:
-    """A hash in an old manifest names the same scene for ever; this changes only with the scene format."""
+    """A hash in an old manifest names the same scene for ever; this changes only with the scene
+    format.
+    """
     scene = scene_from_mapping(good_mapping(), host=HOST)
     assert scene_hash(scene) == "3fd9240b3e63e824cee5f964e63d275e9689df4113fb6a642994de920c5c2be2"

@@ -1,4 +1,6 @@
-"""What can be reported in two ways is reported in one: both in one block is an error, and the nearer block wins."""
+"""What can be reported in two ways is reported in one: both in one block is an error, and the
+nearer block wins.
+"""
 
 import itertools
 import sys
@@ -32,13 +34,17 @@ class CentimetreEye(Eye):
 def opir_sensor_models() -> Iterable[SensorModel]:
     presets = {"cm": {"noise_w_cm2": 2e-16}, "m": {"noise_w_m2": 3e-12}, "both": {**M, **CM}}
     yield SensorModel(name="EYE", summary="looks", config=Eye, build=print, presets=presets)
-    yield SensorModel(name="CM-EYE", summary="looks", config=CentimetreEye, build=print, presets=presets)
+    yield SensorModel(
+        name="CM-EYE", summary="looks", config=CentimetreEye, build=print, presets=presets
+    )
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     for name, given in (("EYES", {"noise_w_cm2": 4e-16}), ("METRE-EYES", {"noise_w_m2": 4e-12})):
-        yield Constellation(name=name, summary="two", model="EYE", satellites=[{"id": f"{name}-1", **given}])
+        yield Constellation(
+            name=name, summary="two", model="EYE", satellites=[{"id": f"{name}-1", **given}]
+        )
 
 
 M = {"noise_w_m2": 7e-12}
@@ -51,7 +57,9 @@ def scene_of(*sensors: dict[str, Any], host: Any = HOST) -> Any:
 
 
 def reported(**block: Any) -> tuple[float, float | None]:
-    """Return what a sensor's configuration has: W/m² of its own, and W/cm² where that is what counts."""
+    """Return what a sensor's configuration has: W/m² of its own, and W/cm² where that is what
+    counts.
+    """
     named = {} if "constellation" in block else {"id": "A"}
     config = scene_of({**named, **block}).sensors[0].model.config
     return config.noise_w_m2, config.noise_w_cm2
@@ -64,7 +72,9 @@ def effective_w_m2(**block: Any) -> float:
 
 @pytest.mark.parametrize("model", ["EYE", "CM-EYE"])
 @pytest.mark.parametrize("preset", [{}, {"preset": "cm"}, {"preset": "m"}])
-def test_what_the_scene_names_wins_over_preset_and_class(model: str, preset: dict[str, str]) -> None:
+def test_what_the_scene_names_wins_over_preset_and_class(
+    model: str, preset: dict[str, str]
+) -> None:
     assert effective_w_m2(model=model, **preset, **M) == 7e-12
     assert effective_w_m2(model=model, **preset, **CM) == 8e-12
     bare = {"EYE": 1e-12, "CM-EYE": 5e-12}[model]
@@ -82,10 +92,18 @@ def test_a_constellation_wins_over_a_preset_and_the_scene_over_both(fleet: str) 
 
 def test_both_in_one_block_is_one_error_with_its_place() -> None:
     with pytest.raises(SceneError) as caught:
-        scene_of({"model": "EYE", "id": "A", **M, **CM, "slot_deg": "east"}, {"constellation": "EYES", **M, **CM})
+        scene_of(
+            {"model": "EYE", "id": "A", **M, **CM, "slot_deg": "east"},
+            {"constellation": "EYES", **M, **CM},
+        )
     lines = [str(problem) for problem in caught.value.problems]
-    words = "noise_w_cm2: sets the same quantity as noise_w_m2, which is also set; omit one of the two"
-    assert [line for line in lines if "noise" in line] == [f"sensors[0].{words}", f"sensors[1].{words}"]
+    words = (
+        "noise_w_cm2: sets the same quantity as noise_w_m2, which is also set; omit one of the two"
+    )
+    assert [line for line in lines if "noise" in line] == [
+        f"sensors[0].{words}",
+        f"sensors[1].{words}",
+    ]
     assert any(line.startswith("sensors[0].slot_deg") for line in lines)
 
 
@@ -95,14 +113,21 @@ def test_one_of_them_set_to_none_is_not_reported() -> None:
 
 
 def test_a_preset_that_tells_both_is_its_plugin_s_fault() -> None:
-    with pytest.raises(PluginError, match=r"EYE.*noise_w_cm2: sets the same quantity as noise_w_m2"):
+    with pytest.raises(
+        PluginError, match=r"EYE.*noise_w_cm2: sets the same quantity as noise_w_m2"
+    ):
         scene_of({"model": "EYE", "id": "A", "preset": "both"})
     assert effective_w_m2(model="EYE", preset="both", **CM) == 8e-12
 
 
 def test_the_canonical_form_tells_one_of_them_and_repeats_the_scene() -> None:
-    blocks = itertools.product(("EYE", "CM-EYE"), ({}, {"preset": "cm"}, {"preset": "m"}), ({}, M, CM))
-    sensors = [{"model": model, "id": f"A{n}", **more, **own} for n, (model, more, own) in enumerate(blocks)]
+    blocks = itertools.product(
+        ("EYE", "CM-EYE"), ({}, {"preset": "cm"}, {"preset": "m"}), ({}, M, CM)
+    )
+    sensors = [
+        {"model": model, "id": f"A{n}", **more, **own}
+        for n, (model, more, own) in enumerate(blocks)
+    ]
     scene = scene_of(*sensors, {"constellation": "METRE-EYES", **CM})
     again = scene_from_mapping(scene_mapping(scene), host=HOST)
     assert again == scene
@@ -111,7 +136,10 @@ def test_the_canonical_form_tells_one_of_them_and_repeats_the_scene() -> None:
 
 def test_python_tells_it_once_as_a_scene_does() -> None:
     """What is left out is the class's, also where the number set is the same as the class's."""
-    words = "noise_w_cm2 sets the same quantity as noise_w_m2, which is also set; omit one of the two, or set"
+    words = (
+        "noise_w_cm2 sets the same quantity as noise_w_m2, which is also set; omit one of the two,"
+        " or set"
+    )
     for both in ({**M, **CM}, {**CM, "noise_w_m2": float("1e-12")}):
         with pytest.raises(ValueError, match=words):
             Eye(**both)
@@ -122,7 +150,11 @@ def test_python_tells_it_once_as_a_scene_does() -> None:
 
 
 def test_python_s_setting_wins_over_the_class_in_either_way() -> None:
-    for eye in (CentimetreEye(**M), evolve(CentimetreEye(), **M), evolve(Eye(**CM), **M, noise_w_cm2=None)):
+    for eye in (
+        CentimetreEye(**M),
+        evolve(CentimetreEye(), **M),
+        evolve(Eye(**CM), **M, noise_w_cm2=None),
+    ):
         assert (eye.noise_w_m2, eye.noise_w_cm2) == (7e-12, None)
         assert evolve(eye, slot_deg=3.0).noise_w_cm2 is None
     for eye in (Eye(**CM), CentimetreEye(**CM), evolve(Eye(**CM), slot_deg=3.0)):
@@ -135,7 +167,9 @@ def test_the_installed_sensors_refuse_two_ways_in_python(model: str) -> None:
     config = Host.discover().component("opir_sensor_models", model).config
     with pytest.raises(ValueError, match="nei_w_cm2 sets the same quantity as nei_w_m2"):
         config(nei_w_m2=2e-12, nei_w_cm2=2e-16)
-    with pytest.raises(ValueError, match="false_alarm_probability sets the same quantity as threshold_sigma"):
+    with pytest.raises(
+        ValueError, match="false_alarm_probability sets the same quantity as threshold_sigma"
+    ):
         config(threshold_sigma=4.0, false_alarm_probability=1e-6)
 
 

@@ -39,7 +39,10 @@ def scene_with(forces: Any):
             ["j2", {"drag": {"ballistic_coefficient_kg_m2": 90}}],
             SceneForces(("j2",), SceneDrag(ballistic_coefficient_kg_m2=90.0)),
         ),
-        ([{"drag": {"exponential": AIR}}], SceneForces((), SceneDrag(exponential=ExponentialAir(**AIR)))),
+        (
+            [{"drag": {"exponential": AIR}}],
+            SceneForces((), SceneDrag(exponential=ExponentialAir(**AIR))),
+        ),
     ],
 )
 def test_forces_are_read_and_written(written, read):
@@ -54,13 +57,17 @@ def test_without_a_word_it_is_the_point_mass_alone():
 
 
 def test_the_hash_tells_forces_apart_and_not_their_order():
-    different = [scene_hash(scene_with(forces)) for forces in ("kepler", ["j2"], ["drag"], ["drag", "j2"])]
+    different = [
+        scene_hash(scene_with(forces)) for forces in ("kepler", ["j2"], ["drag"], ["drag", "j2"])
+    ]
     assert len(set(different)) == 4
     assert scene_hash(scene_with(["j2", {"drag": {}}])) == different[3]
 
 
 def test_an_override_sets_them():
-    scene = load_scene(ONE_TARGET, overrides=["forces=[j2, drag: {ballistic_coefficient_kg_m2: 700}]"])
+    scene = load_scene(
+        ONE_TARGET, overrides=["forces=[j2, drag: {ballistic_coefficient_kg_m2: 700}]"]
+    )
     assert scene.forces.names == ("j2", "drag")
     assert load_scene(ONE_TARGET, overrides=["forces=kepler"]) == load_scene(ONE_TARGET)
 
@@ -84,16 +91,22 @@ def watched(forces: str) -> Any:
     watcher = Watcher()
     host = Host.discover(["dsp", "sbirs", "nextgen"])
     host.register(watcher)
-    compile_plan(load_scene(ONE_TARGET, overrides=["tracker=watcher", f"forces={forces}"], host=host), host)
+    compile_plan(
+        load_scene(ONE_TARGET, overrides=["tracker=watcher", f"forces={forces}"], host=host), host
+    )
     return watcher.seen[0].forces
 
 
 def test_trackers_are_reported():
     assert watched("kepler") == "kepler"
     assert watched("[j3, j2]") == Forces(zonal=("j2", "j3"))
-    assert watched("[drag: {ballistic_coefficient_kg_m2: 700}]") == Forces(zonal=(), drag=Drag(700.0))
+    assert watched("[drag: {ballistic_coefficient_kg_m2: 700}]") == Forces(
+        zonal=(), drag=Drag(700.0)
+    )
     air = ExponentialAtmosphere(1.2, 7000.0)
-    assert watched(f"[drag: {{exponential: {AIR}}}]".replace("'", "")) == Forces(zonal=(), drag=Drag(5000.0, air))
+    assert watched(f"[drag: {{exponential: {AIR}}}]".replace("'", "")) == Forces(
+        zonal=(), drag=Drag(5000.0, air)
+    )
 
 
 def test_explain_and_the_manifest_tell_them():
@@ -110,7 +123,9 @@ def test_explain_and_the_manifest_tell_them():
 
 @pytest.mark.slow
 def test_a_target_may_bring_its_own_ballistic_coefficient():
-    """Only its own flight changes, and the slower the heavier: what the air takes has to be brought along."""
+    """Only its own flight changes, and the slower the heavier: what the air takes has to be brought
+    along.
+    """
     burnouts = []
     for own in ("null", "300"):
         overrides = ["forces=[j2, drag]", f"targets[1].ballistic_coefficient_kg_m2={own}"]

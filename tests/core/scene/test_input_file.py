@@ -1,4 +1,6 @@
-"""Pipes, sockets, devices and folders are refused at once where a user must name a file: nothing waits for them."""
+"""Pipes, sockets, devices and folders are refused at once where a user must name a file: nothing
+waits for them.
+"""
 
 import os
 import socket
@@ -22,7 +24,9 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX p
 
 @pytest.fixture
 def odd() -> Iterator[dict[str, Path]]:
-    """Give a pipe that nobody writes into, a socket, a device and a folder; a socket needs a short path."""
+    """Give a pipe that nobody writes into, a socket, a device and a folder; a socket needs a short
+    path.
+    """
     with TemporaryDirectory() as name, socket.socket(socket.AF_UNIX) as bound:
         folder = Path(name)
         os.mkfifo(folder / "pipe")
@@ -44,7 +48,9 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("what", ["a pipe (FIFO)", "a socket", "a device", ""])
 @pytest.mark.parametrize("reader", sorted(READERS))
-def test_what_is_no_file_is_refused_by_every_reader(reader: str, what: str, odd: dict[str, Path]) -> None:
+def test_what_is_no_file_is_refused_by_every_reader(
+    reader: str, what: str, odd: dict[str, Path]
+) -> None:
     words = f"it is {what}; write its content to a file" if what else "(?i)is a directory"
     with pytest.raises(OpirError, match=words.replace("(FIFO)", r"\(FIFO\)")):
         READERS[reader](odd[what])
@@ -68,4 +74,6 @@ def test_no_more_is_read_than_is_asked_for(tmp_path: Path) -> None:
 def test_a_symbolic_link_to_a_scene_is_a_scene(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(PAGE)
     (tmp_path / "link.yaml").symlink_to("scene.yaml")
-    assert load_scene(tmp_path / "link.yaml", host=HOST) == load_scene(tmp_path / "scene.yaml", host=HOST)
+    assert load_scene(tmp_path / "link.yaml", host=HOST) == load_scene(
+        tmp_path / "scene.yaml", host=HOST
+    )

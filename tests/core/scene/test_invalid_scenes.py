@@ -27,7 +27,9 @@ def expected(name: str) -> str:
 
 def test_there_are_many_and_each_has_its_message() -> None:
     assert len(SCENES) >= 60
-    assert sorted(path.name for path in FOLDER.glob("*.txt")) == [name.replace(".yaml", ".txt") for name in SCENES]
+    assert sorted(path.name for path in FOLDER.glob("*.txt")) == [
+        name.replace(".yaml", ".txt") for name in SCENES
+    ]
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -38,7 +40,9 @@ def test_message(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_message_without_libyaml(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """PyYAML's own parser gives the same messages; only where YAML itself is broken may it point elsewhere."""
+    """PyYAML's own parser gives the same messages; only where YAML itself is broken may it point
+    elsewhere.
+    """
     monkeypatch.setattr(strict_yaml, "PARSER", yaml.SafeLoader)
     message = message_of(name, monkeypatch)
     if "not YAML" in expected(name):

@@ -1,4 +1,6 @@
-"""Files that cannot be read, and scenes that are too large, are refused before they cost anything."""
+"""Files that cannot be read, and scenes that are too large, are refused before they cost
+anything.
+"""
 
 import os
 from pathlib import Path
@@ -12,7 +14,11 @@ from opir_core.reading import load_scene, nodes, scene_from_mapping
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("missing.yaml", "there is no such file"), (".", "is a directory; a scene is a file"), ("a\0b", "cannot be read")],
+    [
+        ("missing.yaml", "there is no such file"),
+        (".", "is a directory; a scene is a file"),
+        ("a\0b", "cannot be read"),
+    ],
 )
 def test_a_file_that_cannot_be_read(name: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=words) as caught:
@@ -44,7 +50,10 @@ def test_a_mapping_of_too_many_values(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_too_many_targets_and_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("opir_core.reading.targets.MAXIMUM_TARGETS", 1)
     monkeypatch.setattr("opir_core.reading.scene_builder.MAXIMUM_SENSORS", 1)
-    assert problems() == ["sensors: there are more than 1 sensors", "targets: there are 2 targets; at most 1 are read"]
+    assert problems() == [
+        "sensors: there are more than 1 sensors",
+        "targets: there are 2 targets; at most 1 are read",
+    ]
 
 
 def test_problems_beyond_a_number_are_counted() -> None:

@@ -1,4 +1,6 @@
-"""A key that means nothing where it stands: the message says where it belongs, by what is installed."""
+"""A key that means nothing where it stands: the message says where it belongs, by what is
+installed.
+"""
 
 from collections.abc import Iterable
 
@@ -45,7 +47,9 @@ class Eyes:
     @hookimpl
     def opir_sensor_models(self) -> Iterable[SensorModel]:
         for number_ in range(7):
-            yield SensorModel(name=f"EYE-{number_}", summary="looks through haze", config=Haze, build=print)
+            yield SensorModel(
+                name=f"EYE-{number_}", summary="looks through haze", config=Haze, build=print
+            )
 
 
 def complaints(host: Host, **blocks: object) -> list[str]:
@@ -58,16 +62,27 @@ SCANNER = good_mapping()["sensors"][1]
 
 IN_HAZE = "the atmosphere model haze, and this is clear; write model: haze to set it"
 
-ALIGHT = "the signature model flame (in a target's signature) or the source model fires (in sources)"
+ALIGHT = (
+    "the signature model flame (in a target's signature) or the source model fires (in sources)"
+)
 
 CASES = [
-    ({"atmosphere": {"model": "clear", "cloud": {}}}, f"atmosphere.cloud: unknown key; it belongs to {IN_HAZE}"),
+    (
+        {"atmosphere": {"model": "clear", "cloud": {}}},
+        f"atmosphere.cloud: unknown key; it belongs to {IN_HAZE}",
+    ),
     (
         {"atmosphere": {"model": "clear", "top_km": 3}},
         f"atmosphere.top_km: unknown key; it belongs to cloud of {IN_HAZE}",
     ),
-    ({"atmosphere": {"model": "haze", "top_km": 3}}, "atmosphere.top_km: unknown key; it belongs in cloud"),
-    ({"top_km": 3}, "top_km: unknown key; it belongs to cloud of the atmosphere model haze (in atmosphere)"),
+    (
+        {"atmosphere": {"model": "haze", "top_km": 3}},
+        "atmosphere.top_km: unknown key; it belongs in cloud",
+    ),
+    (
+        {"top_km": 3},
+        "top_km: unknown key; it belongs to cloud of the atmosphere model haze (in atmosphere)",
+    ),
     (
         {"detection": {"model": "constant", "window_s": 3}},
         "detection.window_s: unknown key; it belongs to the tracker arc (in tracker)",
@@ -81,7 +96,10 @@ CASES = [
         "outputs[0].null.encoder: unknown key; it belongs to the sink jsonl, and this is null",
     ),
     ({"peak_w_sr": 3}, f"peak_w_sr: unknown key; it belongs to {ALIGHT}"),
-    ({"tracker": {"model": "arc", "derived": 3}}, "tracker.derived: unknown key; known here: model, window_s"),
+    (
+        {"tracker": {"model": "arc", "derived": 3}},
+        "tracker.derived: unknown key; known here: model, window_s",
+    ),
 ]
 
 
@@ -98,20 +116,28 @@ def test_of_many_models_some_are_named_and_the_others_counted() -> None:
 
 
 def test_a_constellation_chooses_its_model_itself() -> None:
-    (of_a_fleet,) = complaints(fake_host(Eyes()), sensors=[{"constellation": "FLEET", "thickness": 2}])
+    (of_a_fleet,) = complaints(
+        fake_host(Eyes()), sensors=[{"constellation": "FLEET", "thickness": 2}]
+    )
     assert of_a_fleet.endswith("and 2 more, and this is SCANNER")
 
 
 def test_a_likely_slip_is_reported_first() -> None:
     sensors = [{**SCANNER, "row": 2}]
-    assert complaints(fake_host(Eyes()), sensors=sensors) == ["sensors[0].row: unknown key; did you mean rows?"]
+    assert complaints(fake_host(Eyes()), sensors=sensors) == [
+        "sensors[0].row: unknown key; did you mean rows?"
+    ]
     tracker = {"model": "arc", "windows_s": 2}
-    assert complaints(fake_host(), tracker=tracker) == ["tracker.windows_s: unknown key; did you mean window_s?"]
+    assert complaints(fake_host(), tracker=tracker) == [
+        "tracker.windows_s: unknown key; did you mean window_s?"
+    ]
 
 
 def test_a_key_in_other_letters_is_reported() -> None:
     tracker = {"model": "arc", "WINDOW_S": 2}
-    assert complaints(fake_host(), tracker=tracker) == ["tracker.WINDOW_S: unknown key; did you mean window_s?"]
+    assert complaints(fake_host(), tracker=tracker) == [
+        "tracker.WINDOW_S: unknown key; did you mean window_s?"
+    ]
 
 
 def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
@@ -124,7 +150,9 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     }
     tracker = {"model": "imm", "thrust": {"tilt_deg": 4.0}}
     read, usual = (
-        scene_from_mapping({**blocks, "tracker": each}, host=Host.of(opir_trackers.plugin)).tracker.config
+        scene_from_mapping(
+            {**blocks, "tracker": each}, host=Host.of(opir_trackers.plugin)
+        ).tracker.config
         for each in (tracker, "imm")
     )
     assert isinstance(usual, ImmConfig)
@@ -138,7 +166,8 @@ def test_an_exact_key_of_another_model_is_reported_beside_the_slip() -> None:
     mapping = {"targets": [{**good_mapping()["targets"][0], "file": "x.csv"}]}
     (words,) = complaints(Host.discover(allowed=["readers"]), **mapping, **CORE)
     assert words == (
-        "targets[0].file: unknown key; did you mean profile? Otherwise it belongs to the target model table, and this"
+        "targets[0].file: unknown key; did you mean profile? Otherwise it belongs to the target"
+        " model table, and this"
         " is ballistic; write model: table to set it"
     )
 

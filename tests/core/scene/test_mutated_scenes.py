@@ -1,4 +1,6 @@
-"""Good scenes spoilt at random: read with their meaning kept to the last digit, or refused in words; nothing else."""
+"""Good scenes spoilt at random: read with their meaning kept to the last digit, or refused in
+words; nothing else.
+"""
 
 import tempfile
 from collections.abc import Callable
@@ -33,7 +35,9 @@ HOST = fake_host()
 
 
 def assert_same(written: Any, meant: Any, path: str = "") -> None:
-    """Fail where a scene means something other than what was written; what was not written is left to defaults."""
+    """Fail where a scene means something other than what was written; what was not written is left
+    to defaults.
+    """
     if isinstance(written, Raw):
         written = meaning(written.text)
     if isinstance(written, Block):
@@ -47,7 +51,9 @@ def assert_same(written: Any, meant: Any, path: str = "") -> None:
         assert meant == (int(written) if isinstance(meant, int) else float(written)), path
         assert not isinstance(meant, int) or Fraction(written).denominator == 1, path
     elif isinstance(meant, dict):  # a component's name or a sink's without settings
-        assert written is None or list(meant.values())[:1] == [written] or list(meant) == [written], path
+        assert (
+            written is None or list(meant.values())[:1] == [written] or list(meant) == [written]
+        ), path
     else:
         assert type(written) is type(meant) or isinstance(written, str), path
         assert written == meant, path
@@ -57,13 +63,19 @@ def assert_same_block(written: dict[str, Any], meant: Any, path: str) -> None:
     assert isinstance(meant, dict), path
     if "constellation" in written and "members" not in written:
         for member in meant["members"]:
-            assert_same(Block((key, written[key]) for key in written if key != "constellation"), member, path)
+            assert_same(
+                Block((key, written[key]) for key in written if key != "constellation"),
+                member,
+                path,
+            )
         return
     for key, value in written.items():
         if key in meant:
             assert_same(value, meant[key], f"{path}.{key}")
         else:
-            assert (value if not isinstance(value, Raw) else meaning(value.text)) is None, f"{path}.{key} is lost"
+            assert (value if not isinstance(value, Raw) else meaning(value.text)) is None, (
+                f"{path}.{key} is lost"
+            )
 
 
 def scene_or_refusal(read: Callable[[], Scene]) -> Scene | None:
@@ -104,7 +116,9 @@ def entry(tree: Any, path: str) -> tuple[list[Any], int]:
     index = -1
     for step in path.split("."):
         container = container if index < 0 else value_at(container, index)
-        index = [key for key, _ in container].index(step) if isinstance(container, Block) else int(step)
+        index = (
+            [key for key, _ in container].index(step) if isinstance(container, Block) else int(step)
+        )
     return container, index
 
 
@@ -118,7 +132,10 @@ PLACES = """
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "place",
-    [pytest.param(place, marks=[pytest.mark.slow] * (row % 2)) for row, place in enumerate(PLACES.split())],
+    [
+        pytest.param(place, marks=[pytest.mark.slow] * (row % 2))
+        for row, place in enumerate(PLACES.split())
+    ],
 )
 def test_odd_scalars_are_refused_or_keep_their_meaning(place: str) -> None:
     for raw in RAW_VALUES:
@@ -153,7 +170,11 @@ def test_a_spoilt_text_is_refused_or_a_scene(data: st.DataObject) -> None:
         until = at + data.draw(st.integers(0, 4))
         text = (
             text[:at]
-            + data.draw(st.text(alphabet="0179abeEoOx_.:-+#&*!|>'\"%@`?,{}[]~ \n\t\r\\\0\x85\ufeffé", max_size=4))
+            + data.draw(
+                st.text(
+                    alphabet="0179abeEoOx_.:-+#&*!|>'\"%@`?,{}[]~ \n\t\r\\\0\x85\ufeffé", max_size=4
+                )
+            )
             + text[until:]
         )
     scene_of_text(text)
@@ -176,12 +197,22 @@ def test_both_parsers_read_the_same(data: st.DataObject) -> None:
 @examples(200)
 @given(
     path=st.sampled_from(
-        ["seed", "duration_s", "targets[0].launch.lat_deg", "sensors[1].notes", "x y", "[0]", "sensors[9]"]
+        [
+            "seed",
+            "duration_s",
+            "targets[0].launch.lat_deg",
+            "sensors[1].notes",
+            "x y",
+            "[0]",
+            "sensors[9]",
+        ]
     )
     | st.text(max_size=12),
     value=st.sampled_from([raw.text for raw in RAW_VALUES]) | st.text(max_size=12),
 )
 def test_any_override_is_refused_or_keeps_its_meaning(path: str, value: str) -> None:
-    scene = scene_or_refusal(lambda: scene_from_mapping(good_mapping(), overrides=[f"{path}={value}"], host=HOST))
+    scene = scene_or_refusal(
+        lambda: scene_from_mapping(good_mapping(), overrides=[f"{path}={value}"], host=HOST)
+    )
     if scene is not None and path in ("seed", "duration_s"):
         assert_same(Raw(value.strip()), scene_mapping(scene)[path])

@@ -10,4 +10,9 @@ def test_errors_come_by_line_and_column_and_those_without_a_place_last() -> None
         Complaint("right", (3, 9)),
         Complaint("left", (3, 2)),
     ]
-    assert [one.message for one in ordered([*errors, errors[0]])] == ["left", "right", "late", "no place"]
+    assert [one.message for one in ordered([*errors, errors[0]])] == [
+        "left",
+        "right",
+        "late",
+        "no place",
+    ]

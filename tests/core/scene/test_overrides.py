@@ -19,7 +19,11 @@ from opir_core.reading import load_scene, scene_from_mapping
         ("scene=a # b: c", "name", "a # b: c"),
         ("sensors[1].scan_period_ms=50", "sensors.1.model.config.scan_period_ms", 50.0),
         (" sensors[1].rows = 5 ", "sensors.1.model.config.rows", 5),
-        ("sensors[1].detection_probability.IRBM=0.5", "sensors.1.model.config.detection_probability.IRBM", 0.5),
+        (
+            "sensors[1].detection_probability.IRBM=0.5",
+            "sensors.1.model.config.detection_probability.IRBM",
+            0.5,
+        ),
         ("sensors[1].edges_um=[1, 2.5]", "sensors.1.model.config.edges_um", (1.0, 2.5)),
         ("sensors[1].edges_um=null", "sensors.1.model.config.edges_um", None),
         ("sensors[1].bands[0]=LWIR", "sensors.1.model.config.bands.0", "LWIR"),
@@ -33,7 +37,11 @@ def test_an_override_sets_one_value(override: str, path: str, value: Any) -> Non
     found: Any = read(override)
     for step in path.split("."):
         is_container = isinstance(found, tuple | dict)
-        found = found[int(step) if isinstance(found, tuple) else step] if is_container else getattr(found, step)
+        found = (
+            found[int(step) if isinstance(found, tuple) else step]
+            if is_container
+            else getattr(found, step)
+        )
     assert found == value
     assert type(found) is type(value)
 
@@ -44,7 +52,9 @@ def test_an_override_sets_nothing_else() -> None:
 
 
 def test_an_override_of_every_item_is_one_of_each() -> None:
-    assert read("targets[*].launch.time_s=3") == read(*(f"targets[{row}].launch.time_s=3" for row in range(2)))
+    assert read("targets[*].launch.time_s=3") == read(
+        *(f"targets[{row}].launch.time_s=3" for row in range(2))
+    )
     assert read("targets[*].launch.time_s=3") != read("targets[0].launch.time_s=3")
     assert read("sensors[1].bands[*]=LWIR").sensors != read().sensors
 
@@ -52,7 +62,9 @@ def test_an_override_of_every_item_is_one_of_each() -> None:
 def test_an_override_opens_a_name_and_a_default() -> None:
     assert read("tracker.window_s=3", tracker="arc").tracker.config.window_s == 3.0
     without = {key: value for key, value in good_mapping().items() if key != "confidence"}
-    scene = scene_from_mapping(without, overrides=["confidence.band=1", "confidence.count=0"], host=HOST)
+    scene = scene_from_mapping(
+        without, overrides=["confidence.band=1", "confidence.count=0"], host=HOST
+    )
     assert (scene.confidence.name, scene.confidence.config.band) == ("weighted", 1.0)
 
 
@@ -83,15 +95,20 @@ def test_the_last_override_counts_and_one_may_mend_the_file(tmp_path: Path) -> N
         ("seed[0]=1", "override 'seed[0]=1': seed is a single value, which has no item 0"),
         ("seed.x=1", "override 'seed.x=1': seed is a single value, which has no key x"),
         ("scene='a' # b", "override \"scene='a' # b\": text that begins with ' needs quotes"),
-        ("scene=&a b", "scene: anchors (&a) are not read; write the plain value (override 'scene=&a b')"),
+        ("scene=&a b", ("scene: anchors (&a) are not read; write the plain value (override 'scene=&a"
+                       " b')")),
         ("scene=\"a\" \"", "override 'scene=\"a\" \"': not YAML: the quotes are not closed"),
         ("scene=[a]]", "override 'scene=[a]]': not YAML: something follows after the end"),
         ("scene=[a", "override 'scene=[a': text that begins with [ needs quotes"),
-        ("seed=0o7", "seed: 0o7 is not a decimal number; write one, or '0o7' in quotes for text (override 'seed=0o7')"),
-        ("seed=1e3", "seed: 1e3 is not written as a whole number, and one is needed: write 1000 (override 'seed=1e3')"),
-        ("seed='9'", "seed: '9' is text; a whole number is needed: write 9 without quotes (override \"seed='9'\")"),
+        ("seed=0o7", ("seed: 0o7 is not a decimal number; write one, or '0o7' in quotes for text"
+                     " (override 'seed=0o7')")),
+        ("seed=1e3", ("seed: 1e3 is not written as a whole number, and one is needed: write 1000"
+                     " (override 'seed=1e3')")),
+        ("seed='9'", ("seed: '9' is text; a whole number is needed: write 9 without quotes (override"
+                     " \"seed='9'\")")),
         ("sed=3", "sed: unknown key; did you mean seed? (override 'sed=3')"),
-        ("scene=\udc80", "scene: '\\udc80' contains U+DC80, which is not text (override 'scene=\\udc80')"),
+        ("scene=\udc80", ("scene: '\\udc80' contains U+DC80, which is not text (override"
+                         " 'scene=\\udc80')")),
     ],
 )  # fmt: skip
 def test_an_override_is_refused(override: str, problem: str) -> None:
@@ -100,7 +117,9 @@ def test_an_override_is_refused(override: str, problem: str) -> None:
 
 def test_an_override_of_every_item_names_each_that_is_wrong() -> None:
     words = "95.0 is outside [-90, 90] deg (override 'targets[*].launch.lat_deg=95')"
-    assert problems("targets[*].launch.lat_deg=95") == [f"targets[{row}].launch.lat_deg: {words}" for row in range(2)]
+    assert problems("targets[*].launch.lat_deg=95") == [
+        f"targets[{row}].launch.lat_deg: {words}" for row in range(2)
+    ]
 
 
 def test_overrides_are_checked_with_the_scene() -> None:

@@ -1,4 +1,6 @@
-"""Allowed and implausible values are warned of, with the plausible range and the way to accept them."""
+"""Allowed and implausible values are warned of, with the plausible range and the way to accept
+them.
+"""
 
 from typing import Any
 
@@ -13,7 +15,11 @@ from opir_core.planning.plan import compile_plan
 from opir_core.plugin import TrackerModel, number
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.field_rows import field_rows
-from opir_core.scene.plausibility import implausible_defaults, implausible_settings, implausible_values
+from opir_core.scene.plausibility import (
+    implausible_defaults,
+    implausible_settings,
+    implausible_values,
+)
 from opir_core.simulation.plan_checks import plan_warnings
 
 
@@ -52,7 +58,8 @@ def test_implausible_values_are_warned_of_unless_they_are_allowed(
     implausible = mapping(sensors=[scanner(scan_period_ms=0.5)])
     (warning,) = plan_warnings(compile_plan(scene_from_mapping(implausible)))
     assert warning == (
-        "sensors[0].scan_period_ms: 0.5 ms is outside the plausible 1 to 3.6e+06 ms; if it is meant, set"
+        "sensors[0].scan_period_ms: 0.5 ms is outside the plausible 1 to 3.6e+06 ms; if it is"
+        " meant, set"
         " allow_implausible: true"
     )
     allowed = scene_from_mapping({**implausible, "allow_implausible": True})
@@ -87,7 +94,11 @@ def test_implausible_defaults_presets_and_settings_are_found_by_the_check_of_a_c
         sigma_urad: float = number(help="sigma", unit="urad", minimum=0.0, default=1.0)
 
     component = TrackerModel(
-        name="x", summary="x", config=Config, build=lambda *_: None, presets={"odd": {"sigma_urad": 1e9}}
+        name="x",
+        summary="x",
+        config=Config,
+        build=lambda *_: None,
+        presets={"odd": {"sigma_urad": 1e9}},
     )
     found = implausible_defaults(component, {"sigma_urad": 1e-9})
     assert {(problem.path, problem.message.split()[0]) for problem in found} == {
@@ -100,9 +111,13 @@ def test_implausible_defaults_presets_and_settings_are_found_by_the_check_of_a_c
 def test_a_field_may_have_a_range_of_its_own() -> None:
     @frozen(kw_only=True)
     class Config:
-        depth: float = number(help="depth", unit="m", minimum=0.0, plausible=(1.0, 10.0), default=2.0)
+        depth: float = number(
+            help="depth", unit="m", minimum=0.0, plausible=(1.0, 10.0), default=2.0
+        )
         wide: float = number(help="wide", unit="um", minimum=1.0, maximum=20.0, default=2.0)
 
-    assert [problem.path for problem in implausible_settings(Config(depth=11.0), "x")] == ["x.depth"]
+    assert [problem.path for problem in implausible_settings(Config(depth=11.0), "x")] == [
+        "x.depth"
+    ]
     rows = {row.key: row.bounds for row in field_rows(Config)}
     assert rows == {"depth": "m [0, inf), plausible 1 to 10", "wide": "um [1, 20]"}

@@ -1,4 +1,6 @@
-"""What good scenes are read as: values, defaults, presets, configuration classes, real components."""
+"""What good scenes are read as: values, defaults, presets, configuration classes, real
+components.
+"""
 
 import os
 import subprocess
@@ -27,11 +29,20 @@ def page(tmp_path: Path) -> Path:
 
 def test_a_page_is_read(page: Path) -> None:
     scene = load_scene(page, host=HOST)
-    assert (scene.name, scene.epoch_us, scene.duration_s, scene.seed) == ("range", 1_775_044_800_000_000, 1000.0, 0)
+    assert (scene.name, scene.epoch_us, scene.duration_s, scene.seed) == (
+        "range",
+        1_775_044_800_000_000,
+        1000.0,
+        0,
+    )
     assert scene.light_time is False
     assert [sensor.id for sensor in scene.sensors] == ["FLEET-1", "FLEET-2", "S1"]
     assert [sensor.constellation for sensor in scene.sensors] == ["FLEET", "FLEET", None]
-    assert [sensor.model.path for sensor in scene.sensors] == ["sensors[0]", "sensors[0]", "sensors[1]"]
+    assert [sensor.model.path for sensor in scene.sensors] == [
+        "sensors[0]",
+        "sensors[0]",
+        "sensors[1]",
+    ]
     assert scene.sensors[1].model.config == Scanner(orbital_slot_deg=10.0, rows=3)
     launch = Launch(lat_deg=34.73, lon_deg=-120.57, time_s=10.0)
     aim = Place(lat_deg=0.5, lon_deg=167.7)
@@ -42,15 +53,31 @@ def test_a_page_is_read(page: Path) -> None:
 
 def test_models_not_named_are_the_defaults(page: Path) -> None:
     scene = load_scene(page, host=HOST)
-    chosen = (scene.detection, scene.classification, scene.confidence, scene.tracker, scene.targets[0].model)
-    assert [choice.name for choice in chosen] == ["constant", "paper", "weighted", "none", "ballistic"]
+    chosen = (
+        scene.detection,
+        scene.classification,
+        scene.confidence,
+        scene.tracker,
+        scene.targets[0].model,
+    )
+    assert [choice.name for choice in chosen] == [
+        "constant",
+        "paper",
+        "weighted",
+        "none",
+        "ballistic",
+    ]
     assert (scene.atmosphere.name, scene.background.name) == ("clear", "none")
     assert scene.targets[0].signature is None
 
 
 def test_a_preset_is_under_what_is_written(page: Path) -> None:
     config = load_scene(page, host=HOST).sensors[2].model.config
-    slow = {"scan_period_ms": 10_000.0, "bands": ("SWIR", "MWIR"), "detection_probability": {"ICBM": 0.5}}
+    slow = {
+        "scan_period_ms": 10_000.0,
+        "bands": ("SWIR", "MWIR"),
+        "detection_probability": {"ICBM": 0.5},
+    }
     assert config == Scanner(orbital_slot_deg=5.0, rows=2, **slow)
 
 
@@ -93,8 +120,12 @@ def test_a_scene_without_targets_and_outputs_is_a_scene() -> None:
 
 def test_numpy_floats_are_floats_and_arrays_are_refused() -> None:
     assert type(read(duration_s=np.float64(0.1) * 9000).duration_s) is float
-    assert problems(duration_s=np.array(900.0))[0].startswith("duration_s: a value of type numpy.ndarray is not plain")
-    assert problems(seed=np.int64(3))[0].startswith("seed: a value of type numpy.int64 is not plain data")
+    assert problems(duration_s=np.array(900.0))[0].startswith(
+        "duration_s: a value of type numpy.ndarray is not plain"
+    )
+    assert problems(seed=np.int64(3))[0].startswith(
+        "seed: a value of type numpy.int64 is not plain data"
+    )
 
 
 def test_a_mapping_that_holds_itself_is_refused() -> None:
@@ -145,11 +176,19 @@ def test_types_nest() -> None:
 
 
 def test_complaints_of_nested_types_have_their_path() -> None:
-    block = {"rows": [[1, "2"], 3], "table": {"a": {"b": None}}, "places": [{"lat_deg": 91}], "derived": 4}
+    block = {
+        "rows": [[1, "2"], 3],
+        "table": {"a": {"b": None}},
+        "places": [{"lat_deg": 91}],
+        "derived": 4,
+    }
     with pytest.raises(SceneError) as caught:
         read(host=host_with_tracker(Various), tracker={"model": "other", **block})
     assert [str(problem) for problem in caught.value.problems] == [
-        "tracker.derived: unknown key; known here: model, _private, bare, rows, table, places, named, maybe",
+        (
+            "tracker.derived: unknown key; known here: model, _private, bare, rows, table, places,"
+            " named, maybe"
+        ),
         "tracker.rows[0][1]: '2' is text; a whole number is needed: write 2 without quotes",
         "tracker.rows[1]: 3 is a number; a list is needed",
         "tracker.table.a.b: the value is missing; a number is needed",
@@ -163,24 +202,50 @@ def test_core_components_are_read() -> None:
     sensors.opir_sensor_models = fake_components.opir_sensor_models  # type: ignore[attr-defined]
     sensors.opir_constellations = fake_components.opir_constellations  # type: ignore[attr-defined]
     host = Host.of(sensors)
-    mapping = {**good_mapping(), "confidence": {"model": "weighted", "band": 0.5, "count": 0.25, "geometry": 0.25}}
-    scene = scene_from_mapping({**mapping, "outputs": ["memory", {"jsonl": {}}], "tracker": "none"}, host=host)
+    mapping = {
+        **good_mapping(),
+        "confidence": {"model": "weighted", "band": 0.5, "count": 0.25, "geometry": 0.25},
+    }
+    scene = scene_from_mapping(
+        {**mapping, "outputs": ["memory", {"jsonl": {}}], "tracker": "none"}, host=host
+    )
     assert scene_from_mapping(scene_mapping(scene), host=host) == scene
-    with pytest.raises(SceneError, match=r"confidence: the weights band, count and geometry sum to 1\.25, not to 1"):
-        scene_from_mapping({**mapping, "outputs": [], "tracker": "none"}, overrides=["confidence.count=0.5"], host=host)
+    with pytest.raises(
+        SceneError, match=r"confidence: the weights band, count and geometry sum to 1\.25, not to 1"
+    ):
+        scene_from_mapping(
+            {**mapping, "outputs": [], "tracker": "none"},
+            overrides=["confidence.count=0.5"],
+            host=host,
+        )
 
 
-def test_the_installed_plugins_are_used_where_no_host_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_installed_plugins_are_used_where_no_host_is_given(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("OPIR_PLUGINS", "")
     with pytest.raises(PluginError, match="no sensor model is named 'STARER'"):
-        scene_from_mapping({**good_mapping(), "confidence": "weighted", "tracker": "none", "outputs": ["null"]})
+        scene_from_mapping(
+            {**good_mapping(), "confidence": "weighted", "tracker": "none", "outputs": ["null"]}
+        )
 
 
 def test_reading_imports_no_numbers() -> None:
     code = "import sys, opir_core.reading; print(*sys.modules)"
     paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=paths).stdout
-    heavy = {"numpy", "scipy", "msgspec", "json", "hashlib", "difflib", "asyncio", "opir_core.builtin.plugin"}
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=paths
+    ).stdout
+    heavy = {
+        "numpy",
+        "scipy",
+        "msgspec",
+        "json",
+        "hashlib",
+        "difflib",
+        "asyncio",
+        "opir_core.builtin.plugin",
+    }
     assert heavy.isdisjoint(loaded.split())
 
 

@@ -1,4 +1,6 @@
-"""`reported_types: classes`: reports name target classes, trackers keep the four types of the paper."""
+"""`reported_types: classes`: reports name target classes, trackers keep the four types of the
+paper.
+"""
 
 import json
 
@@ -35,7 +37,9 @@ def sensors(confusion=FINE):
 
 
 def scene(*targets, reports="classes", **changes):
-    mapping = bench_scene(targets=list(targets), **{"sensors": sensors(), "reported_types": reports, **changes})
+    mapping = bench_scene(
+        targets=list(targets), **{"sensors": sensors(), "reported_types": reports, **changes}
+    )
     return scene_from_mapping(mapping, host=HOST)
 
 
@@ -46,7 +50,9 @@ def reported(run):
 def test_the_types_are_the_four_and_then_the_classes_by_name():
     plan = compile_plan(scene(ICBM), HOST)
     assert plan.reported_types[:4] == REPORTED_TYPES
-    assert plan.reported_types[4:] == tuple(sorted(set(core_target_classes()) - set(REPORTED_TYPES)))
+    assert plan.reported_types[4:] == tuple(
+        sorted(set(core_target_classes()) - set(REPORTED_TYPES))
+    )
     assert compile_plan(scene(ICBM, reports="paper"), HOST).reported_types == REPORTED_TYPES
 
 
@@ -59,13 +65,26 @@ def test_the_setting_is_read_written_and_checked():
 
 
 def test_the_right_classifier_names_classes_where_the_scene_asks_for_them():
-    for reports, due in (("classes", {"MRBM", "SLV", "ICBM"}), ("paper", {"IRBM", "UNKNOWN", "ICBM"})):
-        assert reported(simulate(scene(MRBM, SLV, ICBM, reports=reports, classification="always"), HOST)) == due
+    for reports, due in (
+        ("classes", {"MRBM", "SLV", "ICBM"}),
+        ("paper", {"IRBM", "UNKNOWN", "ICBM"}),
+    ):
+        assert (
+            reported(
+                simulate(scene(MRBM, SLV, ICBM, reports=reports, classification="always"), HOST)
+            )
+            == due
+        )
 
 
 def test_shares_of_reports_are_those_of_the_matrix():
-    """Sixty sensors draw once each: the class's column with 0.6, in the 99.9 % interval of the binomial."""
-    many = [{**SENSOR, "id": f"S{k}", "orbital_slot_deg": -130.0 + k, "confusion": FINE} for k in range(60)]
+    """Sixty sensors draw once each: the class's column with 0.6, in the 99.9 % interval of the
+    binomial.
+    """
+    many = [
+        {**SENSOR, "id": f"S{k}", "orbital_slot_deg": -130.0 + k, "confusion": FINE}
+        for k in range(60)
+    ]
     run = simulate(scene(MRBM, sensors=many, detection="always", duration_s=10.0), HOST)
     first = np.unique(run.detections.sensor, return_index=True)[1]
     assert len(first) == 60
@@ -88,7 +107,12 @@ def test_a_class_that_no_matrix_names_is_reported_as_what_it_resembles():
 def test_sources_stay_unknown():
     fires = {"id": "fires", "model": "fires", "at": [{"lat_deg": 34.0, "lon_deg": -115.0}]}
     mapping = bench_scene(
-        targets=[], sources=[fires], sensors=sensors(), reported_types="classes", detection="always", duration_s=5.0
+        targets=[],
+        sources=[fires],
+        sensors=sensors(),
+        reported_types="classes",
+        detection="always",
+        duration_s=5.0,
     )
     run = simulate(scene_from_mapping(mapping, host=HOST), HOST)
     assert len(run.detections) > 5
@@ -96,13 +120,19 @@ def test_sources_stay_unknown():
 
 
 def test_columns_that_name_no_class_are_refused():
-    with pytest.raises(SceneError, match=r"sensors\[0\].confusion.ICBM.IBCM: no target class is named 'IBCM'"):
+    with pytest.raises(
+        SceneError, match=r"sensors\[0\].confusion.ICBM.IBCM: no target class is named 'IBCM'"
+    ):
         scene(ICBM, sensors=sensors({"ICBM": {"IBCM": 1.0}}))
 
 
 def test_events_and_summaries_have_the_names_and_obey_the_schema():
     mapping = bench_scene(
-        targets=[MRBM, SLV], sensors=sensors(), reported_types="classes", classification="always", duration_s=20.0
+        targets=[MRBM, SLV],
+        sensors=sensors(),
+        reported_types="classes",
+        classification="always",
+        duration_s=20.0,
     )
     lines = bench_run(mapping, HOST).lines
     assert {json.loads(line)["target_type"] for line in lines} == {"MRBM", "SLV"}
@@ -116,9 +146,21 @@ def test_events_and_summaries_have_the_names_and_obey_the_schema():
 @pytest.mark.parametrize("order", ["observation", "report"])
 @pytest.mark.parametrize("tracker", ["imm"])
 def test_trackers_see_the_four_types(tracker, order):
-    """A scene whose fine reports stand for the four types has the tracks of the scene that reports those."""
-    fine = {"ICBM": {"SLBM": 1.0}, "IRBM": {"IRBM": 1.0}, "SRBM": {"SRBM": 1.0}, "MRBM": {"MRBM": 1.0}}
-    coarse = {"ICBM": {"ICBM": 1.0}, "IRBM": {"IRBM": 1.0}, "SRBM": {"SRBM": 1.0}, "MRBM": {"IRBM": 1.0}}
+    """A scene whose fine reports stand for the four types has the tracks of the scene that reports
+    those.
+    """
+    fine = {
+        "ICBM": {"SLBM": 1.0},
+        "IRBM": {"IRBM": 1.0},
+        "SRBM": {"SRBM": 1.0},
+        "MRBM": {"MRBM": 1.0},
+    }
+    coarse = {
+        "ICBM": {"ICBM": 1.0},
+        "IRBM": {"IRBM": 1.0},
+        "SRBM": {"SRBM": 1.0},
+        "MRBM": {"IRBM": 1.0},
+    }
     runs = [
         run_of_plan(
             compile_plan(
@@ -146,4 +188,7 @@ def test_trackers_see_the_four_types(tracker, order):
 
 
 def test_scenes_of_the_four_types_keep_their_bytes():
-    assert bench_run(bench_scene(reported_types="classes"), HOST).lines == bench_run(bench_scene(), HOST).lines
+    assert (
+        bench_run(bench_scene(reported_types="classes"), HOST).lines
+        == bench_run(bench_scene(), HOST).lines
+    )

@@ -1,4 +1,6 @@
-"""Target classes in scenes: their names are checked everywhere, plugins add some, and values fall back."""
+"""Target classes in scenes: their names are checked everywhere, plugins add some, and values fall
+back.
+"""
 
 import math
 
@@ -22,9 +24,16 @@ from opir_core.simulation.run import simulate
 PROFILE = BoostProfile("PROBE", 100.0, 8.0, 1.3, 0.6, 3158.4, math.radians(40.0), 1.3e6, 1e6, 3e6)
 PLUME = Plume({"SWIR": 8e4, "MWIR": 8e4, "LWIR": 5e3})
 PROBE = TargetClass(
-    name="PROBE", summary="a test class", reported_type="IRBM", profiles=(PROFILE,), plumes={"PROBE": PLUME}
+    name="PROBE",
+    summary="a test class",
+    reported_type="IRBM",
+    profiles=(PROFILE,),
+    plumes={"PROBE": PLUME},
 )
-FLIGHT = {"launch": {"lat_deg": 34.7, "lon_deg": -120.6, "time_s": 2.0}, "aim": {"lat_deg": 32.0, "lon_deg": -141.0}}
+FLIGHT = {
+    "launch": {"lat_deg": 34.7, "lon_deg": -120.6, "time_s": 2.0},
+    "aim": {"lat_deg": 32.0, "lon_deg": -141.0},
+}
 
 
 class Probes:
@@ -52,7 +61,9 @@ def problems(**changes):
 
 def test_a_type_that_no_plugin_offers_is_refused_with_the_nearest():
     (problem,) = problems(targets=[{"id": "T", "type": "IRMB", **FLIGHT}])
-    assert problem.startswith("targets[0].type: no target class is named 'IRMB'; the nearest is 'IRBM'; there are ")
+    assert problem.startswith(
+        "targets[0].type: no target class is named 'IRMB'; the nearest is 'IRBM'; there are "
+    )
     assert all(name in problem for name in core_target_classes())
 
 
@@ -73,7 +84,9 @@ def test_sensors_name_classes_that_there_are(settings, path):
 def test_matrices_name_classes_that_there_are():
     matrices = {"generic-scanner": {"ICMB": {"ICBM": 1.0}}}
     (problem,) = problems(classification={"model": "paper", "matrices": matrices})
-    assert problem.startswith("classification.matrices.generic-scanner.ICMB: no target class is named 'ICMB'")
+    assert problem.startswith(
+        "classification.matrices.generic-scanner.ICMB: no target class is named 'ICMB'"
+    )
 
 
 @pytest.mark.parametrize("kind", sorted(core_target_classes()))
@@ -114,18 +127,33 @@ def test_a_class_like_another_makes_the_same_detections():
     mine, theirs = (simulate(scene_of(kind), Host.of()) for kind in ("MRBM", "IRBM"))
     assert len(mine.detections) > 100
     for column in ("time_ns", "reported_type", "line_of_sight_ecef", "confidence"):
-        assert getattr(mine.detections, column).tobytes() == getattr(theirs.detections, column).tobytes()
+        assert (
+            getattr(mine.detections, column).tobytes()
+            == getattr(theirs.detections, column).tobytes()
+        )
 
 
 def test_a_sensor_that_names_a_class_has_that_probability():
-    sensor = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": -100.0, "detection_probability": {"MRBM": 1.0}}
+    sensor = {
+        "model": "generic-scanner",
+        "id": "S",
+        "orbital_slot_deg": -100.0,
+        "detection_probability": {"MRBM": 1.0},
+    }
     run = simulate(scene_of("MRBM", sensors=[sensor]), Host.of())
     assert set(run.truth.probability.tolist()) == {1.0}
-    assert set(simulate(scene_of("IRBM", sensors=[sensor]), Host.of()).truth.probability.tolist()) == {0.6}
+    assert set(
+        simulate(scene_of("IRBM", sensors=[sensor]), Host.of()).truth.probability.tolist()
+    ) == {0.6}
 
 
 def test_a_confusion_row_of_a_class_is_used():
-    sensor = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": -100.0, "confusion": {"MRBM": {"SRBM": 1.0}}}
+    sensor = {
+        "model": "generic-scanner",
+        "id": "S",
+        "orbital_slot_deg": -100.0,
+        "confusion": {"MRBM": {"SRBM": 1.0}},
+    }
     reported = simulate(scene_of("MRBM", sensors=[sensor]), Host.of()).detections.reported_type
     assert set(reported.tolist()) == {REPORTED_TYPES.index("SRBM")}
 
@@ -139,7 +167,11 @@ def test_a_class_that_is_no_missile_is_right_as_unknown_and_seen_as_what_it_rese
 
 
 def test_the_default_plume_of_a_class_is_its_own():
-    own = Plume({name: 10.0 * peak for name, peak in PLUME.peak_w_sr.items()}, stages=2, body_temperature_k=600.0)
+    own = Plume(
+        {name: 10.0 * peak for name, peak in PLUME.peak_w_sr.items()},
+        stages=2,
+        body_temperature_k=600.0,
+    )
     made = []
     for kind in (PROBE, evolve(PROBE, plumes={"PROBE": own})):
         host = Host.of(Probes(kind), light)
@@ -156,7 +188,10 @@ def test_the_default_plume_of_a_class_is_its_own():
     [
         ({"name": "flare"}, "the name of a type that is no target's"),
         ({"reported_type": "MRBM", "resembles": "IRBM"}, "with the reported type 'MRBM'"),
-        ({"reported_type": "UNKNOWN", "resembles": "UNKNOWN"}, "that resembles 'UNKNOWN', not ICBM or IRBM or SRBM"),
+        (
+            {"reported_type": "UNKNOWN", "resembles": "UNKNOWN"},
+            "that resembles 'UNKNOWN', not ICBM or IRBM or SRBM",
+        ),
         ({"profiles": ()}, "without profiles"),
         ({"profiles": (PROFILE, PROFILE)}, "with two profiles of one name"),
         ({"plumes": {}}, "without a plume for the profile PROBE"),

@@ -28,13 +28,19 @@ def test_stages_are_in_order_and_those_left_out_have_none() -> None:
 
 
 def test_the_paper_s_ground_chain_has_the_moments_of_its_range() -> None:
-    """A uniform distribution over [a, b] has the mean (a + b) / 2 and the standard deviation (b - a) / √12."""
+    """A uniform distribution over [a, b] has the mean (a + b) / 2 and the standard deviation (b -
+    a) / √12.
+    """
     stages = stages_of("paper-ground-chain")
     assert sum(stage.mean_s for stage in stages) == (20.0 + 50.0) / 2.0
-    assert math.hypot(*(stage.sigma_s for stage in stages)) == pytest.approx((50.0 - 20.0) / math.sqrt(12.0))
+    assert math.hypot(*(stage.sigma_s for stage in stages)) == pytest.approx(
+        (50.0 - 20.0) / math.sqrt(12.0)
+    )
 
 
-@pytest.mark.parametrize("reporting", ["none", "paper-ground-chain", {"downlink": {"mean_s": 0.25}}])
+@pytest.mark.parametrize(
+    "reporting", ["none", "paper-ground-chain", {"downlink": {"mean_s": 0.25}}]
+)
 def test_a_scene_s_canonical_form_writes_the_stages_out(reporting: object) -> None:
     scene = late_scene(reporting)
     written = scene_mapping(scene)
@@ -45,12 +51,21 @@ def test_a_scene_s_canonical_form_writes_the_stages_out(reporting: object) -> No
 @pytest.mark.parametrize(
     ("reporting", "words"),
     [
-        ("papr-ground-chain", "'papr-ground-chain' is not none or paper-ground-chain; or give a block of settings"),
+        (
+            "papr-ground-chain",
+            "'papr-ground-chain' is not none or paper-ground-chain; or give a block of settings",
+        ),
         (3.0, "a block of on_board, downlink, processing is needed"),
-        ({"uplink": {"mean_s": 1.0}}, "uplink: unknown key; known here: on_board, downlink, processing"),
+        (
+            {"uplink": {"mean_s": 1.0}},
+            "uplink: unknown key; known here: on_board, downlink, processing",
+        ),
         ({"downlink": "none"}, "downlink: 'none' is text; a block of mean_s, sigma_s is needed"),
         ({"downlink": {"mean_s": -1.0}}, "downlink.mean_s: -1.0 is outside [0, 86400] s"),
-        ({"downlink": {"mean_s": 1.0, "sigma_s": 10.5}}, "sigma_s: 10.5 s is more than ten times mean_s, 1 s"),
+        (
+            {"downlink": {"mean_s": 1.0, "sigma_s": 10.5}},
+            "sigma_s: 10.5 s is more than ten times mean_s, 1 s",
+        ),
         ({"downlink": {"sigma_s": 1.0}}, "sigma_s: 1 s is more than ten times mean_s, 0 s"),
     ],
 )
@@ -64,7 +79,10 @@ def test_an_invalid_latency_is_refused_with_its_place(reporting: object, words: 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"tracking_order": "arrival"}, "tracking_order: 'arrival' is not one of observation, report"),
+        (
+            {"tracking_order": "arrival"},
+            "tracking_order: 'arrival' is not one of observation, report",
+        ),
         ({"tracking_lag_s": -1.0}, "tracking_lag_s: -1.0 is outside [0, 86400] s"),
     ],
 )

@@ -14,7 +14,9 @@ HALF_ANGLE_RAD = math.radians(10.0)
 GEO_AT_0 = np.array([GEOSTATIONARY_RADIUS_M, 0.0, 0.0])
 
 coordinates = st.floats(min_value=-1e9, max_value=1e9)
-anything = st.one_of(st.floats(min_value=-1e300, max_value=1e300), st.sampled_from([np.nan, np.inf, -np.inf]))
+anything = st.one_of(
+    st.floats(min_value=-1e300, max_value=1e300), st.sampled_from([np.nan, np.inf, -np.inf])
+)
 periods = st.integers(min_value=1, max_value=86_400_000_000_000)
 uniforms = st.floats(min_value=0.0, max_value=1.0, exclude_max=True)
 
@@ -29,10 +31,14 @@ def all_patterns(period_ns=PERIOD_NS):
 
 
 def beside_nadir(east_rad, north_rad, sensor=GEO_AT_0):
-    """Return points seen from a sensor on the +x axis at these angles east and north of nadir, 36 000 km away."""
+    """Return points seen from a sensor on the +x axis at these angles east and north of nadir, 36
+    000 km away.
+    """
     east, north = np.broadcast_arrays(np.asarray(east_rad, float), np.asarray(north_rad, float))
     down = 3.6e7
-    offset = np.stack([np.full(east.shape, -down), down * np.tan(east), down * np.tan(north)], axis=-1)
+    offset = np.stack(
+        [np.full(east.shape, -down), down * np.tan(east), down * np.tan(north)], axis=-1
+    )
     return sensor + offset.reshape(-1, 3)
 
 
@@ -51,13 +57,17 @@ def test_every_phase_is_a_whole_number_of_ns_in_the_period(period_ns, uniform, s
         assert ((phase >= 0) & (phase < period_ns)).all()
 
 
-@given(st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=2, max_size=9), st.data())
+@given(
+    st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=2, max_size=9), st.data()
+)
 def test_a_phase_does_not_depend_on_the_rest_of_the_batch(targets, data):
     positions = np.array(targets)
     cut = data.draw(st.integers(min_value=1, max_value=len(targets) - 1))
     for pattern in all_patterns():
         whole = pattern.phase_ns(GEO_AT_0, positions, 0.25)
-        parts = [pattern.phase_ns(GEO_AT_0, part, 0.25) for part in (positions[:cut], positions[cut:])]
+        parts = [
+            pattern.phase_ns(GEO_AT_0, part, 0.25) for part in (positions[:cut], positions[cut:])
+        ]
         np.testing.assert_array_equal(whole, np.concatenate(parts))
 
 
@@ -69,14 +79,18 @@ def test_one_sensor_position_stands_for_a_position_each():
 
 
 def test_aligned_looks_fall_on_whole_periods():
-    assert AlignedScan(PERIOD_NS).phase_ns(GEO_AT_0, beside_nadir([0.0, 0.1], 0.05), 0.7).tolist() == [0, 0]
+    assert AlignedScan(PERIOD_NS).phase_ns(
+        GEO_AT_0, beside_nadir([0.0, 0.1], 0.05), 0.7
+    ).tolist() == [0, 0]
 
 
 @given(uniforms, st.integers(min_value=0, max_value=3))
 def test_another_start_moves_all_looks_alike(uniform, number):
     targets = beside_nadir(np.linspace(-0.1, 0.1, 9), np.linspace(0.1, -0.08, 9))
     pattern = all_patterns()[1:][number % 3]
-    moved = (pattern.phase_ns(GEO_AT_0, targets, uniform) - pattern.phase_ns(GEO_AT_0, targets, 0.0)) % PERIOD_NS
+    moved = (
+        pattern.phase_ns(GEO_AT_0, targets, uniform) - pattern.phase_ns(GEO_AT_0, targets, 0.0)
+    ) % PERIOD_NS
     np.testing.assert_array_equal(moved, math.floor(uniform * PERIOD_NS))
 
 
@@ -98,7 +112,8 @@ def test_staring_arrays_are_read_at_once_from_north_to_south():
 
 
 @pytest.mark.parametrize(
-    ("east", "north", "turn"), [(0, 1, 0.0), (1, 1, 0.125), (1, 0, 0.25), (0, -1, 0.5), (-1, 0, 0.75)]
+    ("east", "north", "turn"),
+    [(0, 1, 0.0), (1, 1, 0.125), (1, 0, 0.25), (0, -1, 0.5), (-1, 0, 0.75)],
 )
 def test_a_spin_begins_in_the_north_and_turns_east(east, north, turn):
     phase = SpinSweep(PERIOD_NS).phase_ns(GEO_AT_0, beside_nadir(0.05 * east, 0.05 * north), 0.0)
@@ -109,15 +124,21 @@ def test_a_spin_begins_in_the_north_and_turns_east(east, north, turn):
 def test_a_spin_reaches_neighbours_one_after_another(azimuth_rad, off_nadir):
     step_rad = 1e-4
     angles = np.array([azimuth_rad, azimuth_rad + step_rad])
-    targets = beside_nadir(np.arctan(off_nadir * np.sin(angles)), np.arctan(off_nadir * np.cos(angles)))
+    targets = beside_nadir(
+        np.arctan(off_nadir * np.sin(angles)), np.arctan(off_nadir * np.cos(angles))
+    )
     first, second = SpinSweep(PERIOD_NS).phase_ns(GEO_AT_0, targets, 0.0).tolist()
-    assert (second - first) % PERIOD_NS == pytest.approx(step_rad / (2 * math.pi) * PERIOD_NS, abs=2)
+    assert (second - first) % PERIOD_NS == pytest.approx(
+        step_rad / (2 * math.pi) * PERIOD_NS, abs=2
+    )
 
 
 @given(st.floats(min_value=-180.0, max_value=180.0))
 def test_a_spin_does_not_know_longitude(longitude_deg):
     turn = math.radians(longitude_deg)
-    rotation = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
+    rotation = np.array(
+        [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]]
+    )
     targets = beside_nadir([0.03, -0.08, 0.1], [0.05, 0.02, -0.11])
     here = SpinSweep(PERIOD_NS).phase_ns(GEO_AT_0, targets, 0.0)
     there = SpinSweep(PERIOD_NS).phase_ns(rotation @ GEO_AT_0, targets @ rotation.T, 0.0)
@@ -127,7 +148,9 @@ def test_a_spin_does_not_know_longitude(longitude_deg):
 def test_a_spin_over_a_pole_counts_from_minus_x():
     # Over the north pole "east" is +y, so "north" is -x.
     sensor = np.array([0.0, 0.0, 4e7])
-    phase = SpinSweep(PERIOD_NS).phase_ns(sensor, np.array([[-1e6, 0.0, 6e6], [0.0, 1e6, 6e6]]), 0.0)
+    phase = SpinSweep(PERIOD_NS).phase_ns(
+        sensor, np.array([[-1e6, 0.0, 6e6], [0.0, 1e6, 6e6]]), 0.0
+    )
     np.testing.assert_allclose(phase, [0, PERIOD_NS / 4], atol=1)
 
 
@@ -137,7 +160,9 @@ def test_a_step_stare_goes_through_its_raster_like_a_serpent():
     pattern = StepStareSweep(12_000, HALF_ANGLE_RAD, rows, columns)
     centres = (np.arange(columns) + 0.5) / columns * 2 - 1
     heights = 1 - (np.arange(rows) + 0.5) / rows * 2
-    east, north = (grid.ravel() for grid in np.meshgrid(centres * HALF_ANGLE_RAD, heights * HALF_ANGLE_RAD))
+    east, north = (
+        grid.ravel() for grid in np.meshgrid(centres * HALF_ANGLE_RAD, heights * HALF_ANGLE_RAD)
+    )
     phase = pattern.phase_ns(GEO_AT_0, beside_nadir(east, north), 0.0).reshape(rows, columns)
     # Cells are 1000 ns long; the line through a cell's centre is read at half of that.
     begun = np.array([[0, 1000, 2000, 3000], [7000, 6000, 5000, 4000], [8000, 9000, 10000, 11000]])

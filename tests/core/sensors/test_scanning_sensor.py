@@ -1,4 +1,6 @@
-"""The general scanning sensor: what its configuration refuses, what is built of it, and other defaults for heirs."""
+"""The general scanning sensor: what its configuration refuses, what is built of it, and other
+defaults for heirs.
+"""
 
 import math
 import pickle
@@ -8,7 +10,12 @@ import pytest
 from attrs import fields_dict
 from hypothesis import given, strategies as st
 
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S, GEOSTATIONARY_RADIUS_M
+from opir_core.constants import (
+    EARTH_EQUATORIAL_RADIUS_M,
+    EARTH_MU_M3_S2,
+    EARTH_ROTATION_RAD_S,
+    GEOSTATIONARY_RADIUS_M,
+)
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.orbits.orbit_models import GeostationaryOrbit
 from opir_core.plugin import ScanningSensorConfig, cited, scanning_sensor, with_defaults
@@ -61,8 +68,14 @@ def built(config):
         ({"minimum_elevation_deg": -91.0}, "outside"),
         ({"line_of_sight_sigma_urad": -1.0}, "outside"),
         ({"false_alarm_susceptibility": "none"}, "not one of high, moderate, low"),
-        ({"spectral_discrimination": "ratio"}, "not one of likelihood, none, dual-band-ratio, triple-coincidence"),
-        ({"spectral_discrimination": "triple-coincidence"}, "compares 3 bands and the sensor has 2"),
+        (
+            {"spectral_discrimination": "ratio"},
+            "not one of likelihood, none, dual-band-ratio, triple-coincidence",
+        ),
+        (
+            {"spectral_discrimination": "triple-coincidence"},
+            "compares 3 bands and the sensor has 2",
+        ),
         ({"confusion": {"ICBM": {"ICBM": 0.9}}}, "sums to 0.9, not to 1"),
         ({"confusion": {"ICBM": {"ICBM": 1.0 + 2e-9}}}, "not a probability"),
         ({"confusion": {"ICBM": {"ICBM": 0.5, "IRBM": 0.5 + 2e-9}}}, "not to 1"),
@@ -85,7 +98,9 @@ def test_a_period_is_exact_to_the_nanosecond(period_ns):
 
 
 def test_what_is_built_is_what_was_set_in_si_units():
-    sensor = built(ScanningSensorConfig(**NEEDED, line_of_sight_sigma_urad=20.0, minimum_elevation_deg=5.0))
+    sensor = built(
+        ScanningSensorConfig(**NEEDED, line_of_sight_sigma_urad=20.0, minimum_elevation_deg=5.0)
+    )
     assert (sensor.id, sensor.type, sensor.orbital_slot_deg) == ("X-1", "X", 10.0)
     assert [(band.name, band.lower_um, band.upper_um) for band in sensor.bands] == [
         ("SWIR", 2.5, 3.0),
@@ -140,7 +155,11 @@ def test_configurations_of_heirs_can_be_pickled():
 
 
 def test_a_partial_mapping_overrides_only_the_types_it_names():
-    sensor = built(HeirConfig(orbital_slot_deg=1.0, detection_probability={"SRBM": 0.1}, confusion={"SRBM": ROW}))
+    sensor = built(
+        HeirConfig(
+            orbital_slot_deg=1.0, detection_probability={"SRBM": 0.1}, confusion={"SRBM": ROW}
+        )
+    )
     assert sensor.detection_probability == {"ICBM": 0.9, "SRBM": 0.1}
     assert sensor.confusion == {"ICBM": ROW, "SRBM": ROW}
     assert sensor.settings["detection_probability"] == sensor.detection_probability
@@ -152,7 +171,10 @@ def test_the_geostationary_radius_balances_gravity_and_rotation():
     assert pull == pytest.approx(whirl, rel=1e-14)
 
 
-@given(st.floats(min_value=-180.0, max_value=180.0), st.lists(st.floats(min_value=0.0, max_value=1e6), max_size=4))
+@given(
+    st.floats(min_value=-180.0, max_value=180.0),
+    st.lists(st.floats(min_value=0.0, max_value=1e6), max_size=4),
+)
 def test_a_geostationary_satellite_stays_over_its_longitude(slot_deg, times):
     orbit = GeostationaryOrbit(slot_deg)
     positions = orbit.position_ecef_m(np.array(times))

@@ -1,4 +1,6 @@
-"""Signals that bend while P_d does not: the interpolation grid follows each band's signal and noise by itself."""
+"""Signals that bend while P_d does not: the interpolation grid follows each band's signal and noise
+by itself.
+"""
 
 from typing import Any
 
@@ -24,7 +26,12 @@ SIGMA = 0.05
 @pytest.fixture(scope="module")
 def plan() -> Any:
     """Return a plan of one launch seen by one sensor of 20 looks a second."""
-    sensor = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": -140.0, "scan_period_ms": 50.0}
+    sensor = {
+        "model": "generic-scanner",
+        "id": "S",
+        "orbital_slot_deg": -140.0,
+        "scan_period_ms": 50.0,
+    }
     target = {
         "id": "T",
         "type": "ICBM",
@@ -32,12 +39,16 @@ def plan() -> Any:
         "aim": {"lat_deg": -50.0, "lon_deg": -110.0},
     }
     scene = {"scene": "bends", "epoch": "2026-04-01T12:00:00Z", "duration_s": 200.0, "outputs": []}
-    return opir.compile_plan(opir.scene_from_mapping({**scene, "sensors": [sensor], "targets": [target]}))
+    return opir.compile_plan(
+        opir.scene_from_mapping({**scene, "sensors": [sensor], "targets": [target]})
+    )
 
 
 @frozen
 class Bent(DetectionProbability):
-    """A model of a constant P_d in two bands, with a bend of signals or of noise; sums over the bands are constant."""
+    """A model of a constant P_d in two bands, with a bend of signals or of noise; sums over the
+    bands are constant.
+    """
 
     quantile: float
     signal: float = 0.0
@@ -60,10 +71,16 @@ class Bent(DetectionProbability):
 
 
 def errors(geometry: LookGeometry, end_ns: int, model: Any) -> tuple[Array, Array]:
-    """Return the interpolated less the true signals and noise (n, B) of all looks, over the tolerance."""
+    """Return the interpolated less the true signals and noise (n, B) of all looks, over the
+    tolerance.
+    """
     looks = Looks.between(geometry.pairs, 0, end_ns)
     exact = model.response(geometry.exposures(looks.pair, looks.scan))
-    made = ProbabilityInterpolant.of(geometry, model, 1e-4).over(looks).response(np.arange(len(looks.pair)))
+    made = (
+        ProbabilityInterpolant.of(geometry, model, 1e-4)
+        .over(looks)
+        .response(np.arange(len(looks.pair)))
+    )
     return (
         (made.snr - exact.snr) / np.maximum(SHARE * np.abs(exact.snr), SIGMA),
         (made.noise_w_m2 - exact.noise_w_m2) / (SHARE * np.abs(exact.noise_w_m2)),
@@ -71,7 +88,9 @@ def errors(geometry: LookGeometry, end_ns: int, model: Any) -> tuple[Array, Arra
 
 
 @pytest.mark.parametrize("quantile", [0.3, 12.0], ids=["P_d of 0.6", "P_d of 1"])
-@pytest.mark.parametrize("bend", [{"signal": 0.7}, {"noise": 0.7}, {"signal": 0.7, "signal_level": 2.0}], ids=str)
+@pytest.mark.parametrize(
+    "bend", [{"signal": 0.7}, {"noise": 0.7}, {"signal": 0.7, "signal_level": 2.0}], ids=str
+)
 def test_bends_of_two_bands_that_cancel_are_followed_though_p_d_is_constant(
     plan: Any, bend: dict[str, float], quantile: float
 ) -> None:
@@ -92,13 +111,22 @@ def test_signals_of_certain_misses_are_not_followed_and_straight_ones_need_the_f
     }
     # Neighbouring pieces share a knot.
     pieces = np.ceil(0.05 * (plan.pairs.last_scan[0] - plan.pairs.first_scan[0]) / FIRST_PIECE_S)
-    assert knots["straight", -12.0] == knots["bent", -12.0] == knots["straight", 12.0] == 2 * pieces + 1
+    assert (
+        knots["straight", -12.0]
+        == knots["bent", -12.0]
+        == knots["straight", 12.0]
+        == 2 * pieces + 1
+    )
     assert knots["straight", 0.3] == (KNOTS - 1) * pieces + 1
-    assert all(knots["bent", quantile] > knots["straight", quantile] + 10 for quantile in (0.3, 12.0))
+    assert all(
+        knots["bent", quantile] > knots["straight", quantile] + 10 for quantile in (0.3, 12.0)
+    )
 
 
 def is_straight(scan: Array, columns: Array) -> bool:
-    """Return whether values (2 B, m) at scans (m,), signals first, are on lines between neighbours within tolerance."""
+    """Return whether values (2 B, m) at scans (m,), signals first, are on lines between neighbours
+    within tolerance.
+    """
     for row, values in enumerate(columns):
         least = SIGMA if row < len(columns) // 2 else 0.0
         for knot in range(1, len(scan) - 1):
@@ -118,7 +146,10 @@ def test_straightness_is_that_of_lines_between_neighbouring_knots(bands: int, kn
     count = 2000
     scan = np.cumsum(rng.integers(0, 9, (knots, count)), axis=0)
     level = np.concatenate(
-        [rng.choice([0.0, 0.8, 30.0, -30.0], (bands, count)), 10.0 ** rng.uniform(-13, -9, (bands, count))]
+        [
+            rng.choice([0.0, 0.8, 30.0, -30.0], (bands, count)),
+            10.0 ** rng.uniform(-13, -9, (bands, count)),
+        ]
     )
     slope = level * rng.uniform(-0.01, 0.01, level.shape)
     columns = level[:, None, :] + slope[:, None, :] * (scan - scan[0])
@@ -129,14 +160,18 @@ def test_straightness_is_that_of_lines_between_neighbouring_knots(bands: int, kn
     least = np.where(row < bands, SIGMA, 0.0)
     off = rng.choice([-1.0, 1.0], count) * rng.choice([0.3, 0.9, 1.1, 1.6], count)
     free = (scan[knot, piece] > scan[knot - 1, piece]) & (scan[knot + 1, piece] > scan[knot, piece])
-    columns[row, knot, piece] += free * off * 2.0 * np.maximum(SHARE * np.abs(columns[row, knot, piece]), least)
+    columns[row, knot, piece] += (
+        free * off * 2.0 * np.maximum(SHARE * np.abs(columns[row, knot, piece]), least)
+    )
     rows = np.arange(knots * count).reshape(knots, count)
     sine = np.zeros((1, knots * count))
     quantile = np.zeros((1, knots * count))
     values = np.concatenate([quantile, columns.reshape(2 * bands, -1), sine])
     pieces = Intervals(piece, scan, rows, np.full((2, count), np.nan))
     straight = GridRefiner(None, None, 1e-4)._is_straight(pieces, values)  # type: ignore[arg-type]
-    expected = [is_straight(scan[:, one].astype(np.float64), columns[:, :, one]) for one in range(count)]
+    expected = [
+        is_straight(scan[:, one].astype(np.float64), columns[:, :, one]) for one in range(count)
+    ]
     assert straight.tolist() == expected
     assert 0.3 < np.mean(expected) < 0.7
 
@@ -147,7 +182,8 @@ def test_pieces_are_steady_if_every_band_changes_by_little(bands: int) -> None:
     count = 2000
     scan = np.array([[0], [7], [14]])
     level = rng.choice([0.02, 5.0, 400.0], (bands, count))
-    # Straight signals; one band of each piece changes by a little less or more than is allowed, down or up.
+    # Straight signals; one band of each piece changes by a little less or more than is allowed,
+    # down or up.
     most = np.maximum(0.3 * level, SIGMA)
     change = rng.choice([0.0, 0.2, 0.6], level.shape) * most
     changing = rng.integers(bands, size=count), np.arange(count)
@@ -158,11 +194,18 @@ def test_pieces_are_steady_if_every_band_changes_by_little(bands: int) -> None:
     noise = (1.0 + 5.0 * share) * np.ones((bands, 1, 1))
     rows = np.arange(3 * count).reshape(3, count)
     quantile = 10.0 + 20.0 * share.reshape(1, -1)
-    values = np.concatenate([quantile, signals.reshape(bands, -1), noise.reshape(bands, -1), 0.0 * quantile])
-    pieces = Intervals(np.arange(count), np.broadcast_to(scan, rows.shape), rows, np.full((2, count), np.nan))
+    values = np.concatenate(
+        [quantile, signals.reshape(bands, -1), noise.reshape(bands, -1), 0.0 * quantile]
+    )
+    pieces = Intervals(
+        np.arange(count), np.broadcast_to(scan, rows.shape), rows, np.full((2, count), np.nan)
+    )
     steady = GridRefiner(None, None, 1e-4)._is_steady(pieces, values)  # type: ignore[arg-type]
     expected = [
-        all(max(band) - min(band) <= max(0.3 * max(band), SIGMA) for band in signals[:, :, one].tolist())
+        all(
+            max(band) - min(band) <= max(0.3 * max(band), SIGMA)
+            for band in signals[:, :, one].tolist()
+        )
         for one in range(count)
     ]
     assert steady.tolist() == expected

@@ -1,4 +1,6 @@
-"""Sensors that follow bodies: looks go on after burnout, at where the free flight is, and disturb nobody."""
+"""Sensors that follow bodies: looks go on after burnout, at where the free flight is, and disturb
+nobody.
+"""
 
 import numpy as np
 import pytest
@@ -11,7 +13,12 @@ from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 
 LOW = {
-    "circular": {"altitude_km": 1500.0, "inclination_deg": 30.0, "lon_asc_node_deg": -150.0, "arg_latitude_deg": 20.0}
+    "circular": {
+        "altitude_km": 1500.0,
+        "inclination_deg": 30.0,
+        "lon_asc_node_deg": -150.0,
+        "arg_latitude_deg": 20.0,
+    }
 }
 
 
@@ -67,7 +74,11 @@ def test_bodies_fly_as_the_scenes_forces_have_it(forces):
     flight = trajectories.flight
     elapsed_s = np.linspace(1.0, float(trajectories.end_s[0] - flight.burnout_s[0]) - 1.0, 50)
     states = flight.burnout_position_eci_m[0], flight.burnout_velocity_eci_m_s[0]
-    expected = propagate_kepler(*states, elapsed_s)[0] if forces == "kepler" else propagate(*states, elapsed_s, J2)[0]
+    expected = (
+        propagate_kepler(*states, elapsed_s)[0]
+        if forces == "kepler"
+        else propagate(*states, elapsed_s, J2)[0]
+    )
     time_s = flight.burnout_s[0] + elapsed_s
     found = plan.targets.position_ecef_m(np.zeros(50, dtype=np.int32), time_s)
     assert np.linalg.norm(found - eci_to_ecef(expected, time_s), axis=1).max() < 0.02
@@ -79,13 +90,19 @@ def test_a_follower_changes_no_byte_of_the_others():
     beside = simulate(scene([GEO, FOLLOWER]))
     rows = np.flatnonzero(beside.detections.sensor == 0)
     for name in ("time_ns", "detection_id", "line_of_sight_ecef", "confidence", "detection_count"):
-        assert getattr(alone.detections, name).tobytes() == getattr(beside.detections, name)[rows].tobytes()
+        assert (
+            getattr(alone.detections, name).tobytes()
+            == getattr(beside.detections, name)[rows].tobytes()
+        )
 
 
 def test_windows_change_no_byte():
     long, short = (simulate(scene([FOLLOWER]), window_s=window_s) for window_s in (2400.0, 37.3))
     assert len(long.detections) > 1000
-    assert long.detections.line_of_sight_ecef.tobytes() == short.detections.line_of_sight_ecef.tobytes()
+    assert (
+        long.detections.line_of_sight_ecef.tobytes()
+        == short.detections.line_of_sight_ecef.tobytes()
+    )
     assert long.detections.detection_id.tobytes() == short.detections.detection_id.tobytes()
 
 

@@ -1,4 +1,6 @@
-"""M-of-N confirmation of a run's detections: against a loop over every look, and whatever the windows are."""
+"""M-of-N confirmation of a run's detections: against a loop over every look, and whatever the
+windows are.
+"""
 
 import numpy as np
 import pytest
@@ -9,11 +11,16 @@ from opir_core.simulation.confirmation import Confirmation
 
 
 def looped(pair: np.ndarray, scan: np.ndarray, needed: np.ndarray, scans: np.ndarray) -> np.ndarray:
-    """Return which detections are confirmed, by counting those of the same pair in the scans up to each one."""
+    """Return which detections are confirmed, by counting those of the same pair in the scans up to
+    each one.
+    """
     near = [
-        (pair == pair[row]) & (scan <= scan[row]) & (scan > scan[row] - scans[pair[row]]) for row in range(len(pair))
+        (pair == pair[row]) & (scan <= scan[row]) & (scan > scan[row] - scans[pair[row]])
+        for row in range(len(pair))
     ]
-    return np.array([mask.sum() >= needed[pair[row]] for row, mask in enumerate(near)], dtype=np.bool_)
+    return np.array(
+        [mask.sum() >= needed[pair[row]] for row, mask in enumerate(near)], dtype=np.bool_
+    )
 
 
 @settings(max_examples=60)
@@ -64,15 +71,21 @@ def of_target(run: opir.Run) -> np.ndarray:
 def test_a_run_reports_the_confirmed_of_all_detections(needed: int, scans: int) -> None:
     # Faint enough that looks miss often; by default an IRBM is below DSP's noise in long waves.
     faint = {"threshold_sigma": 7.0, "nei_w_m2": 3e-12}
-    every = of_target(opir.simulate(scene(confirmation_detections=1, confirmation_scans=1, **faint)))
+    every = of_target(
+        opir.simulate(scene(confirmation_detections=1, confirmation_scans=1, **faint))
+    )
     run = opir.simulate(scene(confirmation_detections=needed, confirmation_scans=scans, **faint))
     none = np.zeros(len(every), dtype=np.int64)
     expected = every[looped(none, every, np.array([needed]), np.array([scans]))]
     assert 0 < len(expected) < len(every)
     assert np.array_equal(of_target(run), expected)
     # Counts go on over detections that are not reported.
-    assert np.array_equal(run.detections.detection_count[run.truth.target == 0] - 1, np.searchsorted(every, expected))
-    parted = opir.simulate(scene(confirmation_detections=needed, confirmation_scans=scans, **faint), window_s=1.1)
+    assert np.array_equal(
+        run.detections.detection_count[run.truth.target == 0] - 1, np.searchsorted(every, expected)
+    )
+    parted = opir.simulate(
+        scene(confirmation_detections=needed, confirmation_scans=scans, **faint), window_s=1.1
+    )
     assert parted.detections.detection_id.tobytes() == run.detections.detection_id.tobytes()
 
 

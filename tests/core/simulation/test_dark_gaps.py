@@ -1,4 +1,6 @@
-"""Dark gaps between burns: no look sees a plume there, looks on both sides do, and sensors that follow bodies go on."""
+"""Dark gaps between burns: no look sees a plume there, looks on both sides do, and sensors that
+follow bodies go on.
+"""
 
 import json
 from itertools import pairwise
@@ -34,7 +36,9 @@ def thrust(t):
 
 
 def rates(t, state):
-    """Return the right side of a gravity turn in axes that do not rotate, with the thrust along a tilted vertical."""
+    """Return the right side of a gravity turn in axes that do not rotate, with the thrust along a
+    tilted vertical.
+    """
     place = state[:3]
     speed = state[3:]
     up = place / np.linalg.norm(place)
@@ -52,7 +56,9 @@ def turned(vectors, t):
 
 
 def flown():
-    """Return times since scene start, ECEF positions and velocities of two burns, a gap between them and a coast."""
+    """Return times since scene start, ECEF positions and velocities of two burns, a gap between
+    them and a coast.
+    """
     edges = np.array([START_S, OUT_S, RELIT_S, BURNOUT_S, BURNOUT_S + 200.0]) - START_S
     place = 6378137.0 * np.array([np.cos(-2.6), np.sin(-2.6), 0.05])
     state = np.concatenate([place, WHIRL * np.array([-place[1], place[0], 0.0])])
@@ -76,7 +82,9 @@ def flown():
     time = np.concatenate(times)
     state = np.concatenate(states)
     position = turned(state[:, :3], time)
-    velocity = turned(state[:, 3:], time) - WHIRL * np.stack([-position[:, 1], position[:, 0], 0.0 * time], axis=1)
+    velocity = turned(state[:, 3:], time) - WHIRL * np.stack(
+        [-position[:, 1], position[:, 0], 0.0 * time], axis=1
+    )
     return time + START_S, position, velocity
 
 
@@ -86,7 +94,9 @@ def flight():
 
 
 def file_of(path, flight, *, has_gap=True):
-    """Write a table whose changes of stage stand twice; without a gap it burns throughout the boost."""
+    """Write a table whose changes of stage stand twice; without a gap it burns throughout the
+    boost.
+    """
     time, position, velocity = flight
     dark = has_gap & (time >= OUT_S) & (time < RELIT_S)
     # The first of two equal times ends what is before it.
@@ -94,7 +104,9 @@ def file_of(path, flight, *, has_gap=True):
     burning = ~dark & (time < BURNOUT_S)
     burning[first] = ~burning[np.flatnonzero(first) + 1]
     rows = np.column_stack([time, position, velocity, burning])
-    path.write_text("\n".join([NAMES, *(",".join(map(repr, row)) for row in rows.tolist())]), encoding="utf-8")
+    path.write_text(
+        "\n".join([NAMES, *(",".join(map(repr, row)) for row in rows.tolist())]), encoding="utf-8"
+    )
     return {"id": "T", "model": "table", "type": "IRBM", "file": str(path)}
 
 
@@ -142,7 +154,9 @@ def strictly_between(time_s, low, high):
 
 def test_looks_of_a_table_are_those_of_a_whole_burn_without_those_in_its_gap(tmp_path, flight):
     dark = simulate(scene(file_of(tmp_path / "gap.csv", flight), light_time=False))
-    whole = simulate(scene(file_of(tmp_path / "whole.csv", flight, has_gap=False), light_time=False))
+    whole = simulate(
+        scene(file_of(tmp_path / "whole.csv", flight, has_gap=False), light_time=False)
+    )
     every = looks_s(whole)
     assert np.count_nonzero(strictly_between(every, OUT_S, RELIT_S)) > 150
     assert np.diff(every).max() == pytest.approx(0.037, abs=1e-9)
@@ -173,7 +187,9 @@ def test_a_staged_boost_is_dark_between_its_stages(detection):
     truth = plan.targets.truth()[0]
     left = run.truth.emission_time_s
     assert len(truth["gaps_s"]) == 2
-    for (out, relit), before, after in zip(truth["gaps_s"], truth["stages"], truth["stages"][1:], strict=False):
+    for (out, relit), before, after in zip(
+        truth["gaps_s"], truth["stages"], truth["stages"][1:], strict=False
+    ):
         assert (before["burnout_s"], after["ignition_s"]) == (out, relit)
         assert not strictly_between(left, out, relit).any()
         for low in (out - 2.0, relit):
@@ -205,7 +221,9 @@ def test_a_sensor_that_follows_bodies_sees_the_body_in_gaps(tmp_path, flight):
 
 
 def test_the_plume_steps_with_the_stages_and_rises_anew(tmp_path, flight):
-    plan = compile_plan(scene(file_of(tmp_path / "gap.csv", flight), detection="snr", light_time=False))
+    plan = compile_plan(
+        scene(file_of(tmp_path / "gap.csv", flight), detection="snr", light_time=False)
+    )
     environment = make_environment(plan)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     seen = plan.look_geometry().exposures(looks.pair, looks.scan)
@@ -227,7 +245,9 @@ def test_burns_stand_with_their_targets_in_any_company(tmp_path, flight):
     assert np.isfinite(targets.burns_s[:, :, 0]).sum(axis=1).tolist() == [3, 1, 2]
     assert np.nanmin(targets.burns_s, axis=(1, 2)).tolist() == targets.ignition_s.tolist()
     assert np.nanmax(targets.burns_s, axis=(1, 2)).tolist() == targets.burnout_s.tolist()
-    dark = targets.is_dark(np.array([2, 2, 2, 1], dtype=np.int32), np.array([OUT_S, 55.0, RELIT_S, 55.0]))
+    dark = targets.is_dark(
+        np.array([2, 2, 2, 1], dtype=np.int32), np.array([OUT_S, 55.0, RELIT_S, 55.0])
+    )
     assert dark.tolist() == [False, True, False, False]
 
 
@@ -255,4 +275,6 @@ def test_gaps_are_explained(tmp_path, flight, capsys):
         encoding="utf-8",
     )
     assert main(["explain", str(path)]) == 0
-    assert ["T", "52.300", "59.100"] in [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["T", "52.300", "59.100"] in [
+        line.split() for line in capsys.readouterr().out.splitlines()
+    ]

@@ -1,4 +1,6 @@
-"""The engine: results that do not depend on slicing or on who else is there, and that follow the closed forms."""
+"""The engine: results that do not depend on slicing or on who else is there, and that follow the
+closed forms.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -36,7 +38,9 @@ EXAMPLES = ROOT / "examples"
 def targets(count: int = 3, seed: int = 5) -> VerticalTargets:
     rng = np.random.default_rng(seed)
     ignition = rng.uniform(1.0, 20.0, count)
-    return VerticalTargets(rng.uniform(-60, 60, count), rng.uniform(-60, 60, count), ignition, ignition + 30.0)
+    return VerticalTargets(
+        rng.uniform(-60, 60, count), rng.uniform(-60, 60, count), ignition, ignition + 30.0
+    )
 
 
 def ids(count: int) -> list[str]:
@@ -76,14 +80,17 @@ def test_windows_cut_anywhere_give_the_same_bytes(cuts: list[int], is_constant: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cadence_s", [0.3, 1.0, 7.0])
-def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windows(cadence_s: float) -> None:
+def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windows(
+    cadence_s: float,
+) -> None:
     def run_in(edges: Sequence[int]) -> tuple[CountingTracker, Detections, np.ndarray]:
         tracker = CountingTracker(cadence_s)
         scene = stub_scene(duration_s=60)
         plan = stub_plan([stub_sensor()], targets(), ids(3), scene, make_tracker=lambda: tracker)
         windows = run(plan, edges)
         counted = [
-            window.estimates.state[window.detections.estimate, 0] * (window.detections.estimate >= 0)
+            window.estimates.state[window.detections.estimate, 0]
+            * (window.detections.estimate >= 0)
             for window in windows
             if len(window.estimates)
         ]
@@ -99,7 +106,9 @@ def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windo
 
 
 def test_an_estimate_is_of_the_last_tick_before_its_detection() -> None:
-    plan = stub_plan([stub_sensor()], targets(), ids(3), stub_scene(duration_s=60), make_tracker=CountingTracker)
+    plan = stub_plan(
+        [stub_sensor()], targets(), ids(3), stub_scene(duration_s=60), make_tracker=CountingTracker
+    )
     window = run(plan, [60_000_000_000])[0]
     followed = window.detections.estimate >= 0
     tick_s = window.estimates.tick_s[window.detections.estimate[followed]]
@@ -115,7 +124,10 @@ def test_another_sensor_or_target_leaves_the_old_ones_alone() -> None:
         getattr(some, name)[[0, 1, 3]] for name in ("ignition_s", "burnout_s")))  # fmt: skip
     scene = stub_scene(duration_s=60)
     detection = CertainDetection(0.4)
-    old = run(stub_plan([more[0], more[2]], few, ["T0", "T1", "T3"], scene, detection=detection), [60_000_000_000])[0]
+    old = run(
+        stub_plan([more[0], more[2]], few, ["T0", "T1", "T3"], scene, detection=detection),
+        [60_000_000_000],
+    )[0]
     new = run(stub_plan(more, some, ids(4), scene, detection=detection), [60_000_000_000])[0]
     kept = new.detections.take((new.detections.sensor != 1) & (new.truth.target != 2))
     renumbered = evolve(kept, sensor=np.where(kept.sensor == 2, 1, kept.sensor).astype(np.int32))
@@ -125,7 +137,13 @@ def test_another_sensor_or_target_leaves_the_old_ones_alone() -> None:
 
 def test_another_seed_gives_other_dice() -> None:
     def times_ns(seed: int) -> bytes:
-        plan = stub_plan([stub_sensor()], targets(), ids(3), stub_scene(seed=seed), detection=CertainDetection(0.5))
+        plan = stub_plan(
+            [stub_sensor()],
+            targets(),
+            ids(3),
+            stub_scene(seed=seed),
+            detection=CertainDetection(0.5),
+        )
         return run(plan, [10**11])[0].detections.time_ns.tobytes()
 
     assert times_ns(1) != times_ns(2)
@@ -139,13 +157,17 @@ def test_emission_precedes_the_look_by_the_light_time() -> None:
 
 
 def test_without_light_time_a_look_sees_the_target_where_it_is() -> None:
-    plan = stub_plan([stub_sensor()], targets(), ids(3), stub_scene(duration_s=60, light_time=False))
+    plan = stub_plan(
+        [stub_sensor()], targets(), ids(3), stub_scene(duration_s=60, light_time=False)
+    )
     window = run(plan, [60_000_000_000])[0]
     assert np.array_equal(window.detections.time_s, window.truth.emission_time_s)
 
 
 def test_a_launch_on_a_scan_is_first_seen_a_period_later_and_last_at_burnout() -> None:
-    one = VerticalTargets(np.zeros(1), np.zeros(1), np.array([10.0]), np.array([310.0]), speed_m_s=10.0)
+    one = VerticalTargets(
+        np.zeros(1), np.zeros(1), np.array([10.0]), np.array([310.0]), speed_m_s=10.0
+    )
     for period_ms, looks in ((200, 1500), (100, 3000), (50, 6000)):
         sensor = stub_sensor(scan=AlignedScan(period_ms * 1_000_000))
         plan = stub_plan([sensor], one, ["T"], stub_scene(duration_s=400, light_time=False))
@@ -156,7 +178,9 @@ def test_a_launch_on_a_scan_is_first_seen_a_period_later_and_last_at_burnout() -
 
 
 def test_line_of_sight_errors_are_normal_with_the_stated_sigma_in_both_directions() -> None:
-    one = VerticalTargets(np.array([40.0]), np.array([20.0]), np.zeros(1), np.array([900.0]), speed_m_s=10.0)
+    one = VerticalTargets(
+        np.array([40.0]), np.array([20.0]), np.zeros(1), np.array([900.0]), speed_m_s=10.0
+    )
     sensor = stub_sensor(line_of_sight_sigma_rad=3e-5, scan=AlignedScan(20_000_000))
     window = run(stub_plan([sensor], one, ["T"], stub_scene(duration_s=1000)), [10**12])[0]
     place = one.position_ecef_m(window.truth.target, window.truth.emission_time_s)
@@ -165,7 +189,8 @@ def test_line_of_sight_errors_are_normal_with_the_stated_sigma_in_both_direction
     error = window.detections.line_of_sight_ecef - true
     squared = np.sum(error * error, axis=1) / 3e-5**2
     count = len(squared)
-    # A chi-square with two degrees of freedom has mean 2 and variance 4; 3.29 standard errors are 99.9 %.
+    # A chi-square with two degrees of freedom has mean 2 and variance 4; 3.29 standard errors are
+    # 99.9 %.
     assert count > 40_000
     assert abs(squared.mean() - 2.0) < 3.29 * 2.0 / np.sqrt(count)
     # Its distribution function is 1 - exp(-x/2): a Kolmogorov-Smirnov distance at 99.9 %.
@@ -175,7 +200,9 @@ def test_line_of_sight_errors_are_normal_with_the_stated_sigma_in_both_direction
 
 
 def test_azimuth_and_elevation_are_those_of_the_measured_line_of_sight() -> None:
-    window = run(stub_plan([stub_sensor()], targets(), ids(3), stub_scene(duration_s=60)), [60_000_000_000])[0]
+    window = run(
+        stub_plan([stub_sensor()], targets(), ids(3), stub_scene(duration_s=60)), [60_000_000_000]
+    )[0]
     found = window.detections
     far = found.sensor_ecef_m + 4e7 * found.line_of_sight_ecef
     angles = azimuth_elevation_range(found.sensor_ecef_m, far)
@@ -191,7 +218,9 @@ def test_a_target_behind_the_earth_is_skipped_with_its_reason() -> None:
 
 
 def test_a_target_outside_the_field_of_regard_is_skipped_with_its_reason() -> None:
-    plan = stub_plan([stub_sensor(field_of_regard_half_angle_rad=0.01)], targets(1, seed=1), ["T"], stub_scene())
+    plan = stub_plan(
+        [stub_sensor(field_of_regard_half_angle_rad=0.01)], targets(1, seed=1), ["T"], stub_scene()
+    )
     assert plan.pairs.blocked.tolist() == [Blocked.OUTSIDE_FIELD_OF_REGARD]
 
 
@@ -203,20 +232,28 @@ def test_a_target_below_the_minimum_elevation_is_skipped_with_its_reason() -> No
 
 def test_a_target_that_rises_over_the_limb_is_seen_exactly_when_it_is_not_occluded() -> None:
     # 82.5 degrees of longitude away a site is hidden; the target clears the limb as it climbs.
-    one = VerticalTargets(np.zeros(1), np.array([82.5]), np.zeros(1), np.array([90.0]), speed_m_s=2000.0)
+    one = VerticalTargets(
+        np.zeros(1), np.array([82.5]), np.zeros(1), np.array([90.0]), speed_m_s=2000.0
+    )
     sensor = stub_sensor(scan=AlignedScan(10_000_000))
     plan = stub_plan([sensor], one, ["T"], stub_scene(light_time=False))
     found = run(plan, [10**11])[0].detections
     look_s = np.arange(1, 9001) * 10_000_000 * 1e-9
     place = one.position_ecef_m(np.zeros(9000, dtype=np.int32), look_s)
-    free = ~is_occluded(np.broadcast_to(sensor.orbit.position_ecef_m(np.zeros(1))[0], place.shape), place)
+    free = ~is_occluded(
+        np.broadcast_to(sensor.orbit.position_ecef_m(np.zeros(1))[0], place.shape), place
+    )
     assert 0 < free.sum() < len(free)
     assert np.array_equal(found.scan, np.flatnonzero(free) + 1)
 
 
 def test_detection_counts_run_up_by_sensor_and_target() -> None:
     plan = stub_plan(
-        [stub_sensor("A"), stub_sensor("B")], targets(), ids(3), stub_scene(), detection=CertainDetection(0.3)
+        [stub_sensor("A"), stub_sensor("B")],
+        targets(),
+        ids(3),
+        stub_scene(),
+        detection=CertainDetection(0.3),
     )
     windows = run(plan, [10_000_000_000, 20_000_000_000, 100_000_000_000])
     found = all_detections(windows)
@@ -238,7 +275,9 @@ def test_identifiers_are_unique_and_repeatable() -> None:
 
 @pytest.mark.parametrize("chance", [-0.1, 1.1, float("nan")])
 def test_a_model_that_returns_no_probability_is_refused(chance: float) -> None:
-    plan = stub_plan([stub_sensor()], targets(), ids(3), stub_scene(), detection=CertainDetection(chance))
+    plan = stub_plan(
+        [stub_sensor()], targets(), ids(3), stub_scene(), detection=CertainDetection(chance)
+    )
     with pytest.raises(ModelError, match=r"in row 0; \[0, 1\] is required"):
         run(plan, [10**11])
 
@@ -267,11 +306,21 @@ def test_what_leaves_the_engine_cannot_be_written_to() -> None:
 
 
 def stages_of(scene: Scene) -> set[str]:
-    return {getattr(stage, "__name__", type(stage).__name__) for stage in Engine(compile_plan(scene))._stages}
+    return {
+        getattr(stage, "__name__", type(stage).__name__)
+        for stage in Engine(compile_plan(scene))._stages
+    }
 
 
 def test_what_does_not_happen_in_a_scene_is_no_stage_of_its_engine() -> None:
-    constant, photons = (stages_of(load_scene(EXAMPLES / name)) for name in ("first_light.yaml", "photons.yaml"))
+    constant, photons = (
+        stages_of(load_scene(EXAMPLES / name)) for name in ("first_light.yaml", "photons.yaml")
+    )
     assert constant - photons == {"EvaluatedProbability"}
-    only_photons = {"InterpolatedProbability", "MeasureResponses", "DrawFalseAlarms", "insert_false_alarms"}
+    only_photons = {
+        "InterpolatedProbability",
+        "MeasureResponses",
+        "DrawFalseAlarms",
+        "insert_false_alarms",
+    }
     assert photons - constant == only_photons

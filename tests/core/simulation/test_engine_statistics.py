@@ -1,7 +1,9 @@
-"""What the engine draws, counted against exact laws: detections by SNR, first detections, noise, lines of sight.
+"""What the engine draws, counted against exact laws: detections by SNR, first detections, noise,
+lines of sight.
 
 Every bound holds at 99.9 % for all comparisons of its test together (Bonferroni). Seeds are fixed;
-`OPIR_CHANCE_TARGETS=500` repeats each launch that often; benchmarks/first_detection.py has all climates and clouds.
+`OPIR_CHANCE_TARGETS=500` repeats each launch that often; benchmarks/first_detection.py has all
+climates and clouds.
 """
 
 import itertools
@@ -55,15 +57,23 @@ def scene(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> opir.S
     return opir.scene_from_mapping({**mapping, **changes})
 
 
-#: In long waves the Earth hides every plume: DSP in its heritage bands, as often as by default, with such noise that an
-#: SRBM is seldom seen.
+#: In long waves the Earth hides every plume: DSP in its heritage bands, as often as by default,
+#: with such noise that an SRBM is seldom seen.
 OWN = {"DSP": {"preset": "heritage", "scan_period_ms": 200.0, "nei_w_m2": 5e-11}}
 
 
 def fleet(**settings: Any) -> list[dict[str, Any]]:
-    """Return one sensor of each kind; they report every detection: the laws here are of single looks."""
+    """Return one sensor of each kind; they report every detection: the laws here are of single
+    looks.
+    """
     return [
-        {"model": model, "id": model, "orbital_slot_deg": slot, **OWN.get(model, {}), "confirmation_detections": 1}
+        {
+            "model": model,
+            "id": model,
+            "orbital_slot_deg": slot,
+            **OWN.get(model, {}),
+            "confirmation_detections": 1,
+        }
         | settings
         for model, slot in SENSORS.items()
     ]
@@ -77,7 +87,9 @@ def drawn(plan: Any) -> tuple[Detections, DetectionTruth]:
 
 
 class Story(NamedTuple):
-    """Exact chances and SNR of one launch's looks, and the scans in which the launches of its class were detected."""
+    """Exact chances and SNR of one launch's looks, and the scans in which the launches of its class
+    were detected.
+    """
 
     scan: np.ndarray
     chance: np.ndarray
@@ -85,7 +97,9 @@ class Story(NamedTuple):
     found: list[np.ndarray]
 
 
-def reported(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dict[tuple[str, str], Story]:
+def reported(
+    repeats: int, sensors: list[dict[str, Any]], **changes: Any
+) -> dict[tuple[str, str], Story]:
     """Return what becomes of each class before each sensor."""
     one = opir.compile_plan(scene(1, sensors, **changes))
     looks = Looks.between(one.pairs, 0, one.end_ns)
@@ -97,7 +111,10 @@ def reported(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dic
     for sensor, model in enumerate(SENSORS):
         for number, kind in enumerate(CLASSES):
             rows = (exposed.sensor == sensor) & (exposed.target == number)
-            own = [(detections.sensor == sensor) & (truth.target == number * repeats + each) for each in range(repeats)]
+            own = [
+                (detections.sensor == sensor) & (truth.target == number * repeats + each)
+                for each in range(repeats)
+            ]
             scans = [np.sort(detections.scan[each]) for each in own]
             found[model, kind] = Story(exposed.scan[rows], chance[rows], snr[rows], scans)
     return found
@@ -105,8 +122,12 @@ def reported(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dic
 
 @pytest.fixture(scope="module")
 def stories() -> dict[tuple[str, str], Story]:
-    """Return what becomes of each class before each sensor, through humid air, before the sunlit Earth."""
-    return reported(TARGETS, fleet(), atmosphere={"model": "lowtran", "climate": "tropical"}, background="earth")
+    """Return what becomes of each class before each sensor, through humid air, before the sunlit
+    Earth.
+    """
+    return reported(
+        TARGETS, fleet(), atmosphere={"model": "lowtran", "climate": "tropical"}, background="earth"
+    )
 
 
 @pytest.mark.parametrize("model", SENSORS)
@@ -114,7 +135,9 @@ def test_detections_come_as_often_as_the_formula_says_in_20_bins_of_snr(
     stories: dict[tuple[str, str], Story], model: str
 ) -> None:
     parts = [stories[model, kind] for kind in CLASSES]
-    snr, chance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("snr", "chance"))
+    snr, chance = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("snr", "chance")
+    )
     hits = np.concatenate(
         [np.isin(part.scan, each) for part in parts for each in part.found]
     )  # Class by class, launch by launch.
@@ -124,15 +147,20 @@ def test_detections_come_as_often_as_the_formula_says_in_20_bins_of_snr(
     counted = np.bincount(of_hits, hits, minlength=BINS)
     expected = TARGETS * np.bincount(bins, chance, minlength=BINS)
     spread = np.sqrt(TARGETS * np.bincount(bins, chance * (1.0 - chance), minlength=BINS))
-    # Interpolation between knots may move each chance by the default tolerance, 1e-4, and counts are whole.
+    # Interpolation between knots may move each chance by the default tolerance, 1e-4, and counts
+    # are whole.
     allowance = 1.0 + 1e-4 * TARGETS * np.bincount(bins, minlength=BINS)
     limit = norm.isf(0.5 * RISK / (BINS * len(SENSORS)))
     assert counted.sum() > 5 * BINS
     assert (np.abs(counted - expected) <= limit * spread + allowance).all()
 
 
-def test_first_detections_follow_the_product_of_misses(stories: dict[tuple[str, str], Story]) -> None:
-    """The bound of Dvoretzky, Kiefer, Wolfowitz and Massart on shares detected until each look, for all nine cells."""
+def test_first_detections_follow_the_product_of_misses(
+    stories: dict[tuple[str, str], Story],
+) -> None:
+    """The bound of Dvoretzky, Kiefer, Wolfowitz and Massart on shares detected until each look, for
+    all nine cells.
+    """
     bound = np.sqrt(np.log(2.0 * len(stories) / RISK) / (2.0 * TARGETS))
     shares = {}
     for key, story in stories.items():
@@ -147,17 +175,21 @@ def test_first_detections_follow_the_product_of_misses(stories: dict[tuple[str, 
 
 @pytest.mark.slow
 def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
-    """Class by class, sensor by sensor, climate by climate, cloud by cloud: the level of each launch's first detection.
+    """Class by class, sensor by sensor, climate by climate, cloud by cloud: the level of each
+    launch's first detection.
 
-    The level in its own law, drawn evenly within the look's step, is uniform; so are all of them together, and those of
-    each class and sensor. While a target climbs the time of its first detection tells its height.
+    The level in its own law, drawn evenly within the look's step, is uniform; so are all of them
+    together, and those of each class and sensor. While a target climbs the time of its first
+    detection tells its height.
     """
     rng = np.random.default_rng(21)
     levels = {}
     for climate, cloud in itertools.product(CLIMATES, CLOUDS):
         sky = {"model": "lowtran", "climate": climate, **cloud}
         seldom = fleet(scan_period_ms=500.0)
-        for cell, story in reported(FEW, seldom, atmosphere=sky, background="earth", duration_s=60.0).items():
+        for cell, story in reported(
+            FEW, seldom, atmosphere=sky, background="earth", duration_s=60.0
+        ).items():
             law = np.concatenate([[0.0], 1.0 - np.cumprod(1.0 - story.chance), [1.0]])
             for scans in story.found:
                 step = np.searchsorted(story.scan, scans[0]) if len(scans) else len(story.scan)
@@ -171,7 +203,9 @@ def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
 
 
 def noise_chance(sensor: Any, nei_w_m2: np.ndarray) -> float:
-    """Return the chance that noise alone passes a sensor's rule, by SciPy's quadrature of its definition."""
+    """Return the chance that noise alone passes a sensor's rule, by SciPy's quadrature of its
+    definition.
+    """
     light = sensor.radiometer
     if sensor.spectral_discrimination == "likelihood":
         # A weighted sum of unit length.
@@ -189,10 +223,13 @@ def noise_chance(sensor: Any, nei_w_m2: np.ndarray) -> float:
             value *= max(norm.sf(low) - norm.sf(high), 0.0)
         return float(value)
 
-    return float(quad(density, light.threshold, light.threshold + 8.0, epsabs=0.0, epsrel=1e-9, limit=500)[0])
+    return float(
+        quad(density, light.threshold, light.threshold + 8.0, epsabs=0.0, epsrel=1e-9, limit=500)[0]
+    )
 
 
-#: Rules over bands, each with a threshold that noise passes some hundred times: gates take most of it away.
+#: Rules over bands, each with a threshold that noise passes some hundred times: gates take most of
+#: it away.
 RULES = {
     "likelihood": {
         "DSP": {"threshold_sigma": 5.4},
@@ -209,12 +246,19 @@ RULES = {
 @pytest.mark.parametrize("rule", RULES)
 def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold(rule: str) -> None:
     own = RULES[rule]
-    sensors = [one | own[one["model"]] for one in fleet(coincidence_sigma=1.0) if one["model"] in own]
+    sensors = [
+        one | own[one["model"]] for one in fleet(coincidence_sigma=1.0) if one["model"] in own
+    ]
     plan = opir.compile_plan(scene(0, sensors, duration_s=120.0, classification="paper"))
     detections, truth = drawn(plan)
     assert (truth.target < 0).all()
     for number, sensor in enumerate(plan.sensors):
-        cells = 4.0 * np.pi * (np.sin(0.5 * sensor.field_of_regard_half_angle_rad) / sensor.radiometer.ifov_rad) ** 2
+        cells = (
+            4.0
+            * np.pi
+            * (np.sin(0.5 * sensor.field_of_regard_half_angle_rad) / sensor.radiometer.ifov_rad)
+            ** 2
+        )
         scans = round(120e9 / sensor.scan.period_ns)
         mean = noise_chance(sensor, plan.detection.receivers[number].nei_w_m2) * cells * scans
         times = detections.time_ns[detections.sensor == number]
@@ -229,22 +273,30 @@ def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold(rule: str
 
 
 @pytest.mark.parametrize("bias_urad", [0.0, 40.0])
-def test_residuals_of_lines_of_sight_are_chi_squared_but_for_the_bias_that_is_reported(bias_urad: float) -> None:
+def test_residuals_of_lines_of_sight_are_chi_squared_but_for_the_bias_that_is_reported(
+    bias_urad: float,
+) -> None:
     plan = opir.compile_plan(scene(4, fleet(line_of_sight_bias_sigma_urad=bias_urad)))
     detections, truth = drawn(plan)
     real = truth.target >= 0
     detections = detections.take(real)
     truth = truth.take(real)
-    at = plan.targets.position_ecef_m(truth.target, truth.emission_time_s) - detections.sensor_ecef_m
+    at = (
+        plan.targets.position_ecef_m(truth.target, truth.emission_time_s) - detections.sensor_ecef_m
+    )
     true = at / np.linalg.norm(at, axis=1)[:, None]
     turned = true
     if plan.bias is not None:
-        turned = np.stack(plan.bias.applied(*true.T, detections.sensor, detections.sensor_ecef_m), axis=1)
+        turned = np.stack(
+            plan.bias.applied(*true.T, detections.sensor, detections.sensor_ecef_m), axis=1
+        )
     assert (plan.bias is None) == (bias_urad == 0.0)
     for number in range(len(SENSORS)):
         rows = detections.sensor == number
         for direction, is_right in ((true, bias_urad == 0.0), (turned, True)):
-            off = (detections.line_of_sight_ecef - direction)[rows] / detections.line_of_sight_sigma_rad[rows, None]
+            off = (detections.line_of_sight_ecef - direction)[
+                rows
+            ] / detections.line_of_sight_sigma_rad[rows, None]
             shares = np.sort(chi2.cdf(np.square(off).sum(axis=1), 2))
             count = len(shares)
             assert count > 100

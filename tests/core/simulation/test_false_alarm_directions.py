@@ -1,4 +1,6 @@
-"""Where false alarms come from: directions uniform over the solid angle of a field of view about nadir."""
+"""Where false alarms come from: directions uniform over the solid angle of a field of view about
+nadir.
+"""
 
 import numpy as np
 import pytest
@@ -17,12 +19,16 @@ PLACES_M = [
 
 
 @pytest.mark.parametrize("place", PLACES_M, ids=str)
-def test_directions_turn_evenly_about_nadir_also_over_a_pole(place: tuple[float, float, float]) -> None:
+def test_directions_turn_evenly_about_nadir_also_over_a_pole(
+    place: tuple[float, float, float],
+) -> None:
     turns = 8
     edge = 0.01
     at_m = np.tile(place, (turns, 1))
     radius_m = np.full(turns, np.hypot(np.hypot(*place[:2]), place[2]))
-    draws = np.column_stack([np.zeros(turns), np.linspace(0.1, 1.0, turns), np.arange(turns) / turns])
+    draws = np.column_stack(
+        [np.zeros(turns), np.linspace(0.1, 1.0, turns), np.arange(turns) / turns]
+    )
     units = _directions(at_m, radius_m, np.full(turns, edge), draws)
     nadir = -at_m / radius_m[:, None]
     assert np.linalg.norm(units, axis=1) == pytest.approx(np.ones(turns), abs=1e-15)

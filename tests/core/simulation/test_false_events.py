@@ -1,4 +1,6 @@
-"""Detections of nothing that was launched, by cause: closed forms against runs, with intervals of 99.9 % each."""
+"""Detections of nothing that was launched, by cause: closed forms against runs, with intervals of
+99.9 % each.
+"""
 
 from typing import Any
 
@@ -17,8 +19,16 @@ RISK = 1e-3
 REGION = {"south_deg": 20, "north_deg": 45, "west_deg": -121, "east_deg": -95}
 SOURCES = [
     {"id": "fires", "model": "fires", "field": {"region": REGION, "per_million_km2": 8}},
-    {"id": "flares", "model": "flares", "at": [{"lat_deg": 32, "lon_deg": -102}, {"lat_deg": 40, "lon_deg": -99}]},
-    {"id": "meteor", "model": "bolides", "at": [{"lat_deg": 30.0, "lon_deg": -100.0, "start_s": 60.0}]},
+    {
+        "id": "flares",
+        "model": "flares",
+        "at": [{"lat_deg": 32, "lon_deg": -102}, {"lat_deg": 40, "lon_deg": -99}],
+    },
+    {
+        "id": "meteor",
+        "model": "bolides",
+        "at": [{"lat_deg": 30.0, "lon_deg": -100.0, "start_s": 60.0}],
+    },
 ]
 SENSORS = (
     {"model": "DSP", "preset": "heritage", "scan_period_ms": 1000.0},
@@ -53,7 +63,9 @@ def planned(sensor: dict[str, Any], temporal: str, **changes: Any) -> Any:
 @pytest.mark.slow
 @pytest.mark.parametrize("temporal", TEMPORAL)
 @pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor["model"])
-def test_sources_are_reported_as_often_as_their_chances_say(sensor: dict[str, Any], temporal: str) -> None:
+def test_sources_are_reported_as_often_as_their_chances_say(
+    sensor: dict[str, Any], temporal: str
+) -> None:
     plan = planned(sensor, temporal, sources=SOURCES)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     geometry = plan.look_geometry()
@@ -66,7 +78,8 @@ def test_sources_are_reported_as_often_as_their_chances_say(sensor: dict[str, An
     truth = Engine(plan).advance(plan.end_ns).truth.target
     count = int((truth >= 0).sum())
     mean = float(reported.sum())
-    # Looks at one source share no noise, reports of confirmations do: their variance is at most M times a Poisson one.
+    # Looks at one source share no noise, reports of confirmations do: their variance is at most M
+    # times a Poisson one.
     assert abs(count - mean) <= norm.isf(RISK / 2) * np.sqrt(max(mean, 1.0) * needed[0]) + 1.0
     if temporal == "none" and "preset" not in sensor:
         assert mean > 50.0
@@ -75,7 +88,9 @@ def test_sources_are_reported_as_often_as_their_chances_say(sensor: dict[str, An
 @pytest.mark.slow
 @pytest.mark.parametrize("cause", ["noise", "noise and clutter"])
 @pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor["model"])
-def test_noise_and_clutter_are_reported_at_their_stated_rate(sensor: dict[str, Any], cause: str) -> None:
+def test_noise_and_clutter_are_reported_at_their_stated_rate(
+    sensor: dict[str, Any], cause: str
+) -> None:
     sky = {"background": "none"} if cause == "noise" else {}
     plan = planned({**sensor, "threshold_sigma": 4.1}, "difference", **sky)
     found = Engine(plan).advance(plan.end_ns)

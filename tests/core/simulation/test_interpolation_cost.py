@@ -24,15 +24,23 @@ AIR = {"atmosphere": "lowtran", "background": "earth"}
 STILL = {"focal_plane": {"temporal_filter": "none"}}
 
 
-def planned(calibrate: str, sky: dict[str, Any], tolerance: float = 1e-4, **every_sensor: Any) -> Any:
+def planned(
+    calibrate: str, sky: dict[str, Any], tolerance: float = 1e-4, **every_sensor: Any
+) -> Any:
     targets = [
         {
             "id": name,
             "type": kind,
-            "launch": {"lat_deg": 5.0 - 3.0 * number, "lon_deg": -150.0 + 5.0 * number, "time_s": 2.0 + number},
+            "launch": {
+                "lat_deg": 5.0 - 3.0 * number,
+                "lon_deg": -150.0 + 5.0 * number,
+                "time_s": 2.0 + number,
+            },
             "aim": {"lat_deg": aim[0], "lon_deg": aim[1]},
         }
-        for number, (name, kind, aim) in enumerate([("I", "ICBM", (-50.0, -110.0)), ("R", "IRBM", (-28.0, -170.0))])
+        for number, (name, kind, aim) in enumerate(
+            [("I", "ICBM", (-50.0, -110.0)), ("R", "IRBM", (-28.0, -170.0))]
+        )
     ]
     sensors = [
         {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0, **every_sensor},
@@ -40,9 +48,18 @@ def planned(calibrate: str, sky: dict[str, Any], tolerance: float = 1e-4, **ever
         {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -120.0, **every_sensor},
     ]
     detection = {"model": "snr", "calibrate": calibrate, "probability_tolerance": tolerance}
-    scene = {"scene": "budget", "epoch": "2026-04-01T12:00:00Z", "duration_s": 300, "seed": 1, "outputs": [], **sky}
+    scene = {
+        "scene": "budget",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 300,
+        "seed": 1,
+        "outputs": [],
+        **sky,
+    }
     return opir.compile_plan(
-        opir.scene_from_mapping({**scene, "sensors": sensors, "targets": targets, "detection": detection})
+        opir.scene_from_mapping(
+            {**scene, "sensors": sensors, "targets": targets, "detection": detection}
+        )
     )
 
 
@@ -57,7 +74,9 @@ class Counting:
         self.measure_response = model.measure_response
 
     def response(self, exposed: Any, *, slack: float = 0.0) -> Any:
-        looks: Sequence[tuple[int, int]] = list(zip(exposed.sensor.tolist(), exposed.target.tolist(), strict=True))
+        looks: Sequence[tuple[int, int]] = list(
+            zip(exposed.sensor.tolist(), exposed.target.tolist(), strict=True)
+        )
         self.asked.append((len(looks), len(set(looks))))
         return self._model.response(exposed, slack=slack)
 
@@ -65,17 +84,24 @@ class Counting:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("calibrate", "sky", "frames", "most"),
-    # A difference of frames bends signals, while a plume moves away from where it was, at a lag that is 10 s.
+    # A difference of frames bends signals, while a plume moves away from where it was, at a lag
+    # that is 10 s.
     [
         ("none", {}, STILL, 120),
-        # Without the two breakpoints of pitch-over 150. These add a piece of three knots, and one of 0.1 s, whose looks
-        # are evaluated: two, where the period is 50 ms.
+        # Without the two breakpoints of pitch-over 150. These add a piece of three knots, and one
+        # of 0.1 s, whose looks are evaluated: two, where the period is 50 ms.
         ("none", {}, {}, 150 + 3 + 2),
         ("none", AIR, {}, 165),
         ("paper", {}, {}, 150),
         ("paper", AIR, {}, 150),
     ],
-    ids=["empty space, frames as they are", "empty space", "air", "calibrated", "calibrated in air"],
+    ids=[
+        "empty space, frames as they are",
+        "empty space",
+        "air",
+        "calibrated",
+        "calibrated in air",
+    ],
 )
 def test_a_pair_is_asked_for_few_looks_in_few_calls(
     calibrate: str, sky: dict[str, Any], frames: dict[str, Any], most: int
@@ -96,13 +122,17 @@ def test_a_slow_scanner_is_asked_for_few_more_than_its_looks(others: int) -> Non
     slow = {"model": "DSP", "id": "SLOW", "orbital_slot_deg": -135, "scan_period_ms": 10_000}
     fast = {"model": "SBIRS-GEO", "id": "FAST", "orbital_slot_deg": -90}
     plan = opir.compile_plan(
-        opir.scene_from_mapping(bench_scene(sensors=[slow, fast][: 1 + others], detection="snr", duration_s=260))
+        opir.scene_from_mapping(
+            bench_scene(sensors=[slow, fast][: 1 + others], detection="snr", duration_s=260)
+        )
     )
     counting = Counting(plan.detection)
     made = ProbabilityInterpolant.of(plan.look_geometry(), counting, 1e-4)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     mine = plan.pairs.sensor[looks.pair] == 0
-    exact = ndtr(plan.detection.response(plan.look_geometry().exposures(looks.pair, looks.scan)).probit)
+    exact = ndtr(
+        plan.detection.response(plan.look_geometry().exposures(looks.pair, looks.scan)).probit
+    )
     assert 3 < np.count_nonzero(mine) < 60
     assert np.abs(made.over(looks).probability() - exact)[mine].max() <= 1e-8
     if not others:
@@ -119,7 +149,9 @@ def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
-def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(tolerance: float) -> None:
+def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(
+    tolerance: float,
+) -> None:
     plan = planned("none", {}, tolerance)
     knots = ProbabilityInterpolant.of(plan.look_geometry(), plan.detection, tolerance)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
@@ -131,7 +163,9 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
     assert np.abs(probability - exact)[sure].max() <= 1.1e-4 * tolerance
 
 
-def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     plan = planned("none", {})
     refiner = GridRefiner(plan.look_geometry(), plan.detection, 1e-4)
     rooms = []
@@ -156,8 +190,11 @@ def test_pitch_over_is_reported_beside_what_plumes_and_air_tell() -> None:
     plan = planned("none", {})
     reported_s = plan.detection.breakpoints_s()
     pitched_s = plan.targets.trajectories[0].course_breakpoints_s
-    assert np.all((plan.targets.ignition_s < pitched_s[:, 0]) & (pitched_s[:, 0] < plan.targets.burnout_s))
-    # The direction of flight is that over 0.1 s about a look, so it bends from 0.05 s before to 0.05 s after.
+    assert np.all(
+        (plan.targets.ignition_s < pitched_s[:, 0]) & (pitched_s[:, 0] < plan.targets.burnout_s)
+    )
+    # The direction of flight is that over 0.1 s about a look, so it bends from 0.05 s before to
+    # 0.05 s after.
     for off_s in (-0.05, 0.05):
         assert np.all((reported_s[:, :, None] == pitched_s[:, None, :] + off_s).any(axis=(1, 2)))
     # Before it flight is vertical: the direction bends there, not sooner.
@@ -189,12 +226,16 @@ def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, An
         assert np.array_equal(radiance[band], environment.background.radiance_w_m2_sr(band, view))
         assert np.array_equal(clutter[band], environment.background.clutter_w_m2_sr(band, view))
         assert np.array_equal(passed[band], environment.atmosphere.transmittance(band, path))
-        assert np.array_equal(intensity[band], environment.signatures[0].intensity_w_sr(band, *columns))
+        assert np.array_equal(
+            intensity[band], environment.signatures[0].intensity_w_sr(band, *columns)
+        )
         assert intensity[band].max() > 0.0
         assert (radiance[band].max() > 0.0) == bool(sky)
 
 
-def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     plan = planned("none", AIR)
     asked: list[str] = []
     for kind, name in (
@@ -203,11 +244,15 @@ def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(monkeyp
         (EarthBackground, "_radiances_w_m2_sr"),
     ):
         inner = getattr(kind, name)
-        monkeypatch.setattr(kind, name, lambda *given, inner=inner, name=name: asked.append(name) or inner(*given))
+        monkeypatch.setattr(
+            kind, name, lambda *given, inner=inner, name=name: asked.append(name) or inner(*given)
+        )
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair[::97], looks.scan[::97])
     plan.detection.response(exposed)
     # Plumes and air also for the light of a lag earlier, which frames subtract.
-    expected = {name: len(plan.sensors) * (1 if name == "_radiances_w_m2_sr" else 2) for name in asked}
+    expected = {
+        name: len(plan.sensors) * (1 if name == "_radiances_w_m2_sr" else 2) for name in asked
+    }
     assert {name: asked.count(name) for name in asked} == expected
     assert len(set(asked)) == 3

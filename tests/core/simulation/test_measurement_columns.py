@@ -1,4 +1,6 @@
-"""What detections carry of their measurement: their own line-of-sight sigma, irradiances, the sensor's bias."""
+"""What detections carry of their measurement: their own line-of-sight sigma, irradiances, the
+sensor's bias.
+"""
 
 import json
 from pathlib import Path
@@ -37,11 +39,15 @@ class Radiometer(CertainDetection):
     def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
         rows = len(exposures)
         sigma_rad = 1e-6 * (1.0 + exposures.scan)
-        return Measured(np.ones(rows, np.uint8), np.ones(rows), sigma_rad, np.full((rows, self.bands), 1e-9))
+        return Measured(
+            np.ones(rows, np.uint8), np.ones(rows), sigma_rad, np.full((rows, self.bands), 1e-9)
+        )
 
 
 def one_target(speed_m_s: float = 10.0) -> VerticalTargets:
-    return VerticalTargets(np.array([40.0]), np.array([20.0]), np.array([1.0]), np.array([900.0]), speed_m_s=speed_m_s)
+    return VerticalTargets(
+        np.array([40.0]), np.array([20.0]), np.array([1.0]), np.array([900.0]), speed_m_s=speed_m_s
+    )
 
 
 def windows_of(plan: Any, *edges_s: float) -> list[Window]:
@@ -55,7 +61,9 @@ def test_a_model_without_irradiance_costs_no_column() -> None:
     assert np.all(window.detections.line_of_sight_sigma_rad == 2e-5)
 
 
-def test_a_model_that_measures_fills_the_columns_and_windows_without_rows_do_not_disturb_them() -> None:
+def test_a_model_that_measures_fills_the_columns_and_windows_without_rows_do_not_disturb_them() -> (
+    None
+):
     sensors = [stub_sensor("A", bands=BANDS), stub_sensor("B")]
     plan = stub_plan(sensors, one_target(), ["T"], stub_scene(), detection=Radiometer())
     parts = [window.detections for window in windows_of(plan, 0.5, 50.0, 100.0)]
@@ -66,19 +74,35 @@ def test_a_model_that_measures_fills_the_columns_and_windows_without_rows_do_not
 
 
 def test_irradiances_of_another_width_are_refused() -> None:
-    plan = stub_plan([stub_sensor(bands=BANDS)], one_target(), ["T"], stub_scene(), detection=Radiometer(bands=3))
-    with pytest.raises(ModelError, match=r"irradiance_w_m2 returned float64 \(\d+, 3\); floats of shape \(\d+, 2\)"):
+    plan = stub_plan(
+        [stub_sensor(bands=BANDS)], one_target(), ["T"], stub_scene(), detection=Radiometer(bands=3)
+    )
+    with pytest.raises(
+        ModelError, match=r"irradiance_w_m2 returned float64 \(\d+, 3\); floats of shape \(\d+, 2\)"
+    ):
         windows_of(plan, 100.0)
 
 
 def test_the_spread_of_lines_of_sight_is_each_ones_own() -> None:
-    plan = stub_plan([stub_sensor()], one_target(), ["T"], stub_scene(duration_s=900), detection=Radiometer(bands=1))
+    plan = stub_plan(
+        [stub_sensor()],
+        one_target(),
+        ["T"],
+        stub_scene(duration_s=900),
+        detection=Radiometer(bands=1),
+    )
     window = windows_of(plan, 900.0)[0]
     found = window.detections
-    true = one_target().position_ecef_m(window.truth.target, window.truth.emission_time_s) - found.sensor_ecef_m
+    true = (
+        one_target().position_ecef_m(window.truth.target, window.truth.emission_time_s)
+        - found.sensor_ecef_m
+    )
     true /= np.linalg.norm(true, axis=1)[:, None]
-    squared = np.sum(((found.line_of_sight_ecef - true) / found.line_of_sight_sigma_rad[:, None]) ** 2, axis=1)
-    # A chi-square with two degrees of freedom has mean 2 and variance 4; 3.29 standard errors are 99.9 %.
+    squared = np.sum(
+        ((found.line_of_sight_ecef - true) / found.line_of_sight_sigma_rad[:, None]) ** 2, axis=1
+    )
+    # A chi-square with two degrees of freedom has mean 2 and variance 4; 3.29 standard errors are
+    # 99.9 %.
     assert len(found) > 8000
     assert abs(squared.mean() - 2.0) < 3.29 * 2.0 / np.sqrt(len(found))
 
@@ -87,7 +111,9 @@ def test_events_carry_the_sigma_of_the_line_of_sight_by_either_way_of_writing_it
     sensors = (stub_sensor(line_of_sight_sigma_rad=1.2345678e-5), stub_sensor("B"))
     encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=0))
     own = encoder.encode(stub_window(2, line_of_sight_sigma_rad=1.2345678e-5)).splitlines()
-    mixed = encoder.encode(stub_window(2, line_of_sight_sigma_rad=[1.2345678e-5, 7.5e-6])).splitlines()
+    mixed = encoder.encode(
+        stub_window(2, line_of_sight_sigma_rad=[1.2345678e-5, 7.5e-6])
+    ).splitlines()
     assert mixed[0] == own[0]
     assert json.loads(mixed[1])["line_of_sight_sigma_urad"] == 7.5
 
@@ -115,7 +141,9 @@ def _at(sensor_m: Any) -> tuple[Any, Any]:
 
 @pytest.mark.slow
 def test_the_bias_is_one_draw_a_sensor_and_run_that_no_neighbour_changes() -> None:
-    sensors = [stub_sensor(f"S{number}", line_of_sight_bias_sigma_rad=2e-5) for number in range(4000)]
+    sensors = [
+        stub_sensor(f"S{number}", line_of_sight_bias_sigma_rad=2e-5) for number in range(4000)
+    ]
     drawn = PointingBias.drawn(7, sensors)
     assert PointingBias.drawn(7, sensors[1:]).east_rad[0] == drawn.east_rad[1]
     assert PointingBias.drawn(8, sensors).east_rad[0] != drawn.east_rad[0]
@@ -134,7 +162,8 @@ def test_a_biased_sensor_errs_by_its_bias_and_disturbs_no_draw() -> None:
     shift = biased.line_of_sight_ecef - plain.line_of_sight_ecef
     assert plan.bias is not None
     size = np.hypot(plan.bias.east_rad[0], plan.bias.north_rad[0])
-    # The directions across the line of sight turn with it, by the bias: errors of up to 5 sigma turn along.
+    # The directions across the line of sight turn with it, by the bias: errors of up to 5 sigma
+    # turn along.
     assert np.ptp(shift, axis=0).max() < 2.0 * size * 5.0 * 2e-5
     assert 0.98 * size < np.linalg.norm(shift[0]) <= size * (1 + 1e-6)
 
@@ -147,7 +176,11 @@ def test_truth_and_manifest_tell_the_bias(tmp_path: Path) -> None:
     with TruthFile(tmp_path / "truth.jsonl", plan):
         pass
     reported = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]
-    east = {row["sensor_id"]: row["line_of_sight_bias_east_rad"] for row in reported if row["record"] == "sensor"}
+    east = {
+        row["sensor_id"]: row["line_of_sight_bias_east_rad"]
+        for row in reported
+        if row["record"] == "sensor"
+    }
     assert list(east.values()) == plan.bias.east_rad.tolist()
     from opir_core.simulation.manifest import run_manifest
 

@@ -27,7 +27,9 @@ def run() -> Run:
 
 
 def counts(run: Run, ids: tuple[str, ...], sensor: int) -> dict[str, int]:
-    """Return how often a sensor detected each thing, by id; what is nothing goes by the name of noise."""
+    """Return how often a sensor detected each thing, by id; what is nothing goes by the name of
+    noise.
+    """
     seen = run.truth.target[run.detections.sensor == sensor]
     numbers, times = np.unique(seen, return_counts=True)
     names = [ids[number] if number >= 0 else "noise" for number in numbers.tolist()]
@@ -60,8 +62,12 @@ def test_hot_sources_stand_in_the_truth_as_themselves(run: Run, ids: tuple[str, 
 
 
 def test_frame_differences_remove_most_of_what_is_steady(run: Run, ids: tuple[str, ...]) -> None:
-    """What is left of a fire is the registration error's share of its light: a thousandth of its signal."""
-    steady = [number for number, name in enumerate(ids) if name.startswith(("fires", "flares", "sea"))]
+    """What is left of a fire is the registration error's share of its light: a thousandth of its
+    signal.
+    """
+    steady = [
+        number for number, name in enumerate(ids) if name.startswith(("fires", "flares", "sea"))
+    ]
     for sensor in (SBIRS, NEXTGEN):
         own = run.detections.sensor == sensor
         left = run.detections.snr[own & np.isin(run.truth.target, steady)]
@@ -76,7 +82,9 @@ def test_what_is_reported_as_a_missile_is_one(run: Run) -> None:
         assert own.sum() > 1000
         # The sensors report a type from a probability of 1/2.
         assert np.isin(run.truth.target[own], (0, 1)).mean() > 0.99
-    assert not np.any(reported & ~np.isin(run.truth.target, (0, 1)) & (run.detections.sensor == DSP))
+    assert not np.any(
+        reported & ~np.isin(run.truth.target, (0, 1)) & (run.detections.sensor == DSP)
+    )
 
 
 @pytest.mark.slow
@@ -96,7 +104,9 @@ def mapping(**changes: Any) -> dict[str, Any]:
         "scene": "nobody",
         "epoch": "2026-04-01T20:00:00Z",
         "duration_s": 2,
-        "sensors": [{"model": "DSP", "id": "D", "orbital_slot_deg": -135.0, "confirmation_detections": 1}],
+        "sensors": [
+            {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0, "confirmation_detections": 1}
+        ],
         "targets": [],
         "detection": "snr",
         "outputs": [],
@@ -106,7 +116,9 @@ def mapping(**changes: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("exact", [False, True])
 def test_a_scene_without_targets_has_noise_alone(exact: bool) -> None:
-    run = opir.simulate(opir.scene_from_mapping(mapping(detection={"model": "snr", "exact": exact})))
+    run = opir.simulate(
+        opir.scene_from_mapping(mapping(detection={"model": "snr", "exact": exact}))
+    )
     assert len(run.detections) > 0
     assert np.all(run.truth.target == -1)
 
@@ -114,7 +126,10 @@ def test_a_scene_without_targets_has_noise_alone(exact: bool) -> None:
 def test_sunlight_that_water_mirrors_comes_down_through_the_air() -> None:
     sea = {"id": "sea", "model": "glints", "at": [{"lat_deg": 3.9, "lon_deg": -127.5}]}
     skies = ("clear", {"model": "lowtran", "climate": "tropical"})
-    plans = [opir.compile_plan(opir.scene_from_mapping(mapping(sources=[sea], atmosphere=sky))) for sky in skies]
+    plans = [
+        opir.compile_plan(opir.scene_from_mapping(mapping(sources=[sea], atmosphere=sky)))
+        for sky in skies
+    ]
     above = np.array([[np.cos(np.radians(-131.0)), np.sin(np.radians(-131.0)), 0.0]])
     place = np.zeros(1, np.int32)
     time_s = np.ones(1)

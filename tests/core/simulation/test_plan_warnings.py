@@ -1,4 +1,6 @@
-"""Ignitions and burnouts on the scan instants of sensors with aligned phases are reported; others are not."""
+"""Ignitions and burnouts on the scan instants of sensors with aligned phases are reported; others
+are not.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,17 +15,30 @@ from opir_core.plugin import Classifier
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.plan_checks import alignment_warnings, launch_expectations, plan_warnings
 
-SENSOR = {"model": "generic-scanner", "orbital_slot_deg": -130.0, "detection_probability": {"ICBM": 1.0}}
+SENSOR = {
+    "model": "generic-scanner",
+    "orbital_slot_deg": -130.0,
+    "detection_probability": {"ICBM": 1.0},
+}
 
 
-def plan(*sensors: Mapping[str, Any], ignition_s: float = 10.0, burn_s: float = 60.05, **scene: Any) -> Plan:
+def plan(
+    *sensors: Mapping[str, Any], ignition_s: float = 10.0, burn_s: float = 60.05, **scene: Any
+) -> Plan:
     launch = {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": ignition_s}
-    target = {"id": "T1", "type": "ICBM", "launch": launch, "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}
+    target = {
+        "id": "T1",
+        "type": "ICBM",
+        "launch": launch,
+        "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+    }
     head = {"scene": "s", "epoch": "2026-04-01T12:00:00Z", "duration_s": 120.0}
     mapping = {
         **head,
         **scene,
-        "sensors": [{**SENSOR, "id": f"S{number}", **sensor} for number, sensor in enumerate(sensors)],
+        "sensors": [
+            {**SENSOR, "id": f"S{number}", **sensor} for number, sensor in enumerate(sensors)
+        ],
         "targets": [{**target, "burn_time_s": burn_s}],
     }
     return opir.compile_plan(opir.scene_from_mapping(mapping))
@@ -45,10 +60,14 @@ def test_a_burnout_counts_if_the_scene_lasts_so_long() -> None:
     assert not alignment_warnings(plan(aligned, ignition_s=10.25, burn_s=60.25, duration_s=70.0))
 
 
-@pytest.mark.parametrize(("off_periods", "is_reported"), [(0.0, True), (5e-7, True), (-5e-7, True), (2e-6, False)])
+@pytest.mark.parametrize(
+    ("off_periods", "is_reported"), [(0.0, True), (5e-7, True), (-5e-7, True), (2e-6, False)]
+)
 def test_the_tolerance_is_a_millionth_of_a_period(off_periods: float, is_reported: bool) -> None:
     aligned = {"scan_phase": "aligned", "scan_period_ms": 4000.0}
-    assert bool(alignment_warnings(plan(aligned, ignition_s=12.0 + 4.0 * off_periods))) == is_reported
+    assert (
+        bool(alignment_warnings(plan(aligned, ignition_s=12.0 + 4.0 * off_periods))) == is_reported
+    )
 
 
 @pytest.mark.parametrize("pattern", ["spin", "step-stare", "staring"])
@@ -78,9 +97,14 @@ def test_explain_lists_the_warnings() -> None:
 
 @pytest.mark.slow
 def test_aligned_latencies_are_whole_periods_and_random_ones_are_uniform() -> None:
-    """With P_d of 1 and no light time the latency is one period, or uniform in it: its mean is half a period."""
+    """With P_d of 1 and no light time the latency is one period, or uniform in it: its mean is half
+    a period.
+    """
     aligned = {"scan_phase": "aligned", "scan_period_ms": 5000.0}
-    seen = [opir.simulate(plan(aligned, seed=seed).scene).summary["targets"][0]["latency_s"] for seed in range(3)]
+    seen = [
+        opir.simulate(plan(aligned, seed=seed).scene).summary["targets"][0]["latency_s"]
+        for seed in range(3)
+    ]
     assert seen == pytest.approx([5.0] * 3)
     many = plan(*[{"scan_period_ms": 5000.0}] * 500, light_time=False)
     found = opir.simulate(many.scene).detections
@@ -118,12 +142,18 @@ class Expecting(Classifier):
         (1, 11.0, True),
     ],
 )
-def test_ten_times_as_many_launches_as_expected_are_reported(launches: int, expected: float, is_reported: bool) -> None:
+def test_ten_times_as_many_launches_as_expected_are_reported(
+    launches: int, expected: float, is_reported: bool
+) -> None:
     made = plan({})
     scene = evolve(made.scene, targets=made.scene.targets * launches)
     made = evolve(made, scene=scene, classifier=Expecting(expected * 720.0))
     assert launch_expectations(made) == [
-        {"component": "classification: paper", "expected_launches": pytest.approx(expected), "launches": launches}
+        {
+            "component": "classification: paper",
+            "expected_launches": pytest.approx(expected),
+            "launches": launches,
+        }
     ]
     warnings = [words for words in plan_warnings(made) if "expects" in words]
     assert bool(warnings) == is_reported

@@ -1,4 +1,6 @@
-"""Events in the order of report: none lost, none early; and a tracker that gets only what has been reported."""
+"""Events in the order of report: none lost, none early; and a tracker that gets only what has been
+reported.
+"""
 
 from typing import Any
 
@@ -50,8 +52,16 @@ def test_events_come_in_the_order_of_report_and_none_is_lost() -> None:
     assert np.all(observed.reported_ns >= observed.time_ns)
     # The truth goes along: of each event it is that of its id.
     alone = run_of_plan(compile_plan(late_scene(*["none"] * 4)))
-    target = dict(zip(map(tuple, alone.detections.detection_id.tolist()), alone.truth.target.tolist(), strict=True))
-    assert [target[tuple(each)] for each in run.detections.detection_id.tolist()] == run.truth.target.tolist()
+    target = dict(
+        zip(
+            map(tuple, alone.detections.detection_id.tolist()),
+            alone.truth.target.tolist(),
+            strict=True,
+        )
+    )
+    assert [
+        target[tuple(each)] for each in run.detections.detection_id.tolist()
+    ] == run.truth.target.tolist()
 
 
 @pytest.mark.slow
@@ -115,7 +125,9 @@ class CountedTracker:
         return stub_estimates(1, tick_s=tick_s, state=np.full(6, tick_s))
 
 
-def tracked(lag_s: float | None = None, *, window_s: float | None = None, **changes: Any) -> tuple[CountedTracker, Run]:
+def tracked(
+    lag_s: float | None = None, *, window_s: float | None = None, **changes: Any
+) -> tuple[CountedTracker, Run]:
     """Return the record of a tracker in the order of report, and the run."""
     scene = late_scene(*MIXED, tracking_order="report", tracking_lag_s=lag_s, **changes)
     spy = CountedTracker()
@@ -125,10 +137,15 @@ def tracked(lag_s: float | None = None, *, window_s: float | None = None, **chan
 @pytest.mark.slow
 @pytest.mark.parametrize("lag_s", [0.0, 4.0, 9.3, None])
 @pytest.mark.parametrize("duration_s", [60.0, 58.9])
-def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(lag_s: float | None, duration_s: float) -> None:
+def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(
+    lag_s: float | None, duration_s: float
+) -> None:
     """Against a plain loop over ticks and detections."""
     spy, run = tracked(lag_s, duration_s=duration_s, window_s=3.3)
-    ticks_ns = [*range(2_500_000_000, round(duration_s * NS), 2_500_000_000), round(duration_s * NS)]
+    ticks_ns = [
+        *range(2_500_000_000, round(duration_s * NS), 2_500_000_000),
+        round(duration_s * NS),
+    ]
     lag_ns = round(run.tracks.available_s[0] * NS) - round(run.tracks.tick_s[0] * NS)
     assert [round(tick_s * NS) for tick_s, _ in spy.given] == ticks_ns
     assert lag_s is None or lag_ns == round(lag_s * NS)
@@ -148,7 +165,10 @@ def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(lag_s: float
         due = [row for row in part if row[2] < tick_ns + lag_ns]
         late += len(part) - len(due)
         reported = zip(
-            given.time_ns.tolist(), given.sensor.tolist(), map(tuple, given.detection_id.tolist()), strict=True
+            given.time_ns.tolist(),
+            given.sensor.tolist(),
+            map(tuple, given.detection_id.tolist()),
+            strict=True,
         )
         assert sorted(reported) == sorted((row[0], row[1], row[3]) for row in due)
         assert np.all(np.diff(given.time_ns) >= 0)
@@ -169,11 +189,19 @@ def test_an_event_has_the_estimate_that_was_available_before_its_report() -> Non
         # The tracker has a track from its first step on.
         assert np.array_equal(has, in_time & (steps > 0))
         assert np.array_equal(has, seen.track == 0)
-        assert np.array_equal(np.rint(found.tick_s[seen.estimate[has]] * NS), ticks_ns[steps[has] - 1])
+        assert np.array_equal(
+            np.rint(found.tick_s[seen.estimate[has]] * NS), ticks_ns[steps[has] - 1]
+        )
         assert np.all(found.available_s[seen.estimate[has]] <= seen.reported_ns[has] * 1e-9 + 1e-9)
         # It is asked by the tracks of that step, and of nothing that is late.
-        asked = sorted((last_s, time_ns) for last_s, part in spy.asked for time_ns in part.time_ns.tolist())
-        due = zip(np.concatenate([[0], ticks_ns])[steps[in_time]] / NS, seen.time_ns[in_time].tolist(), strict=True)
+        asked = sorted(
+            (last_s, time_ns) for last_s, part in spy.asked for time_ns in part.time_ns.tolist()
+        )
+        due = zip(
+            np.concatenate([[0], ticks_ns])[steps[in_time]] / NS,
+            seen.time_ns[in_time].tolist(),
+            strict=True,
+        )
         assert asked == sorted(due)
 
 
@@ -187,7 +215,9 @@ def test_what_a_tracker_gets_does_not_depend_on_the_windows() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
-def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(tracker: str) -> None:
+def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(
+    tracker: str,
+) -> None:
     """The lag is then the latency: the tracker does the same, that much later."""
     prompt, observed, reported = (
         opir.simulate(late_scene(*latency, tracker=tracker, tracking_order=order))
@@ -204,18 +234,26 @@ def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(t
         assert differing(run.tracks, prompt.tracks) == {"available_s"}
         has = run.detections.estimate >= 0
         assert np.array_equal(has, prompt.detections.estimate >= 0)
-        ours, theirs = (each.estimates.take(each.detections.estimate[has]) for each in (run, prompt))
+        ours, theirs = (
+            each.estimates.take(each.detections.estimate[has]) for each in (run, prompt)
+        )
         assert differing(ours, theirs) == {"available_s"}
-    assert np.allclose(reported.tracks.available_s, reported.tracks.tick_s + 7.25, rtol=0.0, atol=1e-9)
+    assert np.allclose(
+        reported.tracks.available_s, reported.tracks.tick_s + 7.25, rtol=0.0, atol=1e-9
+    )
     alike = opir.simulate(late_scene("none", "none", tracker=tracker, tracking_order="report"))
     assert differing(alike.detections, prompt.detections) == set()
     assert differing(alike.tracks, prompt.tracks) == set()
 
 
 @pytest.mark.slow
-def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_reports_are_in() -> None:
+def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_reports_are_in() -> (
+    None
+):
     run = opir.simulate(late_scene(*MIXED, tracker="imm"))
-    for tick_s, available_s in {*zip(run.tracks.tick_s.tolist(), run.tracks.available_s.tolist(), strict=True)}:
+    for tick_s, available_s in {
+        *zip(run.tracks.tick_s.tolist(), run.tracks.available_s.tolist(), strict=True)
+    }:
         earlier = run.detections.time_ns < round(tick_s * NS)
         latest_s = run.detections.reported_ns[earlier].max(initial=0) * 1e-9
         assert available_s == pytest.approx(max(tick_s, latest_s), abs=1e-9)
@@ -223,7 +261,11 @@ def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_r
 
 @pytest.mark.slow
 def test_late_reports_are_events_and_are_not_tracked() -> None:
-    run = opir.simulate(late_scene("paper-ground-chain", tracker="imm", tracking_order="report", tracking_lag_s=30.0))
+    run = opir.simulate(
+        late_scene(
+            "paper-ground-chain", tracker="imm", tracking_order="report", tracking_lag_s=30.0
+        )
+    )
     alone = opir.simulate(late_scene("paper-ground-chain"))
     assert len(run.detections) == len(alone.detections)
     delay_s = (run.detections.reported_ns - run.detections.time_ns) * 1e-9
@@ -234,13 +276,17 @@ def test_late_reports_are_events_and_are_not_tracked() -> None:
 
 
 @pytest.mark.slow
-def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scores_of_a_run_are_those_of_its_files(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from opir_scoring.evidence import evidence_of_files, evidence_of_run
 
     from opir_core.output.delivery import deliver
 
     monkeypatch.chdir(tmp_path)
-    plan = compile_plan(late_scene(UNEVEN, CONSTANT, tracker="imm", outputs=[{"jsonl": {"path": "e.jsonl"}}]))
+    plan = compile_plan(
+        late_scene(UNEVEN, CONSTANT, tracker="imm", outputs=[{"jsonl": {"path": "e.jsonl"}}])
+    )
     beside = {f"{name}_path": tmp_path / f"e.{name}.jsonl" for name in ("truth", "tracks")}
     deliver(plan, **beside, manifest_path=tmp_path / "e.manifest.json")
     files = evidence_of_files(tmp_path / "e.jsonl")
@@ -260,11 +306,15 @@ def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pyte
         assert np.array_equal(np.isnan(one), np.isnan(other))
     for one, other in zip(files.tracks.impact_regions, memory.tracks.impact_regions, strict=True):
         assert [each.containment for each in one] == [each.containment for each in other]
-        assert [each.area_km2 for each in one] == pytest.approx([each.area_km2 for each in other], abs=1e-3)
+        assert [each.area_km2 for each in one] == pytest.approx(
+            [each.area_km2 for each in other], abs=1e-3
+        )
 
 
 @pytest.mark.slow
-def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(tmp_path: Any) -> None:
+def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(
+    tmp_path: Any,
+) -> None:
     from opir_core.output.tracks_file import TracksFile, read_tracks
 
     run = opir.simulate(late_scene(CONSTANT, CONSTANT, tracker="imm", tracking_order="report"))

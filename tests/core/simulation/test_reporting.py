@@ -1,4 +1,6 @@
-"""Reporting latencies: their distribution, one draw per sensor and scan, and nothing where there are none."""
+"""Reporting latencies: their distribution, one draw per sensor and scan, and nothing where there
+are none.
+"""
 
 import json
 import subprocess
@@ -17,28 +19,44 @@ import opir_core as opir
 from opir_core.interfaces.protocols import ReportingStage
 from opir_core.interfaces.records import Detections
 from opir_core.simulation import engine as engine_module
-from opir_core.simulation.reporting import LATE_CHANCE, ReportingDelays, release_lag_ns, stage_latency_s
+from opir_core.simulation.reporting import (
+    LATE_CHANCE,
+    ReportingDelays,
+    release_lag_ns,
+    stage_latency_s,
+)
 
 #: Two-sided 99.9 % of a normal distribution.
 Z = 3.2905
-STAGES = (ReportingStage("on_board", 0.5), ReportingStage("downlink", 2.0, 3.0), ReportingStage("processing", 4.0, 1.0))
+STAGES = (
+    ReportingStage("on_board", 0.5),
+    ReportingStage("downlink", 2.0, 3.0),
+    ReportingStage("processing", 4.0, 1.0),
+)
 
 
-def delays_s(scans: np.ndarray, *stages: ReportingStage, seed: int = 1, name: str = "S") -> np.ndarray:
+def delays_s(
+    scans: np.ndarray, *stages: ReportingStage, seed: int = 1, name: str = "S"
+) -> np.ndarray:
     """Return the latencies, s, of detections of one sensor in scans (n,)."""
     delays = ReportingDelays(seed, [stub_sensor(reporting=stages)], [name])
     detections = stub_window(len(scans), scan=scans).detections
     return (delays.reported(detections).reported_ns - detections.time_ns) * 1e-9
 
 
-@pytest.mark.parametrize(("mean_s", "sigma_s"), [(35.0, 8.66), (2.0, 2.0), (1.0, 1.5), (10.0, 0.01)])
+@pytest.mark.parametrize(
+    ("mean_s", "sigma_s"), [(35.0, 8.66), (2.0, 2.0), (1.0, 1.5), (10.0, 0.01)]
+)
 def test_a_stage_is_gamma_distributed(mean_s: float, sigma_s: float) -> None:
-    """Mean, standard deviation and distribution function (scipy.stats.gamma) within 99.9 % intervals."""
+    """Mean, standard deviation and distribution function (scipy.stats.gamma) within 99.9 %
+    intervals.
+    """
     count = 40_000
     drawn = delays_s(np.arange(count), ReportingStage("downlink", mean_s, sigma_s))
     assert drawn.min() >= 0.0
     assert abs(drawn.mean() - mean_s) < Z * sigma_s / np.sqrt(count)
-    # Var(s²) = σ⁴ (kurtosis excess + 2) / n, and the excess kurtosis of a gamma distribution is 6 (σ/mean)².
+    # Var(s²) = σ⁴ (kurtosis excess + 2) / n, and the excess kurtosis of a gamma distribution is 6
+    # (σ/mean)².
     spread = sigma_s**2 * np.sqrt((6.0 * (sigma_s / mean_s) ** 2 + 2.0) / count)
     assert abs(drawn.var() - sigma_s**2) < Z * spread
     shape = (mean_s / sigma_s) ** 2
@@ -47,13 +65,20 @@ def test_a_stage_is_gamma_distributed(mean_s: float, sigma_s: float) -> None:
 
 
 def test_stages_add_up_and_a_constant_one_is_exact() -> None:
-    assert np.all(delays_s(np.arange(5), ReportingStage("downlink", 0.125), ReportingStage("processing", 2.0)) == 2.125)
+    assert np.all(
+        delays_s(np.arange(5), ReportingStage("downlink", 0.125), ReportingStage("processing", 2.0))
+        == 2.125
+    )
     count = 40_000
     drawn = delays_s(np.arange(count), *STAGES)
     assert drawn.min() >= 0.5
     assert abs(drawn.mean() - 6.5) < Z * np.sqrt(9.0 + 1.0) / np.sqrt(count)
-    # Stages are independent: the variances add up, and a stage does not change the draws of another.
-    fourth = sum(3.0 * sigma**4 * (1.0 + 2.0 * (sigma / mean) ** 2) for mean, sigma in ((2.0, 3.0), (4.0, 1.0)))
+    # Stages are independent: the variances add up, and a stage does not change the draws of
+    # another.
+    fourth = sum(
+        3.0 * sigma**4 * (1.0 + 2.0 * (sigma / mean) ** 2)
+        for mean, sigma in ((2.0, 3.0), (4.0, 1.0))
+    )
     spread = np.sqrt((fourth + 6.0 * 9.0 * 1.0 - 100.0) / count)
     assert abs(drawn.var() - 10.0) < Z * spread
     alone = delays_s(np.arange(count), STAGES[0], evolve(STAGES[1], sigma_s=0.0), STAGES[2])
@@ -72,7 +97,9 @@ def test_a_scan_has_one_latency_whatever_else_is_drawn() -> None:
 
 
 def test_each_sensor_draws_its_own() -> None:
-    sensors = [stub_sensor(f"S{number}", reporting=STAGES[: 3 * (number != 1)]) for number in range(3)]
+    sensors = [
+        stub_sensor(f"S{number}", reporting=STAGES[: 3 * (number != 1)]) for number in range(3)
+    ]
     delays = ReportingDelays(1, sensors, ["S0", "S1", "S2"])
     seen = stub_window(300, scan=np.arange(300) // 3, sensor=np.arange(300) % 3).detections
     delay_s = ((delays.reported(seen).reported_ns - seen.time_ns) * 1e-9).reshape(-1, 3)
@@ -97,7 +124,9 @@ def test_the_extremes_of_a_draw_are_finite_and_not_negative(exceedance: float) -
 
 
 def by_id(detections: Detections) -> dict[tuple[int, ...], int]:
-    both = zip(map(tuple, detections.detection_id.tolist()), detections.reported_ns.tolist(), strict=True)
+    both = zip(
+        map(tuple, detections.detection_id.tolist()), detections.reported_ns.tolist(), strict=True
+    )
     return dict(both)
 
 
@@ -105,10 +134,21 @@ def test_windows_other_sensors_and_other_targets_change_no_report() -> None:
     run = opir.simulate(late_scene(UNEVEN, "paper-ground-chain"))
     reports = by_id(run.detections)
     assert len(reports) > 100
-    assert by_id(opir.simulate(late_scene(UNEVEN, "paper-ground-chain"), window_s=0.7).detections) == reports
-    for scene in (late_scene(UNEVEN), late_scene(UNEVEN, "paper-ground-chain", targets=1), late_scene(UNEVEN, "none")):
+    assert (
+        by_id(opir.simulate(late_scene(UNEVEN, "paper-ground-chain"), window_s=0.7).detections)
+        == reports
+    )
+    for scene in (
+        late_scene(UNEVEN),
+        late_scene(UNEVEN, "paper-ground-chain", targets=1),
+        late_scene(UNEVEN, "none"),
+    ):
         fewer = by_id(opir.simulate(scene).detections)
-        first = {key: value for key, value in fewer.items() if scene.sensors[-1].id != "S1" or reports[key] == value}
+        first = {
+            key: value
+            for key, value in fewer.items()
+            if scene.sensors[-1].id != "S1" or reports[key] == value
+        }
         assert all(reports[key] == value for key, value in first.items())
         assert len(first) > 50
 
@@ -131,7 +171,9 @@ def test_all_detections_of_a_scan_travel_together_false_alarms_too() -> None:
 
 
 @pytest.mark.slow
-def test_without_latency_nothing_is_drawn_and_the_column_is_that_of_the_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_latency_nothing_is_drawn_and_the_column_is_that_of_the_looks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def drawn(*_: object) -> None:
         raise AssertionError("a latency was drawn")
 
@@ -154,7 +196,9 @@ def test_a_scene_without_latency_imports_nothing_for_it() -> None:
         "import json, sys; from late_scene import late_scene; import opir_core as opir;"
         "opir.simulate(late_scene('none')); print(json.dumps(sorted(sys.modules)))"
     )
-    reported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_paths())
+    reported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_paths()
+    )
     assert "opir_core.simulation.reporting" not in json.loads(reported.stdout)
 
 
@@ -165,15 +209,22 @@ def _paths() -> dict[str, str]:
 
 
 def test_the_mean_latency_from_ignition_to_report_is_that_of_the_looks_and_the_stages() -> None:
-    """With random scans of period T the first detection is T (1/P - 1/2) after ignition on average, and its report the
-    sum of the means later. Reports do not overtake each other: T is far above the spread of the latencies."""
+    """With random scans of period T the first detection is T (1/P - 1/2) after ignition on average,
+    and its report the sum of the means later. Reports do not overtake each other: T is far above
+    the spread of the latencies."""
     period_s = 20.0
     probability = 0.6
     count = 400
-    stages = {"on_board": {"mean_s": 1.0}, "downlink": {"mean_s": 2.0, "sigma_s": 0.5}, "processing": {"mean_s": 4.0}}
+    stages = {
+        "on_board": {"mean_s": 1.0},
+        "downlink": {"mean_s": 2.0, "sigma_s": 0.5},
+        "processing": {"mean_s": 4.0},
+    }
     sensor = {"scan_period_ms": 1e3 * period_s, "detection_probability": {"ICBM": probability}}
     scene = late_scene(*[stages] * 1, targets=1, sensor=sensor, duration_s=230, light_time=False)
-    many = evolve(scene, sensors=tuple(evolve(scene.sensors[0], id=f"S{number}") for number in range(count)))
+    many = evolve(
+        scene, sensors=tuple(evolve(scene.sensors[0], id=f"S{number}") for number in range(count))
+    )
     run = opir.simulate(many)
     first_ns = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(first_ns, run.detections.sensor, run.detections.reported_ns)
@@ -191,7 +242,9 @@ def test_the_summary_has_the_first_report_of_each_target() -> None:
     assert [row["reporting_mean_s"] for row in run.summary["sensors"]] == [5.5, 7.25]
     for number, row in enumerate(run.summary["targets"]):
         own = run.truth.target == number
-        assert row["latency_s"] == pytest.approx(run.detections.time_ns[own].min() * 1e-9 - row["ignition_s"])
+        assert row["latency_s"] == pytest.approx(
+            run.detections.time_ns[own].min() * 1e-9 - row["ignition_s"]
+        )
         assert row["end_to_end_latency_s"] == pytest.approx(
             run.detections.reported_ns[own].min() * 1e-9 - row["ignition_s"]
         )
@@ -200,7 +253,9 @@ def test_the_summary_has_the_first_report_of_each_target() -> None:
         assert row["last_detection_s"] == pytest.approx(run.detections.time_ns[own].max() * 1e-9)
     prompt = opir.simulate(late_scene("none")).summary["targets"]
     assert all(row["end_to_end_latency_s"] == row["latency_s"] for row in prompt)
-    unseen = opir.simulate(late_scene(UNEVEN, sensor={"detection_probability": {"ICBM": 0.0}})).summary["targets"]
+    unseen = opir.simulate(
+        late_scene(UNEVEN, sensor={"detection_probability": {"ICBM": 0.0}})
+    ).summary["targets"]
     assert all(row["end_to_end_latency_s"] is None for row in unseen)
 
 
@@ -211,6 +266,10 @@ def test_the_lag_holds_nearly_all_reports_of_the_slowest_sensor() -> None:
     # By the union bound at most two in a thousand: 99.9 % of a binomial count.
     most = 2.0 * LATE_CHANCE
     assert (drawn > lag_s).mean() < most + Z * np.sqrt(most / len(drawn))
-    expected = 0.5 + gamma(4.0 / 9.0, scale=4.5).isf(LATE_CHANCE) + gamma(16.0, scale=0.25).isf(LATE_CHANCE)
+    expected = (
+        0.5
+        + gamma(4.0 / 9.0, scale=4.5).isf(LATE_CHANCE)
+        + gamma(16.0, scale=0.25).isf(LATE_CHANCE)
+    )
     assert lag_s == pytest.approx(expected, rel=1e-9)
     assert release_lag_ns([stub_sensor()]) == 0

@@ -16,7 +16,9 @@ EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
 @pytest.fixture(scope="module")
 def run() -> Run:
     return opir.simulate(
-        opir.load_scene(EXAMPLE, overrides=["duration_s=90", "tracker={model: imm, regions_every_s: 20}"])
+        opir.load_scene(
+            EXAMPLE, overrides=["duration_s=90", "tracker={model: imm, regions_every_s: 20}"]
+        )
     )
 
 

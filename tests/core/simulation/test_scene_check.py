@@ -18,8 +18,18 @@ from opir_core.simulation.scene_check import check_scene
 
 def scene(**changes: Any) -> opir.Scene:
     launch = {"lat_deg": 10.0, "lon_deg": 20.0, "time_s": 7.0}
-    target = {"id": "T1", "type": "ICBM", "launch": launch, "aim": {"lat_deg": -20.0, "lon_deg": 110.0}}
-    there = {**target, "id": "T2", "launch": {**launch, "lon_deg": -160.0}, "aim": {"lat_deg": -20.0, "lon_deg": -70.0}}
+    target = {
+        "id": "T1",
+        "type": "ICBM",
+        "launch": launch,
+        "aim": {"lat_deg": -20.0, "lon_deg": 110.0},
+    }
+    there = {
+        **target,
+        "id": "T2",
+        "launch": {**launch, "lon_deg": -160.0},
+        "aim": {"lat_deg": -20.0, "lon_deg": -70.0},
+    }
     return scene_from_mapping(
         {
             "scene": "checked",
@@ -37,7 +47,13 @@ def scene(**changes: Any) -> opir.Scene:
 
 
 ALIGNED = [
-    {"model": "DSP", "id": name, "orbital_slot_deg": slot, "scan_phase": "aligned", "scan_period_ms": period}
+    {
+        "model": "DSP",
+        "id": name,
+        "orbital_slot_deg": slot,
+        "scan_phase": "aligned",
+        "scan_period_ms": period,
+    }
     for name, slot, period in (("A", 0.0, 1000.0), ("B", 180.0, 700.0), ("C", 60.0, 3000.0))
 ]
 
@@ -58,11 +74,16 @@ def test_warnings_are_those_of_the_plan(changes: dict[str, Any]) -> None:
 
 def test_one_of_these_scenes_has_a_warning_of_a_scan_instant() -> None:
     warnings = plan_warnings(check_scene(scene(sensors=ALIGNED)))
-    assert any("looks of A, B coincide with ignitions and burnouts of T1, T2" in warning for warning in warnings)
+    assert any(
+        "looks of A, B coincide with ignitions and burnouts of T1, T2" in warning
+        for warning in warnings
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limits", [{"looks_per_run": 30.0}, {"events_per_run": 30.0}, {"bytes_per_run": 3e4}])
+@pytest.mark.parametrize(
+    "limits", [{"looks_per_run": 30.0}, {"events_per_run": 30.0}, {"bytes_per_run": 3e4}]
+)
 @pytest.mark.parametrize("detection", ["constant", "snr"])
 def test_too_much_work_is_refused_as_by_the_plan(limits: dict[str, float], detection: str) -> None:
     made = scene(limits=limits, detection=detection)
@@ -81,11 +102,15 @@ def test_a_limit_between_the_looks_and_their_bound_is_kept() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["arctic_watch", "first_light", "pacific_test_range", "target_classes"])
+@pytest.mark.parametrize(
+    "name", ["arctic_watch", "first_light", "pacific_test_range", "target_classes"]
+)
 def test_the_bound_of_the_looks_holds(name: str) -> None:
     plan = compile_plan(load_scene(ROOT / "examples" / f"{name}.yaml"))
     starts = scan_starts(plan.scene.seed, plan.sensors)
-    most = PairCompiler(plan.sensors, plan.targets, starts, plan.scene.light_time, plan.end_ns, ()).most_looks()
+    most = PairCompiler(
+        plan.sensors, plan.targets, starts, plan.scene.light_time, plan.end_ns, ()
+    ).most_looks()
     looks = np.bincount(plan.pairs.sensor, plan.pairs.looks, minlength=len(plan.sensors))
     assert (looks <= most).all()
 
@@ -93,7 +118,9 @@ def test_the_bound_of_the_looks_holds(name: str) -> None:
 def test_no_line_of_sight_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     rows: list[int] = []
     margins_of = pair_compiler.Margins.of
-    monkeypatch.setattr(pair_compiler.Margins, "of", lambda *given: rows.append(len(given[2])) or margins_of(*given))
+    monkeypatch.setattr(
+        pair_compiler.Margins, "of", lambda *given: rows.append(len(given[2])) or margins_of(*given)
+    )
     check_scene(scene())
     assert not rows
     compile_plan(scene())
@@ -102,9 +129,16 @@ def test_no_line_of_sight_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("hour", range(0, 24, 3))
-@pytest.mark.parametrize("duration_s", [60.0, 7200.0, pytest.param(86400.0, marks=pytest.mark.slow)])
-def test_sensors_far_from_the_sun_are_left_out_of_the_search_only_without_outages(hour: int, duration_s: float) -> None:
-    sensors = [{"model": "DSP", "id": f"S{number}", "orbital_slot_deg": 7.2 * number - 180.0} for number in range(50)]
+@pytest.mark.parametrize(
+    "duration_s", [60.0, 7200.0, pytest.param(86400.0, marks=pytest.mark.slow)]
+)
+def test_sensors_far_from_the_sun_are_left_out_of_the_search_only_without_outages(
+    hour: int, duration_s: float
+) -> None:
+    sensors = [
+        {"model": "DSP", "id": f"S{number}", "orbital_slot_deg": 7.2 * number - 180.0}
+        for number in range(50)
+    ]
     made = scene(sensors=sensors, epoch=f"2026-03-20T{hour:02}:00:00Z", duration_s=duration_s)
     plan = compile_plan(scene(sensors=sensors))
     found = solar_exclusions(plan.sensors, made.epoch_us, duration_s)

@@ -1,4 +1,6 @@
-"""A field of regard that suits another orbit is reported: a LEO sensor with a GEO's cone sees next to nothing."""
+"""A field of regard that suits another orbit is reported: a LEO sensor with a GEO's cone sees next
+to nothing.
+"""
 
 import pytest
 
@@ -21,7 +23,11 @@ def warnings_of(half_angle_deg=None, **sensor):
         "sensors": [{"id": "S", **sensor}],
         "tracker": "none",
     }
-    return [line for line in plan_warnings(compile_plan(scene_from_mapping(scene))) if "field of regard" in line]
+    return [
+        line
+        for line in plan_warnings(compile_plan(scene_from_mapping(scene)))
+        if "field of regard" in line
+    ]
 
 
 @pytest.mark.parametrize(
@@ -60,6 +66,11 @@ def test_fields_of_another_orbit_are_reported(model, half_angle_deg, orbit):
 
 
 def test_the_share_is_that_of_spherical_caps():
-    """At 500 km the horizon is 68 deg from nadir; 10 deg meet the ground 0.79 deg from the point below, 0.13 %."""
+    """At 500 km the horizon is 68 deg from nadir; 10 deg meet the ground 0.79 deg from the point
+    below, 0.13 %.
+    """
     (reported,) = warnings_of(10.0, model="generic-scanner", orbit=LEO)
-    assert "10 deg about nadir, holds 0.13% of the ground that it could see; the horizon is at 68 deg" in reported
+    assert (
+        "10 deg about nadir, holds 0.13% of the ground that it could see; the horizon is at 68 deg"
+        in reported
+    )

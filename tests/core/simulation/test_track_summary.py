@@ -1,4 +1,6 @@
-"""The summary of tracks: one line per track, with the 95 % region of the impact, an axis, or the paper's sigma."""
+"""The summary of tracks: one line per track, with the 95 % region of the impact, an axis, or the
+paper's sigma.
+"""
 
 from typing import Any
 
@@ -33,12 +35,17 @@ def summary_of(tracks: Tracks) -> tuple[dict[str, Any], str]:
 def test_an_impact_has_an_axis_until_there_are_regions() -> None:
     impact, text = summary_of(TRACK)
     assert impact["semi_major_95_km"] == pytest.approx(30.0 * np.sqrt(-2.0 * np.log(0.05)))
-    assert (impact["region_95_km2"], impact["method"], impact["sigma_km"]) == (None, "posterior", None)
+    assert (impact["region_95_km2"], impact["method"], impact["sigma_km"]) == (
+        None,
+        "posterior",
+        None,
+    )
     assert text == "9.00 N 167.70 E at 1800.0 s (73.4 km)"
 
 
 @pytest.mark.parametrize(
-    ("area_km2", "words"), [(12345.6, "95 % in 12 000 km2"), (10.2, "95 % in 10 km2"), (0.314, "95 % in 0.31 km2")]
+    ("area_km2", "words"),
+    [(12345.6, "95 % in 12 000 km2"), (10.2, "95 % in 10 km2"), (0.314, "95 % in 0.31 km2")],
 )
 def test_the_area_of_the_95_percent_region_is_printed(area_km2: float, words: str) -> None:
     half, most, outer = stub_regions(9.0, 167.7)
@@ -51,7 +58,11 @@ def test_the_area_of_the_95_percent_region_is_printed(area_km2: float, words: st
 
 def test_the_paper_s_law_has_a_sigma_and_no_containment() -> None:
     impact, text = summary_of(evolve(TRACK, impact_method=np.ones(1, dtype=np.uint8)))
-    assert (impact["method"], impact["semi_major_95_km"], impact["region_95_km2"]) == ("paper", None, None)
+    assert (impact["method"], impact["semi_major_95_km"], impact["region_95_km2"]) == (
+        "paper",
+        None,
+        None,
+    )
     assert impact["sigma_km"] == pytest.approx(30.0)
     assert text == "9.00 N 167.70 E at 1800.0 s (sigma 30.0 km)"
     impact, text = summary_of(evolve(TRACK, impact=np.full((1, 3), np.nan)))
@@ -60,9 +71,16 @@ def test_the_paper_s_law_has_a_sigma_and_no_containment() -> None:
 
 def row_of(chances: Any, regions: Any = (), **columns: Any) -> dict[str, Any]:
     weighed = stub_estimates(1, hypothesis_probability=chances)
-    names = ("hypothesis_probability", "probability_launch", "probability_missile", "probability_orbit")
+    names = (
+        "hypothesis_probability",
+        "probability_launch",
+        "probability_missile",
+        "probability_orbit",
+    )
     given = {name: getattr(weighed, name) for name in names} | columns
-    tracks = evolve(TRACK, impact_regions=stub_estimates(1, impact_regions=[regions]).impact_regions, **given)
+    tracks = evolve(
+        TRACK, impact_regions=stub_estimates(1, impact_regions=[regions]).impact_regions, **given
+    )
     latest = LatestTracks([each.name for each in core_hypotheses()])
     latest.take(tracks)
     (row,) = latest.rows()
@@ -71,7 +89,11 @@ def row_of(chances: Any, regions: Any = (), **columns: Any) -> dict[str, Any]:
 
 def test_a_track_has_its_hypotheses_by_name_and_its_likeliest() -> None:
     row = row_of(stub_hypotheses(ICBM=0.25, SLV=0.625), end=np.array([2], dtype=np.uint8))
-    assert (row["likeliest_hypothesis"], row["hypothesis_probability"], row["end"]) == ("SLV", 0.625, "orbit")
+    assert (row["likeliest_hypothesis"], row["hypothesis_probability"], row["end"]) == (
+        "SLV",
+        0.625,
+        "orbit",
+    )
     shares = {name: share for name, share in row["hypotheses"].items() if share}
     assert shares == {"ICBM": 0.25, "SLV": 0.625, "none of these": 0.125}
     sums = [row[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
@@ -83,19 +105,41 @@ def test_a_tracker_that_weighs_nothing_has_no_hypotheses() -> None:
     latest = LatestTracks([each.name for each in core_hypotheses()])
     latest.take(TRACK)
     (row,) = latest.rows()
-    names = ("hypotheses", "likeliest_hypothesis", "hypothesis_probability", "probability_launch", "end")
-    assert [row[name] for name in (*names, "probability_orbit", "probability_comes_down")] == [None] * 7
+    names = (
+        "hypotheses",
+        "likeliest_hypothesis",
+        "hypothesis_probability",
+        "probability_launch",
+        "end",
+    )
+    assert [row[name] for name in (*names, "probability_orbit", "probability_comes_down")] == [
+        None
+    ] * 7
     assert track_cells(row, weighs=False)[1] == "ICBM 0.75"
 
 
 def test_regions_have_their_conditions_and_tell_whether_it_comes_down() -> None:
-    over = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0)
-    again = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125, effective_samples=12.0)
+    over = stub_regions(
+        9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
+    )
+    again = stub_regions(
+        9.0, 167.7, 400.0, condition="relights", probability=0.125, effective_samples=12.0
+    )
     row = row_of(stub_hypotheses(ICBM=0.9), (*over, *again))
     assert row["probability_comes_down"] == 0.875
     assert row["impact"]["regions"] == [
-        {"condition": "burn over", "probability": 0.75, "area_95_km2": over[2].area_km2, "effective_samples": 500.0},
-        {"condition": "relights", "probability": 0.125, "area_95_km2": again[2].area_km2, "effective_samples": 12.0},
+        {
+            "condition": "burn over",
+            "probability": 0.75,
+            "area_95_km2": over[2].area_km2,
+            "effective_samples": 500.0,
+        },
+        {
+            "condition": "relights",
+            "probability": 0.125,
+            "area_95_km2": again[2].area_km2,
+            "effective_samples": 12.0,
+        },
     ]
     assert row["impact"]["region_95_km2"] == over[2].area_km2
     impact = "9.00 N 167.70 E at 1800.0 s (if the burn is over: 95 % in 11 000 km2)"
@@ -104,4 +148,12 @@ def test_regions_have_their_conditions_and_tell_whether_it_comes_down() -> None:
 
 def test_what_is_probably_no_launch_has_no_launch_point_and_no_impact() -> None:
     fire = row_of(stub_hypotheses(ground_source=0.75, SRBM=0.25), stub_regions(9.0, 167.7))
-    assert track_cells(fire, weighs=True)[1:] == ("ground source 0.75", "0.25", "60.0", "60.0", "-", "-", "-")
+    assert track_cells(fire, weighs=True)[1:] == (
+        "ground source 0.75",
+        "0.25",
+        "60.0",
+        "60.0",
+        "-",
+        "-",
+        "-",
+    )

@@ -16,7 +16,9 @@ SCENE = {
     "duration_s": 20.0,
     "seed": 3,
     # Aligned scans: looks at both targets are at the same time.
-    "sensors": [{"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": -150.0, "scan_phase": "aligned"}],
+    "sensors": [
+        {"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": -150.0, "scan_phase": "aligned"}
+    ],
     "targets": [
         {
             "id": name,
@@ -62,7 +64,9 @@ def test_a_tracker_is_shown_no_count_and_no_confidence():
 
 
 def test_what_a_tracker_is_shown_does_not_depend_on_which_target_it_was_of():
-    """Every column but the directions, the reported types and the ids is the same for two targets seen in one scan."""
+    """Every column but the directions, the reported types and the ids is the same for two targets
+    seen in one scan.
+    """
     spy = Spy()
     run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), make_tracker=lambda: spy))
     shown = Detections.concatenate(spy.shown)
@@ -96,16 +100,27 @@ class Watched:
 @pytest.mark.parametrize("tracker", ["imm", pytest.param("kepler-arc", marks=pytest.mark.slow)])
 def test_an_idle_tracker_is_not_stepped_and_misses_nothing(tracker):
     """Two short flights, long apart: the same tracks, in any windows."""
-    late = {"id": "T3", "type": "SRBM", "launch": {"lat_deg": 36.0, "lon_deg": -120.0, "time_s": 1501.0}}
+    late = {
+        "id": "T3",
+        "type": "SRBM",
+        "launch": {"lat_deg": 36.0, "lon_deg": -120.0, "time_s": 1501.0},
+    }
     targets = [{**late, "id": "T1", "launch": {**late["launch"], "time_s": 31.0}}, late]
     aim = {"lat_deg": 38.0, "lon_deg": -120.0}
-    scene = {**SCENE, "duration_s": 1530.5, "targets": [{**each, "aim": aim} for each in targets], "tracker": tracker}
+    scene = {
+        **SCENE,
+        "duration_s": 1530.5,
+        "targets": [{**each, "aim": aim} for each in targets],
+        "tracker": tracker,
+    }
     plan = compile_plan(scene_from_mapping(scene))
     runs = []
     steps = []
     for never_idle, window_s in ((True, None), (False, None), (False, 37.3)):
         watched = Watched(plan.make_tracker(), never_idle)
-        runs.append(run_of_plan(evolve(plan, make_tracker=lambda watched=watched: watched), window_s))
+        runs.append(
+            run_of_plan(evolve(plan, make_tracker=lambda watched=watched: watched), window_s)
+        )
         steps.append(len(watched.steps))
     assert len(runs[0].tracks) > 20
     for run in runs[1:]:
@@ -115,13 +130,19 @@ def test_an_idle_tracker_is_not_stepped_and_misses_nothing(tracker):
             assert np.array_equal(one, other, equal_nan=one.dtype.kind == "f"), item.name
         assert np.array_equal(runs[0].detections.track, run.detections.track)
     assert steps[0] > 1500
-    # Boosts, and until the tracks are lost; then the one step before the next detection, and that at the scene's end.
+    # Boosts, and until the tracks are lost; then the one step before the next detection, and that
+    # at the scene's end.
     assert steps[1] < 800
 
 
 def test_a_year_with_a_launch_at_its_end_takes_few_steps():
     launch = {"lat_deg": 36.0, "lon_deg": -120.0, "time_s": 3.09e7}
-    target = {"id": "T1", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 38.0, "lon_deg": -120.0}}
+    target = {
+        "id": "T1",
+        "type": "SRBM",
+        "launch": launch,
+        "aim": {"lat_deg": 38.0, "lon_deg": -120.0},
+    }
     scene = {**SCENE, "duration_s": 3.1e7, "targets": [target], "tracker": "imm"}
     plan = compile_plan(scene_from_mapping(scene))
     watched = Watched(plan.make_tracker(), False)
@@ -131,5 +152,12 @@ def test_a_year_with_a_launch_at_its_end_takes_few_steps():
 
 
 def test_rows_are_those_of_the_numbers_and_of_no_others():
-    assert rows_of(np.array([2, 5]), np.array([5, 2, 1, 3, 9, -1]), 10).tolist() == [11, 10, -1, -1, -1, -1]
+    assert rows_of(np.array([2, 5]), np.array([5, 2, 1, 3, 9, -1]), 10).tolist() == [
+        11,
+        10,
+        -1,
+        -1,
+        -1,
+        -1,
+    ]
     assert rows_of(np.empty(0, dtype=np.int64), np.array([1, 2]), 10).tolist() == [-1, -1]

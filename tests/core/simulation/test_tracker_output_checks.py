@@ -1,4 +1,6 @@
-"""An invalid output of a tracker gives one message: the plugin, the method, what was wrong, and the way out."""
+"""An invalid output of a tracker gives one message: the plugin, the method, what was wrong, and the
+way out.
+"""
 
 import re
 
@@ -61,19 +63,43 @@ WEIGHED = np.full((2, HYPOTHESES), 1.0 / HYPOTHESES)
 #: What a method answers instead, and the words that it is reported in.
 FAULTS = {
     "associate": [
-        (fail, "associate raised KeyError: 'no such thing' (simulation/test_tracker_output_checks.py, line"),
+        (
+            fail,
+            (
+                "associate raised KeyError: 'no such thing' (simulation/test_tracker_output_checks.py,"
+                " line"
+            ),
+        ),
         (lambda _: None, "associate returned None for 2 detections"),
         (lambda found: np.zeros(len(found)), "associate returned float64 (2,) for 2 detections"),
-        (lambda found: np.zeros(len(found) + 1, dtype=np.int64), "associate returned int64 (3,) for 2 detections"),
+        (
+            lambda found: np.zeros(len(found) + 1, dtype=np.int64),
+            "associate returned int64 (3,) for 2 detections",
+        ),
         (lambda found: np.full(len(found), -2), "associate returned the track -2"),
     ],
     "step": [
-        (fail, "step at 1 s raised KeyError: 'no such thing' (simulation/test_tracker_output_checks.py, line"),
+        (
+            fail,
+            (
+                "step at 1 s raised KeyError: 'no such thing'"
+                " (simulation/test_tracker_output_checks.py, line"
+            ),
+        ),
         (lambda *_: None, "step at 1 s returned None, no opir_core.interfaces.records.Tracks"),
         (lambda *_: [], "step at 1 s returned a list, no opir_core.interfaces.records.Tracks"),
-        (lambda tick_s, _: reported(tick_s, track=np.array([1, 0])), "step at 1 s returned tracks numbered [1, 0]"),
-        (lambda tick_s, _: reported(tick_s, track=np.array([1, 1])), "step at 1 s returned tracks numbered [1, 1]"),
-        (lambda tick_s, _: reported(tick_s, track=np.array([-1, 1])), "step at 1 s returned tracks numbered [-1, 1]"),
+        (
+            lambda tick_s, _: reported(tick_s, track=np.array([1, 0])),
+            "step at 1 s returned tracks numbered [1, 0]",
+        ),
+        (
+            lambda tick_s, _: reported(tick_s, track=np.array([1, 1])),
+            "step at 1 s returned tracks numbered [1, 1]",
+        ),
+        (
+            lambda tick_s, _: reported(tick_s, track=np.array([-1, 1])),
+            "step at 1 s returned tracks numbered [-1, 1]",
+        ),
         (
             lambda tick_s, _: reported(tick_s, state=np.zeros((2, 3))),
             "step at 1 s returned state as float64 (2, 3), not 2 rows",
@@ -86,10 +112,16 @@ FAULTS = {
             lambda tick_s, _: reported(tick_s, launch=None),
             "step at 1 s returned launch as None, not 2 rows of shape (3,)",
         ),
-        (lambda tick_s, _: reported(tick_s + 5.0), "step at 1 s returned tick_s 6, not that of the step"),
+        (
+            lambda tick_s, _: reported(tick_s + 5.0),
+            "step at 1 s returned tick_s 6, not that of the step",
+        ),
         (
             lambda tick_s, _: reported(tick_s, impact_regions=np.zeros(2)),
-            "step at 1 s returned impact_regions as float64 (2,), not 2 tuples of opir_core.ImpactRegion",
+            (
+                "step at 1 s returned impact_regions as float64 (2,), not 2 tuples of"
+                " opir_core.ImpactRegion"
+            ),
         ),
         (
             lambda tick_s, _: reported(tick_s, impact_regions=np.array([None, ()], dtype=object)),
@@ -112,7 +144,9 @@ FAULTS = {
             "step at 1 s returned hypothesis_probability as float64 (2, 2), not 2 rows of shape",
         ),
         (
-            lambda tick_s, _: reported(tick_s, hypothesis_probability=np.full((2, HYPOTHESES), 0.5 / HYPOTHESES)),
+            lambda tick_s, _: reported(
+                tick_s, hypothesis_probability=np.full((2, HYPOTHESES), 0.5 / HYPOTHESES)
+            ),
             "step at 1 s returned hypothesis_probability that sums to [0.5, 0.5], not to 1",
         ),
         (
@@ -120,7 +154,9 @@ FAULTS = {
             "step at 1 s returned probability_launch outside [0, 1]",
         ),
         (
-            lambda tick_s, _: reported(tick_s, **({"hypothesis_probability": WEIGHED} if tick_s > 1.0 else {})),
+            lambda tick_s, _: reported(
+                tick_s, **({"hypothesis_probability": WEIGHED} if tick_s > 1.0 else {})
+            ),
             f"step at 2 s returned {HYPOTHESES} hypotheses, after 0 at earlier ticks",
         ),
     ],
@@ -172,11 +208,14 @@ def broken(method, answer):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("method", "answer", "words"), [(method, *fault) for method, faults in FAULTS.items() for fault in faults]
+    ("method", "answer", "words"),
+    [(method, *fault) for method, faults in FAULTS.items() for fault in faults],
 )
 def test_a_broken_promise_is_reported_with_whose_it_is_and_the_way_out(method, answer, words):
     complaint = complaint_of(lambda *_: broken(method, answer))
-    assert complaint.startswith(f"tracker: the tracker 'frail' of plugin Plugin (registered by this program): {words}")
+    assert complaint.startswith(
+        f"tracker: the tracker 'frail' of plugin Plugin (registered by this program): {words}"
+    )
     assert complaint.endswith("; `opir check frail` shows what is required")
     assert "\n" not in complaint
 
@@ -184,8 +223,14 @@ def test_a_broken_promise_is_reported_with_whose_it_is_and_the_way_out(method, a
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (fail, r"build raised KeyError: 'no such thing' \(simulation/test_tracker_output_checks.py, line \d+\)"),
-        (lambda *_: None, r"build made None without associate\(detections\) and step\(tick_s, detections\);"),
+        (
+            fail,
+            r"build raised KeyError: 'no such thing' \(simulation/test_tracker_output_checks.py, line \d+\)",
+        ),
+        (
+            lambda *_: None,
+            r"build made None without associate\(detections\) and step\(tick_s, detections\);",
+        ),
         (lambda *_: object(), r"build made an object without associate\(detections\) and step"),
     ],
 )
@@ -199,19 +244,26 @@ def test_the_line_reported_is_the_trackers_and_no_librarys():
 
     complaint = complaint_of(lambda *_: broken("step", unsolvable))
     assert (
-        "step at 1 s raised LinAlgError: Singular matrix (simulation/test_tracker_output_checks.py, line " in complaint
+        "step at 1 s raised LinAlgError: Singular matrix (simulation/test_tracker_output_checks.py,"
+        " line " in complaint
     )
 
 
 def test_the_innermost_line_of_the_plugin_is_reported(monkeypatch):
     monkeypatch.setattr("opir_trackers.imm.associate.unassigned", np.linalg.inv)
-    with pytest.raises(ModelError, match=r"of opir-trackers .*LinAlgError: .* \(imm/associate.py, line \d+\)"):
+    with pytest.raises(
+        ModelError, match=r"of opir-trackers .*LinAlgError: .* \(imm/associate.py, line \d+\)"
+    ):
         opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "imm"}))
 
 
 @pytest.mark.parametrize("weighed", [np.empty((2, 0)), WEIGHED, np.nan * WEIGHED])
 def test_a_sound_tracker_runs(weighed):
-    host = host_of(lambda *_: broken("step", lambda tick_s, _: reported(tick_s, hypothesis_probability=weighed)))
+    host = host_of(
+        lambda *_: broken(
+            "step", lambda tick_s, _: reported(tick_s, hypothesis_probability=weighed)
+        )
+    )
     run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "frail"}, host=host), host)
     assert len(run.tracks) == 2 * 15
 

@@ -1,4 +1,6 @@
-"""A run in several processes: the same bytes as in one, whatever dies, and one clear message for what is wrong."""
+"""A run in several processes: the same bytes as in one, whatever dies, and one clear message for
+what is wrong.
+"""
 
 import multiprocessing
 import os
@@ -64,7 +66,11 @@ def plan_of(added: dict[str, Any]) -> Plan:
                     {
                         "id": f"T{number}",
                         "type": "ICBM",
-                        "launch": {"lat_deg": 20.0 + number, "lon_deg": 10.0 * number, "time_s": 2.0 * number},
+                        "launch": {
+                            "lat_deg": 20.0 + number,
+                            "lon_deg": 10.0 * number,
+                            "time_s": 2.0 * number,
+                        },
                         "aim": {"lat_deg": -20.0, "lon_deg": 90.0},
                     }
                     for number in range(4)
@@ -91,7 +97,11 @@ def nothing_is_left() -> Any:
 def written(plan: Plan, count: int, **parts: Any) -> dict[str, bytes]:
     """Return the files of a run, by name."""
     tracks = None if plan.make_tracker().cadence_s is None else Path("tracks.jsonl")
-    paths = {"truth_path": Path("truth.jsonl"), "manifest_path": Path("manifest.json"), "tracks_path": tracks}
+    paths = {
+        "truth_path": Path("truth.jsonl"),
+        "manifest_path": Path("manifest.json"),
+        "tracks_path": tracks,
+    }
     outcome = deliver(plan, workers=count, **paths, **parts)
     outcome.raise_for_failures()
     contents = {path.name: path.read_bytes() for path in Path().iterdir()}
@@ -99,7 +109,9 @@ def written(plan: Plan, count: int, **parts: Any) -> dict[str, bytes]:
 
 
 #: A tracker takes seconds.
-TRACKED_IS_SLOW = [pytest.param(name, marks=pytest.mark.slow if name == "tracked" else ()) for name in SCENES]
+TRACKED_IS_SLOW = [
+    pytest.param(name, marks=pytest.mark.slow if name == "tracked" else ()) for name in SCENES
+]
 
 
 @pytest.mark.slow
@@ -131,7 +143,9 @@ def test_text_without_room_in_the_buffer_is_the_same(monkeypatch: pytest.MonkeyP
 
 
 def dying(monkeypatch: pytest.MonkeyPatch, times: int, at: str) -> Path:
-    """Let the worker of the window at 20 s be killed a number of times: before its turn, in it, or after it."""
+    """Let the worker of the window at 20 s be killed a number of times: before its turn, in it, or
+    after it.
+    """
     flag = Path("deaths")
     observe = Engine.observe
     counted = CountDetections._counted
@@ -176,14 +190,20 @@ def test_a_killed_worker_costs_time_and_no_result(at: str, monkeypatch: pytest.M
     assert again == alone
 
 
-def test_a_window_that_always_kills_its_worker_ends_the_run_with_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_that_always_kills_its_worker_ends_the_run_with_its_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     dying(monkeypatch, 99, "before")
-    with pytest.raises(LostWindowError, match=r"window from [\d.]+ to [\d.]+ s ended 3 times.*fewer workers"):
+    with pytest.raises(
+        LostWindowError, match=r"window from [\d.]+ to [\d.]+ s ended 3 times.*fewer workers"
+    ):
         written(plan_of({}), 2)
     assert not Path("events.jsonl").exists()
 
 
-def test_what_a_worker_raises_is_raised_when_its_window_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_worker_raises_is_raised_when_its_window_is_due(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     observe = Engine.observe
     seen: list[float] = []
 
@@ -220,7 +240,9 @@ def test_the_summary_needs_no_other_columns_than_are_sent() -> None:
 
 @pytest.mark.parametrize("count", [0, -1])
 def test_a_number_of_workers_below_one_is_refused(count: int) -> None:
-    with pytest.raises(SceneError, match=f"workers: {count} is not a number of processes; give 1 or more"):
+    with pytest.raises(
+        SceneError, match=f"workers: {count} is not a number of processes; give 1 or more"
+    ):
         opir.run_of_plan(plan_of({}), workers=count)
 
 
@@ -233,4 +255,7 @@ def test_a_system_without_fork_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_live_service_refuses_workers(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["serve", "scene.yaml", "--workers", "2"])
-    assert "--workers: a live service runs in one process; omit it, or use opir run" in capsys.readouterr().err
+    assert (
+        "--workers: a live service runs in one process; omit it, or use opir run"
+        in capsys.readouterr().err
+    )

@@ -1,4 +1,6 @@
-"""The fleets in high ellipses and low orbits: what they are, that they come and go, and that nothing else is needed."""
+"""The fleets in high ellipses and low orbits: what they are, that they come and go, and that
+nothing else is needed.
+"""
 
 import importlib
 import itertools
@@ -29,7 +31,9 @@ for package in PACKAGES:
 
 PLUGINS = {package: importlib.import_module(f"{package}.plugin") for package in PACKAGES}
 MODELS = {model.name: model for plugin in PLUGINS.values() for model in plugin.opir_sensor_models()}
-FLEETS = {fleet.name: fleet for plugin in PLUGINS.values() for fleet in plugin.opir_constellations()}
+FLEETS = {
+    fleet.name: fleet for plugin in PLUGINS.values() for fleet in plugin.opir_constellations()
+}
 
 
 def sensors_of(name):
@@ -65,13 +69,21 @@ def launch(time_s, latitude_deg=55.0, longitude_deg=90.0, **settings):
 def test_every_default_is_cited_or_called_notional(name):
     infos = field_infos(MODELS[name].config)
     assert all(info.source for info in infos.values())
-    for field in ("bands", "scan_period_ms", "detection_probability", "line_of_sight_sigma_urad", "confusion"):
+    for field in (
+        "bands",
+        "scan_period_ms",
+        "detection_probability",
+        "line_of_sight_sigma_urad",
+        "confusion",
+    ):
         assert infos[field].source == "notional"
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_confusion_rows_sum_to_1(name):
-    confusion = next(iter(sensors_of(next(fleet for fleet, each in FLEETS.items() if each.model == name)))).confusion
+    confusion = next(
+        iter(sensors_of(next(fleet for fleet, each in FLEETS.items() if each.model == name)))
+    ).confusion
     assert list(confusion) == list(TARGET_TYPES)
     for row in confusion.values():
         assert set(row) == set(REPORTED_TYPES)
@@ -83,7 +95,9 @@ def test_an_orbit_is_required():
         MODELS["HEO"].config()
 
 
-@pytest.mark.parametrize(("name", "period_s", "count"), [("HEO-MOLNIYA", DAY_S / 2, 3), ("HEO-TUNDRA", DAY_S, 2)])
+@pytest.mark.parametrize(
+    ("name", "period_s", "count"), [("HEO-MOLNIYA", DAY_S / 2, 3), ("HEO-TUNDRA", DAY_S, 2)]
+)
 def test_elliptical_fleets_pass_one_apogee_by_turns(name, period_s, count):
     time_s = np.arange(0.0, period_s, 10.0)
     passed = []
@@ -99,7 +113,9 @@ def test_elliptical_fleets_pass_one_apogee_by_turns(name, period_s, count):
 
 @pytest.mark.parametrize(("name", "total", "planes"), [("LEO-WIDE", 24, 6), ("LEO-MEDIUM", 12, 3)])
 def test_low_fleets_are_walker_patterns(name, total, planes):
-    positions = np.stack([sensor.orbit.position_ecef_m(np.zeros(1))[0] for sensor in sensors_of(name)])
+    positions = np.stack(
+        [sensor.orbit.position_ecef_m(np.zeros(1))[0] for sensor in sensors_of(name)]
+    )
     assert len(positions) == total
     assert np.linalg.norm(positions, axis=1) == pytest.approx(6378137.0 + 1.2e6, rel=1e-9)
     angles = np.linalg.norm(positions[:, None] - positions[None], axis=2)
@@ -109,17 +125,23 @@ def test_low_fleets_are_walker_patterns(name, total, planes):
 
 def test_an_elliptical_satellite_comes_and_goes():
     launches = [launch(time_s) for time_s in (600.0, 21_000.0, 43_000.0)]
-    heo = {"model": "HEO", "id": "H", "orbit": {"molniya": {"apogee_lon_deg": 90.0, "apogee_time_s": 600.0}}}
+    heo = {
+        "model": "HEO",
+        "id": "H",
+        "orbit": {"molniya": {"apogee_lon_deg": 90.0, "apogee_time_s": 600.0}},
+    }
     run = simulate(scene_from_mapping(scene_with([heo], launches, duration_s=44_000.0)))
     seen = {run.target_ids[row] for row in np.unique(run.truth.target)}
-    # At 21 000 s, near perigee, the satellite is deep in the south; by 43 000 s it is over the other apogee.
+    # At 21 000 s, near perigee, the satellite is deep in the south; by 43 000 s it is over the
+    # other apogee.
     assert "T600" in seen
     assert "T21000" not in seen
 
 
 @pytest.mark.slow
 def test_low_satellites_take_over_from_one_another():
-    # A satellite 700 km up has a place in view for about a quarter of an hour; launches go on for one.
+    # A satellite 700 km up has a place in view for about a quarter of an hour; launches go on for
+    # one.
     low = {"total": 60, "planes": 6, "phasing": 1, "altitude_km": 700.0, "inclination_deg": 60.0}
     fleet = [
         {
@@ -131,7 +153,10 @@ def test_low_satellites_take_over_from_one_another():
     ]
     launches = [launch(100.0 + 300.0 * number) for number in range(12)]
     run = simulate(scene_from_mapping(scene_with(fleet, launches, duration_s=4000.0)))
-    watching = [set(run.detections.sensor[run.truth.target == target].tolist()) for target in range(len(launches))]
+    watching = [
+        set(run.detections.sensor[run.truth.target == target].tolist())
+        for target in range(len(launches))
+    ]
     assert all(watching)
     assert not watching[0] & watching[-1]
     assert all(one & other for one, other in itertools.pairwise(watching))
@@ -140,11 +165,14 @@ def test_low_satellites_take_over_from_one_another():
 def gmst_rad(julian_day):
     """Return Greenwich mean sidereal time, IAU 1982 (Vallado, eq. 3-45), of UT1 taken as UTC."""
     t = (julian_day - 2451545.0) / 36525.0
-    seconds = 67310.54841 + (876600.0 * 3600.0 + 8640184.812866) * t + 0.093104 * t**2 - 6.2e-6 * t**3
+    seconds = (
+        67310.54841 + (876600.0 * 3600.0 + 8640184.812866) * t + 0.093104 * t**2 - 6.2e-6 * t**3
+    )
     return math.radians(seconds / 240.0 % 360.0)
 
 
-#: A Molniya and a low satellite among the verification cases of SGP4 (Vallado and others, AIAA 2006-6753).
+#: A Molniya and a low satellite among the verification cases of SGP4 (Vallado and others, AIAA
+#: 2006-6753).
 TLE = {
     "HEO": (
         "1 08195U 75081A   06176.33215444  .00000099  00000-0  11873-3 0   813",
@@ -162,35 +190,52 @@ def test_a_satellite_flies_its_mean_elements(name):
     satellite = Satrec.twoline2rv(*TLE[name])
     epoch_us = 1151193600_000_000  # 2006-06-25T00:00:00Z
     model = MODELS[name]
-    sensor = model.build(model.config(orbit=OrbitConfig(tle=TLE[name])), SensorContext(id="S", epoch_us=epoch_us))
+    sensor = model.build(
+        model.config(orbit=OrbitConfig(tle=TLE[name])), SensorContext(id="S", epoch_us=epoch_us)
+    )
     for time_s in (0.0, 40_000.0, 90_000.0):
         day = 2453911.5
         fraction = time_s / 86400.0
         error, (x, y, z), _ = satellite.sgp4(day, fraction)
         angle = gmst_rad(day + fraction)
-        turned = (math.cos(angle) * x + math.sin(angle) * y, math.cos(angle) * y - math.sin(angle) * x, z)
+        turned = (
+            math.cos(angle) * x + math.sin(angle) * y,
+            math.cos(angle) * y - math.sin(angle) * x,
+            z,
+        )
         assert error == 0
         # A double holds a Julian day to 40 us, in which the Earth turns by 3e-9 rad.
-        assert sensor.orbit.position_ecef_m(np.array([time_s]))[0] * 1e-3 == pytest.approx(turned, abs=2e-4)
+        assert sensor.orbit.position_ecef_m(np.array([time_s]))[0] * 1e-3 == pytest.approx(
+            turned, abs=2e-4
+        )
 
 
 def test_mean_elements_go_through_a_whole_scene():
     low = {"model": "LEO-WIDE", "id": "L", "orbit": {"tle": list(TLE["LEO-WIDE"])}}
     overhead = simulate(scene_from_mapping(scene_with([low], [], epoch="2006-06-25T12:00:00Z")))
     place = ecef_to_geodetic(overhead.sensors[0].orbit.position_ecef_m(np.array([60.0])))
-    below = launch(10.0, math.degrees(float(place.latitude_rad[0])), math.degrees(float(place.longitude_rad[0])))
+    below = launch(
+        10.0,
+        math.degrees(float(place.latitude_rad[0])),
+        math.degrees(float(place.longitude_rad[0])),
+    )
     below["aim"] = {"lat_deg": 0.0, "lon_deg": below["launch"]["lon_deg"] - 60.0}
     run = simulate(scene_from_mapping(scene_with([low], [below], epoch="2006-06-25T12:00:00Z")))
     assert len(run.detections) > 100
 
 
 def test_warm_bodies_are_seen_in_long_waves_against_space_and_by_no_sensor_of_short_waves():
-    sensors = [{"constellation": "LEO-MEDIUM"}, {"constellation": "LEO-WIDE", "follows_bodies": True}]
+    sensors = [
+        {"constellation": "LEO-MEDIUM"},
+        {"constellation": "LEO-WIDE", "follows_bodies": True},
+    ]
     settings = {"duration_s": 900.0, "detection": "snr", "background": "earth"}
     run = simulate(scene_from_mapping(scene_with(sensors, [launch(10.0)], **settings)))
     burnout_s = run.summary["targets"][0]["burnout_s"]
     late = (run.truth.target == 0) & (run.truth.emission_time_s > burnout_s + 1.0)
-    medium = np.array([sensor.type == "LEO-MEDIUM" for sensor in run.sensors])[run.detections.sensor]
+    medium = np.array([sensor.type == "LEO-MEDIUM" for sensor in run.sensors])[
+        run.detections.sensor
+    ]
     assert np.count_nonzero(late & medium) > 100
     assert np.count_nonzero(late & ~medium) == 0
     lwir = 1 << [band.name for band in run.sensors[0].bands].index("LWIR")

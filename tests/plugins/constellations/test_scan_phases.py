@@ -1,4 +1,6 @@
-"""Phases of looks in runs: launches on whole seconds, seeds, places, and the mean latency of random phases."""
+"""Phases of looks in runs: launches on whole seconds, seeds, places, and the mean latency of random
+phases.
+"""
 
 import numpy as np
 import pytest
@@ -12,19 +14,33 @@ P_D = 0.6
 
 
 def scene(sensor, ignitions_s, seed=1):
-    """Return a scene of one sensor over launches 40 km apart along a parallel and down a meridian."""
+    """Return a scene of one sensor over launches 40 km apart along a parallel and down a
+    meridian.
+    """
     targets = [
         {
             "id": f"T{number}",
             "type": "ICBM",
-            "launch": {"lat_deg": 30.0 + 0.25 * (number % 5), "lon_deg": 106.0 + 0.4 * number, "time_s": ignition},
+            "launch": {
+                "lat_deg": 30.0 + 0.25 * (number % 5),
+                "lon_deg": 106.0 + 0.4 * number,
+                "time_s": ignition,
+            },
             "aim": {"lat_deg": 45.0, "lon_deg": -120.0},
         }
         for number, ignition in enumerate(ignitions_s)
     ]
-    head = {"scene": "phases", "epoch": "2026-04-01T12:00:00Z", "duration_s": 90.0, "seed": seed, "light_time": False}
+    head = {
+        "scene": "phases",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 90.0,
+        "seed": seed,
+        "light_time": False,
+    }
     each = {"id": "S", "orbital_slot_deg": 105.0, "detection_probability": {"ICBM": 1.0}, **sensor}
-    return opir.scene_from_mapping({**head, "detection": "constant", "sensors": [each], "targets": targets})
+    return opir.scene_from_mapping(
+        {**head, "detection": "constant", "sensors": [each], "targets": targets}
+    )
 
 
 def first_detections_s(scene):

@@ -1,4 +1,6 @@
-"""The paper's three constellations: its tables, their fleets, and that they are plugins as an outsider writes them."""
+"""The paper's three constellations: its tables, their fleets, and that they are plugins as an
+outsider writes them.
+"""
 
 import ast
 import importlib
@@ -40,8 +42,8 @@ SWIR = ("SWIR", 2.5, 3.0)
 MWIR = ("MWIR", 4.0, 5.0)
 LWIR = ("LWIR", 8.0, 12.0)
 
-#: Bands, scan pattern, period in ms, probability of detection of an ICBM, susceptibility to false alarms, and
-#: discrimination: opir-simulator paper (2026), tables of sections 3.1 to 3.4.
+#: Bands, scan pattern, period in ms, probability of detection of an ICBM, susceptibility to false
+#: alarms, and discrimination: opir-simulator paper (2026), tables of sections 3.1 to 3.4.
 PAPER = {
     "DSP": ([LWIR], "spin", 200.0, 0.60, "high", "none"),
     "SBIRS-GEO": ([SWIR, MWIR], "step-stare", 100.0, 0.80, "moderate", "dual-band-ratio"),
@@ -72,7 +74,9 @@ def sensor_of(name, **settings):
 
 
 def every_type(sensors):
-    return ModelContext(sensors=tuple(sensors), target_type_code=np.arange(len(TARGET_TYPES), dtype=np.uint8))
+    return ModelContext(
+        sensors=tuple(sensors), target_type_code=np.arange(len(TARGET_TYPES), dtype=np.uint8)
+    )
 
 
 @ALL
@@ -94,7 +98,13 @@ def test_a_model_has_the_papers_values(name):
 @ALL
 def test_the_paper_is_cited_where_a_value_is_its_and_the_rest_is_called_notional(name):
     infos = field_infos(model_of(name).config)
-    papers = ("bands", "scan_pattern", "scan_period_ms", "false_alarm_susceptibility", "spectral_discrimination")
+    papers = (
+        "bands",
+        "scan_pattern",
+        "scan_period_ms",
+        "false_alarm_susceptibility",
+        "spectral_discrimination",
+    )
     assert all("opir-simulator paper" in infos[field].source for field in papers)
     assert infos["detection_probability"].source.endswith("IRBM, SRBM: notional")
     assert infos["confusion"].source == infos["line_of_sight_sigma_urad"].source == "notional"
@@ -147,7 +157,17 @@ def test_what_is_reported_follows_the_matrix(name, true_type):
     mask = np.ones(rows, np.uint8)
     count = np.ones(rows, np.int64)
     seen = ClassifierInputs(
-        floats, index, target, floats, floats, mask, count, count, index, floats, np.empty((rows, 0))
+        floats,
+        index,
+        target,
+        floats,
+        floats,
+        mask,
+        count,
+        count,
+        index,
+        floats,
+        np.empty((rows, 0)),
     )
     codes = classifier.reported_type(seen, SeededDice(rows))
     for code, reported in enumerate(REPORTED_TYPES):
@@ -165,7 +185,9 @@ def test_the_models_work_with_the_constant_detection():
 def test_a_fleet_is_spread_evenly_and_carries_its_own_model(name):
     fleet = fleet_of(name)
     assert fleet.name == fleet.model == name
-    assert [satellite["id"] for satellite in fleet.satellites] == [f"{name}-{number}" for number in range(1, 5)]
+    assert [satellite["id"] for satellite in fleet.satellites] == [
+        f"{name}-{number}" for number in range(1, 5)
+    ]
     slots = [satellite["orbital_slot_deg"] for satellite in fleet.satellites]
     assert np.diff(slots).tolist() == [90.0] * 3
     for satellite in fleet.satellites:
@@ -180,7 +202,9 @@ def test_no_two_satellites_share_a_slot_or_an_id():
 
 def test_the_heritage_preset_has_the_public_figures():
     heritage = dict(model_of("DSP").presets["heritage"])
-    sensor = sensor_of("DSP", **{**heritage, "focal_plane": FocalPlaneConfig(**heritage["focal_plane"])})
+    sensor = sensor_of(
+        "DSP", **{**heritage, "focal_plane": FocalPlaneConfig(**heritage["focal_plane"])}
+    )
     assert sensor.radiometer.focal_planes[0].detector_temperature_k == 193.0
     assert sensor.scan.period_ns == 10_000_000_000
     assert isinstance(sensor.scan, scan_patterns.SpinSweep)
@@ -194,17 +218,29 @@ def test_the_heritage_preset_has_the_public_figures():
 def test_the_paper_preset_aligns_scans_which_are_random_by_default(name):
     assert isinstance(sensor_of(name).scan, scan_patterns.SpinSweep | scan_patterns.StepStareSweep)
     assert model_of(name).presets["paper"]["scan_phase"] == "aligned"
-    assert isinstance(sensor_of(name, **model_of(name).presets["paper"]).scan, scan_patterns.AlignedScan)
+    assert isinstance(
+        sensor_of(name, **model_of(name).presets["paper"]).scan, scan_patterns.AlignedScan
+    )
 
 
 @ALL
 def test_the_scene_lines_of_the_readme_are_read(name):
     readme = (ROOT / "plugins" / PACKAGES[name] / "README.md").read_text(encoding="utf-8")
     lines = yaml.safe_load(readme.partition("```yaml\n")[2].partition("```")[0])
-    head = {"scene": "readme", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "seed": 1, "targets": []}
+    head = {
+        "scene": "readme",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 1.0,
+        "seed": 1,
+        "targets": [],
+    }
     scene = scene_from_mapping({**head, **lines}, host=Host.of(plugin_of(name)))
     assert [sensor.constellation for sensor in scene.sensors] == [name] * 4 + [None]
-    settings = {key: value for key, value in lines["sensors"][-1].items() if key not in ("model", "id", "preset")}
+    settings = {
+        key: value
+        for key, value in lines["sensors"][-1].items()
+        if key not in ("model", "id", "preset")
+    }
     assert settings == {key: getattr(scene.sensors[-1].model.config, key) for key in settings}
 
 
@@ -213,7 +249,13 @@ def test_a_scene_may_override_a_preset_and_a_fleet():
         {"constellation": "DSP", "preset": "heritage", "scan_phase": "random"},
         {"constellation": "SBIRS-GEO", "detection_probability": {"SRBM": 0.1}},
     ]
-    head = {"scene": "s", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "seed": 1, "targets": []}
+    head = {
+        "scene": "s",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 1.0,
+        "seed": 1,
+        "targets": [],
+    }
     host = Host.of(plugin_of("DSP"), plugin_of("SBIRS-GEO"))
     scene = scene_from_mapping({**head, "sensors": sensors}, host=host)
     dsp = scene.sensors[0].model
@@ -252,7 +294,9 @@ def test_a_plugin_module_imports_nothing_heavy(name):
 @ALL
 def test_a_plugin_advertises_what_it_offers(name):
     package = PACKAGES[name]
-    project = tomllib.loads((ROOT / "plugins" / package / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = tomllib.loads(
+        (ROOT / "plugins" / package / "pyproject.toml").read_text(encoding="utf-8")
+    )["project"]
     module = f"{package}.plugin"
     assert project["entry-points"]["opir"] == {package.removeprefix("opir_"): module}
     offered = {

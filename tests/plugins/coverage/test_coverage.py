@@ -26,7 +26,9 @@ COARSE = {"grid_deg": 30.0, "steps": 6, "heights_km": (10.0, 100.0), "launches":
 
 @pytest.fixture(scope="module")
 def whole():
-    return computed_coverage(SCENE, CoverageSettings(**COARSE, requirements=(Requirement.of("in_view>=2"),)))
+    return computed_coverage(
+        SCENE, CoverageSettings(**COARSE, requirements=(Requirement.of("in_view>=2"),))
+    )
 
 
 def test_cells_have_the_engines_answer():
@@ -72,7 +74,11 @@ def test_runs_are_counted_with_their_ends():
     pattern = np.array([[1, 1, 0, 0, 0, 1, 0, 1], [0] * 8], dtype=np.bool_).T
     found = runs(pattern, 10.0)
     assert found.number.tolist() == [3, 0]
-    assert [found.least_s[0], found.mean_s[0], found.most_s[0]] == [10.0, pytest.approx(40.0 / 3.0), 20.0]
+    assert [found.least_s[0], found.mean_s[0], found.most_s[0]] == [
+        10.0,
+        pytest.approx(40.0 / 3.0),
+        20.0,
+    ]
     assert np.isnan(found.mean_s[1])
     gaps = runs(~pattern, 10.0)
     assert gaps.square_s2[0] == 30.0**2 + 10.0**2
@@ -86,27 +92,42 @@ def test_a_difference_is_of_both(whole):
 
 def test_requirements_are_read_and_refused():
     assert str(Requirement.of(" first_report <= 60")) == "first_report<=60"
-    assert Requirement.of("dilution<5").is_met(np.array([4.0, 5.0, np.nan])).tolist() == [True, False, False]
+    assert Requirement.of("dilution<5").is_met(np.array([4.0, 5.0, np.nan])).tolist() == [
+        True,
+        False,
+        False,
+    ]
     with pytest.raises(ValueError, match="is no requirement"):
         Requirement.of("fast")
     with pytest.raises(ModelError, match="'speed' is not one of in_view"):
         computed_coverage(
-            SCENE, CoverageSettings(**{**COARSE, "target_class": None}, requirements=(Requirement.of("speed<1"),))
+            SCENE,
+            CoverageSettings(
+                **{**COARSE, "target_class": None}, requirements=(Requirement.of("speed<1"),)
+            ),
         )
     with pytest.raises(ModelError, match="'BOAT' is not one of"):
         computed_coverage(SCENE, CoverageSettings(**{**COARSE, "target_class": "BOAT"}))
 
 
 def test_the_mean_of_a_requirements_row_is_the_percent_of_area_that_meets_it():
-    """Cells without a value, never seen, do not meet it; those without a gap meet a limit of gaps."""
+    """Cells without a value, never seen, do not meet it; those without a gap meet a limit of
+    gaps.
+    """
     words = ("age_of_data_mean<=1800", "revisit_time_max<=3600")
     settings = {**COARSE, "target_class": None, "assets": (4,), "heights_km": (10.0,)}
-    found = computed_coverage(SCENE, CoverageSettings(**settings, requirements=tuple(map(Requirement.of, words))))
+    found = computed_coverage(
+        SCENE, CoverageSettings(**settings, requirements=tuple(map(Requirement.of, words)))
+    )
     weights = found.grid.weights()
-    for number, (name, limit) in enumerate((("age_of_data_mean", 1800.0), ("revisit_time_max", 3600.0)), start=1):
+    for number, (name, limit) in enumerate(
+        (("age_of_data_mean", 1800.0), ("revisit_time_max", 3600.0)), start=1
+    ):
         values = np.asarray(found[name].values, dtype=float).reshape(-1)
         row = next(each for each in table_rows(found) if each["layer"] == f"share_{number}")
-        assert row["mean"] == pytest.approx(percent_below(values, np.nextafter(limit, np.inf), weights))
+        assert row["mean"] == pytest.approx(
+            percent_below(values, np.nextafter(limit, np.inf), weights)
+        )
         assert row["percent_of_area"] == pytest.approx(100.0)
         assert number == 1 or np.array_equal(values == 0.0, found["gaps"].values.reshape(-1) == 0)
         assert words[number - 1] in as_text([row])
@@ -114,12 +135,25 @@ def test_the_mean_of_a_requirements_row_is_the_percent_of_area_that_meets_it():
 
 def test_the_command_writes_page_and_data(tmp_path, capsys):
     out = tmp_path / "arctic"
-    options = ["--grid", "30", "--steps", "4", "--launches", "1", "--height", "10", "--class", "SRBM"]
+    options = [
+        "--grid",
+        "30",
+        "--steps",
+        "4",
+        "--launches",
+        "1",
+        "--height",
+        "10",
+        "--class",
+        "SRBM",
+    ]
     assert main(["coverage", SCENE, *options, "-o", str(out), "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["layers"]
     assert {"coverage_time", "first_report", "impact_bound"} <= {row["layer"] for row in rows}
     table = pq.read_table(out / "coverage.parquet")
-    assert {"latitude", "longitude", "assets", "coverage_time", "first_report"} <= set(table.column_names)
+    assert {"latitude", "longitude", "assets", "coverage_time", "first_report"} <= set(
+        table.column_names
+    )
     assert table.num_rows % (6 * 12) == 0
     with netcdf_file(out / "coverage.nc", mmap=False) as file:
         assert file.variables["in_view"].dimensions == ("height", "time", "latitude", "longitude")
@@ -136,6 +170,9 @@ def test_the_command_writes_page_and_data(tmp_path, capsys):
 
 
 def test_impossible_settings_are_refused(tmp_path, capsys):
-    for words, reported in ((["--grid", "7"], "does not divide 180"), (["--chance", "2"], "between 0 and 1")):
+    for words, reported in (
+        (["--grid", "7"], "does not divide 180"),
+        (["--chance", "2"], "between 0 and 1"),
+    ):
         assert main(["coverage", SCENE, "--geometry", *words, "-o", str(tmp_path / "x")]) != 0
         assert reported in capsys.readouterr().err

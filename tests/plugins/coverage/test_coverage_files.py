@@ -16,14 +16,24 @@ from repository import ROOT
 from opir_core import scene_from_mapping
 
 WALKER = {"total": 12, "planes": 3, "phasing": 1, "altitude_km": 1200.0, "inclination_deg": 60.0}
-SENSOR = {"model": "generic-scanner", "field_of_regard_half_angle_deg": 90.0, "solar_exclusion_deg": 0.0}
+SENSOR = {
+    "model": "generic-scanner",
+    "field_of_regard_half_angle_deg": 90.0,
+    "solar_exclusion_deg": 0.0,
+}
 CF_UNITS = {"1", "s", "km", "degree", "percent", "m/urad", "W/sr", "m/s"}
 
 
 def scene(*fleets):
     sensors = [{**SENSOR, "fleet": fleet} for fleet in fleets]
     return scene_from_mapping(
-        {"scene": "low", "epoch": "2026-04-01T12:00:00Z", "duration_s": 60, "sensors": sensors, "targets": []}
+        {
+            "scene": "low",
+            "epoch": "2026-04-01T12:00:00Z",
+            "duration_s": 60,
+            "sensors": sensors,
+            "targets": [],
+        }
     )
 
 
@@ -51,7 +61,9 @@ def test_netcdf_is_read_back_with_dates_units_and_names(mixed, read):
     assert read.launch_time.values[1] == np.datetime64("2026-04-02T06:00:00")
     assert read.latitude.attrs["standard_name"] == "latitude"
     assert {each.attrs["units"] for each in read.data_vars.values()} <= CF_UNITS
-    assert all(each.attrs["long_name"] for each in [*read.data_vars.values(), *read.coords.values()])
+    assert all(
+        each.attrs["long_name"] for each in [*read.data_vars.values(), *read.coords.values()]
+    )
     for each in mixed.layers:
         values = np.asarray(each.values, dtype=np.float32)
         np.testing.assert_array_equal(read[each.name].values.astype(np.float32), values)
@@ -80,7 +92,9 @@ def test_a_fleet_that_needs_finer_steps_is_named_so(low, mixed):
 
 def test_a_gap_that_a_fleet_closes_is_in_the_difference(low):
     settings = CoverageSettings(target_class=None, grid_deg=30.0, steps=48, heights_km=(10.0,))
-    more = computed_coverage(scene({"walker": WALKER}, {"slots": {"count": 6, "first_deg": 0.0}}), settings)
+    more = computed_coverage(
+        scene({"walker": WALKER}, {"slots": {"count": 6, "first_deg": 0.0}}), settings
+    )
     gain = difference(more, low)["revisit_time_max"].values[0, 0]
     closed = (more["gaps"].values[0, 0] == 0) & (low["gaps"].values[0, 0] > 0)
     assert closed.any()
@@ -95,8 +109,12 @@ def test_impacts_that_may_be_anywhere_have_no_bound(mixed):
 
 
 def test_colours_of_the_page_run_over_the_map_that_is_shown(low):
-    data = json.loads(re.search(r'id="data">(.*?)</script>', page_of(low, table_rows(low)), re.DOTALL)[1])
+    data = json.loads(
+        re.search(r'id="data">(.*?)</script>', page_of(low, table_rows(low)), re.DOTALL)[1]
+    )
     (gap,) = [each for each in data["layers"] if each["name"] == "revisit_time_max"]
     assert gap["alone"] == ["assets", "height"]
-    for shown, values in zip(gap["shown"], low["revisit_time_max"].values.reshape(2, -1), strict=True):
+    for shown, values in zip(
+        gap["shown"], low["revisit_time_max"].values.reshape(2, -1), strict=True
+    ):
         assert values.min() <= shown[0] < shown[1] <= values.max()

@@ -10,8 +10,18 @@ from opir_testing import MetricContract
 
 from opir_core import scene_from_mapping
 
-WALKER = {"per_plane": 1, "planes": 5, "phasing": 1, "inclination_deg": 43.66, "altitude_km": 13_000.0}
-SENSOR = {"model": "generic-scanner", "field_of_regard_half_angle_deg": 90.0, "solar_exclusion_deg": 0.0}
+WALKER = {
+    "per_plane": 1,
+    "planes": 5,
+    "phasing": 1,
+    "inclination_deg": 43.66,
+    "altitude_km": 13_000.0,
+}
+SENSOR = {
+    "model": "generic-scanner",
+    "field_of_regard_half_angle_deg": 90.0,
+    "solar_exclusion_deg": 0.0,
+}
 SCENE = {
     "scene": "rosette",
     "epoch": "2026-04-01T00:00:00Z",
@@ -44,7 +54,12 @@ def figures(result, figure):
 
 
 def test_planes_of_a_pattern_vary_its_number_of_sensors(result):
-    assert figures(result, "sensors") == {(4, 2000.0): 4, (4, 13_000.0): 4, (5, 2000.0): 5, (5, 13_000.0): 5}
+    assert figures(result, "sensors") == {
+        (4, 2000.0): 4,
+        (4, 13_000.0): 4,
+        (5, 2000.0): 5,
+        (5, 13_000.0): 5,
+    }
 
 
 def test_only_five_satellites_high_enough_always_cover_the_earth(result):
@@ -56,14 +71,19 @@ def test_only_five_satellites_high_enough_always_cover_the_earth(result):
 
 
 def test_the_mean_share_is_that_of_caps_that_do_not_overlap(result):
-    """Four caps of 39.6° about satellites 75° or more apart cover 4 (1 - cos 39.6°) / 2 of a sphere at most."""
+    """Four caps of 39.6° about satellites 75° or more apart cover 4 (1 - cos 39.6°) / 2 of a sphere
+    at most.
+    """
     circle_rad = math.acos(6371.0 / (6371.0 + 2000.0)) + math.acos(6371.0 / 6381.0)
     most = 4 * 0.5 * (1.0 - math.cos(circle_rad))
     assert 0.8 * most < figures(result, "covered")[4, 2000.0] < 1.02 * most
 
 
 def test_the_metric_has_the_figures_of_the_map(result):
-    scene = {**SCENE, "sensors": [{**SENSOR, "fleet": {"walker": {**WALKER, "altitude_km": 2000.0}}}]}
+    scene = {
+        **SCENE,
+        "sensors": [{**SENSOR, "fleet": {"walker": {**WALKER, "altitude_km": 2000.0}}}],
+    }
     settings = CoverageSettings(target_class=None, heights_km=(10.0,), grid_deg=15.0, steps=48)
     found = computed_coverage(scene_from_mapping(scene), settings)
     gap_s = float(np.nanmax(found["revisit_time_max"].values[0]))

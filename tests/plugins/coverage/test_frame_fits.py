@@ -7,7 +7,18 @@ from opir_core.cli.main import main
 
 
 def test_a_clip_has_frames_masks_and_truth(tmp_path):
-    words = ["--sensor", "SBIRS-GEO", "--band", "MWIR", "--pixels", "32", "--movie", "4", "--every", "0.5"]
+    words = [
+        "--sensor",
+        "SBIRS-GEO",
+        "--band",
+        "MWIR",
+        "--pixels",
+        "32",
+        "--movie",
+        "4",
+        "--every",
+        "0.5",
+    ]
     assert main(["physics", "frame", *words, "-o", str(tmp_path)]) == 0
     with fits.open(tmp_path / "clips" / "clip000.fits") as file:
         assert file[0].data.shape == file["MASK"].data.shape == (4, 32, 32)

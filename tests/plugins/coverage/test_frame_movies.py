@@ -8,7 +8,20 @@ import pytest
 
 from opir_core.cli.main import main
 
-WORDS = ["--sensor", "SBIRS-GEO", "--class", "SRBM", "--pixels", "48", "--movie", "3", "--every", "1", "--snr", "5,50"]
+WORDS = [
+    "--sensor",
+    "SBIRS-GEO",
+    "--class",
+    "SRBM",
+    "--pixels",
+    "48",
+    "--movie",
+    "3",
+    "--every",
+    "1",
+    "--snr",
+    "5,50",
+]
 
 
 @pytest.fixture(scope="module")
@@ -19,12 +32,25 @@ def folder(tmp_path_factory):
 
 
 def test_a_loader_finds_pictures_and_masks_by_the_lists(folder):
-    """As those of NUDT-SIRST (`img_idx`) and of IRSTD-1k read their sets; the last clip is for tests."""
-    train, test = (folder.joinpath("img_idx", f"{part}_SET.txt").read_text().split() for part in ("train", "test"))
-    assert train == (folder / "trainval.txt").read_text().split() == [f"clip000_{k:04d}" for k in range(3)]
-    assert test == (folder / "test.txt").read_text().split() == [f"clip001_{k:04d}" for k in range(3)]
+    """As those of NUDT-SIRST (`img_idx`) and of IRSTD-1k read their sets; the last clip is for
+    tests.
+    """
+    train, test = (
+        folder.joinpath("img_idx", f"{part}_SET.txt").read_text().split()
+        for part in ("train", "test")
+    )
+    assert (
+        train
+        == (folder / "trainval.txt").read_text().split()
+        == [f"clip000_{k:04d}" for k in range(3)]
+    )
+    assert (
+        test == (folder / "test.txt").read_text().split() == [f"clip001_{k:04d}" for k in range(3)]
+    )
     for name in (*train, *test):
-        image, mask = (matplotlib.image.imread(folder / each / f"{name}.png") for each in ("images", "masks"))
+        image, mask = (
+            matplotlib.image.imread(folder / each / f"{name}.png") for each in ("images", "masks")
+        )
         assert image.shape == mask.shape == (48, 48)
         assert set(np.unique(mask)) <= {0.0, 1.0}
         assert image.std() > 0.05

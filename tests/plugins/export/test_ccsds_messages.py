@@ -51,7 +51,10 @@ def test_sensors_and_flights_have_their_messages(ephemerides: Path) -> None:
     targets = [f"target-{target.id}.oem" for target in run.plan.scene.targets]
     sensors = [f"sensor-{sensor.id}.oem" for sensor in run.sensors]
     assert sorted(path.name for path in ephemerides.iterdir()) == sorted([*targets, *sensors])
-    for name, segments in ((targets[0], 2), (sensors[0], 1)):  # a target has its burn, and the flight after it
+    for name, segments in (
+        (targets[0], 2),
+        (sensors[0], 1),
+    ):  # a target has its burn, and the flight after it
         found = list(OrbitEphemerisMessage.open(ephemerides / name))
         assert len(found) == segments
         for segment in found:
@@ -79,18 +82,24 @@ def test_states_at_burnout_are_those_of_the_truth(ephemerides: Path) -> None:
     burn, _ = OrbitEphemerisMessage.open(ephemerides / f"target-{truth['id']}.oem")
     last = list(burn)[-1]
     np.testing.assert_allclose(last.position * 1e3, truth["burnout"]["position_ecef_m"], atol=1e-2)
-    np.testing.assert_allclose(last.velocity * 1e3, truth["burnout"]["velocity_ecef_m_s"], atol=1e-2)
+    np.testing.assert_allclose(
+        last.velocity * 1e3, truth["burnout"]["velocity_ecef_m_s"], atol=1e-2
+    )
 
 
 def test_opir_flies_its_own_ephemerides(ephemerides: Path) -> None:
     run = short_run()
     target = run.plan.scene.targets[0].id
-    table = oem_table((ephemerides / f"target-{target}.oem").read_text(), run.plan.scene.epoch_us, None)
+    table = oem_table(
+        (ephemerides / f"target-{target}.oem").read_text(), run.plan.scene.epoch_us, None
+    )
     truth = next(each for each in run.plan.targets.truth() if each["id"] == target)
     assert table.time_s[0] == pytest.approx(truth["ignition_s"], abs=1e-6)
     assert table.time_s[-1] == pytest.approx(truth["impact"]["time_s"], abs=2e-6)
     in_burn = table.time_s <= truth["burnout_s"]
-    own = run.plan.targets.position_ecef_m(np.zeros(in_burn.sum(), dtype=np.int32), table.time_s[in_burn])
+    own = run.plan.targets.position_ecef_m(
+        np.zeros(in_burn.sum(), dtype=np.int32), table.time_s[in_burn]
+    )
     np.testing.assert_allclose(table.position_m[in_burn], own, atol=1e-2)
 
 
@@ -98,15 +107,22 @@ def test_opir_flies_its_own_ephemerides(ephemerides: Path) -> None:
 def test_stages_and_dark_gaps_are_segments_that_meet(tmp_path: Path) -> None:
     scene = opir_core.load_scene(EXAMPLES / "gravity_turn.yaml", overrides=["duration_s=31"])
     run = opir_core.simulate(scene)
-    files = {path.stem.removeprefix("target-"): path for path in exported(run, "oem", tmp_path / "out")}
+    files = {
+        path.stem.removeprefix("target-"): path for path in exported(run, "oem", tmp_path / "out")
+    }
     counts = []
     for truth, burns_s in zip(run.plan.targets.truth(), run.plan.targets.burns_s, strict=True):
         path = files[truth["id"]]
-        table = oem_table(path.read_text(), scene.epoch_us, None)  # opir refuses segments that do not meet
+        table = oem_table(
+            path.read_text(), scene.epoch_us, None
+        )  # opir refuses segments that do not meet
         assert np.isfinite(table.position_m).all()
-        edges_s = np.array([table.time_s[table.run == number][[0, -1]] for number in np.unique(table.run)])
+        edges_s = np.array(
+            [table.time_s[table.run == number][[0, -1]] for number in np.unique(table.run)]
+        )
         own_s = burns_s[np.isfinite(burns_s).all(axis=1)]
-        # Every second segment is a burn; between two burns, and after the last, it is a flight without.
+        # Every second segment is a burn; between two burns, and after the last, it is a flight
+        # without.
         np.testing.assert_allclose(edges_s[0::2], own_s, atol=6e-7)
         counts.append(len(list(OrbitEphemerisMessage.open(path))))
     assert counts == [2 * np.isfinite(burns_s[:, 0]).sum() for burns_s in run.plan.targets.burns_s]
@@ -114,7 +130,9 @@ def test_stages_and_dark_gaps_are_segments_that_meet(tmp_path: Path) -> None:
 
 
 def test_objects_and_steps_can_be_chosen(tmp_path: Path) -> None:
-    files = exported(short_run(), "oem", tmp_path / "out", "objects=targets", "burn_step_s=5", "frame=ITRF-97")
+    files = exported(
+        short_run(), "oem", tmp_path / "out", "objects=targets", "burn_step_s=5", "frame=ITRF-97"
+    )
     assert {path.stem.removeprefix("target-") for path in files} == set(short_run().target_ids)
     burn, flight = OrbitEphemerisMessage.open(files[0])
     assert {each.metadata["REF_FRAME"] for each in (burn, flight)} == {"ITRF-97"}
@@ -131,7 +149,11 @@ def test_measured_angles_are_those_of_the_detections(tmp_path: Path) -> None:
     for segment in tracking_data(tmp_path):
         meta = segment.metadata
         sensor = [each.id for each in run.sensors].index(meta.participant_1)
-        track = -1 if meta.participant_2 == "UNCORRELATED" else int(meta.participant_2.removeprefix("TRACK-"))
+        track = (
+            -1
+            if meta.participant_2 == "UNCORRELATED"
+            else int(meta.participant_2.removeprefix("TRACK-"))
+        )
         mine = np.flatnonzero((rows.sensor == sensor) & (rows.track == track))
         mine = mine[np.argsort(rows.time_ns[mine], kind="stable")]
         first = observations(segment, "angle_1")
@@ -146,7 +168,9 @@ def test_measured_angles_are_those_of_the_detections(tmp_path: Path) -> None:
 def observations(segment: Any, name: str) -> tuple[np.ndarray[Any, Any], list[float]]:
     """Return times, scene seconds, and values, degrees, of one kind of observation of a segment."""
     given = [each for each in segment.data.observation if getattr(each, name) is not None]
-    return scene_seconds([each.epoch for each in given]), [getattr(each, name).value for each in given]
+    return scene_seconds([each.epoch for each in given]), [
+        getattr(each, name).value for each in given
+    ]
 
 
 @pytest.mark.slow
@@ -169,9 +193,13 @@ def test_right_ascension_is_that_of_erfa(tmp_path: Path) -> None:
         celestial = erfa.pnm80(*tt)
         sidereal = erfa.gst94(utc[0], at)
         line = rows.line_of_sight_ecef[mine]
-        turned = np.stack([spun(angle, vector) for angle, vector in zip(sidereal, line, strict=True)])
+        turned = np.stack(
+            [spun(angle, vector) for angle, vector in zip(sidereal, line, strict=True)]
+        )
         expected = np.einsum("nji,nj->ni", celestial, turned)
-        ra, dec = (np.radians(observations(segment, name)[1][:20]) for name in ("angle_1", "angle_2"))
+        ra, dec = (
+            np.radians(observations(segment, name)[1][:20]) for name in ("angle_1", "angle_2")
+        )
         found = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
         assert np.degrees(np.abs(found - expected).max()) * 3600.0 < 2.0
         first_sensor = sensor
@@ -179,5 +207,7 @@ def test_right_ascension_is_that_of_erfa(tmp_path: Path) -> None:
 
 
 def spun(angle: float, vector: Any) -> Any:
-    """Return an Earth-fixed vector in the frame of the true equator and equinox, by apparent sidereal time."""
+    """Return an Earth-fixed vector in the frame of the true equator and equinox, by apparent
+    sidereal time.
+    """
     return erfa.rz(-angle, np.eye(3)) @ vector

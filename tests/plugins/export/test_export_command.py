@@ -13,12 +13,25 @@ from opir_core.cli.main import main
 def events(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("run") / "events.jsonl"
     assert (
-        main(["run", str(EXAMPLES / "first_light.yaml"), "--set", "duration_s=40", "--out", str(path), "--quiet"]) == 0
+        main(
+            [
+                "run",
+                str(EXAMPLES / "first_light.yaml"),
+                "--set",
+                "duration_s=40",
+                "--out",
+                str(path),
+                "--quiet",
+            ]
+        )
+        == 0
     )
     return path
 
 
-def test_a_run_is_written_beside_it_by_default(events: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_is_written_beside_it_by_default(
+    events: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["export", str(events), "--to", "parquet"]) == 0
     listed = [Path(line) for line in capsys.readouterr().out.splitlines()]
     assert listed[0] == events.parent / "first-light-parquet" / "detections.parquet"
@@ -28,7 +41,21 @@ def test_a_run_is_written_beside_it_by_default(events: Path, capsys: pytest.Capt
 
 def test_a_folder_is_a_run_and_a_path_and_settings_are_taken(events: Path, tmp_path: Path) -> None:
     out = tmp_path / "tables"
-    assert main(["export", str(events.parent), "--to", "csv", "--out", str(out), "--set", "tables=targets"]) == 0
+    assert (
+        main(
+            [
+                "export",
+                str(events.parent),
+                "--to",
+                "csv",
+                "--out",
+                str(out),
+                "--set",
+                "tables=targets",
+            ]
+        )
+        == 0
+    )
     assert [path.name for path in out.iterdir()] == ["targets.csv"]
 
 
@@ -46,8 +73,16 @@ def test_formats_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
         (["missing.jsonl", "--to", "csv"], 2, ["missing.manifest.json", "opir run"]),
         (["EVENTS", "--to", "prquet"], 3, ["no exporter is named 'prquet'", "nearest: parquet"]),
         (["EVENTS", "--to", "csv", "--set", "colour=red"], 2, ["colour: unknown key", "delimiter"]),
-        (["EVENTS", "--to", "csv", "--set", "tables=track"], 2, ["tables", "no table is named 'track'", "tracks"]),
-        (["EVENTS", "--to", "csv", "--out", "no/where/x"], 5, ["no/where/x cannot be written", "create the folder"]),
+        (
+            ["EVENTS", "--to", "csv", "--set", "tables=track"],
+            2,
+            ["tables", "no table is named 'track'", "tracks"],
+        ),
+        (
+            ["EVENTS", "--to", "csv", "--out", "no/where/x"],
+            5,
+            ["no/where/x cannot be written", "create the folder"],
+        ),
         (["EVENTS", "--to", "csv", "--out", "EVENTS"], 5, ["is a file; give the path of a folder"]),
     ],
 )

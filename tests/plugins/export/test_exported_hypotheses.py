@@ -1,4 +1,6 @@
-"""Exports of tracks show what they may be, how they ended, and what their impact regions presume."""
+"""Exports of tracks show what they may be, how they ended, and what their impact regions
+presume.
+"""
 
 import json
 from pathlib import Path
@@ -12,14 +14,18 @@ from opir_testing.doubles import stub_estimates, stub_regions
 
 import opir_core
 
-OVER = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0)
+OVER = stub_regions(
+    9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
+)
 AGAIN = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
 
 
 @pytest.fixture(scope="module")
 def run() -> opir_core.Run:
     """A short run, with one track of our own that weighs hypotheses and one that does not."""
-    plain = opir_core.simulate(opir_core.load_scene(SCENE, overrides=["duration_s=66", "tracker=none", "outputs=[]"]))
+    plain = opir_core.simulate(
+        opir_core.load_scene(SCENE, overrides=["duration_s=66", "tracker=none", "outputs=[]"])
+    )
     names = plain.plan.hypothesis_names
     chances = np.full((2, len(names)), np.nan)
     chances[0] = 0.0
@@ -39,8 +45,15 @@ def run() -> opir_core.Run:
 
 def test_the_table_of_tracks_has_a_column_for_each_hypothesis(run: opir_core.Run) -> None:
     table = run.tables()["tracks"]
-    shares = {name: table[f"hypothesis_{name.replace(' ', '_')}"].to_pylist() for name in run.plan.hypothesis_names}
-    assert (shares["ICBM"], shares["none of these"], shares["noise"]) == ([0.75, None], [0.25, None], [0.0, None])
+    shares = {
+        name: table[f"hypothesis_{name.replace(' ', '_')}"].to_pylist()
+        for name in run.plan.hypothesis_names
+    }
+    assert (shares["ICBM"], shares["none of these"], shares["noise"]) == (
+        [0.75, None],
+        [0.25, None],
+        [0.0, None],
+    )
     assert [table[f"probability_{name}"].to_pylist() for name in ("launch", "missile", "orbit")] == [
         [0.75, None], [0.75, None], [0.0, None],
     ]  # fmt: skip
@@ -58,15 +71,21 @@ def test_a_tracker_that_weighs_nothing_adds_no_columns_of_hypotheses(run: opir_c
 
 
 def test_maps_say_what_regions_presume(run: opir_core.Run, tmp_path: Path) -> None:
-    features = json.loads(exported(run, "geojson", tmp_path / "run.geojson")[0].read_text(encoding="utf-8"))["features"]
-    regions = [each["properties"] for each in features if each["properties"]["kind"] == "impact region"]
+    features = json.loads(
+        exported(run, "geojson", tmp_path / "run.geojson")[0].read_text(encoding="utf-8")
+    )["features"]
+    regions = [
+        each["properties"] for each in features if each["properties"]["kind"] == "impact region"
+    ]
     assert [(each["condition"], each["probability"], each["effective_samples"]) for each in regions] == [
         *[("burn over", 0.75, 500.0)] * 3, *[("relights", 0.125, None)] * 3,
     ]  # fmt: skip
     text = exported(run, "kml", tmp_path / "run.kml")[0].read_text(encoding="utf-8")
     assert "<name>Track 0: impact if the burn is over (0.75), 95 %</name>" in text
     assert "<name>Track 0: impact if it relights (0.12), 95 %</name>" in text
-    packets: Any = json.loads(exported(run, "czml", tmp_path / "run.czml")[0].read_text(encoding="utf-8"))
+    packets: Any = json.loads(
+        exported(run, "czml", tmp_path / "run.czml")[0].read_text(encoding="utf-8")
+    )
     ids = [packet["id"] for packet in packets]
     assert len(set(ids)) == len(ids)
     assert {"prediction/0/0/burn over/0.95/0", "prediction/0/0/relights/0.95/0"} <= set(ids)

@@ -1,4 +1,6 @@
-"""The encoders `forge-c2` and `udl`: every event fits its schema and says what the columns say, and none is at 0, 0."""
+"""The encoders `forge-c2` and `udl`: every event fits its schema and says what the columns say, and
+none is at 0, 0.
+"""
 
 import json
 import math
@@ -38,8 +40,15 @@ CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US)
 C2 = ForgeC2Encoder(CONTEXT)
 UDL = UdlEncoder(CONTEXT)
 FORMATS = jsonschema.Draft202012Validator.FORMAT_CHECKER
-SCHEMAS = {each.name: json.loads(each.schema()) for each in opir_event_encoders() if each.schema is not None}
-VALIDATORS = {name: jsonschema.Draft202012Validator(each, format_checker=FORMATS) for name, each in SCHEMAS.items()}
+SCHEMAS = {
+    each.name: json.loads(each.schema())
+    for each in opir_event_encoders()
+    if each.schema is not None
+}
+VALIDATORS = {
+    name: jsonschema.Draft202012Validator(each, format_checker=FORMATS)
+    for name, each in SCHEMAS.items()
+}
 #: The stub's sensor stands over the equator at longitude 0, and looks straight down.
 DOWN = np.array([-1.0, 0.0, 0.0])
 
@@ -78,7 +87,9 @@ def windows(draw: st.DrawFn) -> Window:
     count = draw(st.integers(0, 8))
     known = draw(estimates())
     sensor = draw(arrays(np.int32, count, elements=st.integers(0, 1)))
-    aside = draw(arrays(np.float64, (count, 3), elements=st.floats(-0.3, 0.3) | st.floats(-3.0, 3.0)))
+    aside = draw(
+        arrays(np.float64, (count, 3), elements=st.floats(-0.3, 0.3) | st.floats(-3.0, 3.0))
+    )
     looks = DOWN + aside
     length = np.linalg.norm(looks, axis=1, keepdims=True)
     return stub_window(
@@ -114,7 +125,9 @@ def test_every_flat_event_fits_its_schema_and_says_what_its_row_says(window: Win
         assert event["timestamp"] == time_text(d.time_ns[row])
         assert event["reported_at"] == time_text(d.reported_ns[row])
         assert event["confidence"] == pytest.approx(d.confidence[row], abs=5.1e-7)
-        assert event["snr"] == (pytest.approx(d.snr[row], abs=5.1e-7, rel=1e-15) if math.isfinite(d.snr[row]) else None)
+        assert event["snr"] == (
+            pytest.approx(d.snr[row], abs=5.1e-7, rel=1e-15) if math.isfinite(d.snr[row]) else None
+        )
 
 
 @given(windows())
@@ -129,13 +142,17 @@ def test_every_missile_track_fits_its_schema_and_says_what_its_row_says(window: 
         assert event["trkConf"] == pytest.approx(d.confidence[row], abs=5.1e-7)
         assert event.get("acftSubType", "UNKNOWN") == REPORTED_TYPES[d.reported_type[row]]
         assert event.get("trackId") == (None if d.track[row] < 0 else str(d.track[row]))
-        assert all(vector["origSensorId"] == SENSORS[d.sensor[row]].id for vector in event["vectors"])
+        assert all(
+            vector["origSensorId"] == SENSORS[d.sensor[row]].id for vector in event["vectors"]
+        )
 
 
 @pytest.mark.parametrize("encoder", [C2, UDL])
 @given(data=st.data())
 @examples(40)
-def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(encoder: Any, data: st.DataObject) -> None:
+def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(
+    encoder: Any, data: st.DataObject
+) -> None:
     window = data.draw(windows())
     parts = [encoder.encode(part) for part in window_blocks(window, data.draw(st.integers(1, 4)))]
     assert b"".join(parts) == encoder.encode(window)
@@ -143,7 +160,8 @@ def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(encoder: Any
 
 def looking(*directions: Any) -> Window:
     return stub_window(
-        len(directions), line_of_sight_ecef=[np.divide(each, np.linalg.norm(each)) for each in directions]
+        len(directions),
+        line_of_sight_ecef=[np.divide(each, np.linalg.norm(each)) for each in directions],
     )
 
 
@@ -154,7 +172,12 @@ def test_without_a_track_an_event_is_where_its_line_of_sight_meets_the_earth() -
     assert (event["latitude"], event["longitude"], event["altitude"]) == (35.0, -20.0, 0.0)
     (record,) = events_of(UDL, looking(place - sensor))
     (vector,) = record["vectors"]
-    assert (vector["type"], vector["vectorLat"], vector["vectorLon"], vector["vectorAlt"]) == ("LOS", 35.0, -20.0, 0.0)
+    assert (vector["type"], vector["vectorLat"], vector["vectorLon"], vector["vectorAlt"]) == (
+        "LOS",
+        35.0,
+        -20.0,
+        0.0,
+    )
 
 
 def test_a_line_of_sight_that_misses_the_earth_has_no_flat_event() -> None:
@@ -169,8 +192,14 @@ def test_a_line_of_sight_that_misses_the_earth_has_no_flat_event() -> None:
 
 @given(windows())
 def test_no_flat_event_is_where_nothing_is_known(window: Window) -> None:
-    """0 N 0 E is below the stub's sensor: only a look straight down, or an estimate there, may be there."""
-    straight_down = window.detections.line_of_sight_ecef[:, 0] < -1.0 + 1e-15 if len(window.detections) else np.empty(0)
+    """0 N 0 E is below the stub's sensor: only a look straight down, or an estimate there, may be
+    there.
+    """
+    straight_down = (
+        window.detections.line_of_sight_ecef[:, 0] < -1.0 + 1e-15
+        if len(window.detections)
+        else np.empty(0)
+    )
     for event in events_of(C2, window):
         assert isinstance(event["latitude"], float)
         if (event["latitude"], event["longitude"]) == (0.0, 0.0):
@@ -219,14 +248,18 @@ def test_a_missile_track_says_where_it_comes_down_and_how_surely() -> None:
     assert record["launchTime"] == "2026-04-01T12:00:10.250000Z"
     assert "launchAouData" not in record
     assert (record["impactLat"], record["impactLon"]) == (9.0, 167.7)
-    assert (record["impactAouType"], record["impactAouData"]) == ("ELLIPSE", [90.0, 7.34324, 2.447747])
+    assert (record["impactAouType"], record["impactAouData"]) == (
+        "ELLIPSE",
+        [90.0, 7.34324, 2.447747],
+    )
     assert record["containment"] == 95.0
     known = evolve(known, impact_sigmas=np.array([[1.0, 2.0, 3.0]]))
     (record,) = events_of(UDL, stub_window(1, estimates=known, estimate=0, track=3))
     assert record["impactAouData"] == [90.0, 9.0, 3.0]
     assert "impactTime" not in record
     (record,) = events_of(
-        UDL, stub_window(1, estimates=evolve(known, impact_method=np.array([1])), estimate=0, track=7)
+        UDL,
+        stub_window(1, estimates=evolve(known, impact_method=np.array([1])), estimate=0, track=7),
     )
     assert (record["impactLat"], record["impactLon"]) == (9.0, 167.7)
     assert not record.keys() & {"impactAouType", "impactAouData"}
@@ -267,7 +300,11 @@ def test_a_missile_track_as_bytes() -> None:
         impact=[0.125, 0.25, 1200.0],
         impact_covariance=np.diag([4e6, 1e6, 1.0]),
     )
-    line = UDL.encode(stub_window(1, estimates=known, estimate=0, track=7, reported_type=0, line_of_sight_ecef=DOWN))
+    line = UDL.encode(
+        stub_window(
+            1, estimates=known, estimate=0, track=7, reported_type=0, line_of_sight_ecef=DOWN
+        )
+    )
     assert line == (
         b'{"classificationMarking":"U","dataMode":"SIMULATED","source":"opir","msgType":"OPIR","id":"a858e668-'
         b'c86e-854e-9ed3-24bc9e33e1f7","ts":"2026-04-01T12:00:00.000000Z","objType":"MISSILE","acftSubType":"I'

@@ -47,11 +47,15 @@ def of_kind(features: list[Any], kind: str) -> list[Any]:
 def at(latitude_deg: float, longitude_deg: float, radius_m: float) -> np.ndarray:
     latitude, longitude = np.radians([latitude_deg, longitude_deg])
     flat = np.cos(latitude)
-    return radius_m * np.array([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)])
+    return radius_m * np.array(
+        [flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)]
+    )
 
 
 def cylinder(points: np.ndarray) -> np.ndarray:
-    """Return Lambert's cylindrical projection, which keeps areas, of longitudes and latitudes, degrees."""
+    """Return Lambert's cylindrical projection, which keeps areas, of longitudes and latitudes,
+    degrees.
+    """
     return np.stack([np.radians(points[:, 0]), np.sin(np.radians(points[:, 1]))], axis=1)
 
 
@@ -73,7 +77,11 @@ def test_footprints_on_a_sphere_have_the_area_of_their_caps(
 ) -> None:
     half_rad = np.radians(half_angle_deg)
     sine = radius_m / RADIUS_M * np.sin(half_rad)
-    cap_rad = np.arccos(RADIUS_M / radius_m) if half_angle_deg >= 90 or sine >= 1 else np.arcsin(sine) - half_rad
+    cap_rad = (
+        np.arccos(RADIUS_M / radius_m)
+        if half_angle_deg >= 90 or sine >= 1
+        else np.arcsin(sine) - half_rad
+    )
     ring = footprint(at(latitude_deg, longitude_deg, radius_m), half_rad, ellipsoid=SPHERE)
     found = shape(area(ring))
     assert found.is_valid
@@ -92,7 +100,12 @@ def test_the_horizon_on_the_ellipsoid_is_where_lines_of_sight_touch_it() -> None
     ground = np.stack(TO_ECEF.transform(*np.degrees(ring.T[::-1]), np.zeros(len(ring))), axis=1)
     latitude, longitude = ring.T
     up = np.stack(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=1
+        [
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ],
+        axis=1,
     )
     sight = position - ground
     elevation = np.arcsin(np.einsum("ki,ki->k", up, sight) / np.linalg.norm(sight, axis=1))
@@ -112,7 +125,11 @@ def test_cone_and_least_elevation_bound_the_ellipsoid() -> None:
 def test_lines_are_cut_at_the_antimeridian_where_they_cross_it() -> None:
     there_and_back = np.array([[170.0, 0.0], [-170.0, 10.0], [-160.0, 12.0], [175.0, 19.0]])
     parts = cut_line(there_and_back)
-    assert [part[[0, -1], 0].tolist() for part in parts] == [[170.0, 180.0], [-180.0, -180.0], [180.0, 175.0]]
+    assert [part[[0, -1], 0].tolist() for part in parts] == [
+        [170.0, 180.0],
+        [-180.0, -180.0],
+        [180.0, 175.0],
+    ]
     assert parts[0][-1, 1] == parts[1][0, 1] == 5.0
     assert parts[1][-1, 1] == parts[2][0, 1] == pytest.approx(12.0 + 7.0 * 20.0 / 25.0)
     assert len(cut_line(np.array([[10.0, 0.0], [20.0, 5.0]]))) == 1
@@ -134,8 +151,13 @@ def test_lines_are_cut_at_the_antimeridian_where_they_cross_it() -> None:
         ([179.0, -179.0], "MultiLineString", 2),
     ],
 )
-def test_lines_that_touch_the_antimeridian_are_valid(longitudes_deg: list[float], kind: str, parts: int) -> None:
-    places = np.stack([longitudes_deg, np.arange(len(longitudes_deg)) * 1.0, np.zeros(len(longitudes_deg))], axis=1)
+def test_lines_that_touch_the_antimeridian_are_valid(
+    longitudes_deg: list[float], kind: str, parts: int
+) -> None:
+    places = np.stack(
+        [longitudes_deg, np.arange(len(longitudes_deg)) * 1.0, np.zeros(len(longitudes_deg))],
+        axis=1,
+    )
     geometry = line(places)
     found = shape(geometry)
     assert found.is_valid
@@ -175,28 +197,47 @@ def test_launches_and_impacts_are_the_truth(run: opir_core.Run, features: list[A
     for kind in ("launch", "impact"):
         for each in of_kind(features, kind):
             due = truths[each["properties"]["target_id"]][kind]
-            assert each["geometry"]["coordinates"] == pytest.approx([due["lon_deg"], due["lat_deg"], 0.0], abs=1e-4)
-    track = next(each for each in of_kind(features, "ground track") if each["properties"]["target_id"] == "T1")
+            assert each["geometry"]["coordinates"] == pytest.approx(
+                [due["lon_deg"], due["lat_deg"], 0.0], abs=1e-4
+            )
+    track = next(
+        each
+        for each in of_kind(features, "ground track")
+        if each["properties"]["target_id"] == "T1"
+    )
     last = track["geometry"]["coordinates"][-1][-1]
     assert last[:2] == pytest.approx([167.7, 9.0], abs=1e-4)
 
 
-def test_regions_and_satellites_are_those_of_the_run(run: opir_core.Run, features: list[Any]) -> None:
+def test_regions_and_satellites_are_those_of_the_run(
+    run: opir_core.Run, features: list[Any]
+) -> None:
     tracks = run.tracks
-    last = {track: tracks.impact_regions[np.flatnonzero(tracks.track == track)[-1]] for track in (0, 1, 2)}
+    last = {
+        track: tracks.impact_regions[np.flatnonzero(tracks.track == track)[-1]]
+        for track in (0, 1, 2)
+    }
     regions = of_kind(features, "impact region")
     assert len(regions) == sum(map(len, last.values()))
     for each in regions:
         properties = each["properties"]
-        own = {region.containment: region for region in last[properties["track_id"]]}[properties["containment"]]
-        solid_angle = shapely.transform(shapely.segmentize(shape(each["geometry"]), 0.1), cylinder).area
+        own = {region.containment: region for region in last[properties["track_id"]]}[
+            properties["containment"]
+        ]
+        solid_angle = shapely.transform(
+            shapely.segmentize(shape(each["geometry"]), 0.1), cylinder
+        ).area
         assert solid_angle * 6371.0088**2 == pytest.approx(own.area_km2, rel=0.02)
     for each, sensor in zip(of_kind(features, "sensor"), run.sensors, strict=True):
         position = TO_ECEF.transform(*each["geometry"]["coordinates"])
-        assert np.allclose(position, sensor.orbit.position_ecef_m(np.zeros(1))[0], atol=6.0)  # 1e-6 degrees
+        assert np.allclose(
+            position, sensor.orbit.position_ecef_m(np.zeros(1))[0], atol=6.0
+        )  # 1e-6 degrees
 
 
-def test_kml_is_valid_and_read_back_with_times_and_places(run: opir_core.Run, tmp_path: Path) -> None:
+def test_kml_is_valid_and_read_back_with_times_and_places(
+    run: opir_core.Run, tmp_path: Path
+) -> None:
     path = exported(run, "kml", tmp_path / "run.kml", "step_s=20")[0]
     document = KML.parse(path).features[0]  # checks the schema too
     sensors, targets, predicted = document.features
@@ -205,12 +246,19 @@ def test_kml_is_valid_and_read_back_with_times_and_places(run: opir_core.Run, tm
     items = flight.kml_geometry.track_items
     epoch = datetime.fromisoformat(str(np.datetime64(run.plan.scene.epoch_us, "us")) + "+00:00")
     truth = run.plan.targets.truth()[0]
-    assert abs(items[0].when.dt - epoch - timedelta(seconds=truth["ignition_s"])) < timedelta(microseconds=2)
-    assert abs(items[-1].when.dt - epoch - timedelta(seconds=truth["impact"]["time_s"])) < timedelta(microseconds=2)
+    assert abs(items[0].when.dt - epoch - timedelta(seconds=truth["ignition_s"])) < timedelta(
+        microseconds=2
+    )
+    assert abs(
+        items[-1].when.dt - epoch - timedelta(seconds=truth["impact"]["time_s"])
+    ) < timedelta(microseconds=2)
     assert (items[-1].coord.x, items[-1].coord.y) == pytest.approx((167.7, 9.0), abs=1e-5)
     regions = [each for each in predicted.features if "%" in each.name]
     tracks = run.tracks
-    last = [tracks.impact_regions[np.flatnonzero(tracks.track == track)[-1]] for track in np.unique(tracks.track)]
+    last = [
+        tracks.impact_regions[np.flatnonzero(tracks.track == track)[-1]]
+        for track in np.unique(tracks.track)
+    ]
     assert len(regions) == sum(map(len, last)) > 0
     for region in regions:
         assert isinstance(region, Placemark)
@@ -218,9 +266,13 @@ def test_kml_is_valid_and_read_back_with_times_and_places(run: opir_core.Run, tm
         assert abs(region.begin.dt - epoch - timedelta(seconds=90)) < timedelta(microseconds=2)
 
 
-def test_czml_is_read_back_with_positions_and_availability(run: opir_core.Run, tmp_path: Path) -> None:
+def test_czml_is_read_back_with_positions_and_availability(
+    run: opir_core.Run, tmp_path: Path
+) -> None:
     path = exported(run, "czml", tmp_path / "run.czml", "regions=all")[0]
-    packets = Document.model_validate({"packets": json.loads(path.read_text(encoding="utf-8"))}).packets
+    packets = Document.model_validate(
+        {"packets": json.loads(path.read_text(encoding="utf-8"))}
+    ).packets
     by_id = {packet.id: packet for packet in packets}
     assert len(by_id) == len(packets)
     assert packets[0].id == "document"
@@ -240,7 +292,9 @@ def test_czml_is_read_back_with_positions_and_availability(run: opir_core.Run, t
 
 
 def test_moving_sensors_have_tracks(tmp_path: Path) -> None:
-    scene = opir_core.load_scene(EXAMPLES / "arctic_watch.yaml", overrides=["duration_s=120", "tracker=none"])
+    scene = opir_core.load_scene(
+        EXAMPLES / "arctic_watch.yaml", overrides=["duration_s=120", "tracker=none"]
+    )
     run = opir_core.simulate(scene)
     moving = [sensor for sensor in run.sensors if not sensor.orbit.is_stationary]
     assert moving
@@ -252,13 +306,21 @@ def test_moving_sensors_have_tracks(tmp_path: Path) -> None:
     packets = {packet["id"]: packet for packet in json.loads(path.read_text(encoding="utf-8"))}
     samples = np.array(packets[f"sensor/{moving[0].id}"]["position"]["cartesian"]).reshape(-1, 4)
     assert np.allclose(samples[:, 1:], moving[0].orbit.position_ecef_m(samples[:, 0]), atol=1e-3)
-    sensors = KML.parse(exported(run, "kml", tmp_path / "run.kml")[0]).features[0].features[0].features
+    sensors = (
+        KML.parse(exported(run, "kml", tmp_path / "run.kml")[0]).features[0].features[0].features
+    )
     assert any(hasattr(each.kml_geometry, "track_items") for each in sensors)
 
 
-@pytest.mark.parametrize("longitudes_deg", [[-180.0, 178.0], [180.0, -178.0], [178.0, 180.0], [-178.0, -179.0, 180.0]])
-def test_a_line_that_begins_or_ends_on_the_180th_meridian_is_valid(longitudes_deg: list[float]) -> None:
-    places = np.array([[longitude, -17.0 - 0.1 * row, 0.0] for row, longitude in enumerate(longitudes_deg)])
+@pytest.mark.parametrize(
+    "longitudes_deg", [[-180.0, 178.0], [180.0, -178.0], [178.0, 180.0], [-178.0, -179.0, 180.0]]
+)
+def test_a_line_that_begins_or_ends_on_the_180th_meridian_is_valid(
+    longitudes_deg: list[float],
+) -> None:
+    places = np.array(
+        [[longitude, -17.0 - 0.1 * row, 0.0] for row, longitude in enumerate(longitudes_deg)]
+    )
     made = shape(line(places))
     assert made.is_valid
     assert made.geom_type == "LineString"

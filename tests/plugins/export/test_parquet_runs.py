@@ -13,7 +13,10 @@ import opir_core
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
 
-ENCODED = ('jsonl: {path: "%s/lines/events.jsonl", encoder: forge-bands}', 'parquet: {path: "%s/events.parquet"}')
+ENCODED = (
+    'jsonl: {path: "%s/lines/events.jsonl", encoder: forge-bands}',
+    'parquet: {path: "%s/events.parquet"}',
+)
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +37,31 @@ def test_both_files_give_the_same_run(folder: Path) -> None:
     mine = columns.detections
     theirs = lines.detections
     assert len(mine) == len(theirs) > 1000
-    exact = ("time_ns", "reported_ns", "sensor", "detection_id", "reported_type", "bands", "detection_count", "track")
+    exact = (
+        "time_ns",
+        "reported_ns",
+        "sensor",
+        "detection_id",
+        "reported_type",
+        "bands",
+        "detection_count",
+        "track",
+    )
     for name in exact:
         assert np.array_equal(getattr(mine, name), getattr(theirs, name)), name
-    for name, error in (("line_of_sight_ecef", 1e-10), ("sensor_ecef_m", 1e-3), ("confidence", 1e-6), ("snr", 1e-3)):
-        assert np.allclose(getattr(mine, name), getattr(theirs, name), rtol=1e-6, atol=error, equal_nan=True), name
+    for name, error in (
+        ("line_of_sight_ecef", 1e-10),
+        ("sensor_ecef_m", 1e-3),
+        ("confidence", 1e-6),
+        ("snr", 1e-3),
+    ):
+        assert np.allclose(
+            getattr(mine, name), getattr(theirs, name), rtol=1e-6, atol=error, equal_nan=True
+        ), name
     assert mine.band_irradiance_w_m2.shape == theirs.band_irradiance_w_m2.shape
-    assert np.allclose(mine.band_irradiance_w_m2, theirs.band_irradiance_w_m2, rtol=1e-4, equal_nan=True)
+    assert np.allclose(
+        mine.band_irradiance_w_m2, theirs.band_irradiance_w_m2, rtol=1e-4, equal_nan=True
+    )
     assert (mine.scan >= 0).all()
     assert np.array_equal(columns.truth.target, lines.truth.target)
     assert np.array_equal(columns.tracks.state, lines.tracks.state)
@@ -78,13 +99,23 @@ def test_the_command_writes_columns_to_a_path_that_ends_so(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["run", str(EXAMPLES / "first_light.yaml"), "--set", "duration_s=20", "-q", "-o", name]) == 0
+    assert (
+        main(
+            ["run", str(EXAMPLES / "first_light.yaml"), "--set", "duration_s=20", "-q", "-o", name]
+        )
+        == 0
+    )
     stem = name.partition(".")[0]
     assert sorted(each.name for each in tmp_path.iterdir()) == sorted(
         [name, f"{stem}.manifest.json", f"{stem}.truth.parquet"]
     )
     rows = parquet.read_table(name).num_rows
-    assert rows == parquet.read_table(f"{stem}.truth.parquet").num_rows == len(opir_core.load_run(name).detections) > 10
+    assert (
+        rows
+        == parquet.read_table(f"{stem}.truth.parquet").num_rows
+        == len(opir_core.load_run(name).detections)
+        > 10
+    )
 
 
 def test_a_run_written_over_another_of_the_same_name_is_read_with_its_own_truth(
@@ -99,9 +130,24 @@ def test_a_run_written_over_another_of_the_same_name_is_read_with_its_own_truth(
         opir_core.load_run("e.jsonl")
 
 
-def test_a_file_of_columns_under_another_name_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_of_columns_under_another_name_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["run", str(EXAMPLES / "first_light.yaml"), "-q", "--set", "duration_s=20", "-o", "e.parquet"]) == 0
+    assert (
+        main(
+            [
+                "run",
+                str(EXAMPLES / "first_light.yaml"),
+                "-q",
+                "--set",
+                "duration_s=20",
+                "-o",
+                "e.parquet",
+            ]
+        )
+        == 0
+    )
     for ending in (".parquet", ".truth.parquet", ".manifest.json"):
         Path(f"e{ending}").rename(f"f{ending}")
     assert len(opir_core.load_run("f.parquet").detections) > 10

@@ -26,7 +26,9 @@ class TestParquetSink(SinkContract):
 
 def run_into(path: Path, *settings: str, scene: Path = SCENE) -> int:
     words = [f"outputs=[{{parquet: {{path: {path}}}}}]", *settings]
-    return main(["run", str(scene), "--quiet", *(word for each in words for word in ("--set", each))])
+    return main(
+        ["run", str(scene), "--quiet", *(word for each in words for word in ("--set", each))]
+    )
 
 
 @pytest.mark.slow
@@ -44,7 +46,12 @@ def test_detections_are_those_of_the_run(tmp_path: Path) -> None:
     groups = parquet.ParquetFile(path).metadata
     sizes = [groups.row_group(number).num_rows for number in range(groups.num_row_groups)]
     assert sizes == [*[3000] * (read.height // 3000), read.height % 3000]
-    beside = ["events.manifest.json", "events.parquet", "events.tracks.jsonl", "events.truth.parquet"]
+    beside = [
+        "events.manifest.json",
+        "events.parquet",
+        "events.tracks.jsonl",
+        "events.truth.parquet",
+    ]
     assert sorted(each.name for each in tmp_path.iterdir()) == beside
 
 
@@ -59,7 +66,9 @@ def test_windows_of_any_size_give_the_same_bytes(tmp_path: Path) -> None:
 
 
 def written(plan: Any, path: Path, window_s: float) -> pl.DataFrame:
-    origin = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
+    origin = EncoderContext(
+        sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types
+    )
     sink = ParquetSink(ParquetSinkConfig(path=str(path), row_group_rows=1000), path, origin)
     for window in plan_windows(plan, window_s):
         sink.write(window)
@@ -72,7 +81,9 @@ def test_measured_irradiances_are_columns(tmp_path: Path) -> None:
     path = tmp_path / "events.parquet"
     scene = EXAMPLES / "photons.yaml"
     assert run_into(path, "duration_s=120", "tracker=none", scene=scene) == 0
-    run = opir_core.simulate(opir_core.load_scene(scene, overrides=["duration_s=120", "tracker=none"]))
+    run = opir_core.simulate(
+        opir_core.load_scene(scene, overrides=["duration_s=120", "tracker=none"])
+    )
     rows = run.detections
     read = pl.read_parquet(path)
     assert read.height == len(rows) > 0
@@ -80,10 +91,14 @@ def test_measured_irradiances_are_columns(tmp_path: Path) -> None:
     band = run.sensors[number].bands[0].name
     mine = pl.col("sensor_id") == run.sensors[number].id
     values = read.filter(mine)[f"irradiance_{band}_w_m2"].to_numpy()
-    assert np.array_equal(values, rows.band_irradiance_w_m2[rows.sensor == number, 0], equal_nan=True)
+    assert np.array_equal(
+        values, rows.band_irradiance_w_m2[rows.sensor == number, 0], equal_nan=True
+    )
 
 
-def test_a_spool_and_a_missing_folder_are_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_spool_and_a_missing_folder_are_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     spool = f"outputs[0].parquet.spool={{path: {tmp_path / 'spool'}}}"
     assert run_into(tmp_path / "events.parquet", "duration_s=70", spool) == 5
     assert "can have no spool; remove spool, or use jsonl" in capsys.readouterr().err

@@ -1,4 +1,6 @@
-"""The truth of a run as columns: what is in memory, in row groups, with the records of sensors and targets."""
+"""The truth of a run as columns: what is in memory, in row groups, with the records of sensors and
+targets.
+"""
 
 import json
 from pathlib import Path
@@ -26,7 +28,14 @@ def texts(ids: Any) -> list[str]:
 def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
     path = tmp_path / "events.truth.parquet"
     scene = opir_core.load_scene(SCENE, overrides=["duration_s=70", "tracker=none"])
-    settings = ["--set", "duration_s=70", "--set", "tracker=none", "--out", str(tmp_path / "events.jsonl")]
+    settings = [
+        "--set",
+        "duration_s=70",
+        "--set",
+        "tracker=none",
+        "--out",
+        str(tmp_path / "events.jsonl"),
+    ]
     assert main(["run", str(SCENE), "--quiet", "--truth", str(path), *settings]) == 0
     run = opir_core.simulate(scene)
     read = parquet.read_table(path)
@@ -39,7 +48,9 @@ def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
     assert read.schema.field("detection_id").type == pa.binary(16)
     ids = [row["detection_id"] for row in read_truth(path) if row["record"] == "detection"]
     assert ids == due["detection_id"].to_pylist()
-    assert json.loads(read.schema.metadata[b"opir_truth"]) == json.loads(json.dumps(truth_records(run.plan)))
+    assert json.loads(read.schema.metadata[b"opir_truth"]) == json.loads(
+        json.dumps(truth_records(run.plan))
+    )
 
 
 @pytest.mark.slow
@@ -48,16 +59,27 @@ def test_a_run_with_columns_of_truth_is_read_back(tmp_path: Path) -> None:
     for name, ending in (("lines", "jsonl"), ("columns", "parquet")):
         folder = tmp_path / name
         folder.mkdir()
-        files = ["--out", str(folder / "events.jsonl"), "--truth", str(folder / f"events.truth.{ending}")]
+        files = [
+            "--out",
+            str(folder / "events.jsonl"),
+            "--truth",
+            str(folder / f"events.truth.{ending}"),
+        ]
         assert main(["run", str(SCENE), *files, *settings]) == 0
     lines, columns = (opir_core.load_run(tmp_path / name) for name in ("lines", "columns"))
     assert len(columns.truth) == len(lines.truth) > 1000
     assert np.array_equal(columns.truth.target, lines.truth.target)
     for name in ("emission_time_s", "range_m", "target_elevation_rad", "probability"):
         assert np.allclose(
-            getattr(columns.truth, name), getattr(lines.truth, name), rtol=0.0, atol=1e-3, equal_nan=True
+            getattr(columns.truth, name),
+            getattr(lines.truth, name),
+            rtol=0.0,
+            atol=1e-3,
+            equal_nan=True,
         )
-    assert opir_core.load_run(tmp_path / "columns" / "events.truth.parquet").summary == columns.summary
+    assert (
+        opir_core.load_run(tmp_path / "columns" / "events.truth.parquet").summary == columns.summary
+    )
 
 
 @pytest.mark.slow
@@ -77,7 +99,9 @@ def test_files_with_ids_as_texts_are_read_as_those_with_bytes(tmp_path: Path) ->
         column = table.column_names.index("detection_id")
         table = table.set_column(column, "detection_id", pa.array(texts(table["detection_id"])))
         parquet.write_table(table, older / path.name, compression="zstd")
-    new, old = (opir_core.load_run(folder / "events.parquet") for folder in (files[0].parent, older))
+    new, old = (
+        opir_core.load_run(folder / "events.parquet") for folder in (files[0].parent, older)
+    )
     assert len(new.detections) == len(old.detections) > 1000
     assert np.array_equal(new.detections.detection_id, old.detections.detection_id)
     for name in ("target", "range_m"):
@@ -85,10 +109,22 @@ def test_files_with_ids_as_texts_are_read_as_those_with_bytes(tmp_path: Path) ->
     assert old.summary == new.summary
 
 
-def test_a_file_that_is_no_truth_is_refused_with_its_path(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_no_truth_is_refused_with_its_path(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "events.truth.parquet"
     outputs = f"outputs=[{{parquet: {{path: {tmp_path / 'events.parquet'}}}}}]"
-    words = ["run", str(SCENE), "--quiet", "--set", "duration_s=70", "--set", "tracker=none", "--set", outputs]
+    words = [
+        "run",
+        str(SCENE),
+        "--quiet",
+        "--set",
+        "duration_s=70",
+        "--set",
+        "tracker=none",
+        "--set",
+        outputs,
+    ]
     assert main([*words, "--truth", str(path)]) == 0
     for content in (b"", (tmp_path / "events.parquet").read_bytes()):
         path.write_bytes(content)
@@ -103,7 +139,10 @@ def test_a_file_that_is_no_truth_is_refused_with_its_path(tmp_path: Path, capsys
 @pytest.mark.slow
 def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
     events = tmp_path / "events.jsonl"
-    outputs = f"outputs=[{{jsonl: {{path: {events}}}}}, {{parquet: {{path: {tmp_path / 'events.parquet'}}}}}]"
+    outputs = (
+        f"outputs=[{{jsonl: {{path: {events}}}}}, {{parquet: {{path:"
+        f" {tmp_path / 'events.parquet'}}}}}]"
+    )
     settings = ["--set", "duration_s=70", "--set", "tracker=none", "--set", outputs]
     assert main(["run", str(SCENE), "--quiet", *settings]) == 0
     lines = [json.loads(line) for line in events.read_bytes().splitlines()]
@@ -119,7 +158,20 @@ def test_without_opir_export_the_message_says_what_to_install(
 ) -> None:
     monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,trackers")
     path = tmp_path / "truth.parquet"
-    assert main(["run", str(SCENE), "--quiet", "--truth", str(path), "--out", str(tmp_path / "events.jsonl")]) == 3
+    assert (
+        main(
+            [
+                "run",
+                str(SCENE),
+                "--quiet",
+                "--truth",
+                str(path),
+                "--out",
+                str(tmp_path / "events.jsonl"),
+            ]
+        )
+        == 3
+    )
     reported = capsys.readouterr().err
     assert "a truth file with the ending .parquet: no sink is named 'parquet'" in reported
     assert "opir-export provides it: python -m pip install opir-export" in reported

@@ -1,4 +1,6 @@
-"""`opir run --workers` to Parquet: the same bytes, and a sink that fails fails alone, with its counts."""
+"""`opir run --workers` to Parquet: the same bytes, and a sink that fails fails alone, with its
+counts.
+"""
 
 from pathlib import Path
 
@@ -13,10 +15,14 @@ from opir_core.simulation import run
 
 
 def delivered(folder: Path, workers: int) -> RunOutcome:
-    """Run a short scene into events and truth as columns, with row groups that windows do not fill."""
+    """Run a short scene into events and truth as columns, with row groups that windows do not
+    fill.
+    """
     output = f"outputs=[{{parquet: {{path: {folder / 'events.parquet'}, row_group_rows: 700}}}}]"
     scene = opir_core.load_scene(SCENE, overrides=[output, "duration_s=75", "tracker=none"])
-    return deliver(opir_core.compile_plan(scene), truth_path=folder / "events.truth.parquet", workers=workers)
+    return deliver(
+        opir_core.compile_plan(scene), truth_path=folder / "events.truth.parquet", workers=workers
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +46,9 @@ def full(*_: object) -> None:
 
 
 @pytest.mark.parametrize("method", ["write", "close"])
-def test_a_sink_that_fails_fails_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+def test_a_sink_that_fails_fails_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
     monkeypatch.setattr(ParquetSink, method, full)
     outcome = delivered(tmp_path, 2)
     report = outcome.report.sinks[0]

@@ -1,4 +1,6 @@
-"""The tables of a run: in memory, as data frames, and read back from files by pandas, polars and shapely."""
+"""The tables of a run: in memory, as data frames, and read back from files by pandas, polars and
+shapely.
+"""
 
 import json
 from pathlib import Path
@@ -64,7 +66,11 @@ def test_unknown_numbers_and_false_alarms_are_null(run: opir_core.Run, tables: A
     assert tables["detections"]["snr"].null_count == int(np.isnan(run.detections.snr).sum()) > 0
     assert tables["detections"]["track_id"].null_count == int((run.detections.track < 0).sum()) > 0
     assert tables["truth"]["target_id"].to_pylist()[0] in run.target_ids
-    assert not any(value != value for value in tables["tracks"]["impact_lat_deg"].to_pylist() if value is not None)
+    assert not any(
+        value != value
+        for value in tables["tracks"]["impact_lat_deg"].to_pylist()
+        if value is not None
+    )
 
 
 def test_tracks_have_states_and_covariances(run: opir_core.Run, tables: Any) -> None:
@@ -79,12 +85,14 @@ def test_tracks_have_states_and_covariances(run: opir_core.Run, tables: Any) -> 
 
 
 def reach_rad(region: opir_core.ImpactRegion) -> float:
-    """Return the largest angle at the Earth's centre between the middle of a region's map and its rings."""
+    """Return the largest angle at the Earth's centre between the middle of a region's map and its
+    rings.
+    """
     latitude, longitude = region.chart().centre
     points = np.concatenate([ring for polygon in region.polygons for ring in polygon])
-    cosine = np.sin(latitude) * np.sin(points[:, 0]) + np.cos(latitude) * np.cos(points[:, 0]) * np.cos(
-        points[:, 1] - longitude
-    )
+    cosine = np.sin(latitude) * np.sin(points[:, 0]) + np.cos(latitude) * np.cos(
+        points[:, 0]
+    ) * np.cos(points[:, 1] - longitude)
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
 
 
@@ -92,8 +100,8 @@ def test_regions_are_valid_polygons_of_the_right_area(run: opir_core.Run, tables
     table = tables["regions"]
     shapes = shapely.from_wkb(table["geometry"].to_pylist())
     assert len(shapes) == sum(map(len, run.tracks.impact_regions.tolist())) > 50
-    # Regions that reach round the Earth, of the first ticks of a track, end at the antipode of their centre, where they
-    # may touch themselves.
+    # Regions that reach round the Earth, of the first ticks of a track, end at the antipode of
+    # their centre, where they may touch themselves.
     regions = [region for row in run.tracks.impact_regions.tolist() for region in row]
     usual = np.array([reach_rad(region) < 3.0 for region in regions])
     assert shapely.is_valid(shapes[usual]).all()
@@ -111,9 +119,15 @@ def test_targets_have_launch_impact_and_first_detection(run: opir_core.Run, tabl
     truths = run.plan.targets.truth()
     seen = run.summary["targets"]
     for row, truth, summary in zip(table, truths, seen, strict=True):
-        assert (row["target_id"], row["launch_lat_deg"]) == (truth["id"], truth["launch"]["lat_deg"])
+        assert (row["target_id"], row["launch_lat_deg"]) == (
+            truth["id"],
+            truth["launch"]["lat_deg"],
+        )
         assert row["impact_s"] == truth["impact"]["time_s"]
-        assert (row["latency_s"], row["first_sensor_id"]) == (summary["latency_s"], summary["first_sensor_id"])
+        assert (row["latency_s"], row["first_sensor_id"]) == (
+            summary["latency_s"],
+            summary["first_sensor_id"],
+        )
 
 
 def test_frames_of_pandas_and_polars_have_the_same_values(run: opir_core.Run, tables: Any) -> None:
@@ -128,7 +142,9 @@ def test_frames_of_pandas_and_polars_have_the_same_values(run: opir_core.Run, ta
     assert frames["targets"]["latency_s"].iloc[0] == lazy["targets"]["latency_s"][0] == latency
     assert str(frames["detections"]["time"].dtype) == "datetime64[ns, UTC]"
     joined = lazy["detections"].join(lazy["truth"], on="detection_id")
-    assert joined.filter(pl.col("target_id") == "T1").height == run.summary["targets"][0]["detections"]
+    assert (
+        joined.filter(pl.col("target_id") == "T1").height == run.summary["targets"][0]["detections"]
+    )
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
@@ -139,11 +155,15 @@ def test_a_missing_library_is_an_error_with_its_installation(
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
     monkeypatch.setattr(run_tables, "import_module", refuse)
-    with pytest.raises(PluginError, match=rf"needs {library}.*pip install 'opir-export\[{library}\]'"):
+    with pytest.raises(
+        PluginError, match=rf"needs {library}.*pip install 'opir-export\[{library}\]'"
+    ):
         getattr(run, f"to_{library}")()
 
 
-def test_parquet_is_read_by_polars_with_the_manifest(run: opir_core.Run, tables: Any, tmp_path: Path) -> None:
+def test_parquet_is_read_by_polars_with_the_manifest(
+    run: opir_core.Run, tables: Any, tmp_path: Path
+) -> None:
     files = exported(run, "parquet", tmp_path / "run")
     assert {file.name for file in files} == {f"{name}.parquet" for name in NAMES}
     read = pl.read_parquet(tmp_path / "run" / "detections.parquet")
@@ -158,7 +178,10 @@ def test_parquet_is_read_by_polars_with_the_manifest(run: opir_core.Run, tables:
 
 def test_arrow_files_are_read_by_polars(run: opir_core.Run, tmp_path: Path) -> None:
     exported(run, "arrow", tmp_path / "run", "compression=lz4", "tables=tracks,truth")
-    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["tracks.arrow", "truth.arrow"]
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
+        "tracks.arrow",
+        "truth.arrow",
+    ]
     read = pl.read_ipc(tmp_path / "run" / "tracks.arrow")
     assert np.array_equal(read["x_m"].to_numpy(), run.tracks.state[:, 0], equal_nan=True)
 
@@ -168,18 +191,28 @@ def test_csv_is_read_by_pandas(run: opir_core.Run, tmp_path: Path) -> None:
     exported(run, "csv", tmp_path / "run", "delimiter=semicolon")
     read = pd.read_csv(tmp_path / "run" / "detections.csv", sep=";", parse_dates=["time"])
     assert np.array_equal(read["elevation_deg"], np.degrees(run.detections.elevation_rad))
-    ns = (read["time"] - pd.Timestamp(run.plan.scene.epoch_us, unit="us", tz="UTC")).dt.total_seconds()
+    ns = (
+        read["time"] - pd.Timestamp(run.plan.scene.epoch_us, unit="us", tz="UTC")
+    ).dt.total_seconds()
     assert np.allclose(ns, run.detections.time_s, atol=1e-9)
     tracks = pd.read_csv(tmp_path / "run" / "tracks.csv", sep=";")
-    assert np.allclose(tracks["state_covariance_2"], run.tracks.state_covariance[:, 1, 1], rtol=1e-12, equal_nan=True)
+    assert np.allclose(
+        tracks["state_covariance_2"],
+        run.tracks.state_covariance[:, 1, 1],
+        rtol=1e-12,
+        equal_nan=True,
+    )
     shapes = pd.read_csv(tmp_path / "run" / "regions.csv", sep=";")["geometry"]
     assert shapely.equals(
-        shapely.from_wkt(shapes.to_list()), shapely.from_wkb(run.tables()["regions"]["geometry"].to_pylist())
+        shapely.from_wkt(shapes.to_list()),
+        shapely.from_wkb(run.tables()["regions"]["geometry"].to_pylist()),
     ).all()
 
 
 @pytest.mark.slow
-def test_a_run_of_files_gives_the_same_tables_as_far_as_files_round(run: opir_core.Run, tmp_path: Path) -> None:
+def test_a_run_of_files_gives_the_same_tables_as_far_as_files_round(
+    run: opir_core.Run, tmp_path: Path
+) -> None:
     events = tmp_path / "events.jsonl"
     assert main(["run", str(SCENE), "--set", "duration_s=90", "--out", str(events), "--quiet"]) == 0
     mine = opir_core.load_run(events).tables()

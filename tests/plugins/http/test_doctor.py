@@ -12,7 +12,9 @@ from repository import EXAMPLES
 from opir_core.cli.main import main
 
 
-def findings(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, dict[str, list[tuple[str, str]]]]:
+def findings(
+    capsys: pytest.CaptureFixture[str], *words: str
+) -> tuple[int, dict[str, list[tuple[str, str]]]]:
     """Return the exit code, and state and text of the findings by area."""
     code = main(["doctor", "--json", *words])
     found: dict[str, list[tuple[str, str]]] = {}
@@ -24,7 +26,9 @@ def findings(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, dict
 def under(limits: str, *words: str) -> str:
     """Return what the command prints under limits of the shell."""
     command = f"{limits}; exec {sys.executable} -m opir_core doctor {' '.join(words)}"
-    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False).stdout
+    return subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, check=False
+    ).stdout
 
 
 def test_a_sound_machine_has_no_failure(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -55,7 +59,9 @@ def test_a_port_in_use_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert "is in use: opir serve --port 0" in text
 
 
-def test_an_invalid_scene_and_a_missing_folder_fail(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_an_invalid_scene_and_a_missing_folder_fail(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     scene = tmp_path / "scene.yaml"
     text = (EXAMPLES / "first_light.yaml").read_text()
     scene.write_text(text.replace("path: events.jsonl", f"path: {tmp_path}/no/events.jsonl"))
@@ -76,7 +82,9 @@ def test_a_full_spool_is_reported(capsys: pytest.CaptureFixture[str], tmp_path: 
     text = (EXAMPLES / "first_light.yaml").read_text()
     scene.write_text(text.replace("  - jsonl: {path: events.jsonl}", outputs))
     _, found = findings(capsys, str(scene))
-    assert ("warn", f"{spool}: 2.0 MiB full: when_full is wait") in found["outputs[0] (kafka) spool"]
+    assert ("warn", f"{spool}: 2.0 MiB full: when_full is wait") in found[
+        "outputs[0] (kafka) spool"
+    ]
 
 
 def test_a_plugin_that_is_missing_is_reported(
@@ -87,7 +95,9 @@ def test_a_plugin_that_is_missing_is_reported(
     assert any(state == "warn" and "no-such-plugin" in text for state, text in found["plugins"])
 
 
-def test_an_output_without_a_spool_is_reported_what_it_can_lose(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_without_a_spool_is_reported_what_it_can_lose(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     _, found = findings(capsys, str(EXAMPLES / "first_light.yaml"))
     ((state, text),) = found["outputs[0] (jsonl) spool"]
     assert state == "ok"

@@ -29,9 +29,15 @@ def test_detections_pass_if_they_pass_every_filter() -> None:
         "confidence": (0.3, rows.confidence >= 0.3),
     }
     for given in product((False, True), repeat=len(passes)):
-        chosen = {name: each for (name, each), is_given in zip(passes.items(), given, strict=True) if is_given}
+        chosen = {
+            name: each
+            for (name, each), is_given in zip(passes.items(), given, strict=True)
+            if is_given
+        }
         criteria = Filter(**{name: value for name, (value, _) in chosen.items()})
-        kept = np.flatnonzero(np.all([np.ones(COUNT, bool), *(mask for _, mask in chosen.values())], axis=0))
+        kept = np.flatnonzero(
+            np.all([np.ones(COUNT, bool), *(mask for _, mask in chosen.values())], axis=0)
+        )
         lines, further = history.page(criteria, None, COUNT)
         assert [int(line) for line in lines] == kept[::-1].tolist(), chosen.keys()
         assert further is None

@@ -1,4 +1,6 @@
-"""Clients: limits of connections, health checks above them, HEAD and OPTIONS, the log of writes, token files."""
+"""Clients: limits of connections, health checks above them, HEAD and OPTIONS, the log of writes,
+token files.
+"""
 
 import argparse
 import socket
@@ -16,7 +18,9 @@ from opir_http.serving import ServeError, token_of
 from waiting import until
 
 
-def test_health_is_answered_above_the_limit_of_connections(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_health_is_answered_above_the_limit_of_connections(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(server, "MAXIMUM_CONNECTIONS", 3)
     with serving(tmp_path) as running, ExitStack() as held:
         for _ in range(3):
@@ -24,19 +28,28 @@ def test_health_is_answered_above_the_limit_of_connections(tmp_path: Path, monke
         until(lambda: len(running.server.server_state.connections) == 3)
         assert running.ask("GET", "/health/live").status == 200
         refused = running.ask("GET", "/status")
-        assert (refused.status, refused.headers["connection"], refused.headers["retry-after"]) == (503, "close", "5")
+        assert (refused.status, refused.headers["connection"], refused.headers["retry-after"]) == (
+            503,
+            "close",
+            "5",
+        )
 
 
 def test_a_client_has_a_limit_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "LOOPBACK", frozenset())
     monkeypatch.setattr(server, "CONNECTIONS_PER_CLIENT", 1)
-    with serving(tmp_path) as running, socket.create_connection(("127.0.0.1", running.port), timeout=60):
+    with (
+        serving(tmp_path) as running,
+        socket.create_connection(("127.0.0.1", running.port), timeout=60),
+    ):
         until(lambda: len(running.server.server_state.connections) == 1)
         assert running.ask("GET", "/status").status == 503
         assert running.ask("GET", "/health/live").status == 200
 
 
-def test_a_client_that_reads_nothing_is_disconnected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_that_reads_nothing_is_disconnected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(server, "WRITE_S", 0.3)
     monkeypatch.setattr(server, "_CHECK_S", 0.1)
     with serving(tmp_path) as running, socket.socket() as idle:
@@ -49,7 +62,9 @@ def test_a_client_that_reads_nothing_is_disconnected(tmp_path: Path, monkeypatch
         until(lambda: not running.server.server_state.connections)
 
 
-@pytest.mark.parametrize("path", ["/", "/status", "/config", "/health/live", "/metrics", "/stream", "/openapi.json"])
+@pytest.mark.parametrize(
+    "path", ["/", "/status", "/config", "/health/live", "/metrics", "/stream", "/openapi.json"]
+)
 def test_head_and_options_are_answered(stand: Stand, path: str) -> None:
     answer = stand.ask("HEAD", path)
     assert (answer.status, answer.body) == (200, b"")
@@ -69,7 +84,9 @@ def test_writes_are_logged_and_refused_requests_at_a_limited_rate(stand: Stand) 
             stand.ask("GET", "/nowhere")
     finally:
         gate._log = before
-    assert lines[0].startswith('opir: write: 127.0.0.1, token secret-name: PUT "/config" 200, ETag "*" ')
+    assert lines[0].startswith(
+        'opir: write: 127.0.0.1, token secret-name: PUT "/config" 200, ETag "*" '
+    )
     assert [line.split(":")[1].strip() for line in lines] == ["write", "write", "refused"]
 
 

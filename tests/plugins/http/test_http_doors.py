@@ -1,4 +1,6 @@
-"""Who may knock: pages of other sites, wrong tokens, names that look like this machine, bodies of two lengths."""
+"""Who may knock: pages of other sites, wrong tokens, names that look like this machine, bodies of
+two lengths.
+"""
 
 import socket
 from argparse import Namespace
@@ -11,12 +13,16 @@ from opir_http.serving import AddressInUseError, ServeError, bound_socket, token
 TOKEN = "correct-horse-battery"
 
 
-@pytest.mark.parametrize("host", ["[::1].evil.example", "[::1", "localhost.evil.example", "::1", "[::1]x:80", ""])
+@pytest.mark.parametrize(
+    "host", ["[::1].evil.example", "[::1", "localhost.evil.example", "::1", "[::1]x:80", ""]
+)
 def test_a_name_that_only_looks_like_this_machine_is_refused(stand: Stand, host: str) -> None:
     assert stand.ask("GET", "/status", headers={"Host": host}).status == 421
 
 
-@pytest.mark.parametrize("host", ["localhost", "localhost:8000", "127.0.0.1:9", "[::1]", "[::1]:8000"])
+@pytest.mark.parametrize(
+    "host", ["localhost", "localhost:8000", "127.0.0.1:9", "[::1]", "[::1]:8000"]
+)
 def test_a_name_of_this_machine_is_served(stand: Stand, host: str) -> None:
     assert stand.ask("GET", "/status", headers={"Host": host}).status == 200
 
@@ -30,8 +36,12 @@ def test_a_name_of_this_machine_is_served(stand: Stand, host: str) -> None:
         {"Sec-Fetch-Site": "same-site", "Origin": "http://localhost:1"},
     ],
 )
-@pytest.mark.parametrize(("method", "path"), [("POST", "/outputs/x/retry"), ("POST", "/trigger"), ("PUT", "/config")])
-def test_a_page_of_another_site_writes_nothing(stand: Stand, method: str, path: str, headers: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    ("method", "path"), [("POST", "/outputs/x/retry"), ("POST", "/trigger"), ("PUT", "/config")]
+)
+def test_a_page_of_another_site_writes_nothing(
+    stand: Stand, method: str, path: str, headers: dict[str, str]
+) -> None:
     answer = stand.ask(method, path, LAUNCH, {"If-Match": "*", **headers})
     assert answer.status == 403
     assert "other sites" in answer.json["detail"]
@@ -53,7 +63,10 @@ def test_wrong_tokens_wait_and_the_right_one_does_not(tmp_path: Path) -> None:
         assert {answer.status for answer in answers} == {401, 429}
         late = next(answer for answer in answers if answer.status == 429)
         assert int(late.headers["retry-after"]) >= 1
-        assert running.ask("GET", "/status", headers={"Authorization": f"Bearer {TOKEN}"}).status == 200
+        assert (
+            running.ask("GET", "/status", headers={"Authorization": f"Bearer {TOKEN}"}).status
+            == 200
+        )
         assert running.ask("GET", "/status").status == 401
 
 

@@ -1,4 +1,6 @@
-"""Forms of requests and answers: absolute targets, encoded bodies, one charset, and a stream that goes on."""
+"""Forms of requests and answers: absolute targets, encoded bodies, one charset, and a stream that
+goes on.
+"""
 
 import asyncio
 import gzip
@@ -24,8 +26,13 @@ def lines_of(count, start=0):
 
 
 def detections(count):
-    columns = {name: getattr(Detections.empty(), name) for name in ("track", "confidence", "reported_type", "sensor")}
-    return type("Rows", (), {name: np.zeros(count, column.dtype) for name, column in columns.items()})()
+    columns = {
+        name: getattr(Detections.empty(), name)
+        for name in ("track", "confidence", "reported_type", "sensor")
+    }
+    return type(
+        "Rows", (), {name: np.zeros(count, column.dtype) for name, column in columns.items()}
+    )()
 
 
 def history(counts, size=8):
@@ -37,7 +44,13 @@ def history(counts, size=8):
 
 @pytest.mark.parametrize(
     ("number", "lines", "lost"),
-    [(0, lines_of(8, 12), 12), (12, lines_of(8, 12), 0), (18, lines_of(2, 18), 0), (20, [], 0), (99, [], 0)],
+    [
+        (0, lines_of(8, 12), 12),
+        (12, lines_of(8, 12), 0),
+        (18, lines_of(2, 18), 0),
+        (20, [], 0),
+        (99, [], 0),
+    ],
 )
 def test_what_came_after_a_number_is_in_the_history(number, lines, lost):
     assert history([5, 5, 10]).since(number) == (lines, lost, 20)
@@ -45,7 +58,9 @@ def test_what_came_after_a_number_is_in_the_history(number, lines, lost):
 
 def raw(stand, target, host="localhost", more=""):
     with socket.create_connection(("127.0.0.1", stand.port), timeout=60) as connection:
-        connection.sendall(f"GET {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{more}\r\n".encode())
+        connection.sendall(
+            f"GET {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{more}\r\n".encode()
+        )
         answer = b""
         while part := connection.recv(65536):
             answer += part
@@ -76,10 +91,15 @@ def test_an_encoded_body_is_refused(stand: Stand, encoding: str) -> None:
     answer = stand.ask("POST", "/trigger", body, headers)
     assert (answer.status, answer.headers["accept-encoding"]) == (415, "identity")
     plain = json.dumps(LAUNCH).encode()
-    assert stand.ask("POST", "/trigger", plain, headers | {"Content-Encoding": "Identity"}).status == 202
+    assert (
+        stand.ask("POST", "/trigger", plain, headers | {"Content-Encoding": "Identity"}).status
+        == 202
+    )
 
 
-@pytest.mark.parametrize("target", ["/", "/metrics", "/page/table.js", "/health/live", "/openapi.json"])
+@pytest.mark.parametrize(
+    "target", ["/", "/metrics", "/page/table.js", "/health/live", "/openapi.json"]
+)
 def test_every_answer_has_one_charset(stand: Stand, target: str) -> None:
     status, head, _ = raw(stand, target)
     (kind,) = [line for line in head.split("\r\n") if line.startswith("content-type:")]
@@ -97,12 +117,18 @@ def frames_of(stand, count, last=None):
         while len(found) < count:
             text += connection.recv(65536)
             # Chunks are one frame each, with their length in hexadecimal before them.
-            found = [part for part in text.split(b"\r\n") if b"event: detections" in part and part.endswith(b"\n\n")]
+            found = [
+                part
+                for part in text.split(b"\r\n")
+                if b"event: detections" in part and part.endswith(b"\n\n")
+            ]
     rows = []
     for frame in found:
         values = dict(line.split(b": ", 1) for line in frame.strip().split(b"\n"))
         data = json.loads(values[b"data"])
-        rows.append((int(values[b"id"]), [row["detection_id"] for row in data["detections"]], data["cycle"]))
+        rows.append(
+            (int(values[b"id"]), [row["detection_id"] for row in data["detections"]], data["cycle"])
+        )
     return rows
 
 
@@ -123,7 +149,9 @@ def test_a_stream_goes_on_after_the_last_event_that_arrived(tmp_path: Path) -> N
 
 
 def events_of(stand, kinds, last):
-    """Return the events of a stream after a number, as its schema has them, until there is one of each kind."""
+    """Return the events of a stream after a number, as its schema has them, until there is one of
+    each kind.
+    """
     connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=60)
     connection.request("GET", "/stream", headers={"Last-Event-ID": str(last)})
     response = connection.getresponse()
@@ -149,7 +177,11 @@ def test_every_frame_conforms_to_the_schema_of_the_stream(tmp_path: Path) -> Non
         events = events_of(running, {"dropped", "detections", "tracks", "status"}, last=1)
     assert [event["event"] for event in events[:2]] == ["dropped", "detections"]
     assert events[1]["data"]["cycle"] is None
-    for event in [*events, {"event": "end", "data": {}}, {"event": "dropped", "data": {"frames": 3}}]:
+    for event in [
+        *events,
+        {"event": "end", "data": {}},
+        {"event": "dropped", "data": {"frames": 3}},
+    ]:
         conforms(event, "StreamEvent")
 
 
@@ -175,9 +207,13 @@ def test_frames_on_their_way_are_not_sent_twice(tmp_path: Path) -> None:
             client = Client(brief=False)
             feed.resume(client, 0)
             total = client.seen
-            feed._fan_out([(total, b"old", b"old"), (total + 1, b"new", b"new"), (0, b"status", b"status")])
+            feed._fan_out(
+                [(total, b"old", b"old"), (total + 1, b"new", b"new"), (0, b"status", b"status")]
+            )
             client.close()
-            return [frame async for frame in client.frames() if frame in (b"old", b"new", b"status")]
+            return [
+                frame async for frame in client.frames() if frame in (b"old", b"new", b"status")
+            ]
 
         frames_of(running, 1)
         assert asyncio.run(seen()) == [b"new", b"status"]

@@ -28,7 +28,9 @@ sys.stdout.fileno()
 
 
 def test_whatever_a_process_prints_or_logs_is_json_on_standard_error() -> None:
-    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True, timeout=60
+    )
     assert not done.stdout
     rows = [json.loads(line) for line in done.stderr.splitlines()]
     assert all(row.keys() >= {"time", "level", "logger", "message"} for row in rows)
@@ -59,6 +61,11 @@ def test_requests_are_logged_with_their_fields(is_json: bool) -> None:
         assert lines[0].startswith("opir: write: 192.0.2.1, token file: PUT ")
         return
     write, refused = map(json.loads, lines)
-    assert (write["level"], write["client"], write["path"], write["status"]) == ("info", "192.0.2.1", '/co"nfig', 200)
+    assert (write["level"], write["client"], write["path"], write["status"]) == (
+        "info",
+        "192.0.2.1",
+        '/co"nfig',
+        200,
+    )
     assert (write["token"], write["etag_before"], write["etag_after"]) == ("file", '"a"', '"b"')
     assert (refused["level"], refused["refused"]) == ("warning", 1)

@@ -43,7 +43,12 @@ def test_a_slow_viewer_loses_the_oldest_and_is_reported() -> None:
 def test_viewers_are_bounded(tmp_path: Path) -> None:
     with serving(tmp_path) as running:
         config = running.ask("GET", "/config").json
-        running.ask("PUT", "/config", config | {"http": config["http"] | {"maximum_viewers": 1}}, {"If-Match": "*"})
+        running.ask(
+            "PUT",
+            "/config",
+            config | {"http": config["http"] | {"maximum_viewers": 1}},
+            {"If-Match": "*"},
+        )
         with socket.create_connection(("127.0.0.1", running.port), timeout=60) as first:
             first.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
             assert first.recv(15).startswith(b"HTTP/1.1 200")
@@ -59,7 +64,10 @@ def test_too_many_writes_are_reported_to_wait(tmp_path: Path) -> None:
         assert running.ask("PUT", "/config", slower, {"If-Match": "*"}).status == 200
         answers = [running.ask("POST", "/trigger", b"{}") for _ in range(4)]
         assert 429 in [answer.status for answer in answers]
-        assert int(next(answer for answer in answers if answer.status == 429).headers["retry-after"]) >= 1
+        assert (
+            int(next(answer for answer in answers if answer.status == 429).headers["retry-after"])
+            >= 1
+        )
         assert running.ask("GET", "/status").status == 200
 
 
@@ -74,12 +82,23 @@ def test_a_token_is_needed_where_there_is_one(tmp_path: Path) -> None:
     token = "correct-horse-battery"
     with serving(tmp_path, token=token) as running:
         assert running.ask("GET", "/status").status == 401
-        assert running.ask("GET", "/status", headers={"Authorization": f"Bearer {token}x"}).status == 401
-        assert running.ask("GET", "/status", headers={"Authorization": f"Basic {token}"}).status == 401
-        assert running.ask("GET", "/status", headers={"Authorization": f"Bearer {token}"}).status == 200
+        assert (
+            running.ask("GET", "/status", headers={"Authorization": f"Bearer {token}x"}).status
+            == 401
+        )
+        assert (
+            running.ask("GET", "/status", headers={"Authorization": f"Basic {token}"}).status == 401
+        )
+        assert (
+            running.ask("GET", "/status", headers={"Authorization": f"Bearer {token}"}).status
+            == 200
+        )
         assert running.ask("GET", "/health/live").status == 200
         assert running.ask("GET", "/").status == 200
-        assert token.encode() not in running.ask("GET", "/config", headers={"Authorization": f"Bearer {token}"}).body
+        assert (
+            token.encode()
+            not in running.ask("GET", "/config", headers={"Authorization": f"Bearer {token}"}).body
+        )
 
 
 def test_writes_to_the_configuration_can_be_switched_off(tmp_path: Path) -> None:
@@ -100,7 +119,10 @@ def test_other_addresses_need_a_token(monkeypatch: pytest.MonkeyPatch, tmp_path:
     secret = tmp_path / "token"
     secret.write_text("from-a-file-of-ours\n")
     secret.chmod(0o600)
-    assert token_of(argparse.Namespace(host="0.0.0.0", token_file=str(secret))) == "from-a-file-of-ours"
+    assert (
+        token_of(argparse.Namespace(host="0.0.0.0", token_file=str(secret)))
+        == "from-a-file-of-ours"
+    )
 
 
 def trickle(slow: socket.socket, words: bytes) -> None:
@@ -110,21 +132,30 @@ def trickle(slow: socket.socket, words: bytes) -> None:
 
 
 @pytest.mark.slow
-def test_whoever_sends_a_letter_at_a_time_is_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whoever_sends_a_letter_at_a_time_is_let_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(server, "HEADERS_S", 0.5)
     monkeypatch.setattr(server, "_CHECK_S", 0.1)
     monkeypatch.setattr(gate, "BODY_S", 0.5)
     with serving(tmp_path) as running:
-        with socket.create_connection(("127.0.0.1", running.port), timeout=60) as slow, pytest.raises(ConnectionError):
+        with (
+            socket.create_connection(("127.0.0.1", running.port), timeout=60) as slow,
+            pytest.raises(ConnectionError),
+        ):
             trickle(slow, b"GET /status HTTP/1.1\r\nHost: localhost\r\nX: " + b"y" * 2000)
         with socket.create_connection(("127.0.0.1", running.port), timeout=60) as slow:
-            head = b"POST /trigger HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+            head = (
+                b"POST /trigger HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+            )
             slow.sendall(head + b"Content-Length: 100\r\n\r\n{")
             assert slow.recv(100).startswith(b"HTTP/1.1 408")
         assert running.ask("GET", "/status").status == 200
 
 
-def test_a_configuration_that_no_machine_can_bear_is_refused_and_later_ones_are_not(stand: Stand) -> None:
+def test_a_configuration_that_no_machine_can_bear_is_refused_and_later_ones_are_not(
+    stand: Stand,
+) -> None:
     answer = stand.ask("GET", "/config")
     config = answer.json
     tag = answer.headers["etag"]

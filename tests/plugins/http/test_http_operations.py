@@ -1,4 +1,6 @@
-"""The files of `examples/operations` fit the service: flags, exit codes, routes and metrics exist."""
+"""The files of `examples/operations` fit the service: flags, exit codes, routes and metrics
+exist.
+"""
 
 import argparse
 import configparser
@@ -52,7 +54,9 @@ def test_the_unit_starts_a_supervised_service_that_pings_before_systemd_gives_up
 
 def test_the_container_serves_and_asks_for_readiness() -> None:
     text = (FOLDER / "Containerfile").read_text(encoding="utf-8").replace("\\\n", " ")
-    instructions = dict(line.split(maxsplit=1) for line in text.splitlines() if line and not line.startswith("#"))
+    instructions = dict(
+        line.split(maxsplit=1) for line in text.splitlines() if line and not line.startswith("#")
+    )
     assert json.loads(instructions["ENTRYPOINT"]) == ["opir", "serve"]
     arguments = served(json.loads(instructions["CMD"]))
     assert (arguments.supervise, arguments.port, arguments.host) == (True, 8000, "0.0.0.0")
@@ -74,7 +78,10 @@ def test_every_alert_names_metrics_that_the_service_has_and_every_queue_and_hear
     named = {name for rule in rules() for name in METRIC.findall(rule["expr"])}
     assert named <= there
     watched = {"opir_ready", "opir_stuck", "opir_up", "opir_stream_up", "opir_cycle_age_seconds"}
-    watched |= {f"opir_sink_{name}" for name in ("busy_seconds", "parked", "up", "queued_windows", "spooled")}
+    watched |= {
+        f"opir_sink_{name}"
+        for name in ("busy_seconds", "parked", "up", "queued_windows", "spooled")
+    }
     assert watched | {"opir_sink_events_dropped_total", "opir_sink_unbalanced"} <= named
 
 
@@ -91,4 +98,6 @@ def test_rules_are_whole() -> None:
 
 @pytest.mark.parametrize("name", ["opir.service", "Containerfile", "alerts.yaml"])
 def test_the_page_on_supervision_names_each_file(name: str) -> None:
-    assert f"examples/operations/{name}" in (ROOT / "docs/how-to/supervise.md").read_text(encoding="utf-8")
+    assert f"examples/operations/{name}" in (ROOT / "docs/how-to/supervise.md").read_text(
+        encoding="utf-8"
+    )

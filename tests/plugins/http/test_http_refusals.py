@@ -1,4 +1,6 @@
-"""What the service refuses, and how: parameters, bodies, files of the machine, forms, methods, names."""
+"""What the service refuses, and how: parameters, bodies, files of the machine, forms, methods,
+names.
+"""
 
 import json
 from pathlib import Path
@@ -35,7 +37,10 @@ BAD_BODIES = {
     "not JSON": (b"{", 400),
     "a list": (b"[]", 422),
     "NaN": (b'{"type": NaN}', 400),
-    "beyond a float": (b'{"type":"ICBM","launch":{"lat_deg":1e400,"lon_deg":0},"aim":{"lat_deg":0,"lon_deg":1}}', 422),
+    "beyond a float": (
+        b'{"type":"ICBM","launch":{"lat_deg":1e400,"lon_deg":0},"aim":{"lat_deg":0,"lon_deg":1}}',
+        422,
+    ),
     "huge whole number": (b'{"type":"ICBM","launch":{"lat_deg":' + b"9" * 5000 + b"}}", 400),
     "deep": (b'{"a":' * 9000 + b"1" + b"}" * 9000, 400),
     "deep list": (b"[" * 60000, 400),
@@ -52,7 +57,9 @@ BAD_BODIES = {
 
 
 @pytest.mark.parametrize(("body", "status"), BAD_BODIES.values(), ids=BAD_BODIES)
-def test_a_body_that_is_wrong_is_refused_and_changes_nothing(stand: Stand, body: bytes, status: int) -> None:
+def test_a_body_that_is_wrong_is_refused_and_changes_nothing(
+    stand: Stand, body: bytes, status: int
+) -> None:
     for method, path in (("POST", "/trigger"), ("PUT", "/config")):
         answer = stand.ask(method, path, body, {"If-Match": "*"})
         assert answer.status == status, answer.body
@@ -91,23 +98,36 @@ def test_no_configuration_names_another_file_or_sends_a_secret_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("OPIR_TEST_PASSWORD", "the-word-itself")
-    outputs = OUTPUT.replace("PATH", str(tmp_path / "a.jsonl")).replace("SPOOL", str(tmp_path / "spool"))
-    with serving(tmp_path, scene=SCENE.replace('outputs: ["null"]', f"outputs:{outputs}")) as running:
+    outputs = OUTPUT.replace("PATH", str(tmp_path / "a.jsonl")).replace(
+        "SPOOL", str(tmp_path / "spool")
+    )
+    with serving(
+        tmp_path, scene=SCENE.replace('outputs: ["null"]', f"outputs:{outputs}")
+    ) as running:
         config = running.ask("GET", "/config")
         assert b"the-word-itself" not in config.body + running.ask("GET", "/status").body
         places = {
-            "outputs[0].jsonl.path": lambda whole: whole["outputs"][0]["jsonl"].update(path=str(tmp_path / "evil")),
-            "outputs[0].jsonl.spool.path": lambda whole: whole["outputs"][0]["jsonl"]["spool"].update(path="evil"),
-            "outputs[1]": lambda whole: whole["outputs"][1]["kafka"].update(bootstrap_servers="evil.example:9092"),
-            "outputs[1].kafka.security.password_variable": lambda whole: whole["outputs"][1]["kafka"][
-                "security"
-            ].update(password_variable="HOME"),
+            "outputs[0].jsonl.path": lambda whole: whole["outputs"][0]["jsonl"].update(
+                path=str(tmp_path / "evil")
+            ),
+            "outputs[0].jsonl.spool.path": lambda whole: whole["outputs"][0]["jsonl"][
+                "spool"
+            ].update(path="evil"),
+            "outputs[1]": lambda whole: whole["outputs"][1]["kafka"].update(
+                bootstrap_servers="evil.example:9092"
+            ),
+            "outputs[1].kafka.security.password_variable": lambda whole: whole["outputs"][1][
+                "kafka"
+            ]["security"].update(password_variable="HOME"),
         }
         for place, change in places.items():
             wanted = config.json
             change(wanted)
             answer = running.ask("PUT", "/config", wanted, {"If-Match": "*"})
-            assert (answer.status, place in [error["path"] for error in answer.json["errors"]]) == (409, True)
+            assert (answer.status, place in [error["path"] for error in answer.json["errors"]]) == (
+                409,
+                True,
+            )
         assert running.ask("PUT", "/config", config.json, {"If-Match": "*"}).status == 200
         assert not list(tmp_path.glob("evil*"))
 
@@ -120,9 +140,14 @@ def test_a_launch_that_is_past_is_reported_the_clock(stand: Stand) -> None:
 FORM = "application/x-www-form-urlencoded"
 
 
-@pytest.mark.parametrize("kind", ["text/plain", f"{FORM}; charset=utf-8", "application/json; charset=latin-1", ""])
+@pytest.mark.parametrize(
+    "kind", ["text/plain", f"{FORM}; charset=utf-8", "application/json; charset=latin-1", ""]
+)
 def test_other_content_types_are_refused(stand: Stand, kind: str) -> None:
-    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": kind}).status == 415
+    assert (
+        stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": kind}).status
+        == 415
+    )
 
 
 @pytest.mark.parametrize(
@@ -130,16 +155,29 @@ def test_other_content_types_are_refused(stand: Stand, kind: str) -> None:
     [{"Origin": "https://elsewhere.example"}, {"Origin": "null"}, {"Sec-Fetch-Site": "cross-site"}],
 )
 def test_no_form_of_a_browser_is_taken(stand: Stand, header: dict[str, str]) -> None:
-    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM} | header).status == 403
+    assert (
+        stand.ask(
+            "POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM} | header
+        ).status
+        == 403
+    )
 
 
 def test_what_curl_posts_by_default_is_read_as_json(stand: Stand) -> None:
-    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM}).status == 202
+    assert (
+        stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM}).status
+        == 202
+    )
     assert stand.ask("POST", "/trigger", b"type=ICBM", {"Content-Type": FORM}).status == 400
 
 
 def test_other_methods_are_refused_and_no_origin_is_let_in(stand: Stand) -> None:
-    for method, path in (("DELETE", "/config"), ("POST", "/status"), ("PATCH", "/config"), ("PUT", "/trigger")):
+    for method, path in (
+        ("DELETE", "/config"),
+        ("POST", "/status"),
+        ("PATCH", "/config"),
+        ("PUT", "/trigger"),
+    ):
         answer = stand.ask(method, path, b"{}")
         assert answer.status == 405
         assert answer.headers["allow"]
@@ -149,7 +187,8 @@ def test_other_methods_are_refused_and_no_origin_is_let_in(stand: Stand) -> None
     assert "default-src 'none'" in answer.headers["content-security-policy"]
 
 
-#: What the OWASP cheat sheet of HTTP headers asks of a page that nobody frames and that uses no device.
+#: What the OWASP cheat sheet of HTTP headers asks of a page that nobody frames and that uses no
+#: device.
 SECURITY_HEADERS = {
     "x-content-type-options": "nosniff",
     "x-frame-options": "DENY",
@@ -161,7 +200,8 @@ SECURITY_HEADERS = {
 
 
 @pytest.mark.parametrize(
-    ("method", "path"), [("GET", "/status"), ("GET", "/"), ("GET", "/missing"), ("DELETE", "/config"), ("HEAD", "/")]
+    ("method", "path"),
+    [("GET", "/status"), ("GET", "/"), ("GET", "/missing"), ("DELETE", "/config"), ("HEAD", "/")],
 )
 def test_every_answer_has_the_security_headers(stand: Stand, method: str, path: str) -> None:
     answer = stand.ask(method, path)

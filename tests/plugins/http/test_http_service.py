@@ -34,11 +34,16 @@ def test_every_answer_is_what_the_document_says(stand: Stand) -> None:
 
 def test_the_document_has_every_route_and_no_other(stand: Stand) -> None:
     routes = stand.server.config.app._app.routes
-    paths = [(route.path.replace("{output:str}", "{output}"), route.methods - {"OPTIONS"}) for route in routes]
+    paths = [
+        (route.path.replace("{output:str}", "{output}"), route.methods - {"OPTIONS"})
+        for route in routes
+    ]
     ours = {(path, method) for path, methods in paths for method in methods}
     page = {("/", "GET"), ("/page/{name:str}", "GET"), ("/page/vendor/{name:str}", "GET")}
     page |= {("/openapi.json", "GET")}
-    reported = {(path, method.upper()) for path, item in document()["paths"].items() for method in item}
+    reported = {
+        (path, method.upper()) for path, item in document()["paths"].items() for method in item
+    }
     assert ours - page == reported
     assert stand.ask("GET", "/openapi.json").json == json.loads(json.dumps(document()))
 
@@ -65,7 +70,11 @@ def test_a_launch_gives_the_events_of_a_batch(tmp_path: Path) -> None:
         until(lambda: feed.history.total == run.status().detections)
         lines = running.ask("GET", "/detections?limit=1000").body
     scene = run.scene
-    block = {"id": launched["id"], **LAUNCH, "launch": LAUNCH["launch"] | {"time_s": launched["time_s"]}}
+    block = {
+        "id": launched["id"],
+        **LAUNCH,
+        "launch": LAUNCH["launch"] | {"time_s": launched["time_s"]},
+    }
     mapping = scene_mapping(scene)
     plan = compile_plan(scene_from_mapping(mapping | {"targets": [*mapping["targets"], block]}))
     encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=scene.epoch_us))
@@ -80,7 +89,10 @@ def test_an_idempotency_key_launches_once(stand: Stand) -> None:
     assert second.headers["idempotent-replayed"] == "true"
     other = stand.ask("POST", "/trigger", LAUNCH | {"type": "SRBM"}, key)
     assert other.status == 422
-    refused = [stand.ask("POST", "/trigger", {"type": "X"}, {"Idempotency-Key": "bad"}).status for _ in range(2)]
+    refused = [
+        stand.ask("POST", "/trigger", {"type": "X"}, {"Idempotency-Key": "bad"}).status
+        for _ in range(2)
+    ]
     assert refused == [422, 422]
 
 
@@ -99,23 +111,35 @@ def test_a_configuration_changes_whole_at_a_cycle_or_not_at_all(stand: Stand) ->
     after = stand.ask("GET", "/config")
     assert (after.json, after.headers["etag"]) == (config, answer.headers["etag"])
     assert stand.service.feed.tracks.most == 40
-    assert stand.ask("GET", "/config", headers={"If-None-Match": after.headers["etag"]}).status == 304
+    assert (
+        stand.ask("GET", "/config", headers={"If-None-Match": after.headers["etag"]}).status == 304
+    )
     assert stand.ask("PUT", "/config", config, tag).status == 412
     assert stand.ask("PUT", "/config", config).status == 428
     config["confidence"]["band"] = 0.9
     config["sensors"][0]["members"][1]["scan_period_ms"] = 800.0
     refused = stand.ask("PUT", "/config", config, {"If-Match": "*"})
-    assert (refused.status, [error["path"] for error in refused.json["errors"]]) == (422, ["confidence"])
+    assert (refused.status, [error["path"] for error in refused.json["errors"]]) == (
+        422,
+        ["confidence"],
+    )
     assert stand.ask("GET", "/config").json == after.json
 
 
 def test_settings_that_need_a_restart_are_refused_by_name(stand: Stand) -> None:
     config = stand.ask("GET", "/config").json
-    scene = stand.ask("PUT", "/config", config | {"seed": 99, "tracker": "none", "outputs": []}, {"If-Match": "*"})
+    scene = stand.ask(
+        "PUT", "/config", config | {"seed": 99, "tracker": "none", "outputs": []}, {"If-Match": "*"}
+    )
     assert scene.status == 409
     assert {error["path"] for error in scene.json["errors"]} == {"seed", "outputs"}
-    http_ = stand.ask("PUT", "/config", config | {"http": config["http"] | {"port": 1}}, {"If-Match": "*"})
-    assert (http_.status, http_.json["errors"]) == (409, [{"path": "http.port", "message": "needs a restart"}])
+    http_ = stand.ask(
+        "PUT", "/config", config | {"http": config["http"] | {"port": 1}}, {"If-Match": "*"}
+    )
+    assert (http_.status, http_.json["errors"]) == (
+        409,
+        [{"path": "http.port", "message": "needs a restart"}],
+    )
 
 
 def test_pages_of_detections_follow_one_another_and_filters_hold(stand: Stand) -> None:
@@ -128,7 +152,9 @@ def test_pages_of_detections_follow_one_another_and_filters_hold(stand: Stand) -
         cursor = f"&after={page['next']}"
     assert len(seen) == len(set(seen)) == 21
     assert total >= 21
-    some = stand.ask("GET", "/detections?limit=1000&sensor_type=DSP&min_confidence=0.5&target_type=ICBM").json
+    some = stand.ask(
+        "GET", "/detections?limit=1000&sensor_type=DSP&min_confidence=0.5&target_type=ICBM"
+    ).json
     assert some["detections"]
     for event in some["detections"]:
         assert (event["sensor_type"], event["target_type"]) == ("DSP", "ICBM")
@@ -148,14 +174,18 @@ def test_metrics_are_prometheus_text_with_bounded_labels(stand: Stand) -> None:
     assert "opir_cycle_late_seconds_bucket" in answer.body.decode()
 
 
-def test_a_sink_whose_figures_do_not_add_up_is_in_the_metrics(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sink_whose_figures_do_not_add_up_is_in_the_metrics(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(stand.service.run._sinks[0], "unbalanced", 7)
 
     def samples() -> list[str]:
         text = stand.ask("GET", "/metrics").body.decode()
         return [line for line in text.splitlines() if line.startswith("opir_sink_unbalanced{")]
 
-    until(lambda: samples() == ['opir_sink_unbalanced{sink="outputs[0]"} 7.0'])  # an answer is kept for a moment
+    until(
+        lambda: samples() == ['opir_sink_unbalanced{sink="outputs[0]"} 7.0']
+    )  # an answer is kept for a moment
 
 
 def test_health_tells_life_from_readiness(stand: Stand) -> None:
@@ -163,7 +193,9 @@ def test_health_tells_life_from_readiness(stand: Stand) -> None:
     assert stand.ask("GET", "/health/ready").json == {"ready": True, "reasons": []}
 
 
-def test_a_sink_that_falls_behind_makes_the_service_not_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sink_that_falls_behind_makes_the_service_not_ready(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(health, "LOOK_S", 0.1)
     with serving(tmp_path, "--speed", "5") as running:
         outlet = running.service.run._sinks[0]
@@ -216,14 +248,18 @@ def streamed(stand: Stand, path: str, count: int) -> list[tuple[str, Any]]:
 
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=20),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=10), inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=10), inner, max_size=4)
+    ),
     max_leaves=12,
 )
 degrees = st.floats(-400, 400) | json_values
 triggers = st.fixed_dictionaries(
     {"type": st.sampled_from(["ICBM", "IRBM", "SRBM"]) | json_values},
     optional={
-        "launch": st.fixed_dictionaries({"lat_deg": degrees, "lon_deg": degrees}, optional={"time_s": degrees})
+        "launch": st.fixed_dictionaries(
+            {"lat_deg": degrees, "lon_deg": degrees}, optional={"time_s": degrees}
+        )
         | json_values,
         "aim": st.fixed_dictionaries({"lat_deg": degrees, "lon_deg": degrees}) | json_values,
         "id": st.text(max_size=8) | json_values,
@@ -232,7 +268,11 @@ triggers = st.fixed_dictionaries(
     },
 )
 EXAMPLES = int(os.environ.get("OPIR_FUZZ_EXAMPLES", "60"))
-QUICK = settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUICK = settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 
 
 @pytest.mark.slow
@@ -253,7 +293,9 @@ def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) 
     key = data.draw(st.sampled_from(sorted(config)))
     part = config[key]
     if isinstance(part, dict) and data.draw(st.booleans()):
-        part[data.draw(st.sampled_from(sorted(part)) | st.text(max_size=5))] = data.draw(json_values)
+        part[data.draw(st.sampled_from(sorted(part)) | st.text(max_size=5))] = data.draw(
+            json_values
+        )
     else:
         config[key] = data.draw(json_values)
     answer = stand.ask("PUT", "/config", config, {"If-Match": "*"})
@@ -262,7 +304,9 @@ def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) 
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_an_output_that_is_refused_is_reported_by_health_and_tries_again_when_reported_to(tmp_path: Path) -> None:
+def test_an_output_that_is_refused_is_reported_by_health_and_tries_again_when_reported_to(
+    tmp_path: Path,
+) -> None:
     spool = {"path": str(tmp_path / "spool")}
     words = f"outputs={json.dumps([{'jsonl': {'path': '/dev/full', 'spool': spool}}])}"
     with serving(tmp_path, "--speed", "20", "--set", words) as running:
@@ -291,11 +335,17 @@ def test_what_an_output_without_a_spool_can_lose_is_said_at_the_start(
     pytest.importorskip("opir_kafka")
     kafka = {"bootstrap_servers": "127.0.0.1:9", "topic": "t"}
     kept = {"path": str(tmp_path / "spool")}
-    outputs = [{"kafka": kafka}, {"kafka": {**kafka, "spool": kept}}, {"jsonl": {"path": str(tmp_path / "lines")}}]
+    outputs = [
+        {"kafka": kafka},
+        {"kafka": {**kafka, "spool": kept}},
+        {"jsonl": {"path": str(tmp_path / "lines")}},
+    ]
     with serving(tmp_path, "--speed", "20", "--set", f"outputs={json.dumps(outputs)}") as running:
         reported = running.ask("GET", "/status").json
     assert [sink["has_spool"] for sink in reported["sinks"]] == [False, True, False]
     conforms(reported, "Status")
-    (said,) = [record.getMessage() for record in caplog.records if "no spool" in record.getMessage()]
+    (said,) = [
+        record.getMessage() for record in caplog.records if "no spool" in record.getMessage()
+    ]
     assert said.startswith("outputs[0] (kafka): no spool: what waits")
     assert "at most 64 MiB" in said

@@ -58,10 +58,15 @@ def lines(path: Path) -> list[Any]:
 def test_parts_have_every_event_of_the_file_once(stand: Stand, folder: Path) -> None:
     saved = lines(folder / "events.jsonl")
     seconds = [f"2026-04-01T12:{second // 60:02}:{second % 60:02}Z" for second in range(0, 241, 20)]
-    found = [event for since, until in pairwise(seconds) for event in part(stand, since, until)["detections"]]
+    found = [
+        event
+        for since, until in pairwise(seconds)
+        for event in part(stand, since, until)["detections"]
+    ]
     names = ("detection_id", "timestamp", "sensor_id", "target_type")
     assert [[event[name] for name in names] for event in found] == [
-        [event[name] for name in names] for event in sorted(saved, key=lambda event: event["timestamp"])
+        [event[name] for name in names]
+        for event in sorted(saved, key=lambda event: event["timestamp"])
     ]
     assert len(saved) > 100
 
@@ -71,12 +76,20 @@ def test_counts_and_last_estimates_are_those_of_the_files(stand: Stand, folder: 
     whole = part(stand, START, END, 600.0)
     counted = {name: sum(counts) for name, counts in whole["activity"]["sensors"].items()}
     events = lines(folder / "events.jsonl")
-    assert counted == {name: sum(event["sensor_id"] == name for event in events) for name in counted}
+    assert counted == {
+        name: sum(event["sensor_id"] == name for event in events) for name in counted
+    }
     assert sum(counted.values()) == len(events)
     estimates = [line for line in lines(folder / "events.tracks.jsonl") if "track_id" in line]
-    last_s = {line["track_id"]: line["time_s"] for line in sorted(estimates, key=lambda line: line["time_s"])}
+    last_s = {
+        line["track_id"]: line["time_s"]
+        for line in sorted(estimates, key=lambda line: line["time_s"])
+    }
     epoch = datetime(2026, 4, 1, 12, tzinfo=UTC)
-    last = {number: f"{epoch + timedelta(seconds=time_s):%Y-%m-%dT%H:%M:%S.%fZ}" for number, time_s in last_s.items()}
+    last = {
+        number: f"{epoch + timedelta(seconds=time_s):%Y-%m-%dT%H:%M:%S.%fZ}"
+        for number, time_s in last_s.items()
+    }
     assert {track["track_id"]: track["timestamp"] for track in whole["tracks"]} == last
     assert last
 
@@ -84,8 +97,13 @@ def test_counts_and_last_estimates_are_those_of_the_files(stand: Stand, folder: 
 @pytest.mark.slow
 def test_answers_conform_to_the_document(stand: Stand) -> None:
     components = view_document()["components"]
-    for value, name in ((stand.ask("GET", "/status").json, "Status"), (part(stand, START, END, 100.0), "Replay")):
-        jsonschema.validate(value, {"$ref": f"#/components/schemas/{name}", "components": components})
+    for value, name in (
+        (stand.ask("GET", "/status").json, "Status"),
+        (part(stand, START, END, 100.0), "Replay"),
+    ):
+        jsonschema.validate(
+            value, {"$ref": f"#/components/schemas/{name}", "components": components}
+        )
     assert stand.ask("GET", "/status").json["replay"] == {
         "since": "2026-04-01T12:00:00.000000Z",
         "until": "2026-04-01T12:04:00.000000Z",
@@ -115,7 +133,9 @@ def test_a_saved_run_cannot_be_changed(stand: Stand) -> None:
     assert stand.ask("PUT", "/config", {}).status == 404
 
 
-def test_a_folder_without_a_run_is_one_message(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_without_a_run_is_one_message(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["view", str(tmp_path), "--port", "0"]) == 2
     written = capsys.readouterr().err
     assert "no folder of one run" in written

@@ -23,7 +23,11 @@ def test_health_fails_while_a_tracker_hangs_and_other_routes_answer(tmp_path: Pa
         try:
             assert stand.ask("GET", "/health/live").status == 200
             until(lambda: stand.ask("GET", "/health/ready").status == 503)
-            assert stand.ask("GET", "/health/ready").json["reasons"][0].startswith("no cycle has ended for ")
+            assert (
+                stand.ask("GET", "/health/ready")
+                .json["reasons"][0]
+                .startswith("no cycle has ended for ")
+            )
             until(lambda: stand.ask("GET", "/health/live").status == 503)
             live = stand.ask("GET", "/health/live").json
             assert live["state"] == "running"
@@ -34,7 +38,9 @@ def test_health_fails_while_a_tracker_hangs_and_other_routes_answer(tmp_path: Pa
             hang.end()
 
 
-def test_readiness_answers_when_the_counts_of_a_sink_do_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_readiness_answers_when_the_counts_of_a_sink_do_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("opir_http.routes._STATUS_S", 0.3)
     hang = Hang()
     with serving(tmp_path, *WORDS) as stand:
@@ -45,7 +51,9 @@ def test_readiness_answers_when_the_counts_of_a_sink_do_not(tmp_path: Path, monk
         assert "the status is not available within 0.3 s" in answer.json["reasons"]
 
 
-def test_a_stream_that_fails_is_not_ready_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stream_that_fails_is_not_ready_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with serving(tmp_path, *WORDS) as stand:
 
         def failing(*_given: object) -> None:
@@ -54,7 +62,10 @@ def test_a_stream_that_fails_is_not_ready_and_goes_on(tmp_path: Path, monkeypatc
         with monkeypatch.context() as patched:
             patched.setattr(stand.service.feed, "_frames", failing)
             until(lambda: stand.ask("GET", "/health/ready").status == 503)
-            assert "the stream has failed: SystemExit" in stand.ask("GET", "/health/ready").json["reasons"][0]
+            assert (
+                "the stream has failed: SystemExit"
+                in stand.ask("GET", "/health/ready").json["reasons"][0]
+            )
         before = stand.service.feed.history.total
         until(lambda: stand.service.feed.history.total > before)
         until(lambda: stand.ask("GET", "/health/ready").status == 200)
@@ -65,7 +76,9 @@ def test_a_tracker_that_raises_ends_alone_and_is_reported(tmp_path: Path) -> Non
     with serving(tmp_path, *WORDS, scene=TRACKED, host=host) as stand:
         until(lambda: stand.ask("GET", "/health/ready").status == 503)
         (reason,) = stand.ask("GET", "/health/ready").json["reasons"]
-        assert reason.startswith("the tracker has ended: tracker: the tracker 'rogue' of plugin rogue")
+        assert reason.startswith(
+            "the tracker has ended: tracker: the tracker 'rogue' of plugin rogue"
+        )
         assert "step at " in reason
         assert "MemoryError" in reason
         status = stand.ask("GET", "/status").json
@@ -100,7 +113,11 @@ def test_the_supervisor_ends_the_process_with_its_own_code(
         # A socket holds ten messages, and they are read when the process has ended.
         systemd = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "2000000"}
         process = subprocess.Popen(
-            [*rogue, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **systemd}
+            [*rogue, *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, **systemd},
         )
         try:
             out, error = within(60.0, process.communicate)

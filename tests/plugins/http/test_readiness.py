@@ -65,11 +65,16 @@ def test_between_two_looks_a_backlog_is_judged_by_the_last() -> None:
     ("state", "reported"),
     [
         ("open", "the sink outputs[0] delivers nothing: no broker (failed attempts: 3)"),
-        ("parked", "the sink outputs[0] is refused and keeps its events: no broker (failed attempts: 3)"),
+        (
+            "parked",
+            "the sink outputs[0] is refused and keeps its events: no broker (failed attempts: 3)",
+        ),
         ("failed", "the sink outputs[0] has failed: no broker"),
     ],
 )
-def test_the_reason_and_the_attempts_of_a_sink_are_reported_in_each_state(state: str, reported: str) -> None:
+def test_the_reason_and_the_attempts_of_a_sink_are_reported_in_each_state(
+    state: str, reported: str
+) -> None:
     run: Any = RunWithBacklog()
     run.state = state
     run.error = "no broker"

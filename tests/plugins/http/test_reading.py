@@ -15,12 +15,16 @@ def test_an_absent_number_is_the_default() -> None:
     assert unit_number({}, "confidence") is None
 
 
-@pytest.mark.parametrize(("text", "number"), [("0", 0.0), ("10", 10.0), ("2.5", 2.5), ("1e1", 10.0)])
+@pytest.mark.parametrize(
+    ("text", "number"), [("0", 0.0), ("10", 10.0), ("2.5", 2.5), ("1e1", 10.0)]
+)
 def test_a_number_is_taken_up_to_its_limits(text: str, number: float) -> None:
     assert number_within({"speed": text}, "speed", 1.0, 0.0, 10.0) == number
 
 
-@pytest.mark.parametrize("text", ["", "-0.1", "10.1", "nan", "inf", "1e400", "0x1", "1_0", " 1", "1,5", "\u0661"])
+@pytest.mark.parametrize(
+    "text", ["", "-0.1", "10.1", "nan", "inf", "1e400", "0x1", "1_0", " 1", "1,5", "\u0661"]
+)
 def test_another_number_is_refused_with_the_limits(text: str) -> None:
     with pytest.raises(ProblemError, match="speed must be a number from 0 to 10"):
         number_within({"speed": text}, "speed", 1.0, 0.0, 10.0)

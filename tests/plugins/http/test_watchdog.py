@@ -1,4 +1,6 @@
-"""A live run is watched: systemd is notified while cycles end, and the callback is called when it is stuck."""
+"""A live run is watched: systemd is notified while cycles end, and the callback is called when it
+is stuck.
+"""
 
 import socket
 import threading
@@ -66,7 +68,9 @@ def test_a_run_that_is_only_slow_is_not_reported_as_stuck() -> None:
     assert reasons == []
 
 
-def test_after_a_pause_of_its_own_a_run_has_its_whole_time_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_a_pause_of_its_own_a_run_has_its_whole_time_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     clock_s = [0.0]
     beats = threading.Semaphore(0)
     reasons = list[str]()

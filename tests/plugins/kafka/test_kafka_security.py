@@ -1,4 +1,6 @@
-"""Secrets, logins and certificates of the Kafka sink: what is refused, in which words, and what is never repeated."""
+"""Secrets, logins and certificates of the Kafka sink: what is refused, in which words, and what is
+never repeated.
+"""
 
 import json
 import logging
@@ -43,11 +45,16 @@ def secret(monkeypatch: pytest.MonkeyPatch) -> str:
     return SECRET
 
 
-@pytest.mark.parametrize("key", ["password_variable", "key_password_variable", "password", "sasl_password", "token"])
+@pytest.mark.parametrize(
+    "key", ["password_variable", "key_password_variable", "password", "sasl_password", "token"]
+)
 def test_a_secret_in_a_scene_is_refused_and_not_repeated(key: str, tmp_path: Path) -> None:
     block = f"{{protocol: SASL_SSL, username: me, {key}: hunter2}}"
     path = tmp_path / "scene.yaml"
-    path.write_text(Path(SCENE).read_text().split("outputs:")[0] + f"outputs:\n  - kafka: {{security: {block}}}\n")
+    path.write_text(
+        Path(SCENE).read_text().split("outputs:")[0]
+        + f"outputs:\n  - kafka: {{security: {block}}}\n"
+    )
     override = ["outputs=[{kafka: {}}]", f"outputs[0].kafka.security.{key}=hunter2"]
     for read in (lambda: load_scene(str(path)), lambda: load_scene(SCENE, overrides=override)):
         with pytest.raises(SceneError) as caught:
@@ -55,23 +62,34 @@ def test_a_secret_in_a_scene_is_refused_and_not_repeated(key: str, tmp_path: Pat
         assert "hunter2" not in str(caught.value)
 
 
-def test_a_secret_that_is_not_in_the_environment_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_secret_that_is_not_in_the_environment_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     for value in (None, ""):
         monkeypatch.delenv("OPIR_TEST_PASSWORD", raising=False)
         if value is not None:
             monkeypatch.setenv("OPIR_TEST_PASSWORD", value)
-        with pytest.raises(SinkError, match=r"variable that security\.password_variable names is not set"):
+        with pytest.raises(
+            SinkError, match=r"variable that security\.password_variable names is not set"
+        ):
             connector(KafkaConfig(security=SecurityConfig(**LOGIN)))
 
 
 def test_a_secret_is_in_no_manifest_message_or_log(
-    secret: str, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    secret: str,
+    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
 ) -> None:
     caplog.set_level(logging.DEBUG)
     manifest = tmp_path / "manifest.json"
     with door(58) as address:
-        setting = f"outputs[0].kafka={{bootstrap_servers: '{address}', security: {json.dumps(LOGIN)}}}"
-        code = main(["run", SCENE, "--sink", "kafka", "--set", setting, "--manifest", str(manifest)])
+        setting = (
+            f"outputs[0].kafka={{bootstrap_servers: '{address}', security: {json.dumps(LOGIN)}}}"
+        )
+        code = main(
+            ["run", SCENE, "--sink", "kafka", "--set", setting, "--manifest", str(manifest)]
+        )
     assert code == 5
     reported = capsys.readouterr()
     assert "OPIR_TEST_PASSWORD" in manifest.read_text()
@@ -86,8 +104,9 @@ def test_a_refused_login_fails_at_once_and_says_what_to_see_to(secret: str) -> N
         sink.write(window(5))
         reported = sink.close()
     assert reported.dropped == 5
-    assert f"kafka: {address} answers SaslAuthenticationFailed (code 58); see security.username" in (
-        reported.complaint or ""
+    assert (
+        f"kafka: {address} answers SaslAuthenticationFailed (code 58); see security.username"
+        in (reported.complaint or "")
     )
 
 
@@ -100,7 +119,13 @@ def test_a_fatal_code_is_reported_with_its_number(code: int) -> None:
 
 @pytest.mark.parametrize(
     "error",
-    [TimeoutError(), ConnectionResetError(), errors.KafkaConnectionError(), errors.KafkaError(), OSError(29, "x")],
+    [
+        TimeoutError(),
+        ConnectionResetError(),
+        errors.KafkaConnectionError(),
+        errors.KafkaError(),
+        OSError(29, "x"),
+    ],
 )
 def test_what_is_no_answer_of_the_broker_may_pass(error: Exception) -> None:
     assert not is_fatal(error)
@@ -109,7 +134,9 @@ def test_what_is_no_answer_of_the_broker_may_pass(error: Exception) -> None:
 
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a self-signed certificate for localhost and its key, with the password `SECRET`."""
+    """Return a folder with a self-signed certificate for localhost and its key, with the password
+    `SECRET`.
+    """
     if WHY_ABSENT:
         pytest.skip(WHY_ABSENT)
     folder = tmp_path_factory.mktemp("tls")
@@ -128,14 +155,19 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "2",
         *subject,
     ]
-    subprocess.run([*command, "-passout", f"pass:{SECRET}"], cwd=folder, check=True, capture_output=True)
+    subprocess.run(
+        [*command, "-passout", f"pass:{SECRET}"], cwd=folder, check=True, capture_output=True
+    )
     return folder
 
 
 def test_an_unknown_certificate_is_refused_at_once(certificate: Path) -> None:
     with door(0, certificate) as address:
         sink = kafka_sink(
-            address.replace("127.0.0.1", "localhost"), "topic", None, security=SecurityConfig(protocol="SSL")
+            address.replace("127.0.0.1", "localhost"),
+            "topic",
+            None,
+            security=SecurityConfig(protocol="SSL"),
         )
         sink.write(window(5))
         reported = sink.close()
@@ -190,20 +222,30 @@ def test_a_missing_codec_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("name", "days", "reason"),
     [
-        ("IP:127.0.0.2", 2, "not valid for '127.0.0.1'; write a name of the certificate in bootstrap_servers"),
+        (
+            "IP:127.0.0.2",
+            2,
+            "not valid for '127.0.0.1'; write a name of the certificate in bootstrap_servers",
+        ),
         ("IP:127.0.0.1", -1, "certificate has expired; renew the broker's certificate"),
     ],
 )
 def test_what_is_wrong_with_a_certificate_is_in_the_message(
     authority: Authority, tmp_path: Path, name: str, days: int, reason: str
 ) -> None:
-    for source, target in zip(authority.signed("broker", name, days=days), ("cert", "key"), strict=True):
+    for source, target in zip(
+        authority.signed("broker", name, days=days), ("cert", "key"), strict=True
+    ):
         (tmp_path / target).write_bytes(source.read_bytes())
     with door(0, tmp_path) as address:
-        assert reason in refusal(address, SecurityConfig(protocol="SSL", ca_file=str(authority.certificate)))
+        assert reason in refusal(
+            address, SecurityConfig(protocol="SSL", ca_file=str(authority.certificate))
+        )
 
 
-def test_a_broker_that_asks_for_a_certificate_of_the_client_is_in_the_message(certificate: Path) -> None:
+def test_a_broker_that_asks_for_a_certificate_of_the_client_is_in_the_message(
+    certificate: Path,
+) -> None:
     security = SecurityConfig(protocol="SSL", ca_file=str(certificate / "cert"))
     with door(0, certificate, is_mutual=True) as address:
         reported = refusal(address.replace("127.0.0.1", "localhost"), security)
@@ -228,9 +270,11 @@ def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
 
 @contextmanager
 def door(code: int, certificate: Path | None = None, *, is_mutual: bool = False) -> Iterator[str]:
-    """Be a broker that speaks as far as the login, and answers that with a code (0: welcome), the rest with 29.
+    """Be a broker that speaks as far as the login, and answers that with a code (0: welcome), the
+    rest with 29.
 
-    Sources: the protocol's own pages of ApiVersions (18), SaslHandshake (17), SaslAuthenticate (36) and Metadata (3).
+    Sources: the protocol's own pages of ApiVersions (18), SaslHandshake (17), SaslAuthenticate (36)
+    and Metadata (3).
     """
     listener = socket.create_server(("127.0.0.1", 0))
     port = listener.getsockname()[1]

@@ -1,4 +1,6 @@
-"""The Kafka sink: the command line, batches, partitions, settings, the document of the topic, deadlines."""
+"""The Kafka sink: the command line, batches, partitions, settings, the document of the topic,
+deadlines.
+"""
 
 import ast
 import asyncio
@@ -58,13 +60,25 @@ def test_only_permanent_codes_of_the_protocol_end_the_sink() -> None:
     assert fatal == {*PERMANENT_CODES, 58}  # 58: SASL_AUTHENTICATION_FAILED
 
 
-def test_the_command_line_sends_a_run_into_a_topic(broker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_sends_a_run_into_a_topic(
+    broker: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     topic = broker.topic()
-    where = [f"outputs[0].kafka.bootstrap_servers={broker.address}", f"outputs[0].kafka.topic={topic}"]
-    assert main(["run", SCENE, "--sink", "kafka", *(word for each in where for word in ("--set", each))]) == 0
+    where = [
+        f"outputs[0].kafka.bootstrap_servers={broker.address}",
+        f"outputs[0].kafka.topic={topic}",
+    ]
+    assert (
+        main(
+            ["run", SCENE, "--sink", "kafka", *(word for each in where for word in ("--set", each))]
+        )
+        == 0
+    )
     assert "kafka: 750 events" in capsys.readouterr().out
     found = messages(broker.address, topic)
-    assert len({json.loads(message.value())["detection_id"] for message in found}) == len(found) == 750
+    assert (
+        len({json.loads(message.value())["detection_id"] for message in found}) == len(found) == 750
+    )
 
 
 @pytest.mark.slow
@@ -111,12 +125,15 @@ def test_a_sensor_goes_to_the_partition_that_kafka_s_own_rule_gives(broker: Any)
     sink = kafka_sink(broker.address, ours, None)
     sink.write(window(len(SENSORS)))
     assert sink.close().delivered == len(SENSORS)
-    producer = confluent_kafka.Producer({"bootstrap.servers": broker.address, "partitioner": "murmur2_random"})
+    producer = confluent_kafka.Producer(
+        {"bootstrap.servers": broker.address, "partitioner": "murmur2_random"}
+    )
     for sensor in SENSORS:
         producer.produce(theirs, b"x", sensor.id.encode())
     producer.flush(10.0)
     placed = [
-        {message.key(): message.partition() for message in messages(broker.address, each)} for each in (ours, theirs)
+        {message.key(): message.partition() for message in messages(broker.address, each)}
+        for each in (ours, theirs)
     ]
     assert placed[0] == placed[1]
 
@@ -132,8 +149,14 @@ def test_a_sensor_goes_to_the_partition_that_kafka_s_own_rule_gives(broker: Any)
         ("{compression: rar}", "is not one of none, gzip, snappy, lz4, zstd"),
         ("{acks: 1}", "unknown key"),
         ("{security: {protocol: SASL_SSL}}", "SASL_SSL needs username and password_variable"),
-        ("{security: {username: me, password_variable: PW}}", "PLAINTEXT has no login; SASL_SSL has"),
-        ("{security: {protocol: SSL, key_file: k}}", "key_file is of no use without certificate_file"),
+        (
+            "{security: {username: me, password_variable: PW}}",
+            "PLAINTEXT has no login; SASL_SSL has",
+        ),
+        (
+            "{security: {protocol: SSL, key_file: k}}",
+            "key_file is of no use without certificate_file",
+        ),
         ("{security: {ca_file: c}}", "PLAINTEXT uses no certificates"),
     ],
 )
@@ -156,13 +179,19 @@ def test_a_message_is_what_the_document_of_the_topic_says(broker: Any, encoder: 
     for message in found:
         headers = {name: value.decode() for name, value in message.headers()}
         jsonschema.Draft202012Validator(reported["headers"]).validate(headers)
-        jsonschema.Draft202012Validator(reported["bindings"]["kafka"]["key"]).validate(message.key().decode())
-    jsonschema.Draft202012Validator(reported["payload"]["schema"]).validate(json.loads(found[0].value()))
+        jsonschema.Draft202012Validator(reported["bindings"]["kafka"]["key"]).validate(
+            message.key().decode()
+        )
+    jsonschema.Draft202012Validator(reported["payload"]["schema"]).validate(
+        json.loads(found[0].value())
+    )
 
 
 def test_every_reference_of_the_document_leads_somewhere() -> None:
     document = asyncapi_document()
-    payloads = {id(each["payload"]["schema"]) for each in document["components"]["messages"].values()}
+    payloads = {
+        id(each["payload"]["schema"]) for each in document["components"]["messages"].values()
+    }
     for reference in references(document, payloads):
         found: Any = document
         for step in reference.removeprefix("#/").split("/"):
@@ -171,7 +200,9 @@ def test_every_reference_of_the_document_leads_somewhere() -> None:
 
 
 def references(node: Any, left_out: set[int]) -> Iterator[str]:
-    """Yield the references in a document, but for those in the schemas of payloads, which are documents themselves."""
+    """Yield the references in a document, but for those in the schemas of payloads, which are
+    documents themselves.
+    """
     if id(node) in left_out:
         return
     if isinstance(node, dict):
@@ -195,7 +226,9 @@ def test_a_shipment_is_done_when_every_row_is() -> None:
 
     future: Future[None] = Future()
     shipment = Shipment(next(EncodedBatcher(ENCODER, SENSORS).batches(window(10))), future)
-    rows = shipment.rows_by_partition({b"S-0": 0, b"S-1": 0, b"S-2": 1, b"S-3": 1, b"S-4": 2}.__getitem__)
+    rows = shipment.rows_by_partition(
+        {b"S-0": 0, b"S-1": 0, b"S-2": 1, b"S-3": 1, b"S-4": 2}.__getitem__
+    )
     assert rows == {0: [0, 1, 5, 6], 1: [2, 3, 7, 8], 2: [4, 9]}
     assert not shipment.acknowledge(rows[0])
     assert not shipment.acknowledge([2])
@@ -208,7 +241,10 @@ def test_closing_is_quick_whatever_the_state() -> None:
     import time
 
     began = time.monotonic()
-    for address in (dead_address(), "192.0.2.1:9092"):  # TEST-NET-1 (RFC 5737): nobody answers, nobody refuses
+    for address in (
+        dead_address(),
+        "192.0.2.1:9092",
+    ):  # TEST-NET-1 (RFC 5737): nobody answers, nobody refuses
         made = carrier(address, "topic", connect_timeout_s=60.0)
         made.send(next(EncodedBatcher(ENCODER, SENSORS).batches(window(5))))
         made.close(5.0)
@@ -248,7 +284,9 @@ def test_the_bare_configuration_is_the_paper_s_topic_on_this_machine() -> None:
 
 
 def test_every_await_has_a_deadline() -> None:
-    """Each is inside `asyncio.timeout`, is given one, waits for a step that has one, or for something to do."""
+    """Each is inside `asyncio.timeout`, is given one, waits for a step that has one, or for
+    something to do.
+    """
     own = Path(opir_kafka.__file__).parent
     found = [
         f"{path.name}: {waited}"

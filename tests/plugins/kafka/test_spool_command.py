@@ -31,7 +31,12 @@ def test_the_command_checks_and_salvages(spool: Path, capsys: pytest.CaptureFixt
     flip_body(spool, 350, 1500)
     assert main(["spool", "check", str(spool), "--json"]) == 5
     reported = json.loads(capsys.readouterr().out)
-    assert (reported["whole"], reported["damaged"], reported["events"], reported["lost_events"]) == (
+    assert (
+        reported["whole"],
+        reported["damaged"],
+        reported["events"],
+        reported["lost_events"],
+    ) == (
         False,
         [4, 16],
         1800,

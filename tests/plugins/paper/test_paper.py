@@ -1,4 +1,6 @@
-"""`opir paper`: every figure has a verdict, simulations reproduce formulas, and a wrong sensor is found out."""
+"""`opir paper`: every figure has a verdict, simulations reproduce formulas, and a wrong sensor is
+found out.
+"""
 
 import json
 import re
@@ -13,7 +15,8 @@ from opir_paper.simulated import Simulated
 import opir_core as opir
 from opir_core.cli.main import main
 
-#: The figures that contradict the paper's own formulas, by section: docs/explanation/paper-errata.md.
+#: The figures that contradict the paper's own formulas, by section:
+#: docs/explanation/paper-errata.md.
 CORRECTED = {"2.1": 1, "2.3": 2, "2.4": 1, "4.2": 1, "4.3": 1, "5.1": 2, "5.3": 1, "8.2": 2}
 
 
@@ -34,7 +37,9 @@ def test_a_sensor_that_is_not_the_papers_is_found_out(monkeypatch: pytest.Monkey
 
     def wrong(*arguments: Any, **settings: Any) -> dict[str, Any]:
         plain = dict(right(*arguments, **settings))
-        plain["sensors"] = [{**each, "detection_probability": {"ICBM": 0.7}} for each in plain["sensors"]]
+        plain["sensors"] = [
+            {**each, "detection_probability": {"ICBM": 0.7}} for each in plain["sensors"]
+        ]
         return plain
 
     for module in ("simulated", "figure_checks"):
@@ -59,11 +64,15 @@ def test_the_interval_of_a_share_is_wilsons(hits: int, trials: int) -> None:
     share = Simulated.share(hits, trials)
     for end in (share.low, share.high):
         if 1e-9 < end < 1.0 - 1e-9:
-            assert abs(hits / trials - end) == pytest.approx(3.2905 * (end * (1.0 - end) / trials) ** 0.5)
+            assert abs(hits / trials - end) == pytest.approx(
+                3.2905 * (end * (1.0 - end) / trials) ** 0.5
+            )
     assert share.holds(hits / trials)
 
 
-def test_the_scene_that_is_printed_is_the_one_that_is_simulated(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_scene_that_is_printed_is_the_one_that_is_simulated(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(["paper", "--scene", "--seed", "3"]) == 0
     scene = opir.scene_from_mapping(yaml.safe_load(capsys.readouterr().out))
     assert scene == opir.scene_from_mapping(dict(simulated.scene(3)))

@@ -1,4 +1,6 @@
-"""`preset` of a scene: each component that has it starts from it, and the paper's light takes no time."""
+"""`preset` of a scene: each component that has it starts from it, and the paper's light takes no
+time.
+"""
 
 from typing import Any
 

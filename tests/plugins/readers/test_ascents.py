@@ -22,7 +22,8 @@ def flight(**settings):
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"gap_s": 8.0, "azimuth_deg": 180.0}, {"flight": "booster", "flies_back": False}]
+    "settings",
+    [{}, {"gap_s": 8.0, "azimuth_deg": 180.0}, {"flight": "booster", "flies_back": False}],
 )
 def test_legs_join_without_a_jump_in_place_or_speed(settings):
     for before, after in pairwise(flight(**settings)):
@@ -34,11 +35,15 @@ def test_legs_join_without_a_jump_in_place_or_speed(settings):
 @pytest.mark.parametrize("settings", [{}, {"flight": "booster", "flies_back": False}])
 def test_velocities_are_the_slopes_of_positions(settings):
     for leg in flight(**settings):
-        middle = (leg.position_m[2:] - leg.position_m[:-2]) / (leg.time_s[2:] - leg.time_s[:-2])[:, None]
+        middle = (leg.position_m[2:] - leg.position_m[:-2]) / (leg.time_s[2:] - leg.time_s[:-2])[
+            :, None
+        ]
         assert np.abs(middle - leg.velocity_m_s[1:-1]).max() < 1.0
 
 
-@pytest.mark.parametrize(("altitude_km", "azimuth_deg"), [(200.0, 90.0), (300.0, 45.0), (250.0, 190.0)])
+@pytest.mark.parametrize(
+    ("altitude_km", "azimuth_deg"), [(200.0, 90.0), (300.0, 45.0), (250.0, 190.0)]
+)
 def test_the_second_burn_ends_in_a_circular_orbit(altitude_km, azimuth_deg):
     legs = flight(orbit_altitude_km=altitude_km, azimuth_deg=azimuth_deg)
     place = legs[2].position_m[-1]
@@ -52,7 +57,9 @@ def test_the_second_burn_ends_in_a_circular_orbit(altitude_km, azimuth_deg):
 
 
 def test_a_gap_is_a_free_fall():
-    """Half of the second difference of position is the acceleration, less rotation's: gravity alone."""
+    """Half of the second difference of position is the acceleration, less rotation's: gravity
+    alone.
+    """
     gap = flight()[1]
     step = gap.time_s[1] - gap.time_s[0]
     fall = np.diff(gap.position_m, 2, axis=0) / step**2

@@ -50,10 +50,16 @@ PATTERN = {"planes": 3, "phasing": 1, "altitude_km": 1200.0, "inclination_deg": 
     ("fleet", "ids"),
     [
         ({"walker": {**PATTERN, "total": 6}}, [f"WALKER-{number}" for number in range(1, 7)]),
-        ({"walker": {**PATTERN, "per_plane": 4, "prefix": "W"}, "numbers": "11:12"}, ["W-11", "W-12"]),
+        (
+            {"walker": {**PATTERN, "per_plane": 4, "prefix": "W"}, "numbers": "11:12"},
+            ["W-11", "W-12"],
+        ),
         ({"walker": {**PATTERN, "total": 12}, "name": "*-0[12]"}, ["WALKER-01", "WALKER-02"]),
         ({"slots": RING}, ["GEO-1", "GEO-2", "GEO-3", "GEO-4"]),
-        ({"slots": {**RING, "prefix": "SLOT"}, "numbers": "2", "max_inclination_deg": 1}, ["SLOT-2"]),
+        (
+            {"slots": {**RING, "prefix": "SLOT"}, "numbers": "2", "max_inclination_deg": 1},
+            ["SLOT-2"],
+        ),
     ],
 )
 def test_a_pattern_gives_each_satellite_an_id_and_is_filtered(fleet, ids):
@@ -63,16 +69,31 @@ def test_a_pattern_gives_each_satellite_an_id_and_is_filtered(fleet, ids):
 @pytest.mark.parametrize(
     ("fleet", "reason"),
     [
-        ({"walker": {**PATTERN, "total": 7}}, "fleet.walker: 7 satellites cannot be shared evenly among 3 planes"),
+        (
+            {"walker": {**PATTERN, "total": 7}},
+            "fleet.walker: 7 satellites cannot be shared evenly among 3 planes",
+        ),
         ({"walker": PATTERN}, "fleet.walker: give total or per_plane"),
-        ({"walker": {**PATTERN, "total": 6, "period_min": 100}}, "altitude_km and period_min exclude each other"),
+        (
+            {"walker": {**PATTERN, "total": 6, "period_min": 100}},
+            "altitude_km and period_min exclude each other",
+        ),
         (
             {"walker": {**PATTERN, "total": 6, "raan_deg": 1, "lon_asc_node_deg": 1}},
             "raan_deg and lon_asc_node_deg exclude each other",
         ),
-        ({"walker": {**PATTERN, "total": 6, "altitude_km": None, "period_min": 80}}, "an orbit inside the Earth"),
-        ({"slots": RING, "min_inclination_deg": 1}, "no satellite is left of 4; left out 4 by inclination"),
-        ({"slots": RING, "file": "fleet.tle"}, "sensors[0].fleet: file and slots exclude each other"),
+        (
+            {"walker": {**PATTERN, "total": 6, "altitude_km": None, "period_min": 80}},
+            "an orbit inside the Earth",
+        ),
+        (
+            {"slots": RING, "min_inclination_deg": 1},
+            "no satellite is left of 4; left out 4 by inclination",
+        ),
+        (
+            {"slots": RING, "file": "fleet.tle"},
+            "sensors[0].fleet: file and slots exclude each other",
+        ),
         ({"slots": {**RING, "count": 0}}, "sensors[0].fleet.slots.count: 0"),
     ],
 )
@@ -97,12 +118,16 @@ def test_satellites_of_each_form_fly_as_by_their_own_elements(form):
     single = compile_plan(scene_from_mapping({**SCENE, "sensors": singles(OMM, OTHER)}))
     time_s = np.array([0.0, 200.0])
     for own, other in zip(plan.sensors, single.sensors, strict=True):
-        np.testing.assert_array_equal(own.orbit.position_ecef_m(time_s), other.orbit.position_ecef_m(time_s))
+        np.testing.assert_array_equal(
+            own.orbit.position_ecef_m(time_s), other.orbit.position_ecef_m(time_s)
+        )
         assert own.scan.period_ns == 500_000_000
 
 
 def singles(*rows):
-    return [{"model": "LEO-WIDE", "id": f"S{k}", "orbit": {"omm": row}} for k, row in enumerate(rows)]
+    return [
+        {"model": "LEO-WIDE", "id": f"S{k}", "orbit": {"omm": row}} for k, row in enumerate(rows)
+    ]
 
 
 def test_a_scene_with_a_fleet_is_written_without_its_file():
@@ -118,9 +143,17 @@ def test_a_scene_with_a_fleet_is_written_without_its_file():
         ({}, {}, "sensors[0].fleet: give file, walker or slots"),
         ({"file": "no.tle"}, {}, "sensors[0].fleet: no.tle: cannot be read"),
         ({"file": "fleet.tle", "name": "x*"}, {}, "no satellite is left of 2; left out 2 by name"),
-        ({"file": "fleet.tle", "numbers": "a"}, {}, "sensors[0].fleet.numbers: 'a' are no catalogue numbers"),
+        (
+            {"file": "fleet.tle", "numbers": "a"},
+            {},
+            "sensors[0].fleet.numbers: 'a' are no catalogue numbers",
+        ),
         ({"file": "fleet.tle"}, {"id": "A"}, "sensors[0].id: a fleet brings the id of its sensors"),
-        ({"file": "fleet.tle"}, {"orbit": {}}, "sensors[0].orbit: a fleet brings the orbit of its sensors"),
+        (
+            {"file": "fleet.tle"},
+            {"orbit": {}},
+            "sensors[0].orbit: a fleet brings the orbit of its sensors",
+        ),
         ({"file": "fleet.tle"}, {"scan_period_ms": -1}, "sensors[0].scan_period_ms: -1"),
     ],
 )
@@ -133,9 +166,13 @@ def test_what_is_wrong_is_refused_with_its_place(fleet, more, reported):
 @pytest.mark.parametrize("broken", [json.dumps([OMM, {**OTHER, "BSTAR": None}]), TLE[:-2] + "x\n"])
 def test_elements_with_errors_are_refused_by_name_unless_filtered_out(broken):
     Path("fleet").write_text(broken)
-    with pytest.raises(SceneError, match=r"fleet: the elements of TWO: .*; mend them, or leave them out by name"):
+    with pytest.raises(
+        SceneError, match=r"fleet: the elements of TWO: .*; mend them, or leave them out by name"
+    ):
         scene({"file": "fleet"})
-    assert [sensor.id for sensor in scene({"file": "fleet", "name": "ISS*"}).sensors] == ["ISS-ZARYA"]
+    assert [sensor.id for sensor in scene({"file": "fleet", "name": "ISS*"}).sensors] == [
+        "ISS-ZARYA"
+    ]
 
 
 def test_satellites_of_one_number_are_one_sensor_with_the_latest_elements():
@@ -150,7 +187,9 @@ def test_a_wrong_epoch_is_the_only_error():
             {
                 **SCENE,
                 "epoch": "x",
-                "sensors": [{"model": "LEO-WIDE", "fleet": {"file": "fleet.tle", "max_age_days": 1}}],
+                "sensors": [
+                    {"model": "LEO-WIDE", "fleet": {"file": "fleet.tle", "max_age_days": 1}}
+                ],
             }
         )
     assert [problem.path for problem in refused.value.problems] == ["epoch"]
@@ -159,6 +198,7 @@ def test_a_wrong_epoch_is_the_only_error():
 def test_without_a_reader_of_fleets_the_remedy_is_given():
     sensors = [{"model": "SCANNER", "fleet": {"file": "fleet.tle"}}]
     with pytest.raises(
-        SceneError, match=r"sensors\[0\].fleet: no installed plugin reads fleets .* install opir-readers"
+        SceneError,
+        match=r"sensors\[0\].fleet: no installed plugin reads fleets .* install opir-readers",
     ):
         scene_from_mapping({**SCENE, "sensors": sensors}, host=Host(Selection(core_sources())))

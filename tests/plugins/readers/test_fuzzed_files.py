@@ -1,6 +1,8 @@
-"""Spoilt files of every format: refused with a reason or read to finite numbers, soon and in little memory.
+"""Spoilt files of every format: refused with a reason or read to finite numbers, soon and in little
+memory.
 
-`OPIR_FUZZ_S=600 python -m pytest tests/plugins/readers/test_fuzzed_files.py` searches for 600 seconds in all.
+`OPIR_FUZZ_S=600 python -m pytest tests/plugins/readers/test_fuzzed_files.py` searches for 600
+seconds in all.
 """
 
 import os
@@ -25,16 +27,60 @@ SECONDS = float(os.environ.get("OPIR_FUZZ_S", "0"))
 
 #: What a word may become.
 WORDS = (
-    *("", "0", "-0", "1", "-1", "1e999", "-1e308", "1e-320", "nan", "inf", "1_000", "٣", "0x10", "1,5", "1e", "--5"),
-    *("9" * 400, "x" * 400, "\t", "é", "\u202e", "=", "#", '"', "<", ">", "{", "]", "2026-13-45T99:99:99", "99999"),
-    *("9999-12-31T23:59:59", "0001-01-01T00:00:00", "2026-366T00:00:00", "-5600", "1e7", "360", "-91", "null", "true"),
+    *(
+        "",
+        "0",
+        "-0",
+        "1",
+        "-1",
+        "1e999",
+        "-1e308",
+        "1e-320",
+        "nan",
+        "inf",
+        "1_000",
+        "٣",
+        "0x10",
+        "1,5",
+        "1e",
+        "--5",
+    ),
+    *(
+        "9" * 400,
+        "x" * 400,
+        "\t",
+        "é",
+        "\u202e",
+        "=",
+        "#",
+        '"',
+        "<",
+        ">",
+        "{",
+        "]",
+        "2026-13-45T99:99:99",
+        "99999",
+    ),
+    *(
+        "9999-12-31T23:59:59",
+        "0001-01-01T00:00:00",
+        "2026-366T00:00:00",
+        "-5600",
+        "1e7",
+        "360",
+        "-91",
+        "null",
+        "true",
+    ),
 )
 SEPARATORS = ' ,;\t\n=<>"'
 
 
 def context_of(reader, text):
     config = (
-        reader.config(site=SITE) if any(a.name == "site" for a in reader.config.__attrs_attrs__) else reader.config()
+        reader.config(site=SITE)
+        if any(a.name == "site" for a in reader.config.__attrs_attrs__)
+        else reader.config()
     )
     return config, ReaderContext(text=text, epoch_us=1_775_044_800_000_000)
 
@@ -94,7 +140,11 @@ def test_spoilt_files_are_refused_or_read(reader, seed):
 
 
 @pytest.mark.parametrize("reader", READERS, ids=NAMES)
-@given(text=st.text(alphabet=st.sampled_from("0123456789.,;=<>/{}[]\"'#*PV+-eE \n\tTZabcXYZ:°"), max_size=200))
+@given(
+    text=st.text(
+        alphabet=st.sampled_from("0123456789.,;=<>/{}[]\"'#*PV+-eE \n\tTZabcXYZ:°"), max_size=200
+    )
+)
 def test_any_text_is_refused_or_read(reader, text):
     read(reader, text)
     read(reader, reader.example[: len(reader.example) // 2] + text)

@@ -1,4 +1,6 @@
-"""`opir import`: what it shows of a file is true of it, and what it writes flies as the file does."""
+"""`opir import`: what it shows of a file is true of it, and what it writes flies as the file
+does.
+"""
 
 import gzip
 from pathlib import Path
@@ -44,7 +46,9 @@ def test_what_it_understood_is_shown(reported):
     lines = reported("g.csv", "--columns", MAP).splitlines()
     assert lines[0].startswith("g.csv: csv, lines of numbers")
     assert lines[1] == "  4 states, 0 s to 15 s, in steps of 5 to 5 s"
-    assert lines[2].startswith("  frame latitude, longitude, height above WGS 84, no velocities; times are seconds")
+    assert lines[2].startswith(
+        "  frame latitude, longitude, height above WGS 84, no velocities; times are seconds"
+    )
     assert lines[3].startswith(
         "  first state 34.73000° N 120.57000° W, 100.0 m above WGS 84; ECEF -2668896.5, -4518255.2,"
     )
@@ -59,7 +63,9 @@ def test_without_a_map_one_is_proposed(reported):
 def test_what_it_writes_flies_as_the_file_does(reported):
     shown = reported(FLIGHT, "--out", "out.csv", "--type", "IRBM")
     assert '{id: T1, model: table, type: IRBM, file: "out.csv", start_s: 0}' in shown
-    tables = [csv_table(Path(path).read_text(encoding="utf-8"), 0.0) for path in (FLIGHT, "out.csv")]
+    tables = [
+        csv_table(Path(path).read_text(encoding="utf-8"), 0.0) for path in (FLIGHT, "out.csv")
+    ]
     assert np.array_equal(tables[0].position_m, tables[1].position_m)
     assert np.array_equal(tables[0].burns_s - tables[0].time_s[0], tables[1].burns_s)
     scene = {
@@ -79,8 +85,12 @@ def test_a_format_is_known_by_content_and_by_name(reported):
     for words in (("o.csv",), ("o.gz",), ("o.csv", "--as", "oem")):
         assert ": oem, CCSDS" in reported(*words)
     assert "2026-04-01T12:00:00Z to 2026-04-01T12:00:10Z" in reported("o.csv")
-    assert "there is no reader 'eom'; there are csv, events, gpx, kml, " in reported("o.csv", "--as", "eom", code=2)
-    assert "is read as oem, which has no columns; omit columns" in reported("o.csv", "--columns", "lat=a", code=2)
+    assert "there is no reader 'eom'; there are csv, events, gpx, kml, " in reported(
+        "o.csv", "--as", "eom", code=2
+    )
+    assert "is read as oem, which has no columns; omit columns" in reported(
+        "o.csv", "--columns", "lat=a", code=2
+    )
 
 
 @pytest.mark.parametrize(
@@ -90,8 +100,14 @@ def test_a_format_is_known_by_content_and_by_name(reported):
         ("<!doctype html><html>", "it looks like a web page;"),
         ('{"a": 1, "b": 2}', "it looks like JSON with the keys a, b;"),
         ("[1, 2]", "it looks like JSON;"),
-        ("CCSDS_OPM_VERS = 2.0\n", "it looks like a CCSDS OPM, which has one state: propagate it, and export an OEM;"),
-        ("     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE", "it looks like RINEX;"),
+        (
+            "CCSDS_OPM_VERS = 2.0\n",
+            "it looks like a CCSDS OPM, which has one state: propagate it, and export an OEM;",
+        ),
+        (
+            "     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE",
+            "it looks like RINEX;",
+        ),
         ("HDF\r\n", "it looks like HDF5;"),
     ],
 )
@@ -103,7 +119,9 @@ def test_a_format_that_is_not_read_is_named(text, looks):
 
 
 def test_two_readers_of_one_text_are_reported():
-    twin = FileReader(name="twin", summary="", recognises=lambda text: True, example="", build=lambda *_: None)
+    twin = FileReader(
+        name="twin", summary="", recognises=lambda text: True, example="", build=lambda *_: None
+    )
     with pytest.raises(BadFileError, match="may be for several readers, csv and twin; say which"):
         reader_of("time_s", [*READERS, twin])
 
@@ -116,7 +134,9 @@ def test_a_contradiction_is_reported_and_nothing_is_written(reported):
     assert not Path("out.csv").exists()
 
 
-@pytest.mark.parametrize("content", [b"\x1f\x8b\x08nonsense", gzip.compress(b"time_s,x" * 99, mtime=0)[:-12]])
+@pytest.mark.parametrize(
+    "content", [b"\x1f\x8b\x08nonsense", gzip.compress(b"time_s,x" * 99, mtime=0)[:-12]]
+)
 def test_a_gzip_file_that_is_not_whole_is_reported(tmp_path, content):
     (tmp_path / "x.gz").write_bytes(content)
     with pytest.raises(BadFileError, match="is no whole gzip file"):

@@ -1,4 +1,6 @@
-"""Layouts that real programs write, each written anew: what is read of them, or why they are refused."""
+"""Layouts that real programs write, each written anew: what is read of them, or why they are
+refused.
+"""
 
 import gzip
 import math
@@ -52,7 +54,9 @@ def test_an_stk_ephemeris_with_a_blank_in_its_epoch_teme_and_covariances():
     table = stk("1 Apr 2026 12:00: 7.50000001", rows, "TEME", "CovarianceTimePos\n0 1 2 3 4 5 6")
     same = stk("1 Apr 2026 12:00:07.50000001", rows, "TEMEOfDate")
     np.testing.assert_array_equal(table.position_m, same.position_m)
-    np.testing.assert_allclose(table.time_s, EPOCH_US * 1e-6 + np.array([7.5, 17.5]), rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(
+        table.time_s, EPOCH_US * 1e-6 + np.array([7.5, 17.5]), rtol=0.0, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -67,7 +71,8 @@ def test_an_stk_ephemeris_with_a_blank_in_its_epoch_teme_and_covariances():
 )
 def test_epochs_of_sp3_that_are_counted_on(epochs, last):
     rows = "".join(
-        f"*  {epoch}  0.0\nPG01{15000.0:14.6f}{20000.0 + k:14.6f}{5000.0:14.6f}\n" for k, epoch in enumerate(epochs)
+        f"*  {epoch}  0.0\nPG01{15000.0:14.6f}{20000.0 + k:14.6f}{5000.0:14.6f}\n"
+        for k, epoch in enumerate(epochs)
     )
     text = f"#dP2026\n%c G  cc UTC ccc\n{rows}EOF\n"
     table = sp3_table(text, 0, None)
@@ -87,19 +92,30 @@ def orbit_table(step_s, count, radius_m=7e6, with_velocities=True, rate_rad_s=No
     velocity = radius_m * rate * np.stack([-np.sin(angle), np.cos(angle), 0.0 * angle], axis=1)
     burns = np.array([[time_s[0], time_s[-1]]])
     run = np.zeros(count, dtype=np.int64)
-    return StateTable(time_s, place, velocity if with_velocities else None, run, burns, lambda row: row + 1)
+    return StateTable(
+        time_s, place, velocity if with_velocities else None, run, burns, lambda row: row + 1
+    )
 
 
 @pytest.mark.parametrize(
     ("step_s", "with_velocities", "is_read"),
-    [(60, True, True), (800, True, True), (1800, True, False), (400, False, True), (800, False, False)],
+    [
+        (60, True, True),
+        (800, True, True),
+        (1800, True, False),
+        (400, False, True),
+        (800, False, False),
+    ],
 )
 def test_steps_around_the_earth_are_refused_for_their_length_and_no_velocity_is_blamed(
     step_s, with_velocities, is_read
 ):
     found = findings_of(orbit_table(float(step_s), 40, with_velocities=with_velocities))
     assert (found.refused == ()) == is_read
-    assert all("around the Earth from the state before it, in a step of" in words for words in found.refused)
+    assert all(
+        "around the Earth from the state before it, in a step of" in words
+        for words in found.refused
+    )
     assert not any("velocity" in words for words in (*found.refused, *found.warnings))
 
 
@@ -110,10 +126,16 @@ def test_a_satellite_that_stands_still_or_is_far_away_is_no_slip():
 
 
 def test_epochs_of_omm_by_the_day_of_the_year():
-    text = '[{{"OBJECT_NAME": "A", "EPOCH": "{}", "MEAN_MOTION": 15.7, "ECCENTRICITY": 0.0007, "INCLINATION": 51.6,'
+    text = (
+        '[{{"OBJECT_NAME": "A", "EPOCH": "{}", "MEAN_MOTION": 15.7, "ECCENTRICITY": 0.0007,'
+        ' "INCLINATION": 51.6,'
+    )
     text += '"RA_OF_ASC_NODE": 247.5, "ARG_OF_PERICENTER": 130.5, "MEAN_ANOMALY": 325.0, "BSTAR": 0.0001}}]'
     texts = [text.format(epoch) for epoch in ("2026-04-01T12:00:00.5", "2026-091T12:00:00.5Z")]
-    places = [elements_orbit(omm_elements(each)[0], EPOCH_US).position_ecef_m(np.array([0.0, 60.0])) for each in texts]
+    places = [
+        elements_orbit(omm_elements(each)[0], EPOCH_US).position_ecef_m(np.array([0.0, 60.0]))
+        for each in texts
+    ]
     np.testing.assert_array_equal(*places)
 
 
@@ -172,7 +194,8 @@ def test_the_second_column_of_a_name_is_chosen_by_its_number():
     assert reader_of(ALTIMETER, READERS).name == "csv"
     columns = {"time_s": "time", "lat_deg": "latitude", "lon_deg": "longitude"}
     first, second = (
-        csv_table(ALTIMETER, 0.0, {**columns, "height_m": name}).position_m for name in ("altitude", "altitude#2")
+        csv_table(ALTIMETER, 0.0, {**columns, "height_m": name}).position_m
+        for name in ("altitude", "altitude#2")
     )
     np.testing.assert_allclose(np.linalg.norm(second - first, axis=1), 70.0, rtol=0.0, atol=1e-6)
     with pytest.raises(BadFileError, match="there is no column 'altitude#3'"):
@@ -216,12 +239,30 @@ def test_what_is_no_text_is_named(tmp_path, content, reported):
         ("CCSDS_OCM_VERS = 3.0\n", "a CCSDS OCM: export the trajectory as OEM"),
         ("CCSDS_ACM_VERS = 2.0\n", "a CCSDS ACM, which has no trajectory"),
         ("H1 CPF  2  AIU 2018  6 13\n", "ILRS predictions (CPF)"),
-        ("*****\n Target body name: X\n$$SOE\n2461132.0, A.D., 1, 2\n$$EOE\n", "a table of JPL Horizons"),
-        ('[{"id": "document", "version": "1.0"}, {"id": "a", "position": {}}]', "looks like CZML: export"),
-        ('{"type": "FeatureCollection", "features": []}', "looks like GeoJSON, whose places have no times"),
-        ('<?xml version="1.0"?>\n<!DOCTYPE oem>\n<oem/>', "XML with a document type, which is not read"),
-        ("Dear colleague,\n\nthe trajectory is attached.\n", "looks like text without lines of numbers"),
-        ("x = load('a.csv');\nplot(x(:, 1), x(:, 2))\n", "looks like text without lines of numbers"),
+        (
+            "*****\n Target body name: X\n$$SOE\n2461132.0, A.D., 1, 2\n$$EOE\n",
+            "a table of JPL Horizons",
+        ),
+        (
+            '[{"id": "document", "version": "1.0"}, {"id": "a", "position": {}}]',
+            "looks like CZML: export",
+        ),
+        (
+            '{"type": "FeatureCollection", "features": []}',
+            "looks like GeoJSON, whose places have no times",
+        ),
+        (
+            '<?xml version="1.0"?>\n<!DOCTYPE oem>\n<oem/>',
+            "XML with a document type, which is not read",
+        ),
+        (
+            "Dear colleague,\n\nthe trajectory is attached.\n",
+            "looks like text without lines of numbers",
+        ),
+        (
+            "x = load('a.csv');\nplot(x(:, 1), x(:, 2))\n",
+            "looks like text without lines of numbers",
+        ),
         ("ts,latitude,longitude,satellites\n0,39.4,-8.3,9\n", ""),
     ],
 )
@@ -240,8 +281,8 @@ def test_an_oem_whose_header_is_out_of_order_has_one_reader():
     assert reader_of(text, READERS).name == "oem"
 
 
-#: Directions of X and Y angles of GMAT, "Tracking data types": from the zenith X towards east (south), then Y towards
-#: north (east).
+#: Directions of X and Y angles of GMAT, "Tracking data types": from the zenith X towards east
+#: (south), then Y towards north (east).
 @pytest.mark.parametrize(
     ("kind", "x_deg", "y_deg", "azimuth_deg", "elevation_deg"),
     [
@@ -256,7 +297,11 @@ def test_an_oem_whose_header_is_out_of_order_has_one_reader():
     ],
 )
 def test_gimbal_angles_of_a_tdm(kind, x_deg, y_deg, azimuth_deg, elevation_deg):
-    (row, *_) = tdm_rows(KVN.replace("RADEC", kind).replace("10.5", str(x_deg)).replace("-4.25", str(y_deg)))
+    (row, *_) = tdm_rows(
+        KVN.replace("RADEC", kind).replace("10.5", str(x_deg)).replace("-4.25", str(y_deg))
+    )
     assert row["elevation_deg"] == pytest.approx(elevation_deg, abs=1e-9)
     if azimuth_deg is not None:
-        assert math.remainder(row["azimuth_deg"] - azimuth_deg, 360.0) == pytest.approx(0.0, abs=1e-9)
+        assert math.remainder(row["azimuth_deg"] - azimuth_deg, 360.0) == pytest.approx(
+            0.0, abs=1e-9
+        )

@@ -27,15 +27,26 @@ def read(path, epoch_us=EPOCH_US):
 
 
 def moments(*seconds):
-    return pa.array([datetime(2026, 4, 1, 12, 0, second, tzinfo=UTC) for second in seconds], pa.timestamp("ms", "UTC"))
+    return pa.array(
+        [datetime(2026, 4, 1, 12, 0, second, tzinfo=UTC) for second in seconds],
+        pa.timestamp("ms", "UTC"),
+    )
 
 
-PLACE_KM = {"x_ecef_km": [-2643.9, -2644.5], "y_ecef_km": [-4579.3, -4580.4], "z_ecef_km": [3566.6, 3567.6]}
+PLACE_KM = {
+    "x_ecef_km": [-2643.9, -2644.5],
+    "y_ecef_km": [-4579.3, -4580.4],
+    "z_ecef_km": [3566.6, 3567.6],
+}
 
 
 @pytest.mark.parametrize(
     "times",
-    [{"time_s": [1.0, 11.0]}, {"time": moments(1, 11)}, {"timestamp": ["2026-04-01T12:00:01", "2026-04-01T12:00:11"]}],
+    [
+        {"time_s": [1.0, 11.0]},
+        {"time": moments(1, 11)},
+        {"timestamp": ["2026-04-01T12:00:01", "2026-04-01T12:00:11"]},
+    ],
 )
 def test_states_have_their_places_and_times(tmp_path, times):
     table = read(written(tmp_path / "a", {**times, **PLACE_KM, "is_burning": [True, False]}))
@@ -63,8 +74,14 @@ def test_lines_of_sight_keep_every_digit(tmp_path):
 
 def test_dates_in_a_column_time_of_a_text_are_dates(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_text("time,azimuth_deg,elevation_deg\n2026-04-01 12:00:01.5Z,10,-80\n2026-04-01 12:00:02.5Z,10,-80\n")
-    assert [row["timestamp"] for row in read(path)] == ["2026-04-01 12:00:01.5Z", "2026-04-01 12:00:02.5Z"]
+    path.write_text(
+        "time,azimuth_deg,elevation_deg\n2026-04-01 12:00:01.5Z,10,-80\n2026-04-01"
+        " 12:00:02.5Z,10,-80\n"
+    )
+    assert [row["timestamp"] for row in read(path)] == [
+        "2026-04-01 12:00:01.5Z",
+        "2026-04-01 12:00:02.5Z",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -95,7 +112,9 @@ def test_broken_parquet_is_refused_whatever_is_broken(tmp_path):
         for _ in range(rng.randint(1, 4)):
             broken[rng.randrange(4, len(broken))] = rng.randrange(256)
         try:
-            text_of_parquet(bytes(broken[: rng.choice((len(broken), rng.randrange(4, len(broken))))]))
+            text_of_parquet(
+                bytes(broken[: rng.choice((len(broken), rng.randrange(4, len(broken))))])
+            )
         except BadFileError:
             refused += 1
     assert refused > 100

@@ -103,6 +103,12 @@ class TestAscents(TargetContract):
     name = "ascent"
     launches: ClassVar[Sequence[Mapping[str, Any]]] = (
         {"id": "EAST", "lat_deg": 28.6, "lon_deg": -80.6, "time_s": 5.0},
-        {"id": "POLAR", "lat_deg": 34.7, "lon_deg": -120.6, "azimuth_deg": 190.0, "orbit_altitude_km": 300.0},
+        {
+            "id": "POLAR",
+            "lat_deg": 34.7,
+            "lon_deg": -120.6,
+            "azimuth_deg": 190.0,
+            "orbit_altitude_km": 300.0,
+        },
         {"id": "BACK", "lat_deg": 28.6, "lon_deg": -80.6, "flight": "booster", "flies_back": False},
     )

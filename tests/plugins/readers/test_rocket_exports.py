@@ -1,4 +1,6 @@
-"""Exports of rocket simulators: the same flight as each program writes it, and burns where its engine is lit."""
+"""Exports of rocket simulators: the same flight as each program writes it, and burns where its
+engine is lit.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,9 @@ FT = 0.3048
 
 
 def flight():
-    """Return times, distances along azimuth 60 degrees, altitudes above the ground and thrust: 10 s of 40 m/s²."""
+    """Return times, distances along azimuth 60 degrees, altitudes above the ground and thrust: 10 s
+    of 40 m/s².
+    """
     time = np.arange(0.0, 40.0, 0.5)
     lit = time < 10.0
     climb = np.where(lit, 15.0 * time**2, 1500.0 + 300.0 * (time - 10.0) - 4.9 * (time - 10.0) ** 2)
@@ -57,7 +61,9 @@ def openrocket(unit="m", factor=1.0, places="local", events=True):
 
 def rasaero():
     time, distance, altitude, thrust = flight()
-    names = "Time (sec),Stage,Stage Time (sec),Thrust (lb),Vel-V (ft/sec),Altitude (ft),Distance (ft)"
+    names = (
+        "Time (sec),Stage,Stage Time (sec),Thrust (lb),Vel-V (ft/sec),Altitude (ft),Distance (ft)"
+    )
     rows = [
         f"{t},{'B' if t < 10 else 'S'},{t},{f / 4.4482216152605},{0},{h / FT!r},{d / FT!r}"
         for t, f, h, d in zip(time, thrust, altitude.tolist(), distance.tolist(), strict=True)
@@ -100,13 +106,17 @@ def test_the_same_flight_of_each_program(text, name):
     np.testing.assert_allclose(table.time_s, flight()[0] + 100.0, rtol=0.0, atol=1e-9)
     # The longest way to write a place here has nine decimals of a kilometre or a degree.
     np.testing.assert_allclose(table.position_m, true_positions()[0], rtol=0.0, atol=1e-3)
-    assert table.line_of(0) == next(n for n, row in enumerate(text.split("\n"), 1) if row[:1] in ("0", "-"))
+    assert table.line_of(0) == next(
+        n for n, row in enumerate(text.split("\n"), 1) if row[:1] in ("0", "-")
+    )
 
 
 @pytest.mark.parametrize("text", [openrocket(), openrocket(events=False), rasaero()])
 def test_burns_are_those_of_events_or_thrust(text):
     program = "RASAero" if text.startswith("Time") else "OpenRocket"
-    np.testing.assert_allclose(rocket_table(text, program, SITE, 0.0).burns_s, [[0.0, 10.0]], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        rocket_table(text, program, SITE, 0.0).burns_s, [[0.0, 10.0]], rtol=0.0, atol=1e-9
+    )
 
 
 def test_burns_are_those_of_the_acceleration_where_nothing_else_tells():
@@ -119,10 +129,25 @@ def test_burns_are_those_of_the_acceleration_where_nothing_else_tells():
 @pytest.mark.parametrize(
     ("text", "program", "site", "reported"),
     [
-        (openrocket(places="none"), "OpenRocket", SITE, "has no places: export latitude and longitude"),
-        (openrocket(), "OpenRocket", None, "its places count from the launch point: set site: {lat_deg: …"),
+        (
+            openrocket(places="none"),
+            "OpenRocket",
+            SITE,
+            "has no places: export latitude and longitude",
+        ),
+        (
+            openrocket(),
+            "OpenRocket",
+            None,
+            "its places count from the launch point: set site: {lat_deg: …",
+        ),
         (rasaero(), "RASAero", SiteConfig(lat_deg=LAT, lon_deg=LON), "set site.azimuth_deg"),
-        (openrocket(unit="furlong"), "OpenRocket", SITE, "'Altitude (furlong)' has the unit 'furlong'; known are"),
+        (
+            openrocket(unit="furlong"),
+            "OpenRocket",
+            SITE,
+            "'Altitude (furlong)' has the unit 'furlong'; known are",
+        ),
     ],
 )
 def test_what_lacks_is_reported(text, program, site, reported):

@@ -1,4 +1,6 @@
-"""Sensors in orbits from files: elements of any form, ephemerides, opir's own exports, and whole fleets."""
+"""Sensors in orbits from files: elements of any form, ephemerides, opir's own exports, and whole
+fleets.
+"""
 
 import json
 import math
@@ -65,14 +67,17 @@ def test_lines_of_68_columns_and_with_a_tail_are_reported_not_refused():
 def test_a_broken_set_does_not_cost_the_others():
     broken = TLE.replace("97.6416", "97.6417")
     assert [("PROBLEM" in row) for row in tle_elements(broken)] == [False, True]
-    with pytest.raises(BadFileError, match=r"lines 1 and 2: line 2 has the checksum 7, and its digits come to"):
+    with pytest.raises(
+        BadFileError, match=r"lines 1 and 2: line 2 has the checksum 7, and its digits come to"
+    ):
         tle_elements("\n".join(LINES).replace("51.6416", "51.6417"))
     with pytest.raises(BadFileError, match="line 1: the first line of elements has no second one"):
         tle_elements(LINES[0])
 
 
 @pytest.mark.parametrize(
-    ("text", "number"), [("A0001", 100_001), ("Z9999", 339_999), ("00005", 5), (5, 5), ("I0000", None)]
+    ("text", "number"),
+    [("A0001", 100_001), ("Z9999", 339_999), ("00005", 5), (5, 5), ("I0000", None)],
 )
 def test_numbers_are_numbers(text, number):
     assert number_of({"NORAD_CAT_ID": text}) == number
@@ -98,16 +103,25 @@ def fleet(tmp_path, monkeypatch, capsys):
         (["--name", "iss*"], ["ISS-ZARYA"], "left out 1 by name"),
         (["--inclination", "90:100"], ["TWO"], "left out 1 by inclination"),
         (["--numbers", "1,25545:25600"], ["TWO"], "left out 1 by number"),
-        (["--max-age-days", "14", "--epoch", "2026-04-01T12:00:00Z"], ["ISS-ZARYA"], "left out 1 by age"),
+        (
+            ["--max-age-days", "14", "--epoch", "2026-04-01T12:00:00Z"],
+            ["ISS-ZARYA"],
+            "left out 1 by age",
+        ),
     ],
 )
 def test_a_fleet_is_filtered_and_flies(fleet, words, names, reported):
     out = fleet("--sensors", "LEO-WIDE", "--out", "fleet.yaml", *words)
     assert reported in out
-    scene = "scene: fleet\nepoch: '2026-04-01T12:00:00Z'\nduration_s: 10\n" + Path("fleet.yaml").read_text()
+    scene = (
+        "scene: fleet\nepoch: '2026-04-01T12:00:00Z'\nduration_s: 10\n"
+        + Path("fleet.yaml").read_text()
+    )
     Path("scene.yaml").write_text(scene)
     assert main(["validate", "scene.yaml"]) == 0
-    assert [line.split('"id": "')[1].split('"')[0] for line in scene.splitlines() if '"id"' in line] == names
+    assert [
+        line.split('"id": "')[1].split('"')[0] for line in scene.splitlines() if '"id"' in line
+    ] == names
 
 
 @pytest.mark.parametrize(
@@ -144,7 +158,12 @@ SCENE = {
     ],
 }
 ORBIT = {
-    "circular": {"altitude_km": 1200.0, "inclination_deg": 60.0, "lon_asc_node_deg": 260.0, "arg_latitude_deg": 40.0}
+    "circular": {
+        "altitude_km": 1200.0,
+        "inclination_deg": 60.0,
+        "lon_asc_node_deg": 260.0,
+        "arg_latitude_deg": 40.0,
+    }
 }
 
 
@@ -157,16 +176,29 @@ def test_an_export_of_sensors_flies_as_sensors(tmp_path):
     }
     (tmp_path / "s.yaml").write_text(json.dumps(scene))
     assert main(["run", str(tmp_path / "s.yaml"), "-q"]) == 0
-    words = ["--to", "oem", "--set", "objects=sensors", "--set", "step_s=30", "--out", str(tmp_path / "oem")]
+    words = [
+        "--to",
+        "oem",
+        "--set",
+        "objects=sensors",
+        "--set",
+        "step_s=30",
+        "--out",
+        str(tmp_path / "oem"),
+    ]
     assert main(["export", str(tmp_path / "e.jsonl"), *words]) == 0
     file = {"file": {"path": str(tmp_path / "oem" / "sensor-L1.oem")}}
     ours = simulate(scene_from_mapping({**SCENE, "sensors": [{**block, "orbit": file}]})).detections
-    theirs = simulate(scene_from_mapping({**SCENE, "sensors": [{**block, "orbit": ORBIT}]})).detections
+    theirs = simulate(
+        scene_from_mapping({**SCENE, "sensors": [{**block, "orbit": ORBIT}]})
+    ).detections
     assert len(ours) > 50
     np.testing.assert_array_equal(ours.time_ns, theirs.time_ns)
     # States of 30 s with velocities: the interpolation is a hundredth of a metre at most.
     np.testing.assert_allclose(ours.sensor_ecef_m, theirs.sensor_ecef_m, rtol=0.0, atol=0.01)
-    np.testing.assert_allclose(ours.line_of_sight_ecef, theirs.line_of_sight_ecef, rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(
+        ours.line_of_sight_ecef, theirs.line_of_sight_ecef, rtol=0.0, atol=1e-7
+    )
 
 
 def test_an_ephemeris_that_does_not_cover_the_scene_is_reported(tmp_path):
@@ -194,10 +226,14 @@ def test_the_default_field_of_regard_follows_the_orbit():
     def half_deg(**settings):
         sensor = {"model": "SBIRS-GEO", "id": "S", **settings}
         plan = compile_plan(scene_from_mapping({**SCENE, "targets": [], "sensors": [sensor]}))
-        return math.degrees(plan.sensors[0].field_of_regard_half_angle_rad), plan.sensors[0].settings
+        return math.degrees(plan.sensors[0].field_of_regard_half_angle_rad), plan.sensors[
+            0
+        ].settings
 
     assert half_deg(orbital_slot_deg=-100.0)[0] == pytest.approx(10.0)
-    assert half_deg(orbit={"slot": {"lon_deg": -100.0, "inclination_deg": 5.0}})[0] == pytest.approx(10.0)
+    assert half_deg(orbit={"slot": {"lon_deg": -100.0, "inclination_deg": 5.0}})[
+        0
+    ] == pytest.approx(10.0)
     low, settings = half_deg(orbit=ORBIT)
     assert low == pytest.approx(math.degrees(math.asin(6378.137 / 7578.137)) + 1.3, abs=0.01)
     assert settings["field_of_regard_half_angle_deg"] == pytest.approx(low)

@@ -1,4 +1,6 @@
-"""Lines of sight as other programs write them: the same directions and times, in other angles, units and frames."""
+"""Lines of sight as other programs write them: the same directions and times, in other angles,
+units and frames.
+"""
 
 import math
 
@@ -60,10 +62,15 @@ def test_right_ascensions_are_in_hours_or_degrees(names, cells, expected):
         ("T;AZ;EL", "1;190;5"),
         ("time_s,azimuth_from_south_deg,elevation_deg", "1,10,5"),
         ("time_s,azimuth_deg,zenith_angle_deg", "1,190,85"),
-        ("time_s,azimuth_from_south_rad,zenith_angle_rad", f"1,{math.radians(10)!r},{math.radians(85)!r}"),
+        (
+            "time_s,azimuth_from_south_rad,zenith_angle_rad",
+            f"1,{math.radians(10)!r},{math.radians(85)!r}",
+        ),
     ],
 )
-def test_azimuths_count_from_north_or_south_and_heights_from_the_horizon_or_the_zenith(names, cells):
+def test_azimuths_count_from_north_or_south_and_heights_from_the_horizon_or_the_zenith(
+    names, cells
+):
     row = only_row(names, cells, {"time_s": "T"} if names[0] == "T" else None)
     assert (row["azimuth_deg"], row["elevation_deg"]) == pytest.approx((190.0, 5.0), abs=1e-9)
     assert row["time_s"] == 1.0
@@ -99,7 +106,15 @@ def test_directions_are_turned_from_the_frame_that_they_name(frame):
         "reference_frame": frame,
     }
     level = np.cos(np.radians(-20.0))
-    vector = np.array([[level * np.cos(np.radians(30.0)), level * np.sin(np.radians(30.0)), np.sin(np.radians(-20.0))]])
+    vector = np.array(
+        [
+            [
+                level * np.cos(np.radians(30.0)),
+                level * np.sin(np.radians(30.0)),
+                np.sin(np.radians(-20.0)),
+            ]
+        ]
+    )
     kind = {"TOD_EARTH": "TOD", "ICRF": "EME2000"}.get(frame, frame)
     expected, _ = to_ecef(kind, vector, np.zeros((1, 3)), plan.scene.epoch_us, np.array([10.0]))
     found = columns_of([row], plan, {}).detections.line_of_sight_ecef

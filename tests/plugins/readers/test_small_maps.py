@@ -1,4 +1,6 @@
-"""The map of `opir import`: marks where the flight is, north up, also across the 180th meridian and at a pole."""
+"""The map of `opir import`: marks where the flight is, north up, also across the 180th meridian and
+at a pole.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from opir_core.geometry import geodetic_to_ecef
 
 
 def drawn(latitude_deg, longitude_deg):
-    place = geodetic_to_ecef(*np.radians([latitude_deg, longitude_deg]), np.full(len(latitude_deg), 1e4))
+    place = geodetic_to_ecef(
+        *np.radians([latitude_deg, longitude_deg]), np.full(len(latitude_deg), 1e4)
+    )
     return map_lines(place)
 
 
@@ -26,7 +30,10 @@ def test_the_first_and_the_last_state_are_where_they_are():
 
 
 def test_a_map_goes_on_across_the_180th_meridian():
-    lines = drawn(np.zeros(40), np.concatenate([np.linspace(170.0, 179.9, 20), np.linspace(-179.9, -170.0, 20)]))
+    lines = drawn(
+        np.zeros(40),
+        np.concatenate([np.linspace(170.0, 179.9, 20), np.linspace(-179.9, -170.0, 20)]),
+    )
     ((_, west),), ((_, east),) = places_of(lines, "o"), places_of(lines, "x")
     assert 0 <= west < 5
     assert east > 54

@@ -1,4 +1,6 @@
-"""A table that contradicts itself, or its scene, is refused or reported: line, figure, cause, way out."""
+"""A table that contradicts itself, or its scene, is refused or reported: line, figure, cause, way
+out.
+"""
 
 from functools import cache
 
@@ -28,7 +30,9 @@ def doubts_about(table, times, start_s):
 
 @cache
 def flight(latitude, azimuth, stages):
-    """Return a burn that tilts over, integrated here, as a function of time: stages of (seconds, m/s² at their end)."""
+    """Return a burn that tilts over, integrated here, as a function of time: stages of (seconds,
+    m/s² at their end).
+    """
     lat, lon = np.radians([latitude, -120.6])
     up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
     east = np.array([-np.sin(lon), np.cos(lon), 0.0])
@@ -37,18 +41,26 @@ def flight(latitude, azimuth, stages):
 
     def push(time_s):
         stage = min(int(np.searchsorted(ends, time_s)), len(stages) - 1)
-        return stages[stage][1] * (0.5 + 0.5 * (time_s - ends[stage] + stages[stage][0]) / stages[stage][0])
+        return stages[stage][1] * (
+            0.5 + 0.5 * (time_s - ends[stage] + stages[stage][0]) / stages[stage][0]
+        )
 
     def rate(time_s, state):
         r = state[:3]
         v = state[3:]
         tilt = np.radians(min(60.0, 0.6 * time_s))
         gravity = -3.986004418e14 * r / np.linalg.norm(r) ** 3
-        thrust = push(time_s) * (np.cos(tilt) * up + np.sin(tilt) * along) + 9.8 * up * (time_s < 60.0)
-        return np.concatenate([v, gravity + thrust - 2.0 * np.cross(TURN, v) - np.cross(TURN, np.cross(TURN, r))])
+        thrust = push(time_s) * (np.cos(tilt) * up + np.sin(tilt) * along) + 9.8 * up * (
+            time_s < 60.0
+        )
+        return np.concatenate(
+            [v, gravity + thrust - 2.0 * np.cross(TURN, v) - np.cross(TURN, np.cross(TURN, r))]
+        )
 
     start = [*(6.379e6 * up), 0.0, 0.0, 0.0]
-    return solve_ivp(rate, (0.0, ends[-1]), start, dense_output=True, rtol=1e-8, max_step=2.0).sol, ends[-1]
+    return solve_ivp(
+        rate, (0.0, ends[-1]), start, dense_output=True, rtol=1e-8, max_step=2.0
+    ).sol, ends[-1]
 
 
 def boost(step_s, *, latitude=34.7, azimuth=250.0, stages=((60.0, 20.0), (70.0, 30.0)), decimals=3):
@@ -58,7 +70,9 @@ def boost(step_s, *, latitude=34.7, azimuth=250.0, stages=((60.0, 20.0), (70.0, 
     position, velocity = np.round(state(time_s).T, decimals).reshape(-1, 2, 3).transpose(1, 0, 2)
     run = np.zeros(len(time_s), np.intp)
     burn = np.array([[0.0, time_s[-1]]])
-    return StateTable(time_s, position, velocity, run, burn, lambda row: row + 2, (), ("VX", "VY", "VZ"))
+    return StateTable(
+        time_s, position, velocity, run, burn, lambda row: row + 2, (), ("VX", "VY", "VZ")
+    )
 
 
 def axes_at(position):
@@ -73,7 +87,11 @@ def towards(table, *axes):
 
 
 SLIPS = {
-    "inertial": (lambda t: t.velocity_m_s + np.cross(TURN, t.position_m), "inertial", "vx_inertial_m_s: VX"),
+    "inertial": (
+        lambda t: t.velocity_m_s + np.cross(TURN, t.position_m),
+        "inertial",
+        "vx_inertial_m_s: VX",
+    ),
     "km/s": (lambda t: t.velocity_m_s / 1e3, "in km/s", "vx_ecef_km_s: VX"),
     "ft/s": (lambda t: t.velocity_m_s / 0.3048, "in ft/s", "vx_ecef_ft_s: VX"),
     "knots": (lambda t: t.velocity_m_s / 0.514444, "in knots", "vx_ecef_kn: VX"),
@@ -82,18 +100,40 @@ SLIPS = {
         "inertial (with the Earth's rotation) and in km/s",
         "vx_inertial_km_s: VX",
     ),
-    "rotation twice": (lambda t: t.velocity_m_s - np.cross(TURN, t.position_m), "rotation twice over", ""),
-    "local": (lambda t: towards(t, *axes_at(t.position_m)), "towards east, north and up", "v_east_m_s: VX"),
+    "rotation twice": (
+        lambda t: t.velocity_m_s - np.cross(TURN, t.position_m),
+        "rotation twice over",
+        "",
+    ),
+    "local": (
+        lambda t: towards(t, *axes_at(t.position_m)),
+        "towards east, north and up",
+        "v_east_m_s: VX",
+    ),
     "north, east, down": (
-        lambda t: towards(t, *(sign * axes_at(t.position_m)[k] for k, sign in ((1, 1.0), (0, 1.0), (2, -1.0)))),
+        lambda t: towards(
+            t, *(sign * axes_at(t.position_m)[k] for k, sign in ((1, 1.0), (0, 1.0), (2, -1.0)))
+        ),
         "towards north, east and down",
         "",
     ),
     "sign": (lambda t: -t.velocity_m_s, "of the wrong sign", ""),
     "swapped": (lambda t: t.velocity_m_s[:, [1, 0, 2]], "axes in another order", ""),
-    "one axis": (lambda t: t.velocity_m_s * [1.0, -1.0, 1.0], "axes in another order or sign (vx, -vy, vz", ""),
-    "a line late": (lambda t: np.vstack([t.velocity_m_s[:1], t.velocity_m_s[:-1]]), "of the line above", ""),
-    "a line early": (lambda t: np.vstack([t.velocity_m_s[1:], t.velocity_m_s[-1:]]), "of the line below", ""),
+    "one axis": (
+        lambda t: t.velocity_m_s * [1.0, -1.0, 1.0],
+        "axes in another order or sign (vx, -vy, vz",
+        "",
+    ),
+    "a line late": (
+        lambda t: np.vstack([t.velocity_m_s[:1], t.velocity_m_s[:-1]]),
+        "of the line above",
+        "",
+    ),
+    "a line early": (
+        lambda t: np.vstack([t.velocity_m_s[1:], t.velocity_m_s[-1:]]),
+        "of the line below",
+        "",
+    ),
 }
 
 
@@ -122,7 +162,10 @@ def test_slips_at_steps_of_half_a_minute_are_reported(slip):
 @pytest.mark.parametrize("lag_s", [1.0, -2.0])
 def test_velocities_of_another_time_are_reported_with_the_lag(lag_s):
     table = boost(0.5)
-    late = np.stack([np.interp(table.time_s - lag_s, table.time_s, axis) for axis in table.velocity_m_s.T], axis=1)
+    late = np.stack(
+        [np.interp(table.time_s - lag_s, table.time_s, axis) for axis in table.velocity_m_s.T],
+        axis=1,
+    )
     found = velocity_slip(evolve(table, velocity_m_s=late))
     assert f"of a time {abs(lag_s):g} s {'earlier' if lag_s > 0 else 'later'}" in found.cause
 
@@ -131,9 +174,14 @@ def test_velocities_of_another_time_are_reported_with_the_lag(lag_s):
 @pytest.mark.parametrize("decimals", [0, 3])
 @pytest.mark.parametrize("seed", range(4))
 def test_true_velocities_raise_no_alarm(step_s, decimals, seed):
-    """Drawn boosts, at any step, positions to a metre and velocities with an error of a few m/s that drifts."""
+    """Drawn boosts, at any step, positions to a metre and velocities with an error of a few m/s
+    that drifts.
+    """
     rng = np.random.default_rng(seed)
-    stages = tuple((float(rng.uniform(45.0, 120.0)), float(rng.uniform(15.0, 60.0))) for _ in range(rng.integers(1, 4)))
+    stages = tuple(
+        (float(rng.uniform(45.0, 120.0)), float(rng.uniform(15.0, 60.0)))
+        for _ in range(rng.integers(1, 4))
+    )
     place = {"latitude": float(rng.uniform(-80.0, 80.0)), "azimuth": float(rng.uniform(0.0, 360.0))}
     table = boost(step_s, stages=stages, decimals=decimals, **place)
     drift = 3.0 * np.sin(table.time_s[:, None] / 17.0 + rng.uniform(0.0, 6.0, 3))
@@ -147,7 +195,12 @@ FOREIGN = sorted((ROOT / "tests" / "data" / "flights").glob("*.csv"))
 
 @pytest.mark.parametrize("file", FOREIGN, ids=lambda file: file.stem)
 def test_flights_of_others_raise_no_alarm(file):
-    assert doubts_about(csv_table(file.read_text(encoding="utf-8"), 0.0), SceneTimes(EPOCH_US, 4000.0), 0.0) == []
+    assert (
+        doubts_about(
+            csv_table(file.read_text(encoding="utf-8"), 0.0), SceneTimes(EPOCH_US, 4000.0), 0.0
+        )
+        == []
+    )
 
 
 def test_one_wrong_velocity_is_reported_with_its_line():
@@ -155,7 +208,9 @@ def test_one_wrong_velocity_is_reported_with_its_line():
     velocity = table.velocity_m_s.copy()
     velocity[40] += [0.0, 900.0, 0.0]
     doubt, *flown = doubts_about(evolve(table, velocity_m_s=velocity), SCENE, 0.0)
-    assert doubt.startswith("line 42: its velocity is 900 m/s off the change of the positions around it; is it a")
+    assert doubt.startswith(
+        "line 42: its velocity is 900 m/s off the change of the positions around it; is it a"
+    )
     assert all("the path turns with" in words for words in flown)
 
 
@@ -165,8 +220,10 @@ def test_a_message_names_line_figure_cause_and_way_out():
         doubts_about(evolve(table, velocity_m_s=SLIPS["inertial"][0](table)), SCENE, 0.0)
     text = str(refused.value)
     assert text == (
-        "line 130: its velocity is 389 m/s off the change of the positions around it; all look inertial (with the"
-        " Earth's rotation): so read, they agree to 0.04 m/s; set columns: {vx_inertial_m_s: VX, vy_inertial_m_s: VY,"
+        "line 130: its velocity is 389 m/s off the change of the positions around it; all look"
+        " inertial (with the"
+        " Earth's rotation): so read, they agree to 0.04 m/s; set columns: {vx_inertial_m_s: VX,"
+        " vy_inertial_m_s: VY,"
         " vz_inertial_m_s: VZ}, or leave the velocities out: positions are enough"
     )
 
@@ -178,7 +235,10 @@ def test_velocities_for_which_no_cause_is_known_are_refused():
         doubts_about(evolve(table, velocity_m_s=noise), SCENE, 0.0)
 
 
-FIRST = "they look like Unix seconds: the first is 2026-04-01T12:00:00Z, 0 s after the scene's start; subtract"
+FIRST = (
+    "they look like Unix seconds: the first is 2026-04-01T12:00:00Z, 0 s after the scene's start;"
+    " subtract"
+)
 
 
 @pytest.mark.parametrize(
@@ -216,7 +276,8 @@ def test_an_ephemeris_of_another_day_is_reported():
     with pytest.raises(BadFileError) as refused:
         doubts_about(evolve(table, time_s=table.time_s + 86400.0), SCENE, None)
     assert (
-        "line 2: its states, 2026-04-02T12:00:00Z to 2026-04-02T12:02:09Z, and the scene, 2026-04-01T12:00:00Z to"
+        "line 2: its states, 2026-04-02T12:00:00Z to 2026-04-02T12:02:09Z, and the scene,"
+        " 2026-04-01T12:00:00Z to"
         " 2026-04-01T12:10:00Z, have no time in common" in str(refused.value)
     )
 
@@ -224,14 +285,28 @@ def test_an_ephemeris_of_another_day_is_reported():
 @pytest.mark.parametrize(
     ("change", "reported"),
     [
-        (lambda t: evolve(t, time_s=t.time_s * 1e-1, velocity_m_s=None), "m/s, faster than what leaves the Earth"),
-        (lambda t: evolve(t, time_s=t.time_s * 1e-3, velocity_m_s=None), "are times or lengths in other units?"),
         (
-            lambda t: evolve(t, position_m=t.position_m[:1] + 0.0 * t.position_m, velocity_m_s=None),
+            lambda t: evolve(t, time_s=t.time_s * 1e-1, velocity_m_s=None),
+            "m/s, faster than what leaves the Earth",
+        ),
+        (
+            lambda t: evolve(t, time_s=t.time_s * 1e-3, velocity_m_s=None),
+            "are times or lengths in other units?",
+        ),
+        (
+            lambda t: evolve(
+                t, position_m=t.position_m[:1] + 0.0 * t.position_m, velocity_m_s=None
+            ),
             "nothing moves faster than 0 m/s",
         ),
-        (lambda t: evolve(t, position_m=np.round(t.position_m, -3), velocity_m_s=None), "the path turns with"),
-        (lambda t: evolve(t, position_m=np.round(t.position_m, -2), velocity_m_s=None), "the path turns with"),
+        (
+            lambda t: evolve(t, position_m=np.round(t.position_m, -3), velocity_m_s=None),
+            "the path turns with",
+        ),
+        (
+            lambda t: evolve(t, position_m=np.round(t.position_m, -2), velocity_m_s=None),
+            "the path turns with",
+        ),
         (
             lambda t: evolve(t, position_m=t.position_m - [0.0, 0.0, 2e4], velocity_m_s=None),
             "below the WGS 84 ellipsoid",

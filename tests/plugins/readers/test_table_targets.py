@@ -1,4 +1,6 @@
-"""Targets whose trajectories are tables of states: read, interpolated, refused, and flown through whole scenes."""
+"""Targets whose trajectories are tables of states: read, interpolated, refused, and flown through
+whole scenes.
+"""
 
 import hashlib
 import os
@@ -40,9 +42,13 @@ META_STOP
 
 
 def arc(time_s):
-    """Return a two-body arc over the Pacific, in ECEF; its inertial axes are those of ECEF at time 0."""
+    """Return a two-body arc over the Pacific, in ECEF; its inertial axes are those of ECEF at time
+    0.
+    """
     start = np.array([[-5.6e6, -2.6e6, 2.9e6], [1500.0, -5200.0, 2600.0]])
-    states = propagate_kepler(np.tile(start[0], (len(time_s), 1)), np.tile(start[1], (len(time_s), 1)), time_s)
+    states = propagate_kepler(
+        np.tile(start[0], (len(time_s), 1)), np.tile(start[1], (len(time_s), 1)), time_s
+    )
     return eci_to_ecef_state(*states, time_s)
 
 
@@ -64,7 +70,8 @@ def oem_text(time_s, frame="ITRF2014"):
     position, speed = arc(time_s)
     epoch = np.datetime64("2026-04-01T12:00:00.000000")
     rows = [
-        f"{epoch + np.timedelta64(round(t * 1e6), 'us')} " + " ".join(repr(float(v)) for v in (*p / 1e3, *s / 1e3))
+        f"{epoch + np.timedelta64(round(t * 1e6), 'us')} "
+        + " ".join(repr(float(v)) for v in (*p / 1e3, *s / 1e3))
         for t, p, s in zip(time_s, position, speed, strict=True)
     ]
     return OEM.format(frame=frame, states="\n".join(rows))
@@ -101,13 +108,17 @@ def test_between_states_it_is_the_arc_that_they_are_of(tmp_path, velocity, step_
 
 
 def test_states_close_together_do_not_amplify_the_rounding_of_times(tmp_path):
-    """The last of states 5 s apart comes 0.25 s after the one before; its time is rounded to 1 ms, 3 m of flight."""
+    """The last of states 5 s apart comes 0.25 s after the one before; its time is rounded to 1 ms,
+    3 m of flight.
+    """
     exact = np.append(np.arange(0.0, 101.0, 5.0), 100.2504)
     rounded = np.round(exact, 3)
     lines = csv_text(exact).splitlines()
     head = lines[:2]
     rows = [line.partition(",")[2] for line in lines[2:]]
-    text = "\n".join([*head, *(f"{time!r},{row}" for time, row in zip(rounded.tolist(), rows, strict=True))])
+    text = "\n".join(
+        [*head, *(f"{time!r},{row}" for time, row in zip(rounded.tolist(), rows, strict=True))]
+    )
     targets, _ = flown(tmp_path, text)
     assert largest_error_m(targets, 0.0, 95.0) <= 0.02
     assert largest_error_m(targets, 95.0, 100.25) <= 3.5
@@ -127,10 +138,14 @@ def test_an_oem_is_the_arc_too(tmp_path):
 
 
 def test_a_kink_between_stretches_is_kept(tmp_path):
-    """A time that stands twice parts two stretches; no polynomial reaches from one into the other."""
+    """A time that stands twice parts two stretches; no polynomial reaches from one into the
+    other.
+    """
     time_s = np.array([0.0, 10.0, 20.0, 20.0, 30.0, 40.0])
     height = np.where(np.arange(6) < 3, time_s * 100.0, 2000.0 + (time_s - 20.0) * 5000.0)
-    rows = [f"{t!r},{6.4e6 + h!r},0,0" for t, h in zip(time_s.tolist(), height.tolist(), strict=True)]
+    rows = [
+        f"{t!r},{6.4e6 + h!r},0,0" for t, h in zip(time_s.tolist(), height.tolist(), strict=True)
+    ]
     targets, _ = flown(tmp_path, "\n".join(["time_s,x_ecef_m,y_ecef_m,z_ecef_m", *rows]))
     asked = np.array([0.0, 5.0, 19.0, 20.0, 21.0, 40.0])
     expected = np.where(asked <= 20.0, asked * 100.0, 2000.0 + (asked - 20.0) * 5000.0)
@@ -184,19 +199,28 @@ def test_who_follows_bodies_follows_them_to_the_last_state(tmp_path, free_flight
     ],
 )
 def test_ends_near_the_ground_are_launch_and_impact(tmp_path, heights_m, burning, points):
-    # On the equator, where the height is that above the equatorial radius: one degree of longitude a state.
+    # On the equator, where the height is that above the equatorial radius: one degree of longitude
+    # a state.
     angle = np.radians(np.arange(4.0))
     radius = 6378137.0 + np.array(heights_m)
     rows = np.column_stack(
-        [10.0 * np.arange(4.0), radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle, burning]
+        [
+            10.0 * np.arange(4.0),
+            radius * np.cos(angle),
+            radius * np.sin(angle),
+            0.0 * angle,
+            burning,
+        ]
     )
-    _, truth = flown(tmp_path, BURNING + "\n".join(",".join(map(repr, row)) for row in rows.tolist()))
+    _, truth = flown(
+        tmp_path, BURNING + "\n".join(",".join(map(repr, row)) for row in rows.tolist())
+    )
     assert points == {"launch", "impact"} & set(truth)
     for name, place in (("launch", (0.0, 0.0, 0.0)), ("impact", (0.0, 3.0, 200.0))):
         if name in points:
-            assert tuple(truth[name][key] for key in ("lat_deg", "lon_deg", "height_m")) == pytest.approx(
-                place, abs=1e-6
-            )
+            assert tuple(
+                truth[name][key] for key in ("lat_deg", "lon_deg", "height_m")
+            ) == pytest.approx(place, abs=1e-6)
     if "impact" in points:
         assert truth["impact"]["time_s"] == 30.0
 
@@ -211,15 +235,34 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
 @pytest.mark.parametrize(
     ("text", "settings", "reported"),
     [
-        ("", {}, "is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m"),
-        ("time_s,x_m\n", {}, "line 1: lacks the columns x_ecef_m, y_ecef_m, z_ecef_m and has unknown columns ('x_m')"),
+        (
+            "",
+            {},
+            "is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m",
+        ),
+        (
+            "time_s,x_m\n",
+            {},
+            (
+                "line 1: lacks the columns x_ecef_m, y_ecef_m, z_ecef_m and has unknown columns"
+                " ('x_m')"
+            ),
+        ),
         (HEAD.replace("x_", "time_s,x_"), {}, "line 1: names a column twice"),
         (HEAD + "0,7e6,0,0\n", {}, "has 1 state; at least 2 are needed"),
         (HEAD + "0,7e6,0,0\n1,7e6,zero,0\n", {}, "line 3: y_ecef_m is 'zero', not a finite number"),
         (HEAD + "0,7e6,0,0\n1,nan,0,0\n", {}, "line 3: x_ecef_m is 'nan', not a finite number"),
         (HEAD + "0,7e6,0\n", {}, "line 2: has 3 values; the first line names 4 columns"),
-        (HEAD + "1,7e6,0,0\n0,7e6,0,0\n", {}, "line 3: its time does not follow that of line 2; sort the states"),
-        (HEAD + "0,7e3,0,0\n1,7e3,0,0\n", {}, "line 2: the position is 7000 m from the Earth's centre"),
+        (
+            HEAD + "1,7e6,0,0\n0,7e6,0,0\n",
+            {},
+            "line 3: its time does not follow that of line 2; sort the states",
+        ),
+        (
+            HEAD + "0,7e3,0,0\n1,7e3,0,0\n",
+            {},
+            "line 2: the position is 7000 m from the Earth's centre",
+        ),
         (
             BURNING + "0,7e6,0,0,0\n1,7e6,0,0,1\n",
             {},
@@ -236,24 +279,57 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
             "a burn from 1.2 to 1.8 s is within a dark gap of the file",
         ),
         (GOOD_CSV, {"object": "ONE"}, "is read as csv, which has no object; omit object"),
-        (GOOD_CSV, {"burnout_s": 2.0}, "a burn from 0 to 2 s does not fit: states go from 0 to 1 s"),
-        (GOOD_OEM, {"start_s": 1.0}, "is read as oem, which has no start_s; omit start_s (its settings: object)"),
+        (
+            GOOD_CSV,
+            {"burnout_s": 2.0},
+            "a burn from 0 to 2 s does not fit: states go from 0 to 1 s",
+        ),
+        (
+            GOOD_OEM,
+            {"start_s": 1.0},
+            "is read as oem, which has no start_s; omit start_s (its settings: object)",
+        ),
         (GOOD_OEM, {"object": "TWO"}, "has no object 'TWO'; it has ONE"),
         (
             GOOD_OEM.replace("ITRF2014", "RSW"),
             {},
             "line 13: REF_FRAME is 'RSW'; convert the states to one of ITRF, TDR",
         ),
-        (GOOD_OEM.replace("UTC", "TCG"), {}, "line 13: TIME_SYSTEM is 'TCG'; convert the times to one of UTC, UT1,"),
-        (GOOD_OEM.replace("EARTH", "MARS"), {}, "line 13: CENTER_NAME is 'MARS'; only EARTH is taken"),
-        (GOOD_OEM.replace("OBJECT_ID = 2026-001A\n", ""), {}, "line 12: the metadata lack OBJECT_ID"),
+        (
+            GOOD_OEM.replace("UTC", "TCG"),
+            {},
+            "line 13: TIME_SYSTEM is 'TCG'; convert the times to one of UTC, UT1,",
+        ),
+        (
+            GOOD_OEM.replace("EARTH", "MARS"),
+            {},
+            "line 13: CENTER_NAME is 'MARS'; only EARTH is taken",
+        ),
+        (
+            GOOD_OEM.replace("OBJECT_ID = 2026-001A\n", ""),
+            {},
+            "line 12: the metadata lack OBJECT_ID",
+        ),
         (GOOD_OEM.replace("META_STOP", ""), {}, "is not of the form KEYWORD = value"),
         (GOOD_OEM.replace("12:00:10.", "12:00:60."), {}, "is no time like 2026-04-01T12:00:00.000"),
-        (GOOD_OEM.rstrip() + " 1\n", {}, "line 15: has 8 values; a state has a time and 6 (or 9) numbers"),
-        (GOOD_OEM.replace("META_START", "META_START\nMETA_START"), {}, "line 6: begins a block within one that began"),
-        (HEAD + "0,7e6,0,0\n1e-320,7e6,0,0\n", {}, "line 3: is 9.99989e-321 s after line 2; leave one out"),
         (
-            HEAD.replace("m\n", "m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s\n") + "0,7e6,0,0,1,1,1\n1,7e6,0,0,1,1e200,1\n",
+            GOOD_OEM.rstrip() + " 1\n",
+            {},
+            "line 15: has 8 values; a state has a time and 6 (or 9) numbers",
+        ),
+        (
+            GOOD_OEM.replace("META_START", "META_START\nMETA_START"),
+            {},
+            "line 6: begins a block within one that began",
+        ),
+        (
+            HEAD + "0,7e6,0,0\n1e-320,7e6,0,0\n",
+            {},
+            "line 3: is 9.99989e-321 s after line 2; leave one out",
+        ),
+        (
+            HEAD.replace("m\n", "m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s\n")
+            + "0,7e6,0,0,1,1,1\n1,7e6,0,0,1,1e200,1\n",
             {},
             "line 3: a velocity of 1e+200 m/s is above that of light",
         ),
@@ -261,7 +337,9 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
         ("CCSDS_OEM_VERS = 2.0\nMETA_STOP\n", {}, "line 2: ends a block that never began"),
     ],
 )
-def test_bad_files_give_one_message_with_file_line_and_the_way_out(tmp_path, text, settings, reported):
+def test_bad_files_give_one_message_with_file_line_and_the_way_out(
+    tmp_path, text, settings, reported
+):
     with pytest.raises(SceneError) as caught:
         flown(tmp_path, text, **settings)
     message = str(caught.value)
@@ -302,7 +380,9 @@ def test_what_an_oem_says_of_use_and_of_several_objects_is_heeded(tmp_path):
 
 
 def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
-    """The whole way: a class profile's positions, twice a second, in a file, detected as the profile itself is."""
+    """The whole way: a class profile's positions, twice a second, in a file, detected as the
+    profile itself is.
+    """
     overrides = ["outputs=[]", "seed=5", "tracker=none"]
     scene = load_scene(EXAMPLE, overrides=overrides)
     targets = compile_plan(scene).targets
@@ -312,14 +392,22 @@ def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
         burnout = float(targets.burnout_s[row])
         time_s = np.unique([*np.arange(ignition, burnout, 0.5), burnout])
         position = targets.position_ecef_m(np.full(len(time_s), row, np.int32), time_s)
-        lines = [",".join(map(repr, values)) for values in np.column_stack([time_s, position]).tolist()]
+        lines = [
+            ",".join(map(repr, values)) for values in np.column_stack([time_s, position]).tolist()
+        ]
         path = tmp_path / f"{target.id}.csv"
         path.write_text(HEAD + "\n".join(lines), encoding="utf-8")
-        asked.append(f"{{id: {target.id}, model: table, type: {target.model.config.type}, file: '{path}'}}")
+        asked.append(
+            f"{{id: {target.id}, model: table, type: {target.model.config.type}, file: '{path}'}}"
+        )
     own = simulate(scene)
     table = simulate(load_scene(EXAMPLE, overrides=[*overrides, f"targets=[{', '.join(asked)}]"]))
     assert own.manifest["files"] == []
-    assert [Path(file["path"]).name for file in table.manifest["files"]] == ["T1.csv", "T2.csv", "T3.csv"]
+    assert [Path(file["path"]).name for file in table.manifest["files"]] == [
+        "T1.csv",
+        "T2.csv",
+        "T3.csv",
+    ]
     assert len(own.detections) > 1000
     assert table.detections.time_ns.tobytes() == own.detections.time_ns.tobytes()
     assert table.detections.detection_id.tobytes() == own.detections.detection_id.tobytes()
@@ -330,12 +418,17 @@ def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
 
 def test_a_pipe_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(SceneError, match=r"pipe: cannot be read: it is a pipe \(FIFO\); write its content to a file"):
+    with pytest.raises(
+        SceneError,
+        match=r"pipe: cannot be read: it is a pipe \(FIFO\); write its content to a file",
+    ):
         flown(tmp_path, "", file=str(tmp_path / "pipe"))
 
 
 class TestReadingAtOnce:
-    """A table of plain numbers is read at once; whatever else stands in it, line by line, to the same numbers."""
+    """A table of plain numbers is read at once; whatever else stands in it, line by line, to the
+    same numbers.
+    """
 
     TIMES = np.arange(0.0, 50.0, 0.25)
 
@@ -351,7 +444,9 @@ class TestReadingAtOnce:
         return csv_table_module.csv_table(text, 0.0), read
 
     def test_plain_numbers_need_no_line_of_python(self, monkeypatch):
-        text = csv_text(self.TIMES, burning=np.ones(len(self.TIMES))).replace("\n0.5,", "\n\n# a comment\n0.5,")
+        text = csv_text(self.TIMES, burning=np.ones(len(self.TIMES))).replace(
+            "\n0.5,", "\n\n# a comment\n0.5,"
+        )
         table, read = self.lines_read(text, monkeypatch)
         assert not read
         position, velocity = arc(self.TIMES)
@@ -374,4 +469,6 @@ class TestReadingAtOnce:
     def test_points_that_are_not_smooth_are_limited(self, monkeypatch):
         monkeypatch.setattr(csv_table_module, "MOST_BREAKS", 3)
         with pytest.raises(BadFileError, match="has 4 times that occur twice; at most 3"):
-            csv_table_module.csv_table(csv_text(np.sort([0.0, 5.0, *[1.0, 2.0, 3.0, 4.0] * 2])), 0.0)
+            csv_table_module.csv_table(
+                csv_text(np.sort([0.0, 5.0, *[1.0, 2.0, 3.0, 4.0] * 2])), 0.0
+            )

@@ -1,4 +1,6 @@
-"""Tables as the world writes them are read to the same states, or refused with the way to read them."""
+"""Tables as the world writes them are read to the same states, or refused with the way to read
+them.
+"""
 
 import json
 
@@ -16,7 +18,11 @@ from opir_core.plugin import BadFileError
 from opir_core.reading import scene_from_mapping
 
 PLACES_M = np.array(
-    [[-2643878.3, -4579331.6, 3566636.9], [-2644469.0, -4580354.6, 3567568.0], [-2646240.8, -4583423.6, 3570361.6]]
+    [
+        [-2643878.3, -4579331.6, 3566636.9],
+        [-2644469.0, -4580354.6, 3567568.0],
+        [-2646240.8, -4583423.6, 3570361.6],
+    ]
 )
 NAMES = ["time_s", "x_ecef_km", "y_ecef_km", "z_ecef_km"]
 ROWS = [[10.0 * row, *(place / 1e3)] for row, place in enumerate(PLACES_M)]
@@ -52,15 +58,22 @@ def written(delimiter=",", decimal=".", end="\n", names=NAMES, head="", comment=
         written(names=["time [s]", "x_ecef (km)", "y_ecef [km]", "z_ecef [ km ]"]).encode(),
         written(head="Exported by a simulator\nRun,17\n\n").encode(),
         written()
-        .replace("time_s,x_ecef_km,y_ecef_km,z_ecef_km", "time,x_ecef,y_ecef,z_ecef\n[s],[km],[km],[km]")
+        .replace(
+            "time_s,x_ecef_km,y_ecef_km,z_ecef_km", "time,x_ecef,y_ecef,z_ecef\n[s],[km],[km],[km]"
+        )
         .encode(),
-        written(delimiter="  ").replace("z_ecef_km\n", "z_ecef_km\n------  ---- ---- ----\n").encode(),
+        written(delimiter="  ")
+        .replace("z_ecef_km\n", "z_ecef_km\n------  ---- ---- ----\n")
+        .encode(),
         "\n".join(
-            ",".join(f'"{cell}"' for cell in line.split(";")) for line in written(";", ",").split("\n")[:-1]
+            ",".join(f'"{cell}"' for cell in line.split(";"))
+            for line in written(";", ",").split("\n")[:-1]
         ).encode(),
         written(head="Bahn über Süd\n\n").encode("cp1252"),
         json.dumps([dict(zip(NAMES, row, strict=True)) for row in ROWS]).encode(),
-        json.dumps({"of": "one", "states": [dict(zip(NAMES, row, strict=True)) for row in ROWS]}).encode(),
+        json.dumps(
+            {"of": "one", "states": [dict(zip(NAMES, row, strict=True)) for row in ROWS]}
+        ).encode(),
         json.dumps(dict(zip(NAMES, zip(*ROWS, strict=True), strict=True))).encode(),
         "".join(json.dumps(dict(zip(NAMES, row, strict=True))) + "\n" for row in ROWS).encode(),
     ],
@@ -74,16 +87,23 @@ def test_the_same_states_written_otherwise_are_the_same(tmp_path, content):
     assert table.time_s.tolist() == [5.0, 15.0, 25.0]
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("km", 1e3), ("ft", 0.3048), ("nmi", 1852.0)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("m", 1.0), ("km", 1e3), ("ft", 0.3048), ("nmi", 1852.0)]
+)
 def test_units_stand_in_names_and_in_maps(unit, factor):
     names = [f"{axis}_ecef_{unit}" for axis in "xyz"]
-    lines = [",".join(map(repr, [row * 60.0, *(place / factor).tolist()])) for row, place in enumerate(PLACES_M)]
+    lines = [
+        ",".join(map(repr, [row * 60.0, *(place / factor).tolist()]))
+        for row, place in enumerate(PLACES_M)
+    ]
     text = "\n".join([",".join(["t", *names]), *lines])
     table = csv_table(text, 0.0, {"time_ms": "t"})
     np.testing.assert_allclose(table.position_m, PLACES_M, rtol=1e-12)
     assert table.time_s.tolist() == [0.0, 0.06, 0.12]
     other = csv_table(
-        text.replace("_ecef_", "."), 0.0, {"time_ms": "t", **{name: name.replace("_ecef_", ".") for name in names}}
+        text.replace("_ecef_", "."),
+        0.0,
+        {"time_ms": "t", **{name: name.replace("_ecef_", ".") for name in names}},
     )
     assert np.array_equal(table.position_m, other.position_m)
 
@@ -100,11 +120,15 @@ def test_geodetic_columns_are_read_with_a_map_to_what_proj_makes_of_them(unit, f
     text = GEODETIC.format(unit=unit, low=100.0 / factor, high=260.0 / factor)
     with pytest.raises(BadFileError) as refused:
         csv_table(text, 0.0)
-    proposed = 'set columns: {time_s: "Time (s)", lat_deg: "Latitude (°)", lon_deg: "Longitude (°)", '
+    proposed = (
+        'set columns: {time_s: "Time (s)", lat_deg: "Latitude (°)", lon_deg: "Longitude (°)", '
+    )
     assert f'{proposed}height_{unit}: "Altitude ({unit})"}}' in str(refused.value)
     table = csv_table(text, 0.0, {**MAP, f"height_{unit}": f"Altitude ({unit})"})
     to_ecef = Transformer.from_crs("EPSG:4979", "EPSG:4978")
-    expected = np.array([to_ecef.transform(34.73, -120.57, 100.0), to_ecef.transform(34.73, -120.5701, 260.0)])
+    expected = np.array(
+        [to_ecef.transform(34.73, -120.57, 100.0), to_ecef.transform(34.73, -120.5701, 260.0)]
+    )
     np.testing.assert_allclose(table.position_m, expected, rtol=0.0, atol=1e-3)
     assert table.notes == ("columns that are not read: 'Total velocity (m/s)'",)
 
@@ -129,7 +153,10 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
         (
             "time_s;x_ecef_m;y_ecef_m;z_ecef_m\n0;7.000.000,5;0;0\n",
             {},
-            "line 2: x_ecef_m is '7.000.000,5', not a finite number: it has both a point and a comma",
+            (
+                "line 2: x_ecef_m is '7.000.000,5', not a finite number: it has both a point and a"
+                " comma"
+            ),
         ),
         (
             "t,x_ecef_m,y_ecef_m,z_ecef_m\n0,7e6,0,0\n",
@@ -153,7 +180,10 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
             'lat_deg: "geodetic_latitude_deg", lon_deg: "longitude_deg", height_km: "altitude_km"}',
         ),
         (
-            "t [s],ECEF X [km],ECEF Y [km],ECEF Z [km],Vx (km/sec),Vy (km/sec),Vz (km/sec)\n0,7000,0,0,1,2,3\n",
+            (
+                "t [s],ECEF X [km],ECEF Y [km],ECEF Z [km],Vx (km/sec),Vy (km/sec),Vz"
+                " (km/sec)\n0,7000,0,0,1,2,3\n"
+            ),
             {},
             'z_ecef_km: "ECEF Z [km]", vx_ecef_km_s: "Vx (km/sec)"',
         ),
@@ -206,7 +236,12 @@ def test_velocities_in_local_axes_are_turned(tmp_path):
 )
 def test_a_map_of_unknown_quantities_is_refused(tmp_path, columns, reported):
     target = {"id": "T", "model": "table", "type": "IRBM", "file": "none.csv", "columns": columns}
-    scene = {"scene": "x", "epoch": "2026-04-01T12:00:00Z", "duration_s": 9.0, "sensors": [{"constellation": "DSP"}]}
+    scene = {
+        "scene": "x",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 9.0,
+        "sensors": [{"constellation": "DSP"}],
+    }
     with pytest.raises(SceneError) as refused:
         compile_plan(scene_from_mapping({**scene, "targets": [target]}))
     assert reported in str(refused.value)
@@ -236,23 +271,34 @@ EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z, MJD 61131.5
     ],
 )
 def test_dates_are_read_as_they_are_written(names, times):
-    rows = [f"{time},{','.join(map(str, place))}" for time, place in zip(times, PLACES_M, strict=False)]
+    rows = [
+        f"{time},{','.join(map(str, place))}" for time, place in zip(times, PLACES_M, strict=False)
+    ]
     table = csv_table("\n".join([f"{names},x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US)
     assert table.has_dates
     np.testing.assert_allclose(table.time_s, [10.0, 20.0], rtol=0.0, atol=1e-3)
 
 
-@pytest.mark.parametrize("clocks", [("00:00:10", "0:00:20.0"), ("T+00:00:10", "T+00:00:20"), ("10", "20")])
+@pytest.mark.parametrize(
+    "clocks", [("00:00:10", "0:00:20.0"), ("T+00:00:10", "T+00:00:20"), ("10", "20")]
+)
 def test_elapsed_times_count_from_the_start(clocks):
-    rows = [f"{time},{','.join(map(str, place))}" for time, place in zip(clocks, PLACES_M, strict=False)]
+    rows = [
+        f"{time},{','.join(map(str, place))}" for time, place in zip(clocks, PLACES_M, strict=False)
+    ]
     table = csv_table("\n".join(["time,x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US)
     assert not table.has_dates
     assert table.time_s.tolist() == [15.0, 25.0]
 
 
 def test_seconds_count_where_dates_stand_beside_them():
-    rows = [f"{time},2026-04-01T12:00:00Z,{','.join(map(str, place))}" for time, place in enumerate(PLACES_M)]
-    table = csv_table("\n".join(["time_s,epoch,x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US)
+    rows = [
+        f"{time},2026-04-01T12:00:00Z,{','.join(map(str, place))}"
+        for time, place in enumerate(PLACES_M)
+    ]
+    table = csv_table(
+        "\n".join(["time_s,epoch,x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US
+    )
     assert table.time_s.tolist() == [5.0, 6.0, 7.0]
 
 
@@ -283,7 +329,9 @@ def test_reports_whose_columns_stand_two_blanks_apart(text, form):
     mapped = {f"{axis.lower()}_ecef_km": form.format(axis) for axis in axes}
     with pytest.raises(BadFileError) as refused:
         csv_table(text, 0.0)
-    assert f'x_ecef_km: "{mapped["x_ecef_km"]}"' in str(refused.value) or "x_ecef_m" in str(refused.value)
+    assert f'x_ecef_km: "{mapped["x_ecef_km"]}"' in str(refused.value) or "x_ecef_m" in str(
+        refused.value
+    )
     table = csv_table(text, 0.0, mapped, epoch_us=EPOCH_US)
     np.testing.assert_allclose(table.position_m, PLACES_M[:2], rtol=0.0, atol=1e-3)
     assert table.time_s.tolist() == [0.0, 10.0]
@@ -291,10 +339,13 @@ def test_reports_whose_columns_stand_two_blanks_apart(text, form):
 
 @pytest.mark.parametrize(("name", "frame"), [("eme2000", "EME2000"), ("teme", "TEME")])
 def test_inertial_columns_are_turned_as_an_oem_in_their_frame(name, frame):
-    state = np.array([[7e6, 1e5, -2e5, 10.0, 7500.0, 30.0], [6.99e6, 1.75e5, -1.997e5, -70.0, 7499.0, 31.0]])
+    state = np.array(
+        [[7e6, 1e5, -2e5, 10.0, 7500.0, 30.0], [6.99e6, 1.75e5, -1.997e5, -70.0, 7499.0, 31.0]]
+    )
     names = [f"{rate}{axis}_{name}" for rate in ("", "v") for axis in "xyz"]
     rows = [
-        f"2026-04-01T12:00:{10 * row:02d}Z,{','.join(map(repr, values))}" for row, values in enumerate(state.tolist())
+        f"2026-04-01T12:00:{10 * row:02d}Z,{','.join(map(repr, values))}"
+        for row, values in enumerate(state.tolist())
     ]
     table = csv_table("\n".join([",".join(["time", *names]), *rows]), 0.0, epoch_us=EPOCH_US)
     place, velocity = to_ecef(frame, state[:, :3], state[:, 3:], EPOCH_US, np.array([0.0, 10.0]))

@@ -1,4 +1,6 @@
-"""`opir track`: lines of sight from files of others are tracked as if the run that made them had been opir's."""
+"""`opir track`: lines of sight from files of others are tracked as if the run that made them had
+been opir's.
+"""
 
 import json
 import math
@@ -24,7 +26,9 @@ tracker: kepler-arc
 targets:
   - {id: T1, type: ICBM, launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 10}, aim: {lat_deg: 9, lon_deg: 167.7}}
 """
-SENSORS = "".join(line for line in SCENE.splitlines(True) if not re.search("two-eyes|targets|ICBM", line))
+SENSORS = "".join(
+    line for line in SCENE.splitlines(True) if not re.search("two-eyes|targets|ICBM", line)
+)
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +45,16 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def track(tmp_path, capsys):
-    """Return a function that tracks a file and returns the tracks' rows, or with an exit code the errors."""
+    """Return a function that tracks a file and returns the tracks' rows, or with an exit code the
+    errors.
+    """
 
     def tracked(path, sensors, *words, code=0):
         capsys.readouterr()
         out = tmp_path / "tracked.jsonl"
-        assert main(["track", str(path), "--sensors", str(sensors), "--out", str(out), *words]) == code
+        assert (
+            main(["track", str(path), "--sensors", str(sensors), "--out", str(out), *words]) == code
+        )
         answer = capsys.readouterr()
         return answer.err if code else states_of(out)
 
@@ -76,8 +84,13 @@ def same(own, theirs, metres=1e-6):
 
 
 def test_events_are_tracked_as_in_the_run_that_made_them(track, folder):
-    # Events have angles to 1e-7 degrees: at 36 000 km some centimetres, times the geometry of two lines of sight.
-    same(track(folder / "events.jsonl", folder / "scene.yaml"), states_of(folder / "events.jsonl"), metres=5.0)
+    # Events have angles to 1e-7 degrees: at 36 000 km some centimetres, times the geometry of two
+    # lines of sight.
+    same(
+        track(folder / "events.jsonl", folder / "scene.yaml"),
+        states_of(folder / "events.jsonl"),
+        metres=5.0,
+    )
 
 
 def test_a_table_gives_the_same_tracks_as_events(track, folder, tmp_path):
@@ -86,19 +99,40 @@ def test_a_table_gives_the_same_tracks_as_events(track, folder, tmp_path):
     places = ["sensor_x_ecef_m", "sensor_y_ecef_m", "sensor_z_ecef_m"]
     cells = [[*(row[name] for name in names), *row["sensor_position_ecef_m"]] for row in rows]
     (tmp_path / "own.csv").write_text(table_of(cells, [*names, *places]))
-    same(track(tmp_path / "own.csv", folder / "sensors.yaml"), track(folder / "events.jsonl", folder / "sensors.yaml"))
+    same(
+        track(tmp_path / "own.csv", folder / "sensors.yaml"),
+        track(folder / "events.jsonl", folder / "sensors.yaml"),
+    )
 
 
 def test_other_units_names_and_delimiters_give_the_same_tracks(track, folder, tmp_path):
     cells = []
     for row in events_of(folder):
         since_s = (unix_ns(row["timestamp"], "") - unix_ns("2026-04-01T11:59:00Z", "")) * 1e-9
-        angles = [repr(math.radians(row[name])).replace(".", ",") for name in ("azimuth_deg", "elevation_deg")]
+        angles = [
+            repr(math.radians(row[name])).replace(".", ",")
+            for name in ("azimuth_deg", "elevation_deg")
+        ]
         x, y, z = (repr(value * 1e-3).replace(".", ",") for value in row["sensor_position_ecef_m"])
-        cells.append([row["sensor_id"].lower(), f"{since_s:.6f}".replace(".", ","), *angles, x, y, z])
-    names = ["satellite", "T", "AZ", "EL", "sensor_x_ecef_km", "sensor_y_ecef_km", "sensor_z_ecef_km"]
+        cells.append(
+            [row["sensor_id"].lower(), f"{since_s:.6f}".replace(".", ","), *angles, x, y, z]
+        )
+    names = [
+        "satellite",
+        "T",
+        "AZ",
+        "EL",
+        "sensor_x_ecef_km",
+        "sensor_y_ecef_km",
+        "sensor_z_ecef_km",
+    ]
     (tmp_path / "own.csv").write_text("\ufeff" + table_of(cells, names, ";"), encoding="utf-8")
-    words = ["--columns", "sensor_id=satellite,time_s=T,azimuth_rad=AZ,elevation_rad=EL", "--start-s", "-60"]
+    words = [
+        "--columns",
+        "sensor_id=satellite,time_s=T,azimuth_rad=AZ,elevation_rad=EL",
+        "--start-s",
+        "-60",
+    ]
     words += ["--rename", "west=WEST", "--rename", "east=EAST"]
     # Times to a microsecond and radians back to degrees: as much as the rounding of events.
     own = track(tmp_path / "own.csv", folder / "sensors.yaml", *words)
@@ -107,7 +141,16 @@ def test_other_units_names_and_delimiters_give_the_same_tracks(track, folder, tm
 
 @pytest.mark.parametrize("angles", ["azel", "radec"])
 def test_a_tracking_data_message_gives_the_same_tracks(track, folder, tmp_path, angles):
-    words = ["--to", "tdm", "--set", "objects=targets", "--set", f"angles={angles}", "--out", str(tmp_path / "run.tdm")]
+    words = [
+        "--to",
+        "tdm",
+        "--set",
+        "objects=targets",
+        "--set",
+        f"angles={angles}",
+        "--out",
+        str(tmp_path / "run.tdm"),
+    ]
     assert main(["export", str(folder / "events.jsonl"), *words]) == 0
     same(
         track(tmp_path / "run.tdm", folder / "scene.yaml"),
@@ -117,7 +160,19 @@ def test_a_tracking_data_message_gives_the_same_tracks(track, folder, tmp_path, 
 
 
 def test_an_exported_table_of_detections_gives_the_same_tracks(track, folder, tmp_path):
-    assert main(["export", str(folder / "events.jsonl"), "--to", "csv", "--out", str(tmp_path / "tables")]) == 0
+    assert (
+        main(
+            [
+                "export",
+                str(folder / "events.jsonl"),
+                "--to",
+                "csv",
+                "--out",
+                str(tmp_path / "tables"),
+            ]
+        )
+        == 0
+    )
     own = track(tmp_path / "tables" / "detections.csv", folder / "scene.yaml")
     # Angles of the table went through radians.
     same(own, track(folder / "events.jsonl", folder / "scene.yaml"), metres=0.01)
@@ -127,12 +182,21 @@ def test_an_exported_table_of_detections_gives_the_same_tracks(track, folder, tm
 def test_parquet_gives_the_same_tracks(track, folder, tmp_path, is_export):
     path = tmp_path / "detections.parquet"
     if is_export:
-        assert main(["export", str(folder / "events.jsonl"), "--to", "parquet", "--out", str(tmp_path)]) == 0
+        assert (
+            main(
+                ["export", str(folder / "events.jsonl"), "--to", "parquet", "--out", str(tmp_path)]
+            )
+            == 0
+        )
     else:
         assert main(["run", str(folder / "scene.yaml"), "-q", "--out", str(path)]) == 0
-    # Without an epoch of their own: the column of dates counts, not the seconds of the scene beside it.
+    # Without an epoch of their own: the column of dates counts, not the seconds of the scene beside
+    # it.
     own = track(path, folder / "sensors.yaml")
-    ids = [json.loads(line)["detection_id"] for line in (tmp_path / "tracked.jsonl").read_text().splitlines()]
+    ids = [
+        json.loads(line)["detection_id"]
+        for line in (tmp_path / "tracked.jsonl").read_text().splitlines()
+    ]
     assert ids == [row["detection_id"] for row in events_of(folder)]
     same(own, track(folder / "events.jsonl", folder / "sensors.yaml"), metres=0.05)
 
@@ -148,14 +212,23 @@ def test_what_is_tracked_is_read_back_and_scored_as_the_run(track, folder, tmp_p
     for events in (tmp_path / "tracked.jsonl", folder / "events.jsonl"):
         capsys.readouterr()
         assert main(["score", str(events)]) == 0
-        figures.append([line for line in capsys.readouterr().out.splitlines() if not line.startswith("time per")])
+        figures.append(
+            [
+                line
+                for line in capsys.readouterr().out.splitlines()
+                if not line.startswith("time per")
+            ]
+        )
     assert figures[0] == figures[1]
 
 
 def test_targets_that_a_table_names_are_its_truth(track, folder, tmp_path):
     rows = events_of(folder)
     names = ["timestamp", "sensor_id", "azimuth_deg", "elevation_deg", "target"]
-    cells = [[*(row[name] for name in names[:4]), "T1" if place % 2 else "decoy"] for place, row in enumerate(rows)]
+    cells = [
+        [*(row[name] for name in names[:4]), "T1" if place % 2 else "decoy"]
+        for place, row in enumerate(rows)
+    ]
     (tmp_path / "own.csv").write_text(table_of(cells, names))
     track(tmp_path / "own.csv", folder / "scene.yaml")
     target = load_run(tmp_path / "tracked.jsonl").truth.target
@@ -167,7 +240,12 @@ def test_names_of_constellations_stand_for_a_file_of_sensors(track, folder, tmp_
     rows = events_of(folder)
     names = ["timestamp", "sensor_id", "azimuth_deg", "elevation_deg"]
     cells = [
-        [row["timestamp"], {"WEST": "X", "EAST": "Y"}[row["sensor_id"]], *(row[n] for n in names[2:])] for row in rows
+        [
+            row["timestamp"],
+            {"WEST": "X", "EAST": "Y"}[row["sensor_id"]],
+            *(row[n] for n in names[2:]),
+        ]
+        for row in rows
     ]
     (tmp_path / "own.csv").write_text(table_of(cells, names))
     message = track(tmp_path / "own.csv", "SBIRS-GEO", code=2)
@@ -190,7 +268,11 @@ def test_a_scene_of_sensors_alone_begins_before_the_first_detection(track, folde
 @pytest.mark.parametrize(
     ("text", "words", "reported"),
     [
-        ("time_s,sensor_id,azimuth_deg,elevation_deg\n1,WEST,1,-86\n", ["--set", "duration_s=-1"], "duration_s"),
+        (
+            "time_s,sensor_id,azimuth_deg,elevation_deg\n1,WEST,1,-86\n",
+            ["--set", "duration_s=-1"],
+            "duration_s",
+        ),
         (
             "time_s,sensor_id,azimuth_deg,elevation_deg\n1775044830,WEST,1,-86\n",
             [],
@@ -206,18 +288,32 @@ def test_a_scene_of_sensors_alone_begins_before_the_first_detection(track, folde
             [],
             "line 2: timestamp is 'noon', no date",
         ),
-        ("time_s,sensor_id,azimuth_deg,elevation_deg\n1,WEST,1,\n", [], "line 2: elevation_deg is empty"),
-        ("time_s,sensor_id,azimuth_deg,elevation_deg\n1,WEST,1,-186\n", [], "elevation_deg is -186.0, beyond 90 deg"),
+        (
+            "time_s,sensor_id,azimuth_deg,elevation_deg\n1,WEST,1,\n",
+            [],
+            "line 2: elevation_deg is empty",
+        ),
+        (
+            "time_s,sensor_id,azimuth_deg,elevation_deg\n1,WEST,1,-186\n",
+            [],
+            "elevation_deg is -186.0, beyond 90 deg",
+        ),
         (
             "time_s,sensor_id,los_x_ecef,los_y_ecef,los_z_ecef\n1,WEST,0,0,0\n",
             [],
             "line 2: its line of sight has no dir",
         ),
         ("time_s,sensor,brightness\n1,WEST,3\n", [], "is of no format that is read"),
-        ("time_s,azimuth_deg,elevation_deg\n1,1,-86\n", [], "line 2: has no sensor_id, and --sensors has several"),
+        (
+            "time_s,azimuth_deg,elevation_deg\n1,1,-86\n",
+            [],
+            "line 2: has no sensor_id, and --sensors has several",
+        ),
     ],
 )
-def test_what_cannot_be_tracked_is_reported_with_its_place(track, folder, tmp_path, text, words, reported):
+def test_what_cannot_be_tracked_is_reported_with_its_place(
+    track, folder, tmp_path, text, words, reported
+):
     (tmp_path / "own.csv").write_text(text)
     assert reported in track(tmp_path / "own.csv", folder / "sensors.yaml", *words, code=2)
 
@@ -225,7 +321,10 @@ def test_what_cannot_be_tracked_is_reported_with_its_place(track, folder, tmp_pa
 def test_angles_from_another_axis_give_a_warning(folder, tmp_path, capsys):
     rows = events_of(folder)
     names = ["timestamp", "sensor_id", "azimuth_deg", "elevation_deg"]
-    cells = [[row["timestamp"], row["sensor_id"], row["azimuth_deg"], -row["elevation_deg"]] for row in rows]
+    cells = [
+        [row["timestamp"], row["sensor_id"], row["azimuth_deg"], -row["elevation_deg"]]
+        for row in rows
+    ]
     (tmp_path / "own.csv").write_text(table_of(cells, names))
     words = ["--sensors", str(folder / "sensors.yaml"), "--out", str(tmp_path / "t.jsonl")]
     assert main(["track", str(tmp_path / "own.csv"), *words]) == 0
@@ -250,7 +349,8 @@ def test_dates_are_read_to_the_nanosecond(text, seconds):
 
 
 @pytest.mark.parametrize(
-    "text", ["2026-02-30T00:00:00", "2026-04-01", "2026-04-01T25:00:00Z", "x", "2026-000T12:00:00", None]
+    "text",
+    ["2026-02-30T00:00:00", "2026-04-01", "2026-04-01T25:00:00Z", "x", "2026-000T12:00:00", None],
 )
 def test_what_is_no_date_is_refused(text):
     with pytest.raises(BadFileError, match="it is"):
@@ -260,7 +360,9 @@ def test_what_is_no_date_is_refused(text):
 def test_the_input_is_not_overwritten(folder, tmp_path, capsys):
     own = tmp_path / "events.jsonl"
     own.write_bytes((folder / "events.jsonl").read_bytes())
-    assert main(["track", str(own), "--sensors", str(folder / "scene.yaml"), "--out", str(own)]) == 2
+    assert (
+        main(["track", str(own), "--sensors", str(folder / "scene.yaml"), "--out", str(own)]) == 2
+    )
     assert "would overwrite" in capsys.readouterr().err
     assert own.read_bytes() == (folder / "events.jsonl").read_bytes()
     assert not Path(tmp_path / "events.tracks.jsonl").exists()

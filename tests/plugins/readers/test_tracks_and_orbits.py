@@ -1,4 +1,6 @@
-"""GPX, KML, SP3 and OEM in XML: the same places as the same flight in other forms, and what lacks is reported."""
+"""GPX, KML, SP3 and OEM in XML: the same places as the same flight in other forms, and what lacks
+is reported.
+"""
 
 import gzip
 from datetime import datetime, timedelta
@@ -19,9 +21,13 @@ from opir_core.plugin import BadFileError
 EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
 START = datetime(2026, 4, 1, 12)
 LON, LAT, HEIGHT = (
-    np.array(values) for values in ([-120.57, -120.58, -120.6], [34.73, 34.74, 34.75], [100.0, 900.0, 2e3])
+    np.array(values)
+    for values in ([-120.57, -120.58, -120.6], [34.73, 34.74, 34.75], [100.0, 900.0, 2e3])
 )
-PLACES = np.stack(Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True).transform(LON, LAT, HEIGHT), axis=1)
+PLACES = np.stack(
+    Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True).transform(LON, LAT, HEIGHT),
+    axis=1,
+)
 TIMES = [START + timedelta(seconds=10.5 * k) for k in range(3)]
 
 GPX = """<?xml version="1.0" encoding="UTF-8"?>
@@ -41,7 +47,10 @@ KML = """<?xml version="1.0" encoding="UTF-8"?>
 
 def gpx(more=""):
     rows = zip(LAT.tolist(), LON.tolist(), HEIGHT.tolist(), TIMES, strict=True)
-    points = [f'<trkpt lat="{a}" lon="{o}"><ele>{h}</ele><time>{t.isoformat()}Z</time></trkpt>' for a, o, h, t in rows]
+    points = [
+        f'<trkpt lat="{a}" lon="{o}"><ele>{h}</ele><time>{t.isoformat()}Z</time></trkpt>'
+        for a, o, h, t in rows
+    ]
     return GPX.format(points="\n".join(points), more=more)
 
 
@@ -52,7 +61,9 @@ def kml(mode="absolute"):
     return KML.format(mode=mode, whens=whens, coords=coords)
 
 
-@pytest.mark.parametrize(("text", "read", "name"), [(gpx(), gpx_table, "gpx"), (kml(), kml_table, "kml")])
+@pytest.mark.parametrize(
+    ("text", "read", "name"), [(gpx(), gpx_table, "gpx"), (kml(), kml_table, "kml")]
+)
 def test_a_track_has_its_places_and_times(text, read, name):
     assert reader_of(text, READERS).name == name
     table = read(text, EPOCH_US, None)
@@ -65,7 +76,11 @@ def test_a_track_has_its_places_and_times(text, read, name):
 
 
 def test_one_of_several_tracks_is_asked_for():
-    other = "<trk><name>TWO</name><trkseg>" + gpx().split("<trkseg>")[1].split("</trkseg>")[0] + "</trkseg></trk>"
+    other = (
+        "<trk><name>TWO</name><trkseg>"
+        + gpx().split("<trkseg>")[1].split("</trkseg>")[0]
+        + "</trkseg></trk>"
+    )
     with pytest.raises(BadFileError, match="has several tracks; say which with object: ONE, TWO"):
         gpx_table(gpx(other), EPOCH_US, None)
     assert len(gpx_table(gpx(other), EPOCH_US, "TWO").time_s) == 3
@@ -74,14 +89,38 @@ def test_one_of_several_tracks_is_asked_for():
 @pytest.mark.parametrize(
     ("read", "text", "reported"),
     [
-        (gpx_table, gpx().replace("<time>2026-04-01T12:00:10.500000Z</time>", ""), "line 5: this trkpt has no time"),
+        (
+            gpx_table,
+            gpx().replace("<time>2026-04-01T12:00:10.500000Z</time>", ""),
+            "line 5: this trkpt has no time",
+        ),
         (gpx_table, gpx().replace("34.74", "north"), "line 5: lat is 'north', not a finite number"),
-        (gpx_table, gpx().replace("34.74", "95"), "line 5: latitude 95 and longitude -120.58 deg are no place"),
+        (
+            gpx_table,
+            gpx().replace("34.74", "95"),
+            "line 5: latitude 95 and longitude -120.58 deg are no place",
+        ),
         (gpx_table, gpx().replace("</gpx>", ""), "line 8: is not XML: no element found"),
-        (gpx_table, "<!DOCTYPE a [<!ENTITY b 'c'>]>\n<gpx/>", "has a document type, which is not read"),
-        (kml_table, kml("relativeToGround"), "altitudeMode is relativeToGround; export absolute heights"),
-        (kml_table, kml().replace("<when>2026-04-01T12:00:00Z</when>", ""), "has 2 times and 3 places"),
-        (kml_table, "<kml><Placemark><LineString/></Placemark></kml>", "it has 1 lines of places without times"),
+        (
+            gpx_table,
+            "<!DOCTYPE a [<!ENTITY b 'c'>]>\n<gpx/>",
+            "has a document type, which is not read",
+        ),
+        (
+            kml_table,
+            kml("relativeToGround"),
+            "altitudeMode is relativeToGround; export absolute heights",
+        ),
+        (
+            kml_table,
+            kml().replace("<when>2026-04-01T12:00:00Z</when>", ""),
+            "has 2 times and 3 places",
+        ),
+        (
+            kml_table,
+            "<kml><Placemark><LineString/></Placemark></kml>",
+            "it has 1 lines of places without times",
+        ),
         (oem_xml_table, "<oem/>", "has no segment"),
         (oem_xml_table, "<oem><segment/></oem>", "line 1: this segment has no metadata"),
     ],
@@ -125,7 +164,9 @@ def oem_pair(meta, covariance=True):
         "<ndm>",
         '<oem id="CCSDS_OEM_VERS" version="2.0"><header/><body><segment><metadata>',
     ]
-    xml += [f"<{key}>{value}</{key}>" for key, value in meta.items()] + ["</metadata><data><COMMENT>own</COMMENT>"]
+    xml += [f"<{key}>{value}</{key}>" for key, value in meta.items()] + [
+        "</metadata><data><COMMENT>own</COMMENT>"
+    ]
     for time, (_, place, velocity) in zip(times, STATES, strict=True):
         cells = [
             f'<{n} units="{"km/s" if "DOT" in n else "km"}">{v}</{n}>'
@@ -134,7 +175,9 @@ def oem_pair(meta, covariance=True):
         xml.append(f"<stateVector><EPOCH>{time}</EPOCH>{''.join(cells)}</stateVector>")
     if covariance:
         kvn += "\nCOVARIANCE_START\nEPOCH = 2026-04-01T12:00:37\n1\nCOVARIANCE_STOP"
-        xml.append("<covarianceMatrix><EPOCH>2026-04-01T12:00:37</EPOCH><CX_X>1</CX_X></covarianceMatrix>")
+        xml.append(
+            "<covarianceMatrix><EPOCH>2026-04-01T12:00:37</EPOCH><CX_X>1</CX_X></covarianceMatrix>"
+        )
     return kvn, "\n".join([*xml, "</data></segment></body></oem></ndm>"])
 
 
@@ -151,7 +194,9 @@ def test_both_forms_of_an_oem_have_the_same_states(tmp_path):
     assert other.line_of(1) == 13
     path = tmp_path / "one.xml.gz"
     path.write_bytes(gzip.compress(xml.encode()))
-    np.testing.assert_array_equal(oem_xml_table(file_text(str(path)).text, EPOCH_US, None).position_m, other.position_m)
+    np.testing.assert_array_equal(
+        oem_xml_table(file_text(str(path)).text, EPOCH_US, None).position_m, other.position_m
+    )
 
 
 def test_units_of_an_xml_state_are_checked():
@@ -177,7 +222,11 @@ def sp3(system="GPS", velocities=False):
     for k in range(3):
         lines.append(f"*  2026  4  1 12 {15 * k:2d}  0.00000000")
         lines.append(f"PG01{15600.5 + k:14.6f}{-14000.25:14.6f}{16200.1:14.6f}{120.5:14.6f}")
-        lines += [f"VG01{12345.6:14.6f}{-20000.0 + k:14.6f}{500.0:14.6f}{1.0:14.6f}"] if velocities else []
+        lines += (
+            [f"VG01{12345.6:14.6f}{-20000.0 + k:14.6f}{500.0:14.6f}{1.0:14.6f}"]
+            if velocities
+            else []
+        )
         lines.append(f"PR07{0.0:14.6f}{0.0:14.6f}{0.0:14.6f}{999999.999999:14.6f}")
     return "\n".join([*lines, "EOF", ""])
 
@@ -189,7 +238,9 @@ def test_an_sp3_orbit_has_its_places_in_metres_and_times_in_utc(system, ahead_s)
     text = sp3(system, velocities=True)
     assert reader_of(text, READERS).name == "sp3"
     table = sp3_table(text, EPOCH_US, None)
-    np.testing.assert_allclose(table.time_s, np.array([0.0, 900.0, 1800.0]) - ahead_s, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(
+        table.time_s, np.array([0.0, 900.0, 1800.0]) - ahead_s, rtol=0.0, atol=1e-6
+    )
     np.testing.assert_allclose(table.position_m[1], [15601.5e3, -14000.25e3, 16200.1e3])
     np.testing.assert_allclose(table.velocity_m_s[1], [1234.56, -1999.9, 50.0])
     assert table.frame == "IGS20"

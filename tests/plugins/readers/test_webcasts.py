@@ -1,4 +1,6 @@
-"""Telemetry of webcasts: speed and altitude alone give the flight back along its azimuth, and its burns."""
+"""Telemetry of webcasts: speed and altitude alone give the flight back along its azimuth, and its
+burns.
+"""
 
 import json
 import math
@@ -28,10 +30,11 @@ BURNS = [(0.0, 150.0), (162.0, 420.0)]
 
 
 def states():
-    """Return times, ECEF positions and velocities over the Earth of a drag-free ascent with two burns, by scipy.
+    """Return times, ECEF positions and velocities over the Earth of a drag-free ascent with two
+    burns, by scipy.
 
-    Thrust is along a direction in the vertical plane of the azimuth, so that nothing but gravity and the rotation of
-    the Earth acts across it.
+    Thrust is along a direction in the vertical plane of the azimuth, so that nothing but gravity
+    and the rotation of the Earth acts across it.
     """
     site = Site.of(CONFIG, "")
     axes = site.axes()
@@ -56,7 +59,9 @@ def states():
         return [*velocity, *(force - MU * place / np.linalg.norm(place) ** 3 + turning)]
 
     times = np.arange(0.0, 431.0)
-    found = solve_ivp(rates, (0.0, 430.0), [*start, 0, 0, 0], t_eval=times, rtol=1e-9, atol=1e-6, max_step=0.5)
+    found = solve_ivp(
+        rates, (0.0, 430.0), [*start, 0, 0, 0], t_eval=times, rtol=1e-9, atol=1e-6, max_step=0.5
+    )
     return times, found.y[:3].T, found.y[3:].T
 
 
@@ -83,7 +88,9 @@ def telemetry(ascent, form="lines", is_rounded=True):
     if form == "list":
         return json.dumps({"stages": [{"stage": 1, "telemetry": rows}]})
     head = "time,speed_km_h,altitude_km"
-    return "\n".join([head, *(f"{row['time']},{row['velocity'] * 3.6:.0f},{row['altitude']}" for row in rows)])
+    return "\n".join(
+        [head, *(f"{row['time']},{row['velocity'] * 3.6:.0f},{row['altitude']}" for row in rows)]
+    )
 
 
 @pytest.mark.parametrize("form", ["lines", "arrays", "list", "csv"])
@@ -94,7 +101,8 @@ def test_the_flight_is_that_of_the_telemetry(ascent, form):
     times, place, velocity = ascent
     rows = np.searchsorted(table.time_s, times[::10] + 50.0)
     off = np.linalg.norm(table.position_m[rows] - place[::10], axis=1)
-    # Rounding to 0.1 km and 1 km/h, and the azimuth of a path that is prescribed: a kilometre a minute of flight.
+    # Rounding to 0.1 km and 1 km/h, and the azimuth of a path that is prescribed: a kilometre a
+    # minute of flight.
     assert (off < 300.0 + 15.0 * times[::10]).all(), off
     far = np.linalg.norm(table.velocity_m_s[rows] - velocity[::10], axis=1)[3:]
     assert np.median(far) < 30.0
@@ -154,7 +162,10 @@ def test_misread_digits_are_left_out(ascent):
             json.dumps({"time": [*range(29), 10_000], "velocity": [1] * 30, "altitude": [1] * 30}),
             "30 rows over 10000 s",
         ),
-        ("time,velocity,altitude\n" + "\n".join(f"{t},{t * 1e6},1" for t in range(30)), "check the units"),
+        (
+            "time,velocity,altitude\n" + "\n".join(f"{t},{t * 1e6},1" for t in range(30)),
+            "check the units",
+        ),
     ],
 )
 def test_what_is_no_telemetry_is_reported(text, reported):
@@ -179,7 +190,11 @@ def test_noise_of_a_table_is_smoothed_to_what_is_stated():
     height = 100.0 + 12.0 * time**2
     place = geodetic_to_ecef(np.full(240, 0.5), np.full(240, -1.4), height)
     noisy = StateTable(
-        time, place + rng.normal(0.0, 15.0, place.shape), None, np.zeros(240, int), np.array([[0.0, 119.5]])
+        time,
+        place + rng.normal(0.0, 15.0, place.shape),
+        None,
+        np.zeros(240, int),
+        np.array([[0.0, 119.5]]),
     )
     table = refined(noisy, 15.0, None)
     before, after = (np.sqrt(((t.position_m - place) ** 2).mean()) for t in (noisy, table))
@@ -204,7 +219,9 @@ def test_burns_of_all_and_by_acceleration_of_any_table(ascent):
     times, place, velocity = ascent
     table = StateTable(times, place, velocity, np.zeros(len(times), int), np.array([[5.0, 6.0]]))
     np.testing.assert_array_equal(refined(table, None, "all").burns_s, [[0.0, 430.0]])
-    np.testing.assert_allclose(refined(table, None, "acceleration").burns_s, BURNS, rtol=0.0, atol=2.0)
+    np.testing.assert_allclose(
+        refined(table, None, "acceleration").burns_s, BURNS, rtol=0.0, atol=2.0
+    )
 
 
 def test_a_smoothing_spline_has_the_noise_that_is_stated():
@@ -216,7 +233,9 @@ def test_a_smoothing_spline_has_the_noise_that_is_stated():
     assert np.abs(fit.at(time) - np.sin(time)).max() < 0.1
     assert rounding_sigma(np.array([0.1, 0.2, 0.7, 1.2])) == pytest.approx(0.1 / 12**0.5)
     assert rounding_sigma(np.ones(4)) == 0.0
-    assert speed_rounding_sigma(np.array([0.0, 0.277, 0.555, 7.222])) == pytest.approx(1 / 3.6 / 12**0.5)
+    assert speed_rounding_sigma(np.array([0.0, 0.277, 0.555, 7.222])) == pytest.approx(
+        1 / 3.6 / 12**0.5
+    )
 
 
 def test_places_from_a_launch_point_in_a_table():
@@ -229,11 +248,18 @@ def test_places_from_a_launch_point_in_a_table():
     )
     flat = csv_table("time_s,downrange_km,altitude_km\n0,0,0\n60,30,20\n", 0.0, {}, CONFIG)
     lon, lat, _ = Geod(ellps="WGS84").fwd(CONFIG.lon_deg, CONFIG.lat_deg, 60.0, 30_000.0)
-    np.testing.assert_allclose(flat.position_m[1], geodetic_to_ecef(*np.radians([lat, lon]), 20_005.0), atol=1e-3)
+    np.testing.assert_allclose(
+        flat.position_m[1], geodetic_to_ecef(*np.radians([lat, lon]), 20_005.0), atol=1e-3
+    )
     with pytest.raises(BadFileError, match="set site"):
         csv_table(text, 0.0)
     with pytest.raises(BadFileError, match=r"set site\.azimuth_deg"):
-        csv_table("time_s,downrange_km,height_km\n0,0,0\n60,30,20\n", 0.0, {}, SiteConfig(lat_deg=1.0, lon_deg=2.0))
+        csv_table(
+            "time_s,downrange_km,height_km\n0,0,0\n60,30,20\n",
+            0.0,
+            {},
+            SiteConfig(lat_deg=1.0, lon_deg=2.0),
+        )
 
 
 @pytest.mark.parametrize("name", ["time", "velocity", "altitude", "meco"])

@@ -1,4 +1,6 @@
-"""The compiled renderer passes the conformance tests of its hook; without a compiler the reference is used."""
+"""The compiled renderer passes the conformance tests of its hook; without a compiler the reference
+is used.
+"""
 
 import sys
 
@@ -16,17 +18,23 @@ class TestCompiledRenderer(RendererContract):
     name = "compiled"
 
 
-def test_the_compiled_renderer_is_used_where_it_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_compiled_renderer_is_used_where_it_is_installed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.delenv("OPIR_RENDERER", raising=False)
     assert chosen_renderer(Host.discover())[0] == "compiled"
     assert chosen_renderer(Host.discover(["render"]))[0] == "compiled"
     assert chosen_renderer(Host.discover([])) == ("reference", reference)
 
 
-def test_without_a_compiler_the_reference_is_used_and_a_choice_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_compiler_the_reference_is_used_and_a_choice_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(sys.modules, "opir_render.compiled", None)
     monkeypatch.delenv("OPIR_RENDERER", raising=False)
     assert chosen_renderer(Host.discover()) == ("reference", reference)
     monkeypatch.setenv("OPIR_RENDERER", "compiled")
-    with pytest.raises(SinkError, match=r"OPIR_RENDERER=compiled: .*install opir-render where a C compiler is"):
+    with pytest.raises(
+        SinkError, match=r"OPIR_RENDERER=compiled: .*install opir-render where a C compiler is"
+    ):
         chosen_renderer(Host.discover())

@@ -1,4 +1,6 @@
-"""Signals, latencies, confidences, regions and scores of plots, against the run, its truth and `opir score`."""
+"""Signals, latencies, confidences, regions and scores of plots, against the run, its truth and
+`opir score`.
+"""
 
 from itertools import product
 
@@ -33,7 +35,9 @@ def closed_figures():
 def test_a_constant_model_has_its_probability_and_no_signal() -> None:
     run = example_run("first_light")
     data = signals(RunFacts(run), 0)
-    assert set(data["detection_probability"].tolist()) == {run.sensors[0].detection_probability["ICBM"]}
+    assert set(data["detection_probability"].tolist()) == {
+        run.sensors[0].detection_probability["ICBM"]
+    }
     assert np.isnan(data["snr"]).all()
     assert np.isnan(data["transmittance"]).all()
     plots = RunPlots(run)
@@ -43,13 +47,20 @@ def test_a_constant_model_has_its_probability_and_no_signal() -> None:
 
 
 def measured_in_reference_band(run: opir.Run, sensor: int, rows: IntArray) -> FloatArray:
-    """Return the SNR (n,) that detections of one sensor measured in its reference band; `snr` is of all bands."""
+    """Return the SNR (n,) that detections of one sensor measured in its reference band; `snr` is of
+    all bands.
+    """
     plan = run.plan
     found = run.detections
     place = run.sensors[sensor].radiometer.reference
-    pair = np.flatnonzero((plan.pairs.sensor == sensor) & (plan.pairs.target == run.truth.target[rows[0]]))
+    pair = np.flatnonzero(
+        (plan.pairs.sensor == sensor) & (plan.pairs.target == run.truth.target[rows[0]])
+    )
     exposures = plan.look_geometry().exposures(np.repeat(pair, len(rows)), found.scan[rows])
-    return found.band_irradiance_w_m2[rows, place] / plan.detection.response(exposures).noise_w_m2[:, place]
+    return (
+        found.band_irradiance_w_m2[rows, place]
+        / plan.detection.response(exposures).noise_w_m2[:, place]
+    )
 
 
 @pytest.mark.slow
@@ -71,14 +82,18 @@ def test_probabilities_along_the_boost_are_those_of_the_detections() -> None:
             strong = own["snr"][same] > 20.0
             if strong.any():
                 measured = measured_in_reference_band(run, number, rows[at[same]])
-                assert np.median(measured[strong] / own["snr"][same][strong]) == pytest.approx(1.0, abs=0.02)
+                assert np.median(measured[strong] / own["snr"][same][strong]) == pytest.approx(
+                    1.0, abs=0.02
+                )
             found += int(same.sum())
     assert found > 100
 
 
 @pytest.mark.slow
 def test_the_air_is_clear_where_the_scene_has_none_and_thins_with_height() -> None:
-    assert set(signals(RunFacts(example_run("photons", atmosphere="clear")), 0)["transmittance"].tolist()) == {1.0}
+    assert set(
+        signals(RunFacts(example_run("photons", atmosphere="clear")), 0)["transmittance"].tolist()
+    ) == {1.0}
     data = signals(RunFacts(example_run("photons")), 0)
     for name in set(data["sensor_id"].tolist()):
         own = data.where(data["sensor_id"] == name)
@@ -87,17 +102,23 @@ def test_the_air_is_clear_where_the_scene_has_none_and_thins_with_height() -> No
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=8), st.integers(1, 3), st.integers(0, 2))
-def test_confirmed_detections_are_those_of_all_outcomes(chances: list[float], needed: int, more: int) -> None:
+def test_confirmed_detections_are_those_of_all_outcomes(
+    chances: list[float], needed: int, more: int
+) -> None:
     among = needed + more
     due = np.zeros(len(chances))
     for outcome in product((0, 1), repeat=len(chances)):
-        weight = np.prod([chance if hit else 1.0 - chance for chance, hit in zip(chances, outcome, strict=True)])
+        weight = np.prod(
+            [chance if hit else 1.0 - chance for chance, hit in zip(chances, outcome, strict=True)]
+        )
         done = [
             sum(outcome[max(0, last - among + 1) : last + 1]) >= needed and outcome[last]
             for last in range(len(chances))
         ]
         due += weight * (np.cumsum(done) > 0)
-    np.testing.assert_allclose(confirmed_by(np.array(chances), needed, among), due, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        confirmed_by(np.array(chances), needed, among), due, rtol=0, atol=1e-12
+    )
 
 
 def test_latencies_are_those_of_the_summary_against_the_closed_form() -> None:
@@ -109,7 +130,9 @@ def test_latencies_are_those_of_the_summary_against_the_closed_form() -> None:
     light_s = run.truth.range_m[0] / 299_792_458.0
     period_s = sensor.scan.period_ns * 1e-9
     chance = sensor.detection_probability["ICBM"]
-    np.testing.assert_allclose(pair.cdf(time_s), latency_cdf(time_s - light_s, period_s, chance, "random"), atol=1e-3)
+    np.testing.assert_allclose(
+        pair.cdf(time_s), latency_cdf(time_s - light_s, period_s, chance, "random"), atol=1e-3
+    )
     data = latency_curves([pair])
     assert data.where(data["series"] == "run")["latency_s"].tolist() == [pair.observed_s]
     curve = data.where(data["series"] == "closed form")["probability"]
@@ -118,14 +141,17 @@ def test_latencies_are_those_of_the_summary_against_the_closed_form() -> None:
 
 
 def test_the_latencies_of_many_pairs_follow_the_closed_form() -> None:
-    """Of 320 pairs the curves differ by less than 0.091 with a confidence of 99 % (Kolmogorov); each sensor's phase is
-    its own, and ignitions fall anywhere in the scan periods."""
+    """Of 320 pairs the curves differ by less than 0.091 with a confidence of 99 % (Kolmogorov);
+    each sensor's phase is its own, and ignitions fall anywhere in the scan periods."""
     target = {"type": "ICBM", "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}
     launch = {"lat_deg": 34.73, "lon_deg": -120.57}
     targets = [
-        {**target, "id": f"T{n}", "launch": {**launch, "time_s": 7.0 * (0.6180339887 * n % 1.0)}} for n in range(40)
+        {**target, "id": f"T{n}", "launch": {**launch, "time_s": 7.0 * (0.6180339887 * n % 1.0)}}
+        for n in range(40)
     ]
-    sensors = [{"model": "DSP", "id": f"S{n}", "orbital_slot_deg": -150.0 + 8.0 * n} for n in range(8)]
+    sensors = [
+        {"model": "DSP", "id": f"S{n}", "orbital_slot_deg": -150.0 + 8.0 * n} for n in range(8)
+    ]
     head = {**SCENE, "scene": "many", "duration_s": 30.0, "tracker": "none"}
     run = opir.simulate(opir.scene_from_mapping({**head, "sensors": sensors, "targets": targets}))
     pairs = pair_latencies(RunFacts(run))
@@ -142,13 +168,17 @@ def test_confidences_are_of_all_detections_of_launches() -> None:
     data = confidences(RunFacts(run))
     own = run.truth.target >= 0
     assert data["detections"].sum() == np.count_nonzero(own)
-    right = np.count_nonzero(run.detections.reported_type[own] == list(run.reported_types).index("ICBM"))
+    right = np.count_nonzero(
+        run.detections.reported_type[own] == list(run.reported_types).index("ICBM")
+    )
     assert (data["detections"] * data["type_right"]).sum() == pytest.approx(right)
     assert np.all((data["low"] <= data["median"]) & (data["median"] <= data["high"]))
     assert data["high"].max() <= run.detections.confidence.max()
     last_s = data["since_ignition_s"][-1] + run.plan.targets.ignition_s[0]
     in_force = np.flatnonzero((run.tracks.track == 0) & (run.tracks.tick_s <= last_s))[-1]
-    assert data["track_type_probability"][-1] == pytest.approx(run.tracks.type_probability[in_force].max())
+    assert data["track_type_probability"][-1] == pytest.approx(
+        run.tracks.type_probability[in_force].max()
+    )
 
 
 @pytest.mark.slow
@@ -172,7 +202,10 @@ def test_nees_is_the_error_over_the_covariance() -> None:
     row = len(data) // 2
     tick_s = data["since_ignition_s"][row] + run.plan.targets.ignition_s[0]
     (at,) = np.flatnonzero(np.abs(run.tracks.tick_s - tick_s) < 1e-6)
-    error = run.tracks.state[at] - true_states_ecef(run.plan, np.zeros(1, dtype=np.int32), np.array([tick_s]))[0]
+    error = (
+        run.tracks.state[at]
+        - true_states_ecef(run.plan, np.zeros(1, dtype=np.int32), np.array([tick_s]))[0]
+    )
     assert data["position_error_m"][row] == pytest.approx(np.linalg.norm(error[:3]))
     if np.isnan(run.tracks.state_sigmas[at]).all():
         due = error @ np.linalg.inv(run.tracks.state_covariance[at]) @ error / 6.0
@@ -184,7 +217,13 @@ def test_scores_are_those_of_the_command() -> None:
     run = scored_run()
     reported = scorecard_text({"imm": scorecard([evidence_of_run(run, run.plan)])})
     rows = dict(score_rows(RunFacts(run)))
-    for label in ("launches tracked", "tracks per launch", "purity", "completeness", "GOSPA per target, m"):
+    for label in (
+        "launches tracked",
+        "tracks per launch",
+        "purity",
+        "completeness",
+        "GOSPA per target, m",
+    ):
         line = next(line for line in reported.splitlines() if line.startswith(label))
         assert line.endswith(rows[label])
     assert rows["false tracks"] == "0"
@@ -195,7 +234,16 @@ def test_scores_are_those_of_the_command() -> None:
 def test_every_plot_draws_into_the_axes_that_it_was_given_or_says_why_not() -> None:
     for run in (scored_run(), empty_run(), example_run("photons")):
         plots = RunPlots(run)
-        names = ("snr", "probability", "air", "confidence", "latency", "containment", "nees", "scorecard")
+        names = (
+            "snr",
+            "probability",
+            "air",
+            "confidence",
+            "latency",
+            "containment",
+            "nees",
+            "scorecard",
+        )
         for name in names:
             _, axes = pyplot.subplots()
             assert getattr(plots, name)(ax=axes) is axes

@@ -1,4 +1,6 @@
-"""Every kind of picture of the reports keeps the rules of figures, on the page and at the width of a paper."""
+"""Every kind of picture of the reports keeps the rules of figures, on the page and at the width of
+a paper.
+"""
 
 from pathlib import Path
 

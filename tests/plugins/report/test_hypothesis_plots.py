@@ -1,4 +1,6 @@
-"""The report of a run whose tracker weighs hypotheses: their probabilities over time, tables of tracks and sources."""
+"""The report of a run whose tracker weighs hypotheses: their probabilities over time, tables of
+tracks and sources.
+"""
 
 from functools import cache
 
@@ -30,7 +32,8 @@ def test_the_history_has_the_hypotheses_that_reach_one_percent() -> None:
     seen = {
         (track, of, hypothesis, chance)
         for track, of, hypothesis, chance in zip(
-            *(data[name].tolist() for name in ("track_id", "of", "hypothesis", "probability")), strict=True
+            *(data[name].tolist() for name in ("track_id", "of", "hypothesis", "probability")),
+            strict=True,
         )
     }
     assert seen == {
@@ -46,7 +49,10 @@ def test_the_plot_has_a_line_for_each_hypothesis_of_a_track() -> None:
     axes = Figure().add_subplot()
     plots.hypotheses(ax=axes)
     drawn = {line.get_ydata()[0] for line in axes.get_lines() if len(line.get_ydata())}
-    assert (drawn, axes.get_title(loc="left") or axes.get_title()) == ({0.9, 0.1}, "T1 (ICBM), track 0")
+    assert (drawn, axes.get_title(loc="left") or axes.get_title()) == (
+        {0.9, 0.1},
+        "T1 (ICBM), track 0",
+    )
     with pytest.raises(KeyError, match="no plot of the track 7; there are those of 0, 1"):
         plots.hypotheses(7)
 
@@ -58,7 +64,10 @@ def test_the_report_has_tables_of_tracks_and_of_sources() -> None:
     figure, tracks, sources = section.parts
     assert figure.name == "hypotheses"
     assert tracks.head[:3] == ("track", "likeliest", "P(launch)")
-    assert [row[1:3] for row in tracks.rows] == [("ICBM 0.90", "0.90"), ("ground source > 0.99", "< 0.01")]
+    assert [row[1:3] for row in tracks.rows] == [
+        ("ICBM 0.90", "0.90"),
+        ("ground source > 0.99", "< 0.01"),
+    ]
     assert [row[-1] for row in tracks.rows] == ["-", "lost"]
     assert sources.rows[0][-2:] == ("1", "tracker: ground source > 0.99")
     assert any(line.startswith("T1 (ICBM): first seen by A") for line in run_page(run).summary)

@@ -1,4 +1,6 @@
-"""What plots show is what the run says: counts, ground tracks, fields of view, impacts and areas."""
+"""What plots show is what the run says: counts, ground tracks, fields of view, impacts and
+areas.
+"""
 
 import numpy as np
 import pytest
@@ -56,9 +58,15 @@ def test_ground_tracks_begin_at_the_launch_and_end_at_the_impact() -> None:
         for row, point in ((0, truth["launch"]), (-1, truth["impact"])):
             lat_deg = own["latitude_deg"][row]
             lon_deg = own["longitude_deg"][row]
-            apart = geodesic_inverse(*np.radians([[lat_deg], [lon_deg], [point["lat_deg"]], [point["lon_deg"]]]))
+            apart = geodesic_inverse(
+                *np.radians([[lat_deg], [lon_deg], [point["lat_deg"]], [point["lon_deg"]]])
+            )
             assert apart.distance_m[0] < 1.0
-        assert own["time_s"][~own["is_burning"]].min() > truth["burnout_s"] == own["time_s"][own["is_burning"]].max()
+        assert (
+            own["time_s"][~own["is_burning"]].min()
+            > truth["burnout_s"]
+            == own["time_s"][own["is_burning"]].max()
+        )
 
 
 @pytest.mark.slow
@@ -68,7 +76,9 @@ def test_a_target_does_not_burn_between_its_burns() -> None:
     seen = 0
     for row, name in enumerate(run.target_ids):
         own = tracks.where(tracks["target_id"] == name)
-        for start_s, stop_s in run.plan.targets.dark_gaps_s[row][np.isfinite(run.plan.targets.dark_gaps_s[row, :, 0])]:
+        for start_s, stop_s in run.plan.targets.dark_gaps_s[row][
+            np.isfinite(run.plan.targets.dark_gaps_s[row, :, 0])
+        ]:
             inside = (own["time_s"] > start_s) & (own["time_s"] < stop_s)
             assert not own["is_burning"][inside].any()
             seen += int(np.count_nonzero(inside))
@@ -77,7 +87,9 @@ def test_a_target_does_not_burn_between_its_burns() -> None:
 
 @pytest.mark.slow
 def test_fields_of_view_end_where_the_ground_is_no_longer_visible() -> None:
-    """Within a degree: the ellipsoid is up to 14 km lower than the sphere, and its vertical 0.2 degrees off."""
+    """Within a degree: the ellipsoid is up to 14 km lower than the sphere, and its vertical 0.2
+    degrees off.
+    """
     run = example_run("arctic_watch")
     for sensor, row in zip(run.sensors, range(len(run.sensors)), strict=True):
         views = fields_of_view(run.plan)
@@ -103,8 +115,11 @@ def _moved(unit: np.ndarray, bearing: float, radius: float) -> tuple[float, floa
 
 
 def test_a_narrow_field_of_regard_bounds_the_view() -> None:
-    sensor = evolve(example_run("first_light").sensors[0], field_of_regard_half_angle_rad=np.radians(2.0))
-    # From geostationary radius 2 degrees off nadir: sin(2) times 6.6182 is sin(13.36), less the 2 degrees.
+    sensor = evolve(
+        example_run("first_light").sensors[0], field_of_regard_half_angle_rad=np.radians(2.0)
+    )
+    # From geostationary radius 2 degrees off nadir: sin(2) times 6.6182 is sin(13.36), less the 2
+    # degrees.
     assert np.degrees(cap_radius_rad(sensor, 42164.17e3)) == pytest.approx(11.36, abs=0.02)
 
 

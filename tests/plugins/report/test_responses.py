@@ -1,4 +1,6 @@
-"""Main effects, interactions and contours of planted response surfaces, and the answer to a study's question."""
+"""Main effects, interactions and contours of planted response surfaces, and the answer to a study's
+question.
+"""
 
 import json
 from itertools import product
@@ -22,13 +24,23 @@ from scipy.stats import t
 PERIOD = "sensors[*].scan_period_ms"
 COUNT = "sensors.count"
 TARGETS = "targets"
-LEVELS = {TARGETS: ["one ICBM", "raid of 8"], PERIOD: [10_000.0, 5000.0, 2000.0], COUNT: [1.0, 2.0, 4.0]}
+LEVELS = {
+    TARGETS: ["one ICBM", "raid of 8"],
+    PERIOD: [10_000.0, 5000.0, 2000.0],
+    COUNT: [1.0, 2.0, 4.0],
+}
 RUNS = 4
 
 
 def warning_s(targets: str, period_ms: float, count: float) -> float:
     """Return the planted response: bilinear in period and count, 100 s less for the raid."""
-    return 1000.0 - 0.05 * period_ms + 50.0 * count - 0.004 * period_ms * count - 100.0 * (targets != "one ICBM")
+    return (
+        1000.0
+        - 0.05 * period_ms
+        + 50.0 * count
+        - 0.004 * period_ms * count
+        - 100.0 * (targets != "one ICBM")
+    )
 
 
 def noise_s() -> np.ndarray:
@@ -45,9 +57,15 @@ def planted(tmp_path: Path) -> SavedStudy:
     for number, levels in enumerate(every):
         knobs = dict(zip(LEVELS, levels, strict=True))
         values = warning_s(*levels) + noise_s()
-        runs += [{"design": number, **knobs, "replicate": run, "warning_time_s": values[run]} for run in range(RUNS)]
+        runs += [
+            {"design": number, **knobs, "replicate": run, "warning_time_s": values[run]}
+            for run in range(RUNS)
+        ]
         low, high = t.interval(0.95, RUNS - 1, values.mean(), values.std(ddof=1) / RUNS**0.5)
-        same = {name: values.mean() - values[0] for name in ("difference", "difference_low_95", "difference_high_95")}
+        same = {
+            name: values.mean() - values[0]
+            for name in ("difference", "difference_low_95", "difference_high_95")
+        }
         rows.append(
             {"design": number, **knobs, "figure": "warning_time_s", "unit": "s", "runs": RUNS, "first_seed": 1,
              "last_seed": RUNS, "runs_with_value": RUNS, "mean": values.mean(), "low_95": low, "high_95": high,
@@ -96,21 +114,32 @@ def test_main_effects_are_means_over_the_other_settings(planted: SavedStudy) -> 
 def test_interactions_are_the_cells_of_the_response(planted: SavedStudy) -> None:
     runs = FactorialRuns.of(planted, "warning_time_s")
     rows = runs.rows([COUNT, PERIOD])
-    for count, period, mean in zip(*(rows[name].tolist() for name in (COUNT, PERIOD, "mean")), strict=True):
-        expected = np.mean([warning_s(each, period, count) for each in LEVELS[TARGETS]]) + noise_s().mean()
+    for count, period, mean in zip(
+        *(rows[name].tolist() for name in (COUNT, PERIOD, "mean")), strict=True
+    ):
+        expected = (
+            np.mean([warning_s(each, period, count) for each in LEVELS[TARGETS]]) + noise_s().mean()
+        )
         assert mean == pytest.approx(expected)
 
 
 def test_changes_are_paired_over_runs(planted: SavedStudy) -> None:
     raid = parts_of(planted, "warning_time_s")[1].runs
-    expected = np.mean([warning_s("raid of 8", 2000.0, each) - warning_s("raid of 8", 1e4, each) for each in (1, 2, 4)])
+    expected = np.mean(
+        [
+            warning_s("raid of 8", 2000.0, each) - warning_s("raid of 8", 1e4, each)
+            for each in (1, 2, 4)
+        ]
+    )
     # The noise is common to all designs: it cancels.
     np.testing.assert_allclose(raid.change(PERIOD), [expected] * 3, rtol=1e-9)
     assert ranked_settings(raid) == [PERIOD, COUNT]
 
 
 def test_a_run_counts_only_with_a_value_everywhere(planted: SavedStudy) -> None:
-    planted.runs["warning_time_s"][(planted.runs["design"] == 0) & (planted.runs["replicate"] == 2)] = np.nan
+    planted.runs["warning_time_s"][
+        (planted.runs["design"] == 0) & (planted.runs["replicate"] == 2)
+    ] = np.nan
     runs = FactorialRuns.of(planted, "warning_time_s").at(TARGETS, "one ICBM")
     means = runs.averaged([PERIOD])
     assert np.isnan(means[0, 2])
@@ -131,7 +160,9 @@ def test_the_contour_of_a_requirement_is_the_curve_of_the_response(planted: Save
     on_edges = [row for row in vertices if row[0] in LEVELS[PERIOD] or row[1] in LEVELS[COUNT]]
     assert len(on_edges) > 2
     for period_ms, count in on_edges:
-        assert warning_s("one ICBM", period_ms, count) + noise_s().mean() == pytest.approx(900.0, abs=1e-6)
+        assert warning_s("one ICBM", period_ms, count) + noise_s().mean() == pytest.approx(
+            900.0, abs=1e-6
+        )
 
 
 def test_the_answer_names_what_is_enough_and_what_changes_it(planted: SavedStudy) -> None:
@@ -140,8 +171,12 @@ def test_the_answer_names_what_is_enough_and_what_changes_it(planted: SavedStudy
     assert raid.startswith("Raid of 8: ")
     ends = t.interval(0.95, RUNS - 1, noise_s().mean(), noise_s().std(ddof=1) / RUNS**0.5)
     every = [warning_s("one ICBM", *each) for each in product(LEVELS[PERIOD], LEVELS[COUNT])]
-    sure, mean = (sum(each + shift >= 900.0 for each in every) for shift in (ends[0], noise_s().mean()))
-    assert f"{sure} of 9 designs meet warning time at least 900 s with the whole 95 % interval" in one
+    sure, mean = (
+        sum(each + shift >= 900.0 for each in every) for shift in (ends[0], noise_s().mean())
+    )
+    assert (
+        f"{sure} of 9 designs meet warning time at least 900 s with the whole 95 % interval" in one
+    )
     assert ("more by the mean alone" in one) == (mean > sure)
     assert "from scan period 10000 ms to 2000 ms" in one
     assert "from number of sensors 1 to 4" in one
@@ -156,7 +191,10 @@ def test_the_least_costly_are_not_undercut(planted: SavedStudy) -> None:
 
 def test_a_requirement_that_nothing_meets_names_the_best(planted: SavedStudy) -> None:
     planted.definition["requirements"][0]["limit"] = 5000.0
-    assert "no design meets warning time at least 5000 s; warning time is at best" in answers(planted)[0]
+    assert (
+        "no design meets warning time at least 5000 s; warning time is at best"
+        in answers(planted)[0]
+    )
     assert "(scan period 2000 ms, number of sensors 4)" in answers(planted)[0]
 
 
@@ -172,7 +210,9 @@ def test_the_page_begins_with_question_and_answer(planted: SavedStudy, tmp_path:
     assert page.title == "What buys warning time?"
     assert page.summary == answers(planted)
     names = [each.name for each in page.figures()]
-    assert {f"{kind}-warning_time_s" for kind in ("main-effects", "interactions", "contours")} <= set(names)
+    assert {
+        f"{kind}-warning_time_s" for kind in ("main-effects", "interactions", "contours")
+    } <= set(names)
     assert [line for each in page.figures() for line in drawn_complaints(each)] == []
     table = dict(page.tables()[-1].rows)
     assert (

@@ -1,4 +1,6 @@
-"""The report of a run: one file that fetches nothing, with well-formed pictures, its data, and the same bytes."""
+"""The report of a run: one file that fetches nothing, with well-formed pictures, its data, and the
+same bytes.
+"""
 
 import re
 import subprocess
@@ -86,7 +88,12 @@ def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
         "from reported_runs import scored_run\nwrite_run_report(scored_run(), Path(sys.argv[1]))"
     )
     support = str(Path(__file__).parents[2] / "support")
-    environment = {"PYTHONHASHSEED": "77", "PYTHONPATH": support, "PATH": "", "MPLCONFIGDIR": str(tmp_path)}
+    environment = {
+        "PYTHONHASHSEED": "77",
+        "PYTHONPATH": support,
+        "PATH": "",
+        "MPLCONFIGDIR": str(tmp_path),
+    }
     subprocess.run([sys.executable, "-c", code, str(again)], check=True, env=environment)
     assert again.read_bytes() == report.read_bytes()
     for path in report.with_suffix(".data").iterdir():
@@ -94,7 +101,9 @@ def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("run", [empty_run, lambda: example_run("first_light")], ids=["no targets", "no tracker"])
+@pytest.mark.parametrize(
+    "run", [empty_run, lambda: example_run("first_light")], ids=["no targets", "no tracker"]
+)
 def test_runs_that_lack_something_have_a_report_too(run, tmp_path: Path) -> None:
     (written,) = write_run_report(run(), tmp_path / "report.html", with_data=False)
     text = written.read_text(encoding="utf-8")

@@ -23,7 +23,8 @@ RELATIVE = 2e-3
 
 
 def scaled_interval(ends: list[Any]) -> list[Any]:
-    """Return the ends of a positive interval as powers that shrink with its width, else as they are.
+    """Return the ends of a positive interval as powers that shrink with its width, else as they
+    are.
 
     The ends of an interval of a logarithm magnify a rounding by about the logarithm of their ratio.
     """
@@ -39,7 +40,9 @@ def differences(ours: Any, theirs: Any, where: str, floor: float = 1e-6) -> list
     if isinstance(ours, dict) and isinstance(theirs, dict):
         keys = [f"{where}.{key}: in one alone" for key in ours.keys() ^ theirs.keys()]
         return keys + [
-            d for key in ours.keys() & theirs.keys() for d in differences(ours[key], theirs[key], f"{where}.{key}")
+            d
+            for key in ours.keys() & theirs.keys()
+            for d in differences(ours[key], theirs[key], f"{where}.{key}")
         ]
     if where.endswith(".interval_95"):
         ours = scaled_interval(ours)
@@ -47,7 +50,11 @@ def differences(ours: Any, theirs: Any, where: str, floor: float = 1e-6) -> list
     if isinstance(ours, list | tuple) and isinstance(theirs, list | tuple):
         if len(ours) != len(theirs):
             return [f"{where}: {len(ours)} and {len(theirs)} values"]
-        return [d for k, pair in enumerate(zip(ours, theirs, strict=True)) for d in differences(*pair, f"{where}[{k}]")]
+        return [
+            d
+            for k, pair in enumerate(zip(ours, theirs, strict=True))
+            for d in differences(*pair, f"{where}[{k}]")
+        ]
     if isinstance(ours, float) and isinstance(theirs, float | int):
         is_same = math.isclose(ours, theirs, rel_tol=RELATIVE, abs_tol=floor) or (
             math.isnan(ours) and math.isnan(theirs)
@@ -58,7 +65,9 @@ def differences(ours: Any, theirs: Any, where: str, floor: float = 1e-6) -> list
 
 
 def figures_of(run: Any) -> dict[str, Any]:
-    """Return the data of all figures of a run's report, its tables and its sentences, as plain values."""
+    """Return the data of all figures of a run's report, its tables and its sentences, as plain
+    values.
+    """
     page = run_page(run)
     data = {
         each.name: {name: np.asarray(column).tolist() for name, column in each.data.columns.items()}
@@ -67,12 +76,23 @@ def figures_of(run: Any) -> dict[str, Any]:
     }
     tables = {each.caption: [list(row) for row in each.rows] for each in page.tables()}
     captions = {each.name: each.caption for each in page.figures()}
-    return {"data": data, "tables": tables, "captions": captions, "summary": list(page.summary), "head": page.subtitle}
+    return {
+        "data": data,
+        "tables": tables,
+        "captions": captions,
+        "summary": list(page.summary),
+        "head": page.subtitle,
+    }
 
 
 @pytest.mark.slow
 @settings(examples(4), derandomize=True)
-@given(sensors=sensors(), targets=targets(), tracker=st.sampled_from(TRACKERS), seed=st.integers(0, 1000))
+@given(
+    sensors=sensors(),
+    targets=targets(),
+    tracker=st.sampled_from(TRACKERS),
+    seed=st.integers(0, 1000),
+)
 def test_a_run_read_back_is_scored_and_reported_alike(
     sensors: list[dict[str, Any]], targets: list[dict[str, Any]], tracker: Any, seed: int
 ) -> None:

@@ -1,4 +1,6 @@
-"""Reports and plots of a study: effects with intervals at the right places, and the sentences that sum them up."""
+"""Reports and plots of a study: effects with intervals at the right places, and the sentences that
+sum them up.
+"""
 
 import json
 import re
@@ -73,12 +75,20 @@ def test_unknown_figures_and_paths_are_named_with_those_there_are(folder: Path) 
 
 
 @pytest.mark.slow
-def test_the_report_of_a_study_says_how_much_what_changes(folder: Path, tmp_path: Path, capsys) -> None:
+def test_the_report_of_a_study_says_how_much_what_changes(
+    folder: Path, tmp_path: Path, capsys
+) -> None:
     assert main(["report", str(folder), "-o", str(tmp_path / "study.html")]) == 0
     assert "data of 4 figures" in capsys.readouterr().out
     text = (tmp_path / "study.html").read_text(encoding="utf-8")
-    assert "latency: from 0.1 s [0.09, 0.11] (scan period 50 ms, tracker none) to 0.4 s [0.36, 0.44]" in text
-    assert "area: 10\N{NARROW NO-BREAK SPACE}000 km² [9000, 11\N{NARROW NO-BREAK SPACE}000] in all designs" in text
+    assert (
+        "latency: from 0.1 s [0.09, 0.11] (scan period 50 ms, tracker none) to 0.4 s [0.36, 0.44]"
+        in text
+    )
+    assert (
+        "area: 10\N{NARROW NO-BREAK SPACE}000 km² [9000, 11\N{NARROW NO-BREAK SPACE}000] in all"
+        " designs" in text
+    )
     assert PERIOD in text
     assert "60 runs" in text
     assert "seeds 3 to 12" in text
@@ -88,7 +98,9 @@ def test_the_report_of_a_study_says_how_much_what_changes(folder: Path, tmp_path
 
 @pytest.mark.slow
 def test_a_study_has_one_report_to_the_byte(folder: Path, tmp_path: Path) -> None:
-    first, second = (write_study_report(folder, tmp_path / f"{name}.html", with_data=False)[0] for name in "ab")
+    first, second = (
+        write_study_report(folder, tmp_path / f"{name}.html", with_data=False)[0] for name in "ab"
+    )
     assert first.read_bytes() == second.read_bytes()
 
 
@@ -102,6 +114,8 @@ def test_a_damaged_study_gets_one_message(folder: Path, tmp_path: Path, capsys) 
         StudyPlots(broken)
     definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
     later = written_study(tmp_path / "later")
-    (later / "study.json").write_text(json.dumps({**definition, "study_version": 2}), encoding="utf-8")
+    (later / "study.json").write_text(
+        json.dumps({**definition, "study_version": 2}), encoding="utf-8"
+    )
     with pytest.raises(SceneError, match="study version 2, where 1 is read"):
         StudyPlots(later)

@@ -1,4 +1,6 @@
-"""What a study's report says of its designs, of a study whose answers are known: fronts, weights, constants, files."""
+"""What a study's report says of its designs, of a study whose answers are known: fronts, weights,
+constants, files.
+"""
 
 import json
 from pathlib import Path
@@ -50,8 +52,12 @@ def test_convergence_ends_at_the_mean_and_interval_of_all_runs(tmp_path: Path) -
     rows = convergence_rows(study, "latency_s")
     values = study.runs["latency_s"][study.runs["design"] == 1]
     last = rows.where((rows["design"] == 1) & (rows["runs"] == len(values)))
-    low, high = t.interval(0.95, len(values) - 1, values.mean(), values.std(ddof=1) / len(values) ** 0.5)
-    np.testing.assert_allclose([last[name][0] for name in ("mean", "low_95", "high_95")], [values.mean(), low, high])
+    low, high = t.interval(
+        0.95, len(values) - 1, values.mean(), values.std(ddof=1) / len(values) ** 0.5
+    )
+    np.testing.assert_allclose(
+        [last[name][0] for name in ("mean", "low_95", "high_95")], [values.mean(), low, high]
+    )
 
 
 def test_constants_are_a_line_of_text_and_what_was_asked_comes_first(tmp_path: Path) -> None:
@@ -66,7 +72,13 @@ def test_constants_are_a_line_of_text_and_what_was_asked_comes_first(tmp_path: P
 
 @pytest.mark.parametrize(
     ("name", "panels"),
-    [("one-knob", 1), ("two-knobs", 1), ("small-multiples", 5), ("three-knobs", 2), ("one-at-a-time", 3)],
+    [
+        ("one-knob", 1),
+        ("two-knobs", 1),
+        ("small-multiples", 5),
+        ("three-knobs", 2),
+        ("one-at-a-time", 3),
+    ],
 )
 def test_a_second_setting_of_many_values_and_a_third_are_small_multiples(
     name: str, panels: int, tmp_path: Path
@@ -74,8 +86,12 @@ def test_a_second_setting_of_many_values_and_a_third_are_small_multiples(
     assert len(effect_panels(read_study(written(tmp_path / "a", name)), "latency_s")) == panels
 
 
-@pytest.mark.parametrize(("bounds", "is_cut"), [([0.0, 0.9], (True, True)), ([None, None], (False, False))])
-def test_intervals_are_cut_at_the_bounds_of_the_study(bounds: list, is_cut: tuple, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("bounds", "is_cut"), [([0.0, 0.9], (True, True)), ([None, None], (False, False))]
+)
+def test_intervals_are_cut_at_the_bounds_of_the_study(
+    bounds: list, is_cut: tuple, tmp_path: Path
+) -> None:
     folder = written(tmp_path / "a", "one-knob")
     definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
     definition["bounds"]["warned"] = bounds
@@ -105,14 +121,23 @@ def test_studies_side_by_side_need_the_same_settings(tmp_path: Path) -> None:
 def written_again(folder: Path) -> Path:
     written(folder, "one-knob")
     definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
-    (folder / "study.json").write_text(json.dumps({**definition, "study": "other"}), encoding="utf-8")
+    (folder / "study.json").write_text(
+        json.dumps({**definition, "study": "other"}), encoding="utf-8"
+    )
     return folder
 
 
 @pytest.mark.slow
 def test_figures_and_tables_are_files_for_papers(tmp_path: Path, capsys) -> None:
     folder = written(tmp_path / "a", "one-knob")
-    command = ["report", str(folder), "-o", str(tmp_path / "a.html"), "--figures", str(tmp_path / "figures")]
+    command = [
+        "report",
+        str(folder),
+        "-o",
+        str(tmp_path / "a.html"),
+        "--figures",
+        str(tmp_path / "figures"),
+    ]
     assert main([*command, "--formats", "png,pdf"]) == 0
     assert "figures, 3 tables" in capsys.readouterr().out
     names = {each.name for each in (tmp_path / "figures").iterdir()}
@@ -142,7 +167,10 @@ def test_tables_are_escaped() -> None:
 
 def test_names_are_words_with_units() -> None:
     assert setting_words("sensors[*].scan_period_ms") == ("scan period", "ms")
-    assert setting_words("sensors[*].detection_probability.ICBM") == ("detection probability of ICBM", "")
+    assert setting_words("sensors[*].detection_probability.ICBM") == (
+        "detection probability of ICBM",
+        "",
+    )
     assert setting_words("sensors[0]") == ("sensors 0", "")
     assert figure_words("position_rmse_m", "m") == "position RMSE"
     assert figure_words("false_events_a_day", "1/day") == "false events"

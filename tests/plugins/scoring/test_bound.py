@@ -1,4 +1,6 @@
-"""The bound that errors of states are judged by, against published figures and recursions of other people."""
+"""The bound that errors of states are judged by, against published figures and recursions of other
+people.
+"""
 
 import json
 import sys
@@ -42,10 +44,14 @@ def test_the_bound_is_the_published_one(name):
     given = case["inputs"]
     expected = case["expected"]
     longitude = np.radians(given["sat_lon_deg"])
-    sensor = given["sat_radius_m"] * np.stack([np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1)
+    sensor = given["sat_radius_m"] * np.stack(
+        [np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1
+    )
     target = np.broadcast_to(np.array(expected["target_ecef_m"]), sensor.shape)
     sigma = np.array(given["sigma_rad_per_axis"])
-    bounds = state_bound(np.zeros(1), DetectedLooks.unbiased(np.zeros(len(sensor)), target, sensor, sigma))
+    bounds = state_bound(
+        np.zeros(1), DetectedLooks.unbiased(np.zeros(len(sensor)), target, sensor, sigma)
+    )
     # A prior of 1000 km tells 1e-7 of what the looks do.
     assert bounds[0, :3, :3] == pytest.approx(np.array(expected["cov_ecef_m2"]), rel=1e-5, abs=1.0)
     assert position_and_velocity(bounds)[0][0] == pytest.approx(expected["rss_m"], rel=1e-6)
@@ -56,9 +62,13 @@ def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
     looks = np.array([0.0, 40.0, 80.0])
     tick = 100.0
     at, _ = propagate_kepler(state[:3], state[3:], looks)
-    sensors = eci_to_ecef(np.array([[4.0e7, 1.0e7, 0.0], [3.0e7, -3.0e7, 0.0], [4.0e7, 0.0, 1.0e7]]), looks)
+    sensors = eci_to_ecef(
+        np.array([[4.0e7, 1.0e7, 0.0], [3.0e7, -3.0e7, 0.0], [4.0e7, 0.0, 1.0e7]]), looks
+    )
     sigma = np.full(3, 1e-5)
-    found = state_bound(np.array([tick]), DetectedLooks.unbiased(looks, eci_to_ecef(at, looks), sensors, sigma))[0]
+    found = state_bound(
+        np.array([tick]), DetectedLooks.unbiased(looks, eci_to_ecef(at, looks), sensors, sigma)
+    )[0]
     information = np.zeros((6, 6))
     prior = np.diag(1.0 / np.square([1e6] * 3 + [1e4] * 3))
     end = np.concatenate(propagate_kepler(state[:3], state[3:], tick))
@@ -70,9 +80,12 @@ def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
         rows = ((np.eye(3) - np.outer(unit, unit)) / (np.linalg.norm(line) * 1e-5)) @ flow[:3]
         information += rows.T @ rows
     back = differences(end, -tick)
-    # The inertial frame of the bound is the Earth-fixed one at the scene's epoch: that of the sensors here.
+    # The inertial frame of the bound is the Earth-fixed one at the scene's epoch: that of the
+    # sensors here.
     expected = np.linalg.inv(information + back.T @ prior @ back)
-    for ours, theirs in zip(position_and_velocity(found[None]), position_and_velocity(expected[None]), strict=True):
+    for ours, theirs in zip(
+        position_and_velocity(found[None]), position_and_velocity(expected[None]), strict=True
+    ):
         assert ours == pytest.approx(theirs, rel=1e-3)
 
 
@@ -80,15 +93,22 @@ def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
     looks = np.arange(0.0, 20.0, 0.4)
     path = np.array([6.9e6, 0.0, 0.0]) + np.array([0.0, 2000.0, 0.0]) * looks[:, None]
     target = eci_to_ecef(path, looks)
-    inertial = np.where(np.arange(len(looks))[:, None] % 2, [3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6])
+    inertial = np.where(
+        np.arange(len(looks))[:, None] % 2, [3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]
+    )
     sigma = np.full(len(looks), 2e-5)
     seen = DetectedLooks.unbiased(looks, target, eci_to_ecef(inertial, looks), sigma)
     found = free_bound(np.array([19.6]), seen)[0]
     covariance = np.diag(np.square(FREE_PRIOR_SIGMA))
-    power = np.array([[0.4 ** (b - a) / factorial(b - a) if b >= a else 0.0 for b in range(4)] for a in range(4)])
+    power = np.array(
+        [[0.4 ** (b - a) / factorial(b - a) if b >= a else 0.0 for b in range(4)] for a in range(4)]
+    )
     step = np.kron(power, np.eye(3))
     orders = [3 - a for a in range(4)]
-    noise = [[0.4 ** (a + b + 1) / (factorial(a) * factorial(b) * (a + b + 1)) for b in orders] for a in orders]
+    noise = [
+        [0.4 ** (a + b + 1) / (factorial(a) * factorial(b) * (a + b + 1)) for b in orders]
+        for a in orders
+    ]
     noise = JERK_NOISE_M_S3**2 * np.kron(np.array(noise), np.eye(3))
     for number, (place, sensor) in enumerate(zip(path, inertial, strict=True)):
         covariance = step @ covariance @ step.T + noise if number else covariance
@@ -100,7 +120,9 @@ def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
         rest = np.eye(12) - gain @ slope
         covariance = rest @ covariance @ rest.T + gain @ gain.T
     for ours, theirs in zip(
-        position_and_velocity(found[None]), position_and_velocity(covariance[None, :6, :6]), strict=True
+        position_and_velocity(found[None]),
+        position_and_velocity(covariance[None, :6, :6]),
+        strict=True,
     ):
         assert ours == pytest.approx(theirs, rel=1e-5)
     known = state_bound(np.array([19.6]), seen)
@@ -108,7 +130,9 @@ def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
 
 
 def test_a_bias_takes_back_what_averaging_gains():
-    """Of a target that stands still before two sensors the bound is that of the mean ray and the bias together."""
+    """Of a target that stands still before two sensors the bound is that of the mean ray and the
+    bias together.
+    """
     count = 4000
     bias = 3e-5
     target = np.broadcast_to([6.6e6, 0.0, 0.0], (count, 3))
@@ -118,7 +142,8 @@ def test_a_bias_takes_back_what_averaging_gains():
         turn[number::2, 2 * number : 2 * number + 2] = bias * local_axes(sensor[:2])[number, :2]
     sigma = np.full(count, 2e-5)
     found = state_bound(np.zeros(1), DetectedLooks(np.zeros(count), target, sensor, sigma, turn))
-    # A turn about east and north moves what is straight down by the same angle both ways, what is beside it by less.
+    # A turn about east and north moves what is straight down by the same angle both ways, what is
+    # beside it by less.
     mean = np.hypot(2e-5 / np.sqrt(count / 2), bias)
     information = np.eye(3) * 1e-12
     for place in sensor[:2]:
@@ -127,23 +152,32 @@ def test_a_bias_takes_back_what_averaging_gains():
         distance = np.linalg.norm(line)
         shifts = distance * bias * np.cross(local_axes(place[None])[0, :2], unit)
         across = np.linalg.svd(unit[None])[2][1:]
-        spread = across @ (shifts.T @ shifts) @ across.T + np.eye(2) * (distance * 2e-5) ** 2 / (count / 2)
+        spread = across @ (shifts.T @ shifts) @ across.T + np.eye(2) * (distance * 2e-5) ** 2 / (
+            count / 2
+        )
         assert np.linalg.eigvalsh(spread) == pytest.approx((distance * mean) ** 2, rel=0.02)
         information += across.T @ np.linalg.inv(spread) @ across
     assert found[0, :3, :3] == pytest.approx(np.linalg.inv(information), rel=1e-6)
     seen = DetectedLooks(np.linspace(0.0, 20.0, count), target, sensor, sigma, turn)
-    pair = free_bound(np.array([20.0]), seen), free_bound(np.array([20.0]), DetectedLooks.unbiased(*seen[:4]))
+    pair = (
+        free_bound(np.array([20.0]), seen),
+        free_bound(np.array([20.0]), DetectedLooks.unbiased(*seen[:4])),
+    )
     assert position_and_velocity(pair[0])[0][0] > 5.0 * position_and_velocity(pair[1])[0][0]
 
 
 def test_biases_of_no_size_leave_the_bounds_as_they_are():
     looks = np.arange(0.0, 20.0, 0.4)
     target = np.array([6.9e6, 0.0, 0.0]) + np.array([0.0, 2000.0, 0.0]) * looks[:, None]
-    sensor = np.where(np.arange(len(looks))[:, None] % 2, [3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6])
+    sensor = np.where(
+        np.arange(len(looks))[:, None] % 2, [3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]
+    )
     plain = DetectedLooks.unbiased(looks, target, sensor, np.full(len(looks), 2e-5))
     turned = plain._replace(turn_ecef_rad=np.zeros((len(looks), 4, 3)))
     for bound in (state_bound, free_bound):
-        assert bound(np.array([5.0, 19.6]), turned) == pytest.approx(bound(np.array([5.0, 19.6]), plain), rel=1e-9)
+        assert bound(np.array([5.0, 19.6]), turned) == pytest.approx(
+            bound(np.array([5.0, 19.6]), plain), rel=1e-9
+        )
 
 
 def test_the_turns_of_the_bound_are_those_that_bias_what_sensors_see():
@@ -154,25 +188,37 @@ def test_the_turns_of_the_bound_are_those_that_bias_what_sensors_see():
     line = -place + random.normal(size=(40, 3)) * 3e6
     line /= np.linalg.norm(line, axis=1)[:, None]
     shifts = np.cross(bias_turns(sensors, number, place), line[:, None])
-    for biases in (PointingBias(np.array([0.0, 2e-6]), np.zeros(2)), PointingBias(np.zeros(2), np.array([0.0, 2e-6]))):
+    for biases in (
+        PointingBias(np.array([0.0, 2e-6]), np.zeros(2)),
+        PointingBias(np.zeros(2), np.array([0.0, 2e-6])),
+    ):
         seen = np.stack(biases.applied(*line.T, number, place), axis=1) - line
         assert (np.linalg.norm(seen[number == 1], axis=1) > 1e-8).all()
         # The signs of biases mean nothing to a bound.
-        off = np.minimum(*(np.linalg.norm(seen[:, None] - sign * shifts, axis=2) for sign in (1.0, -1.0))).min(axis=1)
+        off = np.minimum(
+            *(np.linalg.norm(seen[:, None] - sign * shifts, axis=2) for sign in (1.0, -1.0))
+        ).min(axis=1)
         assert (off < 1e-11).all()
 
 
 def differences(state, span_s):
-    """Return how the state a span later differs with the state, by central differences of two-body propagation."""
+    """Return how the state a span later differs with the state, by central differences of two-body
+    propagation.
+    """
     steps = np.array([10.0] * 3 + [0.01] * 3)
     up = state + np.diag(steps)
     down = state - np.diag(steps)
-    ends = [np.concatenate(propagate_kepler(each[:, :3], each[:, 3:], span_s), axis=1) for each in (up, down)]
+    ends = [
+        np.concatenate(propagate_kepler(each[:, :3], each[:, 3:], span_s), axis=1)
+        for each in (up, down)
+    ]
     return ((ends[0] - ends[1]) / (2.0 * steps[:, None])).T
 
 
 def calls_of_bounds(looks):
-    """Return how many functions are called for both bounds of a minute of looks, at a tick a second."""
+    """Return how many functions are called for both bounds of a minute of looks, at a tick a
+    second.
+    """
     time_s = np.linspace(0.0, 60.0, looks)
     target = np.array([6.7e6, 0.0, 0.0]) + time_s[:, None] * np.array([500.0, 3000.0, 0.0])
     sensor = np.tile([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]], (looks // 2, 1))

@@ -1,4 +1,6 @@
-"""What tracks cover: ticks at which nothing is reported count, and so does what is reported after a track was lost."""
+"""What tracks cover: ticks at which nothing is reported count, and so does what is reported after a
+track was lost.
+"""
 
 import numpy as np
 import pytest
@@ -31,7 +33,9 @@ def reported():
 
 
 def lost_and_found(reported, at_s=50.0):
-    """Return the same run, with another number from `at_s` on, and nothing reported for the five seconds before."""
+    """Return the same run, with another number from `at_s` on, and nothing reported for the five
+    seconds before.
+    """
     tracks = reported.tracks.take(
         np.flatnonzero((reported.tracks.tick_s < at_s - 5.0) | (reported.tracks.tick_s >= at_s))
     )
@@ -47,7 +51,9 @@ def lost_and_found(reported, at_s=50.0):
 @pytest.mark.slow
 def test_ticks_are_those_at_which_the_tracker_is_asked(reported):
     assert ticks_s(reported).tolist() == list(range(1, 91))
-    elsewhere = evolve(reported, tracks=evolve(reported.tracks, tick_s=reported.tracks.tick_s + 0.3))
+    elsewhere = evolve(
+        reported, tracks=evolve(reported.tracks, tick_s=reported.tracks.tick_s + 0.3)
+    )
     assert np.array_equal(ticks_s(elsewhere), np.unique(reported.tracks.tick_s + 0.3))
 
 
@@ -65,7 +71,9 @@ def test_a_tick_without_a_track_is_not_covered_and_the_launch_missed(reported):
 
 
 def test_a_run_without_tracks_misses_everything(reported):
-    silent = evolve(reported, tracks=reported.tracks.take(slice(0, 0)), track=np.full_like(reported.track, -1))
+    silent = evolve(
+        reported, tracks=reported.tracks.take(slice(0, 0)), track=np.full_like(reported.track, -1)
+    )
     figures = scorecard([silent]).figures
     assert figures["launches_tracked"]["value"] == 0.0
     assert figures["completeness"]["value"] == 0.0
@@ -76,7 +84,9 @@ def test_the_distance_a_target_does_not_depend_on_how_many_there_are():
     power = 150.0**2
     for targets in (1.0, 4.0, 100.0):
         parts = np.array([[np.sqrt(targets * power), targets * power, 0.0, 0.0, targets]])
-        assert mean_gospa(parts, 2.0) == pytest.approx([np.sqrt(targets) * 150.0, 150.0, power, 0.0, 0.0])
+        assert mean_gospa(parts, 2.0) == pytest.approx(
+            [np.sqrt(targets) * 150.0, 150.0, power, 0.0, 0.0]
+        )
     assert np.isnan(mean_gospa(np.empty((0, 5)), 2.0)).all()
 
 
@@ -86,14 +96,17 @@ def test_what_is_reported_after_a_track_was_lost_is_judged_too(reported):
     assert owners.target.tolist() == [0, 0]
     found = coverage(evidence, owners)
     assert found.tracks.tolist() == [2]
-    assert found.share[0] == pytest.approx(coverage(reported, ownership(reported)).share[0] * 46.0 / 51.0)
+    assert found.share[0] == pytest.approx(
+        coverage(reported, ownership(reported)).share[0] * 46.0 / 51.0
+    )
     errors = state_errors(evidence, owners)
     assert len(errors) == 46
     assert np.round(np.unique(errors.position_m)).tolist() == [100.0, 1000.0]
     assert scorecard([evidence]).figures["tracks_a_launch"]["value"] == 2.0
     last = point_errors(evidence, owners)
     assert np.array_equal(
-        last.launch_m, point_errors(evolve(evidence, tracks=evidence.tracks.take([-1])), owners).launch_m
+        last.launch_m,
+        point_errors(evolve(evidence, tracks=evidence.tracks.take([-1])), owners).launch_m,
     )
 
 
@@ -121,7 +134,12 @@ def test_targets_of_biased_sensors_are_scored_apart():
     }
     sensors = [
         {"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": -130.0},
-        {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": 60.0, "line_of_sight_bias_sigma_urad": 30.0},
+        {
+            "model": "SBIRS-GEO",
+            "id": "B",
+            "orbital_slot_deg": 60.0,
+            "line_of_sight_bias_sigma_urad": 30.0,
+        },
     ]
     scene = {**SCENE, "duration_s": 40.0, "sensors": sensors, "targets": [*SCENE["targets"], east]}
     plan = compile_plan(scene_from_mapping(scene))

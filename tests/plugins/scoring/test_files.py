@@ -1,4 +1,6 @@
-"""Files that are not of one run, are cut off or spoilt are refused, with the file, the place and what to do."""
+"""Files that are not of one run, are cut off or spoilt are refused, with the file, the place and
+what to do.
+"""
 
 import json
 import shutil
@@ -11,19 +13,32 @@ from scored_scene import SCENE
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
 
-REGION = {"containment": 0.5, "area_km2": 1.0, "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [1, 1]]]}}
+REGION = {
+    "containment": 0.5,
+    "area_km2": 1.0,
+    "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [1, 1]]]},
+}
 PARTS = (".jsonl", ".truth.jsonl", ".tracks.jsonl", ".manifest.json")
 DIFFERENT = "the files are of different runs, or one of them is cut off"
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Return a folder with the files of two runs, of seeds 7 and 8, and a third whose launch lies elsewhere."""
+    """Return a folder with the files of two runs, of seeds 7 and 8, and a third whose launch lies
+    elsewhere.
+    """
     folder = tmp_path_factory.mktemp("runs")
     scene = folder / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 40.0}))
-    for name, words in (("one", []), ("two", ["--seed", "8"]), ("away", ["--set", "targets[0].launch.lat_deg=35.0"])):
-        assert main(["run", str(scene), "--quiet", "--out", str(folder / f"{name}.jsonl"), *words]) == 0
+    for name, words in (
+        ("one", []),
+        ("two", ["--seed", "8"]),
+        ("away", ["--set", "targets[0].launch.lat_deg=35.0"]),
+    ):
+        assert (
+            main(["run", str(scene), "--quiet", "--out", str(folder / f"{name}.jsonl"), *words])
+            == 0
+        )
     return folder
 
 
@@ -96,7 +111,10 @@ def test_a_track_reported_twice_at_a_tick_is_refused(runs, copied, tmp_path):
     rows = lines_of(runs / "one.tracks.jsonl")
     (tmp_path / "mine.jsonl").write_text("".join([*rows, rows[3]]))
     tick_s = json.loads(rows[3])["time_s"]
-    with pytest.raises(SceneError, match=rf"line {len(rows) + 1}: track 0 has two rows at {tick_s:g} s; give one row"):
+    with pytest.raises(
+        SceneError,
+        match=rf"line {len(rows) + 1}: track 0 has two rows at {tick_s:g} s; give one row",
+    ):
         evidence_of_files(copied, tracks=tmp_path / "mine.jsonl")
 
 
@@ -121,21 +139,32 @@ def test_files_may_lie_anywhere(runs, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_truth_that_burns_otherwise_is_refused(copied):
-    """Launch and aim are the scene's; what lies between is the target model's, which may have changed since."""
+    """Launch and aim are the scene's; what lies between is the target model's, which may have
+    changed since.
+    """
     path = copied.with_suffix(".truth.jsonl")
     first, *rest = lines_of(path)
     reported = json.loads(first)
-    changed = ({"burnout_s": reported["burnout_s"] + 1.0}, {"burnout": {**reported["burnout"], "lat_deg": 35.0}})
+    changed = (
+        {"burnout_s": reported["burnout_s"] + 1.0},
+        {"burnout": {**reported["burnout"], "lat_deg": 35.0}},
+    )
     for change in changed:
         path.write_text("".join([json.dumps({**reported, **change}) + "\n", *rest]))
-        with pytest.raises(SceneError, match="T1 has another trajectory in the manifest's scene, with the plugins"):
+        with pytest.raises(
+            SceneError, match="T1 has another trajectory in the manifest's scene, with the plugins"
+        ):
             evidence_of_files(copied)
 
 
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("manifest_version", "1", "manifest_version: of manifest version 1, where 2 is read: run the scene anew"),
+        (
+            "manifest_version",
+            "1",
+            "manifest_version: of manifest version 1, where 2 is read: run the scene anew",
+        ),
         ("manifest_version", None, "manifest_version: of manifest version None, where 2 is read"),
         ("counts", 3, "counts: not what opir writes: counts must be a block"),
     ],
@@ -154,21 +183,41 @@ def test_a_manifest_of_another_shape_is_reported(copied, key, value, message):
         ("track_id", 1.5, "line 3: track_id: not what opir writes: expected `int`, got `float`"),
         ("track_id", None, "line 3: track_id: not what opir writes: expected `int`, got `null`"),
         ("time_s", None, "line 3: time_s: not what opir writes: expected `float`, got `null`"),
-        ("position_ecef_m", [1.0, 2.0], "line 3: position_ecef_m: not what opir writes: expected `array` of length 3"),
-        ("position_ecef_m", ["far"] * 3, r"line 3: position_ecef_m\[0\]: not what opir writes: expected `float`"),
+        (
+            "position_ecef_m",
+            [1.0, 2.0],
+            "line 3: position_ecef_m: not what opir writes: expected `array` of length 3",
+        ),
+        (
+            "position_ecef_m",
+            ["far"] * 3,
+            r"line 3: position_ecef_m\[0\]: not what opir writes: expected `float`",
+        ),
         (
             "launch",
             {"lat_deg": 91.0, "lon_deg": 0.0},
             "line 3: launch.lat_deg: not what opir writes: expected `float` <=",
         ),
-        ("impact", {"lat_deg": 1.0, "lon_deg": 0.0, "method": "x"}, "line 3: impact.method: not what opir writes: inv"),
-        ("impact_regions", [{}], "line 3: impact_regions: not what opir writes: it has no 'geometry'"),
+        (
+            "impact",
+            {"lat_deg": 1.0, "lon_deg": 0.0, "method": "x"},
+            "line 3: impact.method: not what opir writes: inv",
+        ),
+        (
+            "impact_regions",
+            [{}],
+            "line 3: impact_regions: not what opir writes: it has no 'geometry'",
+        ),
         (
             "impact_regions",
             [REGION | {"geometry": {"type": "Point"}}],
             "line 3: impact_regions: .* a Point is no region",
         ),
-        ("impact_regions", [REGION], "line 3: impact_regions: .* a ring is a list of at least four"),
+        (
+            "impact_regions",
+            [REGION],
+            "line 3: impact_regions: .* a ring is a list of at least four",
+        ),
     ],
 )
 def test_a_spoilt_track_is_reported_with_its_line(copied, name, value, message):
@@ -187,5 +236,7 @@ def test_lines_of_other_shapes_are_reported_with_what_is_due(copied):
         evidence_of_files(copied)
     copied.write_text(events)
     copied.with_suffix(".tracks.jsonl").write_text("{}\n")
-    with pytest.raises(SceneError, match="line 1: not what opir writes: object missing required field `time_s`"):
+    with pytest.raises(
+        SceneError, match="line 1: not what opir writes: object missing required field `time_s`"
+    ):
         evidence_of_files(copied, tracks=copied.with_suffix(".tracks.jsonl"))

@@ -1,4 +1,6 @@
-"""The bound of flights that parameters describe, against closed forms and what an efficient estimator reaches."""
+"""The bound of flights that parameters describe, against closed forms and what an efficient
+estimator reaches.
+"""
 
 import sys
 
@@ -22,11 +24,15 @@ def looks(time_s, target):
 
 
 def turned(rows, time_s):
-    """Places (m, n, 3) of a climb that tips over: speed gained a second, its growth, and rate of the tilt, (m, 3)."""
+    """Places (m, n, 3) of a climb that tips over: speed gained a second, its growth, and rate of
+    the tilt, (m, 3).
+    """
     fine = np.linspace(0.0, 1.0, 31)[:, None] * time_s
     size, growth, rate = (rows[:, number, None, None] for number in range(3))
     speed = size / growth * np.expm1(growth * fine)
-    steps = np.stack([speed * np.cos(rate * fine), speed * np.sin(rate * fine), 0.1 * speed], axis=-1)
+    steps = np.stack(
+        [speed * np.cos(rate * fine), speed * np.sin(rate * fine), 0.1 * speed], axis=-1
+    )
     return START_M + 0.5 * (steps[:, 1:] + steps[:, :-1]).sum(axis=1) * (time_s / 30.0)[:, None]
 
 
@@ -34,7 +40,10 @@ def test_the_bound_of_a_target_at_rest_is_that_of_its_looks_together():
     times = np.arange(0.0, 10.0)
     target = np.broadcast_to(START_M, (10, 3))
     found = parameter_bound(
-        np.array([9.0]), looks(times, target), np.broadcast_to(np.eye(3), (10, 3, 3)), np.full(3, 1e9)
+        np.array([9.0]),
+        looks(times, target),
+        np.broadcast_to(np.eye(3), (10, 3, 3)),
+        np.full(3, 1e9),
     )
     information = np.zeros((3, 3))
     for sensor in SENSORS:
@@ -48,9 +57,13 @@ def test_looks_after_a_tick_do_not_count_and_a_prior_does():
     times = np.arange(0.0, 10.0)
     target = np.broadcast_to(START_M, (10, 3))
     slope = np.broadcast_to(np.eye(3), (10, 3, 3))
-    found = parameter_bound(np.array([-1.0, 3.0, 9.0]), looks(times, target), slope, np.array([1e3, 2e3, 3e3]))
+    found = parameter_bound(
+        np.array([-1.0, 3.0, 9.0]), looks(times, target), slope, np.array([1e3, 2e3, 3e3])
+    )
     assert np.diagonal(found[0]) == pytest.approx([1e6, 4e6, 9e6], rel=1e-9)
-    alone = parameter_bound(np.array([3.0]), looks(times[:4], target[:4]), slope[:4], np.array([1e3, 2e3, 3e3]))
+    alone = parameter_bound(
+        np.array([3.0]), looks(times[:4], target[:4]), slope[:4], np.array([1e3, 2e3, 3e3])
+    )
     assert found[1] == pytest.approx(alone[0], rel=1e-9)
     assert np.all(np.diff([np.trace(each) for each in found]) < 0.0)
 
@@ -60,7 +73,9 @@ def test_of_a_free_flight_it_is_the_bound_of_the_states_recursion():
     times = np.arange(0.0, 4.0, 0.2)
     speed = np.array([900.0, 300.0, 0.0])
     target = START_M + times[:, None] * speed
-    slope = np.concatenate([np.broadcast_to(np.eye(3), (20, 3, 3)), times[:, None, None] * np.eye(3)], axis=2)
+    slope = np.concatenate(
+        [np.broadcast_to(np.eye(3), (20, 3, 3)), times[:, None, None] * np.eye(3)], axis=2
+    )
     sigma = np.repeat([1e6, 1e4], 3)
     found = parameter_bound(np.array([times[-1]]), looks(times, target), slope, sigma)
     last = np.block([[np.eye(3), times[-1] * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
@@ -78,7 +93,9 @@ def test_values_that_become_known_count_from_then_on():
     slope = np.broadcast_to(np.eye(3), (10, 3, 3))
     ticks = np.array([4.5, 5.0])
     sigma = np.full(3, 1e9)
-    with_it, without = (parameter_bound(ticks, looks(times, target), slope, sigma, each) for each in (known, None))
+    with_it, without = (
+        parameter_bound(ticks, looks(times, target), slope, sigma, each) for each in (known, None)
+    )
     assert with_it[0] == pytest.approx(without[0], rel=1e-9)
     information = np.linalg.inv(without[1]) + np.diag([0.0, 0.0, 1e-2])
     assert with_it[1] == pytest.approx(np.linalg.inv(information), rel=1e-6, abs=1e-3)
@@ -96,11 +113,15 @@ def test_biases_are_parameters_of_unit_variance():
     found = parameter_bound(np.zeros(1), biased, slope, np.array([1e9]))
     far = np.linalg.norm(START_M - SENSORS[0])
     wide = np.linalg.norm(aside)
-    assert np.sqrt(found[0, 0, 0]) == pytest.approx(np.hypot(wide * 1e-4, far * SIGMA_RAD / 200.0), rel=1e-3)
+    assert np.sqrt(found[0, 0, 0]) == pytest.approx(
+        np.hypot(wide * 1e-4, far * SIGMA_RAD / 200.0), rel=1e-3
+    )
 
 
 def test_an_efficient_estimator_reaches_it_and_none_is_below():
-    """Least squares by Gauss and Newton, 400 times: errors have the bound's covariance within 4 standard errors."""
+    """Least squares by Gauss and Newton, 400 times: errors have the bound's covariance within 4
+    standard errors.
+    """
     truth = np.array([20.0, 0.01, 0.008])
     times = np.arange(1.0, 61.0)
     step = np.array([1e-3, 1e-6, 1e-6])
@@ -134,7 +155,9 @@ def test_an_efficient_estimator_reaches_it_and_none_is_below():
 
 
 def test_central_slopes_are_those_of_a_cubic():
-    slopes = central_slopes(lambda rows: np.stack([rows[:, 0] ** 3, rows[:, 0] * rows[:, 1]], axis=1), *CUBIC)
+    slopes = central_slopes(
+        lambda rows: np.stack([rows[:, 0] ** 3, rows[:, 0] * rows[:, 1]], axis=1), *CUBIC
+    )
     assert slopes == pytest.approx(np.array([[12.0, 0.0], [5.0, 2.0]]), abs=1e-6)
 
 

@@ -37,10 +37,14 @@ def test_the_parts_of_gospa_by_hand() -> None:
     assert (score.missed_count, score.false_count) == (2, 1)
     assert score.assigned.tolist() == [[0, 0]]
     assert score.distance == pytest.approx(np.sqrt(175.0))
-    assert gospa(found, true, cutoff=10.0, alpha=1.0).distance == pytest.approx(np.sqrt(25.0 + 100.0 + 100.0))
+    assert gospa(found, true, cutoff=10.0, alpha=1.0).distance == pytest.approx(
+        np.sqrt(25.0 + 100.0 + 100.0)
+    )
 
 
-@pytest.mark.parametrize("bad", [{"cutoff": 0.0}, {"cutoff": np.inf}, {"cutoff": 1.0, "order": 0.5}])
+@pytest.mark.parametrize(
+    "bad", [{"cutoff": 0.0}, {"cutoff": np.inf}, {"cutoff": 1.0, "order": 0.5}]
+)
 def test_bad_parameters_are_reported(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="must be"):
         gospa(points(0, 2), points(1, 2), **bad)

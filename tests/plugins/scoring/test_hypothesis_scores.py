@@ -1,4 +1,6 @@
-"""Hypotheses of made-up tracks of launches, fires, bolides and false alarms: scores, recognition, false launches."""
+"""Hypotheses of made-up tracks of launches, fires, bolides and false alarms: scores, recognition,
+false launches.
+"""
 
 from functools import cache
 
@@ -21,12 +23,21 @@ SCENE = {
     "duration_s": 1800.0,
     "sensors": [{"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": -150.0}],
     "targets": [
-        {"id": "M", "type": "IRBM", "launch": {**LAUNCH, "time_s": 10.0}, "aim": {"lat_deg": 12.0, "lon_deg": 177.7}},
+        {
+            "id": "M",
+            "type": "IRBM",
+            "launch": {**LAUNCH, "time_s": 10.0},
+            "aim": {"lat_deg": 12.0, "lon_deg": 177.7},
+        },
         {"id": "S", "type": "SLV", "azimuth_deg": 90.0, "launch": {**LAUNCH, "time_s": 12.0}},
     ],
     "sources": [
         {"id": "fire", "model": "fires", "at": [{"lat_deg": 20.0, "lon_deg": -150.0}]},
-        {"id": "meteor", "model": "bolides", "at": [{"lat_deg": 20.0, "lon_deg": -140.0, "start_s": 60.0}]},
+        {
+            "id": "meteor",
+            "model": "bolides",
+            "at": [{"lat_deg": 20.0, "lon_deg": -140.0, "start_s": 60.0}],
+        },
     ],
     "detection": "snr",
     "tracker": "none",
@@ -87,7 +98,9 @@ def test_each_track_has_the_hypothesis_of_what_it_follows():
 
 def test_a_track_is_scored_at_each_age_that_it_reaches_and_last():
     probabilities = {20.0: 0.2, 24.0: 0.4, 26.0: 0.6, 33.0: 0.9}
-    rows = [(tick_s, 0, stated("IRBM", probability)) for tick_s, probability in probabilities.items()]
+    rows = [
+        (tick_s, 0, stated("IRBM", probability)) for tick_s, probability in probabilities.items()
+    ]
     evidence = evidence_of([*rows, (22.0, 2, stated("ground source", 0.0))])
     scores = hypothesis_scores(evidence, ownership(evidence))
     own = scores.take(scores.truth == names().index("IRBM"))
@@ -131,9 +144,16 @@ def test_launches_are_recognised_and_false_ones_counted():
     figures = scorecard([evidence]).figures["recognition"]
     assert figures["false_launches_an_hour"]["value"] == 2.0
     # Garwood's exact interval of one event, in half an hour.
-    np.testing.assert_allclose(figures["false_launches_an_hour"]["interval_95"], [0.0506, 11.143], atol=1e-3)
+    np.testing.assert_allclose(
+        figures["false_launches_an_hour"]["interval_95"], [0.0506, 11.143], atol=1e-3
+    )
     assert figures["launches_recognised"]["value"] == 0.5
-    assert figures["launches"][0] == {"seed": 0, "target": "M", "recognised_after_s": 11.0, "sure_after_s": 15.0}
+    assert figures["launches"][0] == {
+        "seed": 0,
+        "target": "M",
+        "recognised_after_s": 11.0,
+        "sure_after_s": 15.0,
+    }
     text = scorecard_text({"mine": scorecard([evidence], ScoreSettings(unknown=("SLV",)))})
     assert "false launches per hour" in text
     assert "never" in text
@@ -143,7 +163,9 @@ def test_launches_are_recognised_and_false_ones_counted():
 def test_classes_that_are_left_out_are_unknown():
     rows = [(20.0, track, stated(name, 0.8)) for track, name in enumerate(NAMES)]
     rows[1] = (20.0, 1, stated("none of these", 0.9))
-    by_age = scorecard([evidence_of(rows)], ScoreSettings(unknown=("SLV",))).figures["hypotheses"]["by_age"]
+    by_age = scorecard([evidence_of(rows)], ScoreSettings(unknown=("SLV",))).figures["hypotheses"][
+        "by_age"
+    ]
     assert by_age[-1]["unknown_tracks"] == 1
     assert by_age[-1]["none_auroc"] == 1.0
     assert by_age[-1]["oscr"] == 1.0
@@ -172,7 +194,12 @@ def test_areas_under_curves_are_those_of_thresholds():
     is_right = rng.uniform(size=60) < 0.7
     levels = np.concatenate([[np.inf], np.unique(np.concatenate([known, unknown]))[::-1]])
     true, right, false = (
-        np.array([np.mean(passed >= level) if what is None else np.mean((passed >= level) & what) for level in levels])
+        np.array(
+            [
+                np.mean(passed >= level) if what is None else np.mean((passed >= level) & what)
+                for level in levels
+            ]
+        )
         for passed, what in ((known, None), (known, is_right), (unknown, None))
     )
     assert share_above(known, unknown) == pytest.approx(np.trapezoid(true, false))

@@ -63,14 +63,17 @@ def beyond(distance_m, bearing_deg=90.0):
 def disc(centre_rad, radius_m, containment, area_km2):
     """Return a region of a round ring of geodesics, and a made-up area."""
     ends = [
-        Geodesic.WGS84.Direct(*np.degrees(centre_rad), bearing, radius_m) for bearing in np.linspace(0.0, 360.0, 73)
+        Geodesic.WGS84.Direct(*np.degrees(centre_rad), bearing, radius_m)
+        for bearing in np.linspace(0.0, 360.0, 73)
     ]
     ring = np.radians([[end["lat2"], end["lon2"]] for end in ends])
     return ImpactRegion(containment, area_km2, ((ring,),))
 
 
 def evidence_of(tick_s, track, **columns):
-    """Return a run in which tracks 0 and 1 are of the two targets and see them with both sensors."""
+    """Return a run in which tracks 0 and 1 are of the two targets and see them with both
+    sensors.
+    """
     regions = columns.pop("impact_regions", None)
     estimates = stub_estimates(len(tick_s), tick_s=tick_s, **columns)
     changes = {"track": np.asarray(track, dtype=np.int64)}
@@ -97,7 +100,9 @@ def burn_s():
 
 
 def regions_at(tick_s, offset_m=20e3, radii_m=(10e3, 30e3, 40e3)):
-    """Return discs about a point beside the true impact; the area of the smallest is the time of the tick."""
+    """Return discs about a point beside the true impact; the area of the smallest is the time of
+    the tick.
+    """
     centre = beyond(offset_m)
     areas = (tick_s, 2.0 * tick_s, 4.0 * tick_s)
     return tuple(disc(centre, *row) for row in zip(radii_m, TRACK_CONTAINMENTS, areas, strict=True))
@@ -115,7 +120,11 @@ def test_each_region_contains_the_true_impact_or_not_at_each_tick():
     assert scores.is_stereo.all()
     assert scores.contained[:2].tolist() == [[0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]
     assert np.isnan(scores.contained[2:]).all()
-    assert scores.area_km2[[0, 1, 3]].tolist() == [[20.0, 40.0, 80.0], [21.0, 42.0, 84.0], [20.0, 40.0, 80.0]]
+    assert scores.area_km2[[0, 1, 3]].tolist() == [
+        [20.0, 40.0, 80.0],
+        [21.0, 42.0, 84.0],
+        [20.0, 40.0, 80.0],
+    ]
     assert np.isnan(scores.area_km2[[2, 4]]).all()
 
 
@@ -191,7 +200,9 @@ def test_a_phase_takes_the_last_estimate_before_it_and_none_that_is_old():
 def test_runs_are_taken_together():
     tick = np.array([instants_s()[0] - 1.0])
     cases = [(20e3, 10.0), (35e3, 30.0), (70e3, 50.0), (20e3, 70.0)]
-    runs = [evidence_of(tick, [0], impact_regions=[regions_at(area, offset)]) for offset, area in cases]
+    runs = [
+        evidence_of(tick, [0], impact_regions=[regions_at(area, offset)]) for offset, area in cases
+    ]
     phase = scorecard([*runs, evidence_of(tick, [0])]).figures["stereo"]["impact_by_phase"][0]
     assert phase["targets"] == 5
     assert phase["predicted"]["value"] == 0.8
@@ -202,33 +213,44 @@ def test_runs_are_taken_together():
 
 
 def test_predictions_for_a_target_in_orbit_count_as_such():
-    ignition_s, burnout_s = (float(getattr(plan().targets, name)[1]) for name in ("ignition_s", "burnout_s"))
+    ignition_s, burnout_s = (
+        float(getattr(plan().targets, name)[1]) for name in ("ignition_s", "burnout_s")
+    )
     quarter = ignition_s + 0.25 * (burnout_s - ignition_s)
     runs = [
         evidence_of(np.array([quarter]), [1], impact_regions=[reported])
         for reported in (regions_at(20.0), (), regions_at(9.0))
     ]
     phase = scorecard(runs).figures["stereo"]["impact_by_phase"][0]
-    assert (phase["targets"], phase["targets_without_impact"], phase["predicted_without_impact"]) == (0, 3, 2)
+    assert (
+        phase["targets"],
+        phase["targets_without_impact"],
+        phase["predicted_without_impact"],
+    ) == (0, 3, 2)
     assert all(np.isnan(region["value"]) for region in phase["regions"])
     assert "2 of 3" in scorecard_text({"mine": scorecard(runs)})
 
 
 def with_condition(regions, condition, probability, effective_samples=500.0):
     return tuple(
-        evolve(each, condition=condition, probability=probability, effective_samples=effective_samples)
+        evolve(
+            each, condition=condition, probability=probability, effective_samples=effective_samples
+        )
         for each in regions
     )
 
 
 def test_regions_are_scored_under_the_condition_that_is_true():
-    # Regions for a burn that is over miss by 100 km; those for one that goes on hold the impact, with 90 and 95 %.
+    # Regions for a burn that is over miss by 100 km; those for one that goes on hold the impact,
+    # with 90 and 95 %.
     over = with_condition(regions_at(20.0, 100e3), "burn over", 0.7)
     on = with_condition(regions_at(20.0), "relights", 0.3, 40.0)
     before = burn_s()[1] - 10.0
     after = burn_s()[1] + 10.0
     reported = [(*over, *on), (*over, *on), regions_at(20.0)]
-    evidence = evidence_of(np.array([before, after, after + 1.0]), [0, 0, 0], impact_regions=reported)
+    evidence = evidence_of(
+        np.array([before, after, after + 1.0]), [0, 0, 0], impact_regions=reported
+    )
     scores = impact_scores(evidence, ownership(evidence))
     assert scores.contained.tolist() == [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
     assert scores.contained_given.tolist() == [[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
@@ -241,7 +263,8 @@ def test_regions_are_scored_under_the_condition_that_is_true():
 
 
 def test_the_energy_of_regions_is_that_of_the_area_they_state():
-    # Uniform over a disc about the truth: 2/3 R from its centre, 128 R / 45 pi between two points of it.
+    # Uniform over a disc about the truth: 2/3 R from its centre, 128 R / 45 pi between two points
+    # of it.
     radius_m = 50e3
     whole = disc(beyond(0.0), radius_m, 0.95, 0.0)
     parts = tuple(disc(beyond(0.0), radius_m * np.sqrt(share), share, 0.0) for share in (0.5, 0.9))
@@ -267,14 +290,22 @@ def test_the_energy_of_an_area_across_the_pole_and_with_a_hole_is_that_of_a_ring
     angle = rng.uniform(0.0, 2.0 * np.pi, 1500)
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
     apart = np.linalg.norm(points[:, None] - points, axis=2)
-    assert region_energy_m((ring,), place) == pytest.approx(radius.mean() - 0.5 * apart.mean(), rel=0.03)
+    assert region_energy_m((ring,), place) == pytest.approx(
+        radius.mean() - 0.5 * apart.mean(), rel=0.03
+    )
 
 
 @pytest.mark.slow
 def test_cards_show_the_phases_of_all_trackers_side_by_side():
     ticks = np.arange(15.0, burn_s()[1] + 40.0, 1.0)
     one, other = (
-        scorecard([evidence_of(ticks, 0 * ticks, impact_regions=[regions_at(tick, offset) for tick in ticks])])
+        scorecard(
+            [
+                evidence_of(
+                    ticks, 0 * ticks, impact_regions=[regions_at(tick, offset) for tick in ticks]
+                )
+            ]
+        )
         for offset in (20e3, 70e3)
     )
     text = scorecard_text({"near": one, "far": other})
@@ -291,7 +322,10 @@ def test_a_target_of_unknown_impact_is_not_scored(tmp_path):
     path = tmp_path / "table.csv"
     rows = [f"{t},{-5.6e6 - 2e3 * t},-2.6e6,{2.9e6 + 1e3 * t}" for t in range(60)]
     path.write_text("\n".join(["time_s,x_ecef_m,y_ecef_m,z_ecef_m", *rows]), encoding="utf-8")
-    scene = {**SCENE, "targets": [{"id": "T", "model": "table", "type": "IRBM", "file": str(path)}, ORBITS]}
+    scene = {
+        **SCENE,
+        "targets": [{"id": "T", "model": "table", "type": "IRBM", "file": str(path)}, ORBITS],
+    }
     reported = evidence_of(np.array([20.0, 20.0]), [0, 1], impact_regions=[regions_at(20.0)] * 2)
     evidence = evolve(reported, plan=compile_plan(scene_from_mapping(scene)))
     assert impact_scores(evidence, ownership(evidence)).target.tolist() == [1]

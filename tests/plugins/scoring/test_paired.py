@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import ScoreSettings, comparison_text, evidence_of_run, paired_figures, scorecard_of, scored_run
+from opir_scoring import (
+    ScoreSettings,
+    comparison_text,
+    evidence_of_run,
+    paired_figures,
+    scorecard_of,
+    scored_run,
+)
 from opir_scoring.evidence import true_states_ecef
 from scipy.stats import ttest_rel
 from scored_scene import SCENE
@@ -18,15 +25,21 @@ LATE_S = 50.0
 
 @pytest.fixture(scope="module")
 def seen():
-    """Return the evidence of a run whose one launch, at 10 s, burns on to the end at 90 s, and its true states."""
+    """Return the evidence of a run whose one launch, at 10 s, burns on to the end at 90 s, and its
+    true states.
+    """
     plan = compile_plan(scene_from_mapping(SCENE))
     run = run_of_plan(plan)
     evidence = evidence_of_run(run, plan)
-    return evidence, true_states_ecef(plan, np.zeros(len(run.tracks), dtype=np.int32), run.tracks.tick_s)
+    return evidence, true_states_ecef(
+        plan, np.zeros(len(run.tracks), dtype=np.int32), run.tracks.tick_s
+    )
 
 
 def estimating(seen, errors_m, from_s=0.0):
-    """Return the scored runs of a tracker of points, m off, as many as there are errors (before `LATE_S`, later)."""
+    """Return the scored runs of a tracker of points, m off, as many as there are errors (before
+    `LATE_S`, later).
+    """
     evidence, true = seen
     runs = []
     for number, (early_m, later_m) in enumerate(errors_m):
@@ -52,16 +65,26 @@ def test_a_late_start_wins_nothing(seen):
     table = found["states"]["position_energy_m"]
     assert found["best"] == "early"
     assert found["certain"] == ["late"]
-    assert table["errors"] == pytest.approx({"early": 305.0, "late": np.mean([400.0, 415.0, 395.0])})
+    assert table["errors"] == pytest.approx(
+        {"early": 305.0, "late": np.mean([400.0, 415.0, 395.0])}
+    )
     # As many ticks in each run: the jackknife is Student's paired test of the means of runs.
     expected = ttest_rel([400.0, 415.0, 395.0], [300.0, 310.0, 305.0]).confidence_interval()
-    assert table["differences"]["late"]["interval_95"] == pytest.approx([expected.low, expected.high])
+    assert table["differences"]["late"]["interval_95"] == pytest.approx(
+        [expected.low, expected.high]
+    )
     cards = {name: scorecard_of(own, SETTINGS) for name, own in runs.items()}
     assert "Best on the" in comparison_text(found, cards)
     # Each by itself says the opposite, so coverage is beside.
-    early_m, late_m = (np.concatenate([run.states.position_energy_m for run in own]).mean() for own in runs.values())
+    early_m, late_m = (
+        np.concatenate([run.states.position_energy_m for run in own]).mean()
+        for own in runs.values()
+    )
     assert late_m < early_m
-    assert cards["late"].figures["completeness"]["value"] < cards["early"].figures["completeness"]["value"]
+    assert (
+        cards["late"].figures["completeness"]["value"]
+        < cards["early"].figures["completeness"]["value"]
+    )
 
 
 def test_the_better_of_few_ticks_is_named_with_its_coverage(seen):

@@ -1,4 +1,6 @@
-"""Runs are scored from memory and from files alike, compared, and refused where there is nothing to judge."""
+"""Runs are scored from memory and from files alike, compared, and refused where there is nothing to
+judge.
+"""
 
 import json
 import pickle
@@ -49,7 +51,9 @@ def test_a_track_belongs_to_the_target_of_most_of_its_detections():
 @pytest.mark.slow
 def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
-    scene.write_text(json.dumps({**SCENE, "outputs": [{"jsonl": {"path": str(tmp_path / "events.jsonl")}}]}))
+    scene.write_text(
+        json.dumps({**SCENE, "outputs": [{"jsonl": {"path": str(tmp_path / "events.jsonl")}}]})
+    )
     assert main(["run", str(scene), "--quiet"]) == 0
     plan = compile_plan(scene_from_mapping(SCENE))
     here = scorecard([evidence_of_run(run_of_plan(plan), plan)]).as_plain()
@@ -90,7 +94,9 @@ def test_tracks_of_burnt_out_launches_are_not_false():
         "launch": {"lat_deg": 36.0, "lon_deg": -115.0, "time_s": 2.0},
         "aim": {"lat_deg": 38.0, "lon_deg": -114.0},
     }
-    plan = compile_plan(scene_from_mapping({**SCENE, "duration_s": 80.0, "targets": [*SCENE["targets"], srbm]}))
+    plan = compile_plan(
+        scene_from_mapping({**SCENE, "duration_s": 80.0, "targets": [*SCENE["targets"], srbm]})
+    )
     run = run_of_plan(plan)
     assert plan.targets.burnout_s[1] < 75.0
     assert np.count_nonzero(run.tracks.tick_s > 75.0) > 5
@@ -109,16 +115,28 @@ def test_an_error_crosses_processes_whole():
     ("words", "message"),
     [
         (["score", "nothing.jsonl"], "there is no manifest file"),
-        (["score", "nothing.jsonl", "--bin-s", "0.009"], "--bin-s: must be at least 0.01 and finite"),
+        (
+            ["score", "nothing.jsonl", "--bin-s", "0.009"],
+            "--bin-s: must be at least 0.01 and finite",
+        ),
         (["score", "nothing.jsonl", "--bin-s", "inf"], "--bin-s: must be at least 0.01 and finite"),
         (["score", "nothing.jsonl", "--cutoff-m", "0"], "--cutoff-m: must be positive and finite"),
-        (["score", "nothing.jsonl", "--cutoff-m", "inf"], "--cutoff-m: must be positive and finite"),
+        (
+            ["score", "nothing.jsonl", "--cutoff-m", "inf"],
+            "--cutoff-m: must be positive and finite",
+        ),
         (["score", "nothing.jsonl", "--order", "0.9"], "--order: must be at least 1 and finite"),
         (["score", "nothing.jsonl", "--order", "inf"], "--order: must be at least 1 and finite"),
-        (["score", "nothing.jsonl", "--order", "80"], "--order: too large: the cut-off to this power overflows"),
+        (
+            ["score", "nothing.jsonl", "--order", "80"],
+            "--order: too large: the cut-off to this power overflows",
+        ),
         (["score", "nothing.jsonl", "--alpha", "0"], "--alpha: must be in (0, 2]"),
         (["score", "nothing.jsonl", "--alpha", "2.1"], "--alpha: must be in (0, 2]"),
-        (["score", "nothing.jsonl", "--bin-s", "0.01", "--order", "1", "--alpha", "2"], "there is no manifest file"),
+        (
+            ["score", "nothing.jsonl", "--bin-s", "0.01", "--order", "1", "--alpha", "2"],
+            "there is no manifest file",
+        ),
     ],
 )
 def test_what_cannot_be_judged_is_reported(tmp_path, capsys, monkeypatch, words, message):
@@ -130,11 +148,16 @@ def test_what_cannot_be_judged_is_reported(tmp_path, capsys, monkeypatch, words,
 
 def test_radii_of_ellipses_are_kept_in_the_tracks_file_and_may_be_missing(tmp_path):
     reported = stub_estimates(
-        2, impact=0.5, impact_sigmas=[[0.8, 1.9, 2.6], [np.nan] * 3], state_sigmas=[[np.nan] * 3, [1.0, 3.0, 4.0]]
+        2,
+        impact=0.5,
+        impact_sigmas=[[0.8, 1.9, 2.6], [np.nan] * 3],
+        state_sigmas=[[np.nan] * 3, [1.0, 3.0, 4.0]],
     )
     with TracksFile(tmp_path / "tracks.jsonl") as file:
         file.write(reported)
-    assert np.array_equal(read_tracks(tmp_path / "tracks.jsonl").impact_sigmas, reported.impact_sigmas, equal_nan=True)
+    assert np.array_equal(
+        read_tracks(tmp_path / "tracks.jsonl").impact_sigmas, reported.impact_sigmas, equal_nan=True
+    )
     rows = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
     for row in rows:
         del row["impact"]["ellipse_sigmas"]

@@ -39,7 +39,9 @@ def test_nees_is_the_squared_length_of_whitened_errors():
 
 
 def test_nees_of_the_unknown_is_nan_and_of_a_false_covariance_inf():
-    covariance = np.stack([np.eye(2), np.full((2, 2), np.nan), -np.eye(2), np.ones((2, 2)) * 2.0 - np.eye(2)])
+    covariance = np.stack(
+        [np.eye(2), np.full((2, 2), np.nan), -np.eye(2), np.ones((2, 2)) * 2.0 - np.eye(2)]
+    )
     value = nees(np.ones((4, 2)), covariance)
     assert value[0] == pytest.approx(2.0)
     assert np.isnan(value[1])
@@ -67,7 +69,8 @@ def test_containment_of_honest_ellipses_is_nominal():
 
 
 def test_a_proportions_interval_is_wilsons():
-    # Brown, Cai and DasGupta, Statistical Science 16 (2001): no interval beyond [0, 1], none of length 0 at 0 of n.
+    # Brown, Cai and DasGupta, Statistical Science 16 (2001): no interval beyond [0, 1], none of
+    # length 0 at 0 of n.
     assert proportion(0, 10) == pytest.approx((0.0, 0.0, 0.27753), abs=1e-5)
     assert proportion(10, 10)[2] == pytest.approx(1.0)
     assert np.isnan(proportion(0, 0)).all()
@@ -86,10 +89,14 @@ def test_the_scale_of_radii_rises_and_leaves_alone_what_tells_none():
     scaled = on_normal_scale(values, np.tile([0.8, 1.9, 2.6], (303, 1)))
     assert np.all(np.diff(scaled[:302]) > 0.0)
     assert np.isnan(scaled[302])
-    assert np.array_equal(on_normal_scale(values, np.full((303, 3), np.nan)), values, equal_nan=True)
+    assert np.array_equal(
+        on_normal_scale(values, np.full((303, 3), np.nan)), values, equal_nan=True
+    )
     for freedom in (2, 6):
         usual = np.tile(np.sqrt(chi2.ppf([0.5, 0.9, 0.95], freedom)), (303, 1))
-        assert on_normal_scale(values, usual, freedom) == pytest.approx(values, rel=1e-12, nan_ok=True)
+        assert on_normal_scale(values, usual, freedom) == pytest.approx(
+            values, rel=1e-12, nan_ok=True
+        )
 
 
 def test_errors_that_depend_on_each_other_widen_the_interval():
@@ -118,7 +125,9 @@ def judged_innovations(scale):
     sigma = np.array([400.0] * 3 + [5.0] * 3)
     state = true_states_ecef(plan, np.zeros(len(reported), dtype=np.int32), reported.tick_s)
     state = state + scale * sigma * rng.normal(size=state.shape)
-    reported = evolve(reported, state=state, state_covariance=np.tile(np.diag(sigma**2), (len(reported), 1, 1)))
+    reported = evolve(
+        reported, state=state, state_covariance=np.tile(np.diag(sigma**2), (len(reported), 1, 1))
+    )
     evidence = evolve(evidence, tracks=reported)
     return innovations(evidence, ownership(evidence))
 
@@ -134,8 +143,12 @@ def test_innovations_of_an_honest_tracker_are_chi_squared():
 
 
 def test_the_true_velocity_at_burnout_is_that_of_the_burnout() -> None:
-    """Where thrust is greatest, and the truth ends: half a step of a plain difference would be off by 9 m/s there."""
-    plan = opir.compile_plan(opir.load_scene("examples/pacific_test_range.yaml", overrides=["outputs=[]"]))
+    """Where thrust is greatest, and the truth ends: half a step of a plain difference would be off
+    by 9 m/s there.
+    """
+    plan = opir.compile_plan(
+        opir.load_scene("examples/pacific_test_range.yaml", overrides=["outputs=[]"])
+    )
     everyone = np.arange(3, dtype=np.int32)
     states = true_states_ecef(plan, everyone, plan.targets.burnout_s[everyone])
     reported = [each["burnout"]["velocity_ecef_m_s"] for each in plan.targets.truth()]
@@ -163,7 +176,9 @@ def test_errors_on_the_ground_are_as_long_as_the_way_over_it():
     length = 6378137.0 * place[:, 1]
     assert error[:, 0] == pytest.approx(-length, rel=1e-6)
     assert error[:, 1] == pytest.approx(0.0, abs=0.01)
-    north = ground_error(point, np.array([[np.pi / 2, 0.0, 0.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]))
+    north = ground_error(
+        point, np.array([[np.pi / 2, 0.0, 0.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])
+    )
     # The quarter of the meridian of WGS 84.
     assert north[0] == pytest.approx([0.0, -10001965.729], abs=0.01)
     assert north[1].tolist() == [0.0, 0.0]
@@ -179,6 +194,8 @@ def test_intervals_of_few_tracks_hold_the_truth_as_often_as_they_say(clusters):
     for _ in range(trials):
         size = np.linalg.norm(rng.normal(size=(clusters, 3)), axis=1)
         ticks = rng.integers(3, 8, clusters)
-        _, low, high = root_mean_square(np.repeat(size, ticks), np.repeat(np.arange(clusters), ticks))
+        _, low, high = root_mean_square(
+            np.repeat(size, ticks), np.repeat(np.arange(clusters), ticks)
+        )
         held += low <= np.sqrt(3.0) <= high
     assert 0.92 < held / trials < 0.98

@@ -14,7 +14,9 @@ from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state
 
 def state(ndim, seed=1):
     rng = np.random.default_rng(seed)
-    mean = np.concatenate([[-2.7e6, -4.6e6, 3.7e6], rng.normal(size=3) * 2e3, rng.normal(size=6) * 10.0])[:ndim]
+    mean = np.concatenate(
+        [[-2.7e6, -4.6e6, 3.7e6], rng.normal(size=3) * 2e3, rng.normal(size=6) * 10.0]
+    )[:ndim]
     return mean, np.repeat([1e3, 1e2, 10.0, 1.0], 3)[:ndim]
 
 
@@ -22,7 +24,10 @@ def differences(function, mean, step):
     """Return the Jacobian by central differences."""
     columns = []
     for row, size in enumerate(step):
-        ends = [function(State(StateVector(mean + sign * size * np.eye(len(mean))[row]))) for sign in (1.0, -1.0)]
+        ends = [
+            function(State(StateVector(mean + sign * size * np.eye(len(mean))[row])))
+            for sign in (1.0, -1.0)
+        ]
         columns.append((np.array(ends[0], float) - np.array(ends[1], float))[:, 0] / (2.0 * size))
     return np.stack(columns, axis=1)
 
@@ -31,7 +36,9 @@ def differences(function, mean, step):
 def test_two_body_motion_is_the_propagation_of_keplers_arcs(step_s):
     mean, _ = state(6)
     model = EarthFixedTransition(ndim_state=6, noise=0.0)
-    found = np.array(model.function(State(StateVector(mean)), time_interval=timedelta(seconds=step_s)), float)[:, 0]
+    found = np.array(
+        model.function(State(StateVector(mean)), time_interval=timedelta(seconds=step_s)), float
+    )[:, 0]
     start = ecef_to_eci_state(mean[None, :3], mean[None, 3:], np.zeros(1))
     end = eci_to_ecef_state(*propagate_kepler(*start, np.array([step_s])), np.array([step_s]))
     np.testing.assert_allclose(found[:3], end[0][0], rtol=0.0, atol=2e-3)
@@ -45,15 +52,20 @@ def test_slopes_of_the_motion_are_those_of_differences(ndim):
     model = EarthFixedTransition(ndim_state=ndim, noise=1.0, forces="kepler")
     interval = timedelta(seconds=2.0)
     expected = differences(lambda at: model.function(at, time_interval=interval), mean, step)
-    np.testing.assert_allclose(model.jacobian(State(StateVector(mean)), time_interval=interval), expected, atol=1e-6)
+    np.testing.assert_allclose(
+        model.jacobian(State(StateVector(mean)), time_interval=interval), expected, atol=1e-6
+    )
 
 
 def test_noise_is_that_of_an_integrated_random_walk():
-    """A chain of integrators: variances q h⁵/20, q h³/3 and q h of position, velocity and force; rotation changes none.
+    """A chain of integrators: variances q h⁵/20, q h³/3 and q h of position, velocity and force;
+    rotation changes none.
 
     What the Earth's turning moves from position to velocity is 7e-5 of it.
     """
-    spread = np.array(EarthFixedTransition(noise=3.0).covar(time_interval=timedelta(seconds=2.0)), float)
+    spread = np.array(
+        EarthFixedTransition(noise=3.0).covar(time_interval=timedelta(seconds=2.0)), float
+    )
     expected = 9.0 * np.repeat([2.0**5 / 20.0, 2.0**3 / 3.0, 2.0], 3)
     np.testing.assert_allclose(np.diag(spread), expected, rtol=1e-3)
     np.testing.assert_allclose(spread, spread.T, rtol=1e-12)

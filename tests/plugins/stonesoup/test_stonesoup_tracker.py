@@ -1,4 +1,6 @@
-"""The plugin `opir-stonesoup`: what it sees, against the engine, its reader against runs, its tracker in scenes."""
+"""The plugin `opir-stonesoup`: what it sees, against the engine, its reader against runs, its
+tracker in scenes.
+"""
 
 import json
 import subprocess
@@ -34,17 +36,29 @@ from opir_core.planning.plan import compile_plan
 from opir_core.simulation.run import plan_windows, run_of_plan
 
 SCENE = "examples/first_light.yaml"
-SENSORS = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0, scan_period_ms: 1000, scan_phase: aligned}, {model: SBIRS-GEO, id: B, orbital_slot_deg: -100.0, scan_period_ms: 500, scan_phase: aligned}]"  # noqa: E501
+SENSORS = (
+    "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0, scan_period_ms: 1000, scan_phase:"
+    " aligned}, {model: SBIRS-GEO, id: B, orbital_slot_deg: -100.0, scan_period_ms: 500,"
+    " scan_phase: aligned}]"
+)
 ALONE = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0}]"
-LAUNCHES = "targets=[{id: T1, type: ICBM, launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 5.0}, aim: {lat_deg: 9.0, lon_deg: 167.7}}, {id: T2, type: IRBM, launch: {lat_deg: 35.6, lon_deg: -121.2, time_s: 8.0}, aim: {lat_deg: 20.0, lon_deg: -150.0}}]"  # noqa: E501
+LAUNCHES = (
+    "targets=[{id: T1, type: ICBM, launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 5.0}, aim:"
+    " {lat_deg: 9.0, lon_deg: 167.7}}, {id: T2, type: IRBM, launch: {lat_deg: 35.6, lon_deg:"
+    " -121.2, time_s: 8.0}, aim: {lat_deg: 20.0, lon_deg: -150.0}}]"
+)
 
 
 def plan_of(*overrides):
-    return compile_plan(opir.load_scene(SCENE, overrides=["outputs=[]", "duration_s=60", SENSORS, *overrides]))
+    return compile_plan(
+        opir.load_scene(SCENE, overrides=["outputs=[]", "duration_s=60", SENSORS, *overrides])
+    )
 
 
 def test_true_states_are_seen_where_the_engine_sees_them():
-    """The state at the look, light time undone by its velocity; half the acceleration times its square is left."""
+    """The state at the look, light time undone by its velocity; half the acceleration times its
+    square is left.
+    """
     plan = plan_of()
     run = run_of_plan(plan)
     target = run.truth.target
@@ -84,7 +98,9 @@ def test_a_reader_of_a_run_of_windows_and_of_events_are_one(tmp_path):
     plan = plan_of(LAUNCHES)
     windows = list(plan_windows(plan, 7.0))
     run = run_of_plan(plan_of(LAUNCHES))
-    words = [word for override in ("duration_s=60", SENSORS, LAUNCHES) for word in ("--set", override)]
+    words = [
+        word for override in ("duration_s=60", SENSORS, LAUNCHES) for word in ("--set", override)
+    ]
     assert main(["run", SCENE, "--quiet", "--out", str(path), *words]) == 0
     readers = [
         OpirDetectionReader.of_run(run),
@@ -101,9 +117,14 @@ def test_a_reader_of_a_run_of_windows_and_of_events_are_one(tmp_path):
                 assert one.metadata["detection_id"] == two.metadata["detection_id"]
                 assert one.metadata["sensor_id"] == two.metadata["sensor_id"]
                 np.testing.assert_allclose(
-                    np.array(one.state_vector, float), np.array(two.state_vector, float), rtol=0.0, atol=5e-11
+                    np.array(one.state_vector, float),
+                    np.array(two.state_vector, float),
+                    rtol=0.0,
+                    atol=5e-11,
                 )
-                np.testing.assert_allclose(one.measurement_model.covar(), two.measurement_model.covar(), rtol=1e-6)
+                np.testing.assert_allclose(
+                    one.measurement_model.covar(), two.measurement_model.covar(), rtol=1e-6
+                )
 
 
 def test_what_is_no_event_is_reported_with_its_line(tmp_path):
@@ -119,11 +140,21 @@ def test_what_is_no_event_is_reported_with_its_line(tmp_path):
     ("key", "value", "words"),
     [
         ("line_of_sight_sigma_urad", -5.0, "line_of_sight_sigma_urad is -5.0, not above 0"),
-        ("sensor_position_ecef_m", [0.0, 0.0, 0.0], "sensor_position_ecef_m is the centre of the Earth"),
-        ("timestamp", "2026-04-01T12:00:10+01:00", "timestamp '2026-04-01T12:00:10+01:00' is not UTC with a Z"),
+        (
+            "sensor_position_ecef_m",
+            [0.0, 0.0, 0.0],
+            "sensor_position_ecef_m is the centre of the Earth",
+        ),
+        (
+            "timestamp",
+            "2026-04-01T12:00:10+01:00",
+            "timestamp '2026-04-01T12:00:10+01:00' is not UTC with a Z",
+        ),
     ],
 )
-def test_an_event_that_gives_no_line_of_sight_is_reported_with_its_line(tmp_path, key, value, words):
+def test_an_event_that_gives_no_line_of_sight_is_reported_with_its_line(
+    tmp_path, key, value, words
+):
     path = tmp_path / "events.jsonl"
     assert main(["run", SCENE, "--quiet", "--out", str(path), "--set", "duration_s=30"]) == 0
     first, second = path.read_text().splitlines()[:2]
@@ -143,15 +174,24 @@ def test_of_a_particle_filter_the_mean_is_reported():
     begun = datetime(1970, 1, 1) + timedelta(microseconds=plan.scene.epoch_us)
     weight = rng.uniform(size=200)
     seen = ParticleStateUpdate(
-        cloud, hypothesis=SingleHypothesis(None, None), weight=weight / weight.sum(), timestamp=begun
+        cloud,
+        hypothesis=SingleHypothesis(None, None),
+        weight=weight / weight.sum(),
+        timestamp=begun,
     )
-    inner = MultiTargetTracker(initiator=None, deleter=None, detector=None, data_associator=None, updater=None)
+    inner = MultiTargetTracker(
+        initiator=None, deleter=None, detector=None, data_associator=None, updater=None
+    )
     inner._tracks.add(Track([seen]))
     context = TrackerContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, duration_s=60.0)
     predictor = ParticlePredictor(EarthFixedTransition(noise=0.0))
     reported = StoneSoupTracker(inner, predictor, context).step(0.0, Detections.empty())
-    assert reported.state[0] == pytest.approx(np.average(np.array(cloud, float), axis=1, weights=weight)[:6], rel=1e-9)
-    assert reported.state_covariance[0] == pytest.approx(np.cov(np.array(cloud, float)[:6], aweights=weight, ddof=0))
+    assert reported.state[0] == pytest.approx(
+        np.average(np.array(cloud, float), axis=1, weights=weight)[:6], rel=1e-9
+    )
+    assert reported.state_covariance[0] == pytest.approx(
+        np.cov(np.array(cloud, float)[:6], aweights=weight, ddof=0)
+    )
 
 
 @pytest.mark.slow
@@ -164,7 +204,9 @@ def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_fil
     for time, found in OpirDetectionReader.of_run(run):
         for detection in found:
             if now is None:
-                place = intersection_with_ellipsoid(run.detections.sensor_ecef_m[:1], first, FIRST_HEIGHT_M)[0]
+                place = intersection_with_ellipsoid(
+                    run.detections.sensor_ecef_m[:1], first, FIRST_HEIGHT_M
+                )[0]
                 ahead = GaussianStatePrediction(*ground_prior(place, 9), timestamp=time)
             else:
                 ahead = predictor.predict(now, timestamp=time)
@@ -175,7 +217,9 @@ def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_fil
     assert run.tracks.tick_s[-1] == 60.0
     assert run.tracks.hypothesis_probability.shape == (len(run.tracks), 0)
     sigma = np.sqrt(np.diag(np.array(end.covar, float)))[:6]
-    assert np.all(np.abs(run.tracks.state[-1] - np.array(end.state_vector, float)[:6, 0]) < 1e-6 * sigma)
+    assert np.all(
+        np.abs(run.tracks.state[-1] - np.array(end.state_vector, float)[:6, 0]) < 1e-6 * sigma
+    )
     np.testing.assert_allclose(
         run.tracks.state_covariance[-1] / np.outer(sigma, sigma),
         np.array(end.covar, float)[:6, :6] / np.outer(sigma, sigma),
@@ -200,7 +244,10 @@ def test_two_launches_are_two_tracks_that_know_how_wrong_they_are(tracker):
     last = np.flatnonzero(tracks.tick_s == 45.0)
     owners = []
     for row in last.tolist():
-        error = plan.targets.position_ecef_m(np.arange(2, dtype=np.int32), np.full(2, 45.0)) - tracks.state[row, :3]
+        error = (
+            plan.targets.position_ecef_m(np.arange(2, dtype=np.int32), np.full(2, 45.0))
+            - tracks.state[row, :3]
+        )
         spread = tracks.state_covariance[row, :3, :3]
         distance = (error * np.linalg.solve(spread, error.T).T).sum(axis=1)
         owners.append(int(distance.argmin()))
@@ -209,11 +256,15 @@ def test_two_launches_are_two_tracks_that_know_how_wrong_they_are(tracker):
     assert sorted(owners) == [0, 1]
     reported = run.detections.track >= 0
     assert reported.mean() > 0.8
-    assert np.array_equal(np.array(owners)[run.detections.track[reported]], run.truth.target[reported])
+    assert np.array_equal(
+        np.array(owners)[run.detections.track[reported]], run.truth.target[reported]
+    )
 
 
 def test_a_target_that_goes_on_being_seen_keeps_its_track_however_far_away_it_may_be():
-    """One sensor leaves it open along its lines of sight; a second track would take it to be near the ground."""
+    """One sensor leaves it open along its lines of sight; a second track would take it to be near
+    the ground.
+    """
     plan = plan_of("tracker={model: stonesoup, lost_sigma_m: 8000}", ALONE, "duration_s=45")
     run = run_of_plan(plan)
     sigma_m = np.sqrt(np.trace(run.tracks.state_covariance[-1, :3, :3]))
@@ -222,7 +273,9 @@ def test_a_target_that_goes_on_being_seen_keeps_its_track_however_far_away_it_ma
     assert np.mean(run.detections.track == 0) > 0.9
 
 
-@pytest.mark.parametrize(("silent_s", "sigma_m", "ends"), [(20, 1e6, False), (40, 1e6, True), (40, 1e5, False)])
+@pytest.mark.parametrize(
+    ("silent_s", "sigma_m", "ends"), [(20, 1e6, False), (40, 1e6, True), (40, 1e5, False)]
+)
 def test_a_track_that_little_is_known_of_ends_when_it_is_no_longer_seen(silent_s, sigma_m, ends):
     start = datetime(2026, 4, 1)
     moment = {"state_vector": np.zeros((6, 1)), "covar": np.eye(6) * sigma_m**2}
@@ -254,6 +307,11 @@ def test_it_is_compared_with_other_trackers():
 
 
 def test_describing_the_tracker_imports_no_stone_soup():
-    code = "import sys; from opir_stonesoup import plugin; list(plugin.opir_trackers()); print(*sys.modules)"
+    code = (
+        "import sys; from opir_stonesoup import plugin; list(plugin.opir_trackers());"
+        " print(*sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"stonesoup", "scipy", "numba"} & {name.partition(".")[0] for name in done.stdout.split()}
+    assert not {"stonesoup", "scipy", "numba"} & {
+        name.partition(".")[0] for name in done.stdout.split()
+    }

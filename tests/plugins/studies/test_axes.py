@@ -45,7 +45,11 @@ def test_values_become_overrides_that_mean_the_same():
     [
         ("sensors[*].scan_period_ms=50,100", "sensors[*].scan_period_ms", [50, 100]),
         ("tracker=imm,kepler-arc", "tracker", ["imm", "kepler-arc"]),
-        ("tracker={model: imm, cadence_s: 2},none", "tracker", [{"model": "imm", "cadence_s": 2}, "none"]),
+        (
+            "tracker={model: imm, cadence_s: 2},none",
+            "tracker",
+            [{"model": "imm", "cadence_s": 2}, "none"],
+        ),
         ("a.b={from: 1, to: 3, step: 1}", "a.b", {"from": 1, "to": 3, "step": 1}),
         ("scene='a, b',\"c\"", "scene", ["a, b", "c"]),
         ("x=[1, 2],[3]", "x", [[1, 2], [3]]),
@@ -64,7 +68,10 @@ def test_values_of_the_command_line(text, path, values):
         ({"from": 1, "to": 2, "step": 0}, "step 0 is not positive"),
         ({"from": 1, "to": 2, "step": 1e-9}, "gives more than 10000 values"),
         ({"from": 1, "to": 2, "count": 1}, "count 1 is not a whole number from 2"),
-        ({"from": 0, "to": 2, "count": 3, "scale": "log"}, "a logarithmic scale needs positive bounds"),
+        (
+            {"from": 0, "to": 2, "count": 3, "scale": "log"},
+            "a logarithmic scale needs positive bounds",
+        ),
         ({"from": 1, "to": 2, "count": 3, "scale": "cubic"}, "scale 'cubic' is not linear or log"),
         ({"uniform": [1, 2]}, "uniform is for design: latin-hypercube"),
         ({"between": [1, 2]}, "{between} says no values; write a list"),
@@ -83,7 +90,10 @@ def test_an_invalid_vary_is_refused(text):
 
 
 def rows(**changes):
-    return [tuple(level.label for level in each.levels) for each in designs_of(Study(scene="x", **changes))]
+    return [
+        tuple(level.label for level in each.levels)
+        for each in designs_of(Study(scene="x", **changes))
+    ]
 
 
 def test_designs_are_all_combinations_the_first_path_slowest():
@@ -94,7 +104,11 @@ def test_designs_are_all_combinations_the_first_path_slowest():
 
 
 def test_a_latin_hypercube_has_one_sample_in_each_part_of_each_axis():
-    vary = {"a": {"uniform": [10.0, 20.0]}, "b": {"uniform": [1.0, 1e4], "scale": "log"}, "c": ["x", "y"]}
+    vary = {
+        "a": {"uniform": [10.0, 20.0]},
+        "b": {"uniform": [1.0, 1e4], "scale": "log"},
+        "c": ["x", "y"],
+    }
     found = rows(vary=vary, design="latin-hypercube", samples=16)
     a, b, c = zip(*found, strict=True)
     assert sorted(((np.array(a) - 10.0) / 10.0 * 16).astype(int).tolist()) == list(range(16))

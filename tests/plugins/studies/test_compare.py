@@ -36,7 +36,9 @@ def test_what_is_wrong_with_the_last_tracker_is_reported_before_the_first_runs(t
         ("{model: imm, x: 1}", SceneError),
     ):
         with pytest.raises(error):
-            compared(str(scene), trackers=["imm", wrong], runs=1, on_run=lambda *run: done.append(run))
+            compared(
+                str(scene), trackers=["imm", wrong], runs=1, on_run=lambda *run: done.append(run)
+            )
     assert not done
     twice = compared(str(scene), trackers=["imm"] * 2, runs=1, on_run=lambda *run: done.append(run))
     assert list(twice.cards) == ["imm"]
@@ -55,21 +57,47 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
     )
     assert "energy score of position: " in reported.splitlines()[2]
     assert len(reported.splitlines()) <= 40
-    for figure in ("E launch point, m", "NEES/6", "coverage, %", "hypotheses: log score", "hypotheses: Brier score"):
+    for figure in (
+        "E launch point, m",
+        "NEES/6",
+        "coverage, %",
+        "hypotheses: log score",
+        "hypotheses: Brier score",
+    ):
         assert figure in reported
-    assert reported.rstrip().splitlines()[-1] == "kepler-arc: impacts by the paper's law, without containment"
+    assert (
+        reported.rstrip().splitlines()[-1]
+        == "kepler-arc: impacts by the paper's law, without containment"
+    )
 
 
 @pytest.mark.slow
 def test_details_are_the_scores_of_each_tracker(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
-    words = ["compare", str(scene), "--runs", "1", "--tracker", "kepler-arc", "--tracker", "imm", "--details"]
+    words = [
+        "compare",
+        str(scene),
+        "--runs",
+        "1",
+        "--tracker",
+        "kepler-arc",
+        "--tracker",
+        "imm",
+        "--details",
+    ]
     assert main(words) == 0
     reported = capsys.readouterr().out
     bins = [line.split()[:2] for line in reported.splitlines() if line.startswith("0-20 ")]
     assert bins[-6:] == [["0-20", "kepler-arc"], ["0-20", "imm"]] * 3
-    for figure in ("/known", "/unknown", "NIS/2", "reported SRBM", "localisation, missed, false", "tracks per launch"):
+    for figure in (
+        "/known",
+        "/unknown",
+        "NIS/2",
+        "reported SRBM",
+        "localisation, missed, false",
+        "tracks per launch",
+    ):
         assert figure in reported
 
 
@@ -79,7 +107,17 @@ def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys)
     reported = []
     path.write_text(json.dumps({**SCENE, "duration_s": 35.0}))
     for workers in ("1", "2"):
-        words = ["compare", str(path), "--tracker", "imm", "--tracker", "kepler-arc", "--runs", "2", "--json"]
+        words = [
+            "compare",
+            str(path),
+            "--tracker",
+            "imm",
+            "--tracker",
+            "kepler-arc",
+            "--runs",
+            "2",
+            "--json",
+        ]
         assert main([*words, "--workers", workers]) == 0
         found = json.loads(capsys.readouterr().out)
         cards = found["trackers"]
@@ -100,7 +138,10 @@ def test_a_process_that_dies_is_reported_in_a_line(tmp_path, capsys, monkeypatch
     (tmp_path / "scene.yaml").write_text(json.dumps(SCENE))
     assert main(["compare", str(tmp_path / "scene.yaml"), "--runs", "2", "--workers", "2"]) == 1
     reported = capsys.readouterr().err
-    assert "a worker process ended before its run was complete, possibly out of memory; use fewer --workers" in reported
+    assert (
+        "a worker process ended before its run was complete, possibly out of memory; use fewer"
+        " --workers" in reported
+    )
     assert "Traceback" not in reported
 
 
@@ -112,7 +153,10 @@ def test_a_process_that_dies_is_reported_in_a_line(tmp_path, capsys, monkeypatch
             ["compare", "SCENE", "--tracker", "none", "--runs", "1"],
             "none makes no tracks to score; name other trackers with --tracker",
         ),
-        (["compare", "SCENE", "--workers", "0"], "--workers: 0 is not a number of processes; give 1 or more"),
+        (
+            ["compare", "SCENE", "--workers", "0"],
+            "--workers: 0 is not a number of processes; give 1 or more",
+        ),
         (["compare", "SCENE", "--alpha", "3"], "--alpha: must be in (0, 2]"),
         (["compare", "SCENE", "--order", "300"], "--order: too large"),
         (["compare", "SCENE", "--bin-s", "inf"], "--bin-s: must be at least 0.01 and finite"),

@@ -25,7 +25,9 @@ def executor():
 
 def test_a_killed_worker_costs_no_result(executor, tmp_path):
     tasks = [(number, str(tmp_path / "killed") if number == 5 else "") for number in range(12)]
-    assert dict(executor.results(doubled_or_killed, tasks)) == {number: 2 * number for number in range(12)}
+    assert dict(executor.results(doubled_or_killed, tasks)) == {
+        number: 2 * number for number in range(12)
+    }
     assert (tmp_path / "killed").exists()
 
 
@@ -38,7 +40,9 @@ def test_a_task_that_kills_every_worker_is_lost(executor):
 
 
 def test_no_scheduler_is_one_message():
-    with pytest.raises(OpirError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1 within 0\.5 s"):
+    with pytest.raises(
+        OpirError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1 within 0\.5 s"
+    ):
         list(DaskExecutor("tcp://127.0.0.1:1", None, 0.5).results(doubled_or_killed, [(1, "")]))
 
 

@@ -28,7 +28,11 @@ class TestFalseEvents(MetricContract):
 
 
 def launch(number, time_s):
-    return {**SCENE["targets"][0], "id": f"T{number}", "launch": {**SCENE["targets"][0]["launch"], "time_s": time_s}}
+    return {
+        **SCENE["targets"][0],
+        "id": f"T{number}",
+        "launch": {**SCENE["targets"][0]["launch"], "time_s": time_s},
+    }
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +44,12 @@ def run():
 def first_latencies(run):
     ignition_s = run.plan.targets.ignition_s
     seen = [run.detections.time_s[run.truth.target == row] for row in range(len(ignition_s))]
-    return np.array([times[0] - start if len(times) else np.nan for times, start in zip(seen, ignition_s, strict=True)])
+    return np.array(
+        [
+            times[0] - start if len(times) else np.nan
+            for times, start in zip(seen, ignition_s, strict=True)
+        ]
+    )
 
 
 def test_latency_is_that_of_the_first_detections(run):

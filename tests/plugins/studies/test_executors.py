@@ -51,15 +51,21 @@ def test_workers_have_one_thread_each_unless_the_user_says_otherwise(monkeypatch
 
 @pytest.mark.slow
 def test_a_killed_worker_costs_no_result(executor, tmp_path):
-    tasks = [(number, str(tmp_path / f"killed-{number}") if number in (2, 11) else "") for number in range(20)]
-    assert dict(executor.results(doubled_or_killed, tasks)) == {number: 2 * number for number in range(20)}
+    tasks = [
+        (number, str(tmp_path / f"killed-{number}") if number in (2, 11) else "")
+        for number in range(20)
+    ]
+    assert dict(executor.results(doubled_or_killed, tasks)) == {
+        number: 2 * number for number in range(20)
+    }
     assert len(list(tmp_path.iterdir())) == 2
 
 
 @pytest.mark.slow
 def test_after_one_death_tasks_still_run_beside_each_other(executor, tmp_path):
     death, one, other = (str(tmp_path / name) for name in ("death", "one", "other"))
-    # More tasks than workers: a pool notices the death of its youngest worker at the next task or result.
+    # More tasks than workers: a pool notices the death of its youngest worker at the next task or
+    # result.
     tasks = [(death, one, other), (death, other, one), (death, one, other)]
     assert dict(executor.results(is_beside, tasks)) == dict.fromkeys(range(3), True)
 
@@ -90,7 +96,9 @@ def test_an_executor_can_be_used_again(executor):
 def test_a_task_that_hangs_is_lost_alone_with_its_reason():
     executor = ProcessesExecutor(2, dead_after_s=1.0)
     found = {}
-    with pytest.raises(LostTasksError, match=r"the tracker 'x': step has not returned for 1\.") as caught:
+    with pytest.raises(
+        LostTasksError, match=r"the tracker 'x': step has not returned for 1\."
+    ) as caught:
         found.update(executor.results(doubled_or_hung, range(8)))
     executor.close()
     assert caught.value.tasks == (3,)

@@ -1,4 +1,6 @@
-"""The search finds planted designs, continues where it was stopped, and says what meets no requirement."""
+"""The search finds planted designs, continues where it was stopped, and says what meets no
+requirement.
+"""
 
 import json
 import sys
@@ -24,7 +26,9 @@ STUDY = Study(
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 4, 6])
 def test_a_planted_design_of_10_000_is_found_in_200_evaluations(seed: int) -> None:
-    """The values of the four settings are coupled, and a third of all designs violate a requirement."""
+    """The values of the four settings are coupled, and a third of all designs violate a
+    requirement.
+    """
     pytest.importorskip("optuna")
     rng = np.random.default_rng(seed)
     best = tuple(rng.integers(2, 8, 4).tolist())
@@ -33,7 +37,9 @@ def test_a_planted_design_of_10_000_is_found_in_200_evaluations(seed: int) -> No
     def outcome(point: tuple[int, ...]) -> Outcome:
         apart = np.subtract(point, best)
         coupled = 1.2 * apart[0] * apart[1] * min(weight[:2])
-        return Outcome(max(0.0, 0.1 * (best[2] - point[2])), float(np.sum(weight * apart**2) + coupled))
+        return Outcome(
+            max(0.0, 0.1 * (best[2] - point[2])), float(np.sum(weight * apart**2) + coupled)
+        )
 
     search = DesignSearch((10,) * 4, (True,) * 4, seed)
     search.run(200, lambda points: [outcome(each) for each in points])
@@ -74,8 +80,25 @@ def test_requirements_come_before_the_objective(tmp_path, capsys) -> None:
     pytest.importorskip("optuna")
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps(SCENE), encoding="utf-8")
-    command = ["optimise", str(scene), "--vary", f"{PERIOD}=100,500,2000", "--runs", "3", "--metric", "latency"]
-    command += ["--executor", "serial", "--objective", "max latency_s", "-o", str(tmp_path / "out"), "--json"]
+    command = [
+        "optimise",
+        str(scene),
+        "--vary",
+        f"{PERIOD}=100,500,2000",
+        "--runs",
+        "3",
+        "--metric",
+        "latency",
+    ]
+    command += [
+        "--executor",
+        "serial",
+        "--objective",
+        "max latency_s",
+        "-o",
+        str(tmp_path / "out"),
+        "--json",
+    ]
     assert main([*command, "--require", "latency_s <= 1"]) == 0
     best = json.loads(capsys.readouterr().out)
     assert best["means"]["latency_s"] <= 1.0
@@ -95,8 +118,18 @@ def test_what_is_no_objective_is_refused(tmp_path) -> None:
 def test_impossible_numbers_are_refused(tmp_path, capsys) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps(SCENE), encoding="utf-8")
-    command = ["optimise", str(scene), "--vary", f"{PERIOD}=100,500", "--objective", "min latency_s"]
-    for flag, words in (("--workers", "is not a number of workers"), ("--evaluations", "is not a number of designs")):
+    command = [
+        "optimise",
+        str(scene),
+        "--vary",
+        f"{PERIOD}=100,500",
+        "--objective",
+        "min latency_s",
+    ]
+    for flag, words in (
+        ("--workers", "is not a number of workers"),
+        ("--evaluations", "is not a number of designs"),
+    ):
         assert main([*command, flag, "-1"]) == 2
         assert f"-1 {words}" in capsys.readouterr().err
 

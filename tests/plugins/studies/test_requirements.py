@@ -1,4 +1,6 @@
-"""Requirements of studies, notes on scenes that end too early, tables of a terminal, and the report of a study."""
+"""Requirements of studies, notes on scenes that end too early, tables of a terminal, and the report
+of a study.
+"""
 
 import json
 
@@ -18,7 +20,10 @@ UNITS = {"latency_s": "s", "detected": ""}
 
 def test_both_signs_are_read() -> None:
     least, most = requirements_of(["detected >= 0.9", "latency_s<=2"], UNITS, "study")
-    assert (least, most) == (FigureRequirement("detected", 0.9, True), FigureRequirement("latency_s", 2.0, False))
+    assert (least, most) == (
+        FigureRequirement("detected", 0.9, True),
+        FigureRequirement("latency_s", 2.0, False),
+    )
     assert least.is_met(np.array([0.9, 0.8, np.nan])).tolist() == [True, False, False]
     assert most.violation(3.0) == pytest.approx(0.5)
     assert str(most) == "latency_s <= 2"
@@ -26,7 +31,11 @@ def test_both_signs_are_read() -> None:
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("latency_s", "is not FIGURE >= VALUE"), ("latency_s >= x", "is not FIGURE"), ("latenci_s >= 1", "'latency_s'")],
+    [
+        ("latency_s", "is not FIGURE >= VALUE"),
+        ("latency_s >= x", "is not FIGURE"),
+        ("latenci_s >= 1", "'latency_s'"),
+    ],
 )
 def test_invalid_requirements_are_refused(text: str, words: str) -> None:
     with pytest.raises(SceneError, match=words):
@@ -79,12 +88,29 @@ def test_a_setting_that_is_answered_value_by_value_varies() -> None:
 @pytest.mark.slow
 def test_a_study_writes_its_report(tmp_path, capsys) -> None:
     (tmp_path / "scene.json").write_text(json.dumps(SCENE), encoding="utf-8")
-    words = {"study": "s", "scene": "scene.json", "vary": {PERIOD: [5000, 50]}, "runs": 3, "metrics": ["latency"]}
-    words |= {"question": "How soon is a launch seen?", "executor": "serial", "requirements": ["latency_s <= 1"]}
+    words = {
+        "study": "s",
+        "scene": "scene.json",
+        "vary": {PERIOD: [5000, 50]},
+        "runs": 3,
+        "metrics": ["latency"],
+    }
+    words |= {
+        "question": "How soon is a launch seen?",
+        "executor": "serial",
+        "requirements": ["latency_s <= 1"],
+    }
     (tmp_path / "study.yaml").write_text(json.dumps(words), encoding="utf-8")
     page = tmp_path / "page.html"
     figures = tmp_path / "figures"
-    command = ["sweep", str(tmp_path / "study.yaml"), "-o", str(tmp_path / "s"), "--report", str(page)]
+    command = [
+        "sweep",
+        str(tmp_path / "study.yaml"),
+        "-o",
+        str(tmp_path / "s"),
+        "--report",
+        str(page),
+    ]
     assert main([*command, "--figures", str(figures)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[2].startswith("latency_s <= 1: met by 1 of 2 designs (50)")

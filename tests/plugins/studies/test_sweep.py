@@ -1,4 +1,6 @@
-"""A study gives the statistics of its runs, continues where it stopped, and does not depend on what ran it."""
+"""A study gives the statistics of its runs, continues where it stopped, and does not depend on what
+ran it.
+"""
 
 import json
 import os
@@ -13,7 +15,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from attrs import evolve
-from opir_studies import Study, StudyError, load_study, read_study, sweep, sweeping as sweeping_module
+from opir_studies import (
+    Study,
+    StudyError,
+    load_study,
+    read_study,
+    sweep,
+    sweeping as sweeping_module,
+)
 from opir_studies.runs import result_of
 from opir_studies.statistics import interval
 from scipy.stats import bootstrap, ttest_1samp
@@ -26,7 +35,13 @@ TABLES = ("results.parquet", "results.csv", "runs.parquet", "study.json")
 
 
 def study(**changes):
-    base = {"scene": SCENE, "study": "s", "vary": {PERIOD: [100, 400]}, "runs": 6, "executor": "serial"}
+    base = {
+        "scene": SCENE,
+        "study": "s",
+        "vary": {PERIOD: [100, 400]},
+        "runs": 6,
+        "executor": "serial",
+    }
     return Study(**{**base, **changes})
 
 
@@ -35,8 +50,12 @@ def tables_of(folder):
 
 
 def test_intervals_are_cut_at_0_and_shares_at_1_but_not_counts(tmp_path):
-    """The whole interval of a mean latency reaches below 0; false tracks are a count, without a bound at 1."""
-    found = sweep(study(metrics=("latency", "tracks"), runs=3, vary={PERIOD: [100, 9000]}), tmp_path)
+    """The whole interval of a mean latency reaches below 0; false tracks are a count, without a
+    bound at 1.
+    """
+    found = sweep(
+        study(metrics=("latency", "tracks"), runs=3, vary={PERIOD: [100, 9000]}), tmp_path
+    )
     assert found.definition["bounds"]["detected"] == [0.0, 1.0]
     assert found.definition["bounds"]["false_tracks"] == [0.0, None]
     wide = [row for row in found.rows("latency_s") if row["low_95"] < 0.0]
@@ -53,7 +72,10 @@ def counted(monkeypatch):
     runs = []
 
     def counting(task):
-        runs.extend((task.scene.sensors[0].model.config.scan_period_ms, number) for number in task.replicates)
+        runs.extend(
+            (task.scene.sensors[0].model.config.scan_period_ms, number)
+            for number in task.replicates
+        )
         return result_of(task)
 
     monkeypatch.setattr(sweeping_module, "result_of", counting)
@@ -69,7 +91,9 @@ def test_a_worker_with_another_version_is_refused(tmp_path, monkeypatch, name):
 
     monkeypatch.setattr(sweeping_module, "result_of", made_elsewhere)
     scene = {**SCENE, "tracker": "kepler-arc"}
-    with pytest.raises(SceneError, match=f"a worker has {name} 0.0.1, and this is .*; install the same on both"):
+    with pytest.raises(
+        SceneError, match=f"a worker has {name} 0.0.1, and this is .*; install the same on both"
+    ):
         sweep(study(runs=1, scene=scene), tmp_path)
 
 
@@ -87,18 +111,27 @@ def test_a_row_of_a_run_is_what_the_run_alone_gives(tmp_path):
 @pytest.mark.slow
 def test_seeds_do_not_depend_on_the_design(tmp_path):
     rows = sweep(study(), tmp_path).runs.to_pylist()
-    assert [row["seed"] for row in rows[:6]] == [row["seed"] for row in rows[6:]] == list(range(100, 106))
+    assert (
+        [row["seed"] for row in rows[:6]]
+        == [row["seed"] for row in rows[6:]]
+        == list(range(100, 106))
+    )
 
 
 @pytest.mark.slow
 def test_statistics_are_those_of_scipy(tmp_path):
     result = sweep(study(runs=12), tmp_path)
     runs = result.runs.to_pylist()
-    first, second = (np.array([row["latency_s"] for row in runs if row["design"] == number]) for number in (0, 1))
+    first, second = (
+        np.array([row["latency_s"] for row in runs if row["design"] == number]) for number in (0, 1)
+    )
     row = result.rows("latency_s")[1]
     low, high = ttest_1samp(second, 0.0).confidence_interval(0.95)
     assert row["mean"] == pytest.approx(second.mean(), rel=1e-12)
-    assert (row["low_95"], row["high_95"]) == (pytest.approx(low, rel=1e-9), pytest.approx(high, rel=1e-9))
+    assert (row["low_95"], row["high_95"]) == (
+        pytest.approx(low, rel=1e-9),
+        pytest.approx(high, rel=1e-9),
+    )
     assert row["sd"] == pytest.approx(np.std(second, ddof=1), rel=1e-12)
     paired = ttest_1samp(second - first, 0.0).confidence_interval(0.95)
     assert row["difference"] == pytest.approx((second - first).mean(), rel=1e-12)
@@ -179,12 +212,25 @@ def test_a_kill_loses_only_the_runs_under_way(tmp_path, kill):
     sweep(study(runs=150), tmp_path / "whole")
     scene = tmp_path / "scene.json"
     scene.write_text(json.dumps(SCENE))
-    words = [sys.executable, "-m", "opir_core", "sweep", str(scene), "--vary", f"{PERIOD}=100,400", "--runs", "150"]
+    words = [
+        sys.executable,
+        "-m",
+        "opir_core",
+        "sweep",
+        str(scene),
+        "--vary",
+        f"{PERIOD}=100,400",
+        "--runs",
+        "150",
+    ]
     command = [*words, "--out", str(tmp_path / "killed"), "--workers", "2", "--quiet"]
     process = subprocess.Popen(command)
     parts = tmp_path / "killed" / "parts"
     until = time.monotonic() + 240.0
-    while len(list(parts.glob("*.parquet")) if parts.exists() else []) < 4 and time.monotonic() < until:
+    while (
+        len(list(parts.glob("*.parquet")) if parts.exists() else []) < 4
+        and time.monotonic() < until
+    ):
         time.sleep(0.01)
     workers = children_of(process.pid)
     assert workers, process.kill()
@@ -200,29 +246,41 @@ def test_a_kill_loses_only_the_runs_under_way(tmp_path, kill):
     else:
         os.kill(workers[-1], signal.SIGKILL)
         assert process.wait(240) == 0
-    assert (tmp_path / "killed" / "runs.parquet").read_bytes() == (tmp_path / "whole" / "runs.parquet").read_bytes()
+    assert (tmp_path / "killed" / "runs.parquet").read_bytes() == (
+        tmp_path / "whole" / "runs.parquet"
+    ).read_bytes()
     # No run is on the disk twice.
-    keys = [key for path in parts.glob("*.parquet") for key in pq.read_table(path)["key"].to_pylist()]
+    keys = [
+        key for path in parts.glob("*.parquet") for key in pq.read_table(path)["key"].to_pylist()
+    ]
     assert len(keys) == len(set(keys)) == 300
 
 
 def children_of(number):
     listed = subprocess.run(
-        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(number)], capture_output=True, text=True, check=False
+        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(number)],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     rows = [line.split(None, 1) for line in listed.stdout.splitlines()]
     return [int(pid) for pid, words in rows if "spawn_main" in words]
 
 
 def is_alive(number):
-    state = subprocess.run(["ps", "-o", "stat=", "-p", str(number)], capture_output=True, text=True, check=False).stdout
+    state = subprocess.run(
+        ["ps", "-o", "stat=", "-p", str(number)], capture_output=True, text=True, check=False
+    ).stdout
     return bool(state.strip()) and not state.startswith("Z")
 
 
 def test_every_design_is_checked_before_the_first_run(tmp_path, counted):
     with pytest.raises(SceneError) as caught:
         sweep(study(vary={PERIOD: [100, -1, 0]}), tmp_path)
-    assert [problem.path for problem in caught.value.problems] == [f"design 1 ({PERIOD}=-1)", f"design 2 ({PERIOD}=0)"]
+    assert [problem.path for problem in caught.value.problems] == [
+        f"design 1 ({PERIOD}=-1)",
+        f"design 2 ({PERIOD}=0)",
+    ]
     assert "sensors[0].scan_period_ms: -1.0 is outside" in caught.value.problems[0].message
     assert not counted
 
@@ -233,14 +291,22 @@ def test_every_design_is_checked_before_the_first_run(tmp_path, counted):
     [
         ({"metrics": ["latenzy"]}, PluginError, "no metric is named 'latenzy'"),
         ({"metrics": [{"detection_by_time": {"times": [1]}}]}, SceneError, "did you mean times_s"),
-        ({"metrics": [{"detection_by_time": {"times_s": [3, 1]}}]}, SceneError, "the times must increase"),
+        (
+            {"metrics": [{"detection_by_time": {"times_s": [3, 1]}}]},
+            SceneError,
+            "the times must increase",
+        ),
         ({"metrics": ["latency", "latency"]}, SceneError, "two metrics give detected"),
         ({"metrics": []}, SceneError, "name one at least"),
         ({"metrics": [3]}, SceneError, "write a name, or {name: settings}"),
         ({"executor": "cluster"}, PluginError, "no executor is named 'cluster'"),
         ({"executor": {"processes": {"workers": 0}}}, SceneError, "workers: 0 is outside"),
         ({"until": "latency_s"}, SceneError, "is not FIGURE:WIDTH"),
-        ({"until": "latency_m:1%"}, SceneError, "no metric of the study gives 'latency_m'; the nearest is 'latency_s'"),
+        (
+            {"until": "latency_m:1%"},
+            SceneError,
+            "no metric of the study gives 'latency_m'; the nearest is 'latency_s'",
+        ),
     ],
 )
 def test_an_invalid_study_is_refused(tmp_path, changes, error, words):
@@ -282,7 +348,9 @@ def test_a_study_stops_when_the_interval_is_narrow(tmp_path, counted):
     # Runs that are there from a longer study change nothing.
     sweep(study(runs=200), tmp_path / "longer")
     shutil.copytree(tmp_path / "longer" / "parts", tmp_path / "again" / "parts")
-    assert sweep(study(runs=200, until="latency_s:0.08"), tmp_path / "again").table.equals(result.table)
+    assert sweep(study(runs=200, until="latency_s:0.08"), tmp_path / "again").table.equals(
+        result.table
+    )
 
 
 def test_a_file_is_read_strictly(tmp_path):

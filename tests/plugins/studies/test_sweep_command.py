@@ -17,7 +17,10 @@ def scene(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_table_has_a_row_per_design(scene, capsys):
-    assert main(["sweep", scene, "--vary", f"{PERIOD}=100,400", "--runs", "5", "--executor", "serial"]) == 0
+    assert (
+        main(["sweep", scene, "--vary", f"{PERIOD}=100,400", "--runs", "5", "--executor", "serial"])
+        == 0
+    )
     printed = capsys.readouterr().out
     assert printed.startswith("short: 2 designs, 10 runs; mean [95 % interval] over runs\n")
     rows = [line.split() for line in printed.splitlines()]
@@ -32,14 +35,28 @@ def test_a_study_file_and_flags(scene, tmp_path, capsys):
         "study: mine\nscene: short.yaml\nruns: 9\nexecutor: serial\n"
         f"vary:\n  '{PERIOD}': {{from: 100, to: 300, step: 100}}\n"
     )
-    flags = ["--runs", "3", "--set", "targets[0].launch.time_s=2", "--metric", "latency", "--out", "there", "--json"]
+    flags = [
+        "--runs",
+        "3",
+        "--set",
+        "targets[0].launch.time_s=2",
+        "--metric",
+        "latency",
+        "--out",
+        "there",
+        "--json",
+    ]
     assert main(["sweep", "study.yaml", *flags]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["study"] == "mine"
     assert [design[PERIOD] for design in found["designs"]] == [100, 200, 300]
     assert {row["figure"] for row in found["results"]} == set(found["figures"])
     assert all(row["runs"] == 3 for row in found["results"])
-    assert (tmp_path / "there" / "results.csv").read_text().startswith(f"design,{PERIOD},figure,unit,runs,")
+    assert (
+        (tmp_path / "there" / "results.csv")
+        .read_text()
+        .startswith(f"design,{PERIOD},figure,unit,runs,")
+    )
 
 
 @pytest.mark.slow

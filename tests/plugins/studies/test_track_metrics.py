@@ -40,7 +40,9 @@ class TestImpactRegion(MetricContract):
 
 @pytest.fixture(scope="module")
 def run():
-    return opir_core.simulate(opir_core.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "cadence_s": 2.0}}))
+    return opir_core.simulate(
+        opir_core.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "cadence_s": 2.0}})
+    )
 
 
 def impact_figures(run, **settings):
@@ -50,10 +52,14 @@ def impact_figures(run, **settings):
 def test_the_launch_error_is_the_geodesic_to_the_true_point(run):
     estimate = run.tracks.launch[-1]
     truth = SCENE["targets"][0]["launch"]
-    _, _, distance_m = Geod(ellps="WGS84").inv(*np.degrees(estimate[1::-1]), truth["lon_deg"], truth["lat_deg"])
+    _, _, distance_m = Geod(ellps="WGS84").inv(
+        *np.degrees(estimate[1::-1]), truth["lon_deg"], truth["lat_deg"]
+    )
     found = LaunchErrorMetric().values(run)
     assert found["launch_error_m"] == pytest.approx(distance_m, rel=1e-3)
-    assert found["launch_time_error_s"] == pytest.approx(abs(estimate[2] - truth["time_s"]), rel=1e-9)
+    assert found["launch_time_error_s"] == pytest.approx(
+        abs(estimate[2] - truth["time_s"]), rel=1e-9
+    )
 
 
 def test_position_errors_are_those_of_the_tracks(run):
@@ -62,7 +68,9 @@ def test_position_errors_are_those_of_the_tracks(run):
     known = (tick_s <= plan.targets.end_s[0]) & np.isfinite(run.tracks.state[:, 0])
     true = plan.targets.position_ecef_m(np.zeros(known.sum(), dtype=np.int32), tick_s[known])
     error_m = np.linalg.norm(run.tracks.state[known, :3] - true, axis=1)
-    assert AccuracyMetric().values(run)["position_rmse_m"] == pytest.approx(np.sqrt(np.mean(error_m**2)), rel=1e-9)
+    assert AccuracyMetric().values(run)["position_rmse_m"] == pytest.approx(
+        np.sqrt(np.mean(error_m**2)), rel=1e-9
+    )
 
 
 def test_one_launch_has_one_track(run):

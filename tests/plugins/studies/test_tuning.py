@@ -1,4 +1,6 @@
-"""`opir tune`: the settings it chooses are coarser for looser errors, and meet the error on scenes it never saw."""
+"""`opir tune`: the settings it chooses are coarser for looser errors, and meet the error on scenes
+it never saw.
+"""
 
 import json
 from collections.abc import Sequence
@@ -26,7 +28,13 @@ from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import Scene
 
 #: With a stated noise: by default the light of the Earth hides plumes from DSP's long waves.
-DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0, "focal_plane": None, "nei_w_m2": 5e-13}
+DSP = {
+    "model": "DSP",
+    "id": "D",
+    "orbital_slot_deg": -135.0,
+    "focal_plane": None,
+    "nei_w_m2": 5e-13,
+}
 AIR = {"detection": "snr", "classification": "none", "atmosphere": "lowtran"}
 LIT = {**SCENE, "duration_s": 60.0, "sensors": [DSP], **AIR}
 #: Another launch, seen by another sensor, at another time of day.
@@ -58,7 +66,9 @@ def written(folder: Path, scene: object) -> Path:
 
 
 def counted(scene: Scene, seeds: Sequence[int], host: Host) -> Answered:
-    """Return answers with a cost that falls with every level, so that no choice depends on the machine."""
+    """Return answers with a cost that falls with every level, so that no choice depends on the
+    machine.
+    """
     found = [answers_of(opir.simulate(evolve(scene, seed=seed), host)) for seed in seeds]
     detection = scene.detection.config
     looks = 20.0 if detection.exact else -np.log10(detection.probability_tolerance)
@@ -75,8 +85,13 @@ def test_only_settings_of_what_a_scene_names_are_turned() -> None:
         return {knob.name for knob in knobs_of(scene_from_mapping({**SCENE, **more}))}
 
     assert names() == {"light time"}
-    assert names(light_time=False, detection="snr") == {"probability tolerance", "launches of the classifier"}
-    assert names(light_time=False, detection="snr", classification="none") == {"probability tolerance"}
+    assert names(light_time=False, detection="snr") == {
+        "probability tolerance",
+        "launches of the classifier",
+    }
+    assert names(light_time=False, detection="snr", classification="none") == {
+        "probability tolerance"
+    }
     assert names(atmosphere="lowtran", light_time=False) == set()  # a model is never left out
     assert "tracker cadence" in names(tracker="kepler-arc")
     assert {"tracker cadence and slice", "impact regions"} <= names(tracker="imm")
@@ -93,7 +108,12 @@ def test_forces_are_left_out_from_the_highest_term_down() -> None:
 
 @pytest.mark.slow
 def test_every_level_is_a_valid_scene() -> None:
-    named = {"forces": ["j2", "j3", "j4", "drag"], "tracker": "imm", "classification": "spectral", "detection": "snr"}
+    named = {
+        "forces": ["j2", "j3", "j4", "drag"],
+        "tracker": "imm",
+        "classification": "spectral",
+        "detection": "snr",
+    }
     plain = {**SCENE, **named, "atmosphere": "lowtran"}
     for knob in knobs_of(scene_from_mapping(plain)):
         seen = [scene_from_mapping(plain, overrides=list(level)) for level in knob.levels]
@@ -107,7 +127,8 @@ def test_a_run_does_not_differ_from_itself_and_a_coarse_one_does() -> None:
     assert set(differences(exact, exact)) == set(MEASURES)
     assert max(map(abs, differences(exact, exact).values())) == 0.0
     late = differences(answers_of(opir.simulate(evolve(scene, light_time=False))), exact)
-    # Light takes 0.12 s: a target that climbs at 100 m/s and turns with the Earth moves some 50 m, 1.4 µrad from orbit.
+    # Light takes 0.12 s: a target that climbs at 100 m/s and turns with the Earth moves some 50 m,
+    # 1.4 µrad from orbit.
     assert 0.1 < late["line_of_sight_urad"] < 20.0
     assert late["p_d"] == 0.0
 
@@ -115,7 +136,9 @@ def test_a_run_does_not_differ_from_itself_and_a_coarse_one_does() -> None:
 def test_an_answer_that_only_one_run_has_is_an_infinite_error() -> None:
     whole = {**SCENE, "duration_s": 48.0}  # until the track is probably a launch
     scene = scene_from_mapping({**whole, "tracker": "kepler-arc"})
-    exact, without = (answers_of(opir.simulate(each)) for each in (scene, scene_from_mapping(whole)))
+    exact, without = (
+        answers_of(opir.simulate(each)) for each in (scene, scene_from_mapping(whole))
+    )
     assert differences(without, exact)["launch_km"] == np.inf
     assert differences(without, exact)["position_km"] == np.inf
 
@@ -123,7 +146,10 @@ def test_an_answer_that_only_one_run_has_is_an_infinite_error() -> None:
 def test_errors_of_runs_are_joined_by_their_kind() -> None:
     none = dict.fromkeys(MEASURES, 0.0)
     joined = over_runs(
-        [{**none, "p_d": 1.0, "impact_km": 3.0, "counts": -0.5}, {**none, "impact_km": 4.0, "counts": 0.5}]
+        [
+            {**none, "p_d": 1.0, "impact_km": 3.0, "counts": -0.5},
+            {**none, "impact_km": 4.0, "counts": 0.5},
+        ]
     )
     assert joined["p_d"] == 1.0
     assert joined["impact_km"] == pytest.approx(np.sqrt(12.5))
@@ -142,10 +168,14 @@ def test_looser_errors_give_coarser_and_cheaper_settings(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_setting_that_does_not_matter_for_the_error_is_loosened_and_one_that_does_is_not(path: Path) -> None:
+def test_a_setting_that_does_not_matter_for_the_error_is_loosened_and_one_that_does_is_not(
+    path: Path,
+) -> None:
     strict = choice(path, line_of_sight_urad=0.1)
     assert "light_time=false" not in strict.overrides
-    assert "detection.probability_tolerance=1.0e-1" in strict.overrides  # it moves lines of sight by 0.01 µrad
+    assert (
+        "detection.probability_tolerance=1.0e-1" in strict.overrides
+    )  # it moves lines of sight by 0.01 µrad
     loose = choice(path, line_of_sight_urad=100.0)
     assert "light_time=false" in loose.overrides
 
@@ -162,7 +192,9 @@ def test_p_d_is_compared_where_nothing_is_detected() -> None:
     sensors = [{**sensor, "nei_w_m2": 3e-12} for sensor in LIT["sensors"]]
     faint = {**LIT, "sensors": sensors}
     lit, dark = (
-        answers_of(opir.simulate(scene_from_mapping({**faint, "atmosphere": air, "detection": model})))
+        answers_of(
+            opir.simulate(scene_from_mapping({**faint, "atmosphere": air, "detection": model}))
+        )
         for air, model in (("clear", "snr"), ("lowtran", {"model": "snr", "exact": True}))
     )
     assert differences(dark, lit)["p_d"] > 0.1
@@ -170,7 +202,9 @@ def test_p_d_is_compared_where_nothing_is_detected() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("bound", [1e-4, 1e-2])
-def test_the_choice_meets_the_error_on_a_scene_that_it_was_not_made_on(path: Path, bound: float) -> None:
+def test_the_choice_meets_the_error_on_a_scene_that_it_was_not_made_on(
+    path: Path, bound: float
+) -> None:
     found = choice(path, p_d=bound)
     knobs = knobs_of(scene_from_mapping(ELSEWHERE))
     exact, chosen = (
@@ -191,19 +225,35 @@ def test_unknown_and_impossible_errors_are_refused(path: Path) -> None:
 
 
 def test_errors_of_what_a_scene_does_not_tell_are_refused(path: Path) -> None:
-    with pytest.raises(SceneError, match=r"--error impact_km: even the most exact run .* tracker is none"):
+    with pytest.raises(
+        SceneError, match=r"--error impact_km: even the most exact run .* tracker is none"
+    ):
         tuned(Tuner(str(path), runs=1, simulate=counted), {"p_d": 0.1, "impact_km": 1.0})
     with pytest.raises(SceneError, match=r"counts: even .* last longer"):
-        tuned(Tuner(str(path), overrides=["duration_s=1.01"], runs=1, simulate=counted), {"counts": 0.1})
+        tuned(
+            Tuner(str(path), overrides=["duration_s=1.01"], runs=1, simulate=counted),
+            {"counts": 0.1},
+        )
 
 
 @pytest.mark.slow
-def test_the_command_prints_overrides_that_run(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_overrides_that_run(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["tune", str(path), "--error", "p_d=1e-2", "--runs", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["meets"]
     assert found["errors"]["p_d"] <= 1e-2
-    assert main(["validate", str(path), *(word for each in found["overrides"] for word in ("--set", each))]) == 0
+    assert (
+        main(
+            [
+                "validate",
+                str(path),
+                *(word for each in found["overrides"] for word in ("--set", each)),
+            ]
+        )
+        == 0
+    )
     capsys.readouterr()
     assert main(["tune", str(path), "--error", "p_d=1e-2", "--runs", "1"]) == 0
     out = capsys.readouterr().out
@@ -211,7 +261,9 @@ def test_the_command_prints_overrides_that_run(path: Path, capsys: pytest.Captur
     assert "processor time" in out
 
 
-@pytest.mark.parametrize(("words", "message"), [("p_d", "has no number"), ("pd=1", "no error is called 'pd'")])
+@pytest.mark.parametrize(
+    ("words", "message"), [("p_d", "has no number"), ("pd=1", "no error is called 'pd'")]
+)
 def test_the_command_refuses_errors_that_it_does_not_know(
     path: Path, words: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -254,7 +306,9 @@ def test_what_was_not_asked_for_is_named_where_it_gets_worse(path: Path) -> None
     assert "not asked for, and larger" in text
     assert "largest error of a measured line of sight" in text
     assert "the scene's own level" in text
-    assert json.loads(as_json(found, {"counts": 0.5}))["not_asked"] == found.not_asked({"counts": 0.5})
+    assert json.loads(as_json(found, {"counts": 0.5}))["not_asked"] == found.not_asked(
+        {"counts": 0.5}
+    )
 
 
 @pytest.mark.slow
@@ -263,4 +317,6 @@ def test_errors_from_the_truth_are_those_of_score() -> None:
     evidence = evidence_of_run(run, run.plan)
     scored = state_errors(evidence, ownership(evidence)).position_m
     assert len(scored) > 10
-    assert answers_of(run).from_truth["position_km"] == pytest.approx(1e-3 * np.sqrt(np.mean(scored**2)), rel=1e-9)
+    assert answers_of(run).from_truth["position_km"] == pytest.approx(
+        1e-3 * np.sqrt(np.mean(scored**2)), rel=1e-9
+    )

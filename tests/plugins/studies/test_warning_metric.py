@@ -1,11 +1,20 @@
-"""Warning times against tracks made by hand, whose answer is known, and against a run taken apart here."""
+"""Warning times against tracks made by hand, whose answer is known, and against a run taken apart
+here.
+"""
 
 from typing import ClassVar
 
 import numpy as np
 import opir_studies.metrics.warning_metric as subject
 import pytest
-from opir_scoring import Ownership, RunEvidence, WarningRequirement, evidence_of_run, ownership, warning_times
+from opir_scoring import (
+    Ownership,
+    RunEvidence,
+    WarningRequirement,
+    evidence_of_run,
+    ownership,
+    warning_times,
+)
 from opir_studies.configs import WarningConfig
 from opir_testing import MetricContract
 from scored_scene import SCENE
@@ -22,7 +31,9 @@ class TestWarningTime(MetricContract):
 
 @pytest.fixture(scope="module")
 def run():
-    return opir_core.simulate(opir_core.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "cadence_s": 2.0}}))
+    return opir_core.simulate(
+        opir_core.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "cadence_s": 2.0}})
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +51,14 @@ def times(evidence, probability=None, **requirement):
     import attrs
 
     found, owners = evidence
-    tracks = found.tracks if probability is None else attrs.evolve(found.tracks, probability_missile=probability)
-    return warning_times(attrs.evolve(found, tracks=tracks), owners, WarningRequirement(**NOTHING | requirement))
+    tracks = (
+        found.tracks
+        if probability is None
+        else attrs.evolve(found.tracks, probability_missile=probability)
+    )
+    return warning_times(
+        attrs.evolve(found, tracks=tracks), owners, WarningRequirement(**NOTHING | requirement)
+    )
 
 
 def test_without_a_requirement_the_first_estimate_warns(run, evidence):
@@ -52,7 +69,9 @@ def test_without_a_requirement_the_first_estimate_warns(run, evidence):
 
 
 def test_what_is_lost_again_is_no_warning(run, evidence):
-    """P(missile) passes the threshold at the 5th estimate, falls once at the 10th and stays from the 11th on."""
+    """P(missile) passes the threshold at the 5th estimate, falls once at the 10th and stays from
+    the 11th on.
+    """
     probability = np.full(len(run.tracks), 0.95)
     probability[:4] = 0.5
     probability[9] = 0.5
@@ -87,7 +106,9 @@ def test_regions_and_launch_points_are_those_that_are_reported(run, evidence):
     known = np.flatnonzero(np.isfinite(areas))
     assert found.region_s[0] == run.tracks.available_s[known[0]] - IGNITION_S
     spread_m = [
-        np.sqrt(np.linalg.eigvalsh(each[:2, :2]).max() * -2.0 * np.log(0.05)) if np.isfinite(each).all() else np.nan
+        np.sqrt(np.linalg.eigvalsh(each[:2, :2]).max() * -2.0 * np.log(0.05))
+        if np.isfinite(each).all()
+        else np.nan
         for each in run.tracks.launch_covariance
     ]
     first = next(row for row, each in enumerate(spread_m) if each < 1.01 * spread_m[-1])
@@ -100,7 +121,9 @@ def test_late_estimates_warn_when_they_are_available(run, evidence):
     import attrs
 
     found, owners = evidence
-    late = attrs.evolve(found, tracks=attrs.evolve(found.tracks, available_s=found.tracks.tick_s + 7.0))
+    late = attrs.evolve(
+        found, tracks=attrs.evolve(found.tracks, available_s=found.tracks.tick_s + 7.0)
+    )
     warned = warning_times(late, owners, WarningRequirement(**NOTHING))
     assert warned.warned_s[0] == pytest.approx(run.tracks.tick_s.min() + 7.0 - IGNITION_S)
 

@@ -28,4 +28,6 @@ def test_the_clock_is_seen_however_it_was_imported():
     from time import monotonic
 
     (reported,) = outside_inputs(lambda: monotonic())
-    assert reported.startswith("the clock: time.monotonic (testing/test_execution_monitor.py, line ")
+    assert reported.startswith(
+        "the clock: time.monotonic (testing/test_execution_monitor.py, line "
+    )

@@ -1,4 +1,6 @@
-"""The intervals and distances of contracts, against SciPy's distributions, and their stated error by Monte Carlo."""
+"""The intervals and distances of contracts, against SciPy's distributions, and their stated error
+by Monte Carlo.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,8 @@ def test_counts_of_independent_chances_stay_inside_as_often_as_stated() -> None:
 def test_counts_at_rates_stay_inside_about_as_often_as_stated() -> None:
     draws = np.random.default_rng(3).poisson(60.0, 20_000)
     outside = sum(rate_excess(float(seen), 60.0) > 1.0 for seen in draws)
-    # The normal's half width is a little narrow for a Poisson tail; three in a thousand is its worst above 50.
+    # The normal's half width is a little narrow for a Poisson tail; three in a thousand is its
+    # worst above 50.
     assert outside <= stats.binom.isf(0.001, 20_000, 0.002)
 
 

@@ -5,7 +5,11 @@ from typing import Any
 
 import pytest
 from opir_testing.contracts.contract import Contract
-from opir_testing.contracts.radiometry import EmitterContract, EnvironmentContract, RadiometricContract
+from opir_testing.contracts.radiometry import (
+    EmitterContract,
+    EnvironmentContract,
+    RadiometricContract,
+)
 
 
 class Bare(Contract):
@@ -27,18 +31,29 @@ class BareEnvironment(EnvironmentContract):
 @pytest.mark.parametrize(
     ("act", "said"),
     [
-        (Bare.run, "Bare must define scene(**changes), which returns the test scene with the component"),
+        (
+            Bare.run,
+            "Bare must define scene(**changes), which returns the test scene with the component",
+        ),
         (Bare.part, "Bare must define part(), which returns what the component builds"),
-        (BareValues().test_rows_are_computed_as_arrays, "BareValues must define values(band, rows), which returns"),
+        (
+            BareValues().test_rows_are_computed_as_arrays,
+            "BareValues must define values(band, rows), which returns",
+        ),
         (
             BareEmitter().test_intensities_are_finite_and_not_negative,
             "BareEmitter must define signatures(), which returns the built signatures",
         ),
-        (BareEnvironment.model, "BareEnvironment must define model(), which returns the built model"),
+        (
+            BareEnvironment.model,
+            "BareEnvironment must define model(), which returns the built model",
+        ),
     ],
     ids=["scene", "part", "values", "signatures", "model"],
 )
 def test_a_missing_method_is_named_with_its_class_and_what_it_returns(act: Any, said: str) -> None:
-    with pytest.raises(NotImplementedError, match=f"^{re.escape(said)}.*inherit that of your kind") as raised:
+    with pytest.raises(
+        NotImplementedError, match=f"^{re.escape(said)}.*inherit that of your kind"
+    ) as raised:
         act()
     assert "opir_testing" in str(raised.value)

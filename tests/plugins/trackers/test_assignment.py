@@ -42,8 +42,12 @@ def tried(weight: np.ndarray) -> np.ndarray:
 
 
 @examples(60)
-@given(seed=st.integers(0, 2**31), height=sizes, width=st.integers(1, 5), density=st.floats(0.2, 1.0))
-def test_belief_propagation_is_near_trying_everything(seed: int, height: int, width: int, density: float) -> None:
+@given(
+    seed=st.integers(0, 2**31), height=sizes, width=st.integers(1, 5), density=st.floats(0.2, 1.0)
+)
+def test_belief_propagation_is_near_trying_everything(
+    seed: int, height: int, width: int, density: float
+) -> None:
     weight = np.minimum(graph(seed, height, width, density), 3.0)
     row, column = np.nonzero(weight)
     beta = belief_propagation(row, column, weight[row, column])
@@ -54,12 +58,18 @@ def test_belief_propagation_is_near_trying_everything(seed: int, height: int, wi
 
 @examples(60)
 @given(seed=st.integers(0, 2**31), count=st.integers(1, 5), sharp=st.floats(0.1, 4.0))
-def test_swaps_are_as_probable_as_trying_every_permutation_says(seed: int, count: int, sharp: float) -> None:
+def test_swaps_are_as_probable_as_trying_every_permutation_says(
+    seed: int, count: int, sharp: float
+) -> None:
     log = sharp * np.random.default_rng(seed).normal(size=(count, count))
     orders = np.array(list(permutations(range(count))))
     chance = np.exp(log[np.arange(count), orders].sum(axis=1))
     expected = np.zeros((count, count))
-    np.add.at(expected, (np.arange(count), orders), np.repeat(chance[:, None] / chance.sum(), count, axis=1))
+    np.add.at(
+        expected,
+        (np.arange(count), orders),
+        np.repeat(chance[:, None] / chance.sum(), count, axis=1),
+    )
     row, column = np.indices(log.shape).reshape(2, -1)
     error = np.abs(swap_probabilities(row, column, log.ravel()) - expected.ravel())
     assert error.max() < (1e-2 if count < 3 else 0.25)
@@ -74,8 +84,15 @@ def test_a_row_has_no_column_that_another_cannot_do_without() -> None:
 
 
 @examples(200)
-@given(seed=st.integers(0, 2**31), height=st.integers(1, 9), width=st.integers(1, 9), density=st.floats(0.1, 1.0))
-def test_nearest_is_the_cheapest_assignment(seed: int, height: int, width: int, density: float) -> None:
+@given(
+    seed=st.integers(0, 2**31),
+    height=st.integers(1, 9),
+    width=st.integers(1, 9),
+    density=st.floats(0.1, 1.0),
+)
+def test_nearest_is_the_cheapest_assignment(
+    seed: int, height: int, width: int, density: float
+) -> None:
     from scipy.optimize import linear_sum_assignment
 
     rng = np.random.default_rng(seed)
@@ -84,7 +101,9 @@ def test_nearest_is_the_cheapest_assignment(seed: int, height: int, width: int, 
     chosen = cheapest_assignment(row, column, cost[row, column])
     dense = np.zeros((height, width))
     dense[row, column] = np.minimum(cost[row, column], 0.0)
-    assert cost[row, column][chosen].sum() == pytest.approx(dense[linear_sum_assignment(dense)].sum(), abs=1e-12)
+    assert cost[row, column][chosen].sum() == pytest.approx(
+        dense[linear_sum_assignment(dense)].sum(), abs=1e-12
+    )
     assert len(set(row[chosen])) == len(set(column[chosen])) == chosen.sum()
 
 
@@ -97,7 +116,9 @@ def test_components_are_numbered_by_their_first_pair() -> None:
 @given(values=st.lists(st.integers(0, 40) | st.integers(0, 2**62), max_size=30))
 def test_ranks_are_places_among_the_different_numbers(values: list[int]) -> None:
     different = sorted(set(values))
-    assert ranks(np.array(values, dtype=np.int64)).tolist() == [different.index(value) for value in values]
+    assert ranks(np.array(values, dtype=np.int64)).tolist() == [
+        different.index(value) for value in values
+    ]
 
 
 def test_no_pairs_are_no_trouble() -> None:
@@ -138,5 +159,8 @@ def test_many_components_are_solved_as_each_alone() -> None:
     order = rng.permutation(len(row))
     together = np.empty(len(row), dtype=bool)
     together[order] = cheapest_assignment(row[order], column[order], cost[order])
-    alone = [cheapest_assignment(row[k : k + 5], column[k : k + 5], cost[k : k + 5]) for k in range(0, len(row), 5)]
+    alone = [
+        cheapest_assignment(row[k : k + 5], column[k : k + 5], cost[k : k + 5])
+        for k in range(0, len(row), 5)
+    ]
     assert np.array_equal(together, np.concatenate(alone))

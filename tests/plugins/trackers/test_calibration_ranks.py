@@ -1,4 +1,6 @@
-"""The tests of `benchmarks/simulation_calibration.py`: uniform for draws of the stated distribution, else not."""
+"""The tests of `benchmarks/simulation_calibration.py`: uniform for draws of the stated
+distribution, else not.
+"""
 
 import sys
 
@@ -8,7 +10,15 @@ from repository import ROOT
 sys.path.append(str(ROOT / "benchmarks"))
 from foreign_flights import ecef
 from opir_trackers.launch_points import EDGES_S
-from simulation_calibration import CELLS, START_S, Mixture, Rank, of_cells, of_probabilities, uniformity
+from simulation_calibration import (
+    CELLS,
+    START_S,
+    Mixture,
+    Rank,
+    of_cells,
+    of_probabilities,
+    uniformity,
+)
 
 
 def test_ranks_of_draws_of_the_stated_distribution_are_uniform_and_others_are_not():
@@ -33,7 +43,10 @@ def test_events_as_often_as_stated_pass_and_what_is_too_sure_does_not():
     stated = rng.beta(0.3, 0.3, 500)
     right = rng.uniform(size=500) < stated
     assert (
-        of_probabilities([Rank(0, "", *each) for each in zip(stated.tolist(), right.tolist(), strict=True)])[-1] > 0.01
+        of_probabilities(
+            [Rank(0, "", *each) for each in zip(stated.tolist(), right.tolist(), strict=True)]
+        )[-1]
+        > 0.01
     )
     sure = [Rank(0, "", 0.001, number < 20) for number in range(500)]
     assert of_probabilities(sure)[-1] < 1e-6

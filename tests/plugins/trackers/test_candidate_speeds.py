@@ -1,4 +1,6 @@
-"""Speeds of candidates of one sensor across its line of sight, against the motion that the lines are drawn from."""
+"""Speeds of candidates of one sensor across its line of sight, against the motion that the lines
+are drawn from.
+"""
 
 import numpy as np
 import pytest
@@ -17,21 +19,27 @@ HEO = np.array([2.0e7, 4.0e6, 4.1e7])
 HEO_M_S = np.array([-1.0e3, 1.1e3, 0.0])
 
 
-def candidate(sensor: np.ndarray, sensor_m_s: np.ndarray, height_m: float, climb_m_s: float) -> TrackCandidates:
+def candidate(
+    sensor: np.ndarray, sensor_m_s: np.ndarray, height_m: float, climb_m_s: float
+) -> TrackCandidates:
     """Return the only candidate of three lines of a sensor to a target that climbs."""
     origin = sensor + TIMES_S[:, None] * sensor_m_s
     place = SITE + (height_m + climb_m_s * TIMES_S)[:, None] * UP
     away = place - origin
     direction = away / np.linalg.norm(away, axis=1)[:, None]
     scan = np.arange(3)
-    lines = LinesOfSight(TIMES_S, np.zeros(3, dtype=np.int32), scan, origin, direction, np.full(3, SIGMA_RAD))
+    lines = LinesOfSight(
+        TIMES_S, np.zeros(3, dtype=np.int32), scan, origin, direction, np.full(3, SIGMA_RAD)
+    )
     found = track_candidates(lines, 2, np.zeros(1)).begun
     assert len(found) == 1
     return found
 
 
 @pytest.mark.parametrize("sensor", [(GEO, np.zeros(3)), (HEO, HEO_M_S)])
-def test_a_source_that_stands_has_no_speed_though_the_sensor_moves(sensor: tuple[np.ndarray, np.ndarray]) -> None:
+def test_a_source_that_stands_has_no_speed_though_the_sensor_moves(
+    sensor: tuple[np.ndarray, np.ndarray],
+) -> None:
     assert candidate(*sensor, 0.0, 0.0).speed_m_s[0] == 0.0
 
 

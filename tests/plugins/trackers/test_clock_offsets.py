@@ -1,4 +1,6 @@
-"""Clocks of sensors that are off: two sensors hardly show it, so positions are widened along the motion."""
+"""Clocks of sensors that are off: two sensors hardly show it, so positions are widened along the
+motion.
+"""
 
 from typing import Any
 
@@ -22,19 +24,33 @@ SIGMA_S = 0.25
 
 
 def plan(**tracker: Any) -> opir.Plan:
-    scene = {"scene": "clocks", "epoch": "2026-04-01T12:00:00Z", "duration_s": 240.0, "seed": 4, "sensors": SENSORS}
-    return opir.compile_plan(opir.scene_from_mapping({**scene, "targets": [TARGET], "tracker": tracker}))
+    scene = {
+        "scene": "clocks",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 240.0,
+        "seed": 4,
+        "sensors": SENSORS,
+    }
+    return opir.compile_plan(
+        opir.scene_from_mapping({**scene, "targets": [TARGET], "tracker": tracker})
+    )
 
 
 @pytest.mark.slow
 def test_states_are_held_with_a_clock_that_is_off_if_the_tracker_is_reported() -> None:
-    """The states of a run with one clock off by 0.3 s beside those of the same looks at their own times.
+    """The states of a run with one clock off by 0.3 s beside those of the same looks at their own
+    times.
 
     The difference of both clocks shows as the target speeds up; their sum is not observable.
     """
     nees = {}
     for sigma_s in (0.0, SIGMA_S):
-        settings = {"model": "imm", "clock_sigma_s": sigma_s, "cadence_s": 2.0, "regions_every_s": 600.0}
+        settings = {
+            "model": "imm",
+            "clock_sigma_s": sigma_s,
+            "cadence_s": 2.0,
+            "regions_every_s": 600.0,
+        }
         run = opir.run_of_plan(plan(**settings))
         tracker = plan(**settings).make_tracker()
         off_ns = np.where(run.detections.sensor == 0, np.int64(3e8), np.int64(0))

@@ -21,7 +21,10 @@ def run_of(kind: str, seed: int, sensors: int) -> opir.Run:
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     latitude = rng.uniform(-20.0, 35.0)
     reach = REACH_DEG[kind]
-    aim = {"lat_deg": latitude + reach * np.cos(azimuth), "lon_deg": -85.0 + reach * np.sin(azimuth)}
+    aim = {
+        "lat_deg": latitude + reach * np.cos(azimuth),
+        "lon_deg": -85.0 + reach * np.sin(azimuth),
+    }
     launch = {"lat_deg": latitude, "lon_deg": -85.0, "time_s": LAUNCH_S}
     heritage: Mapping[str, Any] = {"model": "DSP", "preset": "heritage"}
     return opir.simulate(
@@ -31,7 +34,10 @@ def run_of(kind: str, seed: int, sensors: int) -> opir.Run:
                 "epoch": "2026-04-01T12:00:00Z",
                 "duration_s": 140.0,
                 "seed": seed,
-                "sensors": [{**heritage, "id": f"D{slot:.0f}", "orbital_slot_deg": slot} for slot in SLOTS[sensors]],
+                "sensors": [
+                    {**heritage, "id": f"D{slot:.0f}", "orbital_slot_deg": slot}
+                    for slot in SLOTS[sensors]
+                ],
                 "targets": [{"id": "T", "type": kind, "launch": launch, "aim": aim}],
                 "atmosphere": {"model": "lowtran", "cloud": {"top_km": 10.0}},
                 "background": "earth",
@@ -43,7 +49,9 @@ def run_of(kind: str, seed: int, sensors: int) -> opir.Run:
 
 
 def track_of(run: opir.Run) -> tuple[Tracks, int]:
-    """Return the estimates, up to its last line, of the track with most lines, and how many other lines there are."""
+    """Return the estimates, up to its last line, of the track with most lines, and how many other
+    lines there are.
+    """
     mine = run.detections.take(np.flatnonzero(run.truth.target == 0))
     tracked = mine.track[mine.track >= 0]
     assert len(tracked), "the launch has no track"
@@ -56,15 +64,19 @@ def track_of(run: opir.Run) -> tuple[Tracks, int]:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", list(REACH_DEG))
 @pytest.mark.parametrize("seed", [31, 32, 33])
-def test_two_sensors_follow_from_the_third_line_on_and_date_the_launch(kind: str, seed: int) -> None:
+def test_two_sensors_follow_from_the_third_line_on_and_date_the_launch(
+    kind: str, seed: int
+) -> None:
     run = run_of(kind, seed, 2)
     estimates, missed = track_of(run)
-    # Two of one sensor and one of the other, and what comes before the tick at which they have a track.
+    # Two of one sensor and one of the other, and what comes before the tick at which they have a
+    # track.
     assert missed <= 4
     assert estimates.probability_launch[-1] > 0.9
     when = estimates.tick_s[-1:]
     truth = run.plan.targets.position_ecef_m(np.zeros(1, dtype=np.int32), when)
-    # χ² of three degrees of freedom exceeds 25 once in 60 000; wrong by the height of the target it is hundreds.
+    # χ² of three degrees of freedom exceeds 25 once in 60 000; wrong by the height of the target it
+    # is hundreds.
     assert nees(estimates.state[-1:, :3] - truth, estimates.state_covariance[-1:, :3, :3])[0] < 25.0
     late_s = estimates.launch[-1, 2] - LAUNCH_S
     assert abs(late_s) < min(2.5 * np.sqrt(estimates.launch_covariance[-1, 2, 2]), 15.0)

@@ -19,7 +19,8 @@ def crowd(east: float) -> PredictedMeasurements:
     rng = np.random.default_rng(12)
     derivative = np.zeros((COUNT, 5, 3))
     up = earth_rotated(
-        np.array([[np.cos(0.6) * np.cos(0.9), np.cos(0.6) * np.sin(0.9), np.sin(0.6)]]), np.array([END_S])
+        np.array([[np.cos(0.6) * np.cos(0.9), np.cos(0.6) * np.sin(0.9), np.sin(0.6)]]),
+        np.array([END_S]),
     )[0]
     aside = np.array([-up[1], up[0], 0.0]) / np.hypot(up[0], up[1])
     derivative[:, 0] = 6.6e6 * up + rng.uniform(-5e4, 5e4, (COUNT, 3))
@@ -42,12 +43,16 @@ def rays_at(outlook: PredictedMeasurements, span_s: float) -> LinesOfSight:
     direction = apart / np.linalg.norm(apart, axis=1)[:, None] + 2e-5 * rng.normal(size=apart.shape)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     sigma = np.full(len(time_s), 2e-5)
-    return LinesOfSight(time_s, sensor, np.repeat(looks // 2, 2 * COUNT), SENSORS_M[sensor], direction, sigma)
+    return LinesOfSight(
+        time_s, sensor, np.repeat(looks // 2, 2 * COUNT), SENSORS_M[sensor], direction, sigma
+    )
 
 
 @pytest.mark.parametrize("east_m_s", [7000.0, -7000.0])
 @pytest.mark.parametrize(("light_time", "span_s"), [(True, 1.0), (False, 1.0), (True, 3.0)])
-def test_candidates_are_all_that_pass_and_few_more(east_m_s: float, light_time: bool, span_s: float) -> None:
+def test_candidates_are_all_that_pass_and_few_more(
+    east_m_s: float, light_time: bool, span_s: float
+) -> None:
     outlook = crowd(east_m_s)
     rays = rays_at(outlook, span_s)
     track, ray = candidates(outlook, rays, span_s, GATE, light_time)

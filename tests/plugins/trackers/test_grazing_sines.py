@@ -12,8 +12,16 @@ def test_the_sine_is_that_of_the_angle_to_the_plane_of_the_ellipsoid(latitude_de
     latitude = np.radians(latitude_deg)
     longitude = 0.7
     grazing = np.radians([1.0, 5.0, 30.0, 90.0])
-    up = [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
-    north = [-np.sin(latitude) * np.cos(longitude), -np.sin(latitude) * np.sin(longitude), np.cos(latitude)]
+    up = [
+        np.cos(latitude) * np.cos(longitude),
+        np.cos(latitude) * np.sin(longitude),
+        np.sin(latitude),
+    ]
+    north = [
+        -np.sin(latitude) * np.cos(longitude),
+        -np.sin(latitude) * np.sin(longitude),
+        np.cos(latitude),
+    ]
     lines = np.outer(np.cos(grazing), north) - np.outer(np.sin(grazing), up)
     ground_m = np.tile(geodetic_to_ecef(latitude, longitude, 0.0), (len(grazing), 1))
     assert _sines(lines, ground_m) == pytest.approx(np.sin(grazing), abs=1e-14)

@@ -8,13 +8,19 @@ import pytest
 import opir_core as opir
 
 #: Launch and aim, degrees, of a class.
-FLIGHTS = {"SRBM": (33.0, 55.0, 36.0, 52.0), "IRBM": (35.0, 103.0, 20.0, 120.0), "ICBM": (41.0, -105.0, 50.0, 60.0)}
+FLIGHTS = {
+    "SRBM": (33.0, 55.0, 36.0, 52.0),
+    "IRBM": (35.0, 103.0, 20.0, 120.0),
+    "ICBM": (41.0, -105.0, 50.0, 60.0),
+}
 SEEDS = (41, 42, 43)
 
 
 @cache
 def off(sensors: int, height_m: float) -> np.ndarray:
-    """Return rows of time, s, its standard deviation, and χ² of the place, of the last launch point of each flight."""
+    """Return rows of time, s, its standard deviation, and χ² of the place, of the last launch point
+    of each flight.
+    """
     rows = []
     for kind, (lat, lon, to_lat, to_lon) in FLIGHTS.items():
         for seed in SEEDS:
@@ -24,12 +30,20 @@ def off(sensors: int, height_m: float) -> np.ndarray:
                 "epoch": "2026-06-01T09:00:00Z",
                 "duration_s": 60.0,
                 "seed": seed,
-                "sensors": [{"model": "SBIRS-GEO", "id": f"S{slot}", "orbital_slot_deg": slot} for slot in slots],
+                "sensors": [
+                    {"model": "SBIRS-GEO", "id": f"S{slot}", "orbital_slot_deg": slot}
+                    for slot in slots
+                ],
                 "targets": [
                     {
                         "id": "T",
                         "type": kind,
-                        "launch": {"lat_deg": lat, "lon_deg": lon, "height_m": height_m, "time_s": 10.0},
+                        "launch": {
+                            "lat_deg": lat,
+                            "lon_deg": lon,
+                            "height_m": height_m,
+                            "time_s": 10.0,
+                        },
                         "aim": {"lat_deg": to_lat, "lon_deg": to_lon},
                     }
                 ],
@@ -41,14 +55,22 @@ def off(sensors: int, height_m: float) -> np.ndarray:
             spread = tracks.launch_covariance[last]
             east = 6.37e6 * np.cos(np.radians(lat)) * (place[1] - np.radians(lon))
             apart = np.array([east, 6.37e6 * (place[0] - np.radians(lat))])
-            rows.append([place[2] - 10.0, np.sqrt(spread[2, 2]), apart @ np.linalg.solve(spread[:2, :2], apart)])
+            rows.append(
+                [
+                    place[2] - 10.0,
+                    np.sqrt(spread[2, 2]),
+                    apart @ np.linalg.solve(spread[:2, :2], apart),
+                ]
+            )
     return np.array(rows)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sensors", [1, 2])
 @pytest.mark.parametrize("height_m", [0.0, 1200.0])
-def test_when_and_where_launches_began_is_within_what_is_stated(sensors: int, height_m: float) -> None:
+def test_when_and_where_launches_began_is_within_what_is_stated(
+    sensors: int, height_m: float
+) -> None:
     time_s, sigma_s, square = off(sensors, height_m).T
     assert np.mean(np.square(time_s / sigma_s)) < 2.0
     assert np.abs(time_s / sigma_s).max() < 3.0

@@ -42,7 +42,9 @@ def test_height_grows_along_the_direction_in_which_it_is_said_to() -> None:
 def outlook_of(count: int) -> PredictedMeasurements:
     rng = np.random.default_rng(9)
     scale = np.repeat([150.0, 20.0, 2.0, 0.1], 3)[:, None]
-    return PredictedMeasurements(0.0, rng.normal(size=(count, 5, 3)), scale * rng.normal(size=(count, BOOST, BOOST)))
+    return PredictedMeasurements(
+        0.0, rng.normal(size=(count, 5, 3)), scale * rng.normal(size=(count, BOOST, BOOST))
+    )
 
 
 @pytest.mark.parametrize("count", [1, 4])
@@ -54,16 +56,23 @@ def test_covariances_at_all_times_are_those_at_each(count: int) -> None:
     when = np.tile(TIMES_S, count)
     place = outlook.position_roots(track, when)
     # A velocity is the rate of the position.
-    later = 0.5 * (outlook.position_roots(track, when + 1.0) - outlook.position_roots(track, when - 1.0))
+    later = 0.5 * (
+        outlook.position_roots(track, when + 1.0) - outlook.position_roots(track, when - 1.0)
+    )
     later -= outlook.root.reshape(count, 4, 3, BOOST)[track, 3] / 6.0
     side = np.concatenate([place, later], axis=1)
     exact = side @ side.transpose(0, 2, 1)
     unit = np.sqrt(np.einsum("nii->ni", exact))
-    assert np.abs((covariance.transpose(2, 0, 1) - exact) / (unit[:, :, None] * unit[:, None])).max() < 1e-9
+    assert (
+        np.abs((covariance.transpose(2, 0, 1) - exact) / (unit[:, :, None] * unit[:, None])).max()
+        < 1e-9
+    )
 
 
 def test_noise_gathers_as_that_of_a_chain_of_two_integrators() -> None:
-    """∫ of τ²/2 and τ, the ways from a force's noise to position and velocity, run backwards: τ is against them."""
+    """∫ of τ²/2 and τ, the ways from a force's noise to position and velocity, run backwards: τ is
+    against them.
+    """
     covariance = np.zeros((6, 6, 2))
     span = np.array([3.0, 50.0])
     _add_noise(covariance, 0.09, span)
@@ -72,7 +81,9 @@ def test_noise_gathers_as_that_of_a_chain_of_two_integrators() -> None:
     fast = -tau
     for row, column, sums in ((0, 0, far * far), (0, 3, far * fast), (3, 3, fast * fast)):
         for axis in range(3):
-            assert np.allclose(covariance[row + axis, column + axis], 0.09 * sums.mean(axis=1) * span, rtol=1e-6)
+            assert np.allclose(
+                covariance[row + axis, column + axis], 0.09 * sums.mean(axis=1) * span, rtol=1e-6
+            )
     assert np.array_equal(covariance, covariance.transpose(1, 0, 2))
     assert np.count_nonzero(covariance[0, 1:3]) == 0
 

@@ -1,4 +1,6 @@
-"""Sensors in low orbits move past what they look at; launches they see begin one track each all the same."""
+"""Sensors in low orbits move past what they look at; launches they see begin one track each all the
+same.
+"""
 
 from typing import Any
 
@@ -19,7 +21,12 @@ def low(name: str, altitude_km: float, node_deg: float, along_deg: float) -> dic
     """Return a scanner of half a second in a low orbit that covers all it sees."""
     circular = {"altitude_km": altitude_km, "inclination_deg": 80.0, "lon_asc_node_deg": node_deg}
     orbit = {"circular": circular | {"arg_latitude_deg": along_deg}}
-    return {"model": "generic-scanner", "id": name, "orbit": orbit, "field_of_regard_half_angle_deg": 90.0}
+    return {
+        "model": "generic-scanner",
+        "id": name,
+        "orbit": orbit,
+        "field_of_regard_half_angle_deg": 90.0,
+    }
 
 
 @pytest.mark.slow
@@ -45,14 +52,18 @@ def test_a_launch_that_low_sensors_see_has_one_track_near_the_truth(altitude_km:
     tracks = run_of_plan(plan).tracks
     assert tracks.tick_s[0] <= 16.0
     assert np.unique(tracks.track).tolist() == [0]
-    away = tracks.state[:, :3] - plan.targets.position_ecef_m(np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
+    away = tracks.state[:, :3] - plan.targets.position_ecef_m(
+        np.zeros(len(tracks), dtype=np.int32), tracks.tick_s
+    )
     assert np.sqrt(np.mean(away[-20:] ** 2) * 3.0) < 200.0
 
 
 @pytest.mark.slow
 def test_each_launch_of_the_arctic_example_has_one_track() -> None:
     changes = ["duration_s=80", "outputs=[]", "tracker=imm", "sensors=[{constellation: LEO-WIDE}]"]
-    tracks: Tracks = opir.simulate(opir.load_scene("examples/arctic_watch.yaml", overrides=changes)).tracks
+    tracks: Tracks = opir.simulate(
+        opir.load_scene("examples/arctic_watch.yaml", overrides=changes)
+    ).tracks
     assert np.unique(tracks.track).tolist() == [0, 1]
 
 
@@ -62,7 +73,9 @@ def rays(origin_m: np.ndarray, aim_m: np.ndarray) -> LinesOfSight:
     along = aim_m - origin_m
     direction = along / np.linalg.norm(along, axis=1)[:, None]
     index = np.zeros(count, dtype=np.int32)
-    return LinesOfSight(0.5 * np.arange(count), index, np.arange(count), origin_m, direction, np.full(count, 2e-5))
+    return LinesOfSight(
+        0.5 * np.arange(count), index, np.arange(count), origin_m, direction, np.full(count, 2e-5)
+    )
 
 
 def test_what_stands_still_stays_in_its_direction_as_a_low_sensor_moves() -> None:

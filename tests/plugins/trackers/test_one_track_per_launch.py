@@ -18,16 +18,20 @@ SOON = ("targets[1].launch.time_s=15", "targets[2].launch.time_s=20")
 def sensors(*slots_deg: float, period_ms: float, model: str = "SBIRS-GEO", more: str = "") -> str:
     """Return an override that puts sensors of one model at these slots."""
     each = (
-        f"{{model: {model}, id: S{number}, orbital_slot_deg: {slot}, scan_period_ms: {period_ms}{more}}}"
+        f"{{model: {model}, id: S{number}, orbital_slot_deg: {slot}, scan_period_ms:"
+        f" {period_ms}{more}}}"
         for number, slot in enumerate(slots_deg)
     )
     return f"sensors=[{', '.join(each)}]"
 
 
 def unlike(*each: tuple[float, float, float]) -> str:
-    """Return an override that puts sensors at slots, deg, with biases, urad, and scan periods, ms, of their own."""
+    """Return an override that puts sensors at slots, deg, with biases, urad, and scan periods, ms,
+    of their own.
+    """
     reported = (
-        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias},"
+        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot},"
+        f" line_of_sight_bias_sigma_urad: {bias},"
         f" scan_period_ms: {period_ms}}}"
         for number, (slot, bias, period_ms) in enumerate(each)
     )
@@ -38,21 +42,28 @@ def tracks_a_launch(*overrides: str) -> tuple[list[int], int]:
     """Return how many tracks each launch of a scene has, and how many tracks have none."""
     plan = compile_plan(load_scene(SCENE, overrides=list(overrides)))
     target = ownership(evidence_of_run(run_of_plan(plan), plan)).target
-    return [int(np.count_nonzero(target == number)) for number in range(3)], int(np.count_nonzero(target < 0))
+    return [int(np.count_nonzero(target == number)) for number in range(3)], int(
+        np.count_nonzero(target < 0)
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("phase", ["aligned", "random"])
 def test_scans_ten_seconds_apart(phase: str) -> None:
     looks = sensors(-165.0, -105.0, period_ms=10000, model="DSP", more=f", scan_phase: {phase}")
-    assert tracks_a_launch(looks, *SOON, "duration_s=150", "detection=always", "tracker=imm") == ([1, 1, 1], 0)
+    assert tracks_a_launch(looks, *SOON, "duration_s=150", "detection=always", "tracker=imm") == (
+        [1, 1, 1],
+        0,
+    )
 
 
 @pytest.mark.slow
 def test_ticks_between_scans() -> None:
     """Nine ticks in ten have no look."""
     looks = sensors(-165.0, -105.0, period_ms=1000)
-    assert tracks_a_launch(looks, *SOON, "duration_s=45", "tracker={model: imm, cadence_s: 0.1}") == ([1, 1, 1], 0)
+    assert tracks_a_launch(
+        looks, *SOON, "duration_s=45", "tracker={model: imm, cadence_s: 0.1}"
+    ) == ([1, 1, 1], 0)
 
 
 @pytest.mark.slow
@@ -61,9 +72,12 @@ def test_ticks_between_scans() -> None:
 def test_a_sensor_whose_rays_graze_the_ground_sees_the_track_of_one_that_looks_from_above(
     biased: tuple[int, int], seed: int
 ) -> None:
-    """The second sees the first launch 2° above its horizon: 30 µrad shift a ray on the ground by 35 km."""
+    """The second sees the first launch 2° above its horizon: 30 µrad shift a ray on the ground by
+    35 km.
+    """
     looks = ", ".join(
-        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias}}}"
+        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot},"
+        f" line_of_sight_bias_sigma_urad: {bias}}}"
         for number, (slot, bias) in enumerate(zip((-150.0, 160.0), biased, strict=True))
     )
     reported = tracks_a_launch(f"sensors=[{looks}]", "duration_s=70", f"seed={seed}", "tracker=imm")
@@ -79,9 +93,13 @@ def test_a_target_whose_biased_rays_pass_above_the_ground_has_a_track() -> None:
 
 @pytest.mark.slow
 def test_tracks_of_biased_sensors_apart_are_one_where_their_biases_say_so() -> None:
-    """Two sensors with biases of five times their noise see the first launch graze the ground, a third sees it late."""
+    """Two sensors with biases of five times their noise see the first launch graze the ground, a
+    third sees it late.
+    """
     looks = unlike((157, 0, 500), (160, 100, 500), (175, 100, 2000), (120, 0, 100))
-    reported = tracks_a_launch(looks, "detection=always", "duration_s=80", "seed=453", "tracker=imm")
+    reported = tracks_a_launch(
+        looks, "detection=always", "duration_s=80", "seed=453", "tracker=imm"
+    )
     assert reported == ([1, 1, 1], 0)
 
 
@@ -94,9 +112,13 @@ def test_eight_missed_scans_end_no_young_track_of_a_sensor_that_often_misses() -
 
 @pytest.mark.slow
 def test_rays_of_one_sensor_pass_the_gate_of_a_track_that_the_bias_of_another_has_moved() -> None:
-    """The third looks most often, with a bias of five times the noise; the others see the launch graze the ground."""
+    """The third looks most often, with a bias of five times the noise; the others see the launch
+    graze the ground.
+    """
     looks = unlike((157, 0, 2000), (160, 0, 500), (-70, 100, 100))
-    reported = tracks_a_launch(looks, "detection=always", "duration_s=75", "seed=791", "tracker=imm")
+    reported = tracks_a_launch(
+        looks, "detection=always", "duration_s=75", "seed=791", "tracker=imm"
+    )
     assert reported == ([1, 1, 1], 0)
 
 
@@ -132,19 +154,28 @@ def test_any_cadence_scans_sensors_biases_and_chances(
 
 @pytest.mark.slow
 def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one() -> None:
-    """Thirty launches 33 km apart in three seconds: what begins a track is its own place's rays alone."""
+    """Thirty launches 33 km apart in three seconds: what begins a track is its own place's rays
+    alone.
+    """
     launches = [
         {
             "id": f"L{number}",
             "type": ("ICBM", "IRBM", "SRBM")[number % 3],
-            "launch": {"lat_deg": 34.0 + 0.3 * number, "lon_deg": -120.0, "time_s": 1.0 + 0.1 * number},
+            "launch": {
+                "lat_deg": 34.0 + 0.3 * number,
+                "lon_deg": -120.0,
+                "time_s": 1.0 + 0.1 * number,
+            },
             "aim": {"lat_deg": 34.0 + 0.3 * number, "lon_deg": (150.0, -155.0, -124.0)[number % 3]},
         }
         for number in range(30)
     ]
     looks = unlike((-150, 0, 100), (-90, 0, 100))
     plan = compile_plan(
-        load_scene(SCENE, overrides=[looks, "duration_s=15", "seed=7", f"targets={launches}", "tracker=imm"])
+        load_scene(
+            SCENE,
+            overrides=[looks, "duration_s=15", "seed=7", f"targets={launches}", "tracker=imm"],
+        )
     )
     tracks = run_of_plan(plan).tracks
     assert len(np.unique(tracks.track)) == 30
@@ -156,12 +187,18 @@ def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one(
 
 @pytest.mark.slow
 def test_a_track_that_rays_of_several_pulled_apart_is_dropped() -> None:
-    """Among thirty launches 4.6 km apart some tracks follow no target: one was reported at 25 km/s, for many ticks."""
+    """Among thirty launches 4.6 km apart some tracks follow no target: one was reported at 25 km/s,
+    for many ticks.
+    """
     launches = [
         {
             "id": f"L{number}",
             "type": ("ICBM", "IRBM", "SRBM")[number % 3],
-            "launch": {"lat_deg": 34.0, "lon_deg": -120.0 + 0.05 * number, "time_s": 1.0 + 0.1 * number},
+            "launch": {
+                "lat_deg": 34.0,
+                "lon_deg": -120.0 + 0.05 * number,
+                "time_s": 1.0 + 0.1 * number,
+            },
             "aim": {
                 "lat_deg": (9.0, 20.0, 34.0)[number % 3],
                 "lon_deg": (167.7, -150.0, -124.0 + 0.05 * number)[number % 3],
@@ -169,9 +206,15 @@ def test_a_track_that_rays_of_several_pulled_apart_is_dropped() -> None:
         }
         for number in range(30)
     ]
-    looks = "sensors=[{model: SBIRS-GEO, id: SBIRS-GEO-150, orbital_slot_deg: -150}, {model: SBIRS-GEO, id: SBIRS-GEO-90, orbital_slot_deg: -90}]"  # noqa: E501
+    looks = (
+        "sensors=[{model: SBIRS-GEO, id: SBIRS-GEO-150, orbital_slot_deg: -150}, {model: SBIRS-GEO,"
+        " id: SBIRS-GEO-90, orbital_slot_deg: -90}]"
+    )
     plan = compile_plan(
-        load_scene(SCENE, overrides=[looks, "duration_s=30", "seed=3", f"targets={launches}", "tracker=imm"])
+        load_scene(
+            SCENE,
+            overrides=[looks, "duration_s=30", "seed=3", f"targets={launches}", "tracker=imm"],
+        )
     )
     state = run_of_plan(plan).tracks.state
     assert len(state) > 500

@@ -1,4 +1,6 @@
-"""Sensors without error: what limits a track is then the motion, and each launch still has one track."""
+"""Sensors without error: what limits a track is then the motion, and each launch still has one
+track.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ import opir_core as opir
 
 def run_of(sensors: str, duration_s: float) -> opir.Run:
     changes = [f"sensors=[{{{sensors}, line_of_sight_sigma_urad: 0}}]", "tracker=imm", "outputs=[]"]
-    scene = opir.load_scene("examples/pacific_test_range.yaml", overrides=[*changes, f"duration_s={duration_s}"])
+    scene = opir.load_scene(
+        "examples/pacific_test_range.yaml", overrides=[*changes, f"duration_s={duration_s}"]
+    )
     return opir.run_of_plan(opir.compile_plan(scene))
 
 
@@ -22,7 +26,9 @@ def test_the_least_error_of_a_line_is_a_metre_at_the_ground_below_the_sensor() -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sensors", ["constellation: LEO-MEDIUM", "constellation: SBIRS-GEO", "constellation: DSP"])
+@pytest.mark.parametrize(
+    "sensors", ["constellation: LEO-MEDIUM", "constellation: SBIRS-GEO", "constellation: DSP"]
+)
 def test_each_launch_has_one_track(sensors: str) -> None:
     run = run_of(sensors, 150.0)
     launches = np.unique(run.truth.target[run.truth.target >= 0])
@@ -32,8 +38,13 @@ def test_each_launch_has_one_track(sensors: str) -> None:
 
 
 def test_the_first_report_of_an_expected_launch_has_its_launch_point() -> None:
-    """Where launches are more frequent than fires, a track is probably one from its first lines on."""
-    expected = "tracker={model: imm, hypotheses: {launches_per_day: 10000.0, ground_sources_per_day: 10.0}}"
+    """Where launches are more frequent than fires, a track is probably one from its first lines
+    on.
+    """
+    expected = (
+        "tracker={model: imm, hypotheses: {launches_per_day: 10000.0, ground_sources_per_day:"
+        " 10.0}}"
+    )
     changes = ["sensors=[{constellation: SBIRS-GEO}]", expected, "outputs=[]", "duration_s=30"]
     tracks = opir.simulate(opir.load_scene("examples/first_light.yaml", overrides=changes)).tracks
     assert tracks.probability_launch[0] > 0.9

@@ -1,4 +1,6 @@
-"""`opir prior fit`: stages of flights by SciPy, the law of some of them, and a tracker that uses it."""
+"""`opir prior fit`: stages of flights by SciPy, the law of some of them, and a tracker that uses
+it.
+"""
 
 import json
 from pathlib import Path
@@ -23,25 +25,37 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is
 
 
 def written(path: Path, stages: list[tuple[float, float, float, float]]) -> Path:
-    """Write a table of a flight from the equator, thrust along the velocity: burn, acceleration, ratio, gap."""
+    """Write a table of a flight from the equator, thrust along the velocity: burn, acceleration,
+    ratio, gap.
+    """
     now = 0.0
     state = np.array([RADIUS_M, 0.0, 0.0, 1.0, 0.02, 0.0])
     rows = []
 
-    def rates(time_s: float, state: np.ndarray, start: float, first: float, rate: float) -> np.ndarray:
+    def rates(
+        time_s: float, state: np.ndarray, start: float, first: float, rate: float
+    ) -> np.ndarray:
         place = state[:3]
         velocity = state[3:]
         size = first / (1.0 - rate * (time_s - start)) if first else 0.0
         pull = -MU / np.linalg.norm(place) ** 3 * place
         turning = -2.0 * np.cross(SPIN, velocity) - np.cross(SPIN, np.cross(SPIN, place))
-        return np.concatenate([velocity, pull + turning + size * velocity / np.linalg.norm(velocity)])
+        return np.concatenate(
+            [velocity, pull + turning + size * velocity / np.linalg.norm(velocity)]
+        )
 
     for burn, first, ratio, gap in stages:
         rate = (1.0 - 1.0 / ratio) / burn
         for length, size, is_on in ((burn, first, 1), (gap, 0.0, 0)):
             times = np.linspace(now, now + length, int(length / 0.5) + 2)
             leg = solve_ivp(
-                rates, (now, now + length), state, args=(now, size, rate), t_eval=times, rtol=1e-9, atol=1e-6
+                rates,
+                (now, now + length),
+                state,
+                args=(now, size, rate),
+                t_eval=times,
+                rtol=1e-9,
+                atol=1e-6,
             )
             rows += [[time, *column, is_on] for time, column in zip(leg.t, leg.y.T, strict=True)]
             state = leg.y[:, -1]
@@ -64,7 +78,9 @@ def test_stages_of_a_table_are_those_that_were_flown(tmp_path: Path) -> None:
 
 
 def test_a_burn_against_the_motion_is_no_stage(tmp_path: Path) -> None:
-    """A stage that flies back brakes with thrust against its velocity: it and what follows are left out."""
+    """A stage that flies back brakes with thrust against its velocity: it and what follows are left
+    out.
+    """
     path = written(tmp_path / "back.csv", [STAGES[0], (20.0, -30.0, 1.2, 5.0), STAGES[1]])
     flight = recorded_flight(path)
     assert flight.stages.shape == (1, 4)
@@ -75,8 +91,12 @@ def test_a_burn_against_the_motion_is_no_stage(tmp_path: Path) -> None:
 def test_spreads_are_widened_and_what_no_flight_shows_stays() -> None:
     own = vehicle_model().data["families"]
     burns = np.array([50.0, 60.0, 72.0, 90.0])
-    law = fitted([RecordedFlight(np.array([[burn, 25.0, 2.0, np.nan]]), False) for burn in burns])["families"]
-    assert law["missile"]["first"]["median"][:3] == pytest.approx([np.exp(np.log(burns).mean()), 25.0, 2.0], rel=1e-3)
+    law = fitted([RecordedFlight(np.array([[burn, 25.0, 2.0, np.nan]]), False) for burn in burns])[
+        "families"
+    ]
+    assert law["missile"]["first"]["median"][:3] == pytest.approx(
+        [np.exp(np.log(burns).mean()), 25.0, 2.0], rel=1e-3
+    )
     assert law["missile"]["first"]["sigma"][0] == pytest.approx(
         max(WIDEN * np.log(burns).std(ddof=1), LEAST[0]), abs=1e-3
     )
@@ -88,7 +108,9 @@ def test_spreads_are_widened_and_what_no_flight_shows_stays() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_law_that_the_tracker_takes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_a_law_that_the_tracker_takes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     files = [str(written(tmp_path / f"{k}.csv", STAGES[: 1 + k % 2])) for k in range(2)]
     out = tmp_path / "prior.json"
     assert main(["prior", "fit", *files, "-o", str(out)]) == 0
@@ -96,7 +118,9 @@ def test_the_command_writes_a_law_that_the_tracker_takes(tmp_path: Path, capsys:
     assert one.endswith("0.csv: missile; burns of 60 s from 22.0 m/s2 to 0.40 of the mass")
     assert "; burns of 60 s from " in two
     assert ", 8 s dark; 50 s from " in two
-    assert json.loads(out.read_text())["families"]["missile"]["upper"]["median"][0] == pytest.approx(50.0, abs=1.0)
+    assert json.loads(out.read_text())["families"]["missile"]["upper"]["median"][
+        0
+    ] == pytest.approx(50.0, abs=1.0)
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=10.0)
     assert imm_tracker(ImmConfig(boost_prior=str(out)), context) is not None
 
@@ -112,7 +136,9 @@ def test_what_is_no_flight_and_no_law_is_refused_with_its_place(tmp_path: Path) 
         recorded_flight(dark)
 
 
-def test_a_prior_that_cannot_be_used_is_reported_with_its_setting_and_the_way_out(tmp_path: Path) -> None:
+def test_a_prior_that_cannot_be_used_is_reported_with_its_setting_and_the_way_out(
+    tmp_path: Path,
+) -> None:
     own = dict(vehicle_model().data)
     bad = {
         "no.csv": ("time_s,x\n1,2\n", "holds no law of vehicles"),
@@ -120,17 +146,36 @@ def test_a_prior_that_cannot_be_used_is_reported_with_its_setting_and_the_way_ou
         "part.json": (json.dumps({"families": own["families"]}), "no none_spread"),
         "short.json": (json.dumps({**own, "marginal": {}}), "no range_km, density"),
         "thin.json": (
-            json.dumps({**own, "families": {**own["families"], "space": own["families"]["missile"]["first"]}}),
+            json.dumps(
+                {
+                    **own,
+                    "families": {**own["families"], "space": own["families"]["missile"]["first"]},
+                }
+            ),
             "no first",
         ),
     }
     for name, (content, why) in bad.items():
         (tmp_path / name).write_text(content)
-        with pytest.raises(ModelError, match=rf"^tracker\.boost_prior: .*{name} .*{why}.*; write one with `opir prior"):
+        with pytest.raises(
+            ModelError,
+            match=rf"^tracker\.boost_prior: .*{name} .*{why}.*; write one with `opir prior",
+        ):
             vehicle_model(str(tmp_path / name))
-    with pytest.raises(ModelError, match=r"^tracker\.boost_prior: .*none\.json cannot be read: no such file"):
+    with pytest.raises(
+        ModelError, match=r"^tracker\.boost_prior: .*none\.json cannot be read: no such file"
+    ):
         vehicle_model(str(tmp_path / "none.json"))
-    scene = {"scene": "bad", "epoch": "2026-04-01T12:00:00Z", "duration_s": 10.0, "seed": 1, "outputs": []}
-    scene |= {"sensors": [{"constellation": "SBIRS-GEO"}], "tracker": {"model": "imm", "boost_prior": "none.json"}}
+    scene = {
+        "scene": "bad",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 10.0,
+        "seed": 1,
+        "outputs": [],
+    }
+    scene |= {
+        "sensors": [{"constellation": "SBIRS-GEO"}],
+        "tracker": {"model": "imm", "boost_prior": "none.json"},
+    }
     with pytest.raises(ModelError, match=r"^tracker\.boost_prior: none\.json cannot be read"):
         opir.simulate(opir.scene_from_mapping(scene))

@@ -1,8 +1,9 @@
 """What a tick costs, in counts: calls of Python and of C functions, whatever the machine.
 
-A budget of a lone target is the count of the tracker's present steps for this flight, plus at most 3 % for other
-versions of NumPy: it holds still what a change may only lower. Other draws take other steps: up to 3 000 with two
-slices, while a stage may have begun. That steps are columns over tracks is a law: more targets take few more calls.
+A budget of a lone target is the count of the tracker's present steps for this flight, plus at most
+3 % for other versions of NumPy: it holds still what a change may only lower. Other draws take other
+steps: up to 3 000 with two slices, while a stage may have begun. That steps are columns over tracks
+is a law: more targets take few more calls.
 """
 
 import sys
@@ -70,7 +71,9 @@ class Counting:
 
 
 def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int = 1) -> Counting:
-    """Return the counts of a scene whose targets stand 2 degrees apart, so that none is near another's gate."""
+    """Return the counts of a scene whose targets stand 2 degrees apart, so that none is near
+    another's gate.
+    """
     lat_deg, lon_deg = {"ICBM": (9.0, 167.7), "SRBM": (37.0, -122.5)}[kind]
     launched = [
         {
@@ -95,7 +98,8 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int 
     ids=["one slice a tick", "two"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
-    """A burn has two parts, as a stage may begin at any time: each is predicted, updated and matched.
+    """A burn has two parts, as a stage may begin at any time: each is predicted, updated and
+    matched.
 
     What it is was decided before: of that only the table of hypotheses is composed.
     """
@@ -106,7 +110,8 @@ def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], 
 
 @pytest.mark.slow
 def test_more_targets_take_few_more_calls_a_tick() -> None:
-    """A loop over tracks would take three times as many for twelve as for four, in ticks without new regions.
+    """A loop over tracks would take three times as many for twelve as for four, in ticks without
+    new regions.
 
     Sensors are compared every tick if there are more than three tracks.
     """
@@ -116,19 +121,24 @@ def test_more_targets_take_few_more_calls_a_tick() -> None:
 
 @pytest.mark.slow
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
-    """The silent one may still burn, so both parts of its burn are predicted; what the young one is is weighed anew."""
+    """The silent one may still burn, so both parts of its burn are predicted; what the young one is
+    is weighed anew.
+    """
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
-    # One tick of the first is one with new impact regions. In the others sensors are compared, as long as they are new.
+    # One tick of the first is one with new impact regions. In the others sensors are compared, as
+    # long as they are new.
     assert sorted(calls[3:12])[-2] <= 4700
     assert np.median(calls[75:]) <= 670
 
 
 @pytest.mark.slow
 def test_new_impact_regions_take_few_calls() -> None:
-    """They are due at multiples of five seconds. Particles are columns, not rows of a loop: 256 would take more.
+    """They are due at multiples of five seconds. Particles are columns, not rows of a loop: 256
+    would take more.
 
-    The numbers of burns and families vary with the flight, and from a tick to the next: the first of these ticks, which
-    takes the most calls, builds polygons too, since the law of elevations leaves enough particles to say where.
+    The numbers of burns and families vary with the flight, and from a tick to the next: the first
+    of these ticks, which takes the most calls, builds polygons too, since the law of elevations
+    leaves enough particles to say where.
     """
     calls = np.array(counted({"model": "imm"}, "ICBM", 40.0).calls[10:])
     renewed = calls[calls > 5000]

@@ -9,7 +9,9 @@ from opir_trackers.triangulation import triangulated
 @pytest.mark.parametrize("sigma_rad", [3e-8, 2e-5])
 def test_rays_from_one_place_meet_nowhere_and_spoil_no_others(sigma_rad: float) -> None:
     """The second group is two satellites in one slot, and has no range from the first round on."""
-    origin = 4.2164e7 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    origin = 4.2164e7 * np.array(
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    )
     target = np.array([4.5e6, 4.5e6, 1e5])
     direction = target - origin
     direction /= np.linalg.norm(direction, axis=1)[:, None]

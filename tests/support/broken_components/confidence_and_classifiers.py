@@ -8,7 +8,11 @@ from attrs import frozen
 
 from broken_components.offers import mutant
 from opir_core.arrays import FloatArray
-from opir_core.builtin.classification import ConfusionClassifier, confusion_classifier, weighted_confidence
+from opir_core.builtin.classification import (
+    ConfusionClassifier,
+    confusion_classifier,
+    weighted_confidence,
+)
 from opir_core.builtin.configs import ConfusionConfig, WeightedConfig
 from opir_core.interfaces.protocols import RandomDraws
 from opir_core.interfaces.records import ClassifierInputs
@@ -103,9 +107,12 @@ class SureOfAll(ConfusionClassifier):
         return np.zeros(len(log_posterior), dtype=np.uint8)
 
 
-mutant(ClassifierModel, "sure-of-all-types", "test_type_probabilities_agree_with_types", ConfusionConfig)(
-    classifier_build(SureOfAll)
-)
+mutant(
+    ClassifierModel,
+    "sure-of-all-types",
+    "test_type_probabilities_agree_with_types",
+    ConfusionConfig,
+)(classifier_build(SureOfAll))
 
 
 class HalfPosterior(ConfusionClassifier):

@@ -36,7 +36,9 @@ def detection_mutant(name: str, caught_by: str) -> Callable[[type[Changed]], Any
     def offered(made: type[Changed]) -> Any:
         def build(config: Any, context: Any) -> Any:
             like = always_detection(config, context)
-            part = made(like.probability_table, like.class_number, like.band_count, 1.0, needs_geometry=True)
+            part = made(
+                like.probability_table, like.class_number, like.band_count, 1.0, needs_geometry=True
+            )
             part.surroundings = context.surroundings
             return part
 
@@ -154,7 +156,9 @@ class SnrByRank(Changed):
     """The SNR is the place in the call."""
 
     def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
-        return Measured(np.ones(len(exposures), dtype=np.uint8), np.arange(len(exposures), dtype=np.float64))
+        return Measured(
+            np.ones(len(exposures), dtype=np.uint8), np.arange(len(exposures), dtype=np.float64)
+        )
 
 
 @detection_mutant("draws-again", "test_reserved_random_streams_are_not_used")
@@ -209,7 +213,9 @@ class OtherResponse(Changed):
         ones = np.ones((len(exposures), 1))
         return Response(ones[:, 0], ones, ones)
 
-    def measure_response(self, response: Response, sensor: Any, rng: RandomDraws, probability: Any = None) -> Measured:
+    def measure_response(
+        self, response: Response, sensor: Any, rng: RandomDraws, probability: Any = None
+    ) -> Measured:
         return Measured(np.ones(len(sensor), dtype=np.uint8), response.snr[:, 0])
 
 

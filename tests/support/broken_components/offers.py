@@ -1,4 +1,6 @@
-"""What the broken components offer to the plugin host, and the contract test that is to find each."""
+"""What the broken components offer to the plugin host, and the contract test that is to find
+each.
+"""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -20,8 +22,12 @@ SOUND = {
 _MADE: dict[str, list[Any]] = {}
 
 
-def mutant(kind: type[Any], name: str, caught_by: str, config: type = NoConfig, **fields: Any) -> Callable[[Any], Any]:
-    """Offer what is decorated as `build` of a component, with further fields, which a test is to catch."""
+def mutant(
+    kind: type[Any], name: str, caught_by: str, config: type = NoConfig, **fields: Any
+) -> Callable[[Any], Any]:
+    """Offer what is decorated as `build` of a component, with further fields, which a test is to
+    catch.
+    """
 
     def offered(build: Any) -> Any:
         CAUGHT_BY[kind.hook, name] = caught_by

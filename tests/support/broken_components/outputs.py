@@ -58,7 +58,9 @@ class TellsTheTruth(OwnEncoder):
 @encoder_mutant("nan-in-json", "test_json_follows_the_schema")
 class NanInJson(OwnEncoder):
     def encode(self, window: Window) -> bytes:
-        return b"".join(json.dumps({"snr": snr}).encode() + b"\n" for snr in window.detections.snr.tolist())
+        return b"".join(
+            json.dumps({"snr": snr}).encode() + b"\n" for snr in window.detections.snr.tolist()
+        )
 
 
 @encoder_mutant("unsaid", "test_media_type_and_schema_version_are_stated")
@@ -112,7 +114,9 @@ class LosesSome(Counts):
 @sink_mutant("trips-over-nothing", "test_windows_without_events_are_accepted")
 class TripsOverNothing(Counts):
     def write(self, window: Window) -> None:
-        self.taken += 1 + int(np.argmax(window.detections.time_ns)) if len(window.detections) == 3 else 0
+        self.taken += (
+            1 + int(np.argmax(window.detections.time_ns)) if len(window.detections) == 3 else 0
+        )
         window.detections.time_ns[0]
 
 
@@ -144,7 +148,9 @@ class HalfBuffered(Counts):
 class ShortTruth:
     """A truth file as JSON that loses the last detection."""
 
-    def __init__(self, _path: Path, place: Path, _target_ids: Sequence[str], records: Sequence[Any]) -> None:
+    def __init__(
+        self, _path: Path, place: Path, _target_ids: Sequence[str], records: Sequence[Any]
+    ) -> None:
         self._place = place
         self._rows = list(records)
 

@@ -32,7 +32,10 @@ class DetectionCount:
     units: Mapping[str, str] = {"detections": "", "tracks": ""}
 
     def values(self, run: Run) -> Mapping[str, float]:
-        return {"detections": float(len(run.detections)), "tracks": float(len(run.tracks)) or math.nan}
+        return {
+            "detections": float(len(run.detections)),
+            "tracks": float(len(run.tracks)) or math.nan,
+        }
 
 
 @made_of(MetricModel, "nameless", "test_figures_have_names_and_units")
@@ -57,7 +60,10 @@ class Forgetful(DetectionCount):
 @made_of(MetricModel, "endless", "test_figures_are_finite_or_nan")
 class Endless(DetectionCount):
     def values(self, run: Run) -> Mapping[str, float]:
-        return {name: -math.inf if value == 0.0 else value for name, value in super().values(run).items()}
+        return {
+            name: -math.inf if value == 0.0 else value
+            for name, value in super().values(run).items()
+        }
 
 
 @made_of(MetricModel, "timed", "test_figures_depend_on_the_run_alone")
@@ -152,7 +158,9 @@ def of_settings(config: Any, run: Run) -> str:
 
 @sound(ExecutorModel, "sound-executor")
 class InTurn:
-    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def results(
+        self, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         for index, task in enumerate(tasks):
             yield index, function(task)
 
@@ -162,19 +170,25 @@ class InTurn:
 
 @made_of(ExecutorModel, "skips-the-last", "test_every_task_is_run_once")
 class SkipsTheLast(InTurn):
-    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def results(
+        self, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         return super().results(function, tasks[:-1])
 
 
 @made_of(ExecutorModel, "invents-one", "test_no_task_is_no_result")
 class InventsOne(InTurn):
-    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def results(
+        self, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         return super().results(function, tasks) if tasks else iter([(0, None)])
 
 
 @made_of(ExecutorModel, "keeps-quiet", "test_errors_arrive")
 class KeepsQuiet(InTurn):
-    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def results(
+        self, function: Callable[[Any], Any], tasks: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         try:
             yield from super().results(function, tasks)
         except ZeroDivisionError:

@@ -40,7 +40,9 @@ class OwnScan:
         return int(self.scan.period_ns)
 
     def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> Any:
-        return self.change(self.scan.phase_ns(sensor_ecef_m, target_ecef_m, uniform), self.scan.period_ns)
+        return self.change(
+            self.scan.phase_ns(sensor_ecef_m, target_ecef_m, uniform), self.scan.period_ns
+        )
 
 
 def beyond(phase: Any, period_ns: int) -> Any:
@@ -148,13 +150,20 @@ def _mute_setting(sensor: Any) -> Any:
     return sensor
 
 
-LOW_ORBIT = {"altitude_km": 1200.0, "inclination_deg": 87.0, "raan_deg": 10.0, "arg_latitude_deg": 0.0}
+LOW_ORBIT = {
+    "altitude_km": 1200.0,
+    "inclination_deg": 87.0,
+    "raan_deg": 10.0,
+    "arg_latitude_deg": 0.0,
+}
 
 
 def low_orbit(settings: Any, context: Any) -> Any:
     """Build a sensor in a low orbit, with all else as in the settings."""
     orbit = OrbitConfig(circular=CircularConfig(**LOW_ORBIT))
-    return scanning_sensor(evolve(settings, orbital_slot_deg=None, orbit=orbit), context, type="MUTANT")
+    return scanning_sensor(
+        evolve(settings, orbital_slot_deg=None, orbit=orbit), context, type="MUTANT"
+    )
 
 
 def cone_of_geo(settings: Any, context: Any) -> Any:
@@ -162,11 +171,14 @@ def cone_of_geo(settings: Any, context: Any) -> Any:
     return evolve(low_orbit(settings, context), field_of_regard_half_angle_rad=math.radians(10.0))
 
 
-mutant(SensorModel, "cone-of-geo", "test_the_default_field_of_regard_fits_the_orbit", ScannerConfig)(cone_of_geo)
+mutant(
+    SensorModel, "cone-of-geo", "test_the_default_field_of_regard_fits_the_orbit", ScannerConfig
+)(cone_of_geo)
 
 
 GIVEN = {
-    name: fields_dict(ScannerConfig)[name].default for name in ("bands", "scan_period_ms", "detection_probability")
+    name: fields_dict(ScannerConfig)[name].default
+    for name in ("bands", "scan_period_ms", "detection_probability")
 }
 
 

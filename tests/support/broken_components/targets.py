@@ -48,7 +48,9 @@ def target_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
 
 @target_mutant("burns-for-ever", "test_positions_are_finite_during_the_burn_only")
 def burns_for_ever(made: Any, _place: Any, target: Any, time_s: FloatArray) -> FloatArray:
-    return made.position_ecef_m(target, np.clip(time_s, made.ignition_s[target], made.burnout_s[target]))
+    return made.position_ecef_m(
+        target, np.clip(time_s, made.ignition_s[target], made.burnout_s[target])
+    )
 
 
 @target_mutant("jumps", "test_paths_are_above_the_ground_and_smooth")
@@ -81,9 +83,13 @@ class BurnsTwice(OwnTargets):
         return np.stack([one, one + 1e3], axis=1)
 
 
-@mutant(TargetModel, "burns-twice", "test_burns_are_in_order_from_ignition_to_burnout", BallisticConfig)
+@mutant(
+    TargetModel, "burns-twice", "test_burns_are_in_order_from_ignition_to_burnout", BallisticConfig
+)
 def burns_twice(configs: Any, context: Any) -> Any:
-    return BurnsTwice(ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place)
+    return BurnsTwice(
+        ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place
+    )
 
 
 @frozen(eq=False)
@@ -96,6 +102,13 @@ class BurnsOfOneMore(OwnTargets):
         return np.concatenate([own, own[-1:]])
 
 
-@mutant(TargetModel, "burns-of-one-more", "test_burns_are_in_order_from_ignition_to_burnout", BallisticConfig)
+@mutant(
+    TargetModel,
+    "burns-of-one-more",
+    "test_burns_are_in_order_from_ignition_to_burnout",
+    BallisticConfig,
+)
 def burns_of_one_more(configs: Any, context: Any) -> Any:
-    return BurnsOfOneMore(ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place)
+    return BurnsOfOneMore(
+        ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place
+    )

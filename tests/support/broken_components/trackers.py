@@ -61,7 +61,9 @@ class OneTrack:
 
 
 def met(here: list[float], ray: list[float]) -> tuple[float, ...]:
-    """Return where a line of sight meets a sphere of 6 500 km, m, or comes nearest to the Earth's centre."""
+    """Return where a line of sight meets a sphere of 6 500 km, m, or comes nearest to the Earth's
+    centre.
+    """
     along = -sum(map(operator.mul, here, ray))
     depth = along * along - sum(map(operator.mul, here, here)) + 6.5e6**2
     along -= math.sqrt(max(depth, 0.0))
@@ -223,8 +225,12 @@ class RegionsWithoutRings(WithRegions):
 @tracker_mutant("regions-least-likely-first", "test_impact_regions_are_nested_and_closed")
 class RegionsLeastLikelyFirst(WithRegions):
     def changed(self, regions: list[Any]) -> tuple[Any, ...]:
-        over, again = ([evolve(each, condition=name) for each in regions] for name in ("burn over", "relights"))
-        return *(evolve(each, probability=0.1) for each in over), *(evolve(each, probability=0.8) for each in again)
+        over, again = (
+            [evolve(each, condition=name) for each in regions] for name in ("burn over", "relights")
+        )
+        return *(evolve(each, probability=0.1) for each in over), *(
+            evolve(each, probability=0.8) for each in again
+        )
 
 
 @tracker_mutant("regions-of-no-condition", "test_impact_regions_are_nested_and_closed")

@@ -1,4 +1,6 @@
-"""Cases of every public function that takes numbers, with references in 40 digits; what is left out, and why."""
+"""Cases of every public function that takes numbers, with references in 40 digits; what is left
+out, and why.
+"""
 
 from exact_cases import chain, detection, estimation, flight, geometry, radiometry
 from exact_cases.measure import Bound, Case
@@ -6,7 +8,11 @@ from exact_cases.measure import Bound, Case
 
 def every_case() -> list[Case]:
     """Return the cases of all functions."""
-    return [case for module in (geometry, flight, radiometry, detection, estimation, chain) for case in module.CASES]
+    return [
+        case
+        for module in (geometry, flight, radiometry, detection, estimation, chain)
+        for case in module.CASES
+    ]
 
 
 def every_bound() -> list[Bound]:
@@ -22,4 +28,8 @@ def left_out() -> dict[str, str]:
         **flight.LEFT_OUT,
         **detection.LEFT_OUT,
     }
-    return {f"{package}.{name}": reason for package, names in by_package.items() for name, reason in names.items()}
+    return {
+        f"{package}.{name}": reason
+        for package, names in by_package.items()
+        for name, reason in names.items()
+    }

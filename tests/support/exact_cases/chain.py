@@ -1,7 +1,8 @@
-"""The whole chain of a look: from elements, a launch point and a plume to ranges, irradiance, P_d and detection.
+"""The whole chain of a look: from elements, a launch point and a plume to ranges, irradiance, P_d
+and detection.
 
-A satellite on a circular orbit looks at a target in free flight. Every number on the way is computed with the functions
-of opir one after the other, as the engine does, and in 40 digits.
+A satellite on a circular orbit looks at a target in free flight. Every number on the way is
+computed with the functions of opir one after the other, as the engine does, and in 40 digits.
 """
 
 import mpmath as mp
@@ -62,7 +63,9 @@ def chain(
     nei,
     threshold,
 ):
-    """Return position, range and elevation of the target, irradiance, ln P_d and the probability of 8 looks."""
+    """Return position, range and elevation of the target, irradiance, ln P_d and the probability of
+    8 looks.
+    """
     start = geometry.geodetic_to_ecef(latitude, longitude, height)
     rows = geometry.east_north_up_axes(latitude, longitude)
     velocity = east[:, None] * rows[:, 0] + north[:, None] * rows[:, 1] + up[:, None] * rows[:, 2]
@@ -71,7 +74,9 @@ def chain(
     sensor = _satellite_m(altitude, tilt, node, along, look_s)
     delay = np.zeros_like(later)
     for _ in range(_PASSES):
-        target = geometry.eci_to_ecef(flight.propagate_kepler(*state, later - delay)[0], look_s - delay)
+        target = geometry.eci_to_ecef(
+            flight.propagate_kepler(*state, later - delay)[0], look_s - delay
+        )
         _, elevation, range_m = geometry.azimuth_elevation_range(target, sensor)
         delay = range_m / SPEED_OF_LIGHT_M_S
     intensity = area * radiometry.band_radiance(kelvin, 2.5, 3.0)
@@ -124,7 +129,9 @@ def exact_chain(
 
 
 def scenes(rng, n):
-    """Return scenes: burnouts anywhere, satellites from 300 km to geostationary, looks at once to in ten years."""
+    """Return scenes: burnouts anywhere, satellites from 300 km to geostationary, looks at once to
+    in ten years.
+    """
     columns = (
         draws.latitudes(rng, n),
         draws.angles(rng, n),
@@ -146,12 +153,20 @@ def scenes(rng, n):
 
 
 def turned(*row):
-    """Return the angle by which ECI and ECEF differ at the look: a rotation rounds it, whatever is rotated back."""
+    """Return the angle by which ECI and ECEF differ at the look: a rotation rounds it, whatever is
+    rotated back.
+    """
     return OMEGA * (row[6] + row[11])
 
 
 CASES = (
     Case(
-        "chain: geometry, light time, irradiance, P_d", scenes, chain, exact_chain, samples=4, digits=50, inner=turned
+        "chain: geometry, light time, irradiance, P_d",
+        scenes,
+        chain,
+        exact_chain,
+        samples=4,
+        digits=50,
+        inner=turned,
     ),
 )

@@ -1,4 +1,6 @@
-"""References of detection, scoring and estimation: distributions, latency, consistency, ellipses, least squares."""
+"""References of detection, scoring and estimation: distributions, latency, consistency, ellipses,
+least squares.
+"""
 
 from itertools import permutations
 from types import ModuleType
@@ -40,12 +42,16 @@ def quantile(probability):
 
 def student_tail(x, freedom):
     """Return the upper tail of Student's t: an incomplete beta function."""
-    share = mp.betainc(freedom / 2, mp.mpf(1) / 2, 0, freedom / (freedom + x * x), regularized=True) / 2
+    share = (
+        mp.betainc(freedom / 2, mp.mpf(1) / 2, 0, freedom / (freedom + x * x), regularized=True) / 2
+    )
     return share if x >= 0 else 1 - share
 
 
 def student_threshold(probability, cells):
-    """Return the threshold of a tail of Student's t, by secant steps in logarithms from the float64 answer."""
+    """Return the threshold of a tail of Student's t, by secant steps in logarithms from the float64
+    answer.
+    """
     wanted = mp.log(probability)
     start = mp.mpf(float(detection.cfar_threshold(float(probability), float(cells))))
     before = start
@@ -71,7 +77,12 @@ def noncentral_tail(snr, threshold, cells):
     top = mp.sqrt((freedom - 1) / freedom) if freedom > 1 else mp.mpf(1)
     peak = (freedom - 1) * mp.log(top) - freedom * top * top / 2 if freedom > 1 else mp.mpf(-1) / 2
     width = 1 / mp.sqrt(2 * freedom)
-    edges = sorted({max(mp.mpf(0), top + k * width) for k in (-40, -16, -10, -6, -3, -1, 0, 1, 3, 6, 10, 16, 40)})
+    edges = sorted(
+        {
+            max(mp.mpf(0), top + k * width)
+            for k in (-40, -16, -10, -6, -3, -1, 0, 1, 3, 6, 10, 16, 40)
+        }
+    )
     scale = mp.quad(lambda s: mp.exp((freedom - 1) * mp.log(s) - freedom * s * s / 2 - peak), edges)
     # What the tail favours may lie far below the peak of χ.
     return mp.quad(part, edges) / scale
@@ -79,7 +90,8 @@ def noncentral_tail(snr, threshold, cells):
 
 def binomial_tail(probability, needed, looks):
     return mp.fsum(
-        mp.binomial(looks, k) * probability**k * (1 - probability) ** (looks - k) for k in range(needed, looks + 1)
+        mp.binomial(looks, k) * probability**k * (1 - probability) ** (looks - k)
+        for k in range(needed, looks + 1)
     )
 
 
@@ -88,11 +100,19 @@ def log_miss(probability):
 
 
 def cumulative(probability, looks):
-    return mp.mpf(0) if looks == 0 else mp.mpf(1) if probability == 1 else -mp.expm1(looks * log_miss(probability))
+    return (
+        mp.mpf(0)
+        if looks == 0
+        else mp.mpf(1)
+        if probability == 1
+        else -mp.expm1(looks * log_miss(probability))
+    )
 
 
 def grid_time(value):
-    """Return a time in whole nanoseconds, as the functions compare times: by the float product's nearest integer."""
+    """Return a time in whole nanoseconds, as the functions compare times: by the float product's
+    nearest integer.
+    """
     return mp.mpf(float(np.rint(float(value) * 1e9)))
 
 
@@ -120,11 +140,17 @@ def latency_quantile(level, period, probability):
 def latencies(rng, n):
     """Return times, periods and P_d: whole scans and parts of them, a nanosecond and a year."""
     period = draws.log_uniform(rng, n, 1e-3, 1e2, (10.0, 1e-9))
-    return period * draws.log_uniform(rng, n, 1e-3, 1e6, (1.0, 7.0, 0.0)), period, draws.probabilities(rng, n)
+    return (
+        period * draws.log_uniform(rng, n, 1e-3, 1e6, (1.0, 7.0, 0.0)),
+        period,
+        draws.probabilities(rng, n),
+    )
 
 
 def _snr(rng, n):
-    return draws.log_uniform(rng, n, 1e-3, 60.0, (0.0,)), draws.uniform(rng, n, -5.0, 38.0, (0.0, 5.0))
+    return draws.log_uniform(rng, n, 1e-3, 60.0, (0.0,)), draws.uniform(
+        rng, n, -5.0, 38.0, (0.0, 5.0)
+    )
 
 
 def correlations(rng, n):
@@ -144,7 +170,9 @@ def ellipse(covariance):
 
 
 def covariances(rng, n, size=2):
-    """Return covariances (n, size²), m²: a metre to 1000 km, with axes up to a million times as long as wide."""
+    """Return covariances (n, size²), m²: a metre to 1000 km, with axes up to a million times as
+    long as wide.
+    """
     root = rng.normal(size=(n, size, size)) * draws.log_uniform(rng, n, 1.0, 1e6)[:, None, None]
     root[:, 0] *= draws.log_uniform(rng, n, 1e-5, 1.0)[:, None]
     return (root @ root.transpose(0, 2, 1)).reshape(n, -1)
@@ -153,7 +181,8 @@ def covariances(rng, n, size=2):
 def nees(error, covariance):
     size = len(error)
     solved = mp.lu_solve(
-        mp.matrix([covariance[size * row : size * (row + 1)] for row in range(size)]), mp.matrix(error)
+        mp.matrix([covariance[size * row : size * (row + 1)] for row in range(size)]),
+        mp.matrix(error),
     )
     return dot(error, list(solved))
 
@@ -206,7 +235,17 @@ def directed(direction):
     x, y, z = direction
     sign = -1 if z < 0 else 1
     low = 1 + abs(z)
-    return [1 - x * x / low, -x * y / low, -sign * x, -sign * x * y / low, sign * (1 - y * y / low), -y, x, y, z]
+    return [
+        1 - x * x / low,
+        -x * y / low,
+        -sign * x,
+        -sign * x * y / low,
+        sign * (1 - y * y / low),
+        -y,
+        x,
+        y,
+        z,
+    ]
 
 
 def between(one, other):
@@ -239,7 +278,10 @@ CASES = (
     ),
     Case(
         "detection.log_probability_of_detection",
-        lambda r, n: (draws.log_uniform(r, n, 1e-3, 60.0), draws.uniform(r, n, -5.0, 400.0, (1e5,))),
+        lambda r, n: (
+            draws.log_uniform(r, n, 1e-3, 60.0),
+            draws.uniform(r, n, -5.0, 400.0, (1e5,)),
+        ),
         detection.log_probability_of_detection,
         lambda s, t: mp.log(tail(t - s)) if t > s else mp.log1p(-tail(s - t)),
     ),
@@ -303,7 +345,9 @@ CASES = (
         "detection.cfar_loss",
         lambda r, n: (draws.log_uniform(r, n, 1e-9, 0.1), r.integers(8, 100, n).astype(float)),
         lambda p, c: detection.cfar_probability_of_detection(
-            -detection.cfar_loss(p, c) * (-detection.threshold_sigma(p)), detection.cfar_threshold(p, c), c
+            -detection.cfar_loss(p, c) * (-detection.threshold_sigma(p)),
+            detection.cfar_threshold(p, c),
+            c,
         ),
         lambda p, c: mp.mpf(1) / 2,
         # Of P_d in the SNR, where that is 5 to 10.
@@ -313,7 +357,9 @@ CASES = (
         "detection.effective_looks",
         correlations,
         detection.effective_looks,
-        lambda rho: 12 / (2 * mp.fsum((1 - mp.mpf(k) / 12) * r for k, r in enumerate(rho)) - rho[0]),
+        lambda rho: (
+            12 / (2 * mp.fsum((1 - mp.mpf(k) / 12) * r for k, r in enumerate(rho)) - rho[0])
+        ),
     ),
     Case(
         "detection.cumulative_probability",
@@ -341,7 +387,9 @@ CASES = (
             r.uniform(0.01, 20.0, n),
             np.maximum(draws.probabilities(r, n), 1e-290),
         ),
-        lambda q, t, p: detection.latency_quantile(np.minimum(q, 1.0 - 2.0**-53), t, p, scan_phase="random"),
+        lambda q, t, p: detection.latency_quantile(
+            np.minimum(q, 1.0 - 2.0**-53), t, p, scan_phase="random"
+        ),
         lambda q, t, p: latency_quantile(min(q, 1 - mp.mpf(2) ** -53), t, p),
     ),
     Case(
@@ -399,12 +447,14 @@ CASES = (
 
 LEFT_OUT = {
     "detection": {
-        "FusedBands": "a dot product and a normal distribution (tests/plugins/photons/detection/test_fused_bands.py)",
+        "FusedBands": "a dot product and a normal distribution"
+        " (tests/plugins/photons/detection/test_fused_bands.py)",
         **dict.fromkeys(
             ("blur_rad", "unlit_electrons_per_s"),
             "through budgets and frames (tests/against/test_against_bench_scripts.py)",
         ),
-        "RatioGates": "an integral to a stated tolerance (tests/plugins/photons/detection/test_band_rules.py)",
+        "RatioGates": "an integral to a stated tolerance"
+        " (tests/plugins/photons/detection/test_band_rules.py)",
     },
     "scoring": {
         **dict.fromkeys(
@@ -423,7 +473,8 @@ LEFT_OUT = {
             "a record",
         ),
         "warning_times": "by hand, row by row (tests/plugins/studies/test_warning_metric.py)",
-        "paired_figures": "differences against SciPy's paired test (tests/plugins/scoring/test_paired.py)",
+        "paired_figures": "differences against SciPy's paired test"
+        " (tests/plugins/scoring/test_paired.py)",
         "comparison_text": "words (tests/plugins/scoring/test_paired.py)",
         "consistency": "SciPy's χ² quantiles (tests/plugins/scoring)",
         "containment": "counts, and SciPy's χ² quantile (tests/plugins/scoring)",
@@ -440,7 +491,15 @@ LEFT_OUT = {
             "takes runs, not numbers",
         ),
         **dict.fromkeys(
-            ["ground_error", "phase_scores", "place_of", "point_errors", "rows_in_force", "scorecard_of", "scored_run"],
+            [
+                "ground_error",
+                "phase_scores",
+                "place_of",
+                "point_errors",
+                "rows_in_force",
+                "scorecard_of",
+                "scored_run",
+            ],
             "takes runs, not numbers",
         ),
         **dict.fromkeys(["state_errors", "true_states_ecef"], "takes runs, not numbers"),
@@ -448,7 +507,10 @@ LEFT_OUT = {
             ["energy_scores", "log_scores", "brier_scores"],
             "closed forms and another library (tests/against/test_against_crps_of_scoringrules.py)",
         ),
-        **dict.fromkeys(["open_set_rate", "reliability"], "counts (tests/plugins/scoring/test_hypothesis_scores.py)"),
+        **dict.fromkeys(
+            ["open_set_rate", "reliability"],
+            "counts (tests/plugins/scoring/test_hypothesis_scores.py)",
+        ),
         **dict.fromkeys(["main_regions", "regions_given"], "chooses records"),
         "region_energy_m": "areas to 1 % (tests/plugins/scoring/test_impact_scores.py)",
         **dict.fromkeys(["add_score_settings", "score_settings", "scorecard_text"], "texts"),

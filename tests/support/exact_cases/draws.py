@@ -1,4 +1,6 @@
-"""Inputs drawn for the cases: usual ones, and among them those at the ends of what a number can be."""
+"""Inputs drawn for the cases: usual ones, and among them those at the ends of what a number can
+be.
+"""
 
 import numpy as np
 
@@ -29,20 +31,30 @@ def probabilities(rng, n):
     small = np.exp(rng.uniform(np.log(1e-300), 0.0, n))
     mid = rng.uniform(0.0, 1.0, n)
     kind = rng.integers(0, 4, n)
-    return np.select([kind == 0, kind == 1, kind == 2], [small, mid, 1.0 - np.exp(rng.uniform(-36.0, 0.0, n))], mid)
+    return np.select(
+        [kind == 0, kind == 1, kind == 2],
+        [small, mid, 1.0 - np.exp(rng.uniform(-36.0, 0.0, n))],
+        mid,
+    )
 
 
 def angles(rng, n):
     """Return angles (n,), rad: of any turn, and at or beside the quarters."""
     base = rng.uniform(-np.pi, np.pi, n)
-    beside = rng.integers(-4, 5, n) * (0.5 * np.pi) + rng.choice([0.0, 1e-16, -1e-12, 1e-8, 5e-324], n)
+    beside = rng.integers(-4, 5, n) * (0.5 * np.pi) + rng.choice(
+        [0.0, 1e-16, -1e-12, 1e-8, 5e-324], n
+    )
     return np.where(rng.random(n) < 0.15, beside, base)
 
 
 def latitudes(rng, n):
     """Return geodetic latitudes (n,), rad, poles and equator among them."""
     return uniform(
-        rng, n, -0.5 * np.pi, 0.5 * np.pi, (0.0, 0.5 * np.pi, -0.5 * np.pi, 1.5707963267948963, 1e-12, 5e-324)
+        rng,
+        n,
+        -0.5 * np.pi,
+        0.5 * np.pi,
+        (0.0, 0.5 * np.pi, -0.5 * np.pi, 1.5707963267948963, 1e-12, 5e-324),
     )
 
 

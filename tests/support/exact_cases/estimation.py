@@ -25,7 +25,11 @@ def great_circle(one, other):
     a = direction(one)
     b = direction(other)
     # By half angles: exact between near points and between opposite ones.
-    return 2 * RADIUS * mp.atan2(norm([x - y for x, y in zip(a, b, strict=True)]), norm([*map(mp.fadd, a, b)]))
+    return (
+        2
+        * RADIUS
+        * mp.atan2(norm([x - y for x, y in zip(a, b, strict=True)]), norm([*map(mp.fadd, a, b)]))
+    )
 
 
 def places(rng, n):
@@ -48,14 +52,20 @@ def mapped(rng, n):
 
 def _latitudes(centre, point):
     charts = (AzimuthalEquidistant.about(up) for up in unit_vectors(centre))
-    return np.array([chart.places(one[None])[0, 0] for chart, one in zip(charts, point, strict=True)])
+    return np.array(
+        [chart.places(one[None])[0, 0] for chart, one in zip(charts, point, strict=True)]
+    )
 
 
 def latitude(centre, point):
     angle = norm(point) / RADIUS
     up = direction(centre)
     east = [-mp.sin(centre[1]), mp.cos(centre[1]), mp.mpf(0)]
-    north = [-mp.sin(centre[0]) * mp.cos(centre[1]), -mp.sin(centre[0]) * mp.sin(centre[1]), mp.cos(centre[0])]
+    north = [
+        -mp.sin(centre[0]) * mp.cos(centre[1]),
+        -mp.sin(centre[0]) * mp.sin(centre[1]),
+        mp.cos(centre[0]),
+    ]
     ahead = [(point[0] * e + point[1] * n) / norm(point) for e, n in zip(east, north, strict=True)]
     x, y, z = (mp.cos(angle) * u + mp.sin(angle) * a for u, a in zip(up, ahead, strict=True))
     return mp.atan2(z, mp.hypot(x, y))
@@ -63,7 +73,9 @@ def latitude(centre, point):
 
 def anomaly(true, eccentricity):
     half = true / 2
-    eccentric = 2 * mp.atan2(mp.sqrt(1 - eccentricity) * mp.sin(half), mp.sqrt(1 + eccentricity) * mp.cos(half))
+    eccentric = 2 * mp.atan2(
+        mp.sqrt(1 - eccentricity) * mp.sin(half), mp.sqrt(1 + eccentricity) * mp.cos(half)
+    )
     return eccentric - eccentricity * mp.sin(eccentric)
 
 
@@ -75,7 +87,10 @@ def hitting_speed(start, end, gamma, psi):
 def log_values(rng, n):
     """Return logarithms (n, 5): of sizes from 1e-12 to 1e6, apart by as much, or by nothing."""
     size = draws.log_uniform(rng, n, 1e-12, 1e6)[:, None]
-    return (rng.normal(size=(n, 1)) * draws.log_uniform(rng, n, 1.0, 1e6)[:, None] + size * rng.normal(size=(n, 5)),)
+    return (
+        rng.normal(size=(n, 1)) * draws.log_uniform(rng, n, 1.0, 1e6)[:, None]
+        + size * rng.normal(size=(n, 5)),
+    )
 
 
 def exact_log_sum(values):
@@ -84,24 +99,42 @@ def exact_log_sum(values):
 
 
 def looks(rng, n):
-    """Return signals, variances, counts, means and covariances of two bands and a count, dark and bright."""
+    """Return signals, variances, counts, means and covariances of two bands and a count, dark and
+    bright.
+    """
     size = draws.log_uniform(rng, n, 1e-6, 1e9)[:, None]
     root = rng.normal(size=(n, 3, 3)) * draws.log_uniform(rng, n, 1e-3, 1.0)[:, None, None]
     root[:, :2] *= size[:, :, None]
-    noise = np.square(size * draws.log_uniform(rng, n, 1e-6, 1e2)[:, None] * rng.uniform(0.5, 1.0, (n, 2)))
-    mean = np.concatenate([size * rng.uniform(0.1, 1.0, (n, 2)), rng.uniform(1.0, 100.0, (n, 1))], axis=1)
-    signal = mean[:, :2] + size * draws.log_uniform(rng, n, 1e-6, 1e2)[:, None] * rng.normal(size=(n, 2))
+    noise = np.square(
+        size * draws.log_uniform(rng, n, 1e-6, 1e2)[:, None] * rng.uniform(0.5, 1.0, (n, 2))
+    )
+    mean = np.concatenate(
+        [size * rng.uniform(0.1, 1.0, (n, 2)), rng.uniform(1.0, 100.0, (n, 1))], axis=1
+    )
+    signal = mean[:, :2] + size * draws.log_uniform(rng, n, 1e-6, 1e2)[:, None] * rng.normal(
+        size=(n, 2)
+    )
     # A singular covariance has no density of the count: it has a share of its own.
     covariance = root @ root.transpose(0, 2, 1)
     covariance[:, 2, 2] += 1.0
-    return signal, np.maximum(noise, 1e-9), rng.uniform(1.0, 200.0, n), mean, covariance.reshape(n, 9)
+    return (
+        signal,
+        np.maximum(noise, 1e-9),
+        rng.uniform(1.0, 200.0, n),
+        mean,
+        covariance.reshape(n, 9),
+    )
 
 
 def _log_densities(*columns):
     found = []
     for signal, variance, count, mean, covariance in zip(*columns, strict=True):
         one = Mixture.of([[Components(np.zeros(1), mean[None], covariance.reshape(1, 3, 3))]])
-        found.append(one.log_densities(np.zeros(1, dtype=np.int64), signal[None], variance[None], np.array([count])))
+        found.append(
+            one.log_densities(
+                np.zeros(1, dtype=np.int64), signal[None], variance[None], np.array([count])
+            )
+        )
     return tuple(np.array([each[part][0, 0] for each in found]) for part in (0, 1))
 
 
@@ -122,7 +155,9 @@ def log_densities(signal, variance, count, mean, covariance):
 
 
 def steps(rng, n):
-    """Return roots of information, inverses of transitions and roots of noise, 9 numbers each: hardly any, and much."""
+    """Return roots of information, inverses of transitions and roots of noise, 9 numbers each:
+    hardly any, and much.
+    """
     root = np.triu(rng.normal(size=(n, 3, 3)))
     root[:, [0, 1, 2], [0, 1, 2]] = draws.log_uniform(rng, 3 * n, 0.1, 10.0).reshape(n, 3)
     back = np.eye(3) + np.triu(rng.normal(size=(n, 3, 3)), 1)
@@ -137,7 +172,9 @@ def _updated(root, back, noise):
 
 def updated(root, back, noise):
     """Return the covariance after a step: F P Fᵀ + L Lᵀ."""
-    r, b, side = (mp.matrix([each[3 * k : 3 * k + 3] for k in range(3)]) for each in (root, back, noise))
+    r, b, side = (
+        mp.matrix([each[3 * k : 3 * k + 3] for k in range(3)]) for each in (root, back, noise)
+    )
     carried = (r * b) ** -1
     return list(carried * carried.T + side * side.T)
 
@@ -155,8 +192,13 @@ CASES = (
     Case("geometry.sphere.AzimuthalEquidistant.places", mapped, _latitudes, latitude, scale=(1.0,)),
     Case(
         "orbits.elements.mean_anomaly_rad",
-        lambda r, n: (draws.log_uniform(r, n, 1e-12, 3.1), draws.uniform(r, n, 0.0, 0.99, (0.0, 0.999999))),
-        lambda true, e: np.array([mean_anomaly_rad(*row) for row in zip(true.tolist(), e.tolist(), strict=True)]),
+        lambda r, n: (
+            draws.log_uniform(r, n, 1e-12, 3.1),
+            draws.uniform(r, n, 0.0, 0.99, (0.0, 0.999999)),
+        ),
+        lambda true, e: np.array(
+            [mean_anomaly_rad(*row) for row in zip(true.tolist(), e.tolist(), strict=True)]
+        ),
         anomaly,
     ),
     Case(
@@ -178,5 +220,12 @@ CASES = (
         lambda values: [each - exact_log_sum(values) for each in values],
     ),
     Case("classification.Mixture.log_densities", looks, _log_densities, log_densities, share=0.3),
-    Case("estimation.square_root.time_update", steps, _updated, updated, condition=update_condition, share=0.3),
+    Case(
+        "estimation.square_root.time_update",
+        steps,
+        _updated,
+        updated,
+        condition=update_condition,
+        share=0.3,
+    ),
 )

@@ -1,4 +1,6 @@
-"""References of flight and orbits: two-body arcs in 56 digits, boosts and forces integrated in extended precision."""
+"""References of flight and orbits: two-body arcs in 56 digits, boosts and forces integrated in
+extended precision.
+"""
 
 import mpmath as mp
 import numpy as np
@@ -17,7 +19,9 @@ MU = mp.mpf(EARTH_MU_M3_S2)
 
 
 def arcs(rng, n):
-    """Return states and durations of arcs: ellipses, hyperbolas, straight lines; seconds to ten years."""
+    """Return states and durations of arcs: ellipses, hyperbolas, straight lines; seconds to ten
+    years.
+    """
     position = draws.positions(rng, n, 6.4e6, 4e8)
     circular = np.sqrt(EARTH_MU_M3_S2 / np.sqrt((position**2).sum(axis=1)))
     direction = draws.directions(rng, n)
@@ -51,18 +55,24 @@ def transfers(rng, n):
     second = draws.positions(rng, n, 6.4e6, 4e7)
     beside = rng.random(n) < 0.2
     near = first[beside] * (
-        1.0 + draws.log_uniform(rng, int(beside.sum()), 1e-12, 1e-2)[:, None] * rng.normal(size=(int(beside.sum()), 3))
+        1.0
+        + draws.log_uniform(rng, int(beside.sum()), 1e-12, 1e-2)[:, None]
+        * rng.normal(size=(int(beside.sum()), 3))
     )
     second[beside] = near
     opposite = rng.random(n) < 0.1
     off = draws.log_uniform(rng, n, 1e-15, 1e-3)[:, None] * draws.directions(rng, n)
-    there = -rng.uniform(0.3, 3.0, (n, 1)) * (first + np.sqrt((first**2).sum(axis=1, keepdims=True)) * off)
+    there = -rng.uniform(0.3, 3.0, (n, 1)) * (
+        first + np.sqrt((first**2).sum(axis=1, keepdims=True)) * off
+    )
     second[opposite] = there[opposite]
     return first, second, draws.log_uniform(rng, n, 1.0, 1e6)
 
 
 def lambert_miss(rng, n):
-    """Return how far arcs of `lambert` end from where they should, over what rounding the velocity alone does."""
+    """Return how far arcs of `lambert` end from where they should, over what rounding the velocity
+    alone does.
+    """
     columns = transfers(rng, n)
     velocity, _ = flight.lambert(*columns)
     miss = np.zeros(n)
@@ -85,7 +95,9 @@ def lambert_miss(rng, n):
 
 
 def kepler_impacts(rng, n):
-    """Return how far the heights of impacts are from those asked for, over the bound of the docstring and rounding."""
+    """Return how far the heights of impacts are from those asked for, over the bound of the
+    docstring and rounding.
+    """
     columns = falls(rng, n)
     duration, point = flight.kepler_impact(*columns)
     miss = np.zeros(n)
@@ -96,18 +108,24 @@ def kepler_impacts(rng, n):
         end = [mp.mpf(float(v)) for v in point[row]]
         start = [[mp.mpf(float(v)) for v in each[row]] for each in columns[:2]]
         arrived_at, speed = two_body(*start, mp.mpf(float(duration[row])))
-        miss[row] = float(abs(geodetic(end)[2] - mp.mpf(float(columns[2][row]))) + norm(less(arrived_at, end)))
+        miss[row] = float(
+            abs(geodetic(end)[2] - mp.mpf(float(columns[2][row]))) + norm(less(arrived_at, end))
+        )
         bound[row] = 1e-6 + float(norm(speed) * duration[row]) * 2.0**-50
     return columns, miss, bound
 
 
 def launches(rng, n):
     """Return flights of all profiles: launch and aim, ignition, profiles, and the `Aim`."""
-    profiles = [flight.boost_profiles()[name] for name in rng.choice(sorted(flight.boost_profiles()), n)]
+    profiles = [
+        flight.boost_profiles()[name] for name in rng.choice(sorted(flight.boost_profiles()), n)
+    ]
     latitude = draws.latitudes(rng, n)
     longitude = draws.angles(rng, n)
     longitude = np.remainder(longitude + np.pi, 2.0 * np.pi) - np.pi
-    shortest, longest = (np.array([getattr(p, f"{end}_range_m") for p in profiles]) for end in ("minimum", "maximum"))
+    shortest, longest = (
+        np.array([getattr(p, f"{end}_range_m") for p in profiles]) for end in ("minimum", "maximum")
+    )
     reach = shortest + (longest - shortest) * rng.uniform(0.01, 0.99, n)
     there = geodesic_direct(latitude, longitude, rng.uniform(0.0, 2.0 * np.pi, n), reach)
     launch = Geodetic(latitude, longitude, rng.choice([0.0, -400.0, 3000.0], n))
@@ -121,7 +139,12 @@ def aims(rng, n):
     launch, goal, ignition, profiles, found = launches(rng, n)
     burn = np.array([profile.burn_time_s for profile in profiles])
     place, velocity = boost_states(
-        launch, found.azimuth_rad, found.burnout_speed_m_s, found.burnout_flight_path_angle_rad, profiles, burn
+        launch,
+        found.azimuth_rad,
+        found.burnout_speed_m_s,
+        found.burnout_flight_path_angle_rad,
+        profiles,
+        burn,
     )
     wanted = geodetic_to_ecef(*goal)
     miss = np.zeros(n)
@@ -152,7 +175,9 @@ def boosts(rng, n):
         profiles,
         np.asarray(time_s, np.longdouble) - found.path.ignition_s,
     )
-    miss = np.sqrt(((ephemeris.position_m(np.arange(n), time_s) - place) ** 2).sum(axis=1)).astype(float)
+    miss = np.sqrt(((ephemeris.position_m(np.arange(n), time_s) - place) ** 2).sum(axis=1)).astype(
+        float
+    )
     return (*launch, ignition, time_s), miss, np.full(n, tolerance) + 8e3 * np.spacing(time_s)
 
 
@@ -161,7 +186,9 @@ def coasts(rng, n, of=flight.coast_ephemeris):
     _, _, ignition, _, found = launches(rng, n)
     tolerance = float(10.0 ** rng.uniform(-4.0, 0.0))
     ephemeris = of(found, tolerance)
-    time_s = found.burnout_s + draws.uniform(rng, n, 0.0, 1.0, (0.0, 1.0)) * (found.impact_s - found.burnout_s)
+    time_s = found.burnout_s + draws.uniform(rng, n, 0.0, 1.0, (0.0, 1.0)) * (
+        found.impact_s - found.burnout_s
+    )
     time_s = np.minimum(time_s, found.impact_s)
     at = ephemeris.position_m(np.arange(n), time_s)
     miss = np.zeros(n)
@@ -192,23 +219,40 @@ def under_forces(rng, n):
     keep = (np.sqrt((far**2).sum(axis=1)) > 5e6) & (np.abs(velocity).sum(axis=1) > 2e3)
     duration = np.where(keep, duration, 1.0)
     tolerance = 10.0 ** rng.uniform(-6.0, -3.0, n)
-    end, _ = flight.propagate(position, velocity, duration, flight.Forces(zonal=NAMES), tolerance_m=tolerance)
+    end, _ = flight.propagate(
+        position, velocity, duration, flight.Forces(zonal=NAMES), tolerance_m=tolerance
+    )
     exact, _ = propagated(position, velocity, duration, NAMES)
-    return (position, velocity, duration), np.sqrt(((end - exact) ** 2).sum(axis=1)).astype(float), tolerance
+    return (
+        (position, velocity, duration),
+        np.sqrt(((end - exact) ** 2).sum(axis=1)).astype(float),
+        tolerance,
+    )
 
 
 def forced_impacts(rng, n):
-    """Return the distances of impacts under zonal gravity from the exact ends, and of their heights, over 1 mm."""
+    """Return the distances of impacts under zonal gravity from the exact ends, and of their
+    heights, over 1 mm.
+    """
     position, velocity, height = falls(rng, 4 * n)
-    duration, point = flight.impact(position, velocity, height, flight.Forces(zonal=NAMES), tolerance_m=1e-3)
+    duration, point = flight.impact(
+        position, velocity, height, flight.Forces(zonal=NAMES), tolerance_m=1e-3
+    )
     radial = (position * velocity).sum(axis=1)
-    rows = np.flatnonzero(np.isfinite(duration) & (duration > 1.0) & (np.abs(radial) > 0.2 * 6.4e6 * 1e3))[:n]
+    rows = np.flatnonzero(
+        np.isfinite(duration) & (duration > 1.0) & (np.abs(radial) > 0.2 * 6.4e6 * 1e3)
+    )[:n]
     end, _ = propagated(position[rows], velocity[rows], duration[rows], NAMES)
     apart = np.sqrt(((point[rows] - end) ** 2).sum(axis=1)).astype(float)
     with mp.workdps(40):
         low = np.array(
             [
-                float(abs(geodetic([mp.mpf(float(v)) for v in point[row]])[2] - mp.mpf(float(height[row]))))
+                float(
+                    abs(
+                        geodetic([mp.mpf(float(v)) for v in point[row]])[2]
+                        - mp.mpf(float(height[row]))
+                    )
+                )
                 for row in rows
             ]
         )
@@ -228,7 +272,9 @@ def _ellipse(rng, n):
 
 def _each(function):
     """Return a function of columns from one of numbers that returns `Elements` or a number."""
-    return lambda *columns: np.array([function(*row) for row in zip(*(c.tolist() for c in columns), strict=True)])
+    return lambda *columns: np.array(
+        [function(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    )
 
 
 def _elements(a, e, i, node, perigee, anomaly):
@@ -266,7 +312,10 @@ def orbital_position(altitude, inclination, node, latitude, time):
     radius = A + altitude * 1000
     angle = latitude * mp.pi / 180 + mp.sqrt(MU / radius**3) * time
     towards, along = perifocal(inclination * mp.pi / 180, node * mp.pi / 180, mp.mpf(0))
-    place = [radius * (mp.cos(angle) * t + mp.sin(angle) * u) for t, u in zip(towards, along, strict=True)]
+    place = [
+        radius * (mp.cos(angle) * t + mp.sin(angle) * u)
+        for t, u in zip(towards, along, strict=True)
+    ]
     return fixed(place, time)
 
 
@@ -281,15 +330,24 @@ def _circular(rng, n):
 
 
 def orbit_positions(rng, n):
-    """Return the errors of fitted orbits, from now to thirty years ahead, over 1 cm and the rounding of the phase."""
+    """Return the errors of fitted orbits, from now to thirty years ahead, over 1 cm and the
+    rounding of the phase.
+    """
     columns = _circular(rng, n)
     miss = np.zeros(n)
     bound = np.zeros(n)
-    for row, (altitude, tilt, node, latitude, time) in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
+    for row, (altitude, tilt, node, latitude, time) in enumerate(
+        zip(*(c.tolist() for c in columns), strict=True)
+    ):
         config = orbits.CircularConfig(
-            altitude_km=altitude, inclination_deg=tilt, lon_asc_node_deg=node, arg_latitude_deg=latitude
+            altitude_km=altitude,
+            inclination_deg=tilt,
+            lon_asc_node_deg=node,
+            arg_latitude_deg=latitude,
         )
-        found = orbits.orbit_of(orbits.OrbitConfig(circular=config), 0).position_ecef_m(np.array([time]))[0]
+        found = orbits.orbit_of(orbits.OrbitConfig(circular=config), 0).position_ecef_m(
+            np.array([time])
+        )[0]
         exact = orbital_position(*(mp.mpf(v) for v in (altitude, tilt, node, latitude, time)))
         miss[row] = float(norm(less([mp.mpf(float(v)) for v in found], exact)))
         bound[row] = 0.01 + 8e3 * time * 2.0**-50
@@ -314,24 +372,47 @@ CASES = (
     ),
     Case(
         "orbits.circular_elements",
-        lambda r, n: (r.uniform(2e5, 4e7, n), draws.angles(r, n), draws.angles(r, n), draws.angles(r, n)),
+        lambda r, n: (
+            r.uniform(2e5, 4e7, n),
+            draws.angles(r, n),
+            draws.angles(r, n),
+            draws.angles(r, n),
+        ),
         _each(lambda *row: orbits.circular_elements(*row).semi_major_axis_m),
         lambda altitude, *_: A + altitude,
     ),
     Case(
         "orbits.slot_elements",
-        lambda r, n: (draws.angles(r, n), r.uniform(0.0, 0.5, n), draws.angles(r, n), draws.angles(r, n)),
+        lambda r, n: (
+            draws.angles(r, n),
+            r.uniform(0.0, 0.5, n),
+            draws.angles(r, n),
+            draws.angles(r, n),
+        ),
         _each(
             lambda slot, e, w, u: (
-                lambda found: found.node_longitude_rad + found.argument_of_perigee_rad + found.mean_anomaly_rad
-            )(orbits.slot_elements(slot, eccentricity=e, argument_of_perigee_rad=w, mean_argument_of_latitude_rad=u))
+                lambda found: (
+                    found.node_longitude_rad
+                    + found.argument_of_perigee_rad
+                    + found.mean_anomaly_rad
+                )
+            )(
+                orbits.slot_elements(
+                    slot, eccentricity=e, argument_of_perigee_rad=w, mean_argument_of_latitude_rad=u
+                )
+            )
         ),
         lambda slot, *_: slot,
         scale=(2.0 * np.pi,),
     ),
     Case(
         "orbits.highly_elliptical_elements",
-        lambda r, n: (r.choice([1.0, 2.0], n), r.uniform(0.0, 0.75, n), draws.angles(r, n), r.uniform(-1e6, 1e6, n)),
+        lambda r, n: (
+            r.choice([1.0, 2.0], n),
+            r.uniform(0.0, 0.75, n),
+            draws.angles(r, n),
+            r.uniform(-1e6, 1e6, n),
+        ),
         _each(lambda *row: orbits.highly_elliptical_elements(*row).node_longitude_rad),
         lambda turns, e, longitude, time: (
             longitude
@@ -339,7 +420,8 @@ CASES = (
             + mp.pi / 2
             - mp.pi / 2
             - mp.atan2(
-                mp.cos(mp.mpf(orbits.CRITICAL_INCLINATION_RAD)) * mp.sin(mp.mpf(1.5 * np.pi) + mp.pi),
+                mp.cos(mp.mpf(orbits.CRITICAL_INCLINATION_RAD))
+                * mp.sin(mp.mpf(1.5 * np.pi) + mp.pi),
                 mp.cos(mp.mpf(1.5 * np.pi) + mp.pi),
             )
         ),
@@ -350,7 +432,9 @@ CASES = (
         lambda r, n: (r.uniform(2e5, 2e6, n), draws.latitudes(r, n), draws.angles(r, n)),
         _each(
             lambda altitude, tilt, node: (
-                orbits.walker_pattern(24, 6, 1, altitude, tilt, first_node_longitude_rad=node)[23].node_longitude_rad
+                orbits.walker_pattern(24, 6, 1, altitude, tilt, first_node_longitude_rad=node)[
+                    23
+                ].node_longitude_rad
             )
         ),
         lambda altitude, tilt, node: node + 5 * mp.pi / 3,
@@ -359,8 +443,20 @@ CASES = (
 )
 
 BOUNDS = (
-    Bound("flight.lambert", "ten times what rounding the velocity does to the end", lambert_miss, share=0.1, digits=56),
-    Bound("flight.kepler_impact", "1e-6 m and rounding of the time", kepler_impacts, share=0.1, digits=56),
+    Bound(
+        "flight.lambert",
+        "ten times what rounding the velocity does to the end",
+        lambert_miss,
+        share=0.1,
+        digits=56,
+    ),
+    Bound(
+        "flight.kepler_impact",
+        "1e-6 m and rounding of the time",
+        kepler_impacts,
+        share=0.1,
+        digits=56,
+    ),
     Bound("flight.aim", "0.01 m and rounding of the time", aims, share=0.1, digits=56),
     Bound("flight.boost_ephemeris", "the tolerance", boosts, share=0.2),
     Bound("flight.coast_ephemeris", "the tolerance", coasts, share=0.1, digits=56),
@@ -377,7 +473,9 @@ LEFT_OUT = {
         "density_kg_m3": "a fit to a table (tests/against/test_against_us_standard_density.py)",
         "forces_of": "looks a name up",
         **dict.fromkeys(("joined_burns_s", "plain_gaps_s"), "the times given, laid out otherwise"),
-        **dict.fromkeys(("height_and_up", "height_m"), "through ecef_to_geodetic, to 2e-8 m (tests/core/flight)"),
+        **dict.fromkeys(
+            ("height_and_up", "height_m"), "through ecef_to_geodetic, to 2e-8 m (tests/core/flight)"
+        ),
         "impact_states_eci": "through impact and kepler_impact",
         "Aim": "a record",
         "BoostProfile": "a record",
@@ -385,7 +483,9 @@ LEFT_OUT = {
         "Ephemeris": "through boost_ephemeris, coast_ephemeris and flight_ephemeris",
         "Forces": "a record",
         "KeplerStatus": "names of reasons",
-        **dict.fromkeys(("ascent", "boost_path", "launch_site"), "through aim, whose bound flies the path"),
+        **dict.fromkeys(
+            ("ascent", "boost_path", "launch_site"), "through aim, whose bound flies the path"
+        ),
         "boost_profile": "looks a name up",
         "boost_profiles": "looks names up",
     },
@@ -393,7 +493,8 @@ LEFT_OUT = {
         "GeostationaryOrbit": "a fixed point; through geodetic_to_ecef",
         "CRITICAL_INCLINATION_RAD": "a constant",
         **dict.fromkeys(
-            ("MovingOrbit", "Sgp4Motion"), "through orbits of elements (tests/against/test_against_sgp4.py)"
+            ("MovingOrbit", "Sgp4Motion"),
+            "through orbits of elements (tests/against/test_against_sgp4.py)",
         ),
         **dict.fromkeys(
             (
@@ -423,7 +524,8 @@ LEFT_OUT = {
         "Eclipses": "a record",
         "Elements": "a record; through perigee_state_eci",
         "Outages": "a record",
-        "eclipse_intervals": "to 1 ms, by sunlit discs (tests/against/test_against_astropy_sun_events.py)",
+        "eclipse_intervals": "to 1 ms, by sunlit discs"
+        " (tests/against/test_against_astropy_sun_events.py)",
         "outage_intervals": "a search to 1 ms in nadir angles (tests/core/orbits)",
         "elements_of": "selects; through orbit_of",
     },

@@ -1,4 +1,6 @@
-"""References of geometry: frames, angles, the ellipsoid, lines of sight and the Sun, each from its definition."""
+"""References of geometry: frames, angles, the ellipsoid, lines of sight and the Sun, each from its
+definition.
+"""
 
 import mpmath as mp
 import numpy as np
@@ -45,20 +47,29 @@ def fixed_state(position, velocity, time):
 def ecef(latitude, longitude, height):
     normal = A / mp.sqrt(1 - E2 * mp.sin(latitude) ** 2)
     rho = (normal + height) * mp.cos(latitude)
-    return [rho * mp.cos(longitude), rho * mp.sin(longitude), (normal * (1 - E2) + height) * mp.sin(latitude)]
+    return [
+        rho * mp.cos(longitude),
+        rho * mp.sin(longitude),
+        (normal * (1 - E2) + height) * mp.sin(latitude),
+    ]
 
 
 def geodetic(position):
-    """Return latitude, longitude and height of a point more than 100 km from the centre, by Newton's method."""
+    """Return latitude, longitude and height of a point more than 100 km from the centre, by
+    Newton's method.
+    """
     rho = mp.hypot(position[0], position[1])
     z = position[2]
-    # On the ellipse through (a cos t, b sin t): the zero of the tangential part of the way to the point.
+    # On the ellipse through (a cos t, b sin t): the zero of the tangential part of the way to the
+    # point.
     t = mp.atan2(A * z, B * rho)
     for _ in range(60):
         sine = mp.sin(t)
         cosine = mp.cos(t)
         value = (A * A - B * B) * sine * cosine - rho * A * sine + z * B * cosine
-        step = value / ((A * A - B * B) * (cosine * cosine - sine * sine) - rho * A * cosine - z * B * sine)
+        step = value / (
+            (A * A - B * B) * (cosine * cosine - sine * sine) - rho * A * cosine - z * B * sine
+        )
         t -= step
         if abs(step) < mp.mpf(10) ** (-mp.mp.dps + 3):
             break
@@ -133,10 +144,14 @@ def sun_of_centuries(centuries, in_longitude=0, in_obliquity=0):
         text(size) * mp.sin(radians(text(phase) + text(rate) * centuries))
         for size, phase, rate in sun_series._LONGITUDE
     )
-    geometric = radians(mp.mpf("282.7771834") + mp.mpf("36000.76953744") * centuries) + series / 10**7
+    geometric = (
+        radians(mp.mpf("282.7771834") + mp.mpf("36000.76953744") * centuries) + series / 10**7
+    )
     anomaly = radians(mp.mpf("357.5277233") + mp.mpf("35999.05034") * centuries)
     radius = (
-        mp.mpf("1.000140612") - mp.mpf("0.016708617") * mp.cos(anomaly) - mp.mpf("0.000139589") * mp.cos(2 * anomaly)
+        mp.mpf("1.000140612")
+        - mp.mpf("0.016708617") * mp.cos(anomaly)
+        - mp.mpf("0.000139589") * mp.cos(2 * anomaly)
     )
     longitude = geometric - radians(mp.mpf("20.49552") / 3600) / radius + in_longitude
     obliquity = obliquity_of(centuries) + in_obliquity
@@ -160,9 +175,22 @@ def nutation(centuries):
     node = radians(mp.mpf("125.04452") - mp.mpf("1934.136261") * centuries)
     sun = 2 * radians(mp.mpf("280.4665") + mp.mpf("36000.7698") * centuries)
     moon = 2 * radians(mp.mpf("218.3165") + mp.mpf("481267.8813") * centuries)
-    sines = [("-17.20", mp.sin(node)), ("-1.32", mp.sin(sun)), ("-0.23", mp.sin(moon)), ("0.21", mp.sin(2 * node))]
-    cosines = [("9.20", mp.cos(node)), ("0.57", mp.cos(sun)), ("0.10", mp.cos(moon)), ("-0.09", mp.cos(2 * node))]
-    return tuple(radians(mp.fsum(mp.mpf(size) * wave for size, wave in terms) / 3600) for terms in (sines, cosines))
+    sines = [
+        ("-17.20", mp.sin(node)),
+        ("-1.32", mp.sin(sun)),
+        ("-0.23", mp.sin(moon)),
+        ("0.21", mp.sin(2 * node)),
+    ]
+    cosines = [
+        ("9.20", mp.cos(node)),
+        ("0.57", mp.cos(sun)),
+        ("0.10", mp.cos(moon)),
+        ("-0.09", mp.cos(2 * node)),
+    ]
+    return tuple(
+        radians(mp.fsum(mp.mpf(size) * wave for size, wave in terms) / 3600)
+        for terms in (sines, cosines)
+    )
 
 
 def sun_ecef(epoch, time):
@@ -177,7 +205,9 @@ def sun_eci(epoch, time):
 
 
 def discs(position, sun):
-    """Return the angular radii of Sun and Earth and their separation, in the space stretched along z."""
+    """Return the angular radii of Sun and Earth and their separation, in the space stretched along
+    z.
+    """
     stretch = A / B
     here = [position[0], position[1], position[2] * stretch]
     there = [sun[0], sun[1], sun[2] * stretch]
@@ -216,7 +246,9 @@ def intersection(origin, ray, height):
 
 
 def lowest(observer, target):
-    """Return the share of a segment at which it is lowest, and the height there: the slope's zero, by bisection."""
+    """Return the share of a segment at which it is lowest, and the height there: the slope's zero,
+    by bisection.
+    """
     away = less(target, observer)
 
     def slope(share):
@@ -235,7 +267,9 @@ def lowest(observer, target):
 
 
 def grazing_condition(observer, target):
-    """The height of the lowest point moves with the ends as that point does: by the envelope theorem."""
+    """The height of the lowest point moves with the ends as that point does: by the envelope
+    theorem.
+    """
     share, height = lowest(observer, target)
     up = axes_at(plus(observer, less(target, observer), share))[2]
     parts = [
@@ -247,7 +281,9 @@ def grazing_condition(observer, target):
 
 
 def lines(rng, n):
-    """Return observers and targets (n, 3): lines that graze the Earth, some clear of it, some through it."""
+    """Return observers and targets (n, 3): lines that graze the Earth, some clear of it, some
+    through it.
+    """
     observer = draws.positions(rng, n, 6.7e6, 4.3e7)
     target = draws.positions(rng, n, 6.4e6, 8e6)
     return observer, target
@@ -269,11 +305,17 @@ def rays(rng, n):
     """Return origins, directions towards the Earth and beside it, and heights."""
     origin = draws.positions(rng, n, 6.6e6, 4.3e7)
     aim = draws.directions(rng, n) * (6.3e6 * rng.uniform(0.0, 1.1, n))[:, None]
-    return origin, (aim - origin) * draws.log_uniform(rng, n, 1e-9, 1e9)[:, None], rng.choice([0.0, 1e5, -1e3], n)
+    return (
+        origin,
+        (aim - origin) * draws.log_uniform(rng, n, 1e-9, 1e9)[:, None],
+        rng.choice([0.0, 1e5, -1e3], n),
+    )
 
 
 def mistaken(decided, limit):
-    """Return a reference of a decision: 1 where it must be true, 0 where not, None of a margin too small to tell."""
+    """Return a reference of a decision: 1 where it must be true, 0 where not, None of a margin too
+    small to tell.
+    """
     return lambda *row: mp.mpf(1 if decided(*row) > limit else 0)
 
 
@@ -305,14 +347,26 @@ def _three(found):
 
 CASES = (
     Case(
-        "geometry.ecef_to_eci", lambda r, n: (draws.positions(r, n), draws.times(r, n)), geometry.ecef_to_eci, inertial
+        "geometry.ecef_to_eci",
+        lambda r, n: (draws.positions(r, n), draws.times(r, n)),
+        geometry.ecef_to_eci,
+        inertial,
     ),
-    Case("geometry.eci_to_ecef", lambda r, n: (draws.positions(r, n), draws.times(r, n)), geometry.eci_to_ecef, fixed),
+    Case(
+        "geometry.eci_to_ecef",
+        lambda r, n: (draws.positions(r, n), draws.times(r, n)),
+        geometry.eci_to_ecef,
+        fixed,
+    ),
     Case("geometry.ecef_to_eci_state", _state, geometry.ecef_to_eci_state, inertial_state),
     Case("geometry.eci_to_ecef_state", _state, geometry.eci_to_ecef_state, fixed_state),
     Case(
         "geometry.geodetic_to_ecef",
-        lambda r, n: (draws.latitudes(r, n), draws.angles(r, n), draws.uniform(r, n, -6e3, 4e7, (0.0, 5e-324, 3.8e8))),
+        lambda r, n: (
+            draws.latitudes(r, n),
+            draws.angles(r, n),
+            draws.uniform(r, n, -6e3, 4e7, (0.0, 5e-324, 3.8e8)),
+        ),
         geometry.geodetic_to_ecef,
         ecef,
     ),
@@ -347,7 +401,9 @@ CASES = (
     Case(
         "geometry.azimuth_elevation_range_in_axes",
         _with_axes,
-        lambda offset, *rows: tuple(geometry.azimuth_elevation_range_in_axes(offset, np.stack(rows, axis=1))),
+        lambda offset, *rows: tuple(
+            geometry.azimuth_elevation_range_in_axes(offset, np.stack(rows, axis=1))
+        ),
         pointed,
         angles=(0,),
     ),
@@ -382,7 +438,12 @@ CASES = (
         lambda *ends: mp.mpf(0 < lowest(*ends)[0] < 1 and lowest(*ends)[1] < 0),
         share=0.05,
     ),
-    Case("geometry.intersection_with_ellipsoid", rays, geometry.intersection_with_ellipsoid, intersection),
+    Case(
+        "geometry.intersection_with_ellipsoid",
+        rays,
+        geometry.intersection_with_ellipsoid,
+        intersection,
+    ),
     Case(
         "geometry.sun_position_of_date_m",
         lambda r, n: (r.uniform(2440587.5, 2488069.5, n),),
@@ -401,7 +462,9 @@ CASES = (
 
 
 def _turn(_, time):
-    """Return the bound of an angle that turns with the Earth: 1e-12 and the rounding of the time."""
+    """Return the bound of an angle that turns with the Earth: 1e-12 and the rounding of the
+    time.
+    """
     return 1e-12 + 1e-19 * np.abs(time)
 
 
@@ -436,8 +499,11 @@ BOUNDS = (
 
 LEFT_OUT = {
     **dict.fromkeys(("ASTRONOMICAL_UNIT_M", "SUN_RADIUS_M", "WGS84"), "a constant"),
-    **dict.fromkeys(("components", "dot", "length", "vector"), "arithmetic of components, a few operations each"),
-    "AzimuthalEquidistant": "a map for drawing and areas; against geographiclib (tests/core/geometry)",
+    **dict.fromkeys(
+        ("components", "dot", "length", "vector"), "arithmetic of components, a few operations each"
+    ),
+    "AzimuthalEquidistant": "a map for drawing and areas; against geographiclib"
+    " (tests/core/geometry)",
     "Crossings": "a record",
     "angle_between_rad": "through nadir_angle_rad",
     "great_circle_m": "a distance on the sphere, for maps (tests/core/geometry)",
@@ -450,6 +516,8 @@ LEFT_OUT = {
     "Ellipsoid": "a record",
     "Geodetic": "a record",
     "LatitudeLongitude": "a record",
-    "geodesic_direct": "GeographicLib's, exact to 15 nm (tests/against/test_against_geographiclib_geometry.py)",
-    "geodesic_inverse": "GeographicLib's, exact to 15 nm (tests/against/test_against_geographiclib_geometry.py)",
+    "geodesic_direct": "GeographicLib's, exact to 15 nm"
+    " (tests/against/test_against_geographiclib_geometry.py)",
+    "geodesic_inverse": "GeographicLib's, exact to 15 nm"
+    " (tests/against/test_against_geographiclib_geometry.py)",
 }

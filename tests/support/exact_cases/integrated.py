@@ -1,4 +1,6 @@
-"""Flights in extended precision: the boost by quadrature, free flight under zonal gravity by extrapolation."""
+"""Flights in extended precision: the boost by quadrature, free flight under zonal gravity by
+extrapolation.
+"""
 
 from functools import cache
 
@@ -14,7 +16,9 @@ _PANELS = 48
 
 @cache
 def _gauss():
-    """Return nodes and weights on [0, 1], and the matrix of integrals from 0 to each node, in extended precision."""
+    """Return nodes and weights on [0, 1], and the matrix of integrals from 0 to each node, in
+    extended precision.
+    """
     with mp.workdps(40):
         nodes = [
             (1 + mp.findroot(lambda x: mp.legendre(_ORDER, x), float(x))) / 2
@@ -29,16 +33,21 @@ def _gauss():
         for row, end in enumerate([*nodes, mp.mpf(1)]):
             for column in range(_ORDER):
                 to_node[row, column] = mp.fsum(
-                    inverse[power, column] * end ** (power + 1) / (power + 1) for power in range(_ORDER)
+                    inverse[power, column] * end ** (power + 1) / (power + 1)
+                    for power in range(_ORDER)
                 )
-        long = np.array([[LONG(mp.nstr(to_node[r, c], 30)) for c in range(_ORDER)] for r in range(_ORDER + 1)])
+        long = np.array(
+            [[LONG(mp.nstr(to_node[r, c], 30)) for c in range(_ORDER)] for r in range(_ORDER + 1)]
+        )
         return np.array([LONG(mp.nstr(node, 30)) for node in nodes]), long
 
 
 def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
-    """Return positions and velocities (n, 3) of boosts in ECEF, `elapsed_s` (n,) after ignition, by quadrature in time.
+    """Return positions and velocities (n, 3) of boosts in ECEF, `elapsed_s` (n,) after ignition, by
+    quadrature in time.
 
-    `site` are latitude, longitude (rad) and height (m), (n,) each; the course is that of the class profiles.
+    `site` are latitude, longitude (rad) and height (m), (n,) each; the course is that of the class
+    profiles.
     """
     latitude, longitude, height = (np.asarray(v, LONG) for v in site)
     burn, start, k, exponent = (
@@ -54,7 +63,9 @@ def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
     w = 1 - e2 * np.sin(latitude) ** 2
     normal = a / np.sqrt(w)
     meridian = normal * (1 - e2) / w
-    curvature = np.cos(azimuth) ** 2 / (meridian + height) + np.sin(azimuth) ** 2 / (normal + height)
+    curvature = np.cos(azimuth) ** 2 / (meridian + height) + np.sin(azimuth) ** 2 / (
+        normal + height
+    )
     radius = 1 / curvature
     nodes, to_node = _gauss()
 
@@ -78,7 +89,9 @@ def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
         v, lean = course(t)
         pace = 4 * x**3 * (burn - start) * step
         climb = to_node @ (pace * v * np.cos(lean))
-        swept += (to_node[-1][:, None] * (pace * v * np.sin(lean) / (radius + rise + climb[:-1]))).sum(axis=0)
+        swept += (
+            to_node[-1][:, None] * (pace * v * np.sin(lean) / (radius + rise + climb[:-1]))
+        ).sum(axis=0)
         rise = rise + climb[-1]
     v, lean = course(elapsed)
     s = np.sin(latitude)
@@ -89,14 +102,22 @@ def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
     east = np.stack([-sl, cl, 0 * sl])
     north = np.stack([-s * cl, -s * sl, c])
     heading = np.sin(azimuth) * east + np.cos(azimuth) * north
-    launch = np.stack([(normal + height) * c * cl, (normal + height) * c * sl, (normal * (1 - e2) + height) * s])
-    place = launch + ((radius + rise) * np.cos(swept) - radius) * up + (radius + rise) * np.sin(swept) * heading
+    launch = np.stack(
+        [(normal + height) * c * cl, (normal + height) * c * sl, (normal * (1 - e2) + height) * s]
+    )
+    place = (
+        launch
+        + ((radius + rise) * np.cos(swept) - radius) * up
+        + (radius + rise) * np.sin(swept) * heading
+    )
     velocity = v * (np.cos(lean + swept) * up + np.sin(lean + swept) * heading)
     return place.T, velocity.T
 
 
 def zonal_acceleration(position, names):
-    """Return accelerations (3, n) of the zonal field: the gradient of its potential, by Legendre polynomials."""
+    """Return accelerations (3, n) of the zonal field: the gradient of its potential, by Legendre
+    polynomials.
+    """
     field = ZonalField()
     x, y, z = position
     r = np.sqrt(x * x + y * y + z * z)
@@ -118,12 +139,18 @@ def zonal_acceleration(position, names):
             along = along - size * slope
     # The gradient of sin(latitude) has the length cos(latitude) / r: along is per cosine squared.
     return np.stack(
-        [radial * x / r - along * s * x / r, radial * y / r - along * s * y / r, radial * s + along * (1 - s * s)]
+        [
+            radial * x / r - along * s * x / r,
+            radial * y / r - along * s * y / r,
+            radial * s + along * (1 - s * s),
+        ]
     )
 
 
 def propagated(position_m, velocity_m_s, duration_s, names, steps=64):
-    """Return positions and velocities (n, 3) after durations (n,), by Gragg-Bulirsch-Stoer extrapolation."""
+    """Return positions and velocities (n, 3) after durations (n,), by Gragg-Bulirsch-Stoer
+    extrapolation.
+    """
     state = np.concatenate([np.asarray(position_m, LONG).T, np.asarray(velocity_m_s, LONG).T])
     step = np.asarray(duration_s, LONG) / steps
 

@@ -1,9 +1,11 @@
-"""Functions in float64 held to the same in 40 digits (mpmath), with the condition number of every input drawn.
+"""Functions in float64 held to the same in 40 digits (mpmath), with the condition number of every
+input drawn.
 
-The relative error of a well-computed result is about the unit roundoff u times one plus its condition number: the sum,
-over the inputs, of the relative change of the result for a relative change of that input. A loss of digits that the
-input makes is thus distinguished from one that the formula makes: `scaled` is the error over (1 + condition) u, a few
-units for a good formula however ill-conditioned the input.
+The relative error of a well-computed result is about the unit roundoff u times one plus its
+condition number: the sum, over the inputs, of the relative change of the result for a relative
+change of that input. A loss of digits that the input makes is thus distinguished from one that the
+formula makes: `scaled` is the error over (1 + condition) u, a few units for a good formula however
+ill-conditioned the input.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,13 +29,15 @@ Exact = Any
 class Case(NamedTuple):
     """A function, how its inputs are drawn, and its reference.
 
-    `draw(rng, n)` returns the inputs, columns (n,) or (n, k). `call(*columns)` returns one or several outputs, each
-    (n,) or (n, k), whose error is that of the vector. `exact(*row)` returns the same of one row in mpmath, None for an
-    output that does not exist (nan). Errors are relative to the output's length, or to its `scale` if larger.
-    `angles` are outputs modulo a whole turn. `fixed` inputs are exact: they add nothing to the condition number.
-    `condition(*row)`, where given, replaces differences. `share` of the draws are enough for a slow reference. With
-    `samples` the condition number is estimated from that number of random directions instead of each input by itself.
-    `inner(*row)` is the condition number of a step on the way that a user chooses with the inputs, and is added.
+    `draw(rng, n)` returns the inputs, columns (n,) or (n, k). `call(*columns)` returns one or
+    several outputs, each (n,) or (n, k), whose error is that of the vector. `exact(*row)` returns
+    the same of one row in mpmath, None for an output that does not exist (nan). Errors are relative
+    to the output's length, or to its `scale` if larger. `angles` are outputs modulo a whole turn.
+    `fixed` inputs are exact: they add nothing to the condition number. `condition(*row)`, where
+    given, replaces differences. `share` of the draws are enough for a slow reference. With
+    `samples` the condition number is estimated from that number of random directions instead of
+    each input by itself. `inner(*row)` is the condition number of a step on the way that a user
+    chooses with the inputs, and is added.
     """
 
     name: str
@@ -53,7 +57,8 @@ class Case(NamedTuple):
 class Bound(NamedTuple):
     """A function with a stated bound of its error, and how it is looked for.
 
-    `search(rng, n)` returns the inputs, columns (n,) or (n, k), the errors (n,) and the bounds (n,).
+    `search(rng, n)` returns the inputs, columns (n,) or (n, k), the errors (n,) and the bounds
+    (n,).
     """
 
     name: str
@@ -64,7 +69,9 @@ class Bound(NamedTuple):
 
 
 class Searched(NamedTuple):
-    """What was found of a bound: the inputs, the errors (n,) and the errors over the bounds (n,)."""
+    """What was found of a bound: the inputs, the errors (n,) and the errors over the bounds
+    (n,).
+    """
 
     case: Bound
     inputs: tuple[Any, ...]
@@ -78,7 +85,9 @@ class Searched(NamedTuple):
 
 
 def searched(case: Bound, rng: np.random.Generator, draws: int) -> Searched:
-    """Return the errors of a function at inputs drawn over their bounds, with floating-point warnings as errors."""
+    """Return the errors of a function at inputs drawn over their bounds, with floating-point
+    warnings as errors.
+    """
     with np.errstate(all="raise", under="ignore"), mp.workdps(case.digits):
         inputs, error, bound = case.search(rng, max(4, round(draws * case.share)))
     ratio = np.where(np.isnan(error), np.inf, error / bound)
@@ -94,10 +103,14 @@ def bound_of(
     bound: Callable[..., Any],
     **rest: Any,
 ) -> Bound:
-    """Return the search of a function of one output against its reference, relative to the output's length."""
+    """Return the search of a function of one output against its reference, relative to the output's
+    length.
+    """
     case = Case(name, draw, call, exact, **rest)
 
-    def search(rng: np.random.Generator, draws: int) -> tuple[Sequence[Any], np.ndarray, np.ndarray]:
+    def search(
+        rng: np.random.Generator, draws: int
+    ) -> tuple[Sequence[Any], np.ndarray, np.ndarray]:
         inputs = [np.asarray(column) for column in draw(rng, draws)]
         output = _outputs(call(*inputs))[0]
         error = np.zeros(draws)
@@ -116,7 +129,9 @@ def row_text(inputs: Sequence[np.ndarray], number: int) -> str:
 
 
 class Outcome(NamedTuple):
-    """What was found of a case: columns (n,) of the worst output of each draw, and the draws that raised."""
+    """What was found of a case: columns (n,) of the worst output of each draw, and the draws that
+    raised.
+    """
 
     case: Case
     inputs: tuple[Any, ...]
@@ -133,7 +148,9 @@ class Outcome(NamedTuple):
 
 def measured(case: Case, rng: np.random.Generator, draws: int) -> Outcome:
     """Return the errors of a case at inputs drawn, with every floating-point warning an error."""
-    inputs = tuple(np.asarray(column) for column in case.draw(rng, max(4, round(draws * case.share))))
+    inputs = tuple(
+        np.asarray(column) for column in case.draw(rng, max(4, round(draws * case.share)))
+    )
     count = len(inputs[0])
     outputs, raised = _called(case, inputs)
     error = np.zeros(count)
@@ -148,7 +165,9 @@ def measured(case: Case, rng: np.random.Generator, draws: int) -> Outcome:
                 scaled[row] = error[row]
                 continue
             found = [output[row] for output in outputs]
-            error[row], condition[row], scaled[row] = _compared(case, [column[row] for column in inputs], found)
+            error[row], condition[row], scaled[row] = _compared(
+                case, [column[row] for column in inputs], found
+            )
     return Outcome(case, inputs, error, condition, scaled, raised)
 
 
@@ -159,8 +178,12 @@ def exactly(value: Any) -> Exact:
     return mp.mpf(float(value)) if isinstance(value, float | np.floating) else value
 
 
-def _called(case: Case, inputs: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[tuple[int, str]]]:
-    """Return the outputs of all rows; where the whole raises, row by row, with nan for rows that raise."""
+def _called(
+    case: Case, inputs: Sequence[np.ndarray]
+) -> tuple[list[np.ndarray], list[tuple[int, str]]]:
+    """Return the outputs of all rows; where the whole raises, row by row, with nan for rows that
+    raise.
+    """
     try:
         with np.errstate(all="raise", under="ignore"):
             return _outputs(case.call(*inputs)), []
@@ -172,18 +195,29 @@ def _called(case: Case, inputs: Sequence[np.ndarray]) -> tuple[list[np.ndarray],
         try:
             with np.errstate(all="raise", under="ignore"):
                 rows.append(
-                    [output[0] for output in _outputs(case.call(*(column[row : row + 1] for column in inputs)))]
+                    [
+                        output[0]
+                        for output in _outputs(
+                            case.call(*(column[row : row + 1] for column in inputs))
+                        )
+                    ]
                 )
         except (ArithmeticError, Warning) as problem:
             raised.append((row, f"{type(problem).__name__}: {problem}"))
             rows.append(None)
     whole = next((each for each in rows if each is not None), [np.nan])
-    filled = [each if each is not None else [np.full_like(output, np.nan) for output in whole] for each in rows]
+    filled = [
+        each if each is not None else [np.full_like(output, np.nan) for output in whole]
+        for each in rows
+    ]
     return [np.array(column) for column in zip(*filled, strict=True)], raised
 
 
 def _outputs(result: Any) -> list[np.ndarray]:
-    return [np.asarray(output, dtype=np.float64) for output in (result if isinstance(result, tuple) else (result,))]
+    return [
+        np.asarray(output, dtype=np.float64)
+        for output in (result if isinstance(result, tuple) else (result,))
+    ]
 
 
 def _compared(case: Case, inputs: list[Any], found: list[Any]) -> tuple[float, float, float]:
@@ -191,7 +225,9 @@ def _compared(case: Case, inputs: list[Any], found: list[Any]) -> tuple[float, f
     row = [exactly(value) for value in inputs]
     exact = _groups(case.exact(*row))
     if len(exact) != len(found):
-        raise AssertionError(f"{case.name}: {len(found)} outputs, and {len(exact)} in the reference")
+        raise AssertionError(
+            f"{case.name}: {len(found)} outputs, and {len(exact)} in the reference"
+        )
     lengths = [_length(case, number, group) for number, group in enumerate(exact)]
     conditions = None
     worst = 0.0, 0.0, -1.0
@@ -208,10 +244,14 @@ def _compared(case: Case, inputs: list[Any], found: list[Any]) -> tuple[float, f
     return worst
 
 
-def _error(case: Case, number: int, group: list[Exact] | None, values: list[float], length: Exact) -> float:
+def _error(
+    case: Case, number: int, group: list[Exact] | None, values: list[float], length: Exact
+) -> float:
     if group is None:
         return 0.0 if all(np.isnan(values)) else np.inf
-    if all(abs(value) > 1.8e308 and value * one > 0 for value, one in zip(values, group, strict=True)):
+    if all(
+        abs(value) > 1.8e308 and value * one > 0 for value, one in zip(values, group, strict=True)
+    ):
         return 0.0
     if not np.all(np.isfinite(values)):
         return 0.0 if _is_beyond(group) else np.inf
@@ -223,7 +263,9 @@ def _is_beyond(group: list[Exact]) -> bool:
     return any(abs(value) > 1.7976931348623157e308 for value in group)
 
 
-def _conditions(case: Case, row: list[Exact], exact: list[list[Exact] | None], lengths: list[Exact]) -> list[float]:
+def _conditions(
+    case: Case, row: list[Exact], exact: list[list[Exact] | None], lengths: list[Exact]
+) -> list[float]:
     """Return the condition number of each output."""
     if case.condition is not None:
         return [float(value) for value in case.condition(*row)]
@@ -238,16 +280,20 @@ def _conditions(case: Case, row: list[Exact], exact: list[list[Exact] | None], l
             other = _groups(case.exact(*row[:number], moved, *row[number + 1 :]))
             for output, (group, before) in enumerate(zip(other, exact, strict=True)):
                 if group is not None and before is not None:
-                    total[output] += _distance(case, output, group, before) / lengths[output] / _STEP
+                    total[output] += (
+                        _distance(case, output, group, before) / lengths[output] / _STEP
+                    )
     return [float(value) for value in total]
 
 
 def _sampled_conditions(
     case: Case, row: list[Exact], exact: list[list[Exact] | None], lengths: list[Exact]
 ) -> list[float]:
-    """Return estimates of condition numbers: the largest of changes for all inputs moved at once, with random signs.
+    """Return estimates of condition numbers: the largest of changes for all inputs moved at once,
+    with random signs.
 
-    Source: C. S. Kenney and A. J. Laub, SIAM J. Sci. Comput. 15 (1994) 36 (small-sample condition estimation).
+    Source: C. S. Kenney and A. J. Laub, SIAM J. Sci. Comput. 15 (1994) 36 (small-sample condition
+    estimation).
     """
     signs = np.random.default_rng(1)
     worst = [0.0] * len(exact)
@@ -258,10 +304,13 @@ def _sampled_conditions(
             else value * (1 + _STEP * int(signs.choice([-1, 1])))
             for number, value in enumerate(row)
         ]
-        for output, (group, before) in enumerate(zip(_groups(case.exact(*moved)), exact, strict=True)):
+        for output, (group, before) in enumerate(
+            zip(_groups(case.exact(*moved)), exact, strict=True)
+        ):
             if group is not None and before is not None:
                 worst[output] = max(
-                    worst[output], float(_distance(case, output, group, before) / lengths[output] / _STEP)
+                    worst[output],
+                    float(_distance(case, output, group, before) / lengths[output] / _STEP),
                 )
     return worst
 
@@ -274,13 +323,19 @@ def _moved(value: Exact) -> list[Exact]:
             for place, number in enumerate(value)
             for moved in _moved(number)
         ]
-    return [value * (1 + _STEP)] if isinstance(value, mp.mpf) and value != 0 and mp.isfinite(value) else []
+    return (
+        [value * (1 + _STEP)]
+        if isinstance(value, mp.mpf) and value != 0 and mp.isfinite(value)
+        else []
+    )
 
 
 def _groups(result: Any) -> list[list[Exact] | None]:
     """Return the outputs of a reference as lists of numbers."""
     outputs = result if isinstance(result, tuple) else (result,)
-    return [output if output is None or isinstance(output, list) else [output] for output in outputs]
+    return [
+        output if output is None or isinstance(output, list) else [output] for output in outputs
+    ]
 
 
 def _length(case: Case, number: int, group: list[Exact] | None) -> Exact:
@@ -298,7 +353,9 @@ def _distance(case: Case, number: int, one: list[Exact], other: list[Exact]) -> 
 
 def norm(vector: Sequence[Exact]) -> Exact:
     """Return the length of a vector."""
-    return abs(vector[0]) if len(vector) == 1 else mp.sqrt(mp.fsum(value * value for value in vector))
+    return (
+        abs(vector[0]) if len(vector) == 1 else mp.sqrt(mp.fsum(value * value for value in vector))
+    )
 
 
 def dot(one: Sequence[Exact], other: Sequence[Exact]) -> Exact:

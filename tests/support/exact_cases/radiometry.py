@@ -1,4 +1,6 @@
-"""References of radiometry: Planck's law by its series, apertures, focal planes, clutter, and tables read exactly."""
+"""References of radiometry: Planck's law by its series, apertures, focal planes, clutter, and
+tables read exactly.
+"""
 
 from functools import cache
 
@@ -6,7 +8,14 @@ import mpmath as mp
 import numpy as np
 import opir_photons.radiometry as radiometry
 from opir_photons.radiometry import lowtran
-from opir_photons.radiometry.long_paths import BEND, CLIMBS, HIGHEST_ROOT, HIGHEST_SLANT, RADIUS_M, TOP_M
+from opir_photons.radiometry.long_paths import (
+    BEND,
+    CLIMBS,
+    HIGHEST_ROOT,
+    HIGHEST_SLANT,
+    RADIUS_M,
+    TOP_M,
+)
 
 from exact_cases import draws
 from exact_cases.measure import Case, bound_of
@@ -43,18 +52,23 @@ def planck(temperature, wavelength, power=5):
 
 
 def tail(x, power):
-    """Return the integral of tᵖ / (eᵗ - 1) from x to infinity: near 0 by Bernoulli's series, else by that of e⁻ⁿˣ."""
+    """Return the integral of tᵖ / (eᵗ - 1) from x to infinity: near 0 by Bernoulli's series, else
+    by that of e⁻ⁿˣ.
+    """
     if x == 0:
         return mp.gamma(power + 1) * mp.zeta(power + 1)
     if x < mp.mpf("1.5"):
         terms = (
-            mp.bernoulli(n) * x ** (n + power) / (mp.factorial(n) * (n + power)) for n in (0, 1, *range(2, 100, 2))
+            mp.bernoulli(n) * x ** (n + power) / (mp.factorial(n) * (n + power))
+            for n in (0, 1, *range(2, 100, 2))
         )
         return mp.gamma(power + 1) * mp.zeta(power + 1) - mp.fsum(terms)
     total = mp.mpf(0)
     n = 1
     while True:
-        coefficients = [mp.ff(power, k) / mp.mpf(n) ** (k + 1) * x ** (power - k) for k in range(power + 1)]
+        coefficients = [
+            mp.ff(power, k) / mp.mpf(n) ** (k + 1) * x ** (power - k) for k in range(power + 1)
+        ]
         term = mp.exp(-n * x) * mp.fsum(coefficients)
         total += term
         if term < total * mp.mpf(10) ** -(mp.mp.dps + 2):
@@ -63,7 +77,9 @@ def tail(x, power):
 
 
 def band(temperature, lower, upper, power=3):
-    """Return the in-band radiance by the difference of two tails, with digits to spare for what cancels."""
+    """Return the in-band radiance by the difference of two tails, with digits to spare for what
+    cancels.
+    """
     if temperature == 0:
         return mp.mpf(0)
     narrow = abs(upper - lower) / upper if upper else mp.mpf(1)
@@ -71,7 +87,10 @@ def band(temperature, lower, upper, power=3):
         x, y = (second_radiation() / (edge * temperature) for edge in (upper, lower))
         first = first_radiation() if power == 3 else first_photon()
         return (
-            first / second_radiation() ** (power + 1) * temperature ** (power + 1) * (tail(x, power) - tail(y, power))
+            first
+            / second_radiation() ** (power + 1)
+            * temperature ** (power + 1)
+            * (tail(x, power) - tail(y, power))
         )
 
 
@@ -92,11 +111,13 @@ def edges(own):
 
 
 def two_colour(first, second):
-    """Return the temperature of a ratio of signals, by secant steps in 1/T from the float64 answer."""
+    """Return the temperature of a ratio of signals, by secant steps in 1/T from the float64
+    answer.
+    """
     wanted = mp.log(first) - mp.log(second)
-    guess = radiometry.two_colour_temperature([float(first)], [float(second)], [0.0], [0.0], SHORT, MID).temperature_k[
-        0
-    ]
+    guess = radiometry.two_colour_temperature(
+        [float(first)], [float(second)], [0.0], [0.0], SHORT, MID
+    ).temperature_k[0]
     if np.isnan(guess):
         return None
     before = 1 / mp.mpf(float(guess))
@@ -109,7 +130,9 @@ def two_colour(first, second):
 
 
 def bands(rng, n):
-    """Return temperatures and bands: of plumes and of the Earth, wide and as narrow as doubles allow."""
+    """Return temperatures and bands: of plumes and of the Earth, wide and as narrow as doubles
+    allow.
+    """
     temperature = draws.log_uniform(rng, n, 80.0, 6000.0, (0.0, 20000.0, 3.0))
     lower = draws.log_uniform(rng, n, 0.4, 25.0)
     return temperature, lower, lower * (1.0 + draws.log_uniform(rng, n, 1e-12, 2.0))
@@ -128,7 +151,9 @@ def phase(angle):
 
 def phases(rng, n):
     beside = np.pi - draws.log_uniform(rng, n, 1e-12, 1e-1)
-    return np.where(rng.random(n) < 0.3, beside, draws.uniform(rng, n, 0.0, np.pi, (0.0, np.pi, 1e-300)))
+    return np.where(
+        rng.random(n) < 0.3, beside, draws.uniform(rng, n, 0.0, np.pi, (0.0, np.pi, 1e-300))
+    )
 
 
 def erf_share(outer, inner, scale):
@@ -149,7 +174,9 @@ def ensquared(kind):
                 return ((mp.erf(inner / scale) + mp.erf(outer / scale)) / 2) ** 2
 
             def edge(at):
-                return at * mp.erf(at / scale) + scale * mp.exp(-((at / scale) ** 2)) / mp.sqrt(mp.pi)
+                return at * mp.erf(at / scale) + scale * mp.exp(-((at / scale) ** 2)) / mp.sqrt(
+                    mp.pi
+                )
 
             return ((edge(outer) - edge(inner)) / pixel) ** 2
 
@@ -175,9 +202,9 @@ def mean_share(width, sigma, pixel):
         spread = sigma / pixel
 
         def edge(at):
-            return at * mp.erf(at / (mp.sqrt(2) * spread)) / 2 + spread * mp.exp(-(at**2) / (2 * spread**2)) / mp.sqrt(
-                2 * mp.pi
-            )
+            return at * mp.erf(at / (mp.sqrt(2) * spread)) / 2 + spread * mp.exp(
+                -(at**2) / (2 * spread**2)
+            ) / mp.sqrt(2 * mp.pi)
 
         places = [mp.mpf(k) - mp.mpf(width - 1) / 2 for k in range(width)]
         along = [edge(at + 1) - 2 * edge(at) + edge(at - 1) for at in places]
@@ -190,7 +217,9 @@ def _phases():
 
 
 def centroid_factor(sigma, pixel):
-    """Return the bound of a centroid without photon noise, by sums over pixels for every sub-pixel phase."""
+    """Return the bound of a centroid without photon noise, by sums over pixels for every sub-pixel
+    phase.
+    """
     width = sigma / pixel
     narrow = min(width, mp.mpf(4))
     reach = int(mp.ceil(9 * max(narrow, 1))) + 2
@@ -229,7 +258,9 @@ def _grid():
 
 
 def transmittance(height, elevation):
-    """Return the interpolation in the fine grid, exactly: linear along slants, cubic with chords' slopes in height."""
+    """Return the interpolation in the fine grid, exactly: linear along slants, cubic with chords'
+    slopes in height.
+    """
     if height >= TOP_M:
         return mp.mpf(1)
     grid = _grid()
@@ -275,7 +306,9 @@ def _products(name, *exponents, factor=lambda: 1):
     """Return the case of a product of powers."""
 
     def exact(*values):
-        return factor() * mp.fprod(value**power for value, power in zip(values, exponents, strict=True))
+        return factor() * mp.fprod(
+            value**power for value, power in zip(values, exponents, strict=True)
+        )
 
     def draw(rng, n):
         return [draws.log_uniform(rng, n, 1e-12, 1e12) for _ in exponents]
@@ -288,7 +321,12 @@ def _positive(count, low=1e-6, high=1e6, special=()):
 
 
 CASES = (
-    Case("radiometry.planck_radiance", lambda r, n: bands(r, n)[:2], radiometry.planck_radiance, planck),
+    Case(
+        "radiometry.planck_radiance",
+        lambda r, n: bands(r, n)[:2],
+        radiometry.planck_radiance,
+        planck,
+    ),
     Case(
         "radiometry.planck_photon_radiance",
         lambda r, n: bands(r, n)[:2],
@@ -304,7 +342,12 @@ CASES = (
         share=0.3,
     ),
     Case(
-        "radiometry.band_radiance_slope", warm_bands, radiometry.band_radiance_slope, slope, scale=(1e-280,), share=0.3
+        "radiometry.band_radiance_slope",
+        warm_bands,
+        radiometry.band_radiance_slope,
+        slope,
+        scale=(1e-280,),
+        share=0.3,
     ),
     Case(
         "radiometry.grey_body_intensity",
@@ -333,7 +376,11 @@ CASES = (
                 radiometry.band_radiance(t, 3.0, 5.0),
             )
         )(draws.log_uniform(r, n, 300.0, 4000.0)),
-        lambda one, two: radiometry.two_colour_temperature(one, two, 0.0 * one, 0.0 * two, SHORT, MID).temperature_k,
+        lambda one, two: (
+            radiometry.two_colour_temperature(
+                one, two, 0.0 * one, 0.0 * two, SHORT, MID
+            ).temperature_k
+        ),
         two_colour,
         share=0.03,
     ),
@@ -342,7 +389,9 @@ CASES = (
         lambda r, n: bands(r, n)[1:],
         radiometry.solar_irradiance,
         lambda low, high: (
-            band(mp.mpf(5772), low, high) * mp.pi * (mp.mpf(SUN_RADIUS_M) / mp.mpf(ASTRONOMICAL_UNIT_M)) ** 2
+            band(mp.mpf(5772), low, high)
+            * mp.pi
+            * (mp.mpf(SUN_RADIUS_M) / mp.mpf(ASTRONOMICAL_UNIT_M)) ** 2
         ),
         share=0.2,
     ),
@@ -402,12 +451,21 @@ CASES = (
         )
         for kind in ("mean", "best", "worst")
     ),
-    Case("radiometry.centroid_factor_rad", usual_spots, radiometry.centroid_factor_rad, centroid_factor, share=0.005),
+    Case(
+        "radiometry.centroid_factor_rad",
+        usual_spots,
+        radiometry.centroid_factor_rad,
+        centroid_factor,
+        share=0.005,
+    ),
     Case(
         "radiometry.mean_shares",
         lambda r, n: usual_spots(r, n),
         lambda s, p: np.array(
-            [radiometry.mean_shares(5, *row).ravel() for row in zip(s.tolist(), p.tolist(), strict=True)]
+            [
+                radiometry.mean_shares(5, *row).ravel()
+                for row in zip(s.tolist(), p.tolist(), strict=True)
+            ]
         ),
         lambda s, p: mean_share(5, s, p),
         share=0.2,
@@ -416,7 +474,10 @@ CASES = (
         "radiometry.mean_shares, wide spots",
         lambda r, n: (draws.log_uniform(r, n, 1.0, 1e4), np.ones(n)),
         lambda s, p: np.array(
-            [radiometry.mean_shares(3, *row).ravel() for row in zip(s.tolist(), p.tolist(), strict=True)]
+            [
+                radiometry.mean_shares(3, *row).ravel()
+                for row in zip(s.tolist(), p.tolist(), strict=True)
+            ]
         ),
         lambda s, p: mean_share(3, s, p),
         share=0.2,
@@ -431,7 +492,10 @@ CASES = (
             ]
         ),
         lambda s, p: (
-            lambda all_: all_[12] - mp.fsum(all_[k] for k in range(25) if k // 5 in (0, 4) or k % 5 in (0, 4)) / 16
+            lambda all_: (
+                all_[12]
+                - mp.fsum(all_[k] for k in range(25) if k // 5 in (0, 4) or k % 5 in (0, 4)) / 16
+            )
         )(mean_share(5, s, p)),
         share=0.2,
     ),
@@ -449,7 +513,9 @@ CASES = (
             r.uniform(2.01, 6.0, n),
         ),
         radiometry.structure_spectrum,
-        lambda k, scale, power: 2 * mp.pi * (power - 2) * scale**2 * (1 + (k * scale) ** 2) ** (-power / 2),
+        lambda k, scale, power: (
+            2 * mp.pi * (power - 2) * scale**2 * (1 + (k * scale) ** 2) ** (-power / 2)
+        ),
     ),
     Case(
         "radiometry.structure_correlation",
@@ -488,7 +554,8 @@ BOUNDS = (
 )
 
 LEFT_OUT = {
-    "FilteredSpot": "a quadrature of images to 1e-3 (tests/against/test_against_displaced_spots.py)",
+    "FilteredSpot": "a quadrature of images to 1e-3"
+    " (tests/against/test_against_displaced_spots.py)",
     "FrameDifference": "through SpatialTransfer",
     "OwnPast": "a table of FilteredSpot",
     "Parallax": "a record",
@@ -498,7 +565,8 @@ LEFT_OUT = {
         "pixels of civil imagers (tests/plugins/photons/radiometry/test_pixels.py)",
     ),
     "PointSpread": "through FilteredSpot",
-    "SpatialTransfer": "a quadrature of images to 1e-4 (tests/against/test_against_focal_plane_images.py)",
+    "SpatialTransfer": "a quadrature of images to 1e-4"
+    " (tests/against/test_against_focal_plane_images.py)",
     "Temperature": "a record",
     "Views": "a record",
     **dict.fromkeys(

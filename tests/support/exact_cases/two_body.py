@@ -45,7 +45,9 @@ def exact_anomaly(r, eta, beta, mu, time):
 
 
 def exact_end(state):
-    """Return the end position and velocity of (x, y, z, vx, vy, vz, duration, mu), all mpmath numbers."""
+    """Return the end position and velocity of (x, y, z, vx, vy, vz, duration, mu), all mpmath
+    numbers.
+    """
     position = state[:3]
     velocity = state[3:6]
     duration = state[6]
@@ -60,7 +62,9 @@ def exact_end(state):
     if beta > 0:
         period = 2 * mpmath.pi * mu / beta ** (mpmath.mpf(3) / 2)
         time -= period * mpmath.floor(time / period)
-    g0, g1, g2, _ = exact_functions(beta, exact_anomaly(r, eta, beta, mu, time)) if time else (1, 0, 0, 0)
+    g0, g1, g2, _ = (
+        exact_functions(beta, exact_anomaly(r, eta, beta, mu, time)) if time else (1, 0, 0, 0)
+    )
     end = r * g0 + eta * g1 + mu * g2
     f = 1 - mu * g2 / r
     g = sense * (r * g1 + eta * g2)

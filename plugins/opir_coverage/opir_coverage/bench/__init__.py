@@ -1,1 +1,3 @@
-"""The bench: one sensor's budgets, curves, operating characteristics, false alarms, air and frames."""
+"""The bench: one sensor's budgets, curves, operating characteristics, false alarms, air and
+frames.
+"""

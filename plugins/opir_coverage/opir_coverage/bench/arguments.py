@@ -15,45 +15,145 @@ def physics_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the quantities: a formula, and those of the bench."""
     quantities = parser.add_subparsers(metavar="QUANTITY", required=True, dest="quantity")
     _min_intensity(
-        quantities.add_parser("min-intensity", help="minimum detectable intensity, NEI R² SNR / transmittance")
+        quantities.add_parser(
+            "min-intensity", help="minimum detectable intensity, NEI R² SNR / transmittance"
+        )
     )
-    budget = _on_bench(quantities, "budget", "noise of one look by term and band, NEI, NEDT; or the steps of its SNR")
-    budget.add_argument("--waterfall", action="store_true", help="steps of the SNR from source to decision, dB")
-    budget.add_argument("--band", default="", metavar="NAME", help="band of --waterfall (default: the reference band)")
-    curve = _on_bench(quantities, "curve", "P_d, SNR, least intensity or first report against a condition")
-    curve.add_argument("--of", choices=_CURVES, default="least-intensity", help="quantity (default least-intensity)")
-    curve.add_argument("--against", choices=_AGAINST, default="height", help="condition (default height)")
-    curve.add_argument("--values", type=_numbers, default=(), metavar="X,…", help="values of the condition")
+    budget = _on_bench(
+        quantities,
+        "budget",
+        "noise of one look by term and band, NEI, NEDT; or the steps of its SNR",
+    )
+    budget.add_argument(
+        "--waterfall", action="store_true", help="steps of the SNR from source to decision, dB"
+    )
+    budget.add_argument(
+        "--band",
+        default="",
+        metavar="NAME",
+        help="band of --waterfall (default: the reference band)",
+    )
+    curve = _on_bench(
+        quantities, "curve", "P_d, SNR, least intensity or first report against a condition"
+    )
+    curve.add_argument(
+        "--of",
+        choices=_CURVES,
+        default="least-intensity",
+        help="quantity (default least-intensity)",
+    )
+    curve.add_argument(
+        "--against", choices=_AGAINST, default="height", help="condition (default height)"
+    )
+    curve.add_argument(
+        "--values", type=_numbers, default=(), metavar="X,…", help="values of the condition"
+    )
     _on_bench(quantities, "roc", "P_d of one look against false alarms a day, by threshold")
     _on_bench(quantities, "false-alarms", "false alarms a day of each sensor by cause")
     _on_bench(quantities, "window", "transmittance of the air in the bands of a sensor, by height")
-    bands = _on_bench(quantities, "bands", "the best edges of a band for targets and a background, by a scan")
+    bands = _on_bench(
+        quantities, "bands", "the best edges of a band for targets and a background, by a scan"
+    )
     add = bands.add_argument
-    add("--heights", type=_numbers, default=(), metavar="KM,…", help="heights; the worst counts (default: --height)")
-    add("--edges", type=_numbers, default=(), metavar="UM,…", help="edges to scan (default: those of LOWTRAN's table)")
-    add("--least-width", type=float, default=0.0, metavar="UM", help="least width of a band (default 0)")
-    add("--most-width", type=float, default=math.inf, metavar="UM", help="most width of a band (default: any)")
+    add(
+        "--heights",
+        type=_numbers,
+        default=(),
+        metavar="KM,…",
+        help="heights; the worst counts (default: --height)",
+    )
+    add(
+        "--edges",
+        type=_numbers,
+        default=(),
+        metavar="UM,…",
+        help="edges to scan (default: those of LOWTRAN's table)",
+    )
+    add(
+        "--least-width",
+        type=float,
+        default=0.0,
+        metavar="UM",
+        help="least width of a band (default 0)",
+    )
+    add(
+        "--most-width",
+        type=float,
+        default=math.inf,
+        metavar="UM",
+        help="most width of a band (default: any)",
+    )
     add("--most", type=int, default=12, metavar="N", help="bands to show (default 12)")
-    frames = _on_bench(quantities, "frame", "simulated frames of a focal plane, with masks and labels", run=_frame)
-    frames.add_argument("--band", default="", metavar="NAME", help="band of the frames (default: the first)")
-    frames.add_argument("--movie", type=int, default=0, metavar="N", help="a clip of N frames (default: one picture)")
-    frames.add_argument("--every", type=float, metavar="S", help="time between frames, s (default: the scan period)")
-    frames.add_argument("--clips", type=int, default=1, metavar="K", help="clips of --movie, each with its own seed")
-    limits = "scale the target's light to a signal over noise between these (default: its own light)"
+    frames = _on_bench(
+        quantities, "frame", "simulated frames of a focal plane, with masks and labels", run=_frame
+    )
+    frames.add_argument(
+        "--band", default="", metavar="NAME", help="band of the frames (default: the first)"
+    )
+    frames.add_argument(
+        "--movie",
+        type=int,
+        default=0,
+        metavar="N",
+        help="a clip of N frames (default: one picture)",
+    )
+    frames.add_argument(
+        "--every", type=float, metavar="S", help="time between frames, s (default: the scan period)"
+    )
+    frames.add_argument(
+        "--clips", type=int, default=1, metavar="K", help="clips of --movie, each with its own seed"
+    )
+    limits = (
+        "scale the target's light to a signal over noise between these (default: its own light)"
+    )
     frames.add_argument("--snr", type=_two_numbers, metavar="LOW,HIGH", help=limits)
-    frames.add_argument("--pixels", type=int, default=128, metavar="N", help="pixels along a side (default 128)")
-    frames.add_argument("--seed", type=int, default=1, help="seed of the noise and the background (default 1)")
-    frames.add_argument("-o", "--out", default="frame", metavar="FOLDER", help="folder of the files (default frame)")
+    frames.add_argument(
+        "--pixels", type=int, default=128, metavar="N", help="pixels along a side (default 128)"
+    )
+    frames.add_argument(
+        "--seed", type=int, default=1, help="seed of the noise and the background (default 1)"
+    )
+    frames.add_argument(
+        "-o", "--out", default="frame", metavar="FOLDER", help="folder of the files (default frame)"
+    )
 
 
-def _on_bench(quantities: Any, name: str, words: str, run: Callable[[argparse.Namespace], int] | None = None) -> Any:
+def _on_bench(
+    quantities: Any, name: str, words: str, run: Callable[[argparse.Namespace], int] | None = None
+) -> Any:
     parser = quantities.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
     add = parser.add_argument
-    add("scene", nargs="?", metavar="SCENE", help="a scene file (YAML); without one, sensor models alone")
-    add("--sensor", action="append", default=[], metavar="NAME", help="id in the scene, or a model; repeatable")
-    add("--class", dest="classes", type=_names, default=("ICBM",), metavar="NAME,…", help="target class (default ICBM)")
-    add("--height", type=float, default=20.0, metavar="KM", help="height of the target (default 20)")
-    add("--elevation", type=float, default=40.0, metavar="DEG", help="of the sensor above its horizon (default 40)")
+    add(
+        "scene",
+        nargs="?",
+        metavar="SCENE",
+        help="a scene file (YAML); without one, sensor models alone",
+    )
+    add(
+        "--sensor",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="id in the scene, or a model; repeatable",
+    )
+    add(
+        "--class",
+        dest="classes",
+        type=_names,
+        default=("ICBM",),
+        metavar="NAME,…",
+        help="target class (default ICBM)",
+    )
+    add(
+        "--height", type=float, default=20.0, metavar="KM", help="height of the target (default 20)"
+    )
+    add(
+        "--elevation",
+        type=float,
+        default=40.0,
+        metavar="DEG",
+        help="of the sensor above its horizon (default 40)",
+    )
     add(
         "--aspect",
         type=float,
@@ -61,8 +161,20 @@ def _on_bench(quantities: Any, name: str, words: str, run: Callable[[argparse.Na
         metavar="DEG",
         help="between flight and sensor (default 90: from the side)",
     )
-    add("--burned", type=float, default=0.4, metavar="SHARE", help="share of the burn that is over (default 0.4)")
-    add("--speed", type=float, default=1000.0, metavar="M_S", help="of the target, m/s (default 1000)")
+    add(
+        "--burned",
+        type=float,
+        default=0.4,
+        metavar="SHARE",
+        help="share of the burn that is over (default 0.4)",
+    )
+    add(
+        "--speed",
+        type=float,
+        default=1000.0,
+        metavar="M_S",
+        help="of the target, m/s (default 1000)",
+    )
     add_overrides(parser)
     if run is None:
         add("--json", action="store_true", help="print JSON")
@@ -97,7 +209,9 @@ def _numbers(text: str) -> tuple[float, ...]:
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers with commas between") from None
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no list of numbers with commas between"
+        ) from None
 
 
 def _two_numbers(text: str) -> tuple[float, ...]:

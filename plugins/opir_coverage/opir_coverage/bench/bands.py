@@ -1,9 +1,9 @@
 """The best edges of one band for targets and a background: a scan with the models of the scene.
 
-Each candidate is the sensor with that band alone: dark current (by the long edge), warm optics, photons, clutter, air
-and plume are those of the scene's models in it. Candidates have one false-alarm probability per resolution cell and
-look, so their thresholds in standard deviations are equal and the best is the one with the largest signal over noise
-at its worst target.
+Each candidate is the sensor with that band alone: dark current (by the long edge), warm optics,
+photons, clutter, air and plume are those of the scene's models in it. Candidates have one
+false-alarm probability per resolution cell and look, so their thresholds in standard deviations are
+equal and the best is the one with the largest signal over noise at its worst target.
 """
 
 import math
@@ -42,16 +42,23 @@ class BandLimits:
         rounding = 1e-9
         least = self.least_width_um - rounding
         most = self.most_width_um + rounding
-        found = [(low, high) for low in edges for high in edges if high > low and least <= high - low <= most]
+        found = [
+            (low, high)
+            for low in edges
+            for high in edges
+            if high > low and least <= high - low <= most
+        ]
         if not found:
-            raise ModelError("no two of --edges are as far apart as --least-width and --most-width ask")
+            raise ModelError(
+                "no two of --edges are as far apart as --least-width and --most-width ask"
+            )
         return found
 
 
 @frozen(eq=False)
 class TriedBand:
-    """A band on the bench: edges, least SNR and P_d of one look at any target, the threshold of its SNR, and confirmed
-    false alarms of noise a day."""
+    """A band on the bench: edges, least SNR and P_d of one look at any target, the threshold of its
+    SNR, and confirmed false alarms of noise a day."""
 
     edges_um: tuple[float, float]
     snr: float
@@ -61,14 +68,19 @@ class TriedBand:
 
     @property
     def margin_db(self) -> float:
-        """The worst target's SNR over the threshold, 10 log₁₀ as in `--waterfall`; -inf without light."""
+        """The worst target's SNR over the threshold, 10 log₁₀ as in `--waterfall`; -inf without
+        light.
+        """
         return 10.0 * math.log10(self.snr / self.threshold) if self.snr > 0.0 else -math.inf
 
 
-def best_bands(bench: Bench, poses: Sequence[Poses], limits: BandLimits, most: int = 12) -> BenchResult:
+def best_bands(
+    bench: Bench, poses: Sequence[Poses], limits: BandLimits, most: int = 12
+) -> BenchResult:
     """Return the best bands for posed targets, best first, and the sensor as it is below them.
 
-    Raises `ModelError` for a sensor without focal planes, or with a stated noise, which no band would change.
+    Raises `ModelError` for a sensor without focal planes, or with a stated noise, which no band
+    would change.
     """
     bench = _computed(bench)
     chance = _false_alarm_probability(bench)
@@ -82,7 +94,9 @@ def best_bands(bench: Bench, poses: Sequence[Poses], limits: BandLimits, most: i
                 raise
             unknown.append(edges)
     if not tried:
-        raise ModelError("the scene's air or background has none of these bands; give --edges of LOWTRAN's table")
+        raise ModelError(
+            "the scene's air or background has none of these bands; give --edges of LOWTRAN's table"
+        )
     tried.sort(key=lambda one: -one.margin_db)
     return _result(bench, poses, tried, len(unknown), most, chance)
 
@@ -95,23 +109,37 @@ def _computed(bench: Bench) -> Bench:
     stated = [key for key in ("nei_w_m2", "nei_w_cm2", "band_nei_w_m2") if own.get(key)]
     if stated or not whole.planes:
         what = f"{stated[0]} states its noise" if stated else "it has no focal plane"
-        raise ModelError(f"{name}: {what}; opir physics bands needs a focal plane, whose noise depends on the band")
+        raise ModelError(
+            f"{name}: {what}; opir physics bands needs a focal plane, whose noise depends on the"
+            f" band"
+        )
     return whole
 
 
 def _false_alarm_probability(bench: Bench) -> float:
-    """Return the chance that noise alone crosses the threshold in a cell and look, as the sensor's settings have it."""
+    """Return the chance that noise alone crosses the threshold in a cell and look, as the sensor's
+    settings have it.
+    """
     own = bench.mapping["sensors"][0]
     stated = own.get("false_alarm_probability")
     return float(stated) if stated is not None else float(ndtr(-own["threshold_sigma"]))
 
 
 def _alone(bench: Bench, edges_um: tuple[float, float], chance: float) -> Bench:
-    """Return the sensor with one band alone, and what the nearest of its own bands has of its own."""
+    """Return the sensor with one band alone, and what the nearest of its own bands has of its
+    own.
+    """
     own: Mapping[str, Any] = bench.mapping["sensors"][0]
     middle = math.sqrt(edges_um[0] * edges_um[1])
-    near = min(bench.sensor.bands, key=lambda each: abs(math.log(math.sqrt(each.lower_um * each.upper_um) / middle)))
-    planes = {near.name: own["band_focal_plane"][near.name]} if near.name in own["band_focal_plane"] else {}
+    near = min(
+        bench.sensor.bands,
+        key=lambda each: abs(math.log(math.sqrt(each.lower_um * each.upper_um) / middle)),
+    )
+    planes = (
+        {near.name: own["band_focal_plane"][near.name]}
+        if near.name in own["band_focal_plane"]
+        else {}
+    )
     changed = {
         **own,
         "bands": {near.name: list(edges_um)},
@@ -122,7 +150,12 @@ def _alone(bench: Bench, edges_um: tuple[float, float], chance: float) -> Bench:
         "threshold_sigma": None,
         "false_alarm_probability": chance,
     }
-    return Bench({**bench.mapping, "sensors": [{key: each for key, each in changed.items() if each is not None}]})
+    return Bench(
+        {
+            **bench.mapping,
+            "sensors": [{key: each for key, each in changed.items() if each is not None}],
+        }
+    )
 
 
 def _tried(bench: Bench, poses: Sequence[Poses]) -> TriedBand:
@@ -133,13 +166,17 @@ def _tried(bench: Bench, poses: Sequence[Poses]) -> TriedBand:
     band = bench.sensor.bands[0]
     assert radiometer is not None
     rate = bench.plan.detection.rate_per_scan
-    per_day = math.nan if rate is None else float(rate[0]) * _DAY_S / (bench.sensor.scan.period_ns * 1e-9)
+    per_day = (
+        math.nan if rate is None else float(rate[0]) * _DAY_S / (bench.sensor.scan.period_ns * 1e-9)
+    )
     least = min(float(each.chance.min()) for each in found)
     return TriedBand((band.lower_um, band.upper_um), snr, least, radiometer.threshold, per_day)
 
 
 def _snr_of_rule(sensor: Sensor, snr: FloatArray) -> FloatArray:
-    """Return the SNR (n,) of looks that the rule over bands compares with the threshold, from those by band (n, B)."""
+    """Return the SNR (n,) of looks that the rule over bands compares with the threshold, from those
+    by band (n, B).
+    """
     if sensor.spectral_discrimination == "likelihood":
         return np.asarray(np.sqrt(np.square(snr).sum(axis=1)))
     if sensor.spectral_discrimination == "none":
@@ -149,7 +186,12 @@ def _snr_of_rule(sensor: Sensor, snr: FloatArray) -> FloatArray:
 
 
 def _result(
-    bench: Bench, poses: Sequence[Poses], tried: Sequence[TriedBand], unknown: int, most: int, chance: float
+    bench: Bench,
+    poses: Sequence[Poses],
+    tried: Sequence[TriedBand],
+    unknown: int,
+    most: int,
+    chance: float,
 ) -> BenchResult:
     head = ("band", "from um", "to um", "margin dB", "SNR", "P_d", "false alarms a day")
     shown = tried[:most]
@@ -159,26 +201,50 @@ def _result(
     ]
     lines = [
         BenchLine(f"{low:g}–{high:g} µm", np.array([low, high]), np.full(2, each.margin_db))
-        for each, (low, high) in ((one, one.edges_um) for one in shown[:_PLOTTED] if math.isfinite(one.margin_db))
+        for each, (low, high) in (
+            (one, one.edges_um) for one in shown[:_PLOTTED] if math.isfinite(one.margin_db)
+        )
     ]
     whole = _tried(bench, poses)
     names = "+".join(band.name for band in bench.sensor.bands)
-    edges = [band.lower_um for band in bench.sensor.bands], [band.upper_um for band in bench.sensor.bands]
-    rows.append(
-        [f"as is: {names}", min(edges[0]), max(edges[1]), whole.margin_db, whole.snr, whole.chance, whole.false_alarms]
+    edges = (
+        [band.lower_um for band in bench.sensor.bands],
+        [band.upper_um for band in bench.sensor.bands],
     )
-    targets = ", ".join(f"{each.target_class} at {_listed(each.height_m * 1e-3)} km" for each in poses)
+    rows.append(
+        [
+            f"as is: {names}",
+            min(edges[0]),
+            max(edges[1]),
+            whole.margin_db,
+            whole.snr,
+            whole.chance,
+            whole.false_alarms,
+        ]
+    )
+    targets = ", ".join(
+        f"{each.target_class} at {_listed(each.height_m * 1e-3)} km" for each in poses
+    )
     sigma = -float(ndtri(chance))
     notes = [
         f"worst of {targets}; the best {len(shown)} of {len(tried)} bands tried",
-        f"false-alarm probability in a cell and look: {chance:.3g} in each band, a threshold of {sigma:.2f} sigma",
+        (
+            f"false-alarm probability in a cell and look: {chance:.3g} in each band, a threshold of"
+            f" {sigma:.2f} sigma"
+        ),
         "noise and clutter only: see opir physics false-alarms for fires and glints",
     ]
     if unknown:
         notes.append(f"{unknown} more have no data in the scene's air or background")
-    plot = BenchPlot(x_label="wavelength, µm", y_label="margin of the worst target, dB", lines=lines)
+    plot = BenchPlot(
+        x_label="wavelength, µm", y_label="margin of the worst target, dB", lines=lines
+    )
     return BenchResult(
-        title=f"Best bands of {bench.sensor.id}, one alone", head=head, rows=rows, plot=plot, notes=notes
+        title=f"Best bands of {bench.sensor.id}, one alone",
+        head=head,
+        rows=rows,
+        plot=plot,
+        notes=notes,
     )
 
 

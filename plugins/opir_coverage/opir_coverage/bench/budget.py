@@ -1,7 +1,9 @@
-"""Budgets: the noise of a look by term and band, NEI and NEDT, and the path from source to decision in decibels.
+"""Budgets: the noise of a look by term and band, NEI and NEDT, and the path from source to decision
+in decibels.
 
-A term is what the noise loses without it: the scene's own models are asked once with everything and once without each
-term, and variances are subtracted. Terms that the sensor's settings do not know are left out.
+A term is what the noise loses without it: the scene's own models are asked once with everything and
+once without each term, and variances are subtracted. Terms that the sensor's settings do not know
+are left out.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,9 +41,11 @@ class NoiseTerm:
 
 @frozen(eq=False)
 class NoiseBudget:
-    """The noise of one look by term, its whole (B,), W/m², the NEI of a dark background, and the NEDT at 300 K, K.
+    """The noise of one look by term, its whole (B,), W/m², the NEI of a dark background, and the
+    NEDT at 300 K, K.
 
-    `light_w_m2` (B,) is the target's irradiance, of which `signals` have what frame difference and wells leave.
+    `light_w_m2` (B,) is the target's irradiance, of which `signals` have what frame difference and
+    wells leave.
     """
 
     bands: tuple[str, ...]
@@ -65,7 +69,10 @@ def noise_budget(bench: Bench, poses: Poses) -> NoiseBudget:
     clutter = _left(total, photons)
     terms += _clutter_terms(bench, poses, clutter)
     ifov_sr = 0.0 if bench.sensor.radiometer is None else bench.sensor.radiometer.ifov_rad**2
-    slope = [float(band_radiance_slope(SCENE_K, band.lower_um, band.upper_um)) for band in bench.sensor.bands]
+    slope = [
+        float(band_radiance_slope(SCENE_K, band.lower_um, band.upper_um))
+        for band in bench.sensor.bands
+    ]
     with np.errstate(divide="ignore"):
         nedt = total / (np.array(slope) * ifov_sr)
     names = tuple(band.name for band in bench.sensor.bands)
@@ -81,7 +88,10 @@ def _without_clutter(bench: Bench) -> Any:
     """Return the scene's background block without clutter."""
     block = bench.background()
     if "structure" in block:
-        still = {name: {**block["structure"][name], "thermal_rms": 0.0, "solar_rms": 0.0} for name in _STRUCTURES}
+        still = {
+            name: {**block["structure"][name], "thermal_rms": 0.0, "solar_rms": 0.0}
+            for name in _STRUCTURES
+        }
         block = {**block, "structure": {**block["structure"], **still}}
     return {**block, "clutter_residual": 0.0} if "clutter_residual" in block else block
 
@@ -91,7 +101,9 @@ def _detector_terms(bench: Bench, poses: Poses, nei: FloatArray) -> Iterator[Noi
     rest = np.square(nei)
     if bench.planes:
         for name, changes in _OF_FOCAL_PLANE.items():
-            without = bench.with_planes(**changes).changed(background="none").signals(poses).noise_w_m2[0]
+            without = (
+                bench.with_planes(**changes).changed(background="none").signals(poses).noise_w_m2[0]
+            )
             own = _left(nei, without)
             rest = rest - np.square(own)
             if own.any():
@@ -103,7 +115,8 @@ def _detector_terms(bench: Bench, poses: Poses, nei: FloatArray) -> Iterator[Noi
 def _clutter_terms(bench: Bench, poses: Poses, clutter: FloatArray) -> list[NoiseTerm]:
     """Return clutter, of sensors with a frame difference by what lets it through.
 
-    Both together leave less than the sum of each alone: drift has what it leaves alone, registration what it adds.
+    Both together leave less than the sum of each alone: drift has what it leaves alone,
+    registration what it adds.
     """
     if not bench.planes or bench.planes[0].temporal_filter == "none" or not clutter.any():
         return [NoiseTerm("clutter", clutter)]
@@ -127,7 +140,8 @@ class WaterfallStep:
 
 
 def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[WaterfallStep]:
-    """Return the steps of a band's SNR in decibels (10 log of intensity): source, range, air, noise, threshold.
+    """Return the steps of a band's SNR in decibels (10 log of intensity): source, range, air,
+    noise, threshold.
 
     The last level is the margin: the SNR over the threshold.
     """
@@ -143,7 +157,11 @@ def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[Waterfal
         ("air", look.transmittance[0, band], f"transmittance {look.transmittance[0, band]:.3g}"),
         ("frame difference and wells", left, f"{left:.3g} of it left"),
         ("detector noise", 1.0 / budget.nei_w_m2[band], f"NEI {budget.nei_w_m2[band]:.3g} W/m2"),
-        ("background and clutter", budget.nei_w_m2[band] / budget.whole_w_m2[band], f"SNR {look.snr[0, band]:.3g}"),
+        (
+            "background and clutter",
+            budget.nei_w_m2[band] / budget.whole_w_m2[band],
+            f"SNR {look.snr[0, band]:.3g}",
+        ),
         ("threshold", 1.0 / threshold, f"{threshold:g} sigma"),
     ]
     steps = []

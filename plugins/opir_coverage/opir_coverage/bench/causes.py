@@ -15,15 +15,17 @@ _DAY_S = 86_400.0
 def false_alarms(plan: Plan) -> BenchResult:
     """Return the false alarms a day of each sensor of a scene by cause.
 
-    Noise is what the detection model expects; fires, flares, glints and bolides are counted in one run of the scene,
-    with its seed, and scaled to a day.
+    Noise is what the detection model expects; fires, flares, glints and bolides are counted in one
+    run of the scene, with its seed, and scaled to a day.
     """
     rate = plan.detection.rate_per_scan
     counts: Counter[tuple[int, str]] = Counter()
     if plan.sources:
         found = run_of_plan(plan)
         truth = found.truth.target
-        for sensor, target in zip(found.detections.sensor.tolist(), np.asarray(truth).tolist(), strict=True):
+        for sensor, target in zip(
+            found.detections.sensor.tolist(), np.asarray(truth).tolist(), strict=True
+        ):
             if target >= len(plan.scene.targets):
                 counts[sensor, plan.targets.class_names[target]] += 1
     causes = sorted({cause for _, cause in counts})
@@ -39,18 +41,32 @@ def false_alarms(plan: Plan) -> BenchResult:
         for place, name in enumerate(names)
     ]
     plot = BenchPlot(
-        x_label="", y_label="detections a day", lines=lines, names=[str(row[0]) for row in rows], log_y=True
+        x_label="",
+        y_label="detections a day",
+        lines=lines,
+        names=[str(row[0]) for row in rows],
+        log_y=True,
     )
-    notes = [f"sources: counted in one run of {plan.scene.duration_s:g} s, seed {plan.scene.seed}"] if causes else []
+    notes = (
+        [f"sources: counted in one run of {plan.scene.duration_s:g} s, seed {plan.scene.seed}"]
+        if causes
+        else []
+    )
     return BenchResult(
-        title=f"False alarms a day in {plan.scene.name}", head=("sensor", *names), rows=rows, plot=plot, notes=notes
+        title=f"False alarms a day in {plan.scene.name}",
+        head=("sensor", *names),
+        rows=rows,
+        plot=plot,
+        notes=notes,
     )
 
 
 def window(
     bench: Bench, elevation_rad: float, heights_km: Sequence[float] = (0.0, 5.0, 10.0, 15.0, 20.0)
 ) -> BenchResult:
-    """Return the transmittance from heights to space in the bands of a sensor, as the scene's atmosphere has it."""
+    """Return the transmittance from heights to space in the bands of a sensor, as the scene's
+    atmosphere has it.
+    """
     height_m = 1e3 * np.array(heights_km)
     found = bench.signals(Poses.of(height_m=height_m, elevation_rad=elevation_rad))
     bands = bench.sensor.bands

@@ -28,7 +28,9 @@ from opir_coverage.looks import band_thresholds
 def physics(arguments: argparse.Namespace) -> int:
     """Print a result of the bench as a table or JSON, and draw it into a file."""
     result = _RESULTS[arguments.quantity](arguments)
-    sys.stdout.write((json.dumps(result.plain(), indent=2) if arguments.json else result.text()) + "\n")
+    sys.stdout.write(
+        (json.dumps(result.plain(), indent=2) if arguments.json else result.text()) + "\n"
+    )
     if arguments.plot:
         path = Path(arguments.plot)
         if path.suffix not in (".png", ".svg", ".pdf"):
@@ -46,11 +48,16 @@ def benches_of(arguments: argparse.Namespace) -> list[Bench]:
         names: Sequence[str | None] = arguments.sensor or [None]
         return [Bench.of_scene(scene, name) for name in names]
     if not arguments.sensor:
-        raise ModelError("give a scene, or a sensor model with --sensor: opir physics budget --sensor SBIRS-GEO")
+        raise ModelError(
+            "give a scene, or a sensor model with --sensor: opir physics budget --sensor SBIRS-GEO"
+        )
     alone = [Bench.of_model(name) for name in arguments.sensor]
     if not arguments.overrides:
         return alone
-    return [Bench.of_scene(scene_from_mapping(each.mapping, overrides=arguments.overrides)) for each in alone]
+    return [
+        Bench.of_scene(scene_from_mapping(each.mapping, overrides=arguments.overrides))
+        for each in alone
+    ]
 
 
 def _pose(arguments: argparse.Namespace) -> dict[str, float]:
@@ -86,11 +93,17 @@ def _terms(bench: Bench, found: NoiseBudget) -> BenchResult:
     ]
     names = [each.name for each in found.terms]
     lines = [
-        BenchLine(band, np.zeros(len(names)), np.array([each.sigma_w_m2[place] for each in found.terms]))
+        BenchLine(
+            band, np.zeros(len(names)), np.array([each.sigma_w_m2[place] for each in found.terms])
+        )
         for place, band in enumerate(found.bands)
     ]
     plot = BenchPlot(
-        x_label="", y_label="standard deviation at the aperture, W/m²", lines=lines, names=names, log_y=True
+        x_label="",
+        y_label="standard deviation at the aperture, W/m²",
+        lines=lines,
+        names=names,
+        log_y=True,
     )
     notes = [f"P_d of one look: {found.signals.chance[0]:.4g}"]
     return BenchResult(
@@ -113,15 +126,35 @@ def _waterfall(bench: Bench, found: NoiseBudget, name: str) -> BenchResult:
         np.array([each.level_db - each.gain_db for each in steps]),
         np.array([each.gain_db for each in steps]),
     )
-    plot = BenchPlot(x_label="", y_label="level, dB", lines=[line], names=[each.name for each in steps])
+    plot = BenchPlot(
+        x_label="", y_label="level, dB", lines=[line], names=[each.name for each in steps]
+    )
     title = f"From source to decision, {bench.sensor.id}, {found.bands[band]}"
-    notes = [f"margin over the threshold: {steps[-1].level_db:.2f} dB; P_d of one look: {found.signals.chance[0]:.4g}"]
-    return BenchResult(title=title, head=("step", "gain dB", "level dB", "value"), rows=rows, plot=plot, notes=notes)
+    notes = [
+        (
+            f"margin over the threshold: {steps[-1].level_db:.2f} dB; P_d of one look:"
+            f" {found.signals.chance[0]:.4g}"
+        )
+    ]
+    return BenchResult(
+        title=title,
+        head=("step", "gain dB", "level dB", "value"),
+        rows=rows,
+        plot=plot,
+        notes=notes,
+    )
 
 
 def _curve(arguments: argparse.Namespace) -> BenchResult:
     benches = benches_of(arguments)
-    return curve(benches, arguments.of, arguments.against, arguments.classes, _pose(arguments), arguments.values)
+    return curve(
+        benches,
+        arguments.of,
+        arguments.against,
+        arguments.classes,
+        _pose(arguments),
+        arguments.values,
+    )
 
 
 def _roc(arguments: argparse.Namespace) -> BenchResult:
@@ -140,13 +173,19 @@ def _window(arguments: argparse.Namespace) -> BenchResult:
 
 def _bands(arguments: argparse.Namespace) -> BenchResult:
     heights_m = 1e3 * np.array(arguments.heights or (arguments.height,))
-    poses = [Poses.of(name, **{**_pose(arguments), "height_m": heights_m}) for name in arguments.classes]
-    limits = BandLimits(arguments.edges or LOWTRAN_EDGES_UM, arguments.least_width, arguments.most_width)
+    poses = [
+        Poses.of(name, **{**_pose(arguments), "height_m": heights_m}) for name in arguments.classes
+    ]
+    limits = BandLimits(
+        arguments.edges or LOWTRAN_EDGES_UM, arguments.least_width, arguments.most_width
+    )
     return best_bands(benches_of(arguments)[0], poses, limits, arguments.most)
 
 
 def frame_command(arguments: argparse.Namespace) -> int:
-    """Write one simulated frame of a focal plane as a picture and as an array, or movies of frames."""
+    """Write one simulated frame of a focal plane as a picture and as an array, or movies of
+    frames.
+    """
     bench = benches_of(arguments)[0]
     poses = _poses(arguments)
     band = _band_of(bench, arguments.band)
@@ -156,9 +195,16 @@ def frame_command(arguments: argparse.Namespace) -> int:
         if arguments.clips < 1:
             raise ModelError("--clips: give at least 1")
         filming = Filming(
-            frames=arguments.movie, every_s=every_s, pixels=arguments.pixels, band=band, snr=arguments.snr
+            frames=arguments.movie,
+            every_s=every_s,
+            pixels=arguments.pixels,
+            band=band,
+            snr=arguments.snr,
         )
-        made = [clip(bench, poses, filming, arguments.seed + number) for number in range(arguments.clips)]
+        made = [
+            clip(bench, poses, filming, arguments.seed + number)
+            for number in range(arguments.clips)
+        ]
         written = write_movies(made, folder)
         sys.stdout.write("".join(f"{_in_short(each)}\n" for each in made))
     else:
@@ -178,7 +224,11 @@ def _band_of(bench: Bench, name: str) -> int:
 
 def _in_short(made: Clip) -> str:
     seen = made.snr[made.snr > 0.0]
-    words = f"SNR of its brightest pixel {seen.min():.3g} to {seen.max():.3g}" if len(seen) else "beside all frames"
+    words = (
+        f"SNR of its brightest pixel {seen.min():.3g} to {seen.max():.3g}"
+        if len(seen)
+        else "beside all frames"
+    )
     of = f"{made.sensor} {made.band}, seed {made.seed}: {made.target_class}"
     return f"{of} in {len(seen)} of {len(made)} frames; {words}"
 

@@ -1,4 +1,6 @@
-"""Curves of one look against height, aspect, elevation, cloud or climate, and operating characteristics."""
+"""Curves of one look against height, aspect, elevation, cloud or climate, and operating
+characteristics.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -22,7 +24,9 @@ _DAY_S = 86_400.0
 
 @frozen
 class Abscissa:
-    """What a curve is against: its label, its values by default, the pose's column and the factor to its unit."""
+    """What a curve is against: its label, its values by default, the pose's column and the factor
+    to its unit.
+    """
 
     label: str
     values: tuple[float, ...]
@@ -32,9 +36,14 @@ class Abscissa:
 
 ABSCISSAE: Mapping[str, Abscissa] = {
     "height": Abscissa("height, km", tuple(np.linspace(0.0, 100.0, 101)), "height_m", 1e3),
-    "aspect": Abscissa("aspect angle, °", tuple(np.linspace(0.0, 180.0, 73)), "aspect_rad", np.pi / 180.0),
+    "aspect": Abscissa(
+        "aspect angle, °", tuple(np.linspace(0.0, 180.0, 73)), "aspect_rad", np.pi / 180.0
+    ),
     "elevation": Abscissa(
-        "elevation of the sensor, °", tuple(np.linspace(0.0, 90.0, 91)), "elevation_rad", np.pi / 180.0
+        "elevation of the sensor, °",
+        tuple(np.linspace(0.0, 90.0, 91)),
+        "elevation_rad",
+        np.pi / 180.0,
     ),
     "cloud": Abscissa("cloud top, km", (0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0)),
 }
@@ -49,7 +58,9 @@ def curve(
     pose: Mapping[str, float],
     values: Sequence[float] = (),
 ) -> BenchResult:
-    """Return a quantity against a condition, for sensors and classes; the pose holds what does not change."""
+    """Return a quantity against a condition, for sensors and classes; the pose holds what does not
+    change.
+    """
     if quantity == "least-intensity":
         classes = classes[:1]  # it is that of any target
     if against == "climate":
@@ -72,19 +83,28 @@ def _lines(
         return _by_band(quantity, label, bench, x, bench.signals(poses))
     if axis.column and axis.column != "elevation_rad":
         raise ModelError(
-            f"first-report is of a whole boost, so not against {axis.label}; give elevation, cloud, climate"
+            f"first-report is of a whole boost, so not against {axis.label}; give elevation, cloud,"
+            f" climate"
         )
     found: list[list[BenchLine]] = []
     for value in x.tolist():
         where = {**pose, **({axis.column: value * axis.factor} if axis.column else {})}
-        stand = bench if axis.column else bench.changed(atmosphere=_air(bench, cloud={"top_km": value, "cover": 1.0}))
+        stand = (
+            bench
+            if axis.column
+            else bench.changed(atmosphere=_air(bench, cloud={"top_km": value, "cover": 1.0}))
+        )
         found.append(_at(stand, quantity, label, name, where, value))
     return [
-        BenchLine(one[0].label, x, np.array([each.y[0] for each in one])) for one in zip(*found, strict=True) if one
+        BenchLine(one[0].label, x, np.array([each.y[0] for each in one]))
+        for one in zip(*found, strict=True)
+        if one
     ]
 
 
-def _at(bench: Bench, quantity: str, label: str, name: str, pose: Mapping[str, float], value: float) -> list[BenchLine]:
+def _at(
+    bench: Bench, quantity: str, label: str, name: str, pose: Mapping[str, float], value: float
+) -> list[BenchLine]:
     """Return lines of one point."""
     here = np.array([value])
     if quantity == "first-report":
@@ -110,27 +130,42 @@ def _of_climates(
 def _air(bench: Bench, **changes: Any) -> dict[str, Any]:
     """Return the scene's `lowtran` block with changes, or a new one."""
     block = bench.mapping.get("atmosphere")
-    own = block if isinstance(block, dict) and block.get("model") == "lowtran" else {"model": "lowtran"}
+    own = (
+        block
+        if isinstance(block, dict) and block.get("model") == "lowtran"
+        else {"model": "lowtran"}
+    )
     return {**own, **changes}
 
 
-def _by_band(quantity: str, label: str, bench: Bench, x: FloatArray, found: Signals) -> list[BenchLine]:
+def _by_band(
+    quantity: str, label: str, bench: Bench, x: FloatArray, found: Signals
+) -> list[BenchLine]:
     """Return the lines of a quantity: one, or one for each band."""
     if quantity == "pd":
         return [BenchLine(label, x, found.chance)]
     columns = found.snr if quantity == "snr" else least_intensities_w_sr(bench, found)
-    return [BenchLine(f"{label}, {band.name}", x, columns[:, n]) for n, band in enumerate(bench.sensor.bands)]
+    return [
+        BenchLine(f"{label}, {band.name}", x, columns[:, n])
+        for n, band in enumerate(bench.sensor.bands)
+    ]
 
 
 def least_intensities_w_sr(bench: Bench, found: Signals) -> FloatArray:
-    """Return the in-band intensities (n, B) at the thresholds of one look: T noise R²/τ, inf where no light passes."""
+    """Return the in-band intensities (n, B) at the thresholds of one look: T noise R²/τ, inf where
+    no light passes.
+    """
     needed = band_thresholds(bench.sensor)
     with np.errstate(divide="ignore"):
         return needed * found.noise_w_m2 * np.square(found.range_m)[:, None] / found.transmittance
 
 
-def first_report_s(bench: Bench, name: str, pose: Mapping[str, float], chance: float = 0.9) -> float:
-    """Return the time from launch by which a report has come with a probability, from a place of this elevation."""
+def first_report_s(
+    bench: Bench, name: str, pose: Mapping[str, float], chance: float = 0.9
+) -> float:
+    """Return the time from launch by which a report has come with a probability, from a place of
+    this elevation.
+    """
     from opir_coverage.bench.stand import PosedTargets
 
     plan = bench.plan
@@ -160,26 +195,42 @@ _QUANTITIES: Mapping[str, tuple[str, bool]] = {
 QUANTITIES = tuple(_QUANTITIES)
 
 
-def _result(quantity: str, label: str, lines: Sequence[BenchLine], names: Sequence[str] = ()) -> BenchResult:
+def _result(
+    quantity: str, label: str, lines: Sequence[BenchLine], names: Sequence[str] = ()
+) -> BenchResult:
     title, is_log = _QUANTITIES[quantity]
     x = lines[0].x
     first: Callable[[int], Any] = (lambda row: names[row]) if names else (lambda row: x[row])
     rows = [[first(row), *(line.y[row] for line in lines)] for row in range(len(x))]
-    plot = BenchPlot(x_label=label, y_label=title, lines=lines, names=names, log_y=is_log, is_share=quantity == "pd")
+    plot = BenchPlot(
+        x_label=label,
+        y_label=title,
+        lines=lines,
+        names=names,
+        log_y=is_log,
+        is_share=quantity == "pd",
+    )
     return BenchResult(
-        title=f"{title[0].upper()}{title[1:]}", head=(label, *(line.label for line in lines)), rows=rows, plot=plot
+        title=f"{title[0].upper()}{title[1:]}",
+        head=(label, *(line.label for line in lines)),
+        rows=rows,
+        plot=plot,
     )
 
 
 def operating_characteristic(
     bench: Bench, poses: Poses, thresholds: Sequence[float] = tuple(np.linspace(3.0, 8.0, 21))
 ) -> BenchResult:
-    """Return P_d of one look at a posed target against reported false alarms of noise a day, by threshold."""
+    """Return P_d of one look at a posed target against reported false alarms of noise a day, by
+    threshold.
+    """
     stand = bench.whole()
     period_s = stand.sensor.scan.period_ns * 1e-9
     rows = []
     for threshold in thresholds:
-        own = stand.changed(sensor__threshold_sigma=float(threshold), sensor__false_alarm_probability=None)
+        own = stand.changed(
+            sensor__threshold_sigma=float(threshold), sensor__false_alarm_probability=None
+        )
         rate = own.plan.detection.rate_per_scan
         per_day = np.nan if rate is None else float(rate[0]) * _DAY_S / period_s
         rows.append([float(threshold), per_day, float(own.signals(poses).chance[0])])

@@ -1,7 +1,9 @@
-"""One frame of a focal plane with a target before the background, in electrons, with a mask of the target.
+"""One frame of a focal plane with a target before the background, in electrons, with a mask of the
+target.
 
-The background is a Gaussian field with the spectrum of the scene's structure, the target the sensor's point spread in
-the middle of a square pixel, and each pixel's count has the noise of its electrons, of reading and of conversion.
+The background is a Gaussian field with the spectrum of the scene's structure, the target the
+sensor's point spread in the middle of a square pixel, and each pixel's count has the noise of its
+electrons, of reading and of conversion.
 """
 
 import math
@@ -12,7 +14,12 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 from opir_photons.detection import blur_rad, unlit_electrons_per_s
-from opir_photons.radiometry import PointSpread, conversion_noise_electrons, electrons_per_w_m2, structure_spectrum
+from opir_photons.radiometry import (
+    PointSpread,
+    conversion_noise_electrons,
+    electrons_per_w_m2,
+    structure_spectrum,
+)
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
@@ -21,16 +28,20 @@ from opir_core.output import OutputFiles
 from opir_core.plugin import FocalPlaneConfig
 from opir_coverage.bench.stand import Bench, Poses
 
-#: The fewest pixels along a side of a frame, and the share of a target's brightest pixel from which one is in its mask.
+#: The fewest pixels along a side of a frame, and the share of a target's brightest pixel from which
+#: one is in its mask.
 _FEWEST = 16
 _MASKED = 0.05
-#: Pixels along the square that a spot is worked out in; beyond it are less than a hundredth of its light.
+#: Pixels along the square that a spot is worked out in; beyond it are less than a hundredth of its
+#: light.
 _WIDEST_SPOT = 32
 
 
 @frozen(eq=False)
 class FocalFrame:
-    """A frame of one band: electrons (rows, columns), those of target and background before noise, and a mask."""
+    """A frame of one band: electrons (rows, columns), those of target and background before noise,
+    and a mask.
+    """
 
     band: str
     electrons: FloatArray
@@ -42,7 +53,8 @@ class FocalFrame:
 
 @frozen(eq=False)
 class FocalArray:
-    """What frames of one band of a sensor have in common: its optics and detectors, and the background behind a target.
+    """What frames of one band of a sensor have in common: its optics and detectors, and the
+    background behind a target.
 
     `background_w_m2_sr` (pixels, pixels) is as spot and pixels show it.
     """
@@ -56,12 +68,17 @@ class FocalArray:
     background_w_m2_sr: FloatArray
 
     @classmethod
-    def of(cls, bench: Bench, poses: Poses, pixels: int, band: int, rng: np.random.Generator) -> "FocalArray":
-        """Return a square of pixels of a band, with the background behind the first target; of a sensor with one."""
+    def of(
+        cls, bench: Bench, poses: Poses, pixels: int, band: int, rng: np.random.Generator
+    ) -> "FocalArray":
+        """Return a square of pixels of a band, with the background behind the first target; of a
+        sensor with one.
+        """
         radiometer = bench.sensor.radiometer
         if not bench.planes or radiometer is None:
             raise ModelError(
-                f"{bench.sensor.id} has no focal plane, so no frames; add --set 'sensors[0].focal_plane=notional'"
+                f"{bench.sensor.id} has no focal plane, so no frames; add --set"
+                f" 'sensors[0].focal_plane=notional'"
             )
         if pixels < _FEWEST:
             raise ModelError(f"--pixels: give at least {_FEWEST}")
@@ -69,7 +86,11 @@ class FocalArray:
         plane = bench.planes[band]
         middle_um = 0.5 * (own.lower_um + own.upper_um)
         time_s = plane.integration_time_ms * 1e-3
-        optics = plane.aperture_m, plane.optics_transmission, plane.quantum_efficiency * plane.fill_factor
+        optics = (
+            plane.aperture_m,
+            plane.optics_transmission,
+            plane.quantum_efficiency * plane.fill_factor,
+        )
         per_unit = float(electrons_per_w_m2(middle_um, *optics, time_s))
         pixel_rad = radiometer.ifov_rad
         spread = PointSpread.of(middle_um, plane.aperture_m, blur_rad(plane), pixel_rad)
@@ -78,47 +99,70 @@ class FocalArray:
         return cls(own.name, plane, pixel_rad, per_unit, unlit, spread, behind)
 
     def background_e(self, shift: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
-        """Return the electrons (pixels, pixels) of the background, shifted by rows and columns; what leaves comes in
-        again at the other side."""
-        seen = self.background_w_m2_sr if shift == (0.0, 0.0) else _shifted(self.background_w_m2_sr, shift)
+        """Return the electrons (pixels, pixels) of the background, shifted by rows and columns;
+        what leaves comes in again at the other side."""
+        seen = (
+            self.background_w_m2_sr
+            if shift == (0.0, 0.0)
+            else _shifted(self.background_w_m2_sr, shift)
+        )
         return np.maximum(seen, 0.0) * self.pixel_rad**2 * self.electrons_per_w_m2
 
     def target_e(self, light_w_m2: float, place: tuple[float, float]) -> FloatArray:
-        """Return the electrons (pixels, pixels) of a target of an irradiance at a row and column, 0 in the middle of
-        the first pixel."""
-        return light_w_m2 * self.electrons_per_w_m2 * _spot(len(self.background_w_m2_sr), self.spread, place)
+        """Return the electrons (pixels, pixels) of a target of an irradiance at a row and column, 0
+        in the middle of the first pixel."""
+        return (
+            light_w_m2
+            * self.electrons_per_w_m2
+            * _spot(len(self.background_w_m2_sr), self.spread, place)
+        )
 
     def noise_e(self, mean_e: FloatArray) -> FloatArray:
-        """Return the standard deviations of pixels with mean electrons of light: photons, unlit, reads, conversion."""
+        """Return the standard deviations of pixels with mean electrons of light: photons, unlit,
+        reads, conversion.
+        """
         plane = self.plane
-        read = np.hypot(plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits))
+        read = np.hypot(
+            plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits)
+        )
         return np.sqrt(mean_e + self.unlit_e + plane.subframes * read**2)
 
     def exposed_e(self, mean_e: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Return the electrons that pixels with mean electrons of light count in one frame, up to full wells."""
+        """Return the electrons that pixels with mean electrons of light count in one frame, up to
+        full wells.
+        """
         counted = mean_e + self.unlit_e + self.noise_e(mean_e) * rng.standard_normal(mean_e.shape)
         return np.clip(counted, 0.0, self.plane.well_capacity_e * self.plane.subframes)
 
 
-def frame(bench: Bench, poses: Poses, pixels: int = 128, seed: int = 1, band: int = 0) -> FocalFrame:
-    """Return a frame of a square of pixels with one posed target in its middle; of a sensor with a focal plane."""
+def frame(
+    bench: Bench, poses: Poses, pixels: int = 128, seed: int = 1, band: int = 0
+) -> FocalFrame:
+    """Return a frame of a square of pixels with one posed target in its middle; of a sensor with a
+    focal plane.
+    """
     rng = np.random.default_rng(seed)
     array = FocalArray.of(bench, poses, pixels, band, rng)
     background = array.background_e()
     middle = float(pixels // 2)
     target = array.target_e(float(bench.light_w_m2(poses)[0, band]), (middle, middle))
     electrons = array.exposed_e(target + background, rng)
-    title = f"{bench.sensor.id}, {array.band}: {poses.target_class} at {1e-3 * poses.height_m[0]:g} km"
+    title = (
+        f"{bench.sensor.id}, {array.band}: {poses.target_class} at {1e-3 * poses.height_m[0]:g} km"
+    )
     return FocalFrame(array.band, electrons, target, background, is_lit(target), title)
 
 
 def is_lit(target: FloatArray) -> NDArray[np.bool_]:
-    """Return which pixels are in a target's mask: those with enough of its brightest pixel's light."""
+    """Return which pixels are in a target's mask: those with enough of its brightest pixel's
+    light.
+    """
     return np.asarray(target > _MASKED * target.max(initial=0.0))
 
 
 def _spot(pixels: int, spread: PointSpread, place: tuple[float, float]) -> FloatArray:
-    """Return the shares (pixels, pixels) of a spot at a row and column; what falls beside the frame is lost.
+    """Return the shares (pixels, pixels) of a spot at a row and column; what falls beside the frame
+    is lost.
 
     By a transform over a finer grid that resolves all that the aperture passes.
     """
@@ -126,7 +170,10 @@ def _spot(pixels: int, spread: PointSpread, place: tuple[float, float]) -> Float
     fine = math.ceil(spread.most / math.pi)
     whole = np.round(place).astype(np.int64)
     most = 2.0 * math.pi * fine
-    phase = [np.exp(-1j * most * np.fft.fftfreq(wide * fine) * rest) for rest in np.subtract(place, whole).tolist()]
+    phase = [
+        np.exp(-1j * most * np.fft.fftfreq(wide * fine) * rest)
+        for rest in np.subtract(place, whole).tolist()
+    ]
     transfer = _transfer(wide * fine, most, spread) * phase[0][:, None] * phase[1][None, :]
     shares = np.fft.fftshift(np.fft.ifft2(transfer).real[::fine, ::fine]) * fine**2
     spot = np.zeros((pixels, pixels))
@@ -147,14 +194,23 @@ def _shifted(field: FloatArray, shift: tuple[float, float]) -> FloatArray:
 
 
 def _transfer(count: int, most: float, spread: PointSpread) -> FloatArray:
-    """Return the transfer of spot and pixel on the wavenumbers (count, count) of a transform, up to `most` / 2."""
+    """Return the transfer of spot and pixel on the wavenumbers (count, count) of a transform, up to
+    `most` / 2.
+    """
     wavenumber = most * np.fft.fftfreq(count)
     pixel = np.sinc(0.5 * wavenumber / np.pi)
-    return spread.transfer(np.hypot(wavenumber[:, None], wavenumber[None, :])) * pixel[:, None] * pixel[None, :]
+    return (
+        spread.transfer(np.hypot(wavenumber[:, None], wavenumber[None, :]))
+        * pixel[:, None]
+        * pixel[None, :]
+    )
 
 
-def _field(pixels: int, scale: float, exponent: float, spread: PointSpread, rng: np.random.Generator) -> FloatArray:
-    """Return a field with the spectrum of structure of unit variance and a scale in pixels, as spot and pixel show it.
+def _field(
+    pixels: int, scale: float, exponent: float, spread: PointSpread, rng: np.random.Generator
+) -> FloatArray:
+    """Return a field with the spectrum of structure of unit variance and a scale in pixels, as spot
+    and pixel show it.
 
     Structure wider than the frame is left out.
     """
@@ -166,7 +222,12 @@ def _field(pixels: int, scale: float, exponent: float, spread: PointSpread, rng:
 
 
 def _background(
-    bench: Bench, poses: Poses, band: int, pixels: int, spread: PointSpread, rng: np.random.Generator
+    bench: Bench,
+    poses: Poses,
+    band: int,
+    pixels: int,
+    spread: PointSpread,
+    rng: np.random.Generator,
 ) -> FloatArray:
     """Return radiances of pixels (pixels, pixels) behind a target, W m⁻² sr⁻¹."""
     model, looks = bench.model(poses)
@@ -201,12 +262,16 @@ def write_frame(made: FocalFrame, folder: Path) -> list[Path]:
             FigureCanvasAgg(figure)
             axes = figure.add_subplot()
             low, high = np.percentile(made.electrons, (0.5, 99.5)) * 1e-6
-            image = axes.imshow(1e-6 * made.electrons, cmap="cividis", interpolation="nearest", vmin=low, vmax=high)
+            image = axes.imshow(
+                1e-6 * made.electrons, cmap="cividis", interpolation="nearest", vmin=low, vmax=high
+            )
             axes.set(title=made.title, xlabel="column, pixels", ylabel="row, pixels")
             figure.colorbar(image, label="electrons, millions", extend="both")
             with files.writing(paths[0], "frame") as part:
                 figure.savefig(part, format="png")
         with files.writing(paths[1], "frame") as part, part.open("wb") as stream:
-            arrays = {name: getattr(made, name) for name in ("electrons", "target", "background", "mask")}
+            arrays = {
+                name: getattr(made, name) for name in ("electrons", "target", "background", "mask")
+            }
             np.savez_compressed(stream, **arrays)
     return paths

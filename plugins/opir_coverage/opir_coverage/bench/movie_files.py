@@ -1,7 +1,9 @@
-"""Movies as files: FITS or arrays with the truth, and pictures, masks and labels as training sets have them.
+"""Movies as files: FITS or arrays with the truth, and pictures, masks and labels as training sets
+have them.
 
-The folders are those of public sets of small infrared targets (NUDT-SIRST, IRSTD-1k): `images/` and `masks/` of one PNG
-a frame with the same name, and lists of names for training and test. Labels are YOLO's (`labels/`) and COCO's.
+The folders are those of public sets of small infrared targets (NUDT-SIRST, IRSTD-1k): `images/` and
+`masks/` of one PNG a frame with the same name, and lists of names for training and test. Labels are
+YOLO's (`labels/`) and COCO's.
 """
 
 import json
@@ -23,7 +25,9 @@ _BLACK_WHITE = (0.05, 99.95)
 
 
 def write_movies(made: Sequence[Clip], folder: Path) -> list[Path]:
-    """Write clips with their pictures, masks and labels into a folder, all or none; return the main files."""
+    """Write clips with their pictures, masks and labels into a folder, all or none; return the main
+    files.
+    """
     kind = "fits" if find_spec("astropy") else "npz"
     main = [folder / "clips" / f"clip{number:03d}.{kind}" for number in range(len(made))]
     with OutputFiles(folder=folder) as files:
@@ -36,7 +40,13 @@ def write_movies(made: Sequence[Clip], folder: Path) -> list[Path]:
             _write_pictures(files, folder, number, clip)
         for name, text in {**_lists(made, folder.resolve().name), **_coco(made)}.items():
             files.write(folder / name, text.encode(), "labels")
-    return [*main, folder / "images", folder / "masks", folder / "labels", folder / "annotations.json"]
+    return [
+        *main,
+        folder / "images",
+        folder / "masks",
+        folder / "labels",
+        folder / "annotations.json",
+    ]
 
 
 def frame_name(clip: int, number: int) -> str:
@@ -72,14 +82,18 @@ def _write_fits(clip: Clip, path: Path) -> None:
     }
     frames.header.update(header)
     mask = fits.ImageHDU(clip.mask.astype(np.uint8), name="MASK")
-    columns = [fits.Column(name=name, format="D", array=values) for name, values in _truth(clip).items()]
+    columns = [
+        fits.Column(name=name, format="D", array=values) for name, values in _truth(clip).items()
+    ]
     table = fits.BinTableHDU.from_columns(columns, name="TRUTH")
     with path.open("wb") as stream:
         fits.HDUList([frames, mask, table]).writeto(stream)
 
 
 def _write_pictures(files: OutputFiles, folder: Path, number: int, clip: Clip) -> None:
-    """Write the pictures, masks and YOLO labels of a clip; grey levels are linear in electrons, alike in a clip."""
+    """Write the pictures, masks and YOLO labels of a clip; grey levels are linear in electrons,
+    alike in a clip.
+    """
     black, white = np.percentile(clip.electrons, _BLACK_WHITE)
     share = (clip.electrons - black) / max(float(white - black), 1.0)
     grey = np.round(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
@@ -87,12 +101,16 @@ def _write_pictures(files: OutputFiles, folder: Path, number: int, clip: Clip) -
     for step, box in enumerate(clip.boxes()):
         name = frame_name(number, step)
         files.write(folder / "images" / f"{name}.png", grey_png(grey[step]), "frame")
-        files.write(folder / "masks" / f"{name}.png", grey_png(clip.mask[step] * np.uint8(255)), "mask")
+        files.write(
+            folder / "masks" / f"{name}.png", grey_png(clip.mask[step] * np.uint8(255)), "mask"
+        )
         files.write(folder / "labels" / f"{name}.txt", _yolo(box, rows, columns).encode(), "labels")
 
 
 def _yolo(box: tuple[int, int, int, int] | None, rows: int, columns: int) -> str:
-    """Return the line of a box: class 0, the middle, the width and the height as shares of the frame; "" without."""
+    """Return the line of a box: class 0, the middle, the width and the height as shares of the
+    frame; "" without.
+    """
     if box is None:
         return ""
     left, top, wide, tall = box
@@ -101,7 +119,9 @@ def _yolo(box: tuple[int, int, int, int] | None, rows: int, columns: int) -> str
 
 
 def _lists(made: Sequence[Clip], name: str) -> Mapping[str, str]:
-    """Return the lists of names for training and test, where loaders of NUDT-SIRST and of IRSTD-1k look for them."""
+    """Return the lists of names for training and test, where loaders of NUDT-SIRST and of IRSTD-1k
+    look for them.
+    """
     names: dict[bool, str] = {True: "", False: ""}
     for number, (clip, trains) in enumerate(zip(made, training_clips(len(made)), strict=True)):
         names[trains] += "".join(f"{frame_name(number, step)}\n" for step in range(len(clip)))
@@ -114,7 +134,9 @@ def _lists(made: Sequence[Clip], name: str) -> Mapping[str, str]:
 
 
 def _coco(made: Sequence[Clip]) -> Mapping[str, str]:
-    """Return the annotations of all frames as COCO has them, with the signal over noise and the place of each."""
+    """Return the annotations of all frames as COCO has them, with the signal over noise and the
+    place of each.
+    """
     images = list[dict[str, Any]]()
     annotations = list[dict[str, Any]]()
     classes = list(dict.fromkeys(clip.target_class for clip in made))
@@ -122,7 +144,15 @@ def _coco(made: Sequence[Clip]) -> Mapping[str, str]:
         rows, columns = clip.mask.shape[1:]
         for step, box in enumerate(clip.boxes()):
             own = {"id": len(images) + 1, "file_name": f"{frame_name(number, step)}.png"}
-            images.append({**own, "width": columns, "height": rows, "clip": number, "time_s": float(clip.time_s[step])})
+            images.append(
+                {
+                    **own,
+                    "width": columns,
+                    "height": rows,
+                    "clip": number,
+                    "time_s": float(clip.time_s[step]),
+                }
+            )
             if box is not None:
                 annotations.append(
                     {
@@ -148,5 +178,6 @@ def grey_png(grey: NDArray[np.uint8]) -> bytes:
     head = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
     parts = ((b"IHDR", head), (b"IDAT", zlib.compress(lines, 6)), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(own)) + name + own + struct.pack(">I", zlib.crc32(name + own)) for name, own in parts
+        struct.pack(">I", len(own)) + name + own + struct.pack(">I", zlib.crc32(name + own))
+        for name, own in parts
     )

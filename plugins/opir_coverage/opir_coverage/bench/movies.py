@@ -1,7 +1,8 @@
 """Movies of frames with a target that flies through them, and what is in each frame.
 
-A clip is what the focal plane sees at equal intervals: the background keeps still but for drift and the error of
-registration, the target moves on a straight way and its plume changes with height and burn, noise is new in each frame.
+A clip is what the focal plane sees at equal intervals: the background keeps still but for drift and
+the error of registration, the target moves on a straight way and its plume changes with height and
+burn, noise is new in each frame.
 """
 
 import math
@@ -23,11 +24,12 @@ _AROUND = 0.5
 
 @frozen(eq=False)
 class Clip:
-    """Frames of one band (N, rows, columns) in electrons, masks of the target, and (N,) of each frame its time, s, the
-    target's row and column in pixels, irradiance at the aperture, W/m², and signal over noise of its brightest pixel.
+    """Frames of one band (N, rows, columns) in electrons, masks of the target, and (N,) of each
+    frame its time, s, the target's row and column in pixels, irradiance at the aperture, W/m², and
+    signal over noise of its brightest pixel.
 
-    Row 0 is the first; places are those of pixels' middles. The signal is 0 where the target is beside the frame.
-    `scale` is the factor on the target's light, 1 for the class's own.
+    Row 0 is the first; places are those of pixels' middles. The signal is 0 where the target is
+    beside the frame. `scale` is the factor on the target's light, 1 for the class's own.
     """
 
     sensor: str
@@ -48,7 +50,9 @@ class Clip:
         return len(self.time_s)
 
     def boxes(self) -> list[tuple[int, int, int, int] | None]:
-        """Return the first column and row, the width and the height of each frame's mask; None without one."""
+        """Return the first column and row, the width and the height of each frame's mask; None
+        without one.
+        """
         return [_box(each) for each in self.mask]
 
 
@@ -63,10 +67,11 @@ def _box(mask: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
 
 @frozen(kw_only=True)
 class Filming:
-    """How clips are made: frames, the time between them, s, pixels along a side, and the band by its number.
+    """How clips are made: frames, the time between them, s, pixels along a side, and the band by
+    its number.
 
-    With `snr`, two limits, light is scaled so that the signal over noise of the target's brightest pixel in the middle
-    of the clip is between them, uniform in its logarithm.
+    With `snr`, two limits, light is scaled so that the signal over noise of the target's brightest
+    pixel in the middle of the clip is between them, uniform in its logarithm.
     """
 
     frames: int
@@ -83,17 +88,25 @@ class Filming:
 
 
 def clip(bench: Bench, poses: Poses, filming: Filming, seed: int = 1) -> Clip:
-    """Return the frames of one posed target at equal intervals, in the middle of which it has its pose."""
+    """Return the frames of one posed target at equal intervals, in the middle of which it has its
+    pose.
+    """
     rng = np.random.default_rng(seed)
     array = FocalArray.of(bench, poses, filming.pixels, filming.band, rng)
-    time_s: FloatArray = np.asarray((np.arange(filming.frames) - 0.5 * (filming.frames - 1)) * filming.every_s)
+    time_s: FloatArray = np.asarray(
+        (np.arange(filming.frames) - 0.5 * (filming.frames - 1)) * filming.every_s
+    )
     where, flown = _flown(bench, poses, time_s, array.pixel_rad)
     turn = rng.uniform(0.0, 2.0 * math.pi)
     middle = 0.5 * (filming.pixels - 1) + _AROUND * filming.pixels * (rng.uniform(size=2) - 0.5)
     shift = _shifts(array, time_s, turn, rng)
     place = middle[:, None] + np.stack([math.cos(turn) * where, math.sin(turn) * where]) + shift
     light = bench.light_w_m2(flown)[:, filming.band]
-    scale = 1.0 if filming.snr is None else _scale(array, float(light[filming.frames // 2]), middle, filming.snr, rng)
+    scale = (
+        1.0
+        if filming.snr is None
+        else _scale(array, float(light[filming.frames // 2]), middle, filming.snr, rng)
+    )
     made = [
         _exposed(array, scale * float(light[step]), place[:, step], shift[:, step], rng)
         for step in range(filming.frames)
@@ -105,9 +118,15 @@ def clip(bench: Bench, poses: Poses, filming: Filming, seed: int = 1) -> Clip:
 
 
 def _scale(
-    array: FocalArray, light_w_m2: float, place: FloatArray, limits: tuple[float, float], rng: np.random.Generator
+    array: FocalArray,
+    light_w_m2: float,
+    place: FloatArray,
+    limits: tuple[float, float],
+    rng: np.random.Generator,
 ) -> float:
-    """Return the factor on a target's light that gives its brightest pixel a signal over noise between limits."""
+    """Return the factor on a target's light that gives its brightest pixel a signal over noise
+    between limits.
+    """
     wanted = limits[0] * (limits[1] / limits[0]) ** rng.uniform()
     target = array.target_e(light_w_m2, (float(place[0]), float(place[1])))
     background = array.background_e()
@@ -120,8 +139,12 @@ def _scale(
     return signal / float(target[at])
 
 
-def _flown(bench: Bench, poses: Poses, time_s: FloatArray, pixel_rad: float) -> tuple[FloatArray, Poses]:
-    """Return how far a target has moved in the frame (N,), pixels, and its poses (N,) along its straight way."""
+def _flown(
+    bench: Bench, poses: Poses, time_s: FloatArray, pixel_rad: float
+) -> tuple[FloatArray, Poses]:
+    """Return how far a target has moved in the frame (N,), pixels, and its poses (N,) along its
+    straight way.
+    """
     one = PosedTargets.of(bench.plan, poses)
     place = one.place_m[0] + time_s[:, None] * one.velocity_m_s[0]
     sensor_m = np.asarray(bench.sensor.orbit.position_ecef_m(np.array([one.ignition_s[0]])))[0]
@@ -142,15 +165,28 @@ def _flown(bench: Bench, poses: Poses, time_s: FloatArray, pixel_rad: float) -> 
     return time_s * speed / range_m / pixel_rad, flown
 
 
-def _shifts(array: FocalArray, time_s: FloatArray, turn: float, rng: np.random.Generator) -> FloatArray:
-    """Return how far the line of sight moves the picture (2, N), pixels: a drift, and errors of registration."""
+def _shifts(
+    array: FocalArray, time_s: FloatArray, turn: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return how far the line of sight moves the picture (2, N), pixels: a drift, and errors of
+    registration.
+    """
     drift = 1e-6 * array.plane.drift_urad_s * time_s / array.pixel_rad
-    jitter = 1e-6 * array.plane.registration_urad / array.pixel_rad * rng.standard_normal((2, len(time_s)))
+    jitter = (
+        1e-6
+        * array.plane.registration_urad
+        / array.pixel_rad
+        * rng.standard_normal((2, len(time_s)))
+    )
     return np.asarray(np.stack([math.sin(turn) * drift, math.cos(turn) * drift]) + jitter)
 
 
 def _exposed(
-    array: FocalArray, light_w_m2: float, place: FloatArray, shift: FloatArray, rng: np.random.Generator
+    array: FocalArray,
+    light_w_m2: float,
+    place: FloatArray,
+    shift: FloatArray,
+    rng: np.random.Generator,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], float]:
     """Return a frame, the mask of its target and the signal over noise of the brightest pixel."""
     background = array.background_e((float(shift[0]), float(shift[1])))

@@ -12,7 +12,9 @@ from opir_core.arrays import FloatArray
 
 @frozen(eq=False)
 class BenchLine:
-    """A line of a plot: its label, abscissae and ordinates (n,); of bars the starts and the lengths."""
+    """A line of a plot: its label, abscissae and ordinates (n,); of bars the starts and the
+    lengths.
+    """
 
     label: str
     x: FloatArray
@@ -21,7 +23,9 @@ class BenchLine:
 
 @frozen(eq=False, kw_only=True)
 class BenchPlot:
-    """A plot of lines, or of bars by name where `names` are given; `levels` are marked across it, with labels."""
+    """A plot of lines, or of bars by name where `names` are given; `levels` are marked across it,
+    with labels.
+    """
 
     x_label: str
     y_label: str
@@ -53,8 +57,14 @@ class BenchResult:
         """Return the result as text."""
         from opir_core.cli import table
 
-        cells = [[each if isinstance(each, str) else _number(each) for each in row] for row in self.rows]
-        numbers = [place for place in range(len(self.head)) if self.rows and not isinstance(self.rows[0][place], str)]
+        cells = [
+            [each if isinstance(each, str) else _number(each) for each in row] for row in self.rows
+        ]
+        numbers = [
+            place
+            for place in range(len(self.head))
+            if self.rows and not isinstance(self.rows[0][place], str)
+        ]
         return "\n".join([self.title, table(self.head, cells, numbers=numbers), *self.notes])
 
 
@@ -102,7 +112,10 @@ def _draw(axes: Any, plot: BenchPlot) -> None:
     if plot.names:
         axes.set(xlabel=plot.y_label, xscale="log" if plot.log_y else "linear")
     else:
-        scales = {"xscale": "log" if plot.log_x else "linear", "yscale": "log" if plot.log_y else "linear"}
+        scales = {
+            "xscale": "log" if plot.log_x else "linear",
+            "yscale": "log" if plot.log_y else "linear",
+        }
         axes.set(xlabel=plot.x_label, ylabel=plot.y_label, **scales)
         if plot.is_share:
             axes.set_ylim(-0.02, 1.02)
@@ -119,8 +132,13 @@ def _draw_bars(axes: Any, plot: BenchPlot) -> None:
     hatches = ("", "//", "..", "xx", "\\\\", "++")
     for number, line in enumerate(plot.lines):
         at = place + (number - 0.5 * (len(plot.lines) - 1)) * deep
-        style: dict[str, Any] = {"color": SERIES[number % len(SERIES)], "hatch": hatches[number % len(hatches)]}
-        axes.barh(at, line.y, left=line.x, height=0.9 * deep, label=line.label, edgecolor="white", **style)
+        style: dict[str, Any] = {
+            "color": SERIES[number % len(SERIES)],
+            "hatch": hatches[number % len(hatches)],
+        }
+        axes.barh(
+            at, line.y, left=line.x, height=0.9 * deep, label=line.label, edgecolor="white", **style
+        )
     axes.set_yticks(place, list(plot.names))
     if not plot.log_y:
         axes.axvline(0.0, color=MUTED, linewidth=1.0)

@@ -16,7 +16,14 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, length, local_axes
-from opir_core.plugin import DetectionProbability, Exposures, FocalPlaneConfig, Sensor, TargetClass, Trajectories
+from opir_core.plugin import (
+    DetectionProbability,
+    Exposures,
+    FocalPlaneConfig,
+    Sensor,
+    TargetClass,
+    Trajectories,
+)
 from opir_core.reading import scene_mapping
 from opir_coverage.launches import detection_of, target_class_of
 
@@ -26,7 +33,13 @@ _LEAST = 1e-9
 #: Settings of a focal plane that passes the whole light of a target.
 _ALL_LIGHT: Mapping[str, Any] = {"temporal_filter": "none", "well_capacity_e": 1e18, "bits": 64}
 #: What of a scene the bench leaves out.
-_LEFT_OUT: Mapping[str, Any] = {"targets": [], "sources": [], "outputs": [], "tracker": "none", "duration_s": 7200.0}
+_LEFT_OUT: Mapping[str, Any] = {
+    "targets": [],
+    "sources": [],
+    "outputs": [],
+    "tracker": "none",
+    "duration_s": 7200.0,
+}
 #: The scene of a sensor alone.
 _ALONE: Mapping[str, Any] = {
     "scene": "bench",
@@ -40,8 +53,9 @@ _ALONE: Mapping[str, Any] = {
 
 @frozen(eq=False, kw_only=True)
 class Poses:
-    """Targets (n,) of a class: height, m, the sensor's elevation above their horizon and the aspect, rad, the share of
-    the burn that is over, and the speed, m/s, by which a frame difference finds them elsewhere than a lag earlier."""
+    """Targets (n,) of a class: height, m, the sensor's elevation above their horizon and the
+    aspect, rad, the share of the burn that is over, and the speed, m/s, by which a frame difference
+    finds them elsewhere than a lag earlier."""
 
     height_m: FloatArray
     elevation_rad: FloatArray
@@ -52,7 +66,9 @@ class Poses:
 
     @classmethod
     def of(cls, target_class: str = "ICBM", **values: Any) -> "Poses":
-        """Return poses of numbers and columns (`height_m`, …) in their common length; defaults stand in for others."""
+        """Return poses of numbers and columns (`height_m`, …) in their common length; defaults
+        stand in for others.
+        """
         whole = {
             "height_m": 20e3,
             "elevation_rad": math.radians(40.0),
@@ -61,7 +77,9 @@ class Poses:
             "speed_m_s": 1000.0,
             **values,
         }
-        columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(each, dtype=np.float64)) for each in whole.values()))
+        columns = np.broadcast_arrays(
+            *(np.atleast_1d(np.asarray(each, dtype=np.float64)) for each in whole.values())
+        )
         return cls(target_class=target_class, **dict(zip(whole, columns, strict=True)))
 
     def __len__(self) -> int:
@@ -70,8 +88,8 @@ class Poses:
 
 @frozen(eq=False)
 class Signals:
-    """What one look sees of posed targets: P_d (n,), ranges (n,), m, and by band (n, B) expected signals over the
-    noise, the noise, W/m², and transmittances."""
+    """What one look sees of posed targets: P_d (n,), ranges (n,), m, and by band (n, B) expected
+    signals over the noise, the noise, W/m², and transmittances."""
 
     chance: FloatArray
     range_m: FloatArray
@@ -81,13 +99,17 @@ class Signals:
 
     @property
     def irradiance_w_m2(self) -> FloatArray:
-        """The irradiances (n, B) of the targets at the aperture that frame difference and wells leave."""
+        """The irradiances (n, B) of the targets at the aperture that frame difference and wells
+        leave.
+        """
         return self.snr * self.noise_w_m2
 
 
 @frozen(eq=False)
 class PosedTargets(Trajectories):
-    """Targets that fly straight through their places at one time, in the direction that gives their aspect."""
+    """Targets that fly straight through their places at one time, in the direction that gives their
+    aspect.
+    """
 
     type_code: NDArray[np.uint8]
     ignition_s: FloatArray
@@ -109,7 +131,9 @@ class PosedTargets(Trajectories):
         place_m = _places_m(sensor_m, poses.height_m, poses.elevation_rad)
         velocity_m_s = poses.speed_m_s[:, None] * _headings(sensor_m, place_m, poses.aspect_rad)
         burnout_s = ignition_s + profile.burn_time_s
-        return cls(code, ignition_s, burnout_s, [kind.name] * count, place_m, velocity_m_s, profile.name)
+        return cls(
+            code, ignition_s, burnout_s, [kind.name] * count, place_m, velocity_m_s, profile.name
+        )
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of targets (n,) at scene times (n,)."""
@@ -128,7 +152,9 @@ class Bench:
 
     @classmethod
     def of_scene(cls, scene: Scene, sensor: str | None = None) -> "Bench":
-        """Return a scene's sensor of an id, or its first one; raises `ModelError` for an id that it does not have."""
+        """Return a scene's sensor of an id, or its first one; raises `ModelError` for an id that it
+        does not have.
+        """
         whole = scene_mapping(scene)
         ids = [each["id"] for each in whole["sensors"]]
         if sensor is not None and sensor not in ids:
@@ -138,11 +164,21 @@ class Bench:
 
     @classmethod
     def of_model(cls, model: str) -> "Bench":
-        """Return a sensor model with its defaults at the slot of 0°, and orbits of its own where it has no slot."""
-        return cls({**_ALONE, **_LEFT_OUT, "sensors": [{"model": model, "id": model, "orbital_slot_deg": 0.0}]})
+        """Return a sensor model with its defaults at the slot of 0°, and orbits of its own where it
+        has no slot.
+        """
+        return cls(
+            {
+                **_ALONE,
+                **_LEFT_OUT,
+                "sensors": [{"model": model, "id": model, "orbital_slot_deg": 0.0}],
+            }
+        )
 
     def changed(self, **changes: Any) -> "Bench":
-        """Return the bench with values of the scene replaced; keys are paths with `__` between: `sensor__ifov_urad`."""
+        """Return the bench with values of the scene replaced; keys are paths with `__` between:
+        `sensor__ifov_urad`.
+        """
         whole: Any = copy.deepcopy(dict(self.mapping))
         for path, value in changes.items():
             *parents, last = path.replace("sensor__", "sensors__0__", 1).split("__")
@@ -178,15 +214,25 @@ class Bench:
             band: {name: value for name, value in own.items() if name not in changes}
             for band, own in sensor["band_focal_plane"].items()
         }
-        changed = {**sensor, "focal_plane": {**sensor["focal_plane"], **changes}, "band_focal_plane": by_band}
+        changed = {
+            **sensor,
+            "focal_plane": {**sensor["focal_plane"], **changes},
+            "band_focal_plane": by_band,
+        }
         return Bench({**self.mapping, "sensors": [changed]})
 
     def light_w_m2(self, poses: Poses) -> FloatArray:
-        """Return the irradiances (n, B) of targets at the aperture, whole: no frame difference, no full wells."""
-        return (self.with_planes(**_ALL_LIGHT) if self.planes else self).signals(poses).irradiance_w_m2
+        """Return the irradiances (n, B) of targets at the aperture, whole: no frame difference, no
+        full wells.
+        """
+        return (
+            (self.with_planes(**_ALL_LIGHT) if self.planes else self).signals(poses).irradiance_w_m2
+        )
 
     def whole(self) -> "Bench":
-        """Return the bench with all settings of its sensor written out, for changes of single ones."""
+        """Return the bench with all settings of its sensor written out, for changes of single
+        ones.
+        """
         sensors = scene_mapping(self.plan.scene)["sensors"]
         return Bench({**self.mapping, "sensors": sensors})
 
@@ -197,11 +243,15 @@ class Bench:
         return model, self._exposures(targets, poses)
 
     def signals(self, poses: Poses) -> Signals:
-        """Return what one look sees of targets; raises `ModelError` for a scene whose detection has no signals."""
+        """Return what one look sees of targets; raises `ModelError` for a scene whose detection has
+        no signals.
+        """
         model, looks = self.model(poses)
         response = model.response(looks)
         if response is None or response.probit is None:
-            raise ModelError("the bench needs detection: snr; the scene's detection model has no signals")
+            raise ModelError(
+                "the bench needs detection: snr; the scene's detection model has no signals"
+            )
         passed = [_transmittance(model, looks, band) for band in self.sensor.bands]
         width = len(self.sensor.bands)
         chance = ndtr(response.probit)
@@ -235,7 +285,9 @@ def _transmittance(model: DetectionProbability, looks: Exposures, band: Any) -> 
 
 
 def _places_m(sensor_m: FloatArray, height_m: FloatArray, elevation_rad: FloatArray) -> FloatArray:
-    """Return places (n, 3), ECEF, m, north of the point below a sensor, from which it has these elevations."""
+    """Return places (n, 3), ECEF, m, north of the point below a sensor, from which it has these
+    elevations.
+    """
     radius_m = float(np.linalg.norm(sensor_m))
     share = (EARTH_EQUATORIAL_RADIUS_M + height_m) / radius_m * np.cos(elevation_rad)
     angle = np.arccos(np.minimum(share, 1.0)) - elevation_rad

@@ -24,7 +24,9 @@ Path = Callable[[FloatArray], FloatArray]
 
 @frozen(eq=False)
 class SampledStates:
-    """States of an object: times (n,), µs from the epoch, positions and velocities (n, 3), ECEF, m and m/s."""
+    """States of an object: times (n,), µs from the epoch, positions and velocities (n, 3), ECEF, m
+    and m/s.
+    """
 
     name: str
     is_sensor: bool
@@ -41,19 +43,24 @@ class SampledStates:
 def sensor_ephemerides(plan: Plan, step_s: float) -> Iterator[SampledStates]:
     """Yield the states of each sensor from the start of the scene to its end."""
     for sensor in plan.sensors:
-        yield _ephemeris(sensor.id, sensor.orbit.position_ecef_m, (0.0, plan.scene.duration_s), step_s, True)
+        yield _ephemeris(
+            sensor.id, sensor.orbit.position_ecef_m, (0.0, plan.scene.duration_s), step_s, True
+        )
 
 
 def target_ephemerides(plan: Plan, step_s: float, burn_step_s: float) -> Iterator[SampledStates]:
-    """Yield the states of each launch from ignition to impact: one stretch for each burn and each flight without.
+    """Yield the states of each launch from ignition to impact: one stretch for each burn and each
+    flight without.
 
-    Acceleration jumps between them, and no interpolation may cross that. A stretch begins with the last state of the
-    one before. An orbit ends two hours after burnout.
+    Acceleration jumps between them, and no interpolation may cross that. A stretch begins with the
+    last state of the one before. An orbit ends two hours after burnout.
     """
     targets = whole_flights(plan)
     for row, name in enumerate(targets.ids):
         for stretch, is_burning in _stretches(targets, row):
-            yield _ephemeris(name, _path(targets, row), stretch, burn_step_s if is_burning else step_s, False)
+            yield _ephemeris(
+                name, _path(targets, row), stretch, burn_step_s if is_burning else step_s, False
+            )
 
 
 def _path(targets: Targets, row: int) -> Path:
@@ -64,7 +71,9 @@ def _path(targets: Targets, row: int) -> Path:
 
 
 def _stretches(targets: Targets, row: int) -> Iterator[tuple[tuple[float, float], bool]]:
-    """Yield start and end, s, of each burn and of each flight between and after burns, and whether it is a burn."""
+    """Yield start and end, s, of each burn and of each flight between and after burns, and whether
+    it is a burn.
+    """
     burns_s = targets.burns_s[row][np.isfinite(targets.burns_s[row]).all(axis=1)]
     end_s = min(float(targets.end_s[row]), float(targets.burnout_s[row]) + _LONGEST_S)
     edges_s = [*burns_s.reshape(-1).tolist(), max(end_s, float(burns_s.max()))]
@@ -73,8 +82,11 @@ def _stretches(targets: Targets, row: int) -> Iterator[tuple[tuple[float, float]
             yield (start_s, stop_s), number % 2 == 0
 
 
-def _ephemeris(name: str, path: Path, stretch: tuple[float, float], step_s: float, is_sensor: bool) -> SampledStates:
-    # Stretches meet at the same microsecond; the states are those within the stretch, at most half of one away.
+def _ephemeris(
+    name: str, path: Path, stretch: tuple[float, float], step_s: float, is_sensor: bool
+) -> SampledStates:
+    # Stretches meet at the same microsecond; the states are those within the stretch, at most half
+    # of one away.
     start_us, stop_us = (round(edge_s * _US) for edge_s in stretch)
     count = max(int(np.ceil((stop_us - start_us) / (step_s * _US))) + 1, _FEWEST)
     since_us = np.unique(np.rint(np.linspace(start_us, stop_us, count)).astype(np.int64))
@@ -82,7 +94,8 @@ def _ephemeris(name: str, path: Path, stretch: tuple[float, float], step_s: floa
     half_s = min(_DIFFERENCE_S, 0.25 * (stretch[1] - stretch[0]))
     middle_s = np.clip(time_s, stretch[0] + half_s, stretch[1] - half_s)
     before, at, after = (path(middle_s + shift_s) for shift_s in (-half_s, 0.0, half_s))
-    # The derivative of the parabola through three positions, which at an end is not in their middle.
+    # The derivative of the parabola through three positions, which at an end is not in their
+    # middle.
     aside_s = (time_s - middle_s)[:, np.newaxis]
     velocity = (after - before) / (2.0 * half_s) + aside_s * (after - 2.0 * at + before) / half_s**2
     return SampledStates(name, is_sensor, since_us, path(time_s), velocity)

@@ -1,4 +1,6 @@
-"""The keyword form (KVN) of CCSDS messages: lines `KEYWORD = value`, times in UTC to a microsecond."""
+"""The keyword form (KVN) of CCSDS messages: lines `KEYWORD = value`, times in UTC to a
+microsecond.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -31,5 +33,7 @@ def block(name: str, values: Mapping[str, object]) -> list[str]:
 
 def time_texts(since_us: IntArray, epoch_us: int) -> list[str]:
     """Return times (n,), µs from the epoch, as calendar times in UTC."""
-    texts: list[str] = np.datetime_as_string((since_us + epoch_us).astype("datetime64[us]")).tolist()
+    texts: list[str] = np.datetime_as_string(
+        (since_us + epoch_us).astype("datetime64[us]")
+    ).tolist()
     return texts

@@ -1,7 +1,9 @@
-"""The `forge-c2` encoder: the flat record of a command-and-control consumer, one JSON object per line.
+"""The `forge-c2` encoder: the flat record of a command-and-control consumer, one JSON object per
+line.
 
-Its consumers replace a missing number by 0, so every event has a position: the track's estimate, propagated to the time
-of the detection, or the intersection of the line of sight with the Earth. A detection with neither has no message.
+Its consumers replace a missing number by 0, so every event has a position: the track's estimate,
+propagated to the time of the detection, or the intersection of the line of sight with the Earth. A
+detection with neither has no message.
 """
 
 import msgspec
@@ -56,7 +58,9 @@ class ForgeC2Encoder(Encoder):
         self._types = len(context.reported_types)
         self._epoch_us = context.epoch_us
         self._sensor_texts = [_SENSOR % _json(sensor.id) for sensor in context.sensors]
-        self._frequency_texts = [text for sensor in context.sensors for text in _frequencies(sensor)]
+        self._frequency_texts = [
+            text for sensor in context.sensors for text in _frequencies(sensor)
+        ]
         masks = [1 << len(sensor.bands) for sensor in context.sensors]
         self._first_mask = np.cumsum([0, *masks[:-1]], dtype=np.int64)
         self._render = context.render or reference
@@ -74,7 +78,9 @@ class ForgeC2Encoder(Encoder):
             return b""
         position = ecef_to_geodetic(positions_ecef_m(window))
         look, report = event_times(detections, self._epoch_us)
-        angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
+        angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(
+            detections.line_of_sight_ecef
+        )
         sensor = detections.sensor.astype(np.int64)
         return self._render(
             len(detections),
@@ -102,17 +108,23 @@ class ForgeC2Encoder(Encoder):
 
 
 def positions_ecef_m(window: Window) -> FloatArray:
-    """Return positions of detections (n,), ECEF (n, 3), m: the track's, or on the ground; nan for neither."""
+    """Return positions of detections (n,), ECEF (n, 3), m: the track's, or on the ground; nan for
+    neither.
+    """
     positions = estimated_positions_ecef_m(window)
     rest = np.flatnonzero(np.isnan(positions[:, 0]))
     if len(rest):
         untracked = window.detections.take(rest)
-        positions[rest] = intersection_with_ellipsoid(untracked.sensor_ecef_m, untracked.line_of_sight_ecef)
+        positions[rest] = intersection_with_ellipsoid(
+            untracked.sensor_ecef_m, untracked.line_of_sight_ecef
+        )
     return positions
 
 
 def estimated_positions_ecef_m(window: Window) -> FloatArray:
-    """Return the tracks' positions at the times of detections (n,), ECEF (n, 3), m; nan where unknown."""
+    """Return the tracks' positions at the times of detections (n,), ECEF (n, 3), m; nan where
+    unknown.
+    """
     positions = np.full((len(window.detections), 3), np.nan)
     tracked = np.flatnonzero(window.detections.estimate >= 0)
     if len(tracked):
@@ -124,7 +136,9 @@ def estimated_positions_ecef_m(window: Window) -> FloatArray:
 
 
 def _irradiance_w_m2(detections: Detections) -> FloatArray:
-    """Return the irradiance at the aperture, (n,), W/m², summed over the measured bands; nan if none is measured."""
+    """Return the irradiance at the aperture, (n,), W/m², summed over the measured bands; nan if
+    none is measured.
+    """
     measured = detections.band_irradiance_w_m2
     if not measured.shape[1]:
         return np.full(len(detections), np.nan)
@@ -135,7 +149,11 @@ def _frequencies(sensor: Sensor) -> list[bytes]:
     """Return one text per set of bands: the centre frequency of the first confirming band, Hz."""
     centres_um = [0.5 * (band.lower_um + band.upper_um) for band in sensor.bands]
     first = [
-        next((um for bit, um in enumerate(centres_um) if mask >> bit & 1), None) for mask in range(1 << len(centres_um))
+        next((um for bit, um in enumerate(centres_um) if mask >> bit & 1), None)
+        for mask in range(1 << len(centres_um))
     ]
-    frequencies_hz = [None if um is None else rounded_number(SPEED_OF_LIGHT_M_S / (um * _M_PER_UM), 0) for um in first]
+    frequencies_hz = [
+        None if um is None else rounded_number(SPEED_OF_LIGHT_M_S / (um * _M_PER_UM), 0)
+        for um in first
+    ]
     return [b',"frequency":%b,"snr":' % _json(frequency) for frequency in frequencies_hz]

@@ -1,8 +1,9 @@
-"""The `udl` encoder: a detection and its track's estimate as a MissileTrack of the Unified Data Library, one per line.
+"""The `udl` encoder: a detection and its track's estimate as a MissileTrack of the Unified Data
+Library, one per line.
 
-Field names, units and meanings are those of the UDL's public interface description (unifieddatalibrary.com,
-MissileTrack and its vectors): lengths in km, angles in degrees, times in ISO 8601. Unknown fields are absent. Every
-record is marked as simulated.
+Field names, units and meanings are those of the UDL's public interface description
+(unifieddatalibrary.com, MissileTrack and its vectors): lengths in km, angles in degrees, times in
+ISO 8601. Unknown fields are absent. Every record is marked as simulated.
 """
 
 from collections.abc import Sequence
@@ -46,7 +47,8 @@ _CONTAINMENT = b',"containment":%b' % msgspec.json.encode(100.0 * CONTAINMENT)
 _KM_PER_M = 1e-3
 #: Decimals of lengths in km: to the millimetre.
 _KM_DECIMALS = 6
-#: Lower limit of space (the UDL's `env`: "AIR: between sea level and the Karman line, ... 100 kilometers").
+#: Lower limit of space (the UDL's `env`: "AIR: between sea level and the Karman line, ... 100
+#: kilometers").
 _SPACE_FROM_M = 100_000.0
 
 _json = msgspec.json.Encoder().encode
@@ -62,9 +64,12 @@ class UdlEncoder(Encoder):
         self._sensors = context.sensors
         self._count = len(context.reported_types)
         self._epoch_us = context.epoch_us
-        self._type_texts = [text for sensor in context.sensors for text in _types(sensor, context.reported_types)]
+        self._type_texts = [
+            text for sensor in context.sensors for text in _types(sensor, context.reported_types)
+        ]
         self._vector_texts = [
-            b',"origSensorId":%b,"timeSource":"SCENE","epoch":"' % _json(sensor.id) for sensor in context.sensors
+            b',"origSensorId":%b,"timeSource":"SCENE","epoch":"' % _json(sensor.id)
+            for sensor in context.sensors
         ]
         self._render = context.render or reference
 
@@ -74,7 +79,9 @@ class UdlEncoder(Encoder):
         if not len(detections):
             return b""
         require_valid(window, self._sensors, self._count)
-        angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
+        angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(
+            detections.line_of_sight_ecef
+        )
         sensor = detections.sensor.astype(np.int64)
         look, report = event_times(detections, self._epoch_us)
         return self._render(
@@ -92,7 +99,8 @@ class UdlEncoder(Encoder):
         )
 
     def _vectors(self, window: Window, sensor: IntArray, times: Sequence[bytes]) -> Column:
-        """Return the environment and one vector: the track's state, or the line of sight's ground intersection.
+        """Return the environment and one vector: the track's state, or the line of sight's ground
+        intersection.
 
         `times` (n,) are those of the looks.
         """
@@ -106,7 +114,9 @@ class UdlEncoder(Encoder):
             number_texts(rounded_longitude_deg(np.where(known, place.longitude_rad, 0.0))),
             number_texts(rounded(np.where(known, place.height_m, 0.0) * _KM_PER_M, _KM_DECIMALS)),
         )
-        kinds = np.where(is_state, np.where(place.height_m > _SPACE_FROM_M, 3, 2), np.where(known, 1, 0)).tolist()
+        kinds = np.where(
+            is_state, np.where(place.height_m > _SPACE_FROM_M, 3, 2), np.where(known, 1, 0)
+        ).tolist()
         states = iter(_states(window, np.flatnonzero(is_state), where_m))
         texts = [
             _NO_VECTOR
@@ -122,7 +132,9 @@ class UdlEncoder(Encoder):
             + altitude
             + (next(states) if kind > 1 else b"")
             + b"}]"
-            for kind, head, time, latitude, longitude, altitude in zip(kinds, heads, times, *columns, strict=True)
+            for kind, head, time, latitude, longitude, altitude in zip(
+                kinds, heads, times, *columns, strict=True
+            )
         ]
         return Looked(texts)
 
@@ -146,7 +158,9 @@ def _types(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
 
 
 def _states(window: Window, rows: IntArray, where_m: FloatArray) -> list[bytes]:
-    """Return the cartesian part of the vectors of some detections, propagated to the time of the detection."""
+    """Return the cartesian part of the vectors of some detections, propagated to the time of the
+    detection.
+    """
     velocity = window.estimates.state[window.detections.estimate[rows], 3:]
     positions = vector_texts(rounded(where_m[rows] * _KM_PER_M, _KM_DECIMALS))
     velocities = vector_texts(rounded(velocity * _KM_PER_M, _KM_DECIMALS))
@@ -157,7 +171,9 @@ def _states(window: Window, rows: IntArray, where_m: FloatArray) -> list[bytes]:
 
 
 def _track_columns(window: Window, epoch_us: int) -> list[Column]:
-    """Return track number, launch and impact, each encoded once for all detections that share it."""
+    """Return track number, launch and impact, each encoded once for all detections that share
+    it.
+    """
     track = window.detections.track
     estimate = window.detections.estimate
     numbers, of_row = np.unique(track, return_inverse=True)
@@ -179,9 +195,15 @@ def _track_columns(window: Window, epoch_us: int) -> list[Column]:
 
 
 def _points(
-    kind: bytes, place: FloatArray, covariance_m2: FloatArray, epoch_us: int, reported_sigmas: FloatArray | None
+    kind: bytes,
+    place: FloatArray,
+    covariance_m2: FloatArray,
+    epoch_us: int,
+    reported_sigmas: FloatArray | None,
 ) -> list[bytes]:
-    """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as fields; empty if unknown."""
+    """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as fields; empty if
+    unknown.
+    """
     on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
     filled = np.where(on_earth[:, np.newaxis], place, 0.0)
     latitude = number_texts(rounded_degrees(filled[:, 0]))
@@ -191,7 +213,14 @@ def _points(
     texts = zip(on_earth.tolist(), latitude, longitude, times, areas, strict=True)
     return [
         b',"%bLat":%b,"%bLon":%b%b%b'
-        % (kind, lat, kind, lon, time and b',"%bTime":"%b"' % (kind, time), area and area % (kind, kind))
+        % (
+            kind,
+            lat,
+            kind,
+            lon,
+            time and b',"%bTime":"%b"' % (kind, time),
+            area and area % (kind, kind),
+        )
         if is_known
         else b""
         for is_known, lat, lon, time, area in texts

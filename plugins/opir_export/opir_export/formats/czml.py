@@ -49,7 +49,9 @@ class CzmlFile:
 
     def write(self, run: Any, path: Path) -> Sequence[Path]:
         """Write the packets of a run to a file."""
-        content = msgspec.json.format(msgspec.json.encode(list(packets(run, self.config))), indent=1)
+        content = msgspec.json.format(
+            msgspec.json.encode(list(packets(run, self.config))), indent=1
+        )
         with OutputFiles() as output:
             output.write(path, content + b"\n", "CZML")
         return [path]
@@ -61,12 +63,19 @@ def czml_file(config: MapConfig, _context: Any) -> CzmlFile:
 
 
 def packets(run: Any, config: MapConfig) -> Iterator[Packet]:
-    """Yield the packets of a run: the document with its clock, then sensors, targets and predictions."""
+    """Yield the packets of a run: the document with its clock, then sensors, targets and
+    predictions.
+    """
     known = list(flights(run, config.step_s))
     end_s = max([run.plan.scene.duration_s, *(float(flight.time_s[-1]) for flight in known)])
     start, end = timestamps(run, [0.0, end_s])
     interval = f"{start}/{end}"
-    clock = {"interval": interval, "currentTime": start, "multiplier": _MULTIPLIER, "range": "LOOP_STOP"}
+    clock = {
+        "interval": interval,
+        "currentTime": start,
+        "multiplier": _MULTIPLIER,
+        "range": "LOOP_STOP",
+    }
     yield {"id": "document", "name": run.plan.scene.name, "version": "1.0", "clock": clock}
     for sensor in sensor_paths(run, config.step_s):
         yield from _sensor_packets(run, sensor, config)
@@ -79,7 +88,10 @@ def packets(run: Any, config: MapConfig) -> Iterator[Packet]:
 def _sensor_packets(run: Any, path: SensorPath, config: MapConfig) -> Iterator[Packet]:
     name = path.sensor.id
     if path.is_stationary:
-        position: dict[str, Any] = {"referenceFrame": "FIXED", "cartesian": _metres(path.position_ecef_m[0])}
+        position: dict[str, Any] = {
+            "referenceFrame": "FIXED",
+            "cartesian": _metres(path.position_ecef_m[0]),
+        }
     else:
         position = _sampled(run, path.time_s, path.position_ecef_m)
     yield {
@@ -120,13 +132,18 @@ def _flight_packets(run: Any, flight: Flight) -> Iterator[Packet]:
             yield {
                 "id": f"{name}/{flight.target_id}",
                 "name": f"{flight.target_id}: {name}",
-                "position": {"referenceFrame": "FIXED", "cartesian": _metres(flight.position_ecef_m[row])},
+                "position": {
+                    "referenceFrame": "FIXED",
+                    "cartesian": _metres(flight.position_ecef_m[row]),
+                },
                 "point": {"pixelSize": 5, "color": _colour(_FLIGHT)},
             }
 
 
 def _prediction_packets(run: Any, prediction: Prediction, end_s: float) -> Iterator[Packet]:
-    start, end = timestamps(run, [prediction.start_s, end_s if prediction.end_s is None else prediction.end_s])
+    start, end = timestamps(
+        run, [prediction.start_s, end_s if prediction.end_s is None else prediction.end_s]
+    )
     shared = {"availability": f"{start}/{end}"}
     named = f"prediction/{prediction.track}/{prediction.start_s:g}"
     if np.isfinite(prediction.impact[:2]).all():
@@ -139,15 +156,26 @@ def _prediction_packets(run: Any, prediction: Prediction, end_s: float) -> Itera
             "point": {"pixelSize": 6, "color": _colour(_PREDICTION)},
         }
     for region in prediction.regions:
-        title = f"Track {prediction.track}: impact{condition_words(region)}, {100 * region.containment:g} %"
+        title = (
+            f"Track {prediction.track}: impact{condition_words(region)},"
+            f" {100 * region.containment:g} %"
+        )
         presumed = "" if region.condition == IMPACT_CONDITIONS[0] else f"{region.condition}/"
         for number, rings in enumerate(region.polygons):
             id_ = f"{named}/{presumed}{region.containment:g}/{number}"
-            yield {"id": id_, "name": title, "description": _words(region), **shared, "polygon": _polygon(rings)}
+            yield {
+                "id": id_,
+                "name": title,
+                "description": _words(region),
+                **shared,
+                "polygon": _polygon(rings),
+            }
 
 
 def _polygon(rings: Sequence[FloatArray]) -> dict[str, Any]:
-    """Return a polygon; on a globe it needs no cut. Cesium wants rings whose last point differs from the first."""
+    """Return a polygon; on a globe it needs no cut. Cesium wants rings whose last point differs
+    from the first.
+    """
     outer, *holes = [_radians(ring[:-1]) for ring in rings]
     polygon: dict[str, Any] = {
         "positions": {"cartographicRadians": outer},
@@ -182,7 +210,9 @@ def _metres(position: FloatArray) -> list[float]:
 
 
 def _radians(ring: FloatArray) -> list[float]:
-    """Return points of latitude and longitude as longitude, latitude, height, one after the other."""
+    """Return points of latitude and longitude as longitude, latitude, height, one after the
+    other.
+    """
     places = np.column_stack([ring[:, 1], ring[:, 0], np.zeros(len(ring))])
     flat: list[float] = np.round(places, 9).ravel().tolist()
     return flat

@@ -1,4 +1,6 @@
-"""The exporter `geojson`: a FeatureCollection (RFC 7946) of flights, sensors and predicted impacts."""
+"""The exporter `geojson`: a FeatureCollection (RFC 7946) of flights, sensors and predicted
+impacts.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -45,7 +47,11 @@ class GeoJsonFile:
             "features": list(features(run, self.config)),
         }
         with OutputFiles() as output:
-            output.write(path, msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n", "GeoJSON")
+            output.write(
+                path,
+                msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n",
+                "GeoJSON",
+            )
         return [path]
 
 
@@ -77,8 +83,12 @@ def _sensor_features(path: SensorPath, config: MapConfig) -> Iterator[Feature]:
 def _flight_features(run: Any, flight: Flight) -> Iterator[Feature]:
     named = {"target_id": flight.target_id, "target_type": flight.target_type}
     places = flight.geodetic_deg()
-    ignition, burnout, end = timestamps(run, [flight.time_s[0], flight.burnout_s, flight.time_s[-1]])
-    yield _feature(line(places), kind="ground track", **named, ignition=ignition, burnout=burnout, end=end)
+    ignition, burnout, end = timestamps(
+        run, [flight.time_s[0], flight.burnout_s, flight.time_s[-1]]
+    )
+    yield _feature(
+        line(places), kind="ground track", **named, ignition=ignition, burnout=burnout, end=end
+    )
     yield _feature(_point(places[0]), kind="launch", **named, time=ignition)
     if flight.has_impact:
         yield _feature(_point(places[-1]), kind="impact", **named, time=end)
@@ -88,7 +98,10 @@ def _prediction_features(run: Any, prediction: Prediction) -> Iterator[Feature]:
     start = timestamps(run, [prediction.start_s])[0]
     end = None if prediction.end_s is None else timestamps(run, [prediction.end_s])[0]
     named = {"track_id": prediction.track, "start": start, "end": end}
-    for kind, place in (("estimated launch", prediction.launch), ("predicted impact", prediction.impact)):
+    for kind, place in (
+        ("estimated launch", prediction.launch),
+        ("predicted impact", prediction.impact),
+    ):
         if np.isfinite(place[:2]).all():
             time = timestamps(run, [place[2]])[0] if np.isfinite(place[2]) else None
             yield _feature(_point(np.degrees(place[1::-1])), kind=kind, **named, time=time)
@@ -97,7 +110,8 @@ def _prediction_features(run: Any, prediction: Prediction) -> Iterator[Feature]:
 
 
 def area(ring: FloatArray) -> dict[str, Any]:
-    """Return the inside of a closed ring of latitude_rad and longitude_rad as a Polygon or a MultiPolygon.
+    """Return the inside of a closed ring of latitude_rad and longitude_rad as a Polygon or a
+    MultiPolygon.
 
     It is cut at the 180th meridian and closed around a pole.
     """
@@ -105,7 +119,8 @@ def area(ring: FloatArray) -> dict[str, Any]:
 
 
 def line(places: FloatArray) -> dict[str, Any]:
-    """Return longitudes, latitudes (degrees) and heights (n, 3) as a line, cut at the 180th meridian if need be.
+    """Return longitudes, latitudes (degrees) and heights (n, 3) as a line, cut at the 180th
+    meridian if need be.
 
     Places that are all one, to the decimals written, are a point.
     """
@@ -118,7 +133,8 @@ def line(places: FloatArray) -> dict[str, Any]:
 
 
 def cut_line(places: FloatArray) -> list[FloatArray]:
-    """Return a line (n, k) of longitude, latitude, degrees, and more as lines between -180 and 180 degrees.
+    """Return a line (n, k) of longitude, latitude, degrees, and more as lines between -180 and 180
+    degrees.
 
     A part that only touches the meridian is left out: it would be a line of one place.
     """
@@ -132,7 +148,9 @@ def cut_line(places: FloatArray) -> list[FloatArray]:
         edge = 2.0 * _HALF_TURN_DEG * max(turn[place], turn[place + 1]) - _HALF_TURN_DEG
         share = (edge - along[place, 0]) / (along[place + 1, 0] - along[place, 0])
         crossing = along[place] + share * (along[place + 1] - along[place])
-        parts.append(_moved(np.concatenate([before, along[start : place + 1], [crossing]]), turn[place]))
+        parts.append(
+            _moved(np.concatenate([before, along[start : place + 1], [crossing]]), turn[place])
+        )
         before = crossing[np.newaxis]
         start = place + 1
     parts.append(_moved(np.concatenate([before, along[start:]]), turn[-1]))
@@ -147,7 +165,9 @@ def _has_length(part: FloatArray) -> bool:
 
 def _moved(part: FloatArray, turns: int) -> FloatArray:
     moved = part.copy()
-    moved[:, 0] = np.clip(part[:, 0] - 2.0 * _HALF_TURN_DEG * turns, -_HALF_TURN_DEG, _HALF_TURN_DEG)
+    moved[:, 0] = np.clip(
+        part[:, 0] - 2.0 * _HALF_TURN_DEG * turns, -_HALF_TURN_DEG, _HALF_TURN_DEG
+    )
     return moved
 
 

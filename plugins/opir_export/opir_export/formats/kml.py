@@ -1,4 +1,6 @@
-"""The exporter `kml`: flights, sensors and predicted impacts with their times (OGC KML 2.3 and Google's gx:Track)."""
+"""The exporter `kml`: flights, sensors and predicted impacts with their times (OGC KML 2.3 and
+Google's gx:Track).
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -88,7 +90,9 @@ def _add_flight(folder: Any, run: Any, flight: Flight) -> None:
     _add_track(place, times, places)
     for name, row in (("launch", 0), ("impact", -1)):
         if row == 0 or flight.has_impact:
-            point = _placemark(folder, f"{flight.target_id}: {name}", "flight", times={"when": times[row]})
+            point = _placemark(
+                folder, f"{flight.target_id}: {name}", "flight", times={"when": times[row]}
+            )
             _add_point(point, places[row])
 
 
@@ -135,7 +139,8 @@ def _add_area(place: Any, geometry: Any) -> None:
 
 def _coordinates(positions: Iterable[Sequence[float]]) -> str:
     return " ".join(
-        ",".join(f"{number + 0.0:.7f}" for number in np.round(position, 7).tolist()) for position in positions
+        ",".join(f"{number + 0.0:.7f}" for number in np.round(position, 7).tolist())
+        for position in positions
     )
 
 
@@ -152,9 +157,15 @@ def _folder(document: Any, name: str) -> Any:
 
 
 def _placemark(
-    folder: Any, name: str, style: str, description: str = "", times: Mapping[str, str] | None = None
+    folder: Any,
+    name: str,
+    style: str,
+    description: str = "",
+    times: Mapping[str, str] | None = None,
 ) -> Any:
-    """Return a new placemark; `times` are `when`, or `begin` and perhaps `end`. The order is that of the schema."""
+    """Return a new placemark; `times` are `when`, or `begin` and perhaps `end`. The order is that
+    of the schema.
+    """
     place = _child(folder, "Placemark")
     _child(place, "name", name)
     if description:

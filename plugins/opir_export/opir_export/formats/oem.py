@@ -1,6 +1,8 @@
-"""The exporter `oem`: CCSDS Orbit Ephemeris Messages 2.0 of the true flights and of the sensors, in KVN.
+"""The exporter `oem`: CCSDS Orbit Ephemeris Messages 2.0 of the true flights and of the sensors, in
+KVN.
 
-States are Earth-fixed, in the frame of the run: WGS 84, which is ITRF to some centimetres. Source: CCSDS 502.0-B-3.
+States are Earth-fixed, in the frame of the run: WGS 84, which is ITRF to some centimetres. Source:
+CCSDS 502.0-B-3.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +23,9 @@ _DEGREE = 7
 
 @frozen
 class OemFolder:
-    """Writes a folder with a message for each object: a segment for each burn and each free flight of a target."""
+    """Writes a folder with a message for each object: a segment for each burn and each free flight
+    of a target.
+    """
 
     config: OemConfig
 
@@ -34,7 +38,12 @@ class OemFolder:
         files = []
         with OutputFiles(folder=path) as output:
             for name, ephemerides in groupby(self._ephemerides(run), lambda each: each.file_name):
-                lines = header("OEM", "2.0", scene.epoch_us, [f"truth of the scene {scene.name}, simulated by opir"])
+                lines = header(
+                    "OEM",
+                    "2.0",
+                    scene.epoch_us,
+                    [f"truth of the scene {scene.name}, simulated by opir"],
+                )
                 for ephemeris in ephemerides:
                     lines += _segment(ephemeris, scene.epoch_us, self.config.frame)
                 files.append(path / f"{name}.oem")
@@ -64,7 +73,11 @@ def _segment(ephemeris: SampledStates, epoch_us: int, frame: str) -> list[str]:
     }
     states = np.concatenate([ephemeris.position_m, ephemeris.velocity_m_s], axis=1) * 1e-3
     rows = (" ".join(f"{value:.9f}" for value in state) for state in states.tolist())
-    return [*block("META", meta), *(f"{time} {row}" for time, row in zip(times, rows, strict=True)), ""]
+    return [
+        *block("META", meta),
+        *(f"{time} {row}" for time, row in zip(times, rows, strict=True)),
+        "",
+    ]
 
 
 def oem_folder(config: OemConfig, _context: Any) -> OemFolder:

@@ -76,15 +76,18 @@ class CsvFolder(TableFolder):
 
 
 def encodings(schema: Any) -> dict[str, Any]:
-    """Return the encodings of Parquet columns: dictionaries for words, split bytes for numbers, differences for dates.
+    """Return the encodings of Parquet columns: dictionaries for words, split bytes for numbers,
+    differences for dates.
 
-    A dictionary of measured numbers, of ids or of dates is as large as these; the bytes of numbers compress if equal
-    places are together. The least and the greatest of the random ids of a row group, which would exclude no group, are
-    not sought.
+    A dictionary of measured numbers, of ids or of dates is as large as these; the bytes of numbers
+    compress if equal places are together. The least and the greatest of the random ids of a row
+    group, which would exclude no group, are not sought.
     """
     own = [each.name for each in schema if each.name != "detection_id"]
     by_column = {each.name: "BYTE_STREAM_SPLIT" for each in schema if _is_measured(each)}
-    by_column |= {each.name: "DELTA_BINARY_PACKED" for each in schema if pa.types.is_timestamp(each.type)}
+    by_column |= {
+        each.name: "DELTA_BINARY_PACKED" for each in schema if pa.types.is_timestamp(each.type)
+    }
     repeated = [name for name in own if name not in by_column]
     return {"use_dictionary": repeated, "column_encoding": by_column, "write_statistics": own}
 
@@ -98,9 +101,15 @@ def _flat(made: Any) -> Iterator[tuple[str, Any]]:
     for name, column in zip(made.column_names, made.columns, strict=True):
         if pa.types.is_fixed_size_list(column.type):
             for place in range(column.type.list_size):
-                yield f"{name}_{place}", pa.array([None if row is None else row[place] for row in column.to_pylist()])
+                yield (
+                    f"{name}_{place}",
+                    pa.array([None if row is None else row[place] for row in column.to_pylist()]),
+                )
         elif pa.types.is_binary(column.type):
-            yield name, pa.array([text_of_binary(value) for value in column.to_pylist()], type=pa.string())
+            yield (
+                name,
+                pa.array([text_of_binary(value) for value in column.to_pylist()], type=pa.string()),
+            )
         elif pa.types.is_dictionary(column.type):
             yield name, column.cast(pa.string())
         else:
@@ -109,12 +118,16 @@ def _flat(made: Any) -> Iterator[tuple[str, Any]]:
 
 def parquet_folder(config: ParquetConfig, _context: Any) -> ParquetFolder:
     """Return the exporter `parquet`."""
-    return ParquetFolder(named_tables(config.tables), None if config.compression == "none" else config.compression)
+    return ParquetFolder(
+        named_tables(config.tables), None if config.compression == "none" else config.compression
+    )
 
 
 def arrow_folder(config: ArrowConfig, _context: Any) -> ArrowFolder:
     """Return the exporter `arrow`."""
-    return ArrowFolder(named_tables(config.tables), None if config.compression == "none" else config.compression)
+    return ArrowFolder(
+        named_tables(config.tables), None if config.compression == "none" else config.compression
+    )
 
 
 def csv_folder(config: CsvConfig, _context: Any) -> CsvFolder:

@@ -1,6 +1,8 @@
-"""The exporter `tdm`: a CCSDS Tracking Data Message 2.0 with the measured angles of each sensor, in KVN.
+"""The exporter `tdm`: a CCSDS Tracking Data Message 2.0 with the measured angles of each sensor, in
+KVN.
 
-A segment has the detections of one sensor and one track (or, as truth, of one target). Source: CCSDS 503.0-B-2.
+A segment has the detections of one sensor and one track (or, as truth, of one target). Source:
+CCSDS 503.0-B-2.
 """
 
 from collections.abc import Sequence
@@ -19,7 +21,10 @@ from opir_export.settings import TdmConfig
 
 _COMMENTS = (
     "angles of a spaceborne sensor; its positions are those of an OEM of the same run",
-    "azimuth clockwise from true north, elevation above the geodetic horizontal, both at the sensor",
+    (
+        "azimuth clockwise from true north, elevation above the geodetic horizontal, both at the"
+        " sensor"
+    ),
 )
 _UNKNOWN = "UNCORRELATED"
 _NS_PER_US = 1_000
@@ -40,10 +45,21 @@ class TdmFile:
         since_us = np.rint(rows.time_ns / _NS_PER_US).astype(np.int64)
         angles_deg = _angles_deg(rows, epoch_us, self.config.angles)
         code, names = self._objects(run)
-        lines = header("TDM", "2.0", epoch_us, [_COMMENTS[0], *(_COMMENTS[1:] if self.config.angles == "azel" else ())])
+        lines = header(
+            "TDM",
+            "2.0",
+            epoch_us,
+            [_COMMENTS[0], *(_COMMENTS[1:] if self.config.angles == "azel" else ())],
+        )
         for sensor, name, chosen in _segments(rows.sensor, code, since_us):
-            meta = self._meta(run.sensors[sensor].id, names[name], time_texts(since_us[chosen[[0, -1]]], epoch_us))
-            lines += [*block("META", meta), "DATA_START", *_data(since_us[chosen], angles_deg[chosen], epoch_us)]
+            meta = self._meta(
+                run.sensors[sensor].id, names[name], time_texts(since_us[chosen[[0, -1]]], epoch_us)
+            )
+            lines += [
+                *block("META", meta),
+                "DATA_START",
+                *_data(since_us[chosen], angles_deg[chosen], epoch_us),
+            ]
             lines += ["DATA_STOP", ""]
         with OutputFiles() as output:
             output.write(path, "\n".join([*lines, ""]).encode("ascii", "replace"), "tracking data")
@@ -52,7 +68,10 @@ class TdmFile:
     def _objects(self, run: Any) -> tuple[IntArray, list[str]]:
         """Return the object of each detection as a code (n,), and the names of the objects."""
         if self.config.objects == "targets":
-            return np.where(run.truth.target < 0, len(run.target_ids), run.truth.target), [*run.target_ids, _UNKNOWN]
+            return np.where(run.truth.target < 0, len(run.target_ids), run.truth.target), [
+                *run.target_ids,
+                _UNKNOWN,
+            ]
         known = np.unique(run.detections.track[run.detections.track >= 0])
         code = np.searchsorted(known, run.detections.track)
         names = [*(f"TRACK-{number}" for number in known.tolist()), _UNKNOWN]
@@ -76,7 +95,9 @@ class TdmFile:
 
 
 def _angles_deg(rows: Detections, epoch_us: int, kind: str) -> FloatArray:
-    """Return the measured angles (n, 2): azimuth and elevation, or right ascension and declination in EME2000."""
+    """Return the measured angles (n, 2): azimuth and elevation, or right ascension and declination
+    in EME2000.
+    """
     if kind == "azel":
         angles = rows.angles()
         pair = np.stack([angles.azimuth_rad, angles.elevation_rad], axis=1)
@@ -91,13 +112,17 @@ def _equinox_vectors(vectors: FloatArray, epoch_us: int, time_s: FloatArray) -> 
     none = np.zeros_like(vectors)
     parts = []
     for axis in np.eye(3):
-        turned, _ = ecef_state("EME2000", np.broadcast_to(axis, vectors.shape).copy(), none, epoch_us, time_s)
+        turned, _ = ecef_state(
+            "EME2000", np.broadcast_to(axis, vectors.shape).copy(), none, epoch_us, time_s
+        )
         parts.append(np.add.reduce(turned * vectors, axis=1))
     return np.stack(parts, axis=1)
 
 
 def _segments(sensor: Any, code: IntArray, since_us: IntArray) -> list[tuple[int, int, Any]]:
-    """Return sensor, object and rows, in order of time, of each pair of sensor and object with detections."""
+    """Return sensor, object and rows, in order of time, of each pair of sensor and object with
+    detections.
+    """
     order = np.lexsort((since_us, code, sensor))
     pairs = np.stack([sensor[order], code[order]], axis=1)
     edges = np.flatnonzero((pairs[1:] != pairs[:-1]).any(axis=1)) + 1
@@ -107,7 +132,11 @@ def _segments(sensor: Any, code: IntArray, since_us: IntArray) -> list[tuple[int
 
 def _data(since_us: IntArray, angles_deg: FloatArray, epoch_us: int) -> list[str]:
     both = zip(time_texts(since_us, epoch_us), angles_deg.tolist(), strict=True)
-    return [f"ANGLE_{number} = {time} {angle:.9f}" for time, pair in both for number, angle in enumerate(pair, start=1)]
+    return [
+        f"ANGLE_{number} = {time} {angle:.9f}"
+        for time, pair in both
+        for number, angle in enumerate(pair, start=1)
+    ]
 
 
 def tdm_file(config: TdmConfig, _context: Any) -> TdmFile:

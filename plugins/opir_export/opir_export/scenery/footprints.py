@@ -13,8 +13,12 @@ _HALVINGS = 50
 
 
 def sensor_footprint(sensor: Sensor, position_ecef_m: FloatArray) -> FloatArray:
-    """Return the boundary of what a sensor can see from a position (3,), ECEF, m, as `footprint` does."""
-    return footprint(position_ecef_m, sensor.field_of_regard_half_angle_rad, sensor.minimum_elevation_rad)
+    """Return the boundary of what a sensor can see from a position (3,), ECEF, m, as `footprint`
+    does.
+    """
+    return footprint(
+        position_ecef_m, sensor.field_of_regard_half_angle_rad, sensor.minimum_elevation_rad
+    )
 
 
 def footprint(
@@ -24,12 +28,16 @@ def footprint(
     *,
     ellipsoid: Ellipsoid = WGS84,
 ) -> FloatArray:
-    """Return the boundary (`POINTS` + 1, 2) of the ground seen from a position (3,), ECEF, m, outside the ellipsoid.
+    """Return the boundary (`POINTS` + 1, 2) of the ground seen from a position (3,), ECEF, m,
+    outside the ellipsoid.
 
-    Points are latitude_rad and longitude_rad; the last equals the first. The ground is bounded by a cone about the
-    direction to the Earth's centre with a half angle, by the horizon, and by the least elevation of the sensor.
+    Points are latitude_rad and longitude_rad; the last equals the first. The ground is bounded by a
+    cone about the direction to the Earth's centre with a half angle, by the horizon, and by the
+    least elevation of the sensor.
     """
-    axes_m = np.array([ellipsoid.equatorial_radius_m, ellipsoid.equatorial_radius_m, ellipsoid.polar_radius_m])
+    axes_m = np.array(
+        [ellipsoid.equatorial_radius_m, ellipsoid.equatorial_radius_m, ellipsoid.polar_radius_m]
+    )
     nadir = -position_ecef_m / np.linalg.norm(position_ecef_m)
     tangents = _tangents(nadir)
     # With axes scaled to 1 the ellipsoid is a sphere, and lines stay lines.
@@ -38,8 +46,12 @@ def footprint(
     across = tangents / axes_m
     nadir_angle_rad = np.minimum(_horizon_rad(sensor, down, across), half_angle_rad)
     if minimum_elevation_rad > 0.0:
-        nadir_angle_rad = _elevated(sensor, down, across, axes_m, nadir_angle_rad, minimum_elevation_rad)
-    place = ecef_to_geodetic(_ground(sensor, down, across, nadir_angle_rad) * axes_m, ellipsoid=ellipsoid)
+        nadir_angle_rad = _elevated(
+            sensor, down, across, axes_m, nadir_angle_rad, minimum_elevation_rad
+        )
+    place = ecef_to_geodetic(
+        _ground(sensor, down, across, nadir_angle_rad) * axes_m, ellipsoid=ellipsoid
+    )
     ring = np.stack([place.latitude_rad, place.longitude_rad], axis=1)
     return np.concatenate([ring, ring[:1]])
 
@@ -57,8 +69,8 @@ def _tangents(nadir: FloatArray) -> FloatArray:
 def _horizon_rad(sensor: FloatArray, down: FloatArray, across: FloatArray) -> FloatArray:
     """Return the nadir angles (k,) of the lines of sight that touch the unit sphere.
 
-    A line along cos(angle) down + sin(angle) across touches it where the discriminant of its intersection is 0: a
-    quadratic equation in tan(angle), with one positive root.
+    A line along cos(angle) down + sin(angle) across touches it where the discriminant of its
+    intersection is 0: a quadratic equation in tan(angle), with one positive root.
     """
     outside = sensor @ sensor - 1.0
     along = sensor @ down
@@ -70,7 +82,9 @@ def _horizon_rad(sensor: FloatArray, down: FloatArray, across: FloatArray) -> Fl
     return angle
 
 
-def _ground(sensor: FloatArray, down: FloatArray, across: FloatArray, nadir_angle_rad: FloatArray) -> FloatArray:
+def _ground(
+    sensor: FloatArray, down: FloatArray, across: FloatArray, nadir_angle_rad: FloatArray
+) -> FloatArray:
     """Return the nearer intersections (k, 3) of lines of sight with the unit sphere."""
     cosine = np.cos(nadir_angle_rad)[:, np.newaxis]
     sine = np.sin(nadir_angle_rad)[:, np.newaxis]
@@ -91,7 +105,9 @@ def _elevated(
     largest_rad: FloatArray,
     minimum_elevation_rad: float,
 ) -> FloatArray:
-    """Return the largest nadir angles (k,) at which the sensor stands high enough above the ground's horizon."""
+    """Return the largest nadir angles (k,) at which the sensor stands high enough above the
+    ground's horizon.
+    """
     low = np.zeros_like(largest_rad)
     high = largest_rad
     for _ in range(_HALVINGS):

@@ -20,7 +20,9 @@ _LONGEST_S = 7200.0
 
 @frozen(eq=False)
 class Flight:
-    """The true flight of a target: scene times (n,), s, and ECEF positions (n, 3), m, from ignition to the end."""
+    """The true flight of a target: scene times (n,), s, and ECEF positions (n, 3), m, from ignition
+    to the end.
+    """
 
     target_id: str
     target_type: str
@@ -37,10 +39,11 @@ class Flight:
 
 @frozen(eq=False)
 class SensorPath:
-    """A sensor: scene times (n,), s, and ECEF positions (n, 3), m, one of each if it does not move in ECEF.
+    """A sensor: scene times (n,), s, and ECEF positions (n, 3), m, one of each if it does not move
+    in ECEF.
 
-    `footprint` (k, 2) is the boundary of the ground that it can see at the scene's start, latitude_rad and
-    longitude_rad.
+    `footprint` (k, 2) is the boundary of the ground that it can see at the scene's start,
+    latitude_rad and longitude_rad.
     """
 
     sensor: Sensor
@@ -60,7 +63,8 @@ class SensorPath:
 
 @frozen(eq=False)
 class Prediction:
-    """Launch and impact of a track as estimated from `start_s` until `end_s`, None for the track's last estimate.
+    """Launch and impact of a track as estimated from `start_s` until `end_s`, None for the track's
+    last estimate.
 
     `launch` and `impact` (3,) are latitude_rad, longitude_rad and time_s, nan where unknown.
     """
@@ -74,7 +78,9 @@ class Prediction:
 
 
 def flights(run: Any, step_s: float) -> Iterator[Flight]:
-    """Yield the true flights of a run's launches, with points every `step_s` and at ignition, burnout and the end."""
+    """Yield the true flights of a run's launches, with points every `step_s` and at ignition,
+    burnout and the end.
+    """
     targets = whole_flights(run.plan)
     truths = run.plan.targets.truth()
     for row, name in enumerate(targets.ids):
@@ -90,7 +96,8 @@ def flights(run: Any, step_s: float) -> Iterator[Flight]:
             time_s=time_s[is_known],
             position_ecef_m=position_m[is_known],
             burnout_s=burnout_s,
-            has_impact=bool(truths[row].get("impact")) and end_s == float(targets.end_s[row]) > burnout_s,
+            has_impact=bool(truths[row].get("impact"))
+            and end_s == float(targets.end_s[row]) > burnout_s,
         )
 
 
@@ -104,7 +111,9 @@ def sensor_paths(run: Any, step_s: float) -> Iterator[SensorPath]:
 
 
 def predictions(run: Any, which: str) -> Iterator[Prediction]:
-    """Yield the estimates of each track: its last one, or all, of which equal successors are one; none for `none`."""
+    """Yield the estimates of each track: its last one, or all, of which equal successors are one;
+    none for `none`.
+    """
     rows: Tracks = run.tracks
     for track in np.unique(rows.track).tolist() if which != "none" else ():
         own = np.flatnonzero(rows.track == track)
@@ -113,11 +122,15 @@ def predictions(run: Any, which: str) -> Iterator[Prediction]:
         ends = [*rows.tick_s[kept[1:]].tolist(), None]
         for row, end_s in zip(kept.tolist(), ends, strict=False):
             regions = rows.impact_regions[row]
-            yield Prediction(track, float(rows.tick_s[row]), end_s, rows.launch[row], rows.impact[row], regions)
+            yield Prediction(
+                track, float(rows.tick_s[row]), end_s, rows.launch[row], rows.impact[row], regions
+            )
 
 
 def _changes(rows: Tracks, known: Any) -> Any:
-    """Return those rows of a track whose regions, or impact without any, differ from the row before."""
+    """Return those rows of a track whose regions, or impact without any, differ from the row
+    before.
+    """
     regions = rows.impact_regions[known]
     impact = rows.impact[known]
     changed = np.ones(len(known), dtype=np.bool_)
@@ -131,13 +144,17 @@ _CONDITION_WORDS = {"burn over": " if the burn is over", "relights": " if it rel
 
 
 def condition_words(region: ImpactRegion) -> str:
-    """Return what a region presumes, ` if it relights (0.12)`; "" for that the target comes down."""
+    """Return what a region presumes, ` if it relights (0.12)`; "" for that the target comes
+    down.
+    """
     words = _CONDITION_WORDS.get(region.condition, "")
     return words and f"{words} ({probability_text(region.probability)})"
 
 
 def longitude_latitude_height(position_ecef_m: FloatArray) -> FloatArray:
-    """Return longitude and latitude, degrees, and height above the ellipsoid, m, (n, 3), of ECEF positions."""
+    """Return longitude and latitude, degrees, and height above the ellipsoid, m, (n, 3), of ECEF
+    positions.
+    """
     place = ecef_to_geodetic(position_ecef_m)
     columns = (np.degrees(place.longitude_rad), np.degrees(place.latitude_rad), place.height_m)
     return np.stack(columns, axis=1)
@@ -145,7 +162,9 @@ def longitude_latitude_height(position_ecef_m: FloatArray) -> FloatArray:
 
 def timestamps(run: Any, time_s: Sequence[float] | FloatArray) -> list[str]:
     """Return scene times, s, as text of UTC, `2026-04-01T12:00:10.162707Z`."""
-    unix_us = run.plan.scene.epoch_us + np.rint(np.asarray(time_s, dtype=np.float64) * 1e6).astype(np.int64)
+    unix_us = run.plan.scene.epoch_us + np.rint(np.asarray(time_s, dtype=np.float64) * 1e6).astype(
+        np.int64
+    )
     return timestamp_text(unix_us)
 
 

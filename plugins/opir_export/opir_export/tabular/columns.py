@@ -27,7 +27,9 @@ def table_of(columns: Iterable[TableColumn], metadata: dict[str, str]) -> Any:
     """Return a `pyarrow.Table`; unit and meaning of a column are in the metadata of its field."""
     made = list(columns)
     fields = [
-        pa.field(each.name, each.values.type, metadata={"unit": each.unit, "description": each.meaning})
+        pa.field(
+            each.name, each.values.type, metadata={"unit": each.unit, "description": each.meaning}
+        )
         for each in made
     ]
     return pa.table([each.values for each in made], schema=pa.schema(fields, metadata=metadata))
@@ -45,7 +47,11 @@ def _array(column: Any, unknown: BoolArray | None, kind: Any = None) -> Any:
     `pa.array` would import pandas, where it is installed, to see whether the numbers are its own.
     """
     nulls = 0 if unknown is None else int(np.count_nonzero(unknown))
-    known = None if not nulls or unknown is None else pa.py_buffer(np.packbits(~unknown, bitorder="little"))
+    known = (
+        None
+        if not nulls or unknown is None
+        else pa.py_buffer(np.packbits(~unknown, bitorder="little"))
+    )
     kind = pa.from_numpy_dtype(column.dtype) if kind is None else kind
     return pa.Array.from_buffers(kind, len(column), [known, pa.py_buffer(column)], nulls)
 
@@ -54,7 +60,9 @@ def _words(words: Sequence[str]) -> Any:
     """Return words as an array of texts."""
     encoded = [word.encode() for word in words]
     ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
-    return pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
+    return pa.StringArray.from_buffers(
+        len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded))
+    )
 
 
 def plain_numbers(values: Sequence[float | None]) -> Any:

@@ -19,32 +19,46 @@ _ID_BYTES = 16
 def detection_columns(run: Any) -> Iterator[TableColumn]:
     """Yield the columns of the table `detections` of a run; the truth is not in them."""
     origin = EncoderContext(
-        sensors=tuple(run.sensors), epoch_us=run.plan.scene.epoch_us, reported_types=tuple(run.reported_types)
+        sensors=tuple(run.sensors),
+        epoch_us=run.plan.scene.epoch_us,
+        reported_types=tuple(run.reported_types),
     )
     yield from columns_of_detections(run.detections, origin)
 
 
-def columns_of_detections(rows: Detections, origin: EncoderContext, *, in_file: bool = False) -> Iterator[TableColumn]:
+def columns_of_detections(
+    rows: Detections, origin: EncoderContext, *, in_file: bool = False
+) -> Iterator[TableColumn]:
     """Yield the columns of detections of a run's sensors, epoch and reported types.
 
-    Irradiances and probabilities of types that the run does not have are left out. Of a file that is written window by
-    window (`in_file`) they are null columns, the same for all windows; ids are 16 bytes instead of texts, and times are
-    dates alone.
+    Irradiances and probabilities of types that the run does not have are left out. Of a file that
+    is written window by window (`in_file`) they are null columns, the same for all windows; ids are
+    16 bytes instead of texts, and times are dates alone.
     """
     yield _ids(rows, in_file=in_file)
     yield from _reports(rows, origin, in_file=in_file)
     angles = rows.angles()
     yield TableColumn(
-        "azimuth_deg", numbers(np.degrees(angles.azimuth_rad)), "deg", "clockwise from north, at the sensor"
+        "azimuth_deg",
+        numbers(np.degrees(angles.azimuth_rad)),
+        "deg",
+        "clockwise from north, at the sensor",
     )
     yield TableColumn(
-        "elevation_deg", numbers(np.degrees(angles.elevation_rad)), "deg", "above the sensor's horizontal"
+        "elevation_deg",
+        numbers(np.degrees(angles.elevation_rad)),
+        "deg",
+        "above the sensor's horizontal",
     )
     sigma_urad = rows.line_of_sight_sigma_rad * 1e6
-    yield TableColumn("line_of_sight_sigma_urad", numbers(sigma_urad), "urad", "standard deviation per axis")
+    yield TableColumn(
+        "line_of_sight_sigma_urad", numbers(sigma_urad), "urad", "standard deviation per axis"
+    )
     for axis, letter in enumerate("xyz"):
         position_m = rows.sensor_ecef_m[:, axis]
-        yield TableColumn(f"sensor_{letter}_m", numbers(position_m), "m", "position of the sensor, ECEF")
+        yield TableColumn(
+            f"sensor_{letter}_m", numbers(position_m), "m", "position of the sensor, ECEF"
+        )
     irradiances = rows.band_irradiance_w_m2
     shares = rows.type_probability
     if in_file or irradiances.shape[1]:
@@ -57,22 +71,34 @@ def _reports(rows: Detections, origin: EncoderContext, *, in_file: bool) -> Iter
     """Yield what a report says: sensor, times, type, confidence, bands, track."""
     epoch_us = origin.epoch_us
     sensors = origin.sensors
-    yield TableColumn("sensor_id", names(rows.sensor, [each.id for each in sensors]), "", "the sensor")
+    yield TableColumn(
+        "sensor_id", names(rows.sensor, [each.id for each in sensors]), "", "the sensor"
+    )
     if not in_file:
         yield TableColumn("time_s", numbers(rows.time_s), "s", "scene time of the look")
     yield TableColumn("time", instants(rows.time_ns, epoch_us), _UTC, "time of the look")
     if not in_file:
-        yield TableColumn("reported_s", numbers(rows.reported_ns * 1e-9), "s", "scene time of the report")
+        yield TableColumn(
+            "reported_s", numbers(rows.reported_ns * 1e-9), "s", "scene time of the report"
+        )
     yield TableColumn("reported", instants(rows.reported_ns, epoch_us), _UTC, "time of the report")
     yield TableColumn(
-        "scan", numbers_known(rows.scan), "", "number of the sensor's scan, null for runs read from files"
+        "scan",
+        numbers_known(rows.scan),
+        "",
+        "number of the sensor's scan, null for runs read from files",
     )
-    yield TableColumn("target_type", names(rows.reported_type, origin.reported_types), "", "reported type")
+    yield TableColumn(
+        "target_type", names(rows.reported_type, origin.reported_types), "", "reported type"
+    )
     yield TableColumn("confidence", numbers(rows.confidence), "", "in [0, 1]")
     yield TableColumn("bands", _bands(rows, sensors), "", "bands that confirm, joined by +")
     yield TableColumn("snr", numbers(rows.snr), "", "signal-to-noise ratio")
     yield TableColumn(
-        "detection_count", numbers(rows.detection_count), "", "detections of the object by the sensor so far"
+        "detection_count",
+        numbers(rows.detection_count),
+        "",
+        "detections of the object by the sensor so far",
     )
     yield TableColumn("track_id", numbers_known(rows.track), "", "the track, null for none")
 
@@ -83,20 +109,42 @@ def truth_columns(run: Any) -> Iterator[TableColumn]:
 
 
 def columns_of_truth(
-    detections: Detections, rows: DetectionTruth, target_ids: Sequence[str], *, in_file: bool = False
+    detections: Detections,
+    rows: DetectionTruth,
+    target_ids: Sequence[str],
+    *,
+    in_file: bool = False,
 ) -> Iterator[TableColumn]:
-    """Yield the columns of the truth of detections of targets with these ids; `in_file` as for the detections."""
+    """Yield the columns of the truth of detections of targets with these ids; `in_file` as for the
+    detections.
+    """
     yield _ids(detections, in_file=in_file)
-    yield TableColumn("target_id", names(rows.target, target_ids), "", "the target, null for a false alarm")
-    yield TableColumn("emission_s", numbers(rows.emission_time_s), "s", "scene time at which the light was emitted")
+    yield TableColumn(
+        "target_id", names(rows.target, target_ids), "", "the target, null for a false alarm"
+    )
+    yield TableColumn(
+        "emission_s",
+        numbers(rows.emission_time_s),
+        "s",
+        "scene time at which the light was emitted",
+    )
     yield TableColumn("range_m", numbers(rows.range_m), "m", "true distance from sensor to target")
     elevation_deg = np.degrees(rows.target_elevation_rad)
-    yield TableColumn("target_elevation_deg", numbers(elevation_deg), "deg", "of the sensor above the target's horizon")
-    yield TableColumn("probability", numbers(rows.probability), "", "probability of detection of the look")
+    yield TableColumn(
+        "target_elevation_deg",
+        numbers(elevation_deg),
+        "deg",
+        "of the sensor above the target's horizon",
+    )
+    yield TableColumn(
+        "probability", numbers(rows.probability), "", "probability of detection of the look"
+    )
 
 
 def _ids(rows: Detections, *, in_file: bool) -> TableColumn:
-    """Return the ids of detections: as texts, or as the 16 bytes of the UUID, which files read and write faster."""
+    """Return the ids of detections: as texts, or as the 16 bytes of the UUID, which files read and
+    write faster.
+    """
     if in_file:
         octets = pa.py_buffer(rows.detection_id.astype(">u8"))
         values = pa.Array.from_buffers(pa.binary(_ID_BYTES), len(rows), [None, octets])
@@ -118,14 +166,17 @@ def _texts_of_ids(rows: Detections) -> Any:
     if characters.size > np.iinfo(np.int32).max:  # too long for the offsets of one array of texts
         return pa.array(uuid_text(rows.detection_id), type=pa.string())
     offsets = np.arange(len(characters) + 1, dtype=np.int32) * characters.shape[1]
-    return pa.StringArray.from_buffers(len(characters), pa.py_buffer(offsets), pa.py_buffer(characters))
+    return pa.StringArray.from_buffers(
+        len(characters), pa.py_buffer(offsets), pa.py_buffer(characters)
+    )
 
 
 def _bands(rows: Detections, sensors: Sequence[Sensor]) -> Any:
     """Return the names of each detection's bands; each pair of sensor and mask is spelt once."""
     pairs = rows.sensor.astype(np.int64) << 8 | rows.bands
     used = np.flatnonzero(np.bincount(pairs))
-    # All that sensors may say, whatever is among the rows: files do not depend on how rows are cut into tables.
+    # All that sensors may say, whatever is among the rows: files do not depend on how rows are cut
+    # into tables.
     bands = {sensor.bands for sensor in sensors}
     words = sorted({_spelt(each, mask) for each in bands for mask in range(1 << len(each))})
     number = {word: code for code, word in enumerate(words)}
@@ -138,8 +189,12 @@ def _spelt(bands: Sequence[Band], mask: int) -> str:
     return "+".join(band.name for place, band in enumerate(bands) if mask >> place & 1)
 
 
-def _irradiances(sensor: IndexArray, measured: FloatArray, sensors: Sequence[Sensor]) -> Iterator[TableColumn]:
-    """Yield the measured irradiance by band name, null for detections by sensors without the band."""
+def _irradiances(
+    sensor: IndexArray, measured: FloatArray, sensors: Sequence[Sensor]
+) -> Iterator[TableColumn]:
+    """Yield the measured irradiance by band name, null for detections by sensors without the
+    band.
+    """
     for name in dict.fromkeys(band.name for each in sensors for band in each.bands):
         column = np.full(len(measured), np.nan)
         for number, each in enumerate(sensors):
@@ -147,7 +202,9 @@ def _irradiances(sensor: IndexArray, measured: FloatArray, sensors: Sequence[Sen
             if name in own and own.index(name) < measured.shape[1]:
                 mine = sensor == number
                 column[mine] = measured[mine, own.index(name)]
-        yield TableColumn(f"irradiance_{name}_w_m2", numbers(column), "W/m2", "measured at the aperture")
+        yield TableColumn(
+            f"irradiance_{name}_w_m2", numbers(column), "W/m2", "measured at the aperture"
+        )
 
 
 def _probabilities(shares: FloatArray) -> Iterator[TableColumn]:

@@ -1,6 +1,7 @@
 """The tables of a run: detections, truth, tracks, regions, targets and sensors; and as data frames.
 
-Names end in units. `time` columns are UTC, `_s` columns seconds of the scene. Angles are in degrees.
+Names end in units. `time` columns are UTC, `_s` columns seconds of the scene. Angles are in
+degrees.
 """
 
 import json
@@ -30,9 +31,9 @@ _COLUMNS: Mapping[str, Callable[[Any], Any]] = {
 def tables(run: Any) -> Mapping[str, Any]:
     """Return the tables of an `opir_core.Run` by name, as `pyarrow.Table`.
 
-    `detections` and `truth` have a row per detection, in the same order; `tracks` one per track and tick, `regions` one
-    per track, tick and containment; `targets` and `sensors` those of the scene. The metadata of a field are `unit` and
-    `description`, those of a table the manifest.
+    `detections` and `truth` have a row per detection, in the same order; `tracks` one per track and
+    tick, `regions` one per track, tick and containment; `targets` and `sensors` those of the scene.
+    The metadata of a field are `unit` and `description`, those of a table the manifest.
     """
     return {name: table(run, name) for name in _COLUMNS}
 
@@ -50,7 +51,8 @@ def table_names() -> tuple[str, ...]:
     return tuple(_COLUMNS)
 
 
-#: The metadata of GeoParquet 1.1 (https://geoparquet.org/releases/v1.1.0/); the frame is that of GeoJSON by default.
+#: The metadata of GeoParquet 1.1 (https://geoparquet.org/releases/v1.1.0/); the frame is that of
+#: GeoJSON by default.
 _GEO = {
     "version": "1.1.0",
     "primary_column": "geometry",
@@ -59,13 +61,17 @@ _GEO = {
 
 
 def to_pandas(run: Any) -> Mapping[str, Any]:
-    """Return the tables of a run by name, as data frames of pandas; `PluginError` if pandas is not installed."""
+    """Return the tables of a run by name, as data frames of pandas; `PluginError` if pandas is not
+    installed.
+    """
     _require("pandas", "run.to_pandas()")
     return {name: each.to_pandas() for name, each in tables(run).items()}
 
 
 def to_polars(run: Any) -> Mapping[str, Any]:
-    """Return the tables of a run by name, as data frames of polars; `PluginError` if polars is not installed."""
+    """Return the tables of a run by name, as data frames of polars; `PluginError` if polars is not
+    installed.
+    """
     from_arrow = _require("polars", "run.to_polars()").from_arrow
     return {name: from_arrow(each) for name, each in tables(run).items()}
 

@@ -8,11 +8,17 @@ import numpy as np
 from opir_export.tabular.columns import TableColumn, counts, numbers, plain_numbers, texts
 
 _PLACES = ("launch", "aim", "burnout", "impact")
-_ANGLES = (("lat_deg", "deg", "geodetic latitude"), ("lon_deg", "deg", "longitude"), ("height_m", "m", "height"))
+_ANGLES = (
+    ("lat_deg", "deg", "geodetic latitude"),
+    ("lon_deg", "deg", "longitude"),
+    ("height_m", "m", "height"),
+)
 
 
 def target_columns(run: Any) -> Iterator[TableColumn]:
-    """Yield the columns of the table `targets` of a run: the truth of each target, and what the run saw of it."""
+    """Yield the columns of the table `targets` of a run: the truth of each target, and what the run
+    saw of it.
+    """
     targets = run.plan.targets
     summary = run.summary
     seen_of = {row["source_id"]: row for row in summary["sources"]} | {
@@ -21,16 +27,27 @@ def target_columns(run: Any) -> Iterator[TableColumn]:
     seen = [seen_of[name] for name in targets.ids]
     truths = targets.truth()
     yield TableColumn("target_id", texts(targets.ids), "", "the target")
-    yield TableColumn("target_type", texts(targets.class_names), "", "target class, or type of another hot source")
-    yield TableColumn("profile", texts([_word(row.get("profile")) for row in truths]), "", "boost profile")
+    yield TableColumn(
+        "target_type", texts(targets.class_names), "", "target class, or type of another hot source"
+    )
+    yield TableColumn(
+        "profile", texts([_word(row.get("profile")) for row in truths]), "", "boost profile"
+    )
     yield TableColumn("ignition_s", numbers(targets.ignition_s), "s", "scene time of ignition")
     yield TableColumn("burnout_s", numbers(targets.burnout_s), "s", "scene time of burnout")
     for place in _PLACES:
         for key, unit, what in _ANGLES:
             values = plain_numbers([_inner(row, place, key) for row in truths])
             yield TableColumn(f"{place}_{key}", values, unit, f"{what} of the {place}")
-    yield TableColumn("impact_s", plain_numbers([_inner(row, "impact", "time_s") for row in truths]), "s", "of impact")
-    yield TableColumn("detections", counts([row["detections"] for row in seen]), "", "number of detections")
+    yield TableColumn(
+        "impact_s",
+        plain_numbers([_inner(row, "impact", "time_s") for row in truths]),
+        "s",
+        "of impact",
+    )
+    yield TableColumn(
+        "detections", counts([row["detections"] for row in seen]), "", "number of detections"
+    )
     first = texts([row["first_sensor_id"] for row in seen])
     yield TableColumn("first_sensor_id", first, "", "the sensor that detected it first")
     for key, meaning in (
@@ -39,7 +56,12 @@ def target_columns(run: Any) -> Iterator[TableColumn]:
         ("last_detection_s", "scene time of the last detection"),
     ):
         yield TableColumn(key, plain_numbers([row.get(key) for row in seen]), "s", meaning)
-    yield TableColumn("reported_type", texts([row["reported_type"] for row in seen]), "", "type reported most often")
+    yield TableColumn(
+        "reported_type",
+        texts([row["reported_type"] for row in seen]),
+        "",
+        "type reported most often",
+    )
 
 
 def sensor_columns(run: Any) -> Iterator[TableColumn]:
@@ -53,20 +75,35 @@ def sensor_columns(run: Any) -> Iterator[TableColumn]:
     yield TableColumn("sensor_type", texts(each(lambda one: one.type)), "", "its sensor model")
     slots = plain_numbers(each(lambda one: one.orbital_slot_deg))
     yield TableColumn("orbital_slot_deg", slots, "deg", "longitude of a geostationary slot")
-    position_m = np.array(each(lambda one: one.orbit.position_ecef_m(np.zeros(1))[0])).reshape(-1, 3)
+    position_m = np.array(each(lambda one: one.orbit.position_ecef_m(np.zeros(1))[0])).reshape(
+        -1, 3
+    )
     for axis, letter in enumerate("xyz"):
-        yield TableColumn(f"{letter}_m", numbers(position_m[:, axis]), "m", "position at the scene's start, ECEF")
-    yield TableColumn("bands", texts(each(lambda one: "+".join(band.name for band in one.bands))), "", "joined by +")
+        yield TableColumn(
+            f"{letter}_m", numbers(position_m[:, axis]), "m", "position at the scene's start, ECEF"
+        )
+    yield TableColumn(
+        "bands",
+        texts(each(lambda one: "+".join(band.name for band in one.bands))),
+        "",
+        "joined by +",
+    )
     period_s = plain_numbers(each(lambda one: one.scan.period_ns * 1e-9))
     yield TableColumn("scan_period_s", period_s, "s", "time between two looks at a target")
     for name, attribute, meaning in (
-        ("field_of_regard_half_angle", "field_of_regard_half_angle_rad", "from the direction to the Earth's centre"),
+        (
+            "field_of_regard_half_angle",
+            "field_of_regard_half_angle_rad",
+            "from the direction to the Earth's centre",
+        ),
         ("minimum_elevation", "minimum_elevation_rad", "of the sensor above the target's horizon"),
     ):
         angles = np.degrees([getattr(one, attribute) for one in sensors])
         yield TableColumn(f"{name}_deg", plain_numbers(angles.tolist()), "deg", meaning)
     sigma_urad = each(lambda one: one.line_of_sight_sigma_rad * 1e6)
-    yield TableColumn("line_of_sight_sigma_urad", plain_numbers(sigma_urad), "urad", "standard deviation per axis")
+    yield TableColumn(
+        "line_of_sight_sigma_urad", plain_numbers(sigma_urad), "urad", "standard deviation per axis"
+    )
 
 
 def _inner(row: Mapping[str, Any], place: str, key: str) -> float | None:

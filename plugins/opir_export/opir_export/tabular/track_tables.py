@@ -10,7 +10,15 @@ from opir_core.arrays import FloatArray
 from opir_core.interfaces import IMPACT_METHODS, TRACK_CONTAINMENTS, TRACK_ENDS
 from opir_core.output import geometry_of
 from opir_core.plugin import REPORTED_TYPES, Tracks
-from opir_export.tabular.columns import TableColumn, instants, lists, names, nanoseconds, numbers, texts
+from opir_export.tabular.columns import (
+    TableColumn,
+    instants,
+    lists,
+    names,
+    nanoseconds,
+    numbers,
+    texts,
+)
 from opir_export.tabular.well_known_binary import well_known_binary
 
 _UTC = "UTC"
@@ -24,25 +32,48 @@ def track_columns(run: Any) -> Iterator[TableColumn]:
     epoch_us = run.plan.scene.epoch_us
     yield TableColumn("track_id", numbers(rows.track), "", "the track")
     yield TableColumn("time_s", numbers(rows.tick_s), "s", "scene time of the estimate")
-    yield TableColumn("time", instants(nanoseconds(rows.tick_s), epoch_us), _UTC, "time of the estimate")
-    yield TableColumn("available_s", numbers(rows.available_s), "s", "scene time at which it became available")
+    yield TableColumn(
+        "time", instants(nanoseconds(rows.tick_s), epoch_us), _UTC, "time of the estimate"
+    )
+    yield TableColumn(
+        "available_s", numbers(rows.available_s), "s", "scene time at which it became available"
+    )
     yield from _state("", rows.state, "at the time, ECEF")
     covariance = lists(_lower(rows.state_covariance))
-    yield TableColumn("state_covariance", covariance, "m, m/s", f"of position and velocity, ECEF: {_TRIANGLE}")
+    yield TableColumn(
+        "state_covariance", covariance, "m, m/s", f"of position and velocity, ECEF: {_TRIANGLE}"
+    )
     yield from _point("launch", rows.launch, rows.launch_covariance)
     yield from _state("burnout_", rows.burnout[:, :6], "at burnout, ECEF")
     yield TableColumn("burnout_s", numbers(rows.burnout[:, 6]), "s", "scene time of burnout")
     yield from _point("impact", rows.impact, rows.impact_covariance)
-    yield TableColumn("impact_method", names(rows.impact_method, IMPACT_METHODS), "", "how the impact was predicted")
+    yield TableColumn(
+        "impact_method",
+        names(rows.impact_method, IMPACT_METHODS),
+        "",
+        "how the impact was predicted",
+    )
     sigmas = lists(rows.impact_sigmas)
     levels = ", ".join(f"{100 * each:g} %" for each in TRACK_CONTAINMENTS)
-    yield TableColumn("impact_sigmas", sigmas, "sigma", f"radii of the ellipses that contain the impact: {levels}")
+    yield TableColumn(
+        "impact_sigmas", sigmas, "sigma", f"radii of the ellipses that contain the impact: {levels}"
+    )
     for place, name in enumerate(REPORTED_TYPES):
         share = rows.type_probability[:, place]
         yield TableColumn(f"probability_{name}", numbers(share), "", "probability of the type")
-    yield TableColumn("probability_burning", numbers(rows.probability_burning), "", "probability of a burn at the time")
+    yield TableColumn(
+        "probability_burning",
+        numbers(rows.probability_burning),
+        "",
+        "probability of a burn at the time",
+    )
     relights = rows.probability_relights
-    yield TableColumn("probability_relights", numbers(relights), "", "probability of no burn now and another later")
+    yield TableColumn(
+        "probability_relights",
+        numbers(relights),
+        "",
+        "probability of no burn now and another later",
+    )
     yield from _hypotheses(run)
     ends = [TRACK_ENDS[code] or None for code in rows.end.tolist()]
     yield TableColumn("end", texts(ends), "", "how the track ended; null for one that goes on")
@@ -51,13 +82,24 @@ def track_columns(run: Any) -> Iterator[TableColumn]:
 def _hypotheses(run: Any) -> Iterator[TableColumn]:
     """Yield the sums over hypotheses, and the columns of each, if the tracker weighs them."""
     rows: Tracks = run.tracks
-    for name, meaning in (("launch", "that it was launched"), ("missile", "of a missile"), ("orbit", "of an orbit")):
+    for name, meaning in (
+        ("launch", "that it was launched"),
+        ("missile", "of a missile"),
+        ("orbit", "of an orbit"),
+    ):
         yield TableColumn(
-            f"probability_{name}", numbers(getattr(rows, f"probability_{name}")), "", f"probability {meaning}"
+            f"probability_{name}",
+            numbers(getattr(rows, f"probability_{name}")),
+            "",
+            f"probability {meaning}",
         )
     if rows.hypothesis_probability.shape[1]:
-        for name, share in zip(run.plan.hypothesis_names, rows.hypothesis_probability.T, strict=True):
-            yield TableColumn(f"hypothesis_{name.replace(' ', '_')}", numbers(share), "", f"probability of {name}")
+        for name, share in zip(
+            run.plan.hypothesis_names, rows.hypothesis_probability.T, strict=True
+        ):
+            yield TableColumn(
+                f"hypothesis_{name.replace(' ', '_')}", numbers(share), "", f"probability of {name}"
+            )
 
 
 def _state(prefix: str, values: FloatArray, when: str) -> Iterator[TableColumn]:
@@ -68,8 +110,15 @@ def _state(prefix: str, values: FloatArray, when: str) -> Iterator[TableColumn]:
 
 def _point(name: str, place: FloatArray, covariance: FloatArray) -> Iterator[TableColumn]:
     """Yield the columns of a launch or impact: latitude, longitude, time, covariance."""
-    yield TableColumn(f"{name}_lat_deg", numbers(np.degrees(place[:, 0])), "deg", f"geodetic latitude of the {name}")
-    yield TableColumn(f"{name}_lon_deg", numbers(np.degrees(place[:, 1])), "deg", f"longitude of the {name}")
+    yield TableColumn(
+        f"{name}_lat_deg",
+        numbers(np.degrees(place[:, 0])),
+        "deg",
+        f"geodetic latitude of the {name}",
+    )
+    yield TableColumn(
+        f"{name}_lon_deg", numbers(np.degrees(place[:, 1])), "deg", f"longitude of the {name}"
+    )
     yield TableColumn(f"{name}_s", numbers(place[:, 2]), "s", f"scene time of the {name}")
     values = lists(_lower(covariance))
     yield TableColumn(f"{name}_covariance", values, "m, s", f"of east, north and time: {_TRIANGLE}")
@@ -83,7 +132,9 @@ def _lower(matrices: FloatArray) -> FloatArray:
 
 
 def region_columns(run: Any) -> Iterator[TableColumn]:
-    """Yield the columns of the table `regions` of a run: impact regions, as WKB in longitude and latitude, degrees."""
+    """Yield the columns of the table `regions` of a run: impact regions, as WKB in longitude and
+    latitude, degrees.
+    """
     rows: Tracks = run.tracks
     counts = [len(regions) for regions in rows.impact_regions.tolist()]
     place = np.repeat(np.arange(len(rows)), np.array(counts, dtype=np.int64))
@@ -93,15 +144,22 @@ def region_columns(run: Any) -> Iterator[TableColumn]:
     times = instants(nanoseconds(rows.tick_s[place]), run.plan.scene.epoch_us)
     yield TableColumn("time", times, _UTC, "time of the estimate")
     containment = np.array([region.containment for region in regions], dtype=np.float64)
-    yield TableColumn("containment", numbers(containment), "", "probability that the region contains the impact")
+    yield TableColumn(
+        "containment", numbers(containment), "", "probability that the region contains the impact"
+    )
     area_km2 = np.array([region.area_km2 for region in regions], dtype=np.float64)
     yield TableColumn("area_km2", numbers(area_km2), "km2", "area of the region")
     conditions = texts([region.condition for region in regions])
     yield TableColumn("condition", conditions, "", "what the region presumes")
-    for name, meaning in (("probability", "of the condition"), ("effective_samples", "of the distribution")):
+    for name, meaning in (
+        ("probability", "of the condition"),
+        ("effective_samples", "of the distribution"),
+    ):
         values = np.array([getattr(region, name) for region in regions], dtype=np.float64)
         yield TableColumn(name, numbers(values), "", f"{name.replace('_', ' ')} {meaning}")
     methods = [IMPACT_METHODS[code] for code in rows.impact_method[place].tolist()]
     yield TableColumn("impact_method", texts(methods), "", "how the impact was predicted")
-    shapes = pa.array([well_known_binary(geometry_of(region)) for region in regions], type=pa.binary())
+    shapes = pa.array(
+        [well_known_binary(geometry_of(region)) for region in regions], type=pa.binary()
+    )
     yield TableColumn("geometry", shapes, "deg", "the region, WKB of longitude and latitude")

@@ -24,7 +24,9 @@ def well_known_binary(geometry: Mapping[str, Any]) -> bytes:
 
 def _polygon(rings: Sequence[Any]) -> bytes:
     head = pack("<BII", _LITTLE_ENDIAN, _POLYGON, len(rings))
-    return head + b"".join(pack("<I", len(ring)) + np.array(ring, dtype="<f8").tobytes() for ring in rings)
+    return head + b"".join(
+        pack("<I", len(ring)) + np.array(ring, dtype="<f8").tobytes() for ring in rings
+    )
 
 
 def text_of_binary(shape: bytes) -> str:
@@ -47,7 +49,9 @@ def _rings_text(shape: bytes, at: int) -> tuple[str, int]:
     rings = list[str]()
     for _ in range(count):
         (length,) = unpack_from("<I", shape, at)
-        points = np.frombuffer(shape, dtype="<f8", count=2 * length, offset=at + _COUNT).reshape(-1, 2)
+        points = np.frombuffer(shape, dtype="<f8", count=2 * length, offset=at + _COUNT).reshape(
+            -1, 2
+        )
         rings.append("(" + ", ".join(f"{x} {y}" for x, y in points.tolist()) + ")")
         at += _COUNT + _POINT * length
     return f"({', '.join(rings)})", at

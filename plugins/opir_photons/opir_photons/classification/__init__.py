@@ -1,1 +1,3 @@
-"""Target types from measured band intensities: synthetic looks, their densities, and the posterior."""
+"""Target types from measured band intensities: synthetic looks, their densities, and the
+posterior.
+"""

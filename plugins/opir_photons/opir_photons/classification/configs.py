@@ -1,4 +1,6 @@
-"""Settings of the classifier `spectral` and of the confidence model `posterior`; imports nothing heavy."""
+"""Settings of the classifier `spectral` and of the confidence model `posterior`; imports nothing
+heavy.
+"""
 
 import math
 from collections.abc import Mapping
@@ -24,7 +26,11 @@ SOURCE_KINDS = ("fire", "flare", "glint")
 
 def _sources_complaint(sources: Mapping[str, Any]) -> str | None:
     unknown = [name for name in sources if name not in SOURCE_KINDS]
-    return f"{unknown[0]!r} is not a kind of source; these are {', '.join(SOURCE_KINDS)}" if unknown else None
+    return (
+        f"{unknown[0]!r} is not a kind of source; these are {', '.join(SOURCE_KINDS)}"
+        if unknown
+        else None
+    )
 
 
 @frozen(kw_only=True)
@@ -47,7 +53,8 @@ class SpectralConfig:
         minimum=0.0,
         maximum=1.0,
         check=_prior_complaint,
-        help="before anything is measured: by target class the share of launches; classes not named are not expected."
+        help="before anything is measured: by target class the share of launches; classes not named"
+        " are not expected."
         " Empty: 0.85 missiles, equally of each type, 0.1 space launches, 0.05 gliders",
         source="notional",
     )
@@ -56,7 +63,8 @@ class SpectralConfig:
         above=0.0,
         maximum=1e9,
         unit="1/day",
-        help="launches to be expected in a sensor's field of regard; with the rate of false alarms and the hot sources"
+        help="launches to be expected in a sensor's field of regard; with the rate of false alarms"
+        " and the hot sources"
         " it gives the prior probability of a launch",
     )
     sources_in_view: Mapping[str, float] = nested(
@@ -65,14 +73,16 @@ class SpectralConfig:
         minimum=0.0,
         maximum=1e9,
         check=_sources_complaint,
-        help="by kind the mean number of hot sources in the field of regard at a time; none of the kinds not named",
+        help="by kind the mean number of hot sources in the field of regard at a time; none of the"
+        " kinds not named",
     )
     bolides_per_day: float = number(
         default=0.04,
         minimum=0.0,
         maximum=1e9,
         unit="1/day",
-        source="CNEOS, 1988 to 2026: 35.8 a year on Earth, of which a geostationary sensor sees 42 %",
+        source="CNEOS, 1988 to 2026: 35.8 a year on Earth, of which a geostationary sensor sees 42"
+        " %",
         help="bolides in a sensor's field of regard",
     )
     unknown_per_day: float = number(
@@ -96,7 +106,8 @@ class SpectralConfig:
         below=1.0,
         unit="1",
         source="no default: the probabilities decide",
-        help="probability with which a detection of a hot source is taken for a missile, at most, for any kind: it sets"
+        help="probability with which a detection of a hot source is taken for a missile, at most,"
+        " for any kind: it sets"
         " the least odds of each sensor",
         instead_of="least_log_odds",
     )
@@ -105,7 +116,8 @@ class SpectralConfig:
         minimum=0.0,
         maximum=2.0,
         unit="1",
-        help="standard deviation of the logarithm of plumes' brightness, in all bands at once, within a class",
+        help="standard deviation of the logarithm of plumes' brightness, in all bands at once,"
+        " within a class",
     )
     colour_log_sigma: float = number(
         default=0.05,
@@ -115,7 +127,12 @@ class SpectralConfig:
         help="the same of each band by itself",
     )
     launches: int = number(
-        default=120, minimum=8, maximum=10_000, unit="1", source="cost", help="synthetic launches of each class profile"
+        default=120,
+        minimum=8,
+        maximum=10_000,
+        unit="1",
+        source="cost",
+        help="synthetic launches of each class profile",
     )
 
     def __attrs_post_init__(self) -> None:

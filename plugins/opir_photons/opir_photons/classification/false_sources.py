@@ -5,21 +5,31 @@ from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.plugin import ClassifierInputs, Sensor
-from opir_photons.classification.synthetic_looks import KINDS, SyntheticLooks, low_discrepancy_points
+from opir_photons.classification.synthetic_looks import (
+    KINDS,
+    SyntheticLooks,
+    low_discrepancy_points,
+)
 from opir_photons.classification.type_densities import TypeDensities, looks_response
 from opir_photons.detection.snr import SnrDetection
 
-#: Measurements of each synthetic source; numbers of detections, in geometric steps, at which each is classified.
+#: Measurements of each synthetic source; numbers of detections, in geometric steps, at which each
+#: is classified.
 _DRAWS = 2
 _COUNTS = 6
 
 
 def source_detections(
-    detection: SnrDetection, number: int, sensor: Sensor, bank: TypeDensities, shining: SyntheticLooks
+    detection: SnrDetection,
+    number: int,
+    sensor: Sensor,
+    bank: TypeDensities,
+    shining: SyntheticLooks,
 ) -> tuple[ClassifierInputs, IntArray]:
     """Return detections of synthetic hot sources as a classifier sees them, and their kinds (n,).
 
-    Each is repeated, block by block, for `_COUNTS` numbers of detections so far, up to those of the longest launch.
+    Each is repeated, block by block, for `_COUNTS` numbers of detections so far, up to those of the
+    longest launch.
     """
     response, seen = looks_response(detection, number, sensor, shining)
     receiver = detection.receivers[number]
@@ -54,7 +64,9 @@ def source_detections(
 
 
 def least_log_odds(log_odds: FloatArray, kind: IntArray, probability: float) -> float:
-    """Return the log odds (n,) that a detection of any kind exceeds, at any number so far, with this probability."""
+    """Return the log odds (n,) that a detection of any kind exceeds, at any number so far, with
+    this probability.
+    """
     worst = log_odds.reshape(_COUNTS, -1).max(axis=0)
     kinds = kind[: len(kind) // _COUNTS]
     limits = [

@@ -1,8 +1,8 @@
 """Gaussian mixtures in the log domain: of signals measured in independent noise, and of a count.
 
-A component is normal in x = (s, m): in-band signals s (B,) and a count m without noise. A measurement y = s + noise,
-with variances v (B,), has the density N(mean_s, C_ss + diag v); the count given y is normal too. Both follow from one
-elimination by bands, element by element.
+A component is normal in x = (s, m): in-band signals s (B,) and a count m without noise. A
+measurement y = s + noise, with variances v (B,), has the density N(mean_s, C_ss + diag v); the
+count given y is normal too. Both follow from one elimination by bands, element by element.
 """
 
 from collections.abc import Sequence
@@ -32,9 +32,11 @@ class Components:
 
 @frozen(eq=False)
 class Mixture:
-    """Components for each elevation bin: weights (bins, K), means (D, bins, K), covariances (D, D, bins, K).
+    """Components for each elevation bin: weights (bins, K), means (D, bins, K), covariances (D, D,
+    bins, K).
 
-    Components `edges[c]` to `edges[c + 1]` are those of class c, padded with components of weight 0.
+    Components `edges[c]` to `edges[c + 1]` are those of class c, padded with components of weight
+    0.
     """
 
     log_weight: FloatArray
@@ -45,7 +47,9 @@ class Mixture:
     @classmethod
     def of(cls, places: Sequence[Sequence[Components]]) -> "Mixture":
         """Return the mixture of the classes' components in each bin."""
-        widths = [max(1, *(len(part.log_weight) for part in parts)) for parts in zip(*places, strict=True)]
+        widths = [
+            max(1, *(len(part.log_weight) for part in parts)) for parts in zip(*places, strict=True)
+        ]
         edges = np.cumsum([0, *widths])
         size = places[0][0].mean.shape[1]
         log_weight = np.full((len(places), edges[-1]), -np.inf)
@@ -60,13 +64,18 @@ class Mixture:
         return cls(log_weight, mean, covariance, edges)
 
     def log_densities(
-        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray, least: float = -np.inf
+        self,
+        place: IntArray,
+        signal: FloatArray,
+        variance: FloatArray,
+        count: FloatArray,
+        least: float = -np.inf,
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln weight · p(y) and ln p(count | y), (n, K) each.
 
-        `place` (n,) are the bins; signals and variances are (n, B), counts (n,). Normal densities of counts are
-        reflected at `least`, below which there are none (B. W. Silverman, Density Estimation for Statistics and Data
-        Analysis, 1986, section 2.10).
+        `place` (n,) are the bins; signals and variances are (n, B), counts (n,). Normal densities
+        of counts are reflected at `least`, below which there are none (B. W. Silverman, Density
+        Estimation for Statistics and Data Analysis, 1986, section 2.10).
         """
         # A few rows at a time: their columns stay in the processor's cache.
         step = max(_CACHED // (self.log_weight.shape[1] * self.mean.shape[0] ** 2), 1)
@@ -74,10 +83,17 @@ class Mixture:
             self._of_rows(place[rows], signal[rows], variance[rows], count[rows], least)
             for rows in (slice(start, start + step) for start in range(0, max(len(place), 1), step))
         ]
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+        return np.concatenate([part[0] for part in parts]), np.concatenate(
+            [part[1] for part in parts]
+        )
 
     def _of_rows(
-        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray, least: float
+        self,
+        place: IntArray,
+        signal: FloatArray,
+        variance: FloatArray,
+        count: FloatArray,
+        least: float,
     ) -> tuple[FloatArray, FloatArray]:
         bands = signal.shape[1]
         size = signal.shape[1] + 1
@@ -85,7 +101,9 @@ class Mixture:
         work[:, :size] = self.covariance[:, :, place]
         band = np.arange(bands)
         work[band, band] += variance.T[:, :, None]
-        work[:, size] = np.concatenate([signal, count[:, None]], axis=1).T[:, :, None] - self.mean[:, place]
+        work[:, size] = (
+            np.concatenate([signal, count[:, None]], axis=1).T[:, :, None] - self.mean[:, place]
+        )
         log_density = self.log_weight[place]
         for row in range(bands):
             log_density += self._eliminated(work, row)
@@ -96,7 +114,9 @@ class Mixture:
         return log_density, np.logaddexp(counted, self._eliminated(work, bands))
 
     def _eliminated(self, work: FloatArray, row: int) -> FloatArray:
-        """Return the log density of one variable given those before it, and condition those after it on it."""
+        """Return the log density of one variable given those before it, and condition those after
+        it on it.
+        """
         pivot = np.maximum(work[row, row], _LEAST_VARIANCE)
         residual = work[row, -1]
         factors = work[row + 1 :, row] / pivot
@@ -131,7 +151,9 @@ def log_shares(values: FloatArray) -> FloatArray:
 def cell_moments(
     signal: FloatArray, count: FloatArray, weight: FloatArray, cell: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return weights (K,), means (K, B + 1) and covariances (K, B + 1, B + 1) of samples (n,), by cells."""
+    """Return weights (K,), means (K, B + 1) and covariances (K, B + 1, B + 1) of samples (n,), by
+    cells.
+    """
     x = np.concatenate([signal, count[:, None]], axis=1)
     _, row = np.unique(cell, return_inverse=True)
     total = np.bincount(row, weight).astype(np.float64)

@@ -1,4 +1,6 @@
-"""The classifier `spectral` and the confidence model `posterior`, imported for scenes that name them."""
+"""The classifier `spectral` and the confidence model `posterior`, imported for scenes that name
+them.
+"""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -38,7 +40,8 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
     """Yield `spectral`."""
     yield ClassifierModel(
         name="spectral",
-        summary="probabilities of each hypothesis from measured band intensities; default with detection: snr",
+        summary="probabilities of each hypothesis from measured band intensities; default with"
+        " detection: snr",
         config=SpectralConfig,
         build=_spectral,
     )

@@ -1,4 +1,6 @@
-"""The confidence model `posterior`: the probability of the reported type, by a classifier that computes it."""
+"""The confidence model `posterior`: the probability of the reported type, by a classifier that
+computes it.
+"""
 
 import numpy as np
 from attrs import frozen
@@ -13,7 +15,9 @@ from opir_photons.classification.configs import PosteriorConfig
 
 @frozen
 class PosteriorConfidence(Confidence):
-    """The probability of the reported type; of UNKNOWN, the probability that the detection is of none of the others."""
+    """The probability of the reported type; of UNKNOWN, the probability that the detection is of
+    none of the others.
+    """
 
     classifier: Classifier
     reported_types: tuple[str, ...] = REPORTED_TYPES
@@ -27,7 +31,9 @@ class PosteriorConfidence(Confidence):
     def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
         """Return confidences (n,) of reported types (n,)."""
         log_types = self.classifier.over_types(log_probability, self.reported_types)
-        chosen = np.take_along_axis(log_types, reported_type[:, None].astype(np.int64), axis=1)[:, 0]
+        chosen = np.take_along_axis(log_types, reported_type[:, None].astype(np.int64), axis=1)[
+            :, 0
+        ]
         # A sum of shares may exceed 1 by a rounding error.
         return np.minimum(np.exp(chosen), 1.0)
 
@@ -37,7 +43,8 @@ def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Con
     classifier = context.classifier
     if classifier is None or not has_own(Classifier, classifier, "log_posterior"):
         raise ModelError(
-            "confidence: posterior reports type probabilities, which the scene's classifier does not compute; choose"
+            "confidence: posterior reports type probabilities, which the scene's classifier does"
+            " not compute; choose"
             " classification: spectral, or confidence: weighted"
         )
     return PosteriorConfidence(classifier, context.reported_types)

@@ -11,22 +11,23 @@ from opir_core.errors import ModelError, nearest
 from opir_core.plugin import Hypothesis
 from opir_photons.classification.synthetic_looks import ClassFlight, flights_of
 
-#: Shares of launches by group; notional, for a scene of warning. In a year of peace space launches are most of them:
-#: about 260 in 2024 (J. McDowell, Space Activities in 2024).
+#: Shares of launches by group; notional, for a scene of warning. In a year of peace space launches
+#: are most of them: about 260 in 2024 (J. McDowell, Space Activities in 2024).
 GROUP_SHARES: Mapping[str, float] = {"missile": 0.85, "orbit": 0.1, "glide": 0.05}
 
 
 def launch_shares(prior: Mapping[str, float], hypotheses: Sequence[Hypothesis]) -> FloatArray:
     """Return the share of launches (n,) of each hypothesis, 0 for what is no launch.
 
-    Without a `prior` the groups that there are have `GROUP_SHARES`, the missile types equal shares of theirs, and so
-    the classes of each type. Raises `ModelError` for a name that is no class.
+    Without a `prior` the groups that there are have `GROUP_SHARES`, the missile types equal shares
+    of theirs, and so the classes of each type. Raises `ModelError` for a name that is no class.
     """
     classes = [hypothesis.name for hypothesis in hypotheses if hypothesis.is_launch]
     unknown = next((name for name in prior if name not in classes), None)
     if unknown is not None:
         raise ModelError(
-            f"classification: prior: {unknown!r} is no target class{nearest(unknown, classes)}; these are"
+            f"classification: prior: {unknown!r} is no target class{nearest(unknown, classes)};"
+            f" these are"
             f" {', '.join(classes)}"
         )
     if prior:
@@ -35,7 +36,9 @@ def launch_shares(prior: Mapping[str, float], hypotheses: Sequence[Hypothesis]) 
     types = {cell for cell in cells if cell is not None}
     total = math.fsum(GROUP_SHARES[group] for group in {group for group, _ in types})
     share = [
-        0.0 if cell is None else GROUP_SHARES[cell[0]] / sum(other[0] == cell[0] for other in types) / cells.count(cell)
+        0.0
+        if cell is None
+        else GROUP_SHARES[cell[0]] / sum(other[0] == cell[0] for other in types) / cells.count(cell)
         for cell in cells
     ]
     return np.array(share) / max(total, 1e-300)
@@ -43,8 +46,8 @@ def launch_shares(prior: Mapping[str, float], hypotheses: Sequence[Hypothesis]) 
 
 @frozen(eq=False)
 class LaunchPrior:
-    """The hypotheses, the flights of those that are expected, and the share of launches of each flight (hypotheses,
-    flights).
+    """The hypotheses, the flights of those that are expected, and the share of launches of each
+    flight (hypotheses, flights).
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -53,10 +56,14 @@ class LaunchPrior:
 
     @classmethod
     def of(cls, prior: Mapping[str, float], hypotheses: tuple[Hypothesis, ...]) -> "LaunchPrior":
-        """Return the prior of settings; flights of a class are equally frequent, a class without a share flies none."""
+        """Return the prior of settings; flights of a class are equally frequent, a class without a
+        share flies none.
+        """
         shares = launch_shares(prior, hypotheses)
         expected = np.flatnonzero(shares).tolist()
-        flights, own = flights_of([each.target_class for row in expected if (each := hypotheses[row]).target_class])
+        flights, own = flights_of(
+            [each.target_class for row in expected if (each := hypotheses[row]).target_class]
+        )
         share = np.zeros((len(hypotheses), len(flights)))
         for row, numbers in zip(expected, own, strict=True):
             share[row, numbers] = shares[row] / len(numbers)

@@ -1,4 +1,6 @@
-"""The classifier `spectral`: type posteriors from measured band intensities; see docs/explanation/classification.md."""
+"""The classifier `spectral`: type posteriors from measured band intensities; see
+docs/explanation/classification.md.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -40,10 +42,12 @@ _ROWS = 512
 
 @frozen(eq=False)
 class SpectralClassifier(Classifier):
-    """Bayes' rule with densities from synthetic launches and hot sources; sensor k has `banks[bank_of_sensor[k]]`.
+    """Bayes' rule with densities from synthetic launches and hot sources; sensor k has
+    `banks[bank_of_sensor[k]]`.
 
-    Posteriors are over the `hypotheses`. `log_prior` (types,) are logarithms of the types' shares of launches;
-    `least_log_odds` is the limit below which UNKNOWN is reported; `reported_types` are those of the scene.
+    Posteriors are over the `hypotheses`. `log_prior` (types,) are logarithms of the types' shares
+    of launches; `least_log_odds` is the limit below which UNKNOWN is reported; `reported_types` are
+    those of the scene.
     """
 
     banks: tuple[TypeDensities, ...]
@@ -67,7 +71,9 @@ class SpectralClassifier(Classifier):
     def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
         """Return ln P (n, hypotheses) of measured intensities and counts, row by row."""
         if sightings.band_noise_w_m2.shape != sightings.band_irradiance_w_m2.shape:
-            raise ModelError("the detection model has no noise of its irradiances, which spectral needs")
+            raise ModelError(
+                "the detection model has no noise of its irradiances, which spectral needs"
+            )
         log_rates = np.empty((len(sightings), len(self.hypotheses)))
         bank = self.bank_of_sensor[sightings.sensor]
         for number in np.unique(bank).tolist():
@@ -78,15 +84,18 @@ class SpectralClassifier(Classifier):
         return log_shares(log_rates)
 
     def over_types(self, log_posterior: FloatArray, types: Sequence[str]) -> FloatArray:
-        """Return ln P (n, types): each class adds to its own name where that is a type, or else to its reported type;
-        what is no missile and none of these to UNKNOWN.
+        """Return ln P (n, types): each class adds to its own name where that is a type, or else to
+        its reported type; what is no missile and none of these to UNKNOWN.
         """
-        of_type = [each.name if each.name in types else each.reported_type for each in self.hypotheses]
+        of_type = [
+            each.name if each.name in types else each.reported_type for each in self.hypotheses
+        ]
         is_of_type = np.array([[other == name for other in of_type] for name in types])
         return log_sum(np.where(is_of_type, log_posterior[:, None], -np.inf))
 
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
-        """Return posteriors (n, hypotheses) with the prior of the missile types replaced by those of tracks, (n, 4).
+        """Return posteriors (n, hypotheses) with the prior of the missile types replaced by those
+        of tracks, (n, 4).
 
         Rows of nan change nothing.
         """
@@ -102,7 +111,8 @@ class SpectralClassifier(Classifier):
         return revised
 
     def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
-        """Return codes (n,): the most probable type but UNKNOWN, if it is probable enough, else UNKNOWN.
+        """Return codes (n,): the most probable type but UNKNOWN, if it is probable enough, else
+        UNKNOWN.
 
         A missile's type needs the least odds of a missile, too.
         """
@@ -110,17 +120,23 @@ class SpectralClassifier(Classifier):
         chances[:, UNKNOWN_TYPE] = -np.inf
         best = np.argmax(chances, axis=1).astype(np.uint8)
         odds = self.log_odds(self.over_types(log_posterior, REPORTED_TYPES))
-        is_reported = (np.exp(chances.max(axis=1)) >= self.confidence) & (odds >= self.least_log_odds)
+        is_reported = (np.exp(chances.max(axis=1)) >= self.confidence) & (
+            odds >= self.least_log_odds
+        )
         return np.where(is_reported, best, np.uint8(UNKNOWN_TYPE))
 
     def log_odds(self, type_log_probability: FloatArray) -> FloatArray:
-        """Return ln of the odds (n,) of a missile over anything else, of ln P (n, 4) over `REPORTED_TYPES`."""
-        return log_sum(type_log_probability[:, :UNKNOWN_TYPE]) - type_log_probability[:, UNKNOWN_TYPE]
+        """Return ln of the odds (n,) of a missile over anything else, of ln P (n, 4) over
+        `REPORTED_TYPES`.
+        """
+        return (
+            log_sum(type_log_probability[:, :UNKNOWN_TYPE]) - type_log_probability[:, UNKNOWN_TYPE]
+        )
 
 
 def _log_rates(bank: TypeDensities, seen: ClassifierInputs, rows: IntArray) -> FloatArray:
-    """Return ln of the rates (n, hypotheses) of events like rows of one bank, from apparent intensities: irradiance
-    times range².
+    """Return ln of the rates (n, hypotheses) of events like rows of one bank, from apparent
+    intensities: irradiance times range².
     """
     place = elevation_bin(seen.elevation_sine[rows])
     area = np.square(seen.range_m[rows])[:, None]
@@ -130,11 +146,14 @@ def _log_rates(bank: TypeDensities, seen: ClassifierInputs, rows: IntArray) -> F
 
 
 def spectral_classifier(config: SpectralConfig, context: ModelContext) -> SpectralClassifier:
-    """Return the classifier `spectral`; raises `ModelError` for detection models without measured irradiances."""
+    """Return the classifier `spectral`; raises `ModelError` for detection models without measured
+    irradiances.
+    """
     detection = context.detection
     if not isinstance(detection, SnrDetection):
         raise ModelError(
-            "classification: spectral uses measured band intensities, which the scene's detection model does not"
+            "classification: spectral uses measured band intensities, which the scene's detection"
+            " model does not"
             " measure; choose detection: snr, or classification: paper"
         )
     keys = [_key(detection, number, sensor) for number, sensor in enumerate(context.sensors)]
@@ -144,7 +163,10 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     chosen = list(number_of.values())
     prior = LaunchPrior.of(config.prior, context.hypotheses)
     looks = looks_by_radius(detection.environment.bands, prior, config.launches)
-    banks = tuple(type_densities(detection, number, context.sensors[number], config, prior, looks) for number in chosen)
+    banks = tuple(
+        type_densities(detection, number, context.sensors[number], config, prior, looks)
+        for number in chosen
+    )
     classifier = SpectralClassifier(
         banks=banks,
         bank_of_sensor=np.array([chosen.index(number_of[key]) for key in keys], dtype=np.int64),
@@ -160,9 +182,13 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     limits = []
     for number, bank in zip(chosen, banks, strict=True):
         sensor = context.sensors[number]
-        seen, kind = source_detections(detection, number, sensor, bank, looks(canonical_radius_m(sensor))[1])
+        seen, kind = source_detections(
+            detection, number, sensor, bank, looks(canonical_radius_m(sensor))[1]
+        )
         log_types = classifier.over_types(classifier.log_posterior(seen), REPORTED_TYPES)
-        limits.append(least_log_odds(classifier.log_odds(log_types), kind, config.false_source_probability))
+        limits.append(
+            least_log_odds(classifier.log_odds(log_types), kind, config.false_source_probability)
+        )
     return evolve(classifier, least_log_odds=max(limits))
 
 

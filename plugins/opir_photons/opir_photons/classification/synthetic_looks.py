@@ -1,8 +1,9 @@
-"""Synthetic launches and hot sources: positions, trajectories and brightness drawn from stated priors.
+"""Synthetic launches and hot sources: positions, trajectories and brightness drawn from stated
+priors.
 
-They are independent of the scene: draws are from a low-discrepancy sequence (Kronecker's, of the generalised golden
-ratio), the same in every scene, for a satellite of the sensor's radius over the equator, uniform in longitude. Their
-measurements use the scene's own atmosphere and background.
+They are independent of the scene: draws are from a low-discrepancy sequence (Kronecker's, of the
+generalised golden ratio), the same in every scene, for a satellite of the sensor's radius over the
+equator, uniform in longitude. Their measurements use the scene's own atmosphere and background.
 """
 
 import math
@@ -16,7 +17,14 @@ from scipy.special import ndtri
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight import BoostPath, aim, ascent, boost_path, launch_site
-from opir_core.geometry import Geodetic, components, ecef_to_geodetic, elevation_rad, geodetic_to_ecef, vector
+from opir_core.geometry import (
+    Geodetic,
+    components,
+    ecef_to_geodetic,
+    elevation_rad,
+    geodetic_to_ecef,
+    vector,
+)
 from opir_core.planning import Targets
 from opir_core.plugin import (
     EMITTER_TYPES,
@@ -69,14 +77,18 @@ def flights_of(classes: Iterable[TargetClass]) -> tuple[tuple[ClassFlight, ...],
     flights = list[ClassFlight]()
     numbers = list[list[int]]()
     for kind in classes:
-        own = [ClassFlight(profile, kind.after_burnout, kind.plume(profile.name)) for profile in kind.profiles]
+        own = [
+            ClassFlight(profile, kind.after_burnout, kind.plume(profile.name))
+            for profile in kind.profiles
+        ]
         flights += [flight for flight in own if flight not in flights]
         numbers.append([flights.index(flight) for flight in own])
     return tuple(flights), numbers
 
 
 class SourceKind(NamedTuple):
-    """A kind of hot source other than launches: a grey body; `area_m2` is the median of emissivity times area.
+    """A kind of hot source other than launches: a grey body; `area_m2` is the median of emissivity
+    times area.
 
     It shines for `shining_s` on average. `group` is the group of its hypothesis.
     """
@@ -92,9 +104,10 @@ class SourceKind(NamedTuple):
     shining_s: float
 
 
-#: Temperatures and areas are about the source models' defaults (`radiometry.source_configs`), with notional spreads.
-#: A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s. Bolides are
-#: brightest at 22 to 61 km (95 % of 1044 events, CNEOS fireballs, 1988 to 2026), with 6.2e10 J, half of them.
+#: Temperatures and areas are about the source models' defaults (`radiometry.source_configs`), with
+#: notional spreads. A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02,
+#: slopes of a wind of 5 m/s. Bolides are brightest at 22 to 61 km (95 % of 1044 events, CNEOS
+#: fireballs, 1988 to 2026), with 6.2e10 J, half of them.
 KINDS = (
     SourceKind("fire", "ground", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0, 21_600.0),
     SourceKind("flare", "ground", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0, 86_400.0),
@@ -105,7 +118,9 @@ KINDS = (
 
 @frozen(eq=False)
 class SyntheticPlumes(Signatures):
-    """Plumes of launches (n,) with the intensities of their class profiles, along their trajectories."""
+    """Plumes of launches (n,) with the intensities of their class profiles, along their
+    trajectories.
+    """
 
     plumes: Signatures
     profile: IndexArray
@@ -123,12 +138,20 @@ class SyntheticPlumes(Signatures):
         columns = (self.profile[target], time_since_ignition_s, altitude_m, aspect_rad)
         return self.plumes.intensity_w_sr(band, *columns)
 
-    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
-        """Return the angles (n,) between the direction of flight and the sensor, rad; at rest the direction is up."""
+    def aspect_rad(
+        self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray
+    ) -> FloatArray | None:
+        """Return the angles (n,) between the direction of flight and the sensor, rad; at rest the
+        direction is up.
+        """
         _, velocity = self.path.state(target.astype(np.int64), time_s)
         length = np.sqrt(np.square(velocity).sum(axis=1))
         moves = length > 0.0
-        way = np.where(moves[:, None], velocity / np.where(moves, length, 1.0)[:, None], self.path.plane.up[target])
+        way = np.where(
+            moves[:, None],
+            velocity / np.where(moves, length, 1.0)[:, None],
+            self.path.plane.up[target],
+        )
         return np.arccos(np.clip((way * to_sensor_ecef).sum(axis=1), -1.0, 1.0))
 
 
@@ -149,7 +172,9 @@ class SyntheticSources(Signatures):
         """Return radiant intensities (n,), W/sr."""
         return self.peak_w_sr[band][target]
 
-    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
+    def aspect_rad(
+        self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray
+    ) -> FloatArray | None:
         """Return zeros (n,): sources are isotropic."""
         return np.zeros(len(target))
 
@@ -169,8 +194,9 @@ class SyntheticPaths:
 
 @frozen(eq=False)
 class SyntheticLooks:
-    """Synthetic looks with signatures; `number` (n,) is the profile or kind, `share` (n,) the relative frequency of a
-    look among those of its number. Looks at launches are launch by launch, `MOMENTS` each, in order of time.
+    """Synthetic looks with signatures; `number` (n,) is the profile or kind, `share` (n,) the
+    relative frequency of a look among those of its number. Looks at launches are launch by launch,
+    `MOMENTS` each, in order of time.
     """
 
     exposures: Exposures
@@ -184,7 +210,9 @@ class SyntheticLooks:
 def synthetic_launches(
     radius_m: float, flights: Sequence[ClassFlight], plumes: Signatures, launches: int
 ) -> SyntheticLooks:
-    """Return looks at launches of every flight from satellites at a distance from the Earth's centre, m."""
+    """Return looks at launches of every flight from satellites at a distance from the Earth's
+    centre, m.
+    """
     flown = [flight for flight in flights for _ in range(launches)]
     drawn = low_discrepancy_points(len(flown), 5)
     sensor_m, site = _sites(radius_m, drawn[:, :3])
@@ -208,10 +236,11 @@ def synthetic_launches(
 
 
 def _boosts(site: Geodetic, flown: Sequence[ClassFlight], drawn: FloatArray) -> BoostPath:
-    """Return the boosts of flights (n,) from sites, ignited at 0, in drawn directions and over drawn ranges, (n, 2).
+    """Return the boosts of flights (n,) from sites, ignited at 0, in drawn directions and over
+    drawn ranges, (n, 2).
 
-    The burnout speed is nan where no ballistic flight reaches its range. A glider has the speed that its glide takes, a
-    flight into orbit that of its profile.
+    The burnout speed is nan where no ballistic flight reaches its range. A glider has the speed
+    that its glide takes, a flight into orbit that of its profile.
     """
     profiles = [flight.profile for flight in flown]
     azimuth_rad = 2.0 * np.pi * drawn[:, 1]
@@ -233,7 +262,9 @@ def _boosts(site: Geodetic, flown: Sequence[ClassFlight], drawn: FloatArray) -> 
 
 
 def _glide_speed_m_s(glide: EquilibriumGlide, range_m: float) -> float:
-    """Return the speed at which a glide of this range begins, by the closed form in `opir_core.flight.glide`."""
+    """Return the speed at which a glide of this range begins, by the closed form in
+    `opir_core.flight.glide`.
+    """
     circular = EARTH_MU_M3_S2 / EARTH_RADIUS_M
     left = (1.0 - glide.final_speed_m_s**2 / circular) * math.exp(
         -2.0 * range_m / (glide.lift_to_drag * EARTH_RADIUS_M)
@@ -249,11 +280,14 @@ def _ranges_m(profiles: Sequence[BoostProfile], drawn: FloatArray) -> FloatArray
 
 
 def brightness(launches: int, width: int, log_sigma: float, colour_log_sigma: float) -> FloatArray:
-    """Return brightness factors (DRAWS, launches, width) of a sensor's bands: common to all bands, times one per band.
+    """Return brightness factors (DRAWS, launches, width) of a sensor's bands: common to all bands,
+    times one per band.
 
     They depend on the position of a band in its sensor only, not on other sensors.
     """
-    normal = ndtri(low_discrepancy_points(DRAWS * launches, 1 + MAXIMUM_BANDS)).reshape(DRAWS, launches, -1)
+    normal = ndtri(low_discrepancy_points(DRAWS * launches, 1 + MAXIMUM_BANDS)).reshape(
+        DRAWS, launches, -1
+    )
     return np.exp(log_sigma * normal[:, :, :1] + colour_log_sigma * normal[:, :, 1 : 1 + width])
 
 
@@ -282,7 +316,8 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
 
 
 def low_discrepancy_points(count: int, dimensions: int) -> FloatArray:
-    """Return points (count, dimensions) of Kronecker's low-discrepancy sequence in (0, 1)^dimensions.
+    """Return points (count, dimensions) of Kronecker's low-discrepancy sequence in (0,
+    1)^dimensions.
 
     Its steps are powers of 1/φ, with φ the positive root of x^(d+1) = x + 1.
     """
@@ -295,7 +330,9 @@ def low_discrepancy_points(count: int, dimensions: int) -> FloatArray:
 
 
 def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
-    """Return satellites over the equator (n, 3), and ground points uniform in the sine of the satellite's elevation."""
+    """Return satellites over the equator (n, 3), and ground points uniform in the sine of the
+    satellite's elevation.
+    """
     turn = 2.0 * np.pi * drawn[:, 0]
     up = vector(np.cos(turn), np.sin(turn), np.zeros(len(turn)))
     east = vector(-np.sin(turn), np.cos(turn), np.zeros(len(turn)))
@@ -309,13 +346,19 @@ def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
 
 
 def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -> Geodetic:
-    """Return aim points: uniform in direction and in the logarithm of range, within the profile's limits."""
+    """Return aim points: uniform in direction and in the logarithm of range, within the profile's
+    limits.
+    """
     angle = _ranges_m(profiles, drawn[:, 0]) / EARTH_RADIUS_M
     heading = 2.0 * np.pi * drawn[:, 1]
-    sine = np.sin(site.latitude_rad) * np.cos(angle) + np.cos(site.latitude_rad) * np.sin(angle) * np.cos(heading)
+    sine = np.sin(site.latitude_rad) * np.cos(angle) + np.cos(site.latitude_rad) * np.sin(
+        angle
+    ) * np.cos(heading)
     latitude = np.arcsin(np.clip(sine, -1.0, 1.0))
     across = np.sin(heading) * np.sin(angle) * np.cos(site.latitude_rad)
-    longitude = site.longitude_rad + np.arctan2(across, np.cos(angle) - np.sin(site.latitude_rad) * sine)
+    longitude = site.longitude_rad + np.arctan2(
+        across, np.cos(angle) - np.sin(site.latitude_rad) * sine
+    )
     return Geodetic(latitude, longitude, np.zeros(len(angle)))
 
 
@@ -334,8 +377,12 @@ def class_plumes(bands: Sequence[Band], flights: Sequence[ClassFlight]) -> Signa
     return plume_signatures([PlumeConfig()] * len(flights), context)
 
 
-def _exposures(target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor_m: FloatArray) -> Exposures:
-    away = [here - there for here, there in zip(components(place_m), components(sensor_m), strict=True)]
+def _exposures(
+    target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor_m: FloatArray
+) -> Exposures:
+    away = [
+        here - there for here, there in zip(components(place_m), components(sensor_m), strict=True)
+    ]
     none = np.zeros(len(target), dtype=np.int32)
     return Exposures(
         time_s=time_s,
@@ -358,4 +405,6 @@ def _targets(paths: "SyntheticPaths", ignition_s: FloatArray) -> Targets:
     forever = np.full(count, math.inf)
     place = np.arange(count, dtype=np.int32)
     # Only positions are asked for.
-    return Targets((), code, ignition_s, forever, forever, (cast(Trajectories, paths),), none, place)
+    return Targets(
+        (), code, ignition_s, forever, forever, (cast(Trajectories, paths),), none, place
+    )

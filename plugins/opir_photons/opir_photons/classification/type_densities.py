@@ -44,8 +44,9 @@ _STEP_LOG = 0.7
 #: Weight of the class's spread in a component's covariance, in looks.
 _SMOOTHING = 4.0
 
-#: Factor of the variances of intensities within a component, as a kernel has a width; chosen between 1.3 and 1.6, the
-#: best two of 1, 1.3, 1.6 and 2 by log scores and reliability in `benchmarks/left_out_classes.py` with seeds 5 and 9.
+#: Factor of the variances of intensities within a component, as a kernel has a width; chosen
+#: between 1.3 and 1.6, the best two of 1, 1.3, 1.6 and 2 by log scores and reliability in
+#: `benchmarks/left_out_classes.py` with seeds 5 and 9.
 _WIDER = 1.5
 
 #: Counts are whole numbers from 1 on; their densities begin half a step below.
@@ -54,7 +55,8 @@ _LEAST_COUNT = 0.5
 #: Probability that a detection count is uninformative (another object, a gap in visibility).
 _UNINFORMATIVE = 0.01
 
-#: Hot sources of each kind; least mean number of seconds or sources that a flight or kind is reported for.
+#: Hot sources of each kind; least mean number of seconds or sources that a flight or kind is
+#: reported for.
 _SOURCES = 768
 _LEAST_SHARE = 1e-9
 
@@ -75,9 +77,10 @@ LooksByRadius = Callable[[float], tuple[SyntheticLooks, SyntheticLooks]]
 class TypeDensities:
     """Densities of apparent intensities (irradiance times range²), W/sr, for each elevation bin.
 
-    Weights of `plumes` are seconds of a launch of their flight; with `log_scale` (bins, flights) added, densities are
-    those given a detection, times the share of a flight's detections in the bin over the bin's share of the ground. So
-    are densities of `others` (kinds of sources, then noise).
+    Weights of `plumes` are seconds of a launch of their flight; with `log_scale` (bins, flights)
+    added, densities are those given a detection, times the share of a flight's detections in the
+    bin over the bin's share of the ground. So are densities of `others` (kinds of sources, then
+    noise).
     """
 
     width: int
@@ -87,7 +90,9 @@ class TypeDensities:
     most_looks: float
     rates: "EventRates"
 
-    def log_rates(self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray) -> FloatArray:
+    def log_rates(
+        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray
+    ) -> FloatArray:
         """Return ln of the rates (n, hypotheses), 1/s, of events like those measured.
 
         Their elevation bins `place` and counts are (n,), intensities and their variances (n, B).
@@ -96,15 +101,20 @@ class TypeDensities:
         counted = np.maximum(counted, np.log(_UNINFORMATIVE / self.most_looks))
         flown = self.plumes.by_class(density + counted) + self.log_scale[place]
         unknown = log_unknown(signal, variance, count, self.rates.looks_per_day)
-        events = np.concatenate([flown, self._log_others(place, signal, variance, count), unknown[:, None]], axis=1)
+        events = np.concatenate(
+            [flown, self._log_others(place, signal, variance, count), unknown[:, None]], axis=1
+        )
         return log_sum(events[:, None] + self.rates.log_rates)
 
-    def _log_others(self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray) -> FloatArray:
+    def _log_others(
+        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray
+    ) -> FloatArray:
         """Return ln of the densities (n, kinds and noise) of events of no launch.
 
-        A hot source shines for an exponentially distributed time: events of one that is detected ν times on average
-        have the number n of detections so far with probability exp(-n / ν) / ν. Components have their ν as their mean
-        count. A false alarm has as many detections as the sensor needs, and seldom more.
+        A hot source shines for an exponentially distributed time: events of one that is detected ν
+        times on average have the number n of detections so far with probability exp(-n / ν) / ν.
+        Components have their ν as their mean count. A false alarm has as many detections as the
+        sensor needs, and seldom more.
         """
         density, _ = self.others.log_densities(place, signal, variance, count)
         noise = self.others.edges[-2]
@@ -117,11 +127,13 @@ class TypeDensities:
 
 @frozen(eq=False)
 class EventRates:
-    """Rates at which a sensor reports detections of what there may be, and the detections of false alarms.
+    """Rates at which a sensor reports detections of what there may be, and the detections of false
+    alarms.
 
-    Events are of flights, kinds of sources, noise, and what is none of these, in this order: `log_rates` (hypotheses,
-    events) are ln of the rates, 1/s, at which a hypothesis has them. A false alarm consists of `needed` detections;
-    each further one has a probability with the logarithm `log_again`.
+    Events are of flights, kinds of sources, noise, and what is none of these, in this order:
+    `log_rates` (hypotheses, events) are ln of the rates, 1/s, at which a hypothesis has them. A
+    false alarm consists of `needed` detections; each further one has a probability with the
+    logarithm `log_again`.
     """
 
     log_rates: FloatArray
@@ -140,16 +152,22 @@ class EventRates:
         seen_s: FloatArray,
         chance: FloatArray,
     ) -> "EventRates":
-        """Return the rates of a sensor that sees flights for (flights,) s, and sources with mean P_d (kinds,)."""
+        """Return the rates of a sensor that sees flights for (flights,) s, and sources with mean
+        P_d (kinds,).
+        """
         per_s = _NS_PER_S / period_ns
         false = detection.rate_per_scan[number]
         launched = prior.share * (config.launches_per_day / SECONDS_PER_DAY * seen_s * per_s)
         others = np.array([_in_view(config, kind) for kind in KINDS]) * chance * per_s
         rates = np.concatenate([launched, np.zeros((len(launched), len(KINDS) + 2))], axis=1)
         for row, each in enumerate(prior.hypotheses):
-            rates[row, len(seen_s) : -2] = np.where([kind.group == each.group for kind in KINDS], others, 0.0)
+            rates[row, len(seen_s) : -2] = np.where(
+                [kind.group == each.group for kind in KINDS], others, 0.0
+            )
             rates[row, -2] = false * per_s if each.group == "noise" else 0.0
-            rates[row, -1] = config.unknown_per_day / SECONDS_PER_DAY if each.group == "none" else 0.0
+            rates[row, -1] = (
+                config.unknown_per_day / SECONDS_PER_DAY if each.group == "none" else 0.0
+            )
         with np.errstate(divide="ignore"):
             return cls(
                 log_rates=np.log(rates),
@@ -168,7 +186,9 @@ def _in_view(config: SpectralConfig, kind: SourceKind) -> float:
 
 @frozen(eq=False)
 class _Samples:
-    """Synthetic looks as measured by a sensor: apparent intensities (n, B), counts and their variance, P_d."""
+    """Synthetic looks as measured by a sensor: apparent intensities (n, B), counts and their
+    variance, P_d.
+    """
 
     signal: FloatArray
     brightness: FloatArray
@@ -197,7 +217,9 @@ def canonical_radius_m(sensor: Sensor) -> float:
 
 
 def looks_by_radius(bands: Sequence[Band], prior: LaunchPrior, launches: int) -> LooksByRadius:
-    """Return a function of a satellite's distance from the Earth's centre to looks at launches and sources, cached."""
+    """Return a function of a satellite's distance from the Earth's centre to looks at launches and
+    sources, cached.
+    """
     plumes = class_plumes(bands, prior.flights)
 
     @cache
@@ -216,34 +238,53 @@ def type_densities(
     prior: LaunchPrior,
     looks: LooksByRadius,
 ) -> TypeDensities:
-    """Return a sensor's densities: synthetic looks, measured through the scene's own atmosphere and background."""
+    """Return a sensor's densities: synthetic looks, measured through the scene's own atmosphere and
+    background.
+    """
     spread = config.brightness_log_sigma, config.colour_log_sigma
     flown, shining = looks(canonical_radius_m(sensor))
     factors = brightness(len(flown.targets.type_code), len(sensor.bands), *spread)
     launches = _measured(detection, number, sensor, flown, factors)
-    sources = _measured(detection, number, sensor, shining, np.ones((1, len(shining.targets.type_code), 1)))
+    sources = _measured(
+        detection, number, sensor, shining, np.ones((1, len(shining.targets.type_code), 1))
+    )
     shining_s = np.array([kind.shining_s for kind in KINDS])[sources.number]
     sources = evolve(sources, count=sources.chance * shining_s * _NS_PER_S / sensor.scan.period_ns)
-    log_false = noise_chance(detection.receivers[number]) - log_noise_shares(canonical_radius_m(sensor))
-    flights = [_by_place(launches.take(launches.number == row)) for row in range(len(prior.flights))]
+    log_false = noise_chance(detection.receivers[number]) - log_noise_shares(
+        canonical_radius_m(sensor)
+    )
+    flights = [
+        _by_place(launches.take(launches.number == row)) for row in range(len(prior.flights))
+    ]
     kinds = [_by_place(sources.take(sources.number == kind)) for kind in range(len(KINDS))]
-    seen_s, chances = (np.exp([_log_chance(part.whole) for part in parts]) for parts in (flights, kinds))
+    seen_s, chances = (
+        np.exp([_log_chance(part.whole) for part in parts]) for parts in (flights, kinds)
+    )
     places = range(len(_EDGES) + 1)
     return TypeDensities(
         width=len(sensor.bands),
-        plumes=Mixture.of([[_components(part.of[place], spread, 0.0) for part in flights] for place in places]),
+        plumes=Mixture.of(
+            [[_components(part.of[place], spread, 0.0) for part in flights] for place in places]
+        ),
         log_scale=np.array([[part.log_scale[place] for part in flights] for place in places]),
         others=Mixture.of([_others(kinds, place, spread, log_false[place]) for place in places]),
         most_looks=float(launches.count.max(initial=1.0)),
-        rates=EventRates.of(config, detection, number, sensor.scan.period_ns, prior, seen_s, chances),
+        rates=EventRates.of(
+            config, detection, number, sensor.scan.period_ns, prior, seen_s, chances
+        ),
     )
 
 
-def _others(kinds: "list[_ByPlace]", place: int, spread: tuple[float, float], log_false: float) -> list[Components]:
+def _others(
+    kinds: "list[_ByPlace]", place: int, spread: tuple[float, float], log_false: float
+) -> list[Components]:
     """Return the components of each kind of source and of noise in a bin, given a detection."""
     size = kinds[0].whole.signal.shape[1] + 1
     noise = Components(np.array([-log_false]), np.zeros((1, size)), np.zeros((1, size, size)))
-    return [*(_components(part.of[place], spread, float(part.log_scale[place])) for part in kinds), noise]
+    return [
+        *(_components(part.of[place], spread, float(part.log_scale[place])) for part in kinds),
+        noise,
+    ]
 
 
 def _log_chance(samples: _Samples) -> float:
@@ -253,8 +294,12 @@ def _log_chance(samples: _Samples) -> float:
 def looks_response(
     detection: SnrDetection, number: int, sensor: Sensor, looks: SyntheticLooks
 ) -> tuple[Response, BoolArray]:
-    """Return a sensor's expected measurements of synthetic looks (n,), and which of them it may see."""
-    exposures = evolve(looks.exposures, sensor=np.full(len(looks.exposures), number, dtype=np.int32))
+    """Return a sensor's expected measurements of synthetic looks (n,), and which of them it may
+    see.
+    """
+    exposures = evolve(
+        looks.exposures, sensor=np.full(len(looks.exposures), number, dtype=np.int32)
+    )
     none = np.zeros(len(looks.targets.type_code), dtype=np.int32)
     environment = evolve(
         detection.environment,
@@ -270,9 +315,11 @@ def looks_response(
 def _measured(
     detection: SnrDetection, number: int, sensor: Sensor, looks: SyntheticLooks, factors: FloatArray
 ) -> _Samples:
-    """Return a sensor's measurements of visible looks, for brightness factors (draws, objects, B or 1).
+    """Return a sensor's measurements of visible looks, for brightness factors (draws, objects, B or
+    1).
 
-    Shares are those of looks with M - 1 detections in the N - 1 scans before: others are not reported.
+    Shares are those of looks with M - 1 detections in the N - 1 scans before: others are not
+    reported.
     """
     response, seen = looks_response(detection, number, sensor, looks)
     exposures = looks.exposures
@@ -289,10 +336,16 @@ def _measured(
         slopes = receiver.slopes(snr, noise, exposures.elevation_sine)
         chance = np.where(seen, np.exp(receiver.rule.log_chances(snr, slopes, _SLACK)[0]), 0.0)
         count, variance = _counts(chance, looks.step_s, sensor.scan.period_ns / _NS_PER_S)
-        share = looks.share / len(factors) * np.maximum(m_of_n_probability(chance, needed - 1, scans - 1), _LEAST_SHARE)
+        share = (
+            looks.share
+            / len(factors)
+            * np.maximum(m_of_n_probability(chance, needed - 1, scans - 1), _LEAST_SHARE)
+        )
         columns = (snr * noise * area, snr.sum(axis=1), count, variance, chance)
         parts.append(_Samples(*columns, share, looks.number, stretch, place).take(seen))
-    return _Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names_of(_Samples)))
+    return _Samples(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in names_of(_Samples))
+    )
 
 
 def _stretch(looks: SyntheticLooks) -> IntArray:
@@ -301,11 +354,14 @@ def _stretch(looks: SyntheticLooks) -> IntArray:
     return burns if looks.step_s.any() else np.zeros_like(burns)
 
 
-def _counts(chance: FloatArray, step_s: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return mean and variance (n,) of the detection count of an object at a detection, this one included.
+def _counts(
+    chance: FloatArray, step_s: FloatArray, period_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance (n,) of the detection count of an object at a detection, this one
+    included.
 
-    A look at random in a step has half of the step's looks before it, less half a look: itself. The variance is not
-    reduced by that half look and is up to 0.25 too high.
+    A look at random in a step has half of the step's looks before it, less half a look: itself. The
+    variance is not reduced by that half look and is up to 0.25 too high.
     """
     if not step_s.any():
         return np.ones_like(chance), np.ones_like(chance)
@@ -321,9 +377,11 @@ def _counts(chance: FloatArray, step_s: FloatArray, period_s: float) -> tuple[Fl
 
 @frozen(eq=False)
 class _ByPlace:
-    """Samples of a flight or kind: as a whole, and those `of` each elevation bin, or of all where these are few.
+    """Samples of a flight or kind: as a whole, and those `of` each elevation bin, or of all where
+    these are few.
 
-    `log_scale` (bins,) turns sums of the weights in a bin into densities as `TypeDensities` has them.
+    `log_scale` (bins,) turns sums of the weights in a bin into densities as `TypeDensities` has
+    them.
     """
 
     whole: _Samples
@@ -336,21 +394,24 @@ def _by_place(samples: _Samples) -> _ByPlace:
     within = [samples.take(samples.place == place) for place in bins]
     of = [part if len(part.place) >= _FEW else samples for part in within]
     log_share = np.array([_log_chance(part) for part in within]) - _log_chance(samples)
-    return _ByPlace(samples, of, log_share - _log_ground_shares() - np.array([_log_chance(part) for part in of]))
+    return _ByPlace(
+        samples, of, log_share - _log_ground_shares() - np.array([_log_chance(part) for part in of])
+    )
 
 
 def _log_ground_shares() -> FloatArray:
-    """Return ln (bins,) of the shares of the ground: the places of launches and sources are uniform in the sine of the
-    elevation.
+    """Return ln (bins,) of the shares of the ground: the places of launches and sources are uniform
+    in the sine of the elevation.
     """
     return np.log(np.diff([LOWEST_SINE, *_EDGES, 1.0]) / (1.0 - LOWEST_SINE))
 
 
 def log_noise_shares(radius_m: float) -> FloatArray:
-    """Return ln (bins,) of the shares of false alarms over those of the ground, for a satellite's distance from the
-    Earth's centre.
+    """Return ln (bins,) of the shares of false alarms over those of the ground, for a satellite's
+    distance from the Earth's centre.
 
-    Directions of false alarms are uniform over the solid angle, that is in 1 - cos of the angle from nadir.
+    Directions of false alarms are uniform over the solid angle, that is in 1 - cos of the angle
+    from nadir.
     """
     sines = np.array([0.0, *_EDGES, 1.0])
     fall = 1.0 - np.sqrt(1.0 - np.square(EARTH_RADIUS_M / radius_m) * (1.0 - np.square(sines)))
@@ -369,11 +430,17 @@ def _components(samples: _Samples, spread: tuple[float, float], log_scale: float
     return Components(np.log(weight) + log_scale, mean, covariance)
 
 
-def _smoothed(covariance: FloatArray, mean: FloatArray, times: IntArray, spread: tuple[float, float]) -> FloatArray:
-    """Return covariances regularised by the spread of the class's brightness, for components of few looks."""
+def _smoothed(
+    covariance: FloatArray, mean: FloatArray, times: IntArray, spread: tuple[float, float]
+) -> FloatArray:
+    """Return covariances regularised by the spread of the class's brightness, for components of few
+    looks.
+    """
     signal = mean[:, :-1]
     wide = np.zeros_like(covariance)
-    wide[:, :-1, :-1] = min(spread[0], _STEP_LOG) ** 2 * signal[:, :, None] * signal[:, None, :] / 12.0
+    wide[:, :-1, :-1] = (
+        min(spread[0], _STEP_LOG) ** 2 * signal[:, :, None] * signal[:, None, :] / 12.0
+    )
     band = np.arange(signal.shape[1])
     wide[:, band, band] += np.square(spread[1] * signal)
     wide[:, -1, -1] = np.square(mean[:, -1] / _STRETCHES)

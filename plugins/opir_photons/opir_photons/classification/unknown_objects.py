@@ -1,7 +1,9 @@
-"""The density of "none of these": broad in the same measurements as those of the known, and sharp nowhere.
+"""The density of "none of these": broad in the same measurements as those of the known, and sharp
+nowhere.
 
-Its apparent intensity is uniform in the logarithm in each band by itself, and so are its colours; the number of its
-detections is uniform in the logarithm, up to those of a day. What no known density explains raises it.
+Its apparent intensity is uniform in the logarithm in each band by itself, and so are its colours;
+the number of its detections is uniform in the logarithm, up to those of a day. What no known
+density explains raises it.
 """
 
 from functools import cache
@@ -10,14 +12,16 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 
-#: Least and largest intensity, W/sr: decades below and above those of all classes and sources; notional.
+#: Least and largest intensity, W/sr: decades below and above those of all classes and sources;
+#: notional.
 LEAST_W_SR = 1.0
 MOST_W_SR = 1e9
 
 #: Length of the range of intensities in their logarithm.
 _LENGTH = float(np.log(MOST_W_SR / LEAST_W_SR))
 
-#: Intensities below this share of the noise count as 0; from this many deviations on, noise is a small correction.
+#: Intensities below this share of the noise count as 0; from this many deviations on, noise is a
+#: small correction.
 _DARK = 0.01
 _BRIGHT = 8.0
 
@@ -29,8 +33,11 @@ _LOG_ROOT_TWO_PI = 0.5 * float(np.log(2.0 * np.pi))
 _LEAST_VARIANCE = 1e-12
 
 
-def log_unknown(signal: FloatArray, variance: FloatArray, count: FloatArray, looks_per_day: float) -> FloatArray:
-    """Return ln (n,) of the number of detections, for each object, of intensities (n, B), W/sr, and counts (n,).
+def log_unknown(
+    signal: FloatArray, variance: FloatArray, count: FloatArray, looks_per_day: float
+) -> FloatArray:
+    """Return ln (n,) of the number of detections, for each object, of intensities (n, B), W/sr, and
+    counts (n,).
 
     The noise of the intensities has the variances (n, B).
     """
@@ -42,16 +49,21 @@ def log_unknown(signal: FloatArray, variance: FloatArray, count: FloatArray, loo
 
 
 def log_uniform_in_noise(measured: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return ln (n,) of the density of an intensity s, with d ln s uniform between the limits, measured in noise.
+    """Return ln (n,) of the density of an intensity s, with d ln s uniform between the limits,
+    measured in noise.
 
-    With u = y/σ it is φ(u) (ln(0.01 σ/least) + ∫ exp(u t - t²/2) dt/t) / (σ length), t from 0.01 on; for large u
-    (1 + 1/u² + 3/u⁴) / (y length), the moments of 1/s.
+    With u = y/σ it is φ(u) (ln(0.01 σ/least) + ∫ exp(u t - t²/2) dt/t) / (σ length), t from 0.01
+    on; for large u (1 + 1/u² + 3/u⁴) / (y length), the moments of 1/s.
     """
     sigma = np.sqrt(np.maximum(variance, _LEAST_VARIANCE))
     u = measured / sigma
     dark = np.clip(np.log(_DARK * sigma / LEAST_W_SR), 0.0, _LENGTH)
     faint = np.minimum(u, _BRIGHT)
-    near = -0.5 * faint * faint - _LOG_ROOT_TWO_PI + np.log(dark + np.exp(np.interp(faint, *_log_integral())))
+    near = (
+        -0.5 * faint * faint
+        - _LOG_ROOT_TWO_PI
+        + np.log(dark + np.exp(np.interp(faint, *_log_integral())))
+    )
     per = 1.0 / np.square(np.maximum(u, _BRIGHT))
     far = np.log1p(per + 3.0 * per * per) - np.log(np.maximum(u, _BRIGHT))
     return np.where(u <= _BRIGHT, near, far) - np.log(sigma) - np.log(_LENGTH)

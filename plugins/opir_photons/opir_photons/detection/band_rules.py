@@ -2,14 +2,15 @@
 
 `AnyBand`: the signal crosses the threshold in at least one band.
 
-`RatioGates` (`dual-band-ratio` and `triple-coincidence`): y is the measured signal of the reference band, x_b those of
-the others, each in standard deviations of its own noise. A look detects if y >= T and, for every other band, x_b >= C
-and x_b is within `tolerance` standard deviations of a signal with a ratio x_b / y between the slopes l_b and u_b. That
-is the generalised likelihood-ratio test of any ratio in that interval against all ratios (S. M. Kay, Fundamentals of
-Statistical Signal Processing II: Detection Theory, 1998, section 6.5): x_b - s y has the variance 1 + s². Given y the
-other bands are independent, so P_d is one integral over y, of the normal density times the probability of each band to
-pass its gate, on Gauss-Legendre panels. No integral is evaluated if the probabilities of the single conditions
-determine P_d.
+`RatioGates` (`dual-band-ratio` and `triple-coincidence`): y is the measured signal of the reference
+band, x_b those of the others, each in standard deviations of its own noise. A look detects if y >=
+T and, for every other band, x_b >= C and x_b is within `tolerance` standard deviations of a signal
+with a ratio x_b / y between the slopes l_b and u_b. That is the generalised likelihood-ratio test
+of any ratio in that interval against all ratios (S. M. Kay, Fundamentals of Statistical Signal
+Processing II: Detection Theory, 1998, section 6.5): x_b - s y has the variance 1 + s². Given y the
+other bands are independent, so P_d is one integral over y, of the normal density times the
+probability of each band to pass its gate, on Gauss-Legendre panels. No integral is evaluated if the
+probabilities of the single conditions determine P_d.
 """
 
 import numpy as np
@@ -18,7 +19,13 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, ndtr, ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_photons.detection.gate_density import FAR, LOG_HALF, GateDensity, by_steepness, log_integral
+from opir_photons.detection.gate_density import (
+    FAR,
+    LOG_HALF,
+    GateDensity,
+    by_steepness,
+    log_integral,
+)
 from opir_photons.detection.gate_integrals import Gates, fast_probability
 from opir_photons.detection.rejection_sampling import tail_normals, truncated_normals
 from opir_photons.detection.threshold import probit
@@ -27,7 +34,8 @@ from opir_photons.detection.threshold import probit
 _LINEAR = -1e-17
 #: Slack of P_d from which the fast integral is accurate enough.
 LEAST_SLACK = 1e-9
-#: Gate margin, in standard deviations, from which the peak of the density is near the point where gates open.
+#: Gate margin, in standard deviations, from which the peak of the density is near the point where
+#: gates open.
 _AJAR = -2.0
 #: Least divisor of a probability.
 _NEVER = 1e-290
@@ -37,11 +45,15 @@ _ROWS = 2048
 
 @frozen(eq=False)
 class AnyBand:
-    """A detection in any band is one; signals and the threshold are in standard deviations of each band's noise."""
+    """A detection in any band is one; signals and the threshold are in standard deviations of each
+    band's noise.
+    """
 
     threshold: float
 
-    def log_chances(self, snr: FloatArray, _slopes: FloatArray, _slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    def log_chances(
+        self, snr: FloatArray, _slopes: FloatArray, _slack: float = 0.0
+    ) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B)."""
         log_miss = _row_sum(log_ndtr(self.threshold - snr))
         with np.errstate(divide="ignore"):
@@ -87,10 +99,11 @@ class AnyBand:
         return np.ones(len(probability))
 
     def conditional(self, snr: FloatArray, _slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1).
+        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1)
+        in [0, 1).
 
-        The first band above the threshold is drawn from its distribution; bands before it are below the threshold,
-        bands after it are free.
+        The first band above the threshold is drawn from its distribution; bands before it are below
+        the threshold, bands after it are free.
         """
         first = self._first_crossing(snr, uniforms[:, -1])
         measured = np.empty_like(snr)
@@ -114,7 +127,9 @@ class AnyBand:
         weight = log_ndtr(snr - self.threshold) + before
         share = np.exp(weight - weight.max(axis=1, keepdims=True))
         passed = np.cumsum(share, axis=1)
-        return np.minimum((uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1)
+        return np.minimum(
+            (uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1
+        )
 
 
 def brightest(measured: FloatArray) -> FloatArray:
@@ -126,7 +141,9 @@ def brightest(measured: FloatArray) -> FloatArray:
 
 
 def _row_sum(columns: FloatArray) -> FloatArray:
-    """Return the sums of rows, added band by band: the order does not depend on the number of rows."""
+    """Return the sums of rows, added band by band: the order does not depend on the number of
+    rows.
+    """
     total = columns[:, 0].copy()
     for band in range(1, columns.shape[1]):
         total += columns[:, band]
@@ -135,18 +152,23 @@ def _row_sum(columns: FloatArray) -> FloatArray:
 
 @frozen(eq=False)
 class RatioGates(Gates):
-    """A detection in all bands: signals at least `threshold` in one band and `coincidence` in the others.
+    """A detection in all bands: signals at least `threshold` in one band and `coincidence` in the
+    others.
 
-    `lower` and `upper` (B,) bound the ratio of each band's irradiance to that of the band `reference`, whose own
-    bounds are not used; `tolerance` is how far beyond these bounds noise may carry a measurement, in standard
-    deviations. Methods take the slopes (n, 2 (B - 1)) that `slopes` returns: bounds on ratios of signals in units of
-    their noise.
+    `lower` and `upper` (B,) bound the ratio of each band's irradiance to that of the band
+    `reference`, whose own bounds are not used; `tolerance` is how far beyond these bounds noise may
+    carry a measurement, in standard deviations. Methods take the slopes (n, 2 (B - 1)) that
+    `slopes` returns: bounds on ratios of signals in units of their noise.
     """
 
-    def log_chances(self, snr: FloatArray, slopes: FloatArray, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) and slopes (n, 2 (B - 1)).
+    def log_chances(
+        self, snr: FloatArray, slopes: FloatArray, slack: float = 0.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) and slopes (n, 2
+        (B - 1)).
 
-        With a `slack`, the integral is omitted where the single conditions determine P_d to within it.
+        With a `slack`, the integral is omitted where the single conditions determine P_d to within
+        it.
         """
         margins = self.margins(snr, slopes)
         least = margins.min(axis=1)
@@ -162,7 +184,9 @@ class RatioGates(Gates):
         steepest = self._steepest(margins, slopes)
         for start in range(0, len(open_), _ROWS):
             rows = open_[start : start + _ROWS]
-            log_hit[rows], log_miss[rows] = self._integrated(snr[rows], slopes[rows], steepest[rows], slack)
+            log_hit[rows], log_miss[rows] = self._integrated(
+                snr[rows], slopes[rows], steepest[rows], slack
+            )
         return log_hit, log_miss
 
     def quantile(self, snr: FloatArray, slopes: FloatArray, slack: float) -> FloatArray:
@@ -193,7 +217,9 @@ class RatioGates(Gates):
         return brightest(measured)
 
     def proposed(self, snr: FloatArray, _slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return measurements (n, B) above each band's own threshold, from numbers (n, B + 1) in [0, 1)."""
+        """Return measurements (n, B) above each band's own threshold, from numbers (n, B + 1) in
+        [0, 1).
+        """
         measured = np.empty(snr.shape)
         for band in range(snr.shape[1]):
             least = self._least(band)
@@ -209,7 +235,9 @@ class RatioGates(Gates):
         return np.minimum(probability / np.maximum(proposed, _NEVER), 1.0)
 
     def conditional(self, snr: FloatArray, slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1)."""
+        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1)
+        in [0, 1).
+        """
         reference = np.empty(len(snr))
         steepest = self._steepest(self.margins(snr, slopes), slopes)
         for rows, count in by_steepness(steepest):
@@ -222,19 +250,26 @@ class RatioGates(Gates):
         measured[:, self.reference] = reference
         for band in self.others:
             low, high = self.gate(reference, slopes, band)
-            drawn = snr[:, band] + truncated_normals(low - snr[:, band], high - snr[:, band], uniforms[:, band])
+            drawn = snr[:, band] + truncated_normals(
+                low - snr[:, band], high - snr[:, band], uniforms[:, band]
+            )
             measured[:, band] = np.clip(drawn, low, np.maximum(low, high))
         return measured
 
     def margins(self, snr: FloatArray, slopes: FloatArray) -> FloatArray:
-        """Return the margins (n, 1 + 3 · others) of the linear conditions, in standard deviations."""
+        """Return the margins (n, 1 + 3 · others) of the linear conditions, in standard
+        deviations.
+        """
         reference = snr[:, self.reference]
         margins = [reference - self.threshold]
         for band in self.others:
             margins.append(snr[:, band] - self.coincidence)
             for slope, sign in zip(self.sides(slopes, band), (1.0, -1.0), strict=True):
                 with np.errstate(invalid="ignore"):
-                    off = sign * (snr[:, band] - slope * reference) / np.hypot(1.0, slope) + self.tolerance
+                    off = (
+                        sign * (snr[:, band] - slope * reference) / np.hypot(1.0, slope)
+                        + self.tolerance
+                    )
                 margins.append(np.where(np.isfinite(slope), off, np.inf))
         return np.stack(margins, axis=1)
 
@@ -273,7 +308,9 @@ class RatioGates(Gates):
 
     def _missed(self, log_shut: FloatArray, snr: FloatArray) -> FloatArray:
         """Return ln(1 - P_d): a gate is shut, or the reference band is below the threshold."""
-        added: FloatArray = np.logaddexp(log_ndtr(self.threshold - snr[:, self.reference]), log_shut)
+        added: FloatArray = np.logaddexp(
+            log_ndtr(self.threshold - snr[:, self.reference]), log_shut
+        )
         return np.minimum(added, 0.0)
 
 
@@ -285,6 +322,7 @@ def _undecided(margins: FloatArray, least: FloatArray, slack: float) -> IntArray
     failing = ndtr(-margins[rows, 0])
     for condition in range(1, margins.shape[1]):
         failing += ndtr(-margins[rows, condition])
-    # P_d is at most the least probability of a condition; the probability of any failure is at most the sum.
+    # P_d is at most the least probability of a condition; the probability of any failure is at most
+    # the sum.
     is_known = (failing - ndtr(-least[rows]) <= slack) & (failing < 1.0)
     return rows[~is_known]

@@ -7,11 +7,13 @@ from opir_core.arrays import FloatArray
 
 
 def effective_looks(correlation: ArrayLike) -> FloatArray:
-    """Return the numbers of independent looks that n correlated ones are worth, from their correlations (…, n).
+    """Return the numbers of independent looks that n correlated ones are worth, from their
+    correlations (…, n).
 
-    `correlation` holds the correlations of the noise of looks 0, 1, … n - 1 apart, the first of which is 1: the mean of
-    n looks has the variance of one over n / (1 + 2 Σ (1 - k/n) ρ_k). Source: G. V. Bayley and J. M. Hammersley, Suppl.
-    J. R. Stat. Soc. 8 (1946) 184. Looks of opposite noise are worth more than n.
+    `correlation` holds the correlations of the noise of looks 0, 1, … n - 1 apart, the first of
+    which is 1: the mean of n looks has the variance of one over n / (1 + 2 Σ (1 - k/n) ρ_k).
+    Source: G. V. Bayley and J. M. Hammersley, Suppl. J. R. Stat. Soc. 8 (1946) 184. Looks of
+    opposite noise are worth more than n.
     """
     rho = np.asarray(correlation, dtype=np.float64)
     count = rho.shape[-1]

@@ -1,8 +1,9 @@
-"""What a focal plane comes to for the detection model `snr`: noise, clutter, saturation and centroids.
+"""What a focal plane comes to for the detection model `snr`: noise, clutter, saturation and
+centroids.
 
-All is referred to irradiance at the aperture: noise is divided by the share of a source's light that the spatial filter
-passes, so the signal of a look is the target's whole irradiance. A CFAR threshold divides the SNR by its loss: noise is
-that much larger.
+All is referred to irradiance at the aperture: noise is divided by the share of a source's light
+that the spatial filter passes, so the signal of a look is the target's whole irradiance. A CFAR
+threshold divides the SNR by its loss: noise is that much larger.
 """
 
 import math
@@ -39,7 +40,8 @@ from opir_photons.radiometry.focal_plane import (
 from opir_photons.radiometry.pixel_filters import filter_weights, noise_gain
 from opir_photons.radiometry.point_spread import PointSpread
 
-#: Logarithms of the ranges, m, of a clutter table: its middle, and half its width, for scenes 10 km to 1e6 km away.
+#: Logarithms of the ranges, m, of a clutter table: its middle, and half its width, for scenes 10 km
+#: to 1e6 km away.
 _MIDDLE = 0.5 * math.log(1e9 * 1e4)
 _HALF = 0.5 * math.log(1e9 / 1e4)
 #: Degree of a clutter table: to within 2e-4 of the amplitude.
@@ -52,13 +54,19 @@ _LEAST = 1e-30
 
 @frozen(eq=False)
 class ClutterTable:
-    """Amplitudes left of a structure of unit rms, by range: a Chebyshev series in the logarithm of the range."""
+    """Amplitudes left of a structure of unit rms, by range: a Chebyshev series in the logarithm of
+    the range.
+    """
 
     coefficients: FloatArray
 
     @classmethod
     def of(
-        cls, structure: Structure, pixel_rad: float, transfer: SpatialTransfer, frames: FrameDifference | None
+        cls,
+        structure: Structure,
+        pixel_rad: float,
+        transfer: SpatialTransfer,
+        frames: FrameDifference | None,
     ) -> "ClutterTable":
         """Return the table of a structure behind a filter."""
         node = chebyshev.chebpts1(_DEGREE + 1)
@@ -77,13 +85,13 @@ class ClutterTable:
 class FocalPlaneTerms:
     """What a focal plane comes to, by band.
 
-    `filters` are the transfers of spot, pixel and spatial filter, `frames` is the temporal filter, all in pixels, which
-    are `pixel_rad` wide.
-    `photon_gain` is the factor on the variance of background photons, `clutter_gain` that on the amplitude of clutter
-    in a pixel; `clutter` (B, structures) are tables; `well_w_m2` the irradiance in a pixel that fills its well, of
-    which a source puts `peak_share` into one pixel. `own_past` is what the temporal filter subtracts of a source's own
-    light; empty without one. A centroid in noise alone is off by `centroid_rad` over the SNR,
-    one electron by `spot_rad`; `electron_w_m2` is the irradiance of one electron.
+    `filters` are the transfers of spot, pixel and spatial filter, `frames` is the temporal filter,
+    all in pixels, which are `pixel_rad` wide. `photon_gain` is the factor on the variance of
+    background photons, `clutter_gain` that on the amplitude of clutter in a pixel; `clutter` (B,
+    structures) are tables; `well_w_m2` the irradiance in a pixel that fills its well, of which a
+    source puts `peak_share` into one pixel. `own_past` is what the temporal filter subtracts of a
+    source's own light; empty without one. A centroid in noise alone is off by `centroid_rad` over
+    the SNR, one electron by `spot_rad`; `electron_w_m2` is the irradiance of one electron.
     """
 
     pixel_rad: float
@@ -101,8 +109,12 @@ class FocalPlaneTerms:
     electron_w_m2: FloatArray
     own_past: tuple[OwnPast, ...]
 
-    def clutter_w_m2_sr(self, rms: FloatArray, structure: IndexArray, range_m: FloatArray) -> FloatArray:
-        """Return clutter (B, n), W m⁻² sr⁻¹ in a pixel, of structures (n,) of radiances' rms (B, n) at ranges (n,)."""
+    def clutter_w_m2_sr(
+        self, rms: FloatArray, structure: IndexArray, range_m: FloatArray
+    ) -> FloatArray:
+        """Return clutter (B, n), W m⁻² sr⁻¹ in a pixel, of structures (n,) of radiances' rms (B, n)
+        at ranges (n,).
+        """
         clutter = rms * self.clutter_gain[:, None]
         for number in np.unique(structure).tolist():
             rows = np.flatnonzero(structure == number)
@@ -110,18 +122,31 @@ class FocalPlaneTerms:
                 clutter[band, rows] *= tables[number].amplitude(range_m[rows])
         return clutter
 
-    def clutter_correlation(self, structure: Structure, range_m: float, interval_s: FloatArray) -> FloatArray:
-        """Return the correlations (B, k) of clutter in one cell in scans that are intervals (k,), s, apart."""
+    def clutter_correlation(
+        self, structure: Structure, range_m: float, interval_s: FloatArray
+    ) -> FloatArray:
+        """Return the correlations (B, k) of clutter in one cell in scans that are intervals (k,),
+        s, apart.
+        """
         scale = structure.scale_m / (range_m * self.pixel_rad)
-        return np.array([one.correlation(scale, structure.exponent, interval_s, self.frames) for one in self.filters])
+        return np.array(
+            [
+                one.correlation(scale, structure.exponent, interval_s, self.frames)
+                for one in self.filters
+            ]
+        )
 
     def most_w_m2(self, behind_w_m2: FloatArray | float) -> FloatArray:
-        """Return the irradiances (B, n) of targets that fill a well, before a background in a pixel (B, n)."""
+        """Return the irradiances (B, n) of targets that fill a well, before a background in a pixel
+        (B, n).
+        """
         room = np.maximum(self.well_w_m2[:, None] - behind_w_m2, 0.0)
         return np.asarray(room / self.peak_share[:, None])
 
     def centroid_variance(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return the variances (n,), rad², of centroids in the best band, of signals (n, B) in noise (n, B), W/m²."""
+        """Return the variances (n,), rad², of centroids in the best band, of signals (n, B) in
+        noise (n, B), W/m².
+        """
         best = np.full(len(snr), np.inf)
         for band in range(snr.shape[1]):
             signal = np.maximum(snr[:, band], _LEAST)
@@ -135,14 +160,18 @@ class FocalPlaneTerms:
 
 @frozen(eq=False)
 class LineOfSightError:
-    """Standard deviations of lines of sight: `floor_rad`, and that of a centroid, with or without a focal plane."""
+    """Standard deviations of lines of sight: `floor_rad`, and that of a centroid, with or without a
+    focal plane.
+    """
 
     floor_rad: float
     ifov_rad: float
     plane: FocalPlaneTerms | None
 
     def sigma_rad(self, snr: FloatArray, noise: FloatArray, best: FloatArray) -> FloatArray:
-        """Return standard deviations (n,) per axis, of signals (n, B), the `best` (n,), in noise (n, B), W/m²."""
+        """Return standard deviations (n,) per axis, of signals (n, B), the `best` (n,), in noise
+        (n, B), W/m².
+        """
         if self.plane is None:
             spread: FloatArray = self.ifov_rad / best
             spread *= spread
@@ -152,7 +181,9 @@ class LineOfSightError:
         return np.sqrt(spread, out=spread)
 
 
-def focal_plane_terms(radiometer: Radiometer, bands: Sequence[Band], background: Background) -> FocalPlaneTerms | None:
+def focal_plane_terms(
+    radiometer: Radiometer, bands: Sequence[Band], background: Background
+) -> FocalPlaneTerms | None:
     """Return the figures of a radiometer's focal planes in its bands, or None without one."""
     if not radiometer.focal_planes:
         return None
@@ -160,7 +191,9 @@ def focal_plane_terms(radiometer: Radiometer, bands: Sequence[Band], background:
 
 
 @lru_cache(maxsize=64)
-def _terms(radiometer: Radiometer, bands: tuple[Band, ...], structures: tuple[Structure, ...]) -> FocalPlaneTerms:
+def _terms(
+    radiometer: Radiometer, bands: tuple[Band, ...], structures: tuple[Structure, ...]
+) -> FocalPlaneTerms:
     pixel = radiometer.ifov_rad
     planes = radiometer.focal_planes
     frames = _frames(planes[0], pixel)
@@ -169,7 +202,9 @@ def _terms(radiometer: Radiometer, bands: tuple[Band, ...], structures: tuple[St
     sigma = np.array([one.sigma_rad for one in each])
     frame_noise = noise * (1.0 if frames is None else 2.0)
     loss = np.array([_loss(radiometer.threshold, plane) for plane in planes])
-    computed = noise_equivalent_irradiance(np.array([one.noise_e for one in each]), per_unit, passed, frame_noise)
+    computed = noise_equivalent_irradiance(
+        np.array([one.noise_e for one in each]), per_unit, passed, frame_noise
+    )
     given = np.array(radiometer.nei_w_m2)
     collection = np.array([_collection_m2_s(plane) for plane in planes])
     transfers = [SpatialTransfer.of(one.weights, one.spread) for one in each]
@@ -181,7 +216,10 @@ def _terms(radiometer: Radiometer, bands: tuple[Band, ...], structures: tuple[St
         collection_m2_s=float(collection[0]),
         photon_gain=frame_noise * np.square(loss / passed) * collection[0] / collection,
         clutter_gain=loss / passed,
-        clutter=tuple(tuple(ClutterTable.of(one, pixel, kind, frames) for one in structures) for kind in transfers),
+        clutter=tuple(
+            tuple(ClutterTable.of(one, pixel, kind, frames) for one in structures)
+            for kind in transfers
+        ),
         well_w_m2=np.array([one.room_e for one in each]) / per_unit,
         peak_share=np.array([ensquared_airy_energy(one.spread, 1, one.phase) for one in each]),
         centroid_rad=centroid_factor_rad(sigma, pixel) * passed / (loss * np.sqrt(noise)),
@@ -193,7 +231,9 @@ def _terms(radiometer: Radiometer, bands: tuple[Band, ...], structures: tuple[St
 
 @frozen(eq=False)
 class _BandTerms:
-    """What one band's focal plane comes to; `noise_e` is of a pixel and frame without background, `room_e` its well."""
+    """What one band's focal plane comes to; `noise_e` is of a pixel and frame without background,
+    `room_e` its well.
+    """
 
     phase: str
     sigma_rad: float
@@ -218,7 +258,9 @@ class _BandTerms:
         spot = FilteredSpot.of(weights, spread, plane.phase)
         efficiency = plane.quantum_efficiency * plane.fill_factor
         unlit_e = unlit_electrons_per_s(plane, band, pixel) * time_s
-        read_e = np.hypot(plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits))
+        read_e = np.hypot(
+            plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits)
+        )
         return cls(
             phase=plane.phase,
             sigma_rad=sigma,
@@ -228,22 +270,34 @@ class _BandTerms:
             passed=float(spot.response()),
             noise=noise_gain(weights),
             per_unit=float(
-                electrons_per_w_m2(middle_um, plane.aperture_m, plane.optics_transmission, efficiency, time_s)
+                electrons_per_w_m2(
+                    middle_um, plane.aperture_m, plane.optics_transmission, efficiency, time_s
+                )
             ),
-            noise_e=float(noise_electrons(dark_e=unlit_e, read_e=read_e * math.sqrt(plane.subframes))),
+            noise_e=float(
+                noise_electrons(dark_e=unlit_e, read_e=read_e * math.sqrt(plane.subframes))
+            ),
             room_e=max(plane.well_capacity_e * plane.subframes - unlit_e, 0.0),
         )
 
 
 def unlit_electrons_per_s(plane: FocalPlaneConfig, band: Band, pixel_rad: float) -> float:
-    """Return the electrons per s of a pixel without light from outside: dark current and warm optics."""
+    """Return the electrons per s of a pixel without light from outside: dark current and warm
+    optics.
+    """
     pitch_m = pixel_rad * plane.f_number * plane.aperture_m
     dark = plane.dark_current_e_s
     if dark is None:
-        dark = float(dark_electrons_per_s(band.upper_um, plane.detector_temperature_k, pitch_m, plane.fill_factor))
+        dark = float(
+            dark_electrons_per_s(
+                band.upper_um, plane.detector_temperature_k, pitch_m, plane.fill_factor
+            )
+        )
     edges = band.lower_um, band.upper_um
     emissivity = 1.0 - plane.optics_transmission
-    warm = warm_optics_photons_per_s(plane.optics_temperature_k, *edges, emissivity, plane.f_number, pitch_m)
+    warm = warm_optics_photons_per_s(
+        plane.optics_temperature_k, *edges, emissivity, plane.f_number, pitch_m
+    )
     return dark + float(warm) * plane.quantum_efficiency * plane.fill_factor
 
 
@@ -260,7 +314,8 @@ def _loss(threshold: float, plane: FocalPlaneConfig) -> float:
     low, high = _CFAR_THRESHOLDS
     if not low <= threshold <= high:
         raise ModelError(
-            f"focal_plane.reference_cells: the loss of a threshold above {high:g} or below {low:g} standard deviations"
+            f"focal_plane.reference_cells: the loss of a threshold above {high:g} or below {low:g}"
+            f" standard deviations"
             " is not worked out; change threshold_sigma or false_alarm_probability"
         )
     return float(cfar_loss(ndtr(-threshold), plane.reference_cells))
@@ -276,4 +331,6 @@ def _frames(plane: FocalPlaneConfig, pixel_rad: float) -> FrameDifference | None
     if plane.temporal_filter == "none":
         return None
     per_pixel = 1e-6 / pixel_rad
-    return FrameDifference(plane.lag_s, plane.registration_urad * per_pixel, plane.drift_urad_s * per_pixel)
+    return FrameDifference(
+        plane.lag_s, plane.registration_urad * per_pixel, plane.drift_urad_s * per_pixel
+    )

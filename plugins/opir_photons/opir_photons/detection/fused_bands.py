@@ -1,14 +1,16 @@
-"""The rule `likelihood`: all bands together, each with the weight that its signal has in the likelihood ratio.
+"""The rule `likelihood`: all bands together, each with the weight that its signal has in the
+likelihood ratio.
 
-Signals x (B,) are in standard deviations of each band's noise, which is independent and Gaussian. The likelihood ratio
-of an expected signal s against noise grows with u · x, u = s / |s| (S. M. Kay, Fundamentals of Statistical Signal
-Processing II: Detection Theory, 1998, section 4.3), which has unit variance. So a look detects if u · x >= T, with
+Signals x (B,) are in standard deviations of each band's noise, which is independent and Gaussian.
+The likelihood ratio of an expected signal s against noise grows with u · x, u = s / |s| (S. M. Kay,
+Fundamentals of Statistical Signal Processing II: Detection Theory, 1998, section 4.3), which has
+unit variance. So a look detects if u · x >= T, with
 
     P_fa = Q(T) for any number of bands        P_d = Q(T - |s|)        |s|² = Σ s_b²
 
-A band in which nothing is expected weighs nothing, and another band never lowers P_d. The weights are those of the
-target that is looked at: a bank of filters for all spectra would do the same at a slightly larger T. Noise alone is
-weighed as the reference target.
+A band in which nothing is expected weighs nothing, and another band never lowers P_d. The weights
+are those of the target that is looked at: a bank of filters for all spectra would do the same at a
+slightly larger T. Noise alone is weighed as the reference target.
 """
 
 import numpy as np
@@ -27,8 +29,9 @@ _LEAST_LEVEL = 2.0**-54
 class FusedBands:
     """A detection where the weighted sum of all bands crosses the threshold.
 
-    `design` (B,) are the irradiances by which noise alone is weighed; a band confirms a detection if its own signal is
-    at least `coincidence`. The slopes (n, B) of methods are the weights u that `directions` returns.
+    `design` (B,) are the irradiances by which noise alone is weighed; a band confirms a detection
+    if its own signal is at least `coincidence`. The slopes (n, B) of methods are the weights u that
+    `directions` returns.
     """
 
     threshold: float
@@ -36,7 +39,9 @@ class FusedBands:
     coincidence: float
 
     def directions(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return the weights (n, B), of unit length, of expected signals (n, B); of the design where there is none."""
+        """Return the weights (n, B), of unit length, of expected signals (n, B); of the design
+        where there is none.
+        """
         weight: FloatArray = np.maximum(snr, 0.0)
         dark = np.flatnonzero(_length(weight) == 0.0)
         if len(dark):
@@ -49,8 +54,12 @@ class FusedBands:
         weight = self.design / self.design.max() * (noise.min(axis=1, keepdims=True) / noise)
         return weight / _length(weight)[:, None]
 
-    def log_chances(self, snr: FloatArray, slopes: FloatArray, _slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) and weights (n, B)."""
+    def log_chances(
+        self, snr: FloatArray, slopes: FloatArray, _slack: float = 0.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) and weights (n,
+        B).
+        """
         margin = self.quantile(snr, slopes, _slack)
         return log_ndtr(margin), log_ndtr(-margin)
 
@@ -67,7 +76,9 @@ class FusedBands:
         return _dot(measured, slopes)
 
     def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
-        """Return masks (n,) of the bands of measurements (n, B) that are above `coincidence`; the brightest always."""
+        """Return masks (n,) of the bands of measurements (n, B) that are above `coincidence`; the
+        brightest always.
+        """
         bands = np.zeros(len(measured), dtype=np.uint8)
         brightest = measured.argmax(axis=1)
         for band in range(measured.shape[1]):
@@ -84,7 +95,8 @@ class FusedBands:
         return np.ones(len(probability))
 
     def conditional(self, snr: FloatArray, slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1).
+        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1)
+        in [0, 1).
 
         Noise along the weights is drawn above the threshold, noise across them freely.
         """
@@ -98,7 +110,9 @@ class FusedBands:
 
 
 def _dot(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the sums of products of rows, added band by band: the order does not depend on the number of rows."""
+    """Return the sums of products of rows, added band by band: the order does not depend on the
+    number of rows.
+    """
     total: FloatArray = left[:, 0] * right[:, 0]
     for band in range(1, left.shape[1]):
         total += left[:, band] * right[:, band]

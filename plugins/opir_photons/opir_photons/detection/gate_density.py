@@ -1,8 +1,9 @@
 """Density of detections by ratio gates over the signal y of the reference band, and its integrals.
 
-The density is the normal density of y about the expected signal, times the probability of every other band to pass the
-gate that y opens. It is log-concave: it has one peak, and decreases faster than the normal density on either side.
-Integrals and their inverses are evaluated on Gauss-Legendre panels, one interval per row, from logarithms of densities.
+The density is the normal density of y about the expected signal, times the probability of every
+other band to pass the gate that y opens. It is log-concave: it has one peak, and decreases faster
+than the normal density on either side. Integrals and their inverses are evaluated on Gauss-Legendre
+panels, one interval per row, from logarithms of densities.
 """
 
 from collections.abc import Iterator
@@ -58,7 +59,9 @@ class Panels:
         return total
 
     def inverse(self, values: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return the points (n,) up to which the integral of non-negative values is the share `uniforms` (n,)."""
+        """Return the points (n,) up to which the integral of non-negative values is the share
+        `uniforms` (n,).
+        """
         passed = np.cumsum(self._of_panels(values), axis=1)
         wanted = uniforms * passed[:, -1]
         panel = np.minimum((wanted[:, None] >= passed).sum(axis=1), passed.shape[1] - 1)
@@ -80,7 +83,9 @@ class Panels:
 
 
 def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return the points in [-1, 1] up to which the integral of values (n, ORDER) is `wanted` (n,)."""
+    """Return the points in [-1, 1] up to which the integral of values (n, ORDER) is `wanted`
+    (n,).
+    """
     low = np.full(len(wanted), -1.0)
     high = np.ones(len(wanted))
     coefficients = (inside[:, None, :] * _TO_INTEGRAL[None, :, :]).sum(axis=2).T
@@ -133,13 +138,16 @@ def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     close = np.flatnonzero(far > np.minimum(near, 0.0) - FAR)
     fall[close] = np.minimum(log_ndtr(far[close]) - log_near[close], 0.0)
     with np.errstate(divide="ignore"):
-        result[near_edge] = log_near + np.where(fall < LOG_HALF, np.log1p(-np.exp(fall)), np.log(-np.expm1(fall)))
+        result[near_edge] = log_near + np.where(
+            fall < LOG_HALF, np.log1p(-np.exp(fall)), np.log(-np.expm1(fall))
+        )
     return result
 
 
 #: Decrease of a density's logarithm beyond which the rest is negligible.
 _DROP = 39.0
-#: Largest number of panels; then panels are divided at gate crossings, at these margins in standard deviations.
+#: Largest number of panels; then panels are divided at gate crossings, at these margins in standard
+#: deviations.
 _FINEST = MOST_PANELS
 _CROSSING = np.arange(-9.0, 10.0, 3.0)
 #: Golden-section steps of the search for the peak; the second number for wide search intervals.
@@ -154,7 +162,9 @@ _LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
 
 @frozen(eq=False)
 class GateDensity:
-    """Densities of detections by a `rule`, for looks with expected signals `snr` (n, B) and slopes (n, 2 (B - 1))."""
+    """Densities of detections by a `rule`, for looks with expected signals `snr` (n, B) and slopes
+    (n, 2 (B - 1)).
+    """
 
     rule: Gates
     snr: FloatArray
@@ -165,7 +175,9 @@ class GateDensity:
         return GateDensity(self.rule, self.snr[rows], self.slopes[rows])
 
     def logarithms(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the logarithms of the normal density at nodes (n, m) and of the probability to pass the gates."""
+        """Return the logarithms of the normal density at nodes (n, m) and of the probability to
+        pass the gates.
+        """
         log_gates = np.zeros_like(nodes)
         for band in self.rule.others:
             low, high = self.rule.gate(nodes, self.slopes, band)
@@ -176,13 +188,15 @@ class GateDensity:
     def panels(self, count: int, ajar: float) -> Panels:
         """Return panels over all y of non-negligible density.
 
-        The peak is searched where gates are shut by more than `ajar` standard deviations at their first opening.
+        The peak is searched where gates are shut by more than `ajar` standard deviations at their
+        first opening.
         """
         first = self._first_open()
         peak = np.maximum(self._expected, first)
         shut = np.flatnonzero(self._gate_margin(peak) < ajar)
         peak[shut] = self.take(shut)._peak()
-        # Distance of a decrease by exp(-_DROP); beyond the expected signal the density decreases from the start.
+        # Distance of a decrease by exp(-_DROP); beyond the expected signal the density decreases
+        # from the start.
         falling = np.where(peak <= first, np.maximum(peak - self._expected, 0.0), 0.0)
         reach = 2.0 * _DROP / (np.sqrt(falling * falling + 2.0 * _DROP) + falling)
         # Near the opening of the gates the density may decrease much faster.
@@ -197,7 +211,9 @@ class GateDensity:
         return self.snr[:, self.rule.reference]
 
     def _fallen(self, peak: FloatArray, reach: FloatArray) -> FloatArray:
-        """Return the distances (n,) from the peak to negligible density, to a factor of 2, within `reach`."""
+        """Return the distances (n,) from the peak to negligible density, to a factor of 2, within
+        `reach`.
+        """
         ways = reach[:, None] * np.exp2(-np.arange(_REACHES))
         base, gates = self.logarithms(np.concatenate([peak[:, None], peak[:, None] + ways], axis=1))
         height = base + gates
@@ -205,7 +221,9 @@ class GateDensity:
         return reach * np.exp2(-np.maximum(times - 1, 0))
 
     def _first_open(self) -> FloatArray:
-        """Return the least signal (n,) of the reference band, at least the threshold, for which all gates are open."""
+        """Return the least signal (n,) of the reference band, at least the threshold, for which all
+        gates are open.
+        """
         least = np.full(len(self.snr), self.rule.threshold)
         for band in self.rule.others:
             _, upper = self._where(np.full((len(least), 1), self.rule.coincidence), band)
@@ -213,28 +231,40 @@ class GateDensity:
         return least
 
     def _kinks(self) -> FloatArray:
-        """Return the signals (n, others) at which lower sides change from the coincidence threshold to the ratio."""
+        """Return the signals (n, others) at which lower sides change from the coincidence threshold
+        to the ratio.
+        """
         level = np.full((len(self.snr), 1), self.rule.coincidence)
         return np.concatenate([self._where(level, band)[0] for band in self.rule.others], axis=1)
 
     def _crossings(self) -> FloatArray:
-        """Return signals (n, k) of the reference band around which sides of gates open and shut; -inf for no side."""
+        """Return signals (n, k) of the reference band around which sides of gates open and shut;
+        -inf for no side.
+        """
         levels = (self.snr[:, band, None] + _CROSSING for band in self.rule.others)
-        sides = (self._where(level, band) for level, band in zip(levels, self.rule.others, strict=True))
+        sides = (
+            self._where(level, band) for level, band in zip(levels, self.rule.others, strict=True)
+        )
         return np.concatenate([each for pair in sides for each in pair], axis=1)
 
     def _where(self, level: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
-        """Return the signals (n, k) of the reference band with the sides of a gate at levels (n, k); -inf if never."""
+        """Return the signals (n, k) of the reference band with the sides of a gate at levels (n,
+        k); -inf if never.
+        """
         lower, upper = (slope[:, None] for slope in self.rule.sides(self.slopes, band))
         tolerance = self.rule.tolerance
         return crossing(level, lower, -tolerance), crossing(level, upper, tolerance)
 
     def _gate_margin(self, reference: FloatArray) -> FloatArray:
-        """Return the margins (n,) of expected signals inside the gates, for signals of the reference band."""
+        """Return the margins (n,) of expected signals inside the gates, for signals of the
+        reference band.
+        """
         margin = np.full(len(reference), np.inf)
         for band in self.rule.others:
             low, high = self.rule.gate(reference, self.slopes, band)
-            margin = np.minimum(margin, np.minimum(self.snr[:, band] - low, high - self.snr[:, band]))
+            margin = np.minimum(
+                margin, np.minimum(self.snr[:, band] - low, high - self.snr[:, band])
+            )
         return margin
 
     def _peak(self) -> FloatArray:

@@ -1,9 +1,10 @@
 """P_d of ratio gates to within 1e-10, many times faster than to the last bit.
 
-The integral over the signal y of the reference band is divided where a side of a gate begins or ceases to matter: a
-side with a pass probability within 1e-11 of 0 or 1 is constant, and the integral with constant sides is a normal one.
-Between the cuts the integrand is smooth on the scale of the slopes of the other sides, which determines the number of
-Gauss-Legendre nodes (docs/design/gate_nodes.py). No logarithms are used.
+The integral over the signal y of the reference band is divided where a side of a gate begins or
+ceases to matter: a side with a pass probability within 1e-11 of 0 or 1 is constant, and the
+integral with constant sides is a normal one. Between the cuts the integrand is smooth on the scale
+of the slopes of the other sides, which determines the number of Gauss-Legendre nodes
+(docs/design/gate_nodes.py). No logarithms are used.
 """
 
 from functools import cache
@@ -19,7 +20,8 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 #: Standard deviations beyond which a tail, of 1e-11, is omitted.
 _FAR = 6.8
 
-#: Numbers of Gauss-Legendre nodes, and the panel widths up to which they suffice; the last is for four bands.
+#: Numbers of Gauss-Legendre nodes, and the panel widths up to which they suffice; the last is for
+#: four bands.
 NODES = np.array([12, 20, 32, 64])
 WIDTHS = np.array([5.4, 9.8, 17.7])
 
@@ -44,10 +46,11 @@ class Gates:
         return [band for band in range(len(self.lower)) if band != self.reference]
 
     def slopes(self, noise: FloatArray, air: FloatArray | None = None) -> FloatArray:
-        """Return the slopes (n, 2 (B - 1)) of the gates' sides, in units of noise (n, B): lower ones, then upper ones.
+        """Return the slopes (n, 2 (B - 1)) of the gates' sides, in units of noise (n, B): lower
+        ones, then upper ones.
 
-        `air` (n, 2 (B - 1)) are factors on the bounds: the least and the largest that the atmosphere may put on the
-        ratio of two bands.
+        `air` (n, 2 (B - 1)) are factors on the bounds: the least and the largest that the
+        atmosphere may put on the ratio of two bands.
         """
         others = self.others
         steep = noise[:, self.reference, None] / noise[:, others]
@@ -59,29 +62,37 @@ class Gates:
         place = self.others.index(band)
         return slopes[:, place], slopes[:, len(self.lower) - 1 + place]
 
-    def gate(self, reference: FloatArray, slopes: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
-        """Return the limits of the open gate of a band, for signals (n, …) of the reference band."""
+    def gate(
+        self, reference: FloatArray, slopes: FloatArray, band: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the limits of the open gate of a band, for signals (n, …) of the reference
+        band.
+        """
         shape = (-1, *(1 for _ in reference.shape[1:]))
         lower, upper = (slope.reshape(shape) for slope in self.sides(slopes, band))
         with np.errstate(invalid="ignore"):
             high = upper * reference + self.tolerance * np.hypot(1.0, upper)
         # Without an upper bound 0 · inf is nan.
-        return np.maximum(lower * reference - self.tolerance * np.hypot(1.0, lower), self.coincidence), np.where(
-            np.isfinite(upper), high, np.inf
-        )
+        return np.maximum(
+            lower * reference - self.tolerance * np.hypot(1.0, lower), self.coincidence
+        ), np.where(np.isfinite(upper), high, np.inf)
 
 
 def crossing(level: FloatArray, slope: FloatArray, tolerance: FloatArray | float) -> FloatArray:
-    """Return the points at which sides slope · y + tolerance · √(1 + slope²) reach levels; -inf without a bound."""
+    """Return the points at which sides slope · y + tolerance · √(1 + slope²) reach levels; -inf
+    without a bound.
+    """
     is_bound = (slope > 0.0) & np.isfinite(slope)
     bound = np.where(is_bound, slope, 1.0)
     return np.where(is_bound, (level - tolerance * np.hypot(1.0, bound)) / bound, -np.inf)
 
 
 class GateLooks(NamedTuple):
-    """Expected signals (n,) and (others, n); slopes of the gates' sides (others, n), and their varying ranges.
+    """Expected signals (n,) and (others, n); slopes of the gates' sides (others, n), and their
+    varying ranges.
 
-    A lower side varies from `low_from` on, an upper one up to `high_until`; the slope of constant sides is 0.
+    A lower side varies from `low_from` on, an upper one up to `high_until`; the slope of constant
+    sides is 0.
     """
 
     reference: FloatArray
@@ -95,7 +106,8 @@ class GateLooks(NamedTuple):
 
 
 class GatePanels(NamedTuple):
-    """Panels (p,) of looks: row of the look, limits, and which sides (2 · others, p) vary, lower sides first.
+    """Panels (p,) of looks: row of the look, limits, and which sides (2 · others, p) vary, lower
+    sides first.
 
     `width` is the length in units of the scale of the integrand.
     """
@@ -109,12 +121,22 @@ class GatePanels(NamedTuple):
 
     def take(self, rows: IntArray) -> "GatePanels":
         """Return some of the panels."""
-        own = (self.row[rows], self.first[rows], self.last[rows], self.moves[:, rows], self.width[rows])
+        own = (
+            self.row[rows],
+            self.first[rows],
+            self.last[rows],
+            self.moves[:, rows],
+            self.width[rows],
+        )
         return GatePanels(self.looks, *own)
 
 
-def fast_probability(rule: Gates, snr: FloatArray, slopes: FloatArray, margins: FloatArray) -> FloatArray:
-    """Return P_d (n,) for signals (n, B) and slopes (n, 2 · others) with margins (n, 1 + 3 · others)."""
+def fast_probability(
+    rule: Gates, snr: FloatArray, slopes: FloatArray, margins: FloatArray
+) -> FloatArray:
+    """Return P_d (n,) for signals (n, B) and slopes (n, 2 · others) with margins (n, 1 + 3 ·
+    others).
+    """
     panels = panels_of(looks_of(rule, snr, slopes, margins[:, 1:] < _FAR))
     # Panels without a varying side need no quadrature.
     size = np.searchsorted(WIDTHS, panels.width) * panels.moves.any(axis=0)
@@ -130,7 +152,9 @@ def fast_probability(rule: Gates, snr: FloatArray, slopes: FloatArray, margins: 
 
 
 def looks_of(rule: Gates, snr: FloatArray, slopes: FloatArray, near: BoolArray) -> GateLooks:
-    """Return looks with the ranges over which the sides of their gates vary; `near` (n, 3 · others)."""
+    """Return looks with the ranges over which the sides of their gates vary; `near` (n, 3 ·
+    others).
+    """
     reference = snr[:, rule.reference]
     expected = snr[:, rule.others].T
     lower = slopes[:, : len(expected)].T
@@ -140,10 +164,14 @@ def looks_of(rule: Gates, snr: FloatArray, slopes: FloatArray, near: BoolArray) 
     shut, open_ = (np.maximum(expected + far, rule.coincidence) for far in (-_FAR, _FAR))
     low_from, low_until = (_met(level, low, -rule.tolerance, np.inf) for level in (shut, open_))
     high_from, high_until = (_met(level, high, rule.tolerance, -np.inf) for level in (shut, open_))
-    start = np.maximum(np.maximum(rule.threshold, reference - _FAR), high_from.max(axis=0, initial=-np.inf))
+    start = np.maximum(
+        np.maximum(rule.threshold, reference - _FAR), high_from.max(axis=0, initial=-np.inf)
+    )
     # Above a threshold beyond the expected signal the density decreases faster than from its peak.
     falling = np.maximum(start - reference, 0.0)
-    stop = np.maximum(reference, start) + _FAR * _FAR / (np.sqrt(falling * falling + _FAR * _FAR) + falling)
+    stop = np.maximum(reference, start) + _FAR * _FAR / (
+        np.sqrt(falling * falling + _FAR * _FAR) + falling
+    )
     stop = np.maximum(np.minimum(stop, low_until.min(axis=0, initial=np.inf)), start)
     return GateLooks(reference, expected, low, high, low_from, high_until, start, stop)
 
@@ -163,7 +191,14 @@ def panels_of(looks: GateLooks) -> GatePanels:
     middle = 0.5 * (first + last)
     moves = np.concatenate([middle > looks.low_from[:, row], middle < looks.high_until[:, row]])
     slopes = np.where(moves, np.concatenate([looks.low, looks.high])[:, row], 0.0)
-    return GatePanels(looks, row, first, last, moves, (last - first) * np.sqrt(1.0 + np.square(slopes).sum(axis=0)))
+    return GatePanels(
+        looks,
+        row,
+        first,
+        last,
+        moves,
+        (last - first) * np.sqrt(1.0 + np.square(slopes).sum(axis=0)),
+    )
 
 
 def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
@@ -176,7 +211,13 @@ def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
     if np.any(is_moving):
         half = 0.5 * (last - first)
         place, weight = _nodes(count)
-        whole = _summed(_density(rule, 0.5 * (first + last) + half * place[:, None], panels, passing), weight) * half
+        whole = (
+            _summed(
+                _density(rule, 0.5 * (first + last) + half * place[:, None], panels, passing),
+                weight,
+            )
+            * half
+        )
     else:
         whole = ndtr(reference - first) - ndtr(reference - last)
     for band in np.flatnonzero(~is_moving):
@@ -185,7 +226,9 @@ def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
 
 
 def _density(rule: Gates, nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> FloatArray:
-    """Return the density (m, p) at nodes (m, p) of signals with other bands inside the gates with a varying side."""
+    """Return the density (m, p) at nodes (m, p) of signals with other bands inside the gates with a
+    varying side.
+    """
     looks = panels.looks
     row = panels.row
     off = nodes - looks.reference[row]
@@ -193,9 +236,15 @@ def _density(rule: Gates, nodes: FloatArray, panels: GatePanels, passing: FloatA
     lows, highs = panels.moves[:, 0].reshape(2, -1)
     for band in np.flatnonzero(lows | highs):
         expected = looks.expected[band, row]
-        inside = ndtr(expected - _side(rule, looks.low[band, row], -1.0, nodes)) if lows[band] else passing[band]
+        inside = (
+            ndtr(expected - _side(rule, looks.low[band, row], -1.0, nodes))
+            if lows[band]
+            else passing[band]
+        )
         if highs[band]:
-            inside = np.maximum(inside - ndtr(expected - _side(rule, looks.high[band, row], 1.0, nodes)), 0.0)
+            inside = np.maximum(
+                inside - ndtr(expected - _side(rule, looks.high[band, row], 1.0, nodes)), 0.0
+            )
         density *= inside
     return density
 
@@ -209,7 +258,9 @@ def _side(rule: Gates, slope: FloatArray, sign: float, nodes: FloatArray) -> Flo
 
 
 def _summed(values: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return weighted sums (n,) over nodes (m, n), added node by node: the order does not depend on the rows."""
+    """Return weighted sums (n,) over nodes (m, n), added node by node: the order does not depend on
+    the rows.
+    """
     total: FloatArray = values[0] * weight[0]
     for one, share in zip(values[1:], weight[1:].tolist(), strict=True):
         total += one * share

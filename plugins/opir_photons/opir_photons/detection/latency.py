@@ -1,12 +1,14 @@
-"""Detection latency and cumulative probability of detection: closed forms for periodic, independent looks.
+"""Detection latency and cumulative probability of detection: closed forms for periodic, independent
+looks.
 
-A sensor looks at a target once in each scan period T and detects it in each look with the same probability P_d,
-independently of other looks. The number of looks to the first detection is then geometrically distributed
-(opir-simulator paper (2026), sections 4.2 and 5.1, with the corrections of docs/explanation/paper-errata.md).
+A sensor looks at a target once in each scan period T and detects it in each look with the same
+probability P_d, independently of other looks. The number of looks to the first detection is then
+geometrically distributed (opir-simulator paper (2026), sections 4.2 and 5.1, with the corrections
+of docs/explanation/paper-errata.md).
 
-Two phases of the scan are modelled. `aligned`: the launch is at the time of a scan, so the first look is one full
-period after ignition (the convention of the paper). `random`: the first look is uniformly distributed over the first
-period. Light time and processing are not included: add them.
+Two phases of the scan are modelled. `aligned`: the launch is at the time of a scan, so the first
+look is one full period after ignition (the convention of the paper). `random`: the first look is
+uniformly distributed over the first period. Light time and processing are not included: add them.
 """
 
 from typing import Literal
@@ -18,16 +20,18 @@ from opir_core.arrays import FloatArray
 
 ScanPhase = Literal["aligned", "random"]
 
-#: Nanoseconds in a second: the simulator's times are whole nanoseconds, so times are compared to the nearest one.
+#: Nanoseconds in a second: the simulator's times are whole nanoseconds, so times are compared to
+#: the nearest one.
 _NS = 1e9
 
 
 def cumulative_probability(detection_probability: ArrayLike, looks: ArrayLike) -> FloatArray:
-    """Return the probabilities P_cum = 1 - (1 - P_d)^n of at least one detection in n independent looks.
+    """Return the probabilities P_cum = 1 - (1 - P_d)^n of at least one detection in n independent
+    looks.
 
-    Arguments broadcast; the result has their common shape. `detection_probability` is P_d of one look, in [0, 1];
-    `looks` is n >= 0, which need not be an integer. `nan` where an argument is outside its domain. The relative error
-    is a few units in the last place, for small P_d too.
+    Arguments broadcast; the result has their common shape. `detection_probability` is P_d of one
+    look, in [0, 1]; `looks` is n >= 0, which need not be an integer. `nan` where an argument is
+    outside its domain. The relative error is a few units in the last place, for small P_d too.
 
     Source: opir-simulator paper (2026), section 4.2.
     """
@@ -39,17 +43,22 @@ def cumulative_probability(detection_probability: ArrayLike, looks: ArrayLike) -
 
 
 def latency_cdf(
-    time_s: ArrayLike, scan_period_s: ArrayLike, detection_probability: ArrayLike, scan_phase: ScanPhase = "aligned"
+    time_s: ArrayLike,
+    scan_period_s: ArrayLike,
+    detection_probability: ArrayLike,
+    scan_phase: ScanPhase = "aligned",
 ) -> FloatArray:
-    """Return the probabilities that the latency, from ignition to the first detection, is at most `time_s`.
+    """Return the probabilities that the latency, from ignition to the first detection, is at most
+    `time_s`.
 
-    Arguments broadcast; the result has their common shape. `time_s` and `scan_period_s` (> 0) are in seconds, compared
-    to the nearest nanosecond; `detection_probability` is P_d of one look, in [0, 1]. With n = floor(t / T) and
-    f = t / T - n the result is 1 - (1 - P_d)^n for `aligned` scans and 1 - (1 - P_d)^n (1 - f P_d) for those of
-    `random` phase. 0 before ignition; `nan` where an argument is outside its domain. `ValueError` for an unknown
-    `scan_phase`.
+    Arguments broadcast; the result has their common shape. `time_s` and `scan_period_s` (> 0) are
+    in seconds, compared to the nearest nanosecond; `detection_probability` is P_d of one look, in
+    [0, 1]. With n = floor(t / T) and f = t / T - n the result is 1 - (1 - P_d)^n for `aligned`
+    scans and 1 - (1 - P_d)^n (1 - f P_d) for those of `random` phase. 0 before ignition; `nan`
+    where an argument is outside its domain. `ValueError` for an unknown `scan_phase`.
 
-    Source: opir-simulator paper (2026), section 5.1, for `aligned`; for `random` its mean over a uniform first look.
+    Source: opir-simulator paper (2026), section 5.1, for `aligned`; for `random` its mean over a
+    uniform first look.
     """
     _require_phase(scan_phase)
     time, period, probability = _columns(time_s, scan_period_s, detection_probability)
@@ -67,9 +76,11 @@ def latency_cdf(
 def latency_mean(
     scan_period_s: ArrayLike, detection_probability: ArrayLike, scan_phase: ScanPhase = "aligned"
 ) -> FloatArray:
-    """Return the mean latencies, s: T / P_d for `aligned` scans, T (1 / P_d - 1/2) for those of `random` phase.
+    """Return the mean latencies, s: T / P_d for `aligned` scans, T (1 / P_d - 1/2) for those of
+    `random` phase.
 
-    Arguments as in `latency_cdf`; inf for P_d = 0. Source: opir-simulator paper (2026), section 5.1.
+    Arguments as in `latency_cdf`; inf for P_d = 0. Source: opir-simulator paper (2026), section
+    5.1.
     """
     _require_phase(scan_phase)
     period, probability = _columns(scan_period_s, detection_probability)
@@ -78,14 +89,19 @@ def latency_mean(
 
 
 def latency_quantile(
-    quantile: ArrayLike, scan_period_s: ArrayLike, detection_probability: ArrayLike, scan_phase: ScanPhase = "aligned"
+    quantile: ArrayLike,
+    scan_period_s: ArrayLike,
+    detection_probability: ArrayLike,
+    scan_phase: ScanPhase = "aligned",
 ) -> FloatArray:
     """Return the least latencies, s, that are not exceeded with probability `quantile`, in [0, 1).
 
-    Other arguments as in `latency_cdf`, which this inverts: T ⌈ln(1 - q) / ln(1 - P_d)⌉ for `aligned` scans, where a
-    quotient within 1e-9 of an integer is that integer. inf for P_d = 0 and q > 0; `nan` outside the domain.
+    Other arguments as in `latency_cdf`, which this inverts: T ⌈ln(1 - q) / ln(1 - P_d)⌉ for
+    `aligned` scans, where a quotient within 1e-9 of an integer is that integer. inf for P_d = 0 and
+    q > 0; `nan` outside the domain.
 
-    Source: opir-simulator paper (2026), section 5.1, as corrected in docs/explanation/paper-errata.md.
+    Source: opir-simulator paper (2026), section 5.1, as corrected in
+    docs/explanation/paper-errata.md.
     """
     _require_phase(scan_phase)
     level, period, probability = _columns(quantile, scan_period_s, detection_probability)
@@ -96,7 +112,9 @@ def latency_quantile(
         looks = np.where(np.abs(looks - nearest) < 1e-9, nearest, looks)
         if scan_phase == "aligned":
             # With P_d = 1 the quotient is 0, and one look is needed for any q above 0.
-            return np.asarray(period * np.where(level > 0.0, np.maximum(np.ceil(looks), 1.0), looks))
+            return np.asarray(
+                period * np.where(level > 0.0, np.maximum(np.ceil(looks), 1.0), looks)
+            )
         whole = np.floor(looks)
         log_missed = np.where(whole == 0.0, 0.0, whole * _log_miss(probability))
         part = np.where(level == 0.0, 0.0, -np.expm1(np.log1p(-level) - log_missed) / probability)
@@ -104,7 +122,9 @@ def latency_quantile(
 
 
 def _columns(*columns: ArrayLike) -> tuple[FloatArray, ...]:
-    """Return arrays of the times or quantiles, of the periods and of the probabilities, nan outside their domains."""
+    """Return arrays of the times or quantiles, of the periods and of the probabilities, nan outside
+    their domains.
+    """
     *first, period, probability = (np.asarray(column, dtype=np.float64) for column in columns)
     valid = (probability >= 0.0) & (probability <= 1.0)
     return *first, np.where(period > 0.0, period, np.nan), np.where(valid, probability, np.nan)

@@ -1,10 +1,11 @@
 """What the frame difference of a focal plane subtracts of a target: its own light, one lag earlier.
 
-A target that has hardly moved since the earlier frame is subtracted from itself. What is left of its signal E(t) is
-E(t) - E(t - lag) g(d) / g(0), with the response g of the spatial filter to a spot that is displaced by d
-(`opir_photons.radiometry.FilteredSpot`). Frames are registered to the ground: d is the angle between the directions to
-the target now and then, both from where the sensor is now. Before ignition there is nothing to subtract; sources that
-have shone for some seconds when the scene begins did so before.
+A target that has hardly moved since the earlier frame is subtracted from itself. What is left of
+its signal E(t) is E(t) - E(t - lag) g(d) / g(0), with the response g of the spatial filter to a
+spot that is displaced by d (`opir_photons.radiometry.FilteredSpot`). Frames are registered to the
+ground: d is the angle between the directions to the target now and then, both from where the sensor
+is now. Before ignition there is nothing to subtract; sources that have shone for some seconds when
+the scene begins did so before.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,8 @@ from opir_core.plugin import TARGET_TYPES, Exposures
 from opir_photons.detection.focal_planes import FocalPlaneTerms
 from opir_photons.environment import RadiometricEnvironment
 
-#: Scene time, s, by which a source that is no launch has begun to shine if it has shone for longer than any lag.
+#: Scene time, s, by which a source that is no launch has begun to shine if it has shone for longer
+#: than any lag.
 _STEADY_S = -5.0
 
 #: Irradiances (B, m) of looks.
@@ -32,7 +34,9 @@ def subtract_own_past(
     environment: RadiometricEnvironment,
     irradiance_of: IrradianceOf,
 ) -> None:
-    """Subtract from signals (B, n), in place, what a plane's frame difference does; none becomes negative."""
+    """Subtract from signals (B, n), in place, what a plane's frame difference does; none becomes
+    negative.
+    """
     if plane.frames is None or not len(looks):
         return
     rows, earlier, moved_rad = _near(looks, plane, environment)
@@ -48,7 +52,9 @@ def subtract_own_past(
 def _near(
     looks: Exposures, plane: FocalPlaneTerms, environment: RadiometricEnvironment
 ) -> tuple[IntArray, Exposures, FloatArray]:
-    """Return the looks at targets that shone near by a lag earlier: rows, those targets then, angles moved, rad."""
+    """Return the looks at targets that shone near by a lag earlier: rows, those targets then,
+    angles moved, rad.
+    """
     assert plane.frames is not None
     targets = environment.targets
     past_s = looks.emission_time_s - plane.frames.lag_s
@@ -62,7 +68,9 @@ def _near(
     range_m = length(*way_m)
     now_m = components(earlier.target_ecef_m - earlier.sensor_ecef_m)
     # The chord of two unit vectors: pixels are small angles.
-    moved_rad = length(*(then / range_m - now / earlier.range_m for then, now in zip(way_m, now_m, strict=True)))
+    moved_rad = length(
+        *(then / range_m - now / earlier.range_m for then, now in zip(way_m, now_m, strict=True))
+    )
     near = np.flatnonzero(moved_rad < plane.own_past[0].reach * plane.pixel_rad)
     there = evolve(
         earlier.take(near),

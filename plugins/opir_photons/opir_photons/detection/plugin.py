@@ -21,7 +21,8 @@ def opir_detection_models() -> Iterable[DetectionModel]:
     """Yield `snr`."""
     yield DetectionModel(
         name="snr",
-        summary="signal over noise in each band against a threshold, and the sensor's rule over its bands",
+        summary="signal over noise in each band against a threshold, and the sensor's rule over its"
+        " bands",
         config=SnrConfig,
         build=_snr,
         classifier="spectral",

@@ -1,4 +1,5 @@
-"""What models of atmosphere, background and signatures return, checked on columns where the signal chain takes it.
+"""What models of atmosphere, background and signatures return, checked on columns where the signal
+chain takes it.
 
 A check is two reductions of the columns, always on; `nan` fails it too.
 """
@@ -18,7 +19,9 @@ from opir_core.plugin import Background, Paths, Transmittance, Views
 _ROUNDING = 1e-9
 
 
-def checked_transmittances(atmosphere: Transmittance, bands: Sequence[int], path: Paths) -> FloatArray:
+def checked_transmittances(
+    atmosphere: Transmittance, bands: Sequence[int], path: Paths
+) -> FloatArray:
     """Return in-band transmittances (bands, n), in [0, 1]; raises `InvalidOutput`."""
     through = atmosphere.transmittances(bands, path)
     fault = _fault(through, (len(bands), len(path)), -_ROUNDING, 1.0 + _ROUNDING, "[0, 1]")
@@ -30,7 +33,9 @@ def checked_transmittances(atmosphere: Transmittance, bands: Sequence[int], path
 def checked_radiances_and_clutter(
     background: Background, bands: Sequence[int], view: Views
 ) -> tuple[FloatArray, FloatArray]:
-    """Return in-band radiances and clutter (bands, n), W m⁻² sr⁻¹, finite and not negative; raises `InvalidOutput`."""
+    """Return in-band radiances and clutter (bands, n), W m⁻² sr⁻¹, finite and not negative; raises
+    `InvalidOutput`.
+    """
     both = background.radiances_and_clutter_w_m2_sr(bands, view)
     for method, column in zip(("radiance_w_m2_sr", "clutter_w_m2_sr"), both, strict=True):
         require_radiance(column, len(bands), view, method)
@@ -39,13 +44,17 @@ def checked_radiances_and_clutter(
 
 def require_radiance(column: Any, bands: int, view: Views, method: str) -> None:
     """Raise `InvalidOutput` unless a background's column (bands, n) is finite and not negative."""
-    fault = _fault(column, (bands, len(view)), 0.0, math.nextafter(math.inf, 0.0), "[0, inf) W/(m2 sr)")
+    fault = _fault(
+        column, (bands, len(view)), 0.0, math.nextafter(math.inf, 0.0), "[0, inf) W/(m2 sr)"
+    )
     if fault:
         raise InvalidOutput("background", method, fault)
 
 
 def checked_intensities(intensity: Any, bands: int, rows: int) -> FloatArray:
-    """Return radiant intensities (bands, n), W/sr, if they are finite and not negative; raises `ModelError`."""
+    """Return radiant intensities (bands, n), W/sr, if they are finite and not negative; raises
+    `ModelError`.
+    """
     fault = _fault(intensity, (bands, rows), 0.0, math.nextafter(math.inf, 0.0), "[0, inf) W/sr")
     if fault:
         raise ModelError(f"a signature of the scene's targets or sources: intensity_w_sr {fault}")
@@ -55,7 +64,9 @@ def checked_intensities(intensity: Any, bands: int, rows: int) -> FloatArray:
 def _fault(column: Any, shape: tuple[int, int], low: float, high: float, allowed: str) -> str:
     """Return the first error of a column, or ""."""
     if not isinstance(column, np.ndarray) or column.dtype.kind != "f" or column.shape != shape:
-        what = f"{column.dtype} {column.shape}" if isinstance(column, np.ndarray) else kind_of(column)
+        what = (
+            f"{column.dtype} {column.shape}" if isinstance(column, np.ndarray) else kind_of(column)
+        )
         return f"returned {what} for all bands; floats of shape {shape} are required"
     # Written so that nan is a fault.
     if column.size and not (column.min() >= low and column.max() <= high):

@@ -1,7 +1,8 @@
 """Receivers of the detection model `snr`: a sensor's bands, noise, and rule over its bands.
 
-Noise at the aperture, W/m²: of the detector, of the background's photons, and residual clutter. Calibration: the factor
-on a sensor's noise with which it detects the reference target with a given probability.
+Noise at the aperture, W/m²: of the detector, of the background's photons, and residual clutter.
+Calibration: the factor on a sensor's noise with which it detects the reference target with a given
+probability.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,14 +40,20 @@ def photon_energy_j(band: Band) -> float:
 def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> FloatArray:
     """Return the photon noise of an irradiance E: sqrt(E · hc/λ / (A η t)), W/m².
 
-    `count_w_m2` is the irradiance of one count, hc/λ / (A η t), of aperture, efficiency and integration time. Counts
-    are Poisson distributed.
+    `count_w_m2` is the irradiance of one count, hc/λ / (A η t), of aperture, efficiency and
+    integration time. Counts are Poisson distributed.
     """
-    return np.sqrt(np.asarray(irradiance_w_m2, dtype=np.float64) * np.asarray(count_w_m2, dtype=np.float64))
+    return np.sqrt(
+        np.asarray(irradiance_w_m2, dtype=np.float64) * np.asarray(count_w_m2, dtype=np.float64)
+    )
 
 
-def noise_w_m2(detector_w_m2: ArrayLike, photons_w_m2: ArrayLike = 0.0, clutter_w_m2: ArrayLike = 0.0) -> FloatArray:
-    """Return the standard deviation of the sum of independent noises, at least `LEAST_NOISE_W_M2`, up to 1e150 W/m²."""
+def noise_w_m2(
+    detector_w_m2: ArrayLike, photons_w_m2: ArrayLike = 0.0, clutter_w_m2: ArrayLike = 0.0
+) -> FloatArray:
+    """Return the standard deviation of the sum of independent noises, at least `LEAST_NOISE_W_M2`,
+    up to 1e150 W/m².
+    """
     # A tenth of the time of `numpy.hypot`.
     whole = np.square(np.asarray(detector_w_m2, dtype=np.float64))
     whole = whole + np.square(np.asarray(photons_w_m2, dtype=np.float64))
@@ -60,7 +67,8 @@ REFERENCE_RANGE_M = 3.6e7
 #: Search range of the factor: powers of ten on either side of 1.
 _DECADES = 20.0
 _HALVINGS = 64
-#: Least share of a band in the weights of noise alone: a direction for reference targets that show nothing.
+#: Least share of a band in the weights of noise alone: a direction for reference targets that show
+#: nothing.
 _FAINT = 1e-6
 #: Accuracy of probabilities during the search.
 _SLACK = 1e-13
@@ -69,10 +77,11 @@ _SLACK = 1e-13
 def calibrated(
     radiometer: Radiometer, rule: "Rule", intensity_w_sr: FloatArray, wanted: float, owner: str
 ) -> Radiometer:
-    """Return a radiometer with noise scaled so that the reference target is detected with the probability `wanted`.
+    """Return a radiometer with noise scaled so that the reference target is detected with the
+    probability `wanted`.
 
-    `intensity_w_sr` (B,) are those of the reference target in the sensor's bands. Raises `ModelError`, with the sensor
-    as `owner`, if there is no such factor.
+    `intensity_w_sr` (B,) are those of the reference target in the sensor's bands. Raises
+    `ModelError`, with the sensor as `owner`, if there is no such factor.
     """
     signal = intensity_w_sr / REFERENCE_RANGE_M**2
     quantile = float(ndtri(wanted))
@@ -80,13 +89,17 @@ def calibrated(
     def misses(log_factor: float) -> bool:
         noise = noise_w_m2(np.array(radiometer.nei_w_m2) * 10.0**log_factor)[None, :]
         snr = signal[None, :] / noise
-        return float(probit(*rule.log_chances(snr, slopes_of(rule, snr, noise), _SLACK))[0]) < quantile
+        return (
+            float(probit(*rule.log_chances(snr, slopes_of(rule, snr, noise), _SLACK))[0]) < quantile
+        )
 
     if not misses(_DECADES) or misses(-_DECADES):
         values = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
         raise ModelError(
-            f"{owner}: calibrate: paper finds no noise with which the reference ICBM, {values} W/sr in the sensor's"
-            f" bands, is detected with probability {wanted:g}; give it bands and plausible_ratios that do not leave"
+            f"{owner}: calibrate: paper finds no noise with which the reference ICBM, {values} W/sr"
+            f" in the sensor's"
+            f" bands, is detected with probability {wanted:g}; give it bands and plausible_ratios"
+            f" that do not leave"
             " the ICBM out, or calibrate: none"
         )
     factor = 10.0 ** _turn(misses)
@@ -106,13 +119,17 @@ def _turn(misses: Callable[[float], bool]) -> float:
 Rule = AnyBand | RatioGates | FusedBands
 
 
-def slopes_of(rule: Rule, snr: FloatArray, noise: FloatArray, air: FloatArray | None = None) -> FloatArray:
-    """Return the slopes (n, k) that a rule's methods take, of looks with expected signals and noise (n, B)."""
+def slopes_of(
+    rule: Rule, snr: FloatArray, noise: FloatArray, air: FloatArray | None = None
+) -> FloatArray:
+    """Return the slopes (n, k) that a rule's methods take, of looks with expected signals and noise
+    (n, B).
+    """
     return rule.directions(snr, noise) if isinstance(rule, FusedBands) else rule.slopes(noise, air)
 
 
-#: The elevation for which false alarms of noise are computed; within 1 % noise passes gates everywhere alike, since
-#: the tolerance of their sides is several standard deviations.
+#: The elevation for which false alarms of noise are computed; within 1 % noise passes gates
+#: everywhere alike, since the tolerance of their sides is several standard deviations.
 _OVERHEAD = np.ones(1)
 
 
@@ -120,8 +137,8 @@ _OVERHEAD = np.ones(1)
 class Receiver:
     """A sensor's band numbers in the radiometric environment, its radiometer and its rule.
 
-    `plane` is what its focal plane comes to, None for a sensor without one; `air` are the factors of the atmosphere on
-    the bounds of the rule, None where it changes none.
+    `plane` is what its focal plane comes to, None for a sensor without one; `air` are the factors
+    of the atmosphere on the bounds of the rule, None where it changes none.
     """
 
     bands: IntArray
@@ -142,7 +159,8 @@ class Receiver:
         return np.array(self.radiometer.nei_w_m2, dtype=np.float64)
 
     def count_w_m2(self, place: int) -> float:
-        """Return the irradiance, W/m², of one photon counted in a band; 0 beyond the sensor's bands.
+        """Return the irradiance, W/m², of one photon counted in a band; 0 beyond the sensor's
+        bands.
 
         With a focal plane times the factor on the variance of photons by its filters.
         """
@@ -151,24 +169,36 @@ class Receiver:
         gain = 1.0 if self.plane is None else float(self.plane.photon_gain[place])
         return self.photon_j[place] / self.radiometer.collection_m2_s * gain
 
-    def slopes(self, snr: FloatArray, noise: FloatArray, elevation_sine: FloatArray | None) -> FloatArray:
-        """Return the rule's slopes for looks with expected signals and noise (n, B) at elevations (n,)."""
+    def slopes(
+        self, snr: FloatArray, noise: FloatArray, elevation_sine: FloatArray | None
+    ) -> FloatArray:
+        """Return the rule's slopes for looks with expected signals and noise (n, B) at elevations
+        (n,).
+        """
         air = None if self.air is None or elevation_sine is None else self.air.at(elevation_sine)
         return slopes_of(self.rule, snr, noise, air)
 
     def quantile(self, snr: FloatArray, slopes: FloatArray, slack: float) -> FloatArray:
         """Return the standard normal quantiles of P_d (n,), to within a slack of P_d."""
-        return self.rule.quantile(snr, slopes, slack) if slack else probit(*self.rule.log_chances(snr, slopes))
+        return (
+            self.rule.quantile(snr, slopes, slack)
+            if slack
+            else probit(*self.rule.log_chances(snr, slopes))
+        )
 
 
 def noise_chance(receiver: Receiver) -> float:
     """Return the logarithm of the false-alarm probability per resolution cell and look."""
     noise = noise_w_m2(receiver.nei_w_m2)[None, :]
     nothing = np.zeros(noise.shape)
-    return float(receiver.rule.log_chances(nothing, receiver.slopes(nothing, noise, _OVERHEAD))[0][0])
+    return float(
+        receiver.rule.log_chances(nothing, receiver.slopes(nothing, noise, _OVERHEAD))[0][0]
+    )
 
 
-def receivers_of(sensors: Sequence[Sensor], environment: RadiometricEnvironment, config: SnrConfig) -> list[Receiver]:
+def receivers_of(
+    sensors: Sequence[Sensor], environment: RadiometricEnvironment, config: SnrConfig
+) -> list[Receiver]:
     """Return the receivers of sensors; those of one kind are calibrated once."""
     receivers = list[Receiver]()
     known = dict[tuple[Any, ...], Radiometer]()
@@ -180,7 +210,9 @@ def receivers_of(sensors: Sequence[Sensor], environment: RadiometricEnvironment,
             if kind not in known:
                 owner = f"sensor {sensor.id} ({sensor.type})"
                 intensity = environment.reference_intensity_w_sr[receiver.bands]
-                known[kind] = calibrated(receiver.radiometer, receiver.rule, intensity, wanted, owner)
+                known[kind] = calibrated(
+                    receiver.radiometer, receiver.rule, intensity, wanted, owner
+                )
             receiver = evolve(receiver, radiometer=known[kind])
         receivers.append(receiver)
     return receivers
@@ -190,12 +222,15 @@ def _receiver(sensor: Sensor, environment: RadiometricEnvironment) -> Receiver:
     radiometer = sensor.radiometer
     if radiometer is None:
         raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}) does not say how it measures light (its noise, its footprint), which"
+            f"sensor {sensor.id} ({sensor.type}) does not say how it measures light (its noise, its"
+            f" footprint), which"
             " detection: snr needs; choose another sensor model, or detection: constant"
         )
     plane = focal_plane_terms(radiometer, sensor.bands, environment.background)
     if plane is not None:
-        radiometer = evolve(radiometer, nei_w_m2=plane.nei_w_m2, collection_m2_s=plane.collection_m2_s)
+        radiometer = evolve(
+            radiometer, nei_w_m2=plane.nei_w_m2, collection_m2_s=plane.collection_m2_s
+        )
     bands = np.array([environment.bands.index(band) for band in sensor.bands])
     rule = rule_of(sensor, radiometer, environment.reference_intensity_w_sr[bands])
     return Receiver(
@@ -208,9 +243,13 @@ def _receiver(sensor: Sensor, environment: RadiometricEnvironment) -> Receiver:
     )
 
 
-def _air(environment: RadiometricEnvironment, bands: IntArray, rule: RatioGates) -> AirRatios | None:
+def _air(
+    environment: RadiometricEnvironment, bands: IntArray, rule: RatioGates
+) -> AirRatios | None:
     """Return the factors of a scene's atmosphere on ratios of bands, None if there are none."""
-    ratios = AirRatios.of(environment.atmosphere, int(bands[rule.reference]), bands[rule.others].tolist())
+    ratios = AirRatios.of(
+        environment.atmosphere, int(bands[rule.reference]), bands[rule.others].tolist()
+    )
     return None if ratios.is_clear else ratios
 
 
@@ -220,7 +259,9 @@ def rule_of(sensor: Sensor, radiometer: Radiometer, design: FloatArray) -> Rule:
     `design` (B,) are the intensities of the reference target, by which noise alone is weighed.
     """
     if sensor.spectral_discrimination == "likelihood":
-        return FusedBands(radiometer.threshold, np.maximum(design, _FAINT * design.max()), radiometer.coincidence)
+        return FusedBands(
+            radiometer.threshold, np.maximum(design, _FAINT * design.max()), radiometer.coincidence
+        )
     if sensor.spectral_discrimination == "none":
         return AnyBand(radiometer.threshold)
     lower, upper = np.array(radiometer.ratios, dtype=np.float64).T
@@ -238,7 +279,8 @@ def _wanted(sensor: Sensor) -> float:
     probability = sensor.detection_probability.get("ICBM")
     if probability is None or not 0.0 < probability < 1.0:
         raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}): calibrate: paper needs a detection_probability for ICBM between 0 and"
+            f"sensor {sensor.id} ({sensor.type}): calibrate: paper needs a detection_probability"
+            f" for ICBM between 0 and"
             f" 1, not {probability!r}"
         )
     return probability
@@ -250,5 +292,8 @@ def by_number(numbers: IndexArray, count: int) -> "Sequence[tuple[int, slice | I
     present = np.flatnonzero(counts).tolist()
     if np.all(numbers[1:] >= numbers[:-1]):
         ends = np.cumsum(counts)
-        return [(number, slice(int(ends[number] - counts[number]), int(ends[number]))) for number in present]
+        return [
+            (number, slice(int(ends[number] - counts[number]), int(ends[number])))
+            for number in present
+        ]
     return [(number, np.flatnonzero(numbers == number)) for number in present]

@@ -1,9 +1,10 @@
 """Measurements conditional on a detection, by rejection sampling; and truncated normal numbers.
 
-A rule proposes measurements from the distribution conditional on some of its conditions; the first proposal that also
-meets the others has the exact conditional distribution. The acceptance rate follows from P_d. Rows with a very low
-rate, and rows without an accepted proposal, are drawn by the rule's inverse, which has the same distribution. All
-random numbers of a row come from a seed of its own.
+A rule proposes measurements from the distribution conditional on some of its conditions; the first
+proposal that also meets the others has the exact conditional distribution. The acceptance rate
+follows from P_d. Rows with a very low rate, and rows without an accepted proposal, are drawn by the
+rule's inverse, which has the same distribution. All random numbers of a row come from a seed of its
+own.
 """
 
 from typing import Protocol
@@ -20,7 +21,8 @@ _LEAST_LEVEL = 2.0**-54
 
 
 def tail_normals(lower: FloatArray, uniforms: FloatArray) -> FloatArray:
-    """Return standard normal numbers (n,) conditional on being at least `lower`, from numbers (n,) in [0, 1).
+    """Return standard normal numbers (n,) conditional on being at least `lower`, from numbers (n,)
+    in [0, 1).
 
     As `truncated_normals` without an upper bound, in a third of the time.
     """
@@ -32,7 +34,8 @@ def tail_normals(lower: FloatArray, uniforms: FloatArray) -> FloatArray:
 
 
 def truncated_normals(lower: FloatArray, upper: FloatArray, uniforms: FloatArray) -> FloatArray:
-    """Return standard normal numbers (n,) conditional on lying in [lower, upper], from numbers (n,) in [0, 1).
+    """Return standard normal numbers (n,) conditional on lying in [lower, upper], from numbers (n,)
+    in [0, 1).
 
     Bounds may be infinite, or as large as 1e100; if lower >= upper the lower bound is returned.
     """
@@ -52,7 +55,8 @@ def truncated_normals(lower: FloatArray, upper: FloatArray, uniforms: FloatArray
 #: Acceptance rate below which the inverse is used: it costs about as much as 2048 proposals.
 LEAST_PASSING = 1.0 / 2048.0
 
-#: Tries per round times the acceptance rate, and rounds; one row in exp(_TRIES · _TURNS) is left after all.
+#: Tries per round times the acceptance rate, and rounds; one row in exp(_TRIES · _TURNS) is left
+#: after all.
 _TRIES = 0.75
 _TURNS = 24
 
@@ -64,19 +68,25 @@ _INVERSE_AT = 1 << 32
 
 
 class Rule(Protocol):
-    """A rule over bands, for measured signals (n, B) in standard deviations of the noise and slopes of gates (n, k)."""
+    """A rule over bands, for measured signals (n, B) in standard deviations of the noise and slopes
+    of gates (n, k).
+    """
 
     def passes(self, measured: FloatArray, slopes: FloatArray) -> BoolArray:
         """Return which measurements detect."""
 
     def proposed(self, snr: FloatArray, slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return measurements (n, B) that meet some of the conditions, from numbers (n, B + 1) in [0, 1)."""
+        """Return measurements (n, B) that meet some of the conditions, from numbers (n, B + 1) in
+        [0, 1).
+        """
 
     def passing(self, snr: FloatArray, probability: FloatArray) -> FloatArray:
         """Return the shares (n,) of proposals that detect, for looks with P_d (n,)."""
 
     def conditional(self, snr: FloatArray, slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return measurements (n, B) conditional on a detection, from numbers (n, B + 1) in [0, 1)."""
+        """Return measurements (n, B) conditional on a detection, from numbers (n, B + 1) in [0,
+        1).
+        """
 
 
 def accepted_draws(
@@ -84,7 +94,9 @@ def accepted_draws(
 ) -> FloatArray:
     """Return measurements (n, B) that detect, of looks with P_d (n,)."""
     # Most rows pass at once, without an acceptance rate.
-    measured = rule.proposed(snr, slopes, _uniforms(seeds, np.zeros(len(seeds), dtype=np.int64), snr.shape[1] + 1))
+    measured = rule.proposed(
+        snr, slopes, _uniforms(seeds, np.zeros(len(seeds), dtype=np.int64), snr.shape[1] + 1)
+    )
     left = np.flatnonzero(~rule.passes(measured, slopes))
     if len(left):
         again = snr[left], slopes[left], probability[left], seeds[left]
@@ -120,19 +132,25 @@ def _until_one_passes(
 def _portions(rows: IntArray, tries: IntArray) -> list[IntArray]:
     """Return rows divided into portions of about `_MOST_AT_ONCE` tries."""
     ends = np.cumsum(tries[rows])
-    edges = np.searchsorted(ends, np.arange(_MOST_AT_ONCE, ends[-1] if len(ends) else 0, _MOST_AT_ONCE))
+    edges = np.searchsorted(
+        ends, np.arange(_MOST_AT_ONCE, ends[-1] if len(ends) else 0, _MOST_AT_ONCE)
+    )
     return [part for part in np.split(rows, np.unique(edges)) if len(part)]
 
 
 def _turn(
     rule: Rule, snr: FloatArray, slopes: FloatArray, seeds: WordArray, tries: IntArray, turn: int
 ) -> tuple[BoolArray, FloatArray]:
-    """Return which rows (n,) pass within their `tries`, and the first passing proposal of each, (passed, B)."""
+    """Return which rows (n,) pass within their `tries`, and the first passing proposal of each,
+    (passed, B).
+    """
     ends = np.cumsum(tries)
     row = np.repeat(np.arange(len(tries)), tries)
     number = np.arange(len(row)) + np.repeat(1 + turn * tries - (ends - tries), tries)
     sides = slopes.take(row, axis=0)
-    drawn = rule.proposed(snr.take(row, axis=0), sides, _uniforms(seeds.take(row), number, snr.shape[1] + 1))
+    drawn = rule.proposed(
+        snr.take(row, axis=0), sides, _uniforms(seeds.take(row), number, snr.shape[1] + 1)
+    )
     good = np.flatnonzero(rule.passes(drawn, sides))
     rows = row[good]
     first = np.flatnonzero(np.diff(rows, prepend=-1))

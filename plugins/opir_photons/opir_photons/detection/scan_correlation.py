@@ -1,4 +1,6 @@
-"""Correlation of a cell's noise from scan to scan: the share of clutter in it, and how long clutter stays."""
+"""Correlation of a cell's noise from scan to scan: the share of clutter in it, and how long clutter
+stays.
+"""
 
 import numpy as np
 
@@ -13,10 +15,11 @@ from opir_photons.radiometry.viewing import views
 def scan_correlation(
     sensor: Sensor, receiver: Receiver, environment: RadiometricEnvironment, interval_s: FloatArray
 ) -> FloatArray:
-    """Return the correlations (k,) of the noise of a cell in scans that are intervals (k,), s, apart.
+    """Return the correlations (k,) of the noise of a cell in scans that are intervals (k,), s,
+    apart.
 
-    The mean over bands, for the cell straight below the sensor at the scene's start; 0 without a focal plane or a
-    background with structure.
+    The mean over bands, for the cell straight below the sensor at the scene's start; 0 without a
+    focal plane or a background with structure.
     """
     background = environment.background
     plane = receiver.plane

@@ -1,4 +1,6 @@
-"""The detection model `snr`: from intensity, transmittance and noise to P_d, and the measurements of detections."""
+"""The detection model `snr`: from intensity, transmittance and noise to P_d, and the measurements
+of detections.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -60,7 +62,9 @@ class MeasuredColumns:
     @classmethod
     def of(cls, rows: int, width: int) -> "MeasuredColumns":
         """Return empty columns."""
-        return cls(np.empty(rows, np.uint8), np.empty(rows), np.empty(rows), np.empty((rows, width)))
+        return cls(
+            np.empty(rows, np.uint8), np.empty(rows), np.empty(rows), np.empty((rows, width))
+        )
 
     def measured(self, noise_w_m2: FloatArray) -> Measured:
         """Return the measurements, with the noise (n, B)."""
@@ -75,7 +79,9 @@ class MeasuredColumns:
         slopes: FloatArray,
         error: LineOfSightError,
     ) -> None:
-        """Fill rows with the signals (n, B) of one kind of receiver, in standard deviations of the noise (n, B)."""
+        """Fill rows with the signals (n, B) of one kind of receiver, in standard deviations of the
+        noise (n, B).
+        """
         width = measured.shape[1]
         best = rule.strength(measured, slopes)
         self.bands[rows] = rule.confirming(measured)
@@ -89,7 +95,8 @@ class MeasuredColumns:
 #: Numbers of receivers that measure alike, each with the rows of its looks.
 RowsOfKind = Sequence[tuple[int, slice | IntArray]]
 
-#: Wavelength, µm, from which the Earth's own emission, not reflected sunlight, is what plumes are seen before.
+#: Wavelength, µm, from which the Earth's own emission, not reflected sunlight, is what plumes are
+#: seen before.
 _LONG_WAVE_UM = 5.0
 
 #: Signal, in standard deviations of noise, below which there is next to none.
@@ -103,12 +110,14 @@ _MOST_SNR = 1e100
 class SnrDetection(DetectionProbability):
     """SNR in each band, and the sensor's rule over its bands; see docs/explanation/detection.md.
 
-    `width` is the largest number of bands of a sensor; `alike` (sensors,) the first sensor with an equal receiver;
-    `count_w_m2` (sensors, width) the irradiance of one photon; `floor_rad` (sensors,) the least line-of-sight sigma;
-    `dark_noise_w_m2` (sensors, width) the noise with a dark background, 1 beyond a sensor's bands; `noise_chance`
-    (sensors,) the false-alarm probability per resolution cell and look, `confirmation` (sensors, 2) M and N of the
-    confirmation over scans, `rate_per_scan` (sensors,) the mean number of confirmed false alarms per scan,
-    `false_again` (sensors,) the probability that one is followed by another near it within N scans.
+    `width` is the largest number of bands of a sensor; `alike` (sensors,) the first sensor with an
+    equal receiver; `count_w_m2` (sensors, width) the irradiance of one photon; `floor_rad`
+    (sensors,) the least line-of-sight sigma; `dark_noise_w_m2` (sensors, width) the noise with a
+    dark background, 1 beyond a sensor's bands; `noise_chance` (sensors,) the false-alarm
+    probability per resolution cell and look, `confirmation` (sensors, 2) M and N of the
+    confirmation over scans, `rate_per_scan` (sensors,) the mean number of confirmed false alarms
+    per scan, `false_again` (sensors,) the probability that one is followed by another near it
+    within N scans.
     """
 
     environment: RadiometricEnvironment
@@ -148,7 +157,9 @@ class SnrDetection(DetectionProbability):
             receiver = self.receivers[number]
             width = len(receiver.bands)
             expected = snr[:width, rows].T
-            slopes = receiver.slopes(expected, noise[:width, rows].T, exposures.elevation_sine[rows])
+            slopes = receiver.slopes(
+                expected, noise[:width, rows].T, exposures.elevation_sine[rows]
+            )
             quantile[rows] = receiver.quantile(expected, slopes, slack)
         return Response(quantile, snr.T, noise.T, exposures.elevation_sine)
 
@@ -157,7 +168,11 @@ class SnrDetection(DetectionProbability):
         known_s = self.environment.breakpoints_s()
         begins_s = self.environment.targets.ignition_s[:, None]
         # From one lag after ignition on a frame difference subtracts a target's own light.
-        lags_s = {one.plane.frames.lag_s for one in self.receivers if one.plane is not None and one.plane.frames}
+        lags_s = {
+            one.plane.frames.lag_s
+            for one in self.receivers
+            if one.plane is not None and one.plane.frames
+        }
         return np.concatenate([known_s, *(begins_s + lag_s for lag_s in sorted(lags_s))], axis=1)
 
     def transmittance(self, exposures: Exposures, band: Band) -> FloatArray:
@@ -170,9 +185,15 @@ class SnrDetection(DetectionProbability):
         return self.measure_response(self.response(exposures), exposures.sensor, rng)
 
     def measure_response(
-        self, response: Response, sensor: IndexArray, rng: RandomDraws, probability: FloatArray | None = None
+        self,
+        response: Response,
+        sensor: IndexArray,
+        rng: RandomDraws,
+        probability: FloatArray | None = None,
     ) -> Measured:
-        """Return measurements conditional on the detection: a free draw, or another if that does not detect."""
+        """Return measurements conditional on the detection: a free draw, or another if that does
+        not detect.
+        """
         found = MeasuredColumns.of(len(sensor), self.width)
         chance = _Chances(response.probit, probability)
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
@@ -193,8 +214,11 @@ class SnrDetection(DetectionProbability):
                 failed.append(_rows_of(part, again))
             left = np.concatenate(failed)
             if len(left):
-                # The bits of a uniform number are exact on every platform, those of a normal number are not.
-                seeds = np.ascontiguousarray(rng.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
+                # The bits of a uniform number are exact on every platform, those of a normal number
+                # are not.
+                seeds = np.ascontiguousarray(
+                    rng.take(left).uniforms("further measurements")[:, 0]
+                ).view(np.uint64)
                 snr = response.snr[left, :width]
                 noise = response.noise_w_m2[left, :width]
                 slopes = receiver.slopes(snr, noise, response.sine(left))
@@ -218,11 +242,15 @@ class SnrDetection(DetectionProbability):
             chance = np.full(len(seeds), self.noise_chance[number])
             slopes = receiver.slopes(nothing, noise, np.ones(len(seeds)))
             measured = accepted_draws(receiver.rule, nothing, slopes, chance, seeds)
-            found.put(rows, measured, noise, receiver.rule, slopes, self._line_of_sight_error(number))
+            found.put(
+                rows, measured, noise, receiver.rule, slopes, self._line_of_sight_error(number)
+            )
         return found.measured(self.dark_noise_w_m2[sensor])
 
     def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
-        """Return the irradiances (B, n) of targets at the aperture, W/m²; 0 beyond a sensor's bands."""
+        """Return the irradiances (B, n) of targets at the aperture, W/m²; 0 beyond a sensor's
+        bands.
+        """
         paths = self.environment.paths(exposures)
         aspect = self.environment.aspect_rad(exposures)
         irradiance = np.zeros((self.width, len(exposures)))
@@ -240,8 +268,12 @@ class SnrDetection(DetectionProbability):
             irradiance[: len(bands), rows] = lit
         return irradiance
 
-    def _subtract_own_past(self, signal: FloatArray, exposures: Exposures, rows_of_kind: RowsOfKind) -> None:
-        """Subtract from signals (B, n), in place, what frame differences do of the targets themselves."""
+    def _subtract_own_past(
+        self, signal: FloatArray, exposures: Exposures, rows_of_kind: RowsOfKind
+    ) -> None:
+        """Subtract from signals (B, n), in place, what frame differences do of the targets
+        themselves.
+        """
         for number, rows in rows_of_kind:
             plane = self.receivers[number].plane
             if plane is None or plane.frames is None:
@@ -256,19 +288,25 @@ class SnrDetection(DetectionProbability):
             signal[:, rows] = own
 
     def line_of_sight_sigma_rad(self, response: Response, sensor: IndexArray) -> FloatArray:
-        """Return the standard deviations (n,) per axis of lines of sight with the expected signals; inf without one."""
+        """Return the standard deviations (n,) per axis of lines of sight with the expected signals;
+        inf without one.
+        """
         sigma_rad = np.empty(len(sensor))
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
             width = len(self.receivers[number].bands)
             snr = response.snr[rows, :width]
             noise = response.noise_w_m2[rows, :width]
             with np.errstate(divide="ignore"):
-                sigma_rad[rows] = self._line_of_sight_error(number).sigma_rad(snr, noise, snr.max(axis=1))
+                sigma_rad[rows] = self._line_of_sight_error(number).sigma_rad(
+                    snr, noise, snr.max(axis=1)
+                )
         return sigma_rad
 
-    def focal_plane_figures(self, sensors: Sequence[Sensor], looks: Exposures) -> Iterator[Mapping[str, Any]]:
-        """Yield the figures of each sensor's focal plane by band, as plain values, with the least and the largest noise
-        of looks over the NEI; nothing for sensors without a focal plane."""
+    def focal_plane_figures(
+        self, sensors: Sequence[Sensor], looks: Exposures
+    ) -> Iterator[Mapping[str, Any]]:
+        """Yield the figures of each sensor's focal plane by band, as plain values, with the least
+        and the largest noise of looks over the NEI; nothing for sensors without a focal plane."""
         noise_w_m2 = self.response(looks).noise_w_m2
         for number, (sensor, receiver) in enumerate(zip(sensors, self.receivers, strict=True)):
             if receiver.plane is None:
@@ -282,12 +320,18 @@ class SnrDetection(DetectionProbability):
                     "nei_w_m2": nei_w_m2,
                     "share_in_pixel": float(receiver.plane.peak_share[place]),
                     "saturation_w_m2": float(receiver.plane.most_w_m2(0.0)[place, 0]),
-                    "least_noise_over_nei": float(own[:, place].min() / nei_w_m2) if len(own) else None,
-                    "largest_noise_over_nei": float(own[:, place].max() / nei_w_m2) if len(own) else None,
+                    "least_noise_over_nei": float(own[:, place].min() / nei_w_m2)
+                    if len(own)
+                    else None,
+                    "largest_noise_over_nei": float(own[:, place].max() / nei_w_m2)
+                    if len(own)
+                    else None,
                 }
 
     def shortfall_text(self, look: Exposures) -> str:
-        """Return by how much a look is below its threshold: the signal is that of one band with the same P_d."""
+        """Return by how much a look is below its threshold: the signal is that of one band with the
+        same P_d.
+        """
         receiver = self.receivers[self.alike[look.sensor[0]]]
         response = self.response(look)
         assert response.probit is not None
@@ -296,13 +340,20 @@ class SnrDetection(DetectionProbability):
             return "rejected by the sensor's rule over bands"
         signal = float(response.probit[0]) + threshold
         factor = threshold / max(signal, _FAINT)
-        times = f"{'at best' if signal > _FAINT else 'more than'} {factor:.{2 if factor < 100.0 else 3}g} times"
+        times = (
+            f"{'at best' if signal > _FAINT else 'more than'}"
+            f" {factor:.{2 if factor < 100.0 else 3}g} times"
+        )
         return f"{times} below the threshold of {threshold:g} sigma"
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:
-        return LineOfSightError(self.floor_rad[number], self.ifov_rad[number], self.receivers[number].plane)
+        return LineOfSightError(
+            self.floor_rad[number], self.ifov_rad[number], self.receivers[number].plane
+        )
 
-    def _noise_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind, signal_w_m2: FloatArray) -> FloatArray:
+    def _noise_w_m2(
+        self, exposures: Exposures, rows_of_kind: RowsOfKind, signal_w_m2: FloatArray
+    ) -> FloatArray:
         """Return the noise (B, n) at the aperture, W/m²; 1 beyond a sensor's bands.
 
         Signals (B, n) of sensors with a focal plane are limited, in place, to what fills a well.
@@ -316,16 +367,24 @@ class SnrDetection(DetectionProbability):
             width = len(receiver.bands)
             behind = np.zeros((len(receiver.bands), 1))
             if view is not None:
-                radiance, clutter = self._background(receiver, view.take(rows), exposures.sensor_ecef_m[rows])
+                radiance, clutter = self._background(
+                    receiver, view.take(rows), exposures.sensor_ecef_m[rows]
+                )
                 behind = radiance * pixel_sr
                 photons = photon_noise_w_m2(behind, self.count_w_m2[number, :width, None])
                 noise[:width, rows] = noise_w_m2(noise[:width, rows], photons, clutter * pixel_sr)
             if receiver.plane is not None:
-                signal_w_m2[:width, rows] = np.minimum(signal_w_m2[:width, rows], receiver.plane.most_w_m2(behind))
+                signal_w_m2[:width, rows] = np.minimum(
+                    signal_w_m2[:width, rows], receiver.plane.most_w_m2(behind)
+                )
         return noise
 
-    def _background(self, receiver: Receiver, view: Views, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return radiances and clutter in a pixel (B, n), W m⁻² sr⁻¹, as a receiver's filters leave it."""
+    def _background(
+        self, receiver: Receiver, view: Views, sensor_ecef_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return radiances and clutter in a pixel (B, n), W m⁻² sr⁻¹, as a receiver's filters leave
+        it.
+        """
         background = self.environment.background
         bands = receiver.bands.tolist()
         if receiver.plane is None or not background.structures:
@@ -359,7 +418,9 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
         ifov_rad=ifov_rad,
         dark_noise_w_m2=_dark_noise_w_m2(receivers),
         noise_chance=chances,
-        confirmation=np.array([receiver.radiometer.confirmation for receiver in receivers], dtype=np.int64),
+        confirmation=np.array(
+            [receiver.radiometer.confirmation for receiver in receivers], dtype=np.int64
+        ),
         rate_per_scan=chances * resolution_cells(half_angle, ifov_rad) * confirmed,
         false_again=again,
         probability_tolerance=None if config.exact else config.probability_tolerance,
@@ -367,8 +428,12 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     )
 
 
-def _blind_sensors(sensors: Sequence[Sensor], environment: RadiometricEnvironment) -> tuple[Problem, ...]:
-    """Return a warning of sensors DSP with the paper's long-wave band, whose clutter and warm optics hide launches."""
+def _blind_sensors(
+    sensors: Sequence[Sensor], environment: RadiometricEnvironment
+) -> tuple[Problem, ...]:
+    """Return a warning of sensors DSP with the paper's long-wave band, whose clutter and warm
+    optics hide launches.
+    """
     blind = [sensor for sensor in sensors if sensor.type == "DSP" and _is_long_wave(sensor)]
     if not blind or not environment.has_background:
         return ()
@@ -377,7 +442,8 @@ def _blind_sensors(sensors: Sequence[Sensor], environment: RadiometricEnvironmen
     listed = ids[0] if len(ids) == 1 else f"{ids[0]} and {len(ids) - 1} more"
     words = (
         f"{listed}: this DSP is the paper's ({', '.join(band.name for band in first.bands)},"
-        f" {first.scan.period_ns * 1e-9:g} s), which by day sees no launch before the Earth; that of the public record"
+        f" {first.scan.period_ns * 1e-9:g} s), which by day sees no launch before the Earth; that"
+        f" of the public record"
         " (2.7 and 4.3 um, 10 s) is preset: heritage"
     )
     return (Problem("detection", words),)
@@ -390,14 +456,20 @@ def _is_long_wave(sensor: Sensor) -> bool:
 
 
 def resolution_cells(half_angle_rad: FloatArray, ifov_rad: FloatArray) -> FloatArray:
-    """Return the numbers of resolution cells in cones of half angles (n,): their solid angle over the IFOV squared."""
+    """Return the numbers of resolution cells in cones of half angles (n,): their solid angle over
+    the IFOV squared.
+    """
     return 4.0 * np.pi * np.square(np.sin(0.5 * half_angle_rad) / ifov_rad)
 
 
 def _confirmed(
-    sensors: Sequence[Sensor], receivers: Sequence[Receiver], environment: RadiometricEnvironment, chances: FloatArray
+    sensors: Sequence[Sensor],
+    receivers: Sequence[Receiver],
+    environment: RadiometricEnvironment,
+    chances: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the probabilities (sensors,) that a false alarm is confirmed, and that it is followed by another.
+    """Return the probabilities (sensors,) that a false alarm is confirmed, and that it is followed
+    by another.
 
     Confirmation gates and the correlation of clutter are those at the range straight down.
     """
@@ -436,7 +508,10 @@ class _Chances(NamedTuple):
 def _parts(rows: slice | IntArray) -> list[slice | IntArray]:
     """Return rows divided into parts with columns that fit a processor's cache."""
     if isinstance(rows, slice):
-        return [slice(rows.start + part.start, rows.start + part.stop) for part in blocks(rows.stop - rows.start)]
+        return [
+            slice(rows.start + part.start, rows.start + part.stop)
+            for part in blocks(rows.stop - rows.start)
+        ]
     return [rows[part] for part in blocks(len(rows))]
 
 
@@ -461,4 +536,6 @@ def _alike(receivers: Sequence[Receiver], floor_rad: FloatArray) -> IndexArray:
     """Return the number (sensors,) of the first receiver equal to each one."""
     first = dict[tuple[Any, ...], int]()
     kinds = [(*each.kind, floor) for each, floor in zip(receivers, floor_rad.tolist(), strict=True)]
-    return np.array([first.setdefault(kind, number) for number, kind in enumerate(kinds)], dtype=np.int32)
+    return np.array(
+        [first.setdefault(kind, number) for number, kind in enumerate(kinds)], dtype=np.int32
+    )

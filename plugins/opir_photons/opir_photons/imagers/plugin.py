@@ -1,14 +1,22 @@
 """The sensor models `GOES-ABI` and `AHI`: bands 7 to 10 of the imagers of GOES-R and Himawari.
 
-Bands, 2 km pixels at nadir, noise and cadence: T. J. Schmit et al., "A closer look at the ABI on the GOES-R series",
-Bulletin of the American Meteorological Society 98 (2017), 681-698, and the GOES-R Product Definition and Users' Guide;
-K. Bessho et al., "An introduction to Himawari-8/9", Journal of the Meteorological Society of Japan 94 (2016), 151-183.
-A NEDT is a noise-equivalent irradiance over a pixel: NEDT · dL/dT at 300 K · (56 µrad)².
+Bands, 2 km pixels at nadir, noise and cadence: T. J. Schmit et al., "A closer look at the ABI on
+the GOES-R series", Bulletin of the American Meteorological Society 98 (2017), 681-698, and the
+GOES-R Product Definition and Users' Guide; K. Bessho et al., "An introduction to Himawari-8/9",
+Journal of the Meteorological Society of Japan 94 (2016), 151-183. A NEDT is a noise-equivalent
+irradiance over a pixel: NEDT · dL/dT at 300 K · (56 µrad)².
 """
 
 from collections.abc import Iterable
 
-from opir_core.plugin import ScanningSensorConfig, SensorModel, cited, hookimpl, scanning_model, with_defaults
+from opir_core.plugin import (
+    ScanningSensorConfig,
+    SensorModel,
+    cited,
+    hookimpl,
+    scanning_model,
+    with_defaults,
+)
 
 ABI = "Schmit et al., BAMS 98 (2017) 681; GOES-R Product Definition and Users' Guide"
 AHI = "Bessho et al., J. Meteor. Soc. Japan 94 (2016) 151"
@@ -23,7 +31,8 @@ AHI_NEI_W_M2 = {**ABI_NEI_W_M2, "B07": 2.484e-12}
 #: A pixel is sampled every 2 km at nadir, from 35 786 km.
 PIXEL_URAD = 56.0
 
-#: A third of the navigation error (1 km at nadir, 3 sigma) with a pixel's width over the square root of 12.
+#: A third of the navigation error (1 km at nadir, 3 sigma) with a pixel's width over the square
+#: root of 12.
 _NAVIGATED_URAD = 19.0
 
 ABI_SCANS = {
@@ -44,7 +53,9 @@ AHI_SCANS = {
     scan_pattern="step-stare",
     scan_period_ms=cited(60_000.0, f"mesoscale sector; {ABI}"),
     detection_probability={"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5},
-    line_of_sight_sigma_urad=cited(_NAVIGATED_URAD, f"navigation 28 urad, 3 sigma, and pixel; {ABI}"),
+    line_of_sight_sigma_urad=cited(
+        _NAVIGATED_URAD, f"navigation 28 urad, 3 sigma, and pixel; {ABI}"
+    ),
     band_nei_w_m2=cited(ABI_NEI_W_M2, f"NEDT 0.1 K at 300 K; {ABI}"),
     ifov_urad=cited(PIXEL_URAD, ABI),
     threshold_sigma=7.0,
@@ -62,7 +73,9 @@ class AbiConfig(ScanningSensorConfig):
     scan_period_ms=cited(600_000.0, f"full disk; {AHI}"),
     detection_probability={"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5},
     line_of_sight_sigma_urad=_NAVIGATED_URAD,
-    band_nei_w_m2=cited(AHI_NEI_W_M2, f"NEDT 0.16 K at 300 K in band 7, 0.1 K in the others; {AHI}"),
+    band_nei_w_m2=cited(
+        AHI_NEI_W_M2, f"NEDT 0.16 K at 300 K in band 7, 0.1 K in the others; {AHI}"
+    ),
     ifov_urad=cited(PIXEL_URAD, AHI),
     threshold_sigma=7.0,
     confirmation_detections=1,
@@ -77,5 +90,9 @@ class AhiConfig(ScanningSensorConfig):
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield `GOES-ABI` and `AHI`."""
     summary = "civil imager, 3.9, 6.2, 6.9 and 7.3 um, 2 km at nadir"
-    yield scanning_model("GOES-ABI", f"{summary}, every minute (presets by scan)", AbiConfig, presets=ABI_SCANS)
-    yield scanning_model("AHI", f"{summary}, every ten minutes (presets by scan)", AhiConfig, presets=AHI_SCANS)
+    yield scanning_model(
+        "GOES-ABI", f"{summary}, every minute (presets by scan)", AbiConfig, presets=ABI_SCANS
+    )
+    yield scanning_model(
+        "AHI", f"{summary}, every ten minutes (presets by scan)", AhiConfig, presets=AHI_SCANS
+    )

@@ -9,11 +9,13 @@ from opir_core.arrays import FloatArray
 W_M2_PER_W_CM2 = 1e4
 
 
-def irradiance_at_aperture(intensity_w_sr: ArrayLike, range_m: ArrayLike, transmittance: ArrayLike = 1.0) -> FloatArray:
+def irradiance_at_aperture(
+    intensity_w_sr: ArrayLike, range_m: ArrayLike, transmittance: ArrayLike = 1.0
+) -> FloatArray:
     """Return irradiances E = I τ / R², W/m², of sources smaller than a pixel.
 
-    In-band radiant intensity I, W/sr, range R, m, and transmittance τ of the path, in [0, 1], broadcast; the result has
-    their common shape.
+    In-band radiant intensity I, W/sr, range R, m, and transmittance τ of the path, in [0, 1],
+    broadcast; the result has their common shape.
     """
     distance = np.asarray(range_m, dtype=np.float64)
     return np.asarray(intensity_w_sr) * np.asarray(transmittance) / distance / distance
@@ -22,18 +24,25 @@ def irradiance_at_aperture(intensity_w_sr: ArrayLike, range_m: ArrayLike, transm
 def irradiance_of_projected_area(
     radiance_w_m2_sr: ArrayLike, projected_area_m2: ArrayLike, range_m: ArrayLike
 ) -> FloatArray:
-    """Return irradiances E = L A / R², W/m², of sources of radiance L, W m⁻² sr⁻¹, and area A projected to the sensor.
+    """Return irradiances E = L A / R², W/m², of sources of radiance L, W m⁻² sr⁻¹, and area A
+    projected to the sensor.
 
     Area, m², and range, m, broadcast with the radiance.
     """
-    return irradiance_at_aperture(np.asarray(radiance_w_m2_sr) * np.asarray(projected_area_m2), range_m)
+    return irradiance_at_aperture(
+        np.asarray(radiance_w_m2_sr) * np.asarray(projected_area_m2), range_m
+    )
 
 
-def irradiance_of_sphere(radiance_w_m2_sr: ArrayLike, surface_area_m2: ArrayLike, range_m: ArrayLike) -> FloatArray:
-    """Return irradiances E = L A / (4 R²), W/m², of spheres of radiance L and surface area A, m², at range R, m.
+def irradiance_of_sphere(
+    radiance_w_m2_sr: ArrayLike, surface_area_m2: ArrayLike, range_m: ArrayLike
+) -> FloatArray:
+    """Return irradiances E = L A / (4 R²), W/m², of spheres of radiance L and surface area A, m²,
+    at range R, m.
 
-    The projected area of a sphere is a quarter of its surface. This is the form of the opir-simulator paper (2026),
-    section 2.1; for a projected area use `irradiance_of_projected_area` (docs/explanation/paper-errata.md).
+    The projected area of a sphere is a quarter of its surface. This is the form of the
+    opir-simulator paper (2026), section 2.1; for a projected area use
+    `irradiance_of_projected_area` (docs/explanation/paper-errata.md).
     """
     return 0.25 * irradiance_of_projected_area(radiance_w_m2_sr, surface_area_m2, range_m)
 
@@ -45,11 +54,18 @@ def minimum_detectable_intensity(
     transmittance: ArrayLike = 1.0,
     snr: ArrayLike = 5.0,
 ) -> FloatArray:
-    """Return the in-band intensities I_min = NEI R² SNR / τ, W/sr, that give a signal-to-noise ratio; inf where τ is 0.
+    """Return the in-band intensities I_min = NEI R² SNR / τ, W/sr, that give a signal-to-noise
+    ratio; inf where τ is 0.
 
-    The noise-equivalent irradiance NEI is in W/m² (1 W/cm² is 1e4 W/m²), the range R in m; arguments broadcast. A
-    threshold at that SNR detects such a source in half of the looks. Source: opir-simulator paper (2026), section 2.4.
+    The noise-equivalent irradiance NEI is in W/m² (1 W/cm² is 1e4 W/m²), the range R in m;
+    arguments broadcast. A threshold at that SNR detects such a source in half of the looks. Source:
+    opir-simulator paper (2026), section 2.4.
     """
     distance = np.asarray(range_m, dtype=np.float64)
-    least = np.asarray(noise_equivalent_irradiance_w_m2, dtype=np.float64) * distance * distance * np.asarray(snr)
+    least = (
+        np.asarray(noise_equivalent_irradiance_w_m2, dtype=np.float64)
+        * distance
+        * distance
+        * np.asarray(snr)
+    )
     return np.asarray(least / np.asarray(transmittance, dtype=np.float64))

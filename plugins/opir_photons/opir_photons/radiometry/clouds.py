@@ -37,8 +37,9 @@ class FullDeck:
 class CloudField:
     """Cloud over a random part of the Earth, the same at all times.
 
-    The Earth is cut into rows of equal latitude, and each of these into cells about as wide as high; `first` (rows + 1)
-    counts the cells before each row, `cloudy` (cells,) says which are covered.
+    The Earth is cut into rows of equal latitude, and each of these into cells about as wide as
+    high; `first` (rows + 1) counts the cells before each row, `cloudy` (cells,) says which are
+    covered.
     """
 
     top_m: float
@@ -47,7 +48,9 @@ class CloudField:
 
     @classmethod
     def drawn(cls, top_m: float, cover: float, cell_m: float, seed: int) -> "CloudField":
-        """Return a field of which each cell is covered with probability `cover`, by the stream "clouds" of a seed."""
+        """Return a field of which each cell is covered with probability `cover`, by the stream
+        "clouds" of a seed.
+        """
         rows = max(1, round(np.pi * _RADIUS_M / cell_m))
         middle = (np.arange(rows) + 0.5) / rows * np.pi - 0.5 * np.pi
         columns = np.maximum(1, np.rint(2.0 * rows * np.cos(middle))).astype(np.int64)
@@ -72,12 +75,13 @@ _RADIUS_M = 6_371_000.0
 def is_hidden(deck: Deck, path: Paths) -> BoolArray:
     """Return whether paths (n,) from targets to sensors pass through cloud.
 
-    A path from below the deck's top goes through it once, one from above that first descends below it twice; the
-    places, on a sphere through the top, are looked up in the deck.
+    A path from below the deck's top goes through it once, one from above that first descends below
+    it twice; the places, on a sphere through the top, are looked up in the deck.
     """
     offset = path.sensor_ecef_m - path.target_ecef_m
     radius = length(*components(path.target_ecef_m))
-    # On the sphere through the target whose centre is the Earth's, and one about it through the deck.
+    # On the sphere through the target whose centre is the Earth's, and one about it through the
+    # deck.
     along = radius * path.elevation_sine
     rise = (deck.top_m - path.height_m) * (2.0 * radius + deck.top_m - path.height_m)
     reach = np.square(along) + rise

@@ -1,15 +1,17 @@
 """Clutter: what a filter leaves of a background with structure, in closed form.
 
-The background's radiance has the two-dimensional power spectrum of a Matérn field (of von Kármán's form): flat up to
-the wavenumber 1/scale and falling as k^-α above. Its correlation is that of `structure_correlation`; for α = 3 it is
-exp(-r/scale), which a medium of two phases with random borders has, like broken cloud (P. Debye, H. R. Anderson and H.
-Brumberger, J. Appl. Phys. 28 (1957) 679).
+The background's radiance has the two-dimensional power spectrum of a Matérn field (of von Kármán's
+form): flat up to the wavenumber 1/scale and falling as k^-α above. Its correlation is that of
+`structure_correlation`; for α = 3 it is exp(-r/scale), which a medium of two phases with random
+borders has, like broken cloud (P. Debye, H. R. Anderson and H. Brumberger, J. Appl. Phys. 28 (1957)
+679).
 
-The variance left by a spatial filter and a difference of two frames is the integral of the spectrum times the squared
-transfer functions of spot and pixel, times that of the filter, times that of the frames' displacement: 2 (1 - J0(k d)
-exp(-k² s²)) for a drift by d in an unknown direction and a registration error of s per frame and axis. For small
-displacements this is the structure's gradient times the displacement, in general twice one minus the correlation.
-Angles, lengths on the sky and displacements are in pixels; variances are of a field of unit variance.
+The variance left by a spatial filter and a difference of two frames is the integral of the spectrum
+times the squared transfer functions of spot and pixel, times that of the filter, times that of the
+frames' displacement: 2 (1 - J0(k d) exp(-k² s²)) for a drift by d in an unknown direction and a
+registration error of s per frame and axis. For small displacements this is the structure's gradient
+times the displacement, in general twice one minus the correlation. Angles, lengths on the sky and
+displacements are in pixels; variances are of a field of unit variance.
 """
 
 import numpy as np
@@ -20,36 +22,44 @@ from scipy.special import gamma, j0, kv
 from opir_core.arrays import FloatArray
 from opir_photons.radiometry.point_spread import EVEN, PointSpread, filter_transfer, radial_nodes
 
-#: Distances, in outer scales, below which two terms of the series of a correlation are exact to rounding.
+#: Distances, in outer scales, below which two terms of the series of a correlation are exact to
+#: rounding.
 _VERY_NEAR = 1e-20
 
 
 def structure_spectrum(wavenumber: ArrayLike, scale: ArrayLike, exponent: ArrayLike) -> FloatArray:
-    """Return power spectral densities P(k) = 2π (α - 2) ℓ² (1 + k² ℓ²)^(-α/2) of fields of unit variance.
+    """Return power spectral densities P(k) = 2π (α - 2) ℓ² (1 + k² ℓ²)^(-α/2) of fields of unit
+    variance.
 
-    Outer scale ℓ in any unit of length, wavenumber k in radians per that unit, exponent α above 2; the variance is the
-    integral of P over the plane of wavenumbers, over (2π)². Source: P. Guttorp and T. Gneiting, Biometrika 93 (2006)
-    989.
+    Outer scale ℓ in any unit of length, wavenumber k in radians per that unit, exponent α above 2;
+    the variance is the integral of P over the plane of wavenumbers, over (2π)². Source: P. Guttorp
+    and T. Gneiting, Biometrika 93 (2006) 989.
     """
     outer = np.asarray(scale, dtype=np.float64)
     power = np.asarray(exponent, dtype=np.float64)
     scaled = np.asarray(wavenumber, dtype=np.float64) * outer
-    return np.asarray(2.0 * np.pi * (power - 2.0) * np.square(outer) * (1.0 + scaled * scaled) ** (-0.5 * power))
+    return np.asarray(
+        2.0 * np.pi * (power - 2.0) * np.square(outer) * (1.0 + scaled * scaled) ** (-0.5 * power)
+    )
 
 
 def structure_correlation(distance: ArrayLike, scale: ArrayLike, exponent: ArrayLike) -> FloatArray:
-    """Return the correlations of a field at distances r: 2^(1-ν) / Γ(ν) (r/ℓ)^ν K_ν(r/ℓ) with ν = α/2 - 1.
+    """Return the correlations of a field at distances r: 2^(1-ν) / Γ(ν) (r/ℓ)^ν K_ν(r/ℓ) with ν =
+    α/2 - 1.
 
-    Distance and outer scale ℓ are in one unit; 1 at distance 0. The Fourier transform of `structure_spectrum`.
+    Distance and outer scale ℓ are in one unit; 1 at distance 0. The Fourier transform of
+    `structure_spectrum`.
     """
     order = 0.5 * np.asarray(exponent, dtype=np.float64) - 1.0
     far = np.asarray(distance, dtype=np.float64) / np.asarray(scale, dtype=np.float64)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         value = 2.0 ** (1.0 - order) / gamma(order) * far**order * kv(order, far)
-        # Very near, where K_ν loses digits or overflows, the first terms of its series; where the power overflows, K_ν
-        # is 0.
+        # Very near, where K_ν loses digits or overflows, the first terms of its series; where the
+        # power overflows, K_ν is 0.
         fall = gamma(1.0 - order) / gamma(1.0 + order) * (0.5 * far) ** (2.0 * order)
-        near = 1.0 - np.where(order < 1.0, fall, np.square(far) / (4.0 * np.maximum(order - 1.0, 1e-3)))
+        near = 1.0 - np.where(
+            order < 1.0, fall, np.square(far) / (4.0 * np.maximum(order - 1.0, 1e-3))
+        )
         value = np.where((far < _VERY_NEAR) | ~np.isfinite(value) & (far < 1.0), near, value)
         value = np.where(np.isnan(value) & (far > 1.0), 0.0, value)
     return np.where(far > 0.0, value, np.where(np.isnan(far), far, 1.0))
@@ -59,8 +69,9 @@ def structure_correlation(distance: ArrayLike, scale: ArrayLike, exponent: Array
 class FrameDifference:
     """The difference of a frame and one of `lag_s` earlier.
 
-    Every frame is off by a registration error of standard deviation `registration` per axis, pixels, new from frame to
-    frame; the line of sight drifts over the scene at `drift_per_s`, pixels per s, in an unknown direction.
+    Every frame is off by a registration error of standard deviation `registration` per axis,
+    pixels, new from frame to frame; the line of sight drifts over the scene at `drift_per_s`,
+    pixels per s, in an unknown direction.
     """
 
     lag_s: float
@@ -68,7 +79,9 @@ class FrameDifference:
     drift_per_s: float
 
     def transfer(self, wavenumber: FloatArray) -> FloatArray:
-        """Return the squared transfer function at wavenumbers per pixel: 2 (1 - J0(k d) exp(-k² s²))."""
+        """Return the squared transfer function at wavenumbers per pixel: 2 (1 - J0(k d) exp(-k²
+        s²)).
+        """
         # The difference from 1 without cancellation.
         off = -np.expm1(-np.square(wavenumber * self.registration))
         drifted = _one_less_j0(wavenumber * (self.drift_per_s * self.lag_s))
@@ -85,15 +98,17 @@ def _one_less_j0(at: FloatArray) -> FloatArray:
 class SpatialTransfer:
     """The mean over directions of the squared transfer functions of spot, pixel and filter.
 
-    `wavenumber` (q,) are nodes, radians per pixel; `weight` (q,) that mean times the weight of the node in an integral
-    over the plane of wavenumbers, over (2π)².
+    `wavenumber` (q,) are nodes, radians per pixel; `weight` (q,) that mean times the weight of the
+    node in an integral over the plane of wavenumbers, over (2π)².
     """
 
     wavenumber: FloatArray
     weight: FloatArray
 
     @classmethod
-    def of(cls, weights: FloatArray, spread: PointSpread, farthest: float = 0.0) -> "SpatialTransfer":
+    def of(
+        cls, weights: FloatArray, spread: PointSpread, farthest: float = 0.0
+    ) -> "SpatialTransfer":
         """Return the transfer of a filter (m, m) behind spots.
 
         `farthest` is the largest displacement, pixels, that is looked at.
@@ -105,7 +120,9 @@ class SpatialTransfer:
         window = np.square(passed).mean(axis=1) * np.square(spread.transfer(wavenumber))
         return cls(wavenumber, window * wavenumber * step / (2.0 * np.pi))
 
-    def variance(self, scale: ArrayLike, exponent: float, frames: FrameDifference | None = None) -> FloatArray:
+    def variance(
+        self, scale: ArrayLike, exponent: float, frames: FrameDifference | None = None
+    ) -> FloatArray:
         """Return the variances left of fields of outer scales (…), pixels, and an exponent."""
         weight = self.weight if frames is None else self.weight * frames.transfer(self.wavenumber)
         return self._integral(scale, exponent, weight)
@@ -118,10 +135,12 @@ class SpatialTransfer:
         frames: FrameDifference | None = None,
         motion_per_s: float = 0.0,
     ) -> FloatArray:
-        """Return the correlations (…) of what is left at one target in looks that are intervals (…), s, apart.
+        """Return the correlations (…) of what is left at one target in looks that are intervals
+        (…), s, apart.
 
-        `motion_per_s` is the target's motion over the scene, pixels per s, in an unknown direction. Without frames the
-        sensor neither drifts nor jitters: structure changes only by the target's motion. 0 where nothing is left.
+        `motion_per_s` is the target's motion over the scene, pixels per s, in an unknown direction.
+        Without frames the sensor neither drifts nor jitters: structure changes only by the target's
+        motion. 0 where nothing is left.
         """
         time = np.asarray(interval_s, dtype=np.float64)
         moved = j0(motion_per_s * np.abs(time)[..., None] * self.wavenumber)
@@ -137,7 +156,9 @@ class SpatialTransfer:
         return np.asarray((field * common).sum(axis=-1) / left)
 
     def _frame(self, frames: FrameDifference, time_s: FloatArray) -> FloatArray:
-        """Return the transfer (…, q) of the displacement of two frames some time apart; 1 of a frame with itself."""
+        """Return the transfer (…, q) of the displacement of two frames some time apart; 1 of a
+        frame with itself.
+        """
         apart = np.abs(time_s)[..., None]
         blurred = np.exp(-np.square(self.wavenumber * frames.registration)) * j0(
             self.wavenumber * frames.drift_per_s * apart
@@ -146,4 +167,6 @@ class SpatialTransfer:
 
     def _integral(self, scale: ArrayLike, exponent: float, weight: FloatArray) -> FloatArray:
         outer = np.asarray(scale, dtype=np.float64)[..., None]
-        return np.asarray((structure_spectrum(self.wavenumber, outer, exponent) * weight).sum(axis=-1))
+        return np.asarray(
+            (structure_spectrum(self.wavenumber, outer, exponent) * weight).sum(axis=-1)
+        )

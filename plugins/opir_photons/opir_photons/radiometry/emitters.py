@@ -24,7 +24,8 @@ from opir_photons.radiometry.source_configs import (
 #: The most emitters of one block.
 MOST_EMITTERS = 20_000
 
-#: The sphere on which densities are counted: as much surface as the ellipsoid (WGS 84's authalic radius), km.
+#: The sphere on which densities are counted: as much surface as the ellipsoid (WGS 84's authalic
+#: radius), km.
 AUTHALIC_RADIUS_KM = 6371.007181
 
 Emitter = Mapping[str, float]
@@ -43,11 +44,14 @@ class Emitters:
         return self.columns[name]
 
 
-def emitters_of(config: SourceConfig, context: SourceContext, *, is_brief: bool = False) -> Emitters:
-    """Return the emitters of a block, with the values of the block where they have none of their own.
+def emitters_of(
+    config: SourceConfig, context: SourceContext, *, is_brief: bool = False
+) -> Emitters:
+    """Return the emitters of a block, with the values of the block where they have none of their
+    own.
 
-    Brief ones of a random field begin at random during the scene. `SceneError`, with its line, for an invalid file,
-    `ModelError` for more emitters than a block may have.
+    Brief ones of a random field begin at random during the scene. `SceneError`, with its line, for
+    an invalid file, `ModelError` for more emitters than a block may have.
     """
     kind = type(config)
     defaults = {name: getattr(config, name) for name in own_fields(kind)}
@@ -55,26 +59,41 @@ def emitters_of(config: SourceConfig, context: SourceContext, *, is_brief: bool 
     if config.field is not None:
         given = _drawn(config.field, config.area_m2, context, is_brief)
         count = len(given["lat_deg"])
-        return Emitters({**{name: np.full(count, value) for name, value in defaults.items()}, **given})
-    rows = config.at if config.at is not None else rows_of_csv(str(config.csv), config, context.path)
+        return Emitters(
+            {**{name: np.full(count, value) for name, value in defaults.items()}, **given}
+        )
+    rows = (
+        config.at if config.at is not None else rows_of_csv(str(config.csv), config, context.path)
+    )
     if len(rows) > MOST_EMITTERS:
-        raise ModelError(f"{context.path}: {len(rows)} emitters; a block has at most {MOST_EMITTERS}")
+        raise ModelError(
+            f"{context.path}: {len(rows)} emitters; a block has at most {MOST_EMITTERS}"
+        )
     names = ("lat_deg", "lon_deg", *defaults)
     return Emitters(
-        {name: np.array([row.get(name, defaults.get(name)) for row in rows], dtype=np.float64) for name in names}
+        {
+            name: np.array([row.get(name, defaults.get(name)) for row in rows], dtype=np.float64)
+            for name in names
+        }
     )
 
 
 def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emitter]:
-    """Return the emitters of a CSV file; raises `SceneError` with one message that names file and line."""
+    """Return the emitters of a CSV file; raises `SceneError` with one message that names file and
+    line.
+    """
     if not path:
-        raise SceneError([Problem(f"{scene_path}.csv", "the path is empty; give that of a file of emitters")])
+        raise SceneError(
+            [Problem(f"{scene_path}.csv", "the path is empty; give that of a file of emitters")]
+        )
     try:
         text = text_of(file_bytes(path))
         return [_emitter(row, number, block) for number, row in _numbered(text, type(block))]
     except (OSError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise SceneError([Problem(f"{scene_path}.csv", f"{path} cannot be read: {reason}")]) from error
+        raise SceneError(
+            [Problem(f"{scene_path}.csv", f"{path} cannot be read: {reason}")]
+        ) from error
     except ValueError as error:
         raise SceneError([Problem(f"{scene_path}.csv", f"{path}, {error}")]) from error
 
@@ -84,13 +103,18 @@ def _numbered(text: str, kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
 
     Semicolons or tabs may part the columns; decimals may have commas then.
     """
-    head = next((line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
+    head = next(
+        (line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")),
+        "",
+    )
     delimiter = next((mark for mark in "\t;" if mark in head), ",")
     reader = csv.reader(StringIO(text), delimiter=delimiter, strict=True)
     header: list[str] | None = None
     lines = []
     for cells in reader:
-        stripped = [cell.strip() if delimiter == "," else cell.strip().replace(",", ".") for cell in cells]
+        stripped = [
+            cell.strip() if delimiter == "," else cell.strip().replace(",", ".") for cell in cells
+        ]
         if not any(stripped) or stripped[0].startswith("#"):
             continue
         if header is None:
@@ -100,7 +124,9 @@ def _numbered(text: str, kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
                 raise ValueError(f"line {reader.line_num}: {complaint}")
             continue
         if len(stripped) != len(header):
-            raise ValueError(f"line {reader.line_num}: {len(stripped)} cells under a header of {len(header)}")
+            raise ValueError(
+                f"line {reader.line_num}: {len(stripped)} cells under a header of {len(header)}"
+            )
         lines.append((reader.line_num, dict(zip(header, stripped, strict=True))))
     if header is None:
         raise ValueError("line 1: a header with lat_deg and lon_deg is needed")
@@ -138,7 +164,9 @@ def _number(text: str) -> float:
     return float(text)
 
 
-def _drawn(field: FieldConfig, area_m2: float, context: SourceContext, is_brief: bool) -> dict[str, FloatArray]:
+def _drawn(
+    field: FieldConfig, area_m2: float, context: SourceContext, is_brief: bool
+) -> dict[str, FloatArray]:
     """Return positions, areas and, for brief emitters, start times of a random field."""
     region = field.region
     sines = np.sin(np.radians([region.south_deg, region.north_deg]))
@@ -146,10 +174,14 @@ def _drawn(field: FieldConfig, area_m2: float, context: SourceContext, is_brief:
     hours = context.duration_s / 3600.0 if is_brief else 1.0
     surface_km2 = AUTHALIC_RADIUS_KM**2 * (sines[1] - sines[0]) * np.radians(width_deg)
     count = _poisson(field.per_million_km2 * surface_km2 * 1e-6 * hours, context)
-    across, along, when = (_uniforms(context, name, count) for name in ("latitude", "longitude", "start"))
+    across, along, when = (
+        _uniforms(context, name, count) for name in ("latitude", "longitude", "start")
+    )
     size = normal_pairs(_words(context, "area", count))[0]
     drawn = {
-        "lat_deg": np.degrees(np.arcsin(np.clip(sines[0] + across * (sines[1] - sines[0]), -1.0, 1.0))),
+        "lat_deg": np.degrees(
+            np.arcsin(np.clip(sines[0] + across * (sines[1] - sines[0]), -1.0, 1.0))
+        ),
         "lon_deg": (region.west_deg + along * width_deg + 180.0) % 360.0 - 180.0,
         "area_m2": area_m2 * np.exp(field.area_log_sigma * size),
     }
@@ -160,7 +192,8 @@ def _poisson(mean: float, context: SourceContext) -> int:
     """Return a Poisson-distributed number: the count of exponential intervals below the mean."""
     if mean > MOST_EMITTERS:
         raise ModelError(
-            f"{context.path}: {mean:g} emitters are expected; a block has at most {MOST_EMITTERS}: lower"
+            f"{context.path}: {mean:g} emitters are expected; a block has at most {MOST_EMITTERS}:"
+            f" lower"
             " per_million_km2 or take a smaller region"
         )
     # Ten standard deviations above the mean: beyond once in 1e23 runs.

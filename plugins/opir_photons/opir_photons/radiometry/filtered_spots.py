@@ -1,14 +1,14 @@
 """What a filter of pixels makes of a point source, where it looks and beside it, in closed form.
 
-The output of a filter w for a source displaced by d from where the filter looks, averaged over the direction of d and
-over the source's place on its pixel, is
+The output of a filter w for a source displaced by d from where the filter looks, averaged over the
+direction of d and over the source's place on its pixel, is
 
     g(d) = 1/(2π) ∫ k dk T(k) J0(k d) < W(k) sinc²(k_x/2) sinc²(k_y/2) >
 
-with the transfer T of the spot, W of the filter, one sinc for the pixel and one for the place on it (cosines instead of
-it for the worst place, a corner), averaged over directions of k. g(0) is the share of the source's light that the
-filter passes. A difference of two frames subtracts g(d) / g(0) of the source's light in the earlier frame. Lengths are
-in pixels.
+with the transfer T of the spot, W of the filter, one sinc for the pixel and one for the place on it
+(cosines instead of it for the worst place, a corner), averaged over directions of k. g(0) is the
+share of the source's light that the filter passes. A difference of two frames subtracts g(d) / g(0)
+of the source's light in the earlier frame. Lengths are in pixels.
 """
 
 import math
@@ -29,7 +29,9 @@ _BEYOND = 3.0
 
 @frozen(eq=False)
 class FilteredSpot:
-    """The mean output of a filter for a displaced spot of unit energy: `weight` (q,) of J0 at `wavenumber` (q,)."""
+    """The mean output of a filter for a displaced spot of unit energy: `weight` (q,) of J0 at
+    `wavenumber` (q,).
+    """
 
     wavenumber: FloatArray
     weight: FloatArray
@@ -37,16 +39,22 @@ class FilteredSpot:
 
     @classmethod
     def of(cls, weights: FloatArray, spread: PointSpread, phase: str = "mean") -> "FilteredSpot":
-        """Return the output of a filter (m, m) over all places of a spot on its pixel (`mean`), or on a corner."""
+        """Return the output of a filter (m, m) over all places of a spot on its pixel (`mean`), or
+        on a corner.
+        """
         most = max(spread.most, 2.0 * EVEN)
         wavenumber, step = radial_nodes(most, 2.0 * len(weights) + _BEYOND)
         transfer, x, y = filter_transfer(weights, wavenumber, most)
         pixel = np.sinc(0.5 * x / np.pi) * np.sinc(0.5 * y / np.pi)
-        passed = transfer.real * (pixel * (pixel if phase == "mean" else np.cos(0.5 * x) * np.cos(0.5 * y)))
+        passed = transfer.real * (
+            pixel * (pixel if phase == "mean" else np.cos(0.5 * x) * np.cos(0.5 * y))
+        )
         window = passed.mean(axis=1) * spread.transfer(wavenumber)
         return cls(wavenumber, window * wavenumber * step / (2.0 * np.pi), len(weights))
 
-    def response(self, displacement: ArrayLike = 0.0, frames: FrameDifference | None = None) -> FloatArray:
+    def response(
+        self, displacement: ArrayLike = 0.0, frames: FrameDifference | None = None
+    ) -> FloatArray:
         """Return the mean outputs (…) for displacements (…), pixels, in unknown directions.
 
         `frames` are two frames whose drift and registration errors add to the displacement.
@@ -59,8 +67,15 @@ class FilteredSpot:
         return np.asarray((j0(self.wavenumber * far) * weight).sum(axis=-1))
 
     def own_past(self, frames: FrameDifference) -> "OwnPast":
-        """Return the share of a source's light that the difference of two frames subtracts, by displacement."""
-        reach = len(self) / math.sqrt(2.0) + _BEYOND + frames.drift_per_s * frames.lag_s + 3.0 * frames.registration
+        """Return the share of a source's light that the difference of two frames subtracts, by
+        displacement.
+        """
+        reach = (
+            len(self) / math.sqrt(2.0)
+            + _BEYOND
+            + frames.drift_per_s * frames.lag_s
+            + 3.0 * frames.registration
+        )
         place = np.linspace(0.0, reach, _STEPS + 1)
         blocks = [self.response(part, frames) for part in np.array_split(place, 20)]
         return OwnPast(place, np.concatenate(blocks) / float(self.response()))
@@ -87,7 +102,8 @@ class OwnPast:
 
 
 def ensquared_airy_energy(spread: PointSpread, pixels: int = 1, phase: str = "mean") -> float:
-    """Return the share of a spot's energy in a square of pixels about it: mean over its places on a pixel, or worst.
+    """Return the share of a spot's energy in a square of pixels about it: mean over its places on a
+    pixel, or worst.
 
     Of the true pattern with its rings; `ensquared_energy` is that of a Gaussian.
     """

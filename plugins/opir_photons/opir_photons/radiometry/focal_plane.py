@@ -1,12 +1,15 @@
-"""The focal plane of a sensor: point spread, pixels, electrons, noise, saturation and centroid accuracy.
+"""The focal plane of a sensor: point spread, pixels, electrons, noise, saturation and centroid
+accuracy.
 
-A point source makes a Gaussian spot, which square pixels integrate. Widths of spots are standard deviations per axis,
-rad; `pixel_rad` is the IFOV of one pixel. Arguments of all functions broadcast and the results have their common shape;
-invalid numbers (negative widths, no aperture) give nan or inf, never an exception.
+A point source makes a Gaussian spot, which square pixels integrate. Widths of spots are standard
+deviations per axis, rad; `pixel_rad` is the IFOV of one pixel. Arguments of all functions broadcast
+and the results have their common shape; invalid numbers (negative widths, no aperture) give nan or
+inf, never an exception.
 
-Sources: J. W. Goodman, Introduction to Fourier Optics, 3rd ed. (2005), section 4.4 (Airy pattern); E. L. Dereniak and
-G. D. Boreman, Infrared Detectors and Systems (1996), chapter 5 (noise of detectors); K. A. Winick, J. Opt. Soc. Am. A 3
-(1986) 1809 (Cramér-Rao bound of a centroid). Closed forms without a source are integrals worked out here.
+Sources: J. W. Goodman, Introduction to Fourier Optics, 3rd ed. (2005), section 4.4 (Airy pattern);
+E. L. Dereniak and G. D. Boreman, Infrared Detectors and Systems (1996), chapter 5 (noise of
+detectors); K. A. Winick, J. Opt. Soc. Am. A 3 (1986) 1809 (Cramér-Rao bound of a centroid). Closed
+forms without a source are integrals worked out here.
 """
 
 import math
@@ -20,15 +23,19 @@ from opir_core.arrays import FloatArray
 #: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
 PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6
 
-#: Gaussian of the power and the peak of an Airy pattern, in λ/D: the peaks are 1/(2π σ²) and (π/4) (D/λ)². The
-#: curvatures of both peaks are then equal, too.
+#: Gaussian of the power and the peak of an Airy pattern, in λ/D: the peaks are 1/(2π σ²) and (π/4)
+#: (D/λ)². The curvatures of both peaks are then equal, too.
 AIRY_SIGMA = math.sqrt(2.0) / math.pi
 
-#: Sub-pixel phases of an average, from the centre of a pixel to its edge; it converges faster than any power.
+#: Sub-pixel phases of an average, from the centre of a pixel to its edge; it converges faster than
+#: any power.
 _PHASES = (np.arange(32) + 0.5) / 64.0
 #: Gauss-Legendre quadrature over [0, 1].
-_NODES, _WEIGHTS = (0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]]))
-#: Widths, in pixels: beyond the first all phases are alike, beyond the second a spot is a wider one in larger pixels.
+_NODES, _WEIGHTS = (
+    0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]])
+)
+#: Widths, in pixels: beyond the first all phases are alike, beyond the second a spot is a wider one
+#: in larger pixels.
 _ALIKE = 1.5
 _SMOOTH = 4.0
 
@@ -40,33 +47,40 @@ def _floats(*values: ArrayLike) -> list[FloatArray]:
 def airy_sigma_rad(wavelength_um: ArrayLike, aperture_m: ArrayLike) -> FloatArray:
     """Return the widths of diffraction-limited spots, rad: σ = (√2 / π) λ / D.
 
-    The Gaussian with the power, the peak and the curvature at the peak of the Airy pattern of a circular aperture of
-    diameter D, m, at wavelength λ, µm. The Airy pattern's rings, 16 % of its power, are in the Gaussian's core.
+    The Gaussian with the power, the peak and the curvature at the peak of the Airy pattern of a
+    circular aperture of diameter D, m, at wavelength λ, µm. The Airy pattern's rings, 16 % of its
+    power, are in the Gaussian's core.
     """
     wavelength, aperture = _floats(wavelength_um, aperture_m)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(AIRY_SIGMA * 1e-6 * wavelength / aperture)
 
 
-def blurred_sigma_rad(sigma_rad: ArrayLike, jitter_rad: ArrayLike = 0.0, smear_rad: ArrayLike = 0.0) -> FloatArray:
+def blurred_sigma_rad(
+    sigma_rad: ArrayLike, jitter_rad: ArrayLike = 0.0, smear_rad: ArrayLike = 0.0
+) -> FloatArray:
     """Return the widths of spots blurred during the integration, rad.
 
-    `jitter_rad` is the standard deviation per axis of line-of-sight jitter that is fast against the integration time,
-    or of any other Gaussian blur; `smear_rad` the length of a uniform motion, whose variance smear²/12 is shared by
-    both axes: its direction is random.
+    `jitter_rad` is the standard deviation per axis of line-of-sight jitter that is fast against the
+    integration time, or of any other Gaussian blur; `smear_rad` the length of a uniform motion,
+    whose variance smear²/12 is shared by both axes: its direction is random.
     """
     own, jitter, smear = _floats(sigma_rad, jitter_rad, smear_rad)
     return np.asarray(np.sqrt(own * own + jitter * jitter + smear * smear / 24.0))
 
 
-def instantaneous_field_of_view_rad(pixel_pitch_m: ArrayLike, focal_length_m: ArrayLike) -> FloatArray:
+def instantaneous_field_of_view_rad(
+    pixel_pitch_m: ArrayLike, focal_length_m: ArrayLike
+) -> FloatArray:
     """Return the IFOV of pixels, rad: pitch over focal length, both in m."""
     pitch, focal_length = _floats(pixel_pitch_m, focal_length_m)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(pitch / focal_length)
 
 
-def sampling_ratio(wavelength_um: ArrayLike, aperture_m: ArrayLike, pixel_rad: ArrayLike) -> FloatArray:
+def sampling_ratio(
+    wavelength_um: ArrayLike, aperture_m: ArrayLike, pixel_rad: ArrayLike
+) -> FloatArray:
     """Return Q = (λ/D) / IFOV: at 2 and above pixels sample all that the aperture passes (Nyquist).
 
     Source: R. D. Fiete, Opt. Eng. 38 (1999) 1229. Wavelength in µm, aperture diameter in m.
@@ -80,10 +94,12 @@ def sampling_ratio(wavelength_um: ArrayLike, aperture_m: ArrayLike, pixel_rad: A
 def ensquared_energy(
     sigma_rad: ArrayLike, pixel_rad: ArrayLike, pixels: ArrayLike = 1, phase: str = "mean"
 ) -> FloatArray:
-    """Return the shares, in [0, 1], of a spot's energy in a square of `pixels` × `pixels` pixels about it.
+    """Return the shares, in [0, 1], of a spot's energy in a square of `pixels` × `pixels` pixels
+    about it.
 
-    The square is the one whose centre is nearest to the spot. Over the spot's place in that cell (its sub-pixel phase)
-    the share is the `mean` of all places, the `best`, at the centre, or the `worst`, at a corner.
+    The square is the one whose centre is nearest to the spot. Over the spot's place in that cell
+    (its sub-pixel phase) the share is the `mean` of all places, the `best`, at the centre, or the
+    `worst`, at a corner.
     """
     sigma, pixel, count = _floats(sigma_rad, pixel_rad, pixels)
     inner = 0.5 * (count - 1.0) * pixel
@@ -95,9 +111,17 @@ def ensquared_energy(
         share = 0.5 * (_erf(inner, scale) + erf(outer / scale))
     elif phase == "mean":
         falling = np.exp(-np.square(outer / scale)) - np.exp(-np.square(_ratio(inner, scale)))
-        share = (outer * erf(outer / scale) - inner * _erf(inner, scale) + scale * falling / math.sqrt(math.pi)) / pixel
-        # The mean of erf(x / scale) from inner to outer: of wide spots by quadrature, whose terms have one sign.
-        wide = sum(weight * erf((inner + pixel * node) / scale) for node, weight in zip(_NODES, _WEIGHTS, strict=True))
+        share = (
+            outer * erf(outer / scale)
+            - inner * _erf(inner, scale)
+            + scale * falling / math.sqrt(math.pi)
+        ) / pixel
+        # The mean of erf(x / scale) from inner to outer: of wide spots by quadrature, whose terms
+        # have one sign.
+        wide = sum(
+            weight * erf((inner + pixel * node) / scale)
+            for node, weight in zip(_NODES, _WEIGHTS, strict=True)
+        )
         share = np.where(pixel < scale, wide, share)
     else:
         raise ValueError(f"phase: {phase!r} is not one of mean, best, worst")
@@ -120,22 +144,30 @@ def electrons_per_w_m2(
     quantum_efficiency: ArrayLike,
     integration_s: ArrayLike,
 ) -> FloatArray:
-    """Return the electrons that an irradiance of 1 W/m² at the aperture frees: (π/4) D² τ η t λ / (h c).
+    """Return the electrons that an irradiance of 1 W/m² at the aperture frees: (π/4) D² τ η t λ /
+    (h c).
 
-    Wavelength λ, µm (the middle of a narrow band), aperture diameter D, m, transmission τ of the optics, quantum
-    efficiency η, integration time t, s. A point source shares them among pixels (`ensquared_energy`); of a background
-    of radiance L, W m⁻² sr⁻¹, a pixel of solid angle ω receives the irradiance L ω.
+    Wavelength λ, µm (the middle of a narrow band), aperture diameter D, m, transmission τ of the
+    optics, quantum efficiency η, integration time t, s. A point source shares them among pixels
+    (`ensquared_energy`); of a background of radiance L, W m⁻² sr⁻¹, a pixel of solid angle ω
+    receives the irradiance L ω.
     """
     wavelength, aperture, passed, efficiency, time = _floats(
         wavelength_um, aperture_m, transmission, quantum_efficiency, integration_s
     )
-    return np.asarray(0.25 * math.pi * aperture * aperture * passed * efficiency * time * wavelength / PHOTON_J_UM)
+    return np.asarray(
+        0.25 * math.pi * aperture * aperture * passed * efficiency * time * wavelength / PHOTON_J_UM
+    )
 
 
 def noise_electrons(
-    background_e: ArrayLike = 0.0, dark_e: ArrayLike = 0.0, read_e: ArrayLike = 0.0, signal_e: ArrayLike = 0.0
+    background_e: ArrayLike = 0.0,
+    dark_e: ArrayLike = 0.0,
+    read_e: ArrayLike = 0.0,
+    signal_e: ArrayLike = 0.0,
 ) -> FloatArray:
-    """Return the standard deviations of a pixel's count: √(background + dark + signal + read²), electrons.
+    """Return the standard deviations of a pixel's count: √(background + dark + signal + read²),
+    electrons.
 
     Collected electrons are Poisson distributed; `read_e` is the standard deviation of reading.
     """
@@ -144,25 +176,37 @@ def noise_electrons(
 
 
 def noise_equivalent_irradiance(
-    noise_e: ArrayLike, electrons_per_unit: ArrayLike, signal_gain: ArrayLike = 1.0, noise_gain: ArrayLike = 1.0
+    noise_e: ArrayLike,
+    electrons_per_unit: ArrayLike,
+    signal_gain: ArrayLike = 1.0,
+    noise_gain: ArrayLike = 1.0,
 ) -> FloatArray:
-    """Return noise-equivalent irradiances at the aperture, W/m²: noise · √(noise gain) / (electrons · signal gain).
+    """Return noise-equivalent irradiances at the aperture, W/m²: noise · √(noise gain) / (electrons
+    · signal gain).
 
-    `noise_e` is the noise of a pixel, `electrons_per_unit` the electrons of 1 W/m². For n summed pixels the signal gain
-    is the ensquared energy of all and the noise gain n; a difference of two frames doubles the noise gain.
+    `noise_e` is the noise of a pixel, `electrons_per_unit` the electrons of 1 W/m². For n summed
+    pixels the signal gain is the ensquared energy of all and the noise gain n; a difference of two
+    frames doubles the noise gain.
     """
-    noise, electrons, signal, doubled = _floats(noise_e, electrons_per_unit, signal_gain, noise_gain)
+    noise, electrons, signal, doubled = _floats(
+        noise_e, electrons_per_unit, signal_gain, noise_gain
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(noise * np.sqrt(doubled) / (electrons * signal))
 
 
 def saturation_irradiance(
-    well_e: ArrayLike, electrons_per_unit: ArrayLike, occupied_e: ArrayLike = 0.0, peak_share: ArrayLike = 1.0
+    well_e: ArrayLike,
+    electrons_per_unit: ArrayLike,
+    occupied_e: ArrayLike = 0.0,
+    peak_share: ArrayLike = 1.0,
 ) -> FloatArray:
-    """Return the irradiances at the aperture, W/m², of point sources that fill a pixel's well; 0 where it is full.
+    """Return the irradiances at the aperture, W/m², of point sources that fill a pixel's well; 0
+    where it is full.
 
-    `well_e` are the electrons that a pixel holds, `occupied_e` those of background and dark current in it, `peak_share`
-    the share of a spot's energy in its brightest pixel, `electrons_per_unit` the electrons of 1 W/m².
+    `well_e` are the electrons that a pixel holds, `occupied_e` those of background and dark current
+    in it, `peak_share` the share of a spot's energy in its brightest pixel, `electrons_per_unit`
+    the electrons of 1 W/m².
     """
     well, electrons, occupied, share = _floats(well_e, electrons_per_unit, occupied_e, peak_share)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -172,12 +216,14 @@ def saturation_irradiance(
 def centroid_sigma_rad(
     pixel_snr: ArrayLike, sigma_rad: ArrayLike, pixel_rad: ArrayLike, signal_e: ArrayLike = np.inf
 ) -> FloatArray:
-    """Return the Cramér-Rao bounds of a spot's position, rad: standard deviations per axis, over all sub-pixel phases.
+    """Return the Cramér-Rao bounds of a spot's position, rad: standard deviations per axis, over
+    all sub-pixel phases.
 
-    `pixel_snr` is the whole signal over the noise of one pixel without signal, equal in all pixels; `signal_e` the
-    electrons of the signal, whose photon noise adds to it (inf: none). The Fisher information of a phase is
-    Σ (A ∂E/∂x)² / (b² + A E) over pixels with shares E of signal A in noise b (Winick, eq. 20); the bound's variance is
-    averaged over phases. Summed pixel by pixel: `joined_centroid_variance` is for many spots.
+    `pixel_snr` is the whole signal over the noise of one pixel without signal, equal in all pixels;
+    `signal_e` the electrons of the signal, whose photon noise adds to it (inf: none). The Fisher
+    information of a phase is Σ (A ∂E/∂x)² / (b² + A E) over pixels with shares E of signal A in
+    noise b (Winick, eq. 20); the bound's variance is averaged over phases. Summed pixel by pixel:
+    `joined_centroid_variance` is for many spots.
     """
     columns = np.broadcast_arrays(*_floats(pixel_snr, sigma_rad, pixel_rad, signal_e))
     widths = zip(*(column.ravel().tolist() for column in columns), strict=True)
@@ -205,10 +251,11 @@ def _bound(snr: float, width: float, signal: float) -> float:
 
 
 def centroid_factor_rad(sigma_rad: ArrayLike, pixel_rad: ArrayLike) -> FloatArray:
-    """Return the Cramér-Rao bounds of a spot's position without photon noise times the pixel SNR, rad.
+    """Return the Cramér-Rao bounds of a spot's position without photon noise times the pixel SNR,
+    rad.
 
-    As `centroid_sigma_rad`; for wide spots √(8π) σ² / pixel. The sum over pixels is then a product of one over rows and
-    one over columns, whose inverses are averaged one by one.
+    As `centroid_sigma_rad`; for wide spots √(8π) σ² / pixel. The sum over pixels is then a product
+    of one over rows and one over columns, whose inverses are averaged one by one.
     """
     sigma, pixel = _floats(sigma_rad, pixel_rad)
     width = sigma / pixel
@@ -222,26 +269,32 @@ def centroid_factor_rad(sigma_rad: ArrayLike, pixel_rad: ArrayLike) -> FloatArra
 def photon_centroid_variance(sigma_rad: ArrayLike, pixel_rad: ArrayLike) -> FloatArray:
     """Return the variances of a spot's centroid for one electron, rad²: σ² + pixel²/12.
 
-    The Cramér-Rao bound in photon noise alone is this over the electrons of the signal, within 2 % from 0.25 pixels on
-    (R. E. Thompson, D. R. Larson and W. W. Webb, Biophys. J. 82 (2002) 2775).
+    The Cramér-Rao bound in photon noise alone is this over the electrons of the signal, within 2 %
+    from 0.25 pixels on (R. E. Thompson, D. R. Larson and W. W. Webb, Biophys. J. 82 (2002) 2775).
     """
     sigma, pixel = _floats(sigma_rad, pixel_rad)
     return np.asarray(sigma * sigma + pixel * pixel / 12.0)
 
 
 def joined_centroid_variance(white: ArrayLike, photons: ArrayLike) -> FloatArray:
-    """Return the variances of a centroid from those in white noise alone and in photon noise alone, in their unit.
+    """Return the variances of a centroid from those in white noise alone and in photon noise alone,
+    in their unit.
 
-    w + p + p √(w / (2 (w + p))): B. Rieger and S. Stallinga, ChemPhysChem 15 (2014) 664, of which it is the bound of
-    wide spots. Standard deviations are within 5 % of `centroid_sigma_rad` for spots of 0.25 pixels and wider.
+    w + p + p √(w / (2 (w + p))): B. Rieger and S. Stallinga, ChemPhysChem 15 (2014) 664, of which
+    it is the bound of wide spots. Standard deviations are within 5 % of `centroid_sigma_rad` for
+    spots of 0.25 pixels and wider.
     """
     own, counted = _floats(white, photons)
     both = own + counted
-    return np.asarray(both + counted * np.sqrt(0.5 * own / np.maximum(both, np.finfo(np.float64).tiny)))
+    return np.asarray(
+        both + counted * np.sqrt(0.5 * own / np.maximum(both, np.finfo(np.float64).tiny))
+    )
 
 
 def _shares(width: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the shares of a spot in rows of pixels, and their slopes, (…, phases, rows), for widths in pixels."""
+    """Return the shares of a spot in rows of pixels, and their slopes, (…, phases, rows), for
+    widths in pixels.
+    """
     reach = math.ceil(7.0 * float(np.max(width, initial=1.0))) + 1
     narrow = np.asarray(width)[..., None, None]
     off = (_PHASES[:, None] - np.arange(-reach, reach + 1)) / narrow

@@ -1,9 +1,11 @@
-"""Paths that first descend: the LOWTRAN7 table of their transmittances, and interpolation between its points.
+"""Paths that first descend: the LOWTRAN7 table of their transmittances, and interpolation between
+its points.
 
-Interpolated is growth: the ratio of optical depth to a prediction from paths that only rise, which varies little from
-path to path. Akima splines run along the square root of the climb, from the lowest height to the target, then over
-lowest heights. Below the lowest one of the table growth is constant: LOWTRAN bends such rays into the ground. Lowest
-heights are those of straight paths; refraction lowers rays by up to 2 km, where the air changes fast with height.
+Interpolated is growth: the ratio of optical depth to a prediction from paths that only rise, which
+varies little from path to path. Akima splines run along the square root of the climb, from the
+lowest height to the target, then over lowest heights. Below the lowest one of the table growth is
+constant: LOWTRAN bends such rays into the ground. Lowest heights are those of straight paths;
+refraction lowers rays by up to 2 km, where the air changes fast with height.
 """
 
 import math
@@ -18,12 +20,13 @@ from opir_core.arrays import FloatArray, IntArray
 
 
 def akima(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
-    """Return Akima splines through values (n, m) at increasing x (n,), at places (k,) within them: (k, m).
+    """Return Akima splines through values (n, m) at increasing x (n,), at places (k,) within them:
+    (k, m).
 
-    Source: H. Akima, Journal of the ACM 17 (1970), 589-602: cubics whose slope at a point is the mean of the slopes
-    beside it, each weighted with the change of slope on the other side; slopes beyond the ends are extrapolated. Where
-    nothing bends the plain mean is taken. SciPy's `Akima1DInterpolator` differs in the last bits and takes 0.3 s to
-    import.
+    Source: H. Akima, Journal of the ACM 17 (1970), 589-602: cubics whose slope at a point is the
+    mean of the slopes beside it, each weighted with the change of slope on the other side; slopes
+    beyond the ends are extrapolated. Where nothing bends the plain mean is taken. SciPy's
+    `Akima1DInterpolator` differs in the last bits and takes 0.3 s to import.
     """
     rise = np.diff(y, axis=0) / np.diff(x)[:, None]
     before = [2.0 * rise[0] - rise[1]]
@@ -46,7 +49,9 @@ def _hermite(x: FloatArray, y: FloatArray, slope: FloatArray, at: FloatArray) ->
     place = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
     width = (x[place + 1] - x[place])[:, None]
     t = ((at - x[place])[:, None]) / width
-    level: FloatArray = y[place] * (1.0 + 2.0 * t) * (1.0 - t) ** 2 + y[place + 1] * t * t * (3.0 - 2.0 * t)
+    level: FloatArray = y[place] * (1.0 + 2.0 * t) * (1.0 - t) ** 2 + y[place + 1] * t * t * (
+        3.0 - 2.0 * t
+    )
     return level + width * t * (1.0 - t) * (slope[place] * (1.0 - t) - slope[place + 1] * t)
 
 
@@ -81,7 +86,9 @@ _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_limb_transmittance.csv"
 
 @frozen(eq=False)
 class LimbTable:
-    """Transmittances (n,) of one band from heights (n,), m, of paths that would be lowest at others if straight."""
+    """Transmittances (n,) of one band from heights (n,), m, of paths that would be lowest at others
+    if straight.
+    """
 
     lowest_m: FloatArray
     height_m: FloatArray
@@ -90,31 +97,46 @@ class LimbTable:
     def depths(self, depth: FloatArray) -> FloatArray:
         """Return optical depths (climbs, lowest) of paths by their climb and their lowest height.
 
-        `depth` (slants, lowest) are those of paths that only rise, from the horizon up, on the grid of `long_paths`.
+        `depth` (slants, lowest) are those of paths that only rise, from the horizon up, on the grid
+        of `long_paths`.
         """
         lowest = np.unique(self.lowest_m)
         lowest_m = np.linspace(0.0, TOP_M, depth.shape[1])
         predicted = predicted_depth(depth, self.lowest_m, self.height_m)
-        log_growth = np.log((_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (predicted + _ADDED))
-        whole = np.vstack([*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)])
+        log_growth = np.log(
+            (_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (predicted + _ADDED)
+        )
+        whole = np.vstack(
+            [*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)]
+        )
         growth = np.exp(akima(np.append(lowest, TOP_M), whole, np.maximum(lowest_m, lowest[0])).T)
         return np.maximum((predicted_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
 
     def _along_climbs(self, lowest_m: float, log_growth: FloatArray) -> FloatArray:
-        """Return logarithms (climbs,) of growth from one lowest height by those (n,) of the table."""
+        """Return logarithms (climbs,) of growth from one lowest height by those (n,) of the
+        table.
+        """
         own = self.lowest_m == lowest_m
         climb = np.sqrt(np.append(0.0, self.height_m[own] - lowest_m))
         values = np.append(0.0, log_growth[own])[:, None]
-        return akima(climb, values, np.minimum(np.linspace(0.0, HIGHEST_ROOT, CLIMBS), climb[-1]))[:, 0]
+        return akima(climb, values, np.minimum(np.linspace(0.0, HIGHEST_ROOT, CLIMBS), climb[-1]))[
+            :, 0
+        ]
 
 
 @cache
 def limb_tables(climate: str, aerosol: str, suffix: str) -> dict[str, LimbTable]:
-    """Return a climate's tables by the name of the band; `suffix` is that of the columns' names, "" or "_bb1500"."""
+    """Return a climate's tables by the name of the band; `suffix` is that of the columns' names, ""
+    or "_bb1500".
+    """
     cells = sky_columns(_TABLE, climate, aerosol)
-    lowest_m, height_m = (np.array(list(map(float, cells[name]))) * 1e3 for name in ("lowest_km", "h_km"))
+    lowest_m, height_m = (
+        np.array(list(map(float, cells[name]))) * 1e3 for name in ("lowest_km", "h_km")
+    )
     return {
-        name.removesuffix(suffix): LimbTable(lowest_m, height_m, np.array(list(map(float, cells[name]))))
+        name.removesuffix(suffix): LimbTable(
+            lowest_m, height_m, np.array(list(map(float, cells[name])))
+        )
         for name in list(cells)[_PLACE:]
         if name.endswith("_bb1500") == bool(suffix)
     }
@@ -133,23 +155,28 @@ SCALE_HEIGHT_M = 8_000.0
 BEND = 0.05
 HIGHEST_SLANT = math.asinh(1.0 / BEND)
 
-#: Climbs from the lowest height to the start of a path: square roots, uniform from 0 to that of the highest, √m.
+#: Climbs from the lowest height to the start of a path: square roots, uniform from 0 to that of the
+#: highest, √m.
 CLIMBS = 81
 HIGHEST_ROOT = math.sqrt(TOP_M)
 
-#: Refractive index of air at the ground, less 1: in the infrared, at 7 °C (Edlén, Metrologia 2 (1966), 71).
+#: Refractive index of air at the ground, less 1: in the infrared, at 7 °C (Edlén, Metrologia 2
+#: (1966), 71).
 _REFRACTIVITY = 2.8e-4
 
-#: Iterations for the lowest height of the bent path: each leaves 0.22 of the error, 1.8 km at first.
+#: Iterations for the lowest height of the bent path: each leaves 0.22 of the error, 1.8 km at
+#: first.
 _STEPS = 8
 
-#: Growth of optical depth on the way back: for strong lines it varies as the root of the amount of air
-#: (Goody and Yung, Atmospheric Radiation, 2nd edition 1989, section 4.4).
+#: Growth of optical depth on the way back: for strong lines it varies as the root of the amount of
+#: air (Goody and Yung, Atmospheric Radiation, 2nd edition 1989, section 4.4).
 _WAY_BACK = math.sqrt(2.0) - 1.0
 
 
 class _LimbPlaces(NamedTuple):
-    """Places of paths on the grid of rising ones: bent lowest heights, m, the corner below, fractions across and up."""
+    """Places of paths on the grid of rising ones: bent lowest heights, m, the corner below,
+    fractions across and up.
+    """
 
     turn_m: FloatArray
     corner: IntArray
@@ -158,10 +185,11 @@ class _LimbPlaces(NamedTuple):
 
 
 def bent_lowest_m(lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
-    """Return the lowest heights, m, of bent paths from heights, given those of straight paths; at least 0.
+    """Return the lowest heights, m, of bent paths from heights, given those of straight paths; at
+    least 0.
 
-    Along a ray index, distance from the Earth's centre and sine of the zenith angle have a constant product (Bouguer);
-    the refractivity falls with the scale height.
+    Along a ray index, distance from the Earth's centre and sine of the zenith angle have a constant
+    product (Bouguer); the refractivity falls with the scale height.
     """
     radius = RADIUS_M + lowest_m
     index = _REFRACTIVITY * np.exp(-height_m / SCALE_HEIGHT_M)
@@ -172,16 +200,19 @@ def bent_lowest_m(lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
 
 
 def climbs_of(heights: int) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest heights (1, heights) and the start heights (climbs, heights), m, of the grid of paths."""
+    """Return the lowest heights (1, heights) and the start heights (climbs, heights), m, of the
+    grid of paths.
+    """
     lowest_m = np.linspace(0.0, TOP_M, heights)[None, :]
     return lowest_m, lowest_m + np.square(np.linspace(0.0, HIGHEST_ROOT, CLIMBS))[:, None]
 
 
 def predicted_depth(depth: FloatArray, lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
-    """Return predicted optical depths of paths, from those of paths that only rise, (slants, heights) up to the top.
+    """Return predicted optical depths of paths, from those of paths that only rise, (slants,
+    heights) up to the top.
 
-    From its lowest height a ray rises to space like a horizontal path. The way down to there is that path less the part
-    above the start of the ray, weighted as for strong lines.
+    From its lowest height a ray rises to space like a horizontal path. The way down to there is
+    that path less the part above the start of the ray, weighted as for strong lines.
     """
     return _predicted(depth, _places(lowest_m, height_m, *depth.shape))
 
@@ -198,10 +229,17 @@ def _grid_places(slants: int, heights: int) -> _LimbPlaces:
 
 def _places(lowest_m: FloatArray, height_m: FloatArray, slants: int, heights: int) -> _LimbPlaces:
     cosine = (RADIUS_M + lowest_m) / (RADIUS_M + height_m)
-    slant = np.arcsinh(np.sqrt((1.0 - cosine) * (1.0 + cosine)) / BEND) * ((slants - 1) / HIGHEST_SLANT)
+    slant = np.arcsinh(np.sqrt((1.0 - cosine) * (1.0 + cosine)) / BEND) * (
+        (slants - 1) / HIGHEST_SLANT
+    )
     level = np.minimum(height_m, TOP_M) * ((heights - 1) / TOP_M)
-    row, column = (np.minimum(at.astype(np.int64), most - 2) for at, most in ((slant, slants), (level, heights)))
-    return _LimbPlaces(bent_lowest_m(lowest_m, height_m), row * heights + column, slant - row, level - column)
+    row, column = (
+        np.minimum(at.astype(np.int64), most - 2)
+        for at, most in ((slant, slants), (level, heights))
+    )
+    return _LimbPlaces(
+        bent_lowest_m(lowest_m, height_m), row * heights + column, slant - row, level - column
+    )
 
 
 def _predicted(depth: FloatArray, places: _LimbPlaces) -> FloatArray:
@@ -209,7 +247,9 @@ def _predicted(depth: FloatArray, places: _LimbPlaces) -> FloatArray:
     flat = depth.ravel()
     heights = depth.shape[1]
     # Bilinear between four corners, in order: here, higher, steeper, both.
-    here, higher, steeper, both = (flat.take(corner + step) for step in (0, 1, heights, heights + 1))
+    here, higher, steeper, both = (
+        flat.take(corner + step) for step in (0, 1, heights, heights + 1)
+    )
     lower = here + across * (steeper - here)
     beyond = lower + up * (higher + across * (both - higher) - lower)
     level = np.exp(np.interp(turn_m, np.linspace(0.0, TOP_M, heights), np.log(depth[0])))

@@ -1,8 +1,10 @@
-"""The atmosphere `lowtran`: band transmittances of LOWTRAN7 for five climates, with clouds if a scene has them.
+"""The atmosphere `lowtran`: band transmittances of LOWTRAN7 for five climates, with clouds if a
+scene has them.
 
-Between the table's heights and zenith angles τ is interpolated in the fourth root of optical depth, -ln τ: by Akima
-splines in height, then in the logarithm of an air mass, from the zenith to the horizon. Paths to a sensor below the
-target's horizon first descend; they have a table of their own (`long_paths`). Above 100 km τ is 1.
+Between the table's heights and zenith angles τ is interpolated in the fourth root of optical depth,
+-ln τ: by Akima splines in height, then in the logarithm of an air mass, from the zenith to the
+horizon. Paths to a sensor below the target's horizon first descend; they have a table of their own
+(`long_paths`). Above 100 km τ is 1.
 """
 
 import math
@@ -35,7 +37,8 @@ from opir_photons.radiometry.long_paths import (
 from opir_photons.radiometry.planck import band_radiance
 from opir_photons.row_slices import as_slice_if_consecutive
 
-#: The grid: numbers of sines of elevation, from the horizon to the zenith, and of heights from 0 to the top.
+#: The grid: numbers of sines of elevation, from the horizon to the zenith, and of heights from 0 to
+#: the top.
 GRID_SHAPE = (125, 401)
 
 #: Bounds of optical depth: τ from 1e-26 to almost 1.
@@ -50,7 +53,9 @@ _WEIGHTINGS = {"flat": ("tau_flat", ""), "blackbody-1500K": ("tau_bb1500", "_bb1
 
 @frozen(eq=False)
 class NodeTable:
-    """Transmittances (heights, zenith angles) of one band at the points of the table, and those of long paths."""
+    """Transmittances (heights, zenith angles) of one band at the points of the table, and those of
+    long paths.
+    """
 
     band: Band
     height_m: FloatArray
@@ -61,14 +66,21 @@ class NodeTable:
 
 @cache
 def node_tables(climate: str, aerosol: str, weighting: str) -> Mapping[str, NodeTable]:
-    """Return the tables of a climate by the name of the band; empty for an unknown climate and aerosol."""
+    """Return the tables of a climate by the name of the band; empty for an unknown climate and
+    aerosol.
+    """
     column, suffix = _WEIGHTINGS[weighting]
     cells = sky_columns(_TABLE, climate, aerosol)
     if not cells:
         return {}
-    height_km, zenith_deg, values = (np.array(list(map(float, cells[name]))) for name in ("h_km", "zen_deg", column))
+    height_km, zenith_deg, values = (
+        np.array(list(map(float, cells[name]))) for name in ("h_km", "zen_deg", column)
+    )
     edges_um = zip(cells["lo_um"], cells["hi_um"], strict=True)
-    bands = [Band(name, *map(float, ends)) for name, ends in dict(zip(cells["band"], edges_um, strict=True)).items()]
+    bands = [
+        Band(name, *map(float, ends))
+        for name, ends in dict(zip(cells["band"], edges_um, strict=True)).items()
+    ]
     places = {band.name: place for place, band in enumerate(bands)}
     number = np.array([places[name] for name in cells["band"]])
     order = np.lexsort((zenith_deg, height_km, number))
@@ -83,7 +95,9 @@ def node_tables(climate: str, aerosol: str, weighting: str) -> Mapping[str, Node
 
 @frozen(eq=False)
 class BandGrid:
-    """Transmittances of one band: (slants, heights) from the horizon up, (climbs, lowest heights) below it."""
+    """Transmittances of one band: (slants, heights) from the horizon up, (climbs, lowest heights)
+    below it.
+    """
 
     above: FloatArray
     below: FloatArray
@@ -108,7 +122,8 @@ def _transmittance(depth: FloatArray, height_m: FloatArray) -> FloatArray:
 
 
 def shell_air_mass(sine: FloatArray | float) -> FloatArray:
-    """Return the air mass of straight paths through a uniform shell, as thick as the scale height, for sines 0 to 1.
+    """Return the air mass of straight paths through a uniform shell, as thick as the scale height,
+    for sines 0 to 1.
 
     The secant of small zenith angles, 40 at the horizon.
     """
@@ -133,13 +148,15 @@ class LowtranAtmosphere(Transmittance):
     grids: tuple[BandGrid, ...]
     deck: Deck | None
     _extended: tuple[BandGrid, ...] = field(
-        init=False, default=Factory(lambda own: tuple(map(_extended_grid, own.grids)), takes_self=True)
+        init=False,
+        default=Factory(lambda own: tuple(map(_extended_grid, own.grids)), takes_self=True),
     )
 
     def transmittance(self, band: int, path: Paths) -> FloatArray:
         """Return in-band transmittances (n,): cubic in height, linear in asinh(sine / 0.05).
 
-        Below the horizon they are cubic in the lowest height, linear in the root of the climb from there.
+        Below the horizon they are cubic in the lowest height, linear in the root of the climb from
+        there.
         """
         return self.transmittances((band,), path)[0]
 
@@ -149,7 +166,9 @@ class LowtranAtmosphere(Transmittance):
         low = np.flatnonzero(path.height_m < TOP_M)
         if not len(low):
             return result
-        result[:, as_slice_if_consecutive(low)] = self._looked_up(bands, path.height_m[low], path.elevation_sine[low])
+        result[:, as_slice_if_consecutive(low)] = self._looked_up(
+            bands, path.height_m[low], path.elevation_sine[low]
+        )
         if self.deck is not None:
             result[:, low[is_hidden(self.deck, path.take(low))]] = 0.0
         return result
@@ -170,23 +189,31 @@ class LowtranAtmosphere(Transmittance):
         return np.array([TOP_M] if self.deck is None else [TOP_M, self.deck.top_m])
 
     def cloud_top_m(self, point_ecef_m: FloatArray) -> FloatArray:
-        """Return the heights (n,) of cloud tops over points (n, 3), m; -inf where there is no cloud."""
+        """Return the heights (n,) of cloud tops over points (n, 3), m; -inf where there is no
+        cloud.
+        """
         if self.deck is None:
             return np.full(len(point_ecef_m), -np.inf)
         return np.where(self.deck.is_cloudy(point_ecef_m), self.deck.top_m, -np.inf)
 
-    def _looked_up(self, bands: Sequence[int], height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
+    def _looked_up(
+        self, bands: Sequence[int], height_m: FloatArray, elevation_sine: FloatArray
+    ) -> FloatArray:
         grids = [self._extended[band] for band in bands]
         scale = (len(grids[0].above) - 1) / HIGHEST_SLANT
         across = np.arcsinh(np.maximum(elevation_sine, 0.0) / BEND) * scale
         found = _within([grid.above for grid in grids], height_m, across)
         falling = np.flatnonzero(elevation_sine < 0.0)
         if len(falling):
-            found[:, falling] = _below([grid.below for grid in grids], height_m[falling], elevation_sine[falling])
+            found[:, falling] = _below(
+                [grid.below for grid in grids], height_m[falling], elevation_sine[falling]
+            )
         return found
 
 
-def _below(grids: Sequence[FloatArray], height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
+def _below(
+    grids: Sequence[FloatArray], height_m: FloatArray, elevation_sine: FloatArray
+) -> FloatArray:
     """Return transmittances (bands, n) of paths that first descend; 0 through the Earth."""
     cosine = np.sqrt((1.0 - elevation_sine) * (1.0 + elevation_sine))
     # 1 - cosine without cancellation.
@@ -197,7 +224,9 @@ def _below(grids: Sequence[FloatArray], height_m: FloatArray, elevation_sine: Fl
 
 
 def _within(grids: Sequence[FloatArray], height_m: FloatArray, across: FloatArray) -> FloatArray:
-    """Return values (bands, n) of extended grids: cubic along heights from 0 to the top, linear across."""
+    """Return values (bands, n) of extended grids: cubic along heights from 0 to the top, linear
+    across.
+    """
     rows = grids[0].shape[0]
     heights = grids[0].shape[1] - 2
     across = np.clip(across, 0.0, rows - 1.0)
@@ -225,10 +254,13 @@ def _extended(grid: FloatArray) -> FloatArray:
     return np.concatenate([before[:, None], grid, after[:, None]], axis=1)
 
 
-def _mixed(grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, into: FloatArray) -> None:
+def _mixed(
+    grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, into: FloatArray
+) -> None:
     """Write values of an extended grid: linear between rows, cubic between columns.
 
-    The cubics have the slopes of neighbouring chords (Catmull and Rom, 1974), so that the interpolation has no kinks.
+    The cubics have the slopes of neighbouring chords (Catmull and Rom, 1974), so that the
+    interpolation has no kinks.
     """
     flat = grid.ravel()
     width = grid.shape[1]
@@ -248,11 +280,17 @@ def _mixed(grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, i
 
 
 def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Transmittance:
-    """Return the atmosphere of a climate; `ModelError` for a band of the scene that the table does not have."""
+    """Return the atmosphere of a climate; `ModelError` for a band of the scene that the table does
+    not have.
+    """
     tables = node_tables(config.climate, config.aerosol, config.weighting)
     require_known_bands(config.bands, context.bands, context.path)
-    grids = tuple(_grid(band, config, list(tables.values()), context.path) for band in context.bands)
-    return LowtranAtmosphere(grids, None if config.cloud is None else _deck(config.cloud, context.seed))
+    grids = tuple(
+        _grid(band, config, list(tables.values()), context.path) for band in context.bands
+    )
+    return LowtranAtmosphere(
+        grids, None if config.cloud is None else _deck(config.cloud, context.seed)
+    )
 
 
 def band_transmittance(
@@ -265,17 +303,22 @@ def band_transmittance(
     aerosol: str = "rural23km",
     weighting: str = "flat",
 ) -> FloatArray:
-    """Return in-band transmittances, in [0, 1], of cloudless paths from targets to space, by LOWTRAN7.
+    """Return in-band transmittances, in [0, 1], of cloudless paths from targets to space, by
+    LOWTRAN7.
 
-    `lower_um` to `upper_um` are the edges of the band, µm: one of LOWTRAN's table or adjacent ones of it. `height_m` is
-    the target's height above the WGS 84 ellipsoid, m (at 100 km and above the result is 1), `elevation_rad` the
-    elevation of the sensor above the target's horizon, rad, in [-pi/2, pi/2]: below 0 the path first descends, and the
-    result is 0 through the Earth. The two broadcast; the result has their common shape. `climate`, `aerosol` and
-    `weighting` are those of the component `lowtran`. `ValueError` for a band or a climate that the table does not have.
+    `lower_um` to `upper_um` are the edges of the band, µm: one of LOWTRAN's table or adjacent ones
+    of it. `height_m` is the target's height above the WGS 84 ellipsoid, m (at 100 km and above the
+    result is 1), `elevation_rad` the elevation of the sensor above the target's horizon, rad, in
+    [-pi/2, pi/2]: below 0 the path first descends, and the result is 0 through the Earth. The two
+    broadcast; the result has their common shape. `climate`, `aerosol` and `weighting` are those of
+    the component `lowtran`. `ValueError` for a band or a climate that the table does not have.
 
-    Source: LOWTRAN7 (Kneizys et al., AFGL-TR-88-0177, 1988), tabulated and interpolated as by the component `lowtran`.
+    Source: LOWTRAN7 (Kneizys et al., AFGL-TR-88-0177, 1988), tabulated and interpolated as by the
+    component `lowtran`.
     """
-    height, sine = np.broadcast_arrays(np.asarray(height_m, dtype=np.float64), np.sin(elevation_rad))
+    height, sine = np.broadcast_arrays(
+        np.asarray(height_m, dtype=np.float64), np.sin(elevation_rad)
+    )
     grid = _cached_grid(lower_um, upper_um, climate, aerosol, weighting)
     nowhere = np.empty((height.size, 3))
     path = Paths(height.ravel(), sine.ravel(), nowhere, nowhere, np.empty(height.size))
@@ -283,15 +326,22 @@ def band_transmittance(
 
 
 @cache
-def _cached_grid(lower_um: float, upper_um: float, climate: str, aerosol: str, weighting: str) -> BandGrid:
+def _cached_grid(
+    lower_um: float, upper_um: float, climate: str, aerosol: str, weighting: str
+) -> BandGrid:
     config = LowtranConfig(climate=climate, aerosol=aerosol, weighting=weighting)
     tables = node_tables(climate, aerosol, weighting)
     try:
-        return _grid(Band("band", lower_um, upper_um), config, list(tables.values()), "band_transmittance")
+        return _grid(
+            Band("band", lower_um, upper_um), config, list(tables.values()), "band_transmittance"
+        )
     except ModelError:
-        known = ", ".join(f"{table.band.lower_um:g}-{table.band.upper_um:g}" for table in tables.values())
+        known = ", ".join(
+            f"{table.band.lower_um:g}-{table.band.upper_um:g}" for table in tables.values()
+        )
         raise ValueError(
-            f"{lower_um:g} to {upper_um:g} um is no band of LOWTRAN's table, nor composed of adjacent ones: {known}"
+            f"{lower_um:g} to {upper_um:g} um is no band of LOWTRAN's table, nor composed of"
+            f" adjacent ones: {known}"
         ) from None
 
 
@@ -304,16 +354,22 @@ def _deck(config: CloudConfig, seed: int) -> Deck:
 def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: str) -> BandGrid:
     chosen = parts_of(band, config.bands, [table.band for table in nodes])
     if not chosen:
-        known = ", ".join(f"{one.band.name} {one.band.lower_um:g}-{one.band.upper_um:g}" for one in nodes)
+        known = ", ".join(
+            f"{one.band.name} {one.band.lower_um:g}-{one.band.upper_um:g}" for one in nodes
+        )
         raise ModelError(
-            f"{path}: the band {band.name}, {band.lower_um:g} to {band.upper_um:g} um, is not one of LOWTRAN's table"
-            f" ({known}), nor made of them side by side; say in {path}.bands which of them stands for it,"
+            f"{path}: the band {band.name}, {band.lower_um:g} to {band.upper_um:g} um, is not one"
+            f" of LOWTRAN's table"
+            f" ({known}), nor made of them side by side; say in {path}.bands which of them stands"
+            f" for it,"
             f" as in bands: {{{band.name}: {nearest_of(band, [one.band for one in nodes]).name}}}"
         )
     weights = np.array([_weight(part, config.weighting) for part in chosen])
     shares = (weights / weights.sum())[:, None, None]
     grids = [fine_grid(next(table for table in nodes if table.band == part)) for part in chosen]
-    above, below = (np.array([getattr(grid, name) for grid in grids]) for name in ("above", "below"))
+    above, below = (
+        np.array([getattr(grid, name) for grid in grids]) for name in ("above", "below")
+    )
     return BandGrid((shares * above).sum(axis=0), (shares * below).sum(axis=0))
 
 
@@ -323,18 +379,23 @@ def require_known_bands(stand_ins: Mapping[str, str], bands: Sequence[Band], pat
     for name, standing in stand_ins.items():
         if name not in names:
             raise ModelError(
-                f"{path}.bands: no sensor of the scene has a band {name}, for which {standing} is to stand;"
+                f"{path}.bands: no sensor of the scene has a band {name}, for which {standing} is"
+                f" to stand;"
                 f" they have {', '.join(names)}"
             )
 
 
 def nearest_of(band: Band, known: Sequence[Band]) -> Band:
     """Return the band of a table with the middle nearest to that of another band."""
-    return min(known, key=lambda one: abs(one.lower_um + one.upper_um - band.lower_um - band.upper_um))
+    return min(
+        known, key=lambda one: abs(one.lower_um + one.upper_um - band.lower_um - band.upper_um)
+    )
 
 
 def parts_of(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band]) -> list[Band]:
-    """Return the bands of a table that compose a band: the stand-in of the scene, or adjacent ones, or none."""
+    """Return the bands of a table that compose a band: the stand-in of the scene, or adjacent ones,
+    or none.
+    """
     if band.name in stand_ins:
         return [one for one in known if one.name == stand_ins[band.name]]
     parts: list[Band] = []
@@ -350,7 +411,9 @@ def parts_of(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band]) ->
 
 
 def _weight(band: Band, weighting: str) -> float:
-    """Return the weight of a band in a wider one: its width, or the radiance of a black body of 1500 K in it."""
+    """Return the weight of a band in a wider one: its width, or the radiance of a black body of
+    1500 K in it.
+    """
     if weighting == "flat":
         return band.upper_um - band.lower_um
     return float(band_radiance(1500.0, band.lower_um, band.upper_um))

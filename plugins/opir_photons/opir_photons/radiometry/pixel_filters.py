@@ -1,8 +1,10 @@
-"""Spatial filters over the pixels of a frame: weights, and the gains of a point source and of noise.
+"""Spatial filters over the pixels of a frame: weights, and the gains of a point source and of
+noise.
 
-A filter is a square array of weights (m, m) in units of pixels, applied where the centre of the array is nearest to the
-spot. Widths of spots are standard deviations per axis, `pixel_rad` is the IFOV of a pixel, both rad. Source of the
-filters: D. A. Scribner and others, in The Infrared and Electro-Optical Systems Handbook, vol. 8 (1993), chapter 4.
+A filter is a square array of weights (m, m) in units of pixels, applied where the centre of the
+array is nearest to the spot. Widths of spots are standard deviations per axis, `pixel_rad` is the
+IFOV of a pixel, both rad. Source of the filters: D. A. Scribner and others, in The Infrared and
+Electro-Optical Systems Handbook, vol. 8 (1993), chapter 4.
 """
 
 import math
@@ -12,8 +14,11 @@ from scipy.special import erf
 
 from opir_core.arrays import FloatArray
 
-#: Gauss-Legendre quadrature over [0, 1], and the width, in pixels, from which it is exact to rounding.
-_NODES, _WEIGHTS = (0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]]))
+#: Gauss-Legendre quadrature over [0, 1], and the width, in pixels, from which it is exact to
+#: rounding.
+_NODES, _WEIGHTS = (
+    0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]])
+)
 _WIDE = 1.0
 
 FILTERS = ("sum", "surround", "matched")
@@ -22,9 +27,10 @@ FILTERS = ("sum", "surround", "matched")
 def filter_weights(kind: str, pixels: int, sigma_rad: float, pixel_rad: float) -> FloatArray:
     """Return the weights (m, m) of a spatial filter over a core of `pixels` × `pixels` pixels.
 
-    `sum` adds the core (m = pixels); `surround` subtracts from it the mean of a ring of pixels around it, one pixel
-    away (m = pixels + 4); `matched` weighs the core and two pixels around it with the spot's mean shares, less their
-    mean (m = pixels + 4). The last two have the sum 0: they pass no uniform background.
+    `sum` adds the core (m = pixels); `surround` subtracts from it the mean of a ring of pixels
+    around it, one pixel away (m = pixels + 4); `matched` weighs the core and two pixels around it
+    with the spot's mean shares, less their mean (m = pixels + 4). The last two have the sum 0: they
+    pass no uniform background.
     """
     if kind == "sum":
         return np.ones((pixels, pixels))
@@ -41,7 +47,9 @@ def filter_weights(kind: str, pixels: int, sigma_rad: float, pixel_rad: float) -
 
 
 def mean_shares(width: int, sigma_rad: float, pixel_rad: float) -> FloatArray:
-    """Return the mean shares (m, m) of a spot's energy in the pixels of a square about it, over sub-pixel phases."""
+    """Return the mean shares (m, m) of a spot's energy in the pixels of a square about it, over
+    sub-pixel phases.
+    """
     place = _places(width)
     spread = sigma_rad / pixel_rad
     if spread > _WIDE:
@@ -53,7 +61,8 @@ def mean_shares(width: int, sigma_rad: float, pixel_rad: float) -> FloatArray:
 
 
 def _of_wide_spot(place: FloatArray, spread: float) -> FloatArray:
-    """Return the mean shares (m,) along one axis: the normal density under the triangle of a pixel's places.
+    """Return the mean shares (m,) along one axis: the normal density under the triangle of a
+    pixel's places.
 
     By quadrature: of wide spots the difference of integrals would cancel.
     """
@@ -63,7 +72,9 @@ def _of_wide_spot(place: FloatArray, spread: float) -> FloatArray:
 
 
 def corner_shares(width: int, sigma_rad: float, pixel_rad: float) -> FloatArray:
-    """Return the shares (m, m) of a spot half a pixel off the centre of the square along both axes: the worst phase."""
+    """Return the shares (m, m) of a spot half a pixel off the centre of the square along both axes:
+    the worst phase.
+    """
     scale = math.sqrt(2.0) * max(sigma_rad / pixel_rad, np.finfo(np.float64).tiny)
     place = _places(width) - 0.5
     along = 0.5 * (erf((place + 0.5) / scale) - erf((place - 0.5) / scale))
@@ -76,15 +87,23 @@ def _places(width: int) -> FloatArray:
 
 
 def _mean_edge(at: FloatArray, spread: float) -> FloatArray:
-    """Return the integrals of the normal distribution of a spread up to places, less half of these."""
+    """Return the integrals of the normal distribution of a spread up to places, less half of
+    these.
+    """
     if spread == 0.0:
         return 0.5 * np.abs(at)
     scaled = at / (math.sqrt(2.0) * spread)
-    return np.asarray(0.5 * at * erf(scaled) + spread * np.exp(-scaled * scaled) / math.sqrt(2.0 * math.pi))
+    return np.asarray(
+        0.5 * at * erf(scaled) + spread * np.exp(-scaled * scaled) / math.sqrt(2.0 * math.pi)
+    )
 
 
-def signal_gain(weights: FloatArray, sigma_rad: float, pixel_rad: float, phase: str = "mean") -> float:
-    """Return a filter's output for a spot of unit energy: the `mean` over sub-pixel phases, or at the `worst`."""
+def signal_gain(
+    weights: FloatArray, sigma_rad: float, pixel_rad: float, phase: str = "mean"
+) -> float:
+    """Return a filter's output for a spot of unit energy: the `mean` over sub-pixel phases, or at
+    the `worst`.
+    """
     shares = mean_shares if phase == "mean" else corner_shares
     return float((weights * shares(len(weights), sigma_rad, pixel_rad)).sum())
 

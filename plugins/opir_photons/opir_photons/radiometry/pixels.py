@@ -1,4 +1,6 @@
-"""What an imager shows: brightness temperatures of pixels, and the place on the map of something above the ground."""
+"""What an imager shows: brightness temperatures of pixels, and the place on the map of something
+above the ground.
+"""
 
 from typing import NamedTuple
 
@@ -6,7 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry import components, ecef_to_geodetic, geodetic_to_ecef, intersection_with_ellipsoid, length
+from opir_core.geometry import (
+    components,
+    ecef_to_geodetic,
+    geodetic_to_ecef,
+    intersection_with_ellipsoid,
+    length,
+)
 from opir_core.plugin import Band
 from opir_photons.radiometry.planck import COLDEST_K, HOTTEST_K, band_radiance, band_radiance_slope
 
@@ -36,16 +44,20 @@ def brightness_temperature_k(radiance_w_m2_sr: ArrayLike, band: Band) -> FloatAr
 def pixel_temperature_k(
     irradiance_w_m2: ArrayLike, background_w_m2_sr: ArrayLike, pixel_rad: float, band: Band
 ) -> FloatArray:
-    """Return the brightness temperatures, K, of square pixels that hold a point of light before a background.
+    """Return the brightness temperatures, K, of square pixels that hold a point of light before a
+    background.
 
-    `irradiance_w_m2` is that part of the point's in-band irradiance at the aperture that falls into the pixel.
+    `irradiance_w_m2` is that part of the point's in-band irradiance at the aperture that falls into
+    the pixel.
     """
     added = np.asarray(irradiance_w_m2, dtype=np.float64) / (pixel_rad * pixel_rad)
     return brightness_temperature_k(np.asarray(background_w_m2_sr, dtype=np.float64) + added, band)
 
 
 class Parallax(NamedTuple):
-    """Places (n,) on a map where things above the ground appear: geodetic latitude, longitude, rad; the shift, m."""
+    """Places (n,) on a map where things above the ground appear: geodetic latitude, longitude, rad;
+    the shift, m.
+    """
 
     latitude_rad: FloatArray
     longitude_rad: FloatArray
@@ -55,7 +67,8 @@ class Parallax(NamedTuple):
 def parallax(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> Parallax:
     """Return the places on the WGS 84 ellipsoid behind targets (n, 3), seen from sensors (n, 3).
 
-    The shift is the straight distance from the point below the target; all are nan where the view misses the Earth.
+    The shift is the straight distance from the point below the target; all are nan where the view
+    misses the Earth.
     """
     ground = intersection_with_ellipsoid(sensor_ecef_m, target_ecef_m - sensor_ecef_m)
     below = ecef_to_geodetic(target_ecef_m)

@@ -1,9 +1,11 @@
-"""Black bodies: spectral and in-band radiance, in watts and in photons, and temperature from two bands.
+"""Black bodies: spectral and in-band radiance, in watts and in photons, and temperature from two
+bands.
 
-With x = c₂ / (λT) the radiance of a band is C T⁴ ∫ x³ / (eˣ - 1) dx, and in photons C' T³ ∫ x² / (eˣ - 1) dx. The
-integrand is smooth and positive, so Gauss-Legendre quadrature over the band has no cancellation however narrow the band
-is; beyond 50 above its lower end the remainder is below 1e-17. With 72 nodes it is exact to rounding (1e-13) over such
-a span; the rounding of x in the exponential, x · 2e-16, bounds the rest.
+With x = c₂ / (λT) the radiance of a band is C T⁴ ∫ x³ / (eˣ - 1) dx, and in photons C' T³ ∫ x² /
+(eˣ - 1) dx. The integrand is smooth and positive, so Gauss-Legendre quadrature over the band has no
+cancellation however narrow the band is; beyond 50 above its lower end the remainder is below 1e-17.
+With 72 nodes it is exact to rounding (1e-13) over such a span; the rounding of x in the
+exponential, x · 2e-16, bounds the rest.
 """
 
 from typing import NamedTuple
@@ -35,7 +37,8 @@ _FARTHEST = 1e6
 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
 def planck_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> FloatArray:
-    """Return spectral radiances of black bodies, W m⁻² sr⁻¹ µm⁻¹; arguments broadcast. 0 at 0 K, nan below it.
+    """Return spectral radiances of black bodies, W m⁻² sr⁻¹ µm⁻¹; arguments broadcast. 0 at 0 K,
+    nan below it.
 
     Source: Planck's law with the exact constants of the SI of 2019.
     """
@@ -44,31 +47,40 @@ def planck_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> Float
 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
 def planck_photon_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> FloatArray:
-    """Return spectral radiances of black bodies in photons s⁻¹ m⁻² sr⁻¹ µm⁻¹; as `planck_radiance`."""
+    """Return spectral radiances of black bodies in photons s⁻¹ m⁻² sr⁻¹ µm⁻¹; as
+    `planck_radiance`.
+    """
     return _spectral(temperature_k, wavelength_um, FIRST_PHOTON_UM3_S_M2_SR, 4)
 
 
 def band_radiance(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> FloatArray:
     """Return in-band radiances of black bodies, W m⁻² sr⁻¹; arguments broadcast.
 
-    Relative error at most 1e-12 from 100 K to 6000 K in bands between 1 and 30 µm of any width, and finite at all
-    temperatures from 0 K. A band without width has radiance 0; one with its edges swapped has the negative radiance, as
-    an integral has; nan for wavelengths or temperatures below 0.
+    Relative error at most 1e-12 from 100 K to 6000 K in bands between 1 and 30 µm of any width, and
+    finite at all temperatures from 0 K. A band without width has radiance 0; one with its edges
+    swapped has the negative radiance, as an integral has; nan for wavelengths or temperatures below
+    0.
     """
     temperature = np.asarray(temperature_k, dtype=np.float64)
     scale = FIRST_RADIATION_W_UM4_M2_SR / SECOND_RADIATION_UM_K**4
     return scale * temperature**4 * _integral(temperature, lower_um, upper_um, 3)
 
 
-def band_photon_radiance(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> FloatArray:
+def band_photon_radiance(
+    temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike
+) -> FloatArray:
     """Return in-band radiances of black bodies in photons s⁻¹ m⁻² sr⁻¹; as `band_radiance`."""
     temperature = np.asarray(temperature_k, dtype=np.float64)
     scale = FIRST_PHOTON_UM3_S_M2_SR / SECOND_RADIATION_UM_K**3
     return scale * temperature**3 * _integral(temperature, lower_um, upper_um, 2)
 
 
-def band_radiance_slope(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> FloatArray:
-    """Return how in-band radiances of black bodies rise with temperature, W m⁻² sr⁻¹ K⁻¹; as `band_radiance`."""
+def band_radiance_slope(
+    temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike
+) -> FloatArray:
+    """Return how in-band radiances of black bodies rise with temperature, W m⁻² sr⁻¹ K⁻¹; as
+    `band_radiance`.
+    """
     temperature = np.asarray(temperature_k, dtype=np.float64)
     scale = FIRST_RADIATION_W_UM4_M2_SR / SECOND_RADIATION_UM_K**4
     return scale * temperature**3 * _integral(temperature, lower_um, upper_um, 4)
@@ -81,22 +93,31 @@ def grey_body_intensity(
     lower_um: ArrayLike,
     upper_um: ArrayLike,
 ) -> FloatArray:
-    """Return in-band radiant intensities of grey bodies, W/sr, of an area as it is seen from the sensor, m²."""
-    size = np.asarray(projected_area_m2, dtype=np.float64) * np.asarray(emissivity, dtype=np.float64)
+    """Return in-band radiant intensities of grey bodies, W/sr, of an area as it is seen from the
+    sensor, m².
+    """
+    size = np.asarray(projected_area_m2, dtype=np.float64) * np.asarray(
+        emissivity, dtype=np.float64
+    )
     return size * band_radiance(temperature_k, lower_um, upper_um)
 
 
-def _spectral(temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, power: int) -> FloatArray:
+def _spectral(
+    temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, power: int
+) -> FloatArray:
     temperature = np.asarray(temperature_k, dtype=np.float64)
     wavelength = np.asarray(wavelength_um, dtype=np.float64)
     x = SECOND_RADIATION_UM_K / (wavelength * np.where(temperature < 0.0, np.nan, temperature))
-    # In this order, with e⁻ˣ as a square, no factor leaves the range of floats before the result does.
+    # In this order, with e⁻ˣ as a square, no factor leaves the range of floats before the result
+    # does.
     falling = np.exp(-0.5 * x)
     return np.asarray(scale / -np.expm1(-x) * falling / wavelength**power * falling)
 
 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
-def _integral(temperature: FloatArray, lower_um: ArrayLike, upper_um: ArrayLike, power: int) -> FloatArray:
+def _integral(
+    temperature: FloatArray, lower_um: ArrayLike, upper_um: ArrayLike, power: int
+) -> FloatArray:
     """Return ∫ xᵖ / (eˣ - 1) dx over a band for p = 2, 3 and, for p = 4, ∫ x⁴ eˣ / (eˣ - 1)² dx."""
     lower = np.asarray(lower_um, dtype=np.float64)
     upper = np.asarray(upper_um, dtype=np.float64)
@@ -141,7 +162,9 @@ class Temperature(NamedTuple):
 
 
 def band_ratio(temperature_k: ArrayLike, shorter: Band, longer: Band) -> FloatArray:
-    """Return the ratios of a grey body's intensities in two bands; `shorter` lies at shorter wavelengths."""
+    """Return the ratios of a grey body's intensities in two bands; `shorter` lies at shorter
+    wavelengths.
+    """
     return np.exp(_log_ratio(np.asarray(temperature_k, dtype=np.float64), shorter, longer))
 
 
@@ -156,16 +179,21 @@ def two_colour_temperature(
 ) -> Temperature:
     """Return the temperatures of grey bodies from measurements in two bands, and their variances.
 
-    The measurements are intensities or irradiances, in one unit, with their variances. The ratio rises with
-    temperature where `shorter` begins and ends before `longer` (else `ValueError`), so it has one solution; nan where
-    that is not between 50 K and 20 000 K or a measurement is not positive. The variance is of first order,
-    (v₁/m₁² + v₂/m₂²) / (d ln ratio / dT)², for independent errors that are small beside the measurements.
+    The measurements are intensities or irradiances, in one unit, with their variances. The ratio
+    rises with temperature where `shorter` begins and ends before `longer` (else `ValueError`), so
+    it has one solution; nan where that is not between 50 K and 20 000 K or a measurement is not
+    positive. The variance is of first order, (v₁/m₁² + v₂/m₂²) / (d ln ratio / dT)², for
+    independent errors that are small beside the measurements.
     """
     if not (shorter.lower_um < longer.lower_um and shorter.upper_um < longer.upper_um):
-        raise ValueError(f"band {shorter.name} does not lie at shorter wavelengths than {longer.name}")
+        raise ValueError(
+            f"band {shorter.name} does not lie at shorter wavelengths than {longer.name}"
+        )
     first = np.asarray(shorter_w, dtype=np.float64)
     second = np.asarray(longer_w, dtype=np.float64)
-    wanted = np.log(np.where(first > 0.0, first, np.nan)) - np.log(np.where(second > 0.0, second, np.nan))
+    wanted = np.log(np.where(first > 0.0, first, np.nan)) - np.log(
+        np.where(second > 0.0, second, np.nan)
+    )
     temperature = _inverted(np.atleast_1d(wanted), shorter, longer).reshape(wanted.shape)
     relative = np.asarray(shorter_variance) / first**2 + np.asarray(longer_variance) / second**2
     slope = _log_slope(temperature, shorter, longer)
@@ -173,7 +201,9 @@ def two_colour_temperature(
 
 
 def _inverted(wanted: FloatArray, shorter: Band, longer: Band) -> FloatArray:
-    """Return the temperatures of log ratios (n,): bisection in 1/T, where they are nearly linear, then Newton."""
+    """Return the temperatures of log ratios (n,): bisection in 1/T, where they are nearly linear,
+    then Newton.
+    """
     cold = np.full_like(wanted, 1.0 / COLDEST_K)
     hot = np.full_like(wanted, 1.0 / HOTTEST_K)
     ends = _log_ratio(np.array([COLDEST_K, HOTTEST_K]), shorter, longer)
@@ -186,12 +216,16 @@ def _inverted(wanted: FloatArray, shorter: Band, longer: Band) -> FloatArray:
     for _ in range(_STEPS):
         miss = wanted - _log_ratio(temperature, shorter, longer)
         # A step in 1/T: d/d(1/T) is -T² d/dT.
-        temperature = 1.0 / (1.0 / temperature - miss / (temperature**2 * _log_slope(temperature, shorter, longer)))
+        temperature = 1.0 / (
+            1.0 / temperature - miss / (temperature**2 * _log_slope(temperature, shorter, longer))
+        )
     return np.where((wanted >= ends[0]) & (wanted <= ends[1]), temperature, np.nan)
 
 
 def _log_ratio(temperature: FloatArray, shorter: Band, longer: Band) -> FloatArray:
-    first, second = (band_radiance(temperature, band.lower_um, band.upper_um) for band in (shorter, longer))
+    first, second = (
+        band_radiance(temperature, band.lower_um, band.upper_um) for band in (shorter, longer)
+    )
     return np.log(first) - np.log(second)
 
 

@@ -1,4 +1,6 @@
-"""Plumes, the atmosphere, the background and sources; each is built by a module that its use imports."""
+"""Plumes, the atmosphere, the background and sources; each is built by a module that its use
+imports.
+"""
 
 from collections.abc import Callable, Iterable
 from importlib import import_module
@@ -6,14 +8,21 @@ from typing import Any
 
 from opir_core.plugin import AtmosphereModel, BackgroundModel, SignatureModel, SourceModel, hookimpl
 from opir_photons.radiometry.configs import EarthConfig, LowtranConfig, PlumeConfig
-from opir_photons.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
+from opir_photons.radiometry.source_configs import (
+    BolideConfig,
+    FireConfig,
+    FlareConfig,
+    GlintConfig,
+)
 
 
 def _built_by(module: str, function: str) -> Callable[..., Any]:
     """Return a `build` that imports its module of this package when it is called."""
 
     def build(config: Any, context: Any) -> Any:
-        return getattr(import_module(f"opir_photons.radiometry.{module}"), function)(config, context)
+        return getattr(import_module(f"opir_photons.radiometry.{module}"), function)(
+            config, context
+        )
 
     return build
 
@@ -23,7 +32,8 @@ def opir_signature_models() -> Iterable[SignatureModel]:
     """Yield `plume`."""
     yield SignatureModel(
         name="plume",
-        summary="notional plume by class, thrust phase, altitude and aspect, with a spectrum for any band",
+        summary="notional plume by class, thrust phase, altitude and aspect, with a spectrum for"
+        " any band",
         config=PlumeConfig,
         build=_built_by("plume", "plume_signatures"),
     )
@@ -34,7 +44,8 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     """Yield `lowtran`."""
     yield AtmosphereModel(
         name="lowtran",
-        summary="band transmittances of LOWTRAN7 for five climates, with a deck of cloud where one is set",
+        summary="band transmittances of LOWTRAN7 for five climates, with a deck of cloud where one"
+        " is set",
         config=LowtranConfig,
         build=_built_by("lowtran", "lowtran_atmosphere"),
     )
@@ -45,7 +56,8 @@ def opir_background_models() -> Iterable[BackgroundModel]:
     """Yield `earth`."""
     yield BackgroundModel(
         name="earth",
-        summary="radiance of the Earth by sun, sky, cloud and look angle from LOWTRAN7, and the clutter it leaves",
+        summary="radiance of the Earth by sun, sky, cloud and look angle from LOWTRAN7, and the"
+        " clutter it leaves",
         config=EarthConfig,
         build=_built_by("earth", "earth_background"),
     )

@@ -1,8 +1,9 @@
 """The point spread of a diffraction-limited, blurred telescope, in wavenumbers.
 
-The Airy pattern of a circular aperture is exact there and ends at the cutoff k_c = 2π D p / λ (radians per pixel of
-width p): its transfer is (2/π) (acos x - x √(1 - x²)) with x = k / k_c (J. W. Goodman, Introduction to Fourier Optics,
-3rd ed., 2005, section 6.3). Blur and jitter multiply it by a Gaussian. Lengths are in pixels.
+The Airy pattern of a circular aperture is exact there and ends at the cutoff k_c = 2π D p / λ
+(radians per pixel of width p): its transfer is (2/π) (acos x - x √(1 - x²)) with x = k / k_c (J. W.
+Goodman, Introduction to Fourier Optics, 3rd ed., 2005, section 6.3). Blur and jitter multiply it by
+a Gaussian. Lengths are in pixels.
 """
 
 import math
@@ -19,24 +20,34 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _LEAST = 1e-9
 #: Wavenumber, per pixel, up to which panels are even in logarithm.
 EVEN = 0.25
-#: A Gaussian transfer beyond this many widths is no part of a result; the least blur that is resolved, pixels.
+#: A Gaussian transfer beyond this many widths is no part of a result; the least blur that is
+#: resolved, pixels.
 _FAR = 6.0
 _LEAST_BLUR = 0.05
-#: The most panels of the even part: displacements of hundreds of pixels decorrelate frames without being resolved.
+#: The most panels of the even part: displacements of hundreds of pixels decorrelate frames without
+#: being resolved.
 _MOST_PANELS = 1500
 
 
 @frozen
 class PointSpread:
-    """A spot: the cutoff of its aperture, radians per pixel (inf for a perfect one), and a Gaussian blur, pixels."""
+    """A spot: the cutoff of its aperture, radians per pixel (inf for a perfect one), and a Gaussian
+    blur, pixels.
+    """
 
     cutoff: float
     blur: float
 
     @classmethod
-    def of(cls, wavelength_um: float, aperture_m: float, blur_rad: float, pixel_rad: float) -> "PointSpread":
-        """Return the spot of an aperture and a Gaussian blur per axis on pixels of an angular width."""
-        return cls(2.0 * math.pi * aperture_m * pixel_rad / (wavelength_um * 1e-6), blur_rad / pixel_rad)
+    def of(
+        cls, wavelength_um: float, aperture_m: float, blur_rad: float, pixel_rad: float
+    ) -> "PointSpread":
+        """Return the spot of an aperture and a Gaussian blur per axis on pixels of an angular
+        width.
+        """
+        return cls(
+            2.0 * math.pi * aperture_m * pixel_rad / (wavelength_um * 1e-6), blur_rad / pixel_rad
+        )
 
     @property
     def most(self) -> float:
@@ -53,9 +64,11 @@ class PointSpread:
 def filter_transfer(
     weights: FloatArray, wavenumber: FloatArray, most: float
 ) -> tuple[NDArray[np.complex128], FloatArray, FloatArray]:
-    """Return the transfer (q, a) of a filter of pixels (m, m), and the wavenumbers (q, a) along both axes.
+    """Return the transfer (q, a) of a filter of pixels (m, m), and the wavenumbers (q, a) along
+    both axes.
 
-    Over half a turn of directions, enough of them for wavenumbers (q,) of at most `most`; the other half mirrors it.
+    Over half a turn of directions, enough of them for wavenumbers (q,) of at most `most`; the other
+    half mirrors it.
     """
     count = math.ceil(0.75 * most * (len(weights) + 1)) + 16
     angle = np.pi * np.arange(count) / count
@@ -67,7 +80,9 @@ def filter_transfer(
 
 
 def radial_nodes(most: float, farthest: float) -> tuple[FloatArray, FloatArray]:
-    """Return the nodes (q,) and weights of panels up to a wavenumber that resolve waves over a distance, pixels."""
+    """Return the nodes (q,) and weights of panels up to a wavenumber that resolve waves over a
+    distance, pixels.
+    """
     folds = math.ceil(math.log(EVEN / _LEAST))
     low = np.geomspace(_LEAST, EVEN, 2 * folds + 1)
     panels = min(math.ceil((most - EVEN) * max(farthest, 4.0) / math.pi), _MOST_PANELS)

@@ -1,8 +1,10 @@
-"""What particles add to a plume's spectrum: soot of kerosene while afterburning feeds it, alumina of solid motors.
+"""What particles add to a plume's spectrum: soot of kerosene while afterburning feeds it, alumina
+of solid motors.
 
-Source: `opir_photons/data/propellants.json`, which gives the source and the spread of each level. The continuum's power
-is a share of the jet power, spread over wavelengths as a black body times the emissivity of the particles. It is
-brightest broadside, where a long body shows 4/π of its mean over all directions.
+Source: `opir_photons/data/propellants.json`, which gives the source and the spread of each level.
+The continuum's power is a share of the jet power, spread over wavelengths as a black body times the
+emissivity of the particles. It is brightest broadside, where a long body shows 4/π of its mean over
+all directions.
 """
 
 import json
@@ -21,7 +23,8 @@ from opir_photons.radiometry.planck import planck_radiance
 
 _TABLE = Path(__file__).parents[1] / "data" / "propellants.json"
 
-#: Wavelengths over which the continuum is integrated, µm, and their number: logarithmic, 1e-6 of the total lies beyond.
+#: Wavelengths over which the continuum is integrated, µm, and their number: logarithmic, 1e-6 of
+#: the total lies beyond.
 _SHORTEST_UM = 0.3
 _LONGEST_UM = 100.0
 _NODES = 4001
@@ -29,7 +32,8 @@ _NODES = 4001
 #: Nodes of a quadrature over one band, in which the continuum is smooth.
 _BAND_NODES, _BAND_WEIGHTS = np.polynomial.legendre.leggauss(48)
 
-#: Broadside intensity of a long body over its mean over all directions: 1 / (mean of the sine of the aspect angle).
+#: Broadside intensity of a long body over its mean over all directions: 1 / (mean of the sine of
+#: the aspect angle).
 BROADSIDE = 4.0 / math.pi
 
 
@@ -37,8 +41,9 @@ BROADSIDE = 4.0 / math.pi
 class Propellant:
     """The particles of a propellant's exhaust.
 
-    `radiated_share` of the jet power is continuum where the height's factor is 1; `depth_um` is the wavelength at which
-    soot has optical depth 1, None for grey particles; `spread` is the factor, either way, within which levels hold.
+    `radiated_share` of the jet power is continuum where the height's factor is 1; `depth_um` is the
+    wavelength at which soot has optical depth 1, None for grey particles; `spread` is the factor,
+    either way, within which levels hold.
     """
 
     name: str
@@ -50,37 +55,59 @@ class Propellant:
     spread: float
 
     def emissivity(self, wavelength_um: FloatArray) -> FloatArray:
-        """Return the emissivity of the particles up to a factor: 1 - exp(-depth) of soot, 1 of grey particles."""
-        return np.ones_like(wavelength_um) if self.depth_um is None else -np.expm1(-self.depth_um / wavelength_um)
+        """Return the emissivity of the particles up to a factor: 1 - exp(-depth) of soot, 1 of grey
+        particles.
+        """
+        return (
+            np.ones_like(wavelength_um)
+            if self.depth_um is None
+            else -np.expm1(-self.depth_um / wavelength_um)
+        )
 
 
 @cache
 def propellants() -> Mapping[str, Propellant]:
     """Return the propellants by name; those without particles have radiated share 0."""
-    return MappingProxyType({name: _propellant(name, row) for name, row in _read()["propellants"].items()})
+    return MappingProxyType(
+        {name: _propellant(name, row) for name, row in _read()["propellants"].items()}
+    )
 
 
 def profile_propellant(profile: str) -> str | None:
-    """Return the name of the propellant of a class profile of the core, None for another profile."""
+    """Return the name of the propellant of a class profile of the core, None for another
+    profile.
+    """
     return _read()["profiles"].get(profile)
 
 
 def jet_power_w(peaks: Mapping[str, float]) -> float:
-    """Return the jet power, W, that goes with a plume's peaks by band: gases radiate a fixed share of it in SWIR."""
+    """Return the jet power, W, that goes with a plume's peaks by band: gases radiate a fixed share
+    of it in SWIR.
+    """
     return 4.0 * math.pi * peaks["SWIR"] / float(_read()["gas_share_of_jet_power"])
 
 
-def continuum_w_sr(propellant: Propellant, power_w: float, lower_um: float, upper_um: float) -> float:
-    """Return the particles' radiant intensity in a band, W/sr, broadside, for a jet power, where it is brightest."""
+def continuum_w_sr(
+    propellant: Propellant, power_w: float, lower_um: float, upper_um: float
+) -> float:
+    """Return the particles' radiant intensity in a band, W/sr, broadside, for a jet power, where it
+    is brightest.
+    """
     total = power_w * propellant.radiated_share / (4.0 * math.pi) * BROADSIDE
-    return total * _band_share(propellant, lower_um, upper_um) if total > 0.0 and upper_um > lower_um else 0.0
+    return (
+        total * _band_share(propellant, lower_um, upper_um)
+        if total > 0.0 and upper_um > lower_um
+        else 0.0
+    )
 
 
 @lru_cache(maxsize=1024)
 def _band_share(propellant: Propellant, lower_um: float, upper_um: float) -> float:
     half = 0.5 * (upper_um - lower_um)
     wavelength_um = lower_um + half * (1.0 + _BAND_NODES)
-    return float(half * np.sum(_BAND_WEIGHTS * _spectrum(propellant, wavelength_um))) / _whole(propellant)
+    return float(half * np.sum(_BAND_WEIGHTS * _spectrum(propellant, wavelength_um))) / _whole(
+        propellant
+    )
 
 
 @lru_cache(maxsize=64)
@@ -90,7 +117,9 @@ def _whole(propellant: Propellant) -> float:
 
 
 def _spectrum(propellant: Propellant, wavelength_um: FloatArray) -> FloatArray:
-    return propellant.emissivity(wavelength_um) * planck_radiance(propellant.temperature_k, wavelength_um)
+    return propellant.emissivity(wavelength_um) * planck_radiance(
+        propellant.temperature_k, wavelength_um
+    )
 
 
 def _propellant(name: str, row: Mapping[str, Any]) -> Propellant:

@@ -1,8 +1,10 @@
-"""A sea that mirrors the Sun: slopes of waves, Fresnel's reflectance, and the radiance of sun glint.
+"""A sea that mirrors the Sun: slopes of waves, Fresnel's reflectance, and the radiance of sun
+glint.
 
-The Sun is mirrored by the wave facets with a normal that bisects the directions to Sun and sensor. The density of
-slopes is that of Cox and Munk, isotropic: normal, of variance 0.003 + 0.00512 W with the wind W in m/s. Source: C. Cox
-and W. Munk, J. Opt. Soc. Am. 44 (1954), 838-850. Shadowed facets and double reflection are not modelled.
+The Sun is mirrored by the wave facets with a normal that bisects the directions to Sun and sensor.
+The density of slopes is that of Cox and Munk, isotropic: normal, of variance 0.003 + 0.00512 W with
+the wind W in m/s. Source: C. Cox and W. Munk, J. Opt. Soc. Am. 44 (1954), 838-850. Shadowed facets
+and double reflection are not modelled.
 """
 
 from collections.abc import Sequence
@@ -36,7 +38,9 @@ def slope_density(tilt_rad: FloatArray, variance: float) -> FloatArray:
 
 
 def reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
-    """Return Fresnel's reflectances (n,) of unpolarised light, by the cosine of the angle of incidence."""
+    """Return Fresnel's reflectances (n,) of unpolarised light, by the cosine of the angle of
+    incidence.
+    """
     inside = np.sqrt(1.0 - (1.0 - np.square(cosine)) / refractive_index**2)
     across = (cosine - refractive_index * inside) / (cosine + refractive_index * inside)
     along = (refractive_index * cosine - inside) / (refractive_index * cosine + inside)
@@ -45,7 +49,9 @@ def reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
 
 @frozen(eq=False)
 class SeaGlint:
-    """Sun glint of a sea that covers the Earth: the Sun's irradiance (bands,) W/m², and the slopes of the waves."""
+    """Sun glint of a sea that covers the Earth: the Sun's irradiance (bands,) W/m², and the slopes
+    of the waves.
+    """
 
     irradiance_w_m2: FloatArray
     slope_variance: float
@@ -53,7 +59,9 @@ class SeaGlint:
     epoch_us: int
 
     @classmethod
-    def of(cls, bands: Sequence[Band], wind_m_s: float, atmosphere: Transmittance, epoch_us: int) -> "SeaGlint":
+    def of(
+        cls, bands: Sequence[Band], wind_m_s: float, atmosphere: Transmittance, epoch_us: int
+    ) -> "SeaGlint":
         """Return the glint of a sea under a wind, m/s."""
         light = [float(solar_irradiance(band.lower_um, band.upper_um)) for band in bands]
         # Bands with swapped edges are empty.
@@ -62,9 +70,9 @@ class SeaGlint:
     def radiances_w_m2_sr(self, bands: Sequence[int], view: Views) -> FloatArray:
         """Return the radiances (bands, n) of sun glint on views of the ground, above the air.
 
-        L = E τ τ' ρ p / (4 cos θ cos⁴ β) with the irradiance E of the Sun, transmittances down and up, Fresnel's ρ at
-        the facet, the density of slopes p at its tilt β and the angle θ of the sensor from the zenith; no more than the
-        radiance of a mirror. 0 by night.
+        L = E τ τ' ρ p / (4 cos θ cos⁴ β) with the irradiance E of the Sun, transmittances down and
+        up, Fresnel's ρ at the facet, the density of slopes p at its tilt β and the angle θ of the
+        sensor from the zenith; no more than the radiance of a mirror. 0 by night.
         """
         radiance = np.zeros((len(bands), len(view)))
         rows = np.flatnonzero((view.sun_elevation_sine > 0.0) & (view.elevation_sine > 0.0))
@@ -85,6 +93,8 @@ class SeaGlint:
         above = point + _ABOVE_THE_AIR_M * to_sensor
         down = Paths(ground, view.sun_elevation_sine, point, sun, view.time_s)
         up = Paths(ground, view.elevation_sine, point, above, view.time_s)
-        air = self.atmosphere.transmittances(bands, down) * self.atmosphere.transmittances(bands, up)
+        air = self.atmosphere.transmittances(bands, down) * self.atmosphere.transmittances(
+            bands, up
+        )
         radiance[:, rows] = self.irradiance_w_m2[list(bands)][:, None] * air * share
         return radiance

@@ -18,7 +18,9 @@ PLACE_FIELDS = ("lat_deg", "lon_deg")
 
 
 def emitter_complaint(emitter: Mapping[str, Any], block: "SourceConfig") -> str | None:
-    """Return the first error in one emitter's own values, by the fields of its block's configuration class."""
+    """Return the first error in one emitter's own values, by the fields of its block's
+    configuration class.
+    """
     kind = type(block)
     infos = {name: info_of(fields_dict(kind)[name]) for name in own_fields(kind)}
     infos |= {
@@ -30,8 +32,12 @@ def emitter_complaint(emitter: Mapping[str, Any], block: "SourceConfig") -> str 
         return complaint
     for name, value in emitter.items():
         if not infos[name].accepts(value):
-            return f"{name}: {value!r} is outside {infos[name].interval} {infos[name].unit}".rstrip()
-    return _times_complaint(emitter.get("start_s", block.start_s), emitter.get("end_s", block.end_s))
+            return (
+                f"{name}: {value!r} is outside {infos[name].interval} {infos[name].unit}".rstrip()
+            )
+    return _times_complaint(
+        emitter.get("start_s", block.start_s), emitter.get("end_s", block.end_s)
+    )
 
 
 def names_complaint(names: Sequence[str], kind: type) -> str | None:
@@ -55,22 +61,38 @@ def _times_complaint(start_s: float, end_s: float | None) -> str | None:
 
 
 def own_fields(kind: type) -> tuple[str, ...]:
-    """Return the fields that an emitter may set itself, besides its place, in a block of this configuration class."""
-    return tuple(name for name in (*OWN_FIELDS, *getattr(kind, "more_own_fields", ())) if name in fields_dict(kind))
+    """Return the fields that an emitter may set itself, besides its place, in a block of this
+    configuration class.
+    """
+    return tuple(
+        name
+        for name in (*OWN_FIELDS, *getattr(kind, "more_own_fields", ()))
+        if name in fields_dict(kind)
+    )
 
 
 @frozen(kw_only=True)
 class RegionConfig:
     """Part of the Earth between two parallels and two meridians; it may cross the date line."""
 
-    south_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the southern edge")
-    north_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the northern edge")
-    west_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the western edge")
-    east_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the eastern edge")
+    south_deg: float = number(
+        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the southern edge"
+    )
+    north_deg: float = number(
+        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the northern edge"
+    )
+    west_deg: float = number(
+        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the western edge"
+    )
+    east_deg: float = number(
+        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the eastern edge"
+    )
 
     def __attrs_post_init__(self) -> None:
         if self.south_deg >= self.north_deg:
-            raise ValueError(f"south_deg {self.south_deg:g} is not below north_deg {self.north_deg:g}")
+            raise ValueError(
+                f"south_deg {self.south_deg:g} is not below north_deg {self.north_deg:g}"
+            )
         if self.west_deg == self.east_deg:
             raise ValueError("west_deg and east_deg are equal: the region has no width")
 
@@ -81,7 +103,9 @@ class FieldConfig:
 
     region: RegionConfig = nested(help="where")
     per_million_km2: float = number(
-        minimum=0.0, help="expected number in a million km², and for what is brief in each hour", source="no default"
+        minimum=0.0,
+        help="expected number in a million km², and for what is brief in each hour",
+        source="no default",
     )
     area_log_sigma: float = number(
         default=1.0,
@@ -93,7 +117,9 @@ class FieldConfig:
 
 @frozen(kw_only=True)
 class SourceConfig:
-    """What a scene may set of every kind of source: where, in one of three ways, when, and how bright."""
+    """What a scene may set of every kind of source: where, in one of three ways, when, and how
+    bright.
+    """
 
     at: tuple[Mapping[str, float], ...] | None = nested(
         default=None,
@@ -102,12 +128,17 @@ class SourceConfig:
     )
     csv: str | None = text(
         default=None,
-        help="a file of emitters, relative to the working directory: a header with lat_deg, lon_deg and own fields, an"
+        help="a file of emitters, relative to the working directory: a header with lat_deg, lon_deg"
+        " and own fields, an"
         " emitter a line, empty cells for the block's values",
         source="no default: at, csv or field",
     )
-    field: FieldConfig | None = nested(default=None, help="a random field", source="no default: at, csv or field")
-    height_m: float = number(default=0.0, unit="m", minimum=-500.0, maximum=150e3, help="height above the ellipsoid")
+    field: FieldConfig | None = nested(
+        default=None, help="a random field", source="no default: at, csv or field"
+    )
+    height_m: float = number(
+        default=0.0, unit="m", minimum=-500.0, maximum=150e3, help="height above the ellipsoid"
+    )
     start_s: float = number(
         default=-10.0,
         unit="s",
@@ -116,13 +147,18 @@ class SourceConfig:
         source="before the scene begins",
     )
     end_s: float | None = number(
-        default=None, unit="s", help="scene time to which it shines", source="none: beyond the scene's end"
+        default=None,
+        unit="s",
+        help="scene time to which it shines",
+        source="none: beyond the scene's end",
     )
     temperature_k: float = number(
         default=1000.0, unit="K", above=0.0, maximum=20_000.0, help="temperature of a grey body"
     )
     emissivity: float = number(default=1.0, above=0.0, maximum=1.0, help="emissivity")
-    area_m2: float = number(default=1000.0, unit="m2", above=0.0, maximum=1e12, help="area that shines")
+    area_m2: float = number(
+        default=1000.0, unit="m2", above=0.0, maximum=1e12, help="area that shines"
+    )
 
     def __attrs_post_init__(self) -> None:
         given = [name for name in ("at", "csv", "field") if getattr(self, name) is not None]
@@ -140,34 +176,55 @@ class SourceConfig:
 
 @with_defaults(
     temperature_k=cited(
-        1000.0, "flaming vegetation, 800 to 1200 K: Dozier, Remote Sensing of Environment 11 (1981), 221-229"
+        1000.0,
+        "flaming vegetation, 800 to 1200 K: Dozier, Remote Sensing of Environment 11 (1981),"
+        " 221-229",
     ),
     emissivity=0.9,
     area_m2=2000.0,
 )
 class FireConfig(SourceConfig):
-    """What a scene may set of `fires`: flat grey bodies, as bright as their area is wide to the sensor."""
+    """What a scene may set of `fires`: flat grey bodies, as bright as their area is wide to the
+    sensor.
+    """
 
 
 @with_defaults(
-    temperature_k=cited(1800.0, "gas flares, 1600 to 2000 K: Elvidge et al., Energies 9 (2016), 14"),
+    temperature_k=cited(
+        1800.0, "gas flares, 1600 to 2000 K: Elvidge et al., Energies 9 (2016), 14"
+    ),
     emissivity=0.3,
     area_m2=30.0,
     height_m=50.0,
 )
 class FlareConfig(SourceConfig):
-    """What a scene may set of `flares`: grey bodies that shine alike to all sides; the area is that seen."""
+    """What a scene may set of `flares`: grey bodies that shine alike to all sides; the area is that
+    seen.
+    """
 
 
-@with_defaults(temperature_k=cited(5772.0, "the Sun's effective temperature, IAU 2015 resolution B3"), area_m2=1e6)
+@with_defaults(
+    temperature_k=cited(5772.0, "the Sun's effective temperature, IAU 2015 resolution B3"),
+    area_m2=1e6,
+)
 class GlintConfig(SourceConfig):
-    """What a scene may set of `glints`: water that mirrors the Sun; `area_m2` is its surface, temperature the Sun's."""
+    """What a scene may set of `glints`: water that mirrors the Sun; `area_m2` is its surface,
+    temperature the Sun's.
+    """
 
     wind_m_s: float = number(
-        default=5.0, unit="m/s", minimum=0.0, maximum=30.0, help="wind over the water, which roughens it"
+        default=5.0,
+        unit="m/s",
+        minimum=0.0,
+        maximum=30.0,
+        help="wind over the water, which roughens it",
     )
     refractive_index: float = number(
-        default=1.33, above=1.0, maximum=5.0, help="of the surface, real", source="water in visible light"
+        default=1.33,
+        above=1.0,
+        maximum=5.0,
+        help="of the surface, real",
+        source="water in visible light",
     )
 
 
@@ -178,7 +235,9 @@ class GlintConfig(SourceConfig):
     height_m=cited(47.4e3, f"brightest at 35.2 km after a second of the way down; {_CNEOS}"),
 )
 class BolideConfig(SourceConfig):
-    """What a scene may set of `bolides`: meteors that flash along a straight way down; they shine to all sides."""
+    """What a scene may set of `bolides`: meteors that flash along a straight way down; they shine
+    to all sides.
+    """
 
     more_own_fields = ("speed_m_s", "descent_deg", "heading_deg", "flash_s")
 
@@ -191,7 +250,11 @@ class BolideConfig(SourceConfig):
         source=_CNEOS,
     )
     descent_deg: float = number(
-        default=45.0, unit="deg", minimum=0.0, maximum=90.0, help="angle of the way below the horizontal"
+        default=45.0,
+        unit="deg",
+        minimum=0.0,
+        maximum=90.0,
+        help="angle of the way below the horizontal",
     )
     heading_deg: float = number(
         default=0.0, unit="deg", minimum=0.0, maximum=360.0, help="direction, from north over east"

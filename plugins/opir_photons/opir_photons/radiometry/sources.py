@@ -1,10 +1,12 @@
-"""Sources that are no targets: fires, gas flares, sun glints and bolides, as emitters with a spectrum.
+"""Sources that are no targets: fires, gas flares, sun glints and bolides, as emitters with a
+spectrum.
 
 They pass through the same atmosphere, aperture and threshold as plumes.
 
-Sun glint (`opir_photons.radiometry.sea_surface`): the radiant intensity over an area A is A ρ E p / (4 cos⁴ β) with the
-tilt β of the facets, the density of slopes p = exp(-tan² β / σ²) / (π σ²), the in-band irradiance E of the Sun at the
-surface and Fresnel's reflectance ρ at the Sun's zenith angle.
+Sun glint (`opir_photons.radiometry.sea_surface`): the radiant intensity over an area A is A ρ E p /
+(4 cos⁴ β) with the tilt β of the facets, the density of slopes p = exp(-tan² β / σ²) / (π σ²), the
+in-band irradiance E of the Sun at the surface and Fresnel's reflectance ρ at the Sun's zenith
+angle.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,18 +17,41 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.geometry import components, dot, geodetic_to_ecef, length, local_axes, sun_ecef_m, vector
-from opir_core.plugin import EMITTER_TYPES, Paths, Signatures, SourceContext, Sources, Trajectories, Transmittance
+from opir_core.geometry import (
+    components,
+    dot,
+    geodetic_to_ecef,
+    length,
+    local_axes,
+    sun_ecef_m,
+    vector,
+)
+from opir_core.plugin import (
+    EMITTER_TYPES,
+    Paths,
+    Signatures,
+    SourceContext,
+    Sources,
+    Trajectories,
+    Transmittance,
+)
 from opir_photons.radiometry.emitters import Emitters, emitters_of
 from opir_photons.radiometry.planck import grey_body_intensity
 from opir_photons.radiometry.sea_surface import reflectance, slope_density, slope_variance
-from opir_photons.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
+from opir_photons.radiometry.source_configs import (
+    BolideConfig,
+    FireConfig,
+    FlareConfig,
+    GlintConfig,
+)
 from opir_photons.radiometry.sunlight import solar_irradiance
 
 
 @frozen(eq=False)
 class GlintSignatures(Signatures):
-    """Patches of water (n,) under the Sun: `sunlight_w_m2` (bands, n) is normal irradiance above the air."""
+    """Patches of water (n,) under the Sun: `sunlight_w_m2` (bands, n) is normal irradiance above
+    the air.
+    """
 
     sunlight_w_m2: FloatArray
     area_m2: FloatArray
@@ -47,15 +72,27 @@ class GlintSignatures(Signatures):
         altitude_m: FloatArray,
         aspect_rad: FloatArray,
     ) -> FloatArray:
-        """Return radiant intensities (n,) at the surface, W/sr; `aspect_rad` is the tilt of the facets that glint."""
+        """Return radiant intensities (n,) at the surface, W/sr; `aspect_rad` is the tilt of the
+        facets that glint.
+        """
         time_s = self.ignition_s[target] + time_since_ignition_s
         sine = self._sun_sine(target, time_s)
         mirrored = reflectance(np.maximum(sine, 0.0), self.refractive_index)
-        light = self.sunlight_w_m2[band][target] * self._sun_transmittance(band, target, time_s, sine)
-        intensity = self.area_m2[target] * light * mirrored * 0.25 * slope_density(aspect_rad, self.slope_variance)
+        light = self.sunlight_w_m2[band][target] * self._sun_transmittance(
+            band, target, time_s, sine
+        )
+        intensity = (
+            self.area_m2[target]
+            * light
+            * mirrored
+            * 0.25
+            * slope_density(aspect_rad, self.slope_variance)
+        )
         return np.where(sine > 0.0, intensity, 0.0)
 
-    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
+    def aspect_rad(
+        self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray
+    ) -> FloatArray | None:
         """Return the tilts (n,) of the facets that mirror the Sun to the sensors, in [0, pi]."""
         half = self._to_sun(target, time_s) + to_sensor_ecef
         size = length(*components(half))
@@ -69,7 +106,9 @@ class GlintSignatures(Signatures):
     def _sun_sine(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         return dot(self._to_sun(target, time_s), self.up_ecef[target])
 
-    def _sun_transmittance(self, band: int, target: IndexArray, time_s: FloatArray, sine: FloatArray) -> FloatArray:
+    def _sun_transmittance(
+        self, band: int, target: IndexArray, time_s: FloatArray, sine: FloatArray
+    ) -> FloatArray:
         """Return the transmittance from the Sun to the surface; 1 without an atmosphere."""
         if self.sky is None:
             return np.ones(len(target))
@@ -84,9 +123,13 @@ def glint_signatures(
     """Return the signatures of patches of water at positions (n, 3)."""
     sun_k = emitters["temperature_k"]
     share = emitters["emissivity"]
-    light = [solar_irradiance(band.lower_um, band.upper_um, sun_k) * share for band in context.bands]
+    light = [
+        solar_irradiance(band.lower_um, band.upper_um, sun_k) * share for band in context.bands
+    ]
     return GlintSignatures(
-        sunlight_w_m2=np.maximum(np.array(light, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0),
+        sunlight_w_m2=np.maximum(
+            np.array(light, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0
+        ),
         area_m2=emitters["area_m2"],
         ignition_s=emitters["start_s"],
         height_m=emitters["height_m"],
@@ -111,7 +154,9 @@ class StraightTrajectories(Trajectories):
     emitters_truth: tuple[Mapping[str, Any], ...]
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of emitters (m,) at scene times (m,); nan when they do not shine."""
+        """Return positions (m, 3) of emitters (m,) at scene times (m,); nan when they do not
+        shine.
+        """
         since_s = time_s - self.ignition_s[target]
         shines = (since_s >= 0.0) & (time_s <= self.burnout_s[target])
         since_s = np.where(shines, since_s, np.nan)
@@ -124,10 +169,12 @@ class StraightTrajectories(Trajectories):
 
 @frozen(eq=False)
 class GreySignatures(Signatures):
-    """Grey bodies: intensities (bands, n); flat ones by how their area turns to the sensor, brief ones with a flash.
+    """Grey bodies: intensities (bands, n); flat ones by how their area turns to the sensor, brief
+    ones with a flash.
 
-    `up_ecef` (n, 3) is the vertical of a flat body, and None where all shine alike to all sides. `flash_s` (n,) is how
-    long a flash lasts, sin² in time, and None where brightness does not change.
+    `up_ecef` (n, 3) is the vertical of a flat body, and None where all shine alike to all sides.
+    `flash_s` (n,) is how long a flash lasts, sin² in time, and None where brightness does not
+    change.
     """
 
     peak_w_sr: FloatArray
@@ -142,7 +189,9 @@ class GreySignatures(Signatures):
         altitude_m: FloatArray,
         aspect_rad: FloatArray,
     ) -> FloatArray:
-        """Return radiant intensities (n,) at the source, W/sr; `aspect_rad` is from the vertical."""
+        """Return radiant intensities (n,) at the source, W/sr; `aspect_rad` is from the
+        vertical.
+        """
         intensity: FloatArray = self.peak_w_sr[band][target]
         if self.up_ecef is not None:
             intensity = intensity * np.maximum(np.cos(aspect_rad), 0.0)
@@ -151,8 +200,12 @@ class GreySignatures(Signatures):
             intensity = intensity * np.square(np.sin(np.pi * share))
         return intensity
 
-    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
-        """Return the angles (n,) between the vertical and the sensor; 0 where all directions are alike."""
+    def aspect_rad(
+        self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray
+    ) -> FloatArray | None:
+        """Return the angles (n,) between the vertical and the sensor; 0 where all directions are
+        alike.
+        """
         if self.up_ecef is None:
             return np.zeros(len(target))
         (ax, ay, az), (bx, by, bz) = components(self.up_ecef[target]), components(to_sensor_ecef)
@@ -173,20 +226,28 @@ def fire_sources(config: FireConfig, context: SourceContext) -> Sources:
     emitters = emitters_of(config, context)
     trajectories = _standing("fire", emitters, context)
     up = local_axes(trajectories.start_ecef_m)[:, 2]
-    return _sources(context, trajectories, GreySignatures(_grey_w_sr(emitters, context), up_ecef=up))
+    return _sources(
+        context, trajectories, GreySignatures(_grey_w_sr(emitters, context), up_ecef=up)
+    )
 
 
 def flare_sources(config: FlareConfig, context: SourceContext) -> Sources:
     """Return gas flares: grey bodies that shine alike to all sides."""
     emitters = emitters_of(config, context)
-    return _sources(context, _standing("flare", emitters, context), GreySignatures(_grey_w_sr(emitters, context)))
+    return _sources(
+        context,
+        _standing("flare", emitters, context),
+        GreySignatures(_grey_w_sr(emitters, context)),
+    )
 
 
 def glint_sources(config: GlintConfig, context: SourceContext) -> Sources:
     """Return glints: water that mirrors the Sun."""
     emitters = emitters_of(config, context)
     trajectories = _standing("glint", emitters, context)
-    signatures: GlintSignatures = glint_signatures(config, emitters, trajectories.start_ecef_m, context)
+    signatures: GlintSignatures = glint_signatures(
+        config, emitters, trajectories.start_ecef_m, context
+    )
     return _sources(context, trajectories, signatures)
 
 
@@ -200,18 +261,26 @@ def bolide_sources(config: BolideConfig, context: SourceContext) -> Sources:
     local = vector(level * np.sin(heading), level * np.cos(heading), -np.sin(descent))
     (east, north, down) = components(local)
     way = east[:, None] * axes[:, 0] + north[:, None] * axes[:, 1] + down[:, None] * axes[:, 2]
-    trajectories = _trajectories("bolide", emitters, context, start, way * emitters["speed_m_s"][:, None])
+    trajectories = _trajectories(
+        "bolide", emitters, context, start, way * emitters["speed_m_s"][:, None]
+    )
     signatures = GreySignatures(_grey_w_sr(emitters, context), flash_s=emitters["flash_s"])
     return _sources(context, trajectories, signatures)
 
 
-def _sources(context: SourceContext, trajectories: StraightTrajectories, signatures: Signatures) -> Sources:
-    ids = tuple(f"{context.id}-{number}" for number in range(1, len(trajectories.emitters_truth) + 1))
+def _sources(
+    context: SourceContext, trajectories: StraightTrajectories, signatures: Signatures
+) -> Sources:
+    ids = tuple(
+        f"{context.id}-{number}" for number in range(1, len(trajectories.emitters_truth) + 1)
+    )
     return EmitterSources(ids, trajectories, signatures)
 
 
 def _starts(emitters: Emitters) -> tuple[FloatArray, FloatArray]:
-    start = geodetic_to_ecef(np.radians(emitters["lat_deg"]), np.radians(emitters["lon_deg"]), emitters["height_m"])
+    start = geodetic_to_ecef(
+        np.radians(emitters["lat_deg"]), np.radians(emitters["lon_deg"]), emitters["height_m"]
+    )
     return start, local_axes(start)
 
 
@@ -245,6 +314,10 @@ def _trajectories(
 def _grey_w_sr(emitters: Emitters, context: SourceContext) -> FloatArray:
     """Return intensities (bands, n) of the whole area."""
     bodies = (emitters["temperature_k"], emitters["area_m2"], emitters["emissivity"])
-    intensities = [grey_body_intensity(*bodies, band.lower_um, band.upper_um) for band in context.bands]
+    intensities = [
+        grey_body_intensity(*bodies, band.lower_um, band.upper_um) for band in context.bands
+    ]
     # Bands with swapped edges are empty.
-    return np.maximum(np.array(intensities, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0)
+    return np.maximum(
+        np.array(intensities, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0
+    )

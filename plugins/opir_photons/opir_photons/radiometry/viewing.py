@@ -1,4 +1,6 @@
-"""Views along lines of sight: the point on the Earth, its illumination, or the tangent point beyond the limb."""
+"""Views along lines of sight: the point on the Earth, its illumination, or the tangent point beyond
+the limb.
+"""
 
 import numpy as np
 
@@ -17,12 +19,15 @@ from opir_core.plugin import Views
 
 
 @np.errstate(invalid="ignore")
-def views(sensor_ecef_m: FloatArray, direction_ecef: FloatArray, time_s: FloatArray, epoch_us: int) -> Views:
-    """Return the views along lines of sight (n, 3), of any length but 0, of sensors (n, 3) at scene times (n,).
+def views(
+    sensor_ecef_m: FloatArray, direction_ecef: FloatArray, time_s: FloatArray, epoch_us: int
+) -> Views:
+    """Return the views along lines of sight (n, 3), of any length but 0, of sensors (n, 3) at scene
+    times (n,).
 
-    `epoch_us` is the epoch of the scene in microseconds of UTC since 1970. The view of a line that misses the Earth is
-    at the point nearest to the Earth's centre; along the line it is within 22 km of the point nearest to the ellipsoid,
-    with its height within 40 m.
+    `epoch_us` is the epoch of the scene in microseconds of UTC since 1970. The view of a line that
+    misses the Earth is at the point nearest to the Earth's centre; along the line it is within 22
+    km of the point nearest to the ellipsoid, with its height within 40 m.
     """
     ground = intersection_with_ellipsoid(sensor_ecef_m, direction_ecef)
     hits = np.isfinite(ground[:, 0])
@@ -42,7 +47,9 @@ def views(sensor_ecef_m: FloatArray, direction_ecef: FloatArray, time_s: FloatAr
 
 
 def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> FloatArray:
-    """Return heights: 0 on the Earth, tangent heights beyond the limb, inf for lines away from the Earth."""
+    """Return heights: 0 on the Earth, tangent heights beyond the limb, inf for lines away from the
+    Earth.
+    """
     height = np.where(hits, 0.0, np.inf)
     beyond = np.flatnonzero(~hits & is_ahead)
     height[beyond] = np.maximum(ecef_to_geodetic(point[beyond]).height_m, np.finfo(np.float64).tiny)
@@ -50,7 +57,9 @@ def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> Float
 
 
 def _up(point: FloatArray) -> FloatArray:
-    """Return the normals (n, 3) of ellipsoids like the Earth's through points: the vertical on the Earth itself."""
+    """Return the normals (n, 3) of ellipsoids like the Earth's through points: the vertical on the
+    Earth itself.
+    """
     x, y, z = components(point)
     return _unit(vector(x, y, z * (EARTH_EQUATORIAL_RADIUS_M / EARTH_POLAR_RADIUS_M) ** 2))
 

@@ -1,4 +1,6 @@
-"""The plausibility of foreign detections in their scene: times, places of sensors, and where lines of sight lead."""
+"""The plausibility of foreign detections in their scene: times, places of sensors, and where lines
+of sight lead.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,7 +16,8 @@ from opir_readers.table_checks import SceneTimes, moment_text, scale_text
 
 _NS = 1_000_000_000
 
-#: Lines of sight that pass the Earth's centre farther away than this, m, meet no launch: 1 600 km of height.
+#: Lines of sight that pass the Earth's centre farther away than this, m, meet no launch: 1 600 km
+#: of height.
 _FARTHEST_M = 8.0e6
 
 #: Sensors farther from their orbits in the scene than this, m, are others, or of another time.
@@ -31,10 +34,13 @@ def within_scene(rows: Sequence[Row], when_ns: IntArray, scene: Scene) -> Sequen
         times = SceneTimes(scene.epoch_us, scene.duration_s)
         first = float(when_ns.min()) / _NS
         last = float(when_ns.max()) / _NS
-        begin, end, own, late = (moment_text(scene.epoch_us * 1e-6 + at) for at in (0.0, scene.duration_s, first, last))
+        begin, end, own, late = (
+            moment_text(scene.epoch_us * 1e-6 + at) for at in (0.0, scene.duration_s, first, last)
+        )
         scale = scale_text(first, times) if "time_s" in rows[0] else "; set the scene's epoch"
         raise BadFileError(
-            f"{place_of(rows[0])}its times, {own} to {late}, and the scene, {begin} to {end}, have nothing in common"
+            f"{place_of(rows[0])}its times, {own} to {late}, and the scene, {begin} to {end}, have"
+            f" nothing in common"
             f"{scale}"
         )
     return [row for row, is_due in zip(rows, is_in.tolist(), strict=True) if is_due]
@@ -51,18 +57,26 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
     nearest_m, is_ahead = _passes(found.sensor_ecef_m, found.line_of_sight_ecef)
     yield from _many(columns, plan, ~is_ahead | (nearest_m > _FARTHEST_M), _MISSES)
     outside = _nadir_rad(found.sensor_ecef_m, found.line_of_sight_ecef)
-    limit = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])[found.sensor]
-    yield from _many(columns, plan, outside > limit + 1e-3, "is outside of the sensor's field of regard")
+    limit = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])[
+        found.sensor
+    ]
+    yield from _many(
+        columns, plan, outside > limit + 1e-3, "is outside of the sensor's field of regard"
+    )
     for number in np.unique(found.sensor[astray_m > _ASTRAY_M]).tolist():
         own = np.flatnonzero(found.sensor == number)
         row = own[int(astray_m[own].argmax())]
         yield (
-            f"{place_of(columns.rows[row])}sensor {plan.sensors[number].id} is {astray_m[row] * 1e-3:.4g} km from its"
-            " orbit in the scene; the tracker takes the file's places, and the scene's orbit for what it can see"
+            f"{place_of(columns.rows[row])}sensor {plan.sensors[number].id} is"
+            f" {astray_m[row] * 1e-3:.4g} km from its"
+            " orbit in the scene; the tracker takes the file's places, and the scene's orbit for"
+            " what it can see"
         )
 
 
-_MISSES = "leads past the Earth; are angles in other units, from other axes, or counted from elsewhere?"
+_MISSES = (
+    "leads past the Earth; are angles in other units, from other axes, or counted from elsewhere?"
+)
 
 
 def _many(columns: RunColumns, plan: Plan, is_odd: BoolArray, words: str) -> Iterator[str]:
@@ -73,12 +87,18 @@ def _many(columns: RunColumns, plan: Plan, is_odd: BoolArray, words: str) -> Ite
         odd = np.flatnonzero(is_odd & (sensor == number))
         if len(odd) >= _MANY * own:
             where = place_of(columns.rows[int(odd[0])])
-            count = f"as {len(odd) - 1} others of {number_of('detection', own)}" if len(odd) > 1 else "alone"
+            count = (
+                f"as {len(odd) - 1} others of {number_of('detection', own)}"
+                if len(odd) > 1
+                else "alone"
+            )
             yield f"{where}the line of sight of {plan.sensors[number].id} {words} ({count})"
 
 
 def _passes(origin_m: FloatArray, direction: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return how near the Earth's centre rays pass, m, and whether that is ahead of their sensor."""
+    """Return how near the Earth's centre rays pass, m, and whether that is ahead of their
+    sensor.
+    """
     along = -(origin_m * direction).sum(axis=1)
     nearest = _length(origin_m + along[:, None] * direction)
     return nearest, along > 0.0

@@ -1,4 +1,6 @@
-"""Rows of detections of another program to the columns of a run, as the sensors of a scene had made them."""
+"""Rows of detections of another program to the columns of a run, as the sensors of a scene had made
+them.
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -38,7 +40,9 @@ _DIRECTIONS: tuple[tuple[str, ...], ...] = (
 
 @frozen(eq=False)
 class RunColumns:
-    """Detections in the order of observation, their truth as far as it is known, and what a user should know."""
+    """Detections in the order of observation, their truth as far as it is known, and what a user
+    should know.
+    """
 
     detections: Detections
     truth: DetectionTruth
@@ -59,7 +63,8 @@ def _time_ns(row: Row, epoch_us: int, key: str) -> int:
 
 
 def columns_of(rows: Sequence[Row], plan: Plan, names: Mapping[str, str]) -> RunColumns:
-    """Return the columns of rows for the sensors of a plan; `names` are the plan's ids of ids in the file.
+    """Return the columns of rows for the sensors of a plan; `names` are the plan's ids of ids in
+    the file.
 
     Raises `BadFileError` with the line of a row that cannot be one of a sensor's detections.
     """
@@ -80,7 +85,9 @@ def columns_of(rows: Sequence[Row], plan: Plan, names: Mapping[str, str]) -> Run
         bands=_bands(rows, sensor, plan.sensors),
         detection_count=np.ones(len(rows), dtype=np.int32),
         confidence=_optional(rows, "confidence", UNKNOWN_CONFIDENCE, 0.0, 1.0),
-        line_of_sight_ecef=_directions(rows, origin, when.astype(np.float64) * 1e-9, plan.scene.epoch_us),
+        line_of_sight_ecef=_directions(
+            rows, origin, when.astype(np.float64) * 1e-9, plan.scene.epoch_us
+        ),
         sensor_ecef_m=origin,
         snr=_optional(rows, "snr", np.nan),
         track=np.full(len(rows), -1, dtype=np.int64),
@@ -92,29 +99,38 @@ def columns_of(rows: Sequence[Row], plan: Plan, names: Mapping[str, str]) -> Run
     return RunColumns(detections.freeze(), truth_of(rows, detections, plan), rows)
 
 
-def _sensors(rows: Sequence[Row], sensors: Sequence[Sensor], names: Mapping[str, str]) -> IndexArray:
+def _sensors(
+    rows: Sequence[Row], sensors: Sequence[Sensor], names: Mapping[str, str]
+) -> IndexArray:
     number = {sensor.id: place for place, sensor in enumerate(sensors)}
     only = sensors[0].id if len(sensors) == 1 else None
     found = []
     for row in rows:
         own = row.get("sensor_id", only)
         if own is None:
-            raise BadFileError(f"{place_of(row)}has no sensor_id, and --sensors has several: {', '.join(number)}")
+            raise BadFileError(
+                f"{place_of(row)}has no sensor_id, and --sensors has several: {', '.join(number)}"
+            )
         own = names.get(str(own), str(own))
         if own not in number:
             near = nearest_names(own, number)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(list(number)[:12])}."
+            hint = (
+                f"did you mean {near[0]}?" if near else f"there are {', '.join(list(number)[:12])}."
+            )
             unknown = Counter(str(each.get("sensor_id")) for each in rows)
             count = unknown[str(row.get("sensor_id"))]
             raise BadFileError(
-                f"{place_of(row)}its sensor {shown(own)}, of {count} of {len(rows)} detections, is none of --sensors;"
+                f"{place_of(row)}its sensor {shown(own)}, of {count} of {len(rows)} detections, is"
+                f" none of --sensors;"
                 f" {hint} Use --rename THEIRS=OURS if the names differ"
             )
         found.append(number[own])
     return np.array(found, dtype=np.int32)
 
 
-def _positions(rows: Sequence[Row], sensor: IndexArray, when: IntArray, sensors: Sequence[Sensor]) -> FloatArray:
+def _positions(
+    rows: Sequence[Row], sensor: IndexArray, when: IntArray, sensors: Sequence[Sensor]
+) -> FloatArray:
     """Return the sensors' positions (n, 3): those of the file, else of the scene's orbits."""
     position = np.empty((len(rows), 3))
     is_given = np.array([row.get("sensor_position_ecef_m") is not None for row in rows], dtype=bool)
@@ -126,7 +142,9 @@ def _positions(rows: Sequence[Row], sensor: IndexArray, when: IntArray, sensors:
     return position
 
 
-def _directions(rows: Sequence[Row], origin: FloatArray, time_s: FloatArray, epoch_us: int) -> FloatArray:
+def _directions(
+    rows: Sequence[Row], origin: FloatArray, time_s: FloatArray, epoch_us: int
+) -> FloatArray:
     """Return unit vectors (n, 3) in ECEF."""
     ways = np.array([_way(row) for row in rows], dtype=np.int64)
     vectors = np.empty((len(rows), 3))
@@ -136,10 +154,14 @@ def _directions(rows: Sequence[Row], origin: FloatArray, time_s: FloatArray, epo
         if len(_DIRECTIONS[way]) == 1:
             found = np.array([vector_of_row(row, _DIRECTIONS[way][0]) for row in given])
         else:
-            first, second = np.radians([[number_of_row(row, name) for name in _DIRECTIONS[way]] for row in given]).T
+            first, second = np.radians(
+                [[number_of_row(row, name) for name in _DIRECTIONS[way]] for row in given]
+            ).T
             _require_angles(given, second, _DIRECTIONS[way][1])
             is_local = way == 1
-            found = line_of_sight(origin[own], first, second) if is_local else _vectors(first, second)
+            found = (
+                line_of_sight(origin[own], first, second) if is_local else _vectors(first, second)
+            )
         vectors[own] = _earth_fixed(given, found, epoch_us, time_s[own]) if way >= 2 else found
     with np.errstate(over="ignore"):
         length = np.sqrt((vectors * vectors).sum(axis=1))
@@ -148,13 +170,19 @@ def _directions(rows: Sequence[Row], origin: FloatArray, time_s: FloatArray, epo
     return np.asarray(vectors / length[:, None])
 
 
-def _earth_fixed(rows: Sequence[Row], vectors: FloatArray, epoch_us: int, time_s: FloatArray) -> FloatArray:
-    """Return vectors (n, 3) in ECEF of those in the frames that rows name, J2000 where they name none."""
+def _earth_fixed(
+    rows: Sequence[Row], vectors: FloatArray, epoch_us: int, time_s: FloatArray
+) -> FloatArray:
+    """Return vectors (n, 3) in ECEF of those in the frames that rows name, J2000 where they name
+    none.
+    """
     names = np.array([str(row.get("reference_frame", "EME2000")) for row in rows])
     turned = np.empty_like(vectors)
     for name in np.unique(names).tolist():
         own = np.flatnonzero(names == name)
-        turned[own], _ = to_ecef(frame_of(name), vectors[own], np.zeros((len(own), 3)), epoch_us, time_s[own])
+        turned[own], _ = to_ecef(
+            frame_of(name), vectors[own], np.zeros((len(own), 3)), epoch_us, time_s[own]
+        )
     return turned
 
 
@@ -169,13 +197,16 @@ def _way(row: Row) -> int:
 def _require_angles(rows: Sequence[Row], angle_rad: FloatArray, name: str) -> None:
     for place in np.flatnonzero(np.abs(angle_rad) > 0.5 * np.pi + 1e-9).tolist():
         raise BadFileError(
-            f"{place_of(rows[place])}{name} is {rows[place][name]}, beyond 90 deg; are its units others?"
+            f"{place_of(rows[place])}{name} is {rows[place][name]}, beyond 90 deg; are its units"
+            f" others?"
         )
 
 
 def _vectors(longitude_rad: FloatArray, latitude_rad: FloatArray) -> FloatArray:
     level = np.cos(latitude_rad)
-    return np.stack([level * np.cos(longitude_rad), level * np.sin(longitude_rad), np.sin(latitude_rad)], axis=1)
+    return np.stack(
+        [level * np.cos(longitude_rad), level * np.sin(longitude_rad), np.sin(latitude_rad)], axis=1
+    )
 
 
 def _reported_ns(rows: Sequence[Row], when: IntArray, epoch_us: int) -> IntArray | None:
@@ -194,7 +225,9 @@ def _reported_ns(rows: Sequence[Row], when: IntArray, epoch_us: int) -> IntArray
     return reported
 
 
-def _scans(rows: Sequence[Row], sensor: IndexArray, when: IntArray, sensors: Sequence[Sensor]) -> IntArray:
+def _scans(
+    rows: Sequence[Row], sensor: IndexArray, when: IntArray, sensors: Sequence[Sensor]
+) -> IntArray:
     """Return the numbers of the sensors' scans, by their periods."""
     period = np.array([each.scan.period_ns for each in sensors], dtype=np.int64)
     return np.asarray(when // period[sensor])
@@ -215,7 +248,9 @@ def _optional(
         if row.get(name) is not None:
             values[place] = finite(row[name], f"{place_of(row)}{name}")
             if not low <= values[place] <= high:
-                raise BadFileError(f"{place_of(row)}{name} is {shown(row[name])}, outside [{low:g}, {high:g}]")
+                raise BadFileError(
+                    f"{place_of(row)}{name} is {shown(row[name])}, outside [{low:g}, {high:g}]"
+                )
     return values
 
 
@@ -223,7 +258,9 @@ def _types(rows: Sequence[Row], reported_types: Sequence[str]) -> Any:
     """Return the codes of reported types; those that the scene does not know are UNKNOWN."""
     code = {name: number for number, name in enumerate(reported_types)}
     unknown = code["UNKNOWN"]
-    return np.array([code.get(str(row.get("target_type")), unknown) for row in rows], dtype=np.uint8)
+    return np.array(
+        [code.get(str(row.get("target_type")), unknown) for row in rows], dtype=np.uint8
+    )
 
 
 def _bands(rows: Sequence[Row], sensor: IndexArray, sensors: Sequence[Sensor]) -> Any:
@@ -232,19 +269,27 @@ def _bands(rows: Sequence[Row], sensor: IndexArray, sensors: Sequence[Sensor]) -
     masks = []
     for row, number in zip(rows, sensor.tolist(), strict=True):
         given = row.get("bands")
-        seen = given if isinstance(given, Sequence) and not isinstance(given, str) else names[number][:1]
+        seen = (
+            given
+            if isinstance(given, Sequence) and not isinstance(given, str)
+            else names[number][:1]
+        )
         masks.append(sum(1 << place for place, name in enumerate(names[number]) if name in seen))
     return np.array(masks, dtype=np.uint8)
 
 
 def _ids(rows: Sequence[Row], plan: Plan) -> WordArray:
-    """Return the ids of a file of opir's events, which are UUIDs of version 8; else ids of their own."""
+    """Return the ids of a file of opir's events, which are UUIDs of version 8; else ids of their
+    own.
+    """
     given = [_uuid8(row.get("detection_id")) for row in rows]
     if rows and all(each is not None for each in given) and len(set(given)) == len(given):
         words = [[each >> 64, each & 0xFFFFFFFFFFFFFFFF] for each in given if each is not None]
         return np.array(words, dtype=np.uint64)
     key = id_key(plan.scene.seed, plan.scene.name, plan.scene.epoch_us, "opir track")
-    return uuid8_words(np.array([key] * len(rows), dtype=np.uint64).reshape(-1, 2), np.arange(len(rows)))
+    return uuid8_words(
+        np.array([key] * len(rows), dtype=np.uint64).reshape(-1, 2), np.arange(len(rows))
+    )
 
 
 def _uuid8(value: Any) -> int | None:

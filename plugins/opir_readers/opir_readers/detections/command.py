@@ -1,4 +1,6 @@
-"""`opir track`: the detections of another program through opir's trackers, to files as `opir run` writes them."""
+"""`opir track`: the detections of another program through opir's trackers, to files as `opir run`
+writes them.
+"""
 
 import argparse
 import sys
@@ -41,7 +43,12 @@ def track_file(arguments: argparse.Namespace) -> int:
         except BadFileError as error:
             raise _refused(arguments.file, error) from error
     if not arguments.quiet:
-        left_out = [f"{len(rows) - len(given)} of {len(rows)} detections are outside of the scene and left out"]
+        left_out = [
+            (
+                f"{len(rows) - len(given)} of {len(rows)} detections are outside of the scene and left"
+                f" out"
+            )
+        ]
         for words in [*(left_out if len(given) < len(rows) else ()), *warnings_of(columns, plan)]:
             sys.stderr.write(f"warning: {arguments.file}: {words}\n")
     with prints_on_standard_error():
@@ -53,7 +60,9 @@ def track_file(arguments: argparse.Namespace) -> int:
 
 
 def _read(arguments: argparse.Namespace, host: Host) -> tuple[FileText, FileReader, Sequence[Row]]:
-    """Return the file, its reader, and the detections; times in seconds of a scene wait for its epoch."""
+    """Return the file, its reader, and the detections; times in seconds of a scene wait for its
+    epoch.
+    """
     columns = columns_of_text(arguments.columns) if arguments.columns else {}
     settings = {"columns": columns, "start_s": arguments.start_s}
     try:
@@ -73,23 +82,38 @@ def renamed(pairs: Sequence[str]) -> Mapping[str, str]:
     """Return the ids of `THEIRS=OURS` pairs; raises `SceneError` for what is none."""
     wrong = [pair for pair in pairs if "=" not in pair]
     if wrong:
-        raise SceneError([Problem("--rename", f"{wrong[0]!r} is not THEIRS=OURS")], source="command line")
+        raise SceneError(
+            [Problem("--rename", f"{wrong[0]!r} is not THEIRS=OURS")], source="command line"
+        )
     return {theirs: ours for theirs, _, ours in (pair.partition("=") for pair in pairs)}
 
 
 def _tracked(
     arguments: argparse.Namespace, plan: Plan, columns: RunColumns, file: FileText
 ) -> tuple[RunOutcome, Mapping[str, Path]]:
-    """Write the detections with their tracks; return the outcome and the files beside the events."""
+    """Write the detections with their tracks; return the outcome and the files beside the
+    events.
+    """
     events = Path(arguments.out)
-    files = {what: events.with_suffix(f".{what}.{'json' if what == 'manifest' else 'jsonl'}") for what in _BESIDE}
+    files = {
+        what: events.with_suffix(f".{what}.{'json' if what == 'manifest' else 'jsonl'}")
+        for what in _BESIDE
+    }
     for what, path in [("events", events), *files.items()]:
         if path.resolve() in (Path(arguments.file).resolve(), Path(arguments.sensors).resolve()):
             raise SceneError(
-                [Problem("--out", f"the {what} would overwrite {path}; give another path")], source="track"
+                [Problem("--out", f"the {what} would overwrite {path}; give another path")],
+                source="track",
             )
     if plan.make_tracker().cadence_s is None:
-        raise SceneError([Problem("tracker", f"{plan.scene.tracker.name} makes no tracks; set another with --tracker")])
+        raise SceneError(
+            [
+                Problem(
+                    "tracker",
+                    f"{plan.scene.tracker.name} makes no tracks; set another with --tracker",
+                )
+            ]
+        )
     outcome = deliver(
         plan,
         truth_path=files["truth"],
@@ -103,7 +127,9 @@ def _tracked(
 
 
 def tracked_windows(plan: Plan, columns: RunColumns) -> Iterator[Window]:
-    """Yield the windows of a run whose detections are given: with the tracks of the plan's tracker."""
+    """Yield the windows of a run whose detections are given: with the tracks of the plan's
+    tracker.
+    """
     engine = Engine(plan)
     reports = ReportOrder(plan)
     empty = Tracks.empty()
@@ -127,17 +153,23 @@ def _text(
     found = columns.detections
     epoch = timestamp_text(np.array([scene.epoch_us]))[0]
     head = (
-        f"{arguments.file}: {grouped(len(found))} detections ({reader.name}), {found.time_ns[0] / _NS:.3f} to"
+        f"{arguments.file}: {grouped(len(found))} detections ({reader.name}),"
+        f" {found.time_ns[0] / _NS:.3f} to"
         f" {found.time_ns[-1] / _NS:.3f} s of a scene of {scene.duration_s:g} s from {epoch},"
         f" tracker {scene.tracker.name}"
     )
     count = np.bincount(found.sensor, minlength=len(plan.sensors))
-    rows = [(sensor.id, sensor.type, grouped(int(number))) for sensor, number in zip(plan.sensors, count, strict=True)]
+    rows = [
+        (sensor.id, sensor.type, grouped(int(number)))
+        for sensor, number in zip(plan.sensors, count, strict=True)
+    ]
     parts = [
         head,
         table(("sensor", "type", "detections"), rows, numbers=(2,)),
         "\n".join(answers(outcome.summary)),
         *reported_tables(outcome.summary),
-        "\n".join([f"{arguments.out}: events", *(f"{path}: {what}" for what, path in files.items())]),
+        "\n".join(
+            [f"{arguments.out}: events", *(f"{path}: {what}" for what, path in files.items())]
+        ),
     ]
     return "\n\n".join(part for part in parts if part)

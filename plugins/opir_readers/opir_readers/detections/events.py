@@ -6,9 +6,18 @@ from typing import Any
 
 from opir_core.plugin import BadFileError
 
-#: The keys that a detection's columns are made of; others of an event are what opir's own tracker said.
+#: The keys that a detection's columns are made of; others of an event are what opir's own tracker
+#: said.
 KEYS = (
-    *("timestamp", "time_s", "reported_at", "sensor_id", "sensor_position_ecef_m", "detection_id", "target_id"),
+    *(
+        "timestamp",
+        "time_s",
+        "reported_at",
+        "sensor_id",
+        "sensor_position_ecef_m",
+        "detection_id",
+        "target_id",
+    ),
     *("azimuth_deg", "elevation_deg", "right_ascension_deg", "declination_deg"),
     *("line_of_sight_ecef", "line_of_sight_eme2000", "line_of_sight_sigma_urad"),
     *("target_type", "confidence", "snr", "bands"),
@@ -22,7 +31,9 @@ def is_of_events(text: str) -> bool:
     """Return whether a text is JSON that begins with a detection."""
     head = text[:_HEAD].lstrip()
     has_direction = any(f'"{name}"' in head for name in (*KEYS[7:11], *KEYS[11:13]))
-    return head[:1] in ("{", "[") and has_direction and ('"timestamp"' in head or '"time_s"' in head)
+    return (
+        head[:1] in ("{", "[") and has_direction and ('"timestamp"' in head or '"time_s"' in head)
+    )
 
 
 def event_rows(text: str) -> Sequence[Mapping[str, Any]]:
@@ -49,9 +60,15 @@ def _parsed(text: str, line: int | None) -> Any:
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
-        more = "; are they objects over several lines? One event a line is read, or a list" if line else ""
+        more = (
+            "; are they objects over several lines? One event a line is read, or a list"
+            if line
+            else ""
+        )
         place = f"line {error.lineno}: " if line is None else where
-        raise BadFileError(f"{place}is not JSON: {error.msg} (column {error.colno}){more}") from error
+        raise BadFileError(
+            f"{place}is not JSON: {error.msg} (column {error.colno}){more}"
+        ) from error
     except (RecursionError, ValueError) as error:
         raise BadFileError(f"{where}is not JSON that can be read: {error}") from error
 
@@ -59,6 +76,8 @@ def _parsed(text: str, line: int | None) -> Any:
 def _row(value: Any, line: int | None) -> Mapping[str, Any]:
     if not isinstance(value, dict):
         where = "" if line is None else f"line {line}: "
-        raise BadFileError(f"{where}is no object with keys; a detection has {', '.join(KEYS[:8])}, …")
+        raise BadFileError(
+            f"{where}is no object with keys; a detection has {', '.join(KEYS[:8])}, …"
+        )
     row = {name: value[name] for name in KEYS if value.get(name) is not None}
     return row if line is None else {**row, "line": line}

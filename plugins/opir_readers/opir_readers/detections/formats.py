@@ -8,8 +8,10 @@ from attrs import Factory, frozen
 from opir_core.plugin import FileReader, ReaderContext, nested, number
 
 SIGHTS_HELP = (
-    "columns of a text with other names, by quantity and unit: {time_s: T, azimuth_deg: AZ, elevation_deg: EL}. Times"
-    " as time_s or as dates, timestamp; directions as azimuth and elevation, right_ascension and declination, or"
+    "columns of a text with other names, by quantity and unit: {time_s: T, azimuth_deg: AZ,"
+    " elevation_deg: EL}. Times"
+    " as time_s or as dates, timestamp; directions as azimuth and elevation, right_ascension and"
+    " declination, or"
     " los_x_ecef, los_y_ecef, los_z_ecef; places as sensor_x_ecef or sensor_lat;"
     " line_of_sight_sigma in urad, mrad, arcsec, deg"
 )
@@ -25,7 +27,9 @@ def _map_complaint(columns: Mapping[str, str] | None) -> str | None:
 class SightsConfig:
     """The settings of the reader `sights`."""
 
-    columns: Mapping[str, str] = nested(default=Factory(dict), check=_map_complaint, help=SIGHTS_HELP)
+    columns: Mapping[str, str] = nested(
+        default=Factory(dict), check=_map_complaint, help=SIGHTS_HELP
+    )
     start_s: float | None = number(
         default=None,
         unit="s",
@@ -84,7 +88,8 @@ DETECTIONS = (
     ),
     FileReader(
         name="sights",
-        summary="a table of lines of sight below a line of names: time, sensor_id, azimuth and elevation, or others",
+        summary="a table of lines of sight below a line of names: time, sensor_id, azimuth and"
+        " elevation, or others",
         yields="detections",
         config=SightsConfig,
         build=_sights,
@@ -93,7 +98,8 @@ DETECTIONS = (
     ),
     FileReader(
         name="tdm",
-        summary="CCSDS Tracking Data Message, KVN or XML: angles of the types AZEL, RADEC, XEYN and XSYE",
+        summary="CCSDS Tracking Data Message, KVN or XML: angles of the types AZEL, RADEC, XEYN and"
+        " XSYE",
         yields="detections",
         build=_tdm,
         recognises=_is_tdm,

@@ -1,4 +1,6 @@
-"""The scene that foreign detections are tracked in: that of a file of sensors, completed by the detections."""
+"""The scene that foreign detections are tracked in: that of a file of sensors, completed by the
+detections.
+"""
 
 import argparse
 import json
@@ -19,8 +21,8 @@ from opir_readers.detections.columns_of_run import Row, times_ns
 
 _DEFAULT_TRACKER = "imm"
 
-#: How long before the first detection a scene starts that names no epoch, and after the last one it ends, s: launches
-#: may be earlier, and a burnout shows by the silence after it.
+#: How long before the first detection a scene starts that names no epoch, and after the last one it
+#: ends, s: launches may be earlier, and a burnout shows by the silence after it.
 _LEAD_S = 60
 _TAIL_S = 60
 
@@ -28,23 +30,31 @@ _NS = 1_000_000_000
 
 
 def scene_of_sensors(arguments: argparse.Namespace, rows: Sequence[Row], host: Host) -> Scene:
-    """Return the scene of `--sensors`: of a file, completed by what it lacks, or of constellations by name.
+    """Return the scene of `--sensors`: of a file, completed by what it lacks, or of constellations
+    by name.
 
     Raises `SceneError` with all problems of the file.
     """
     is_file = Path(arguments.sensors).suffix != "" or Path(arguments.sensors).exists()
     keys = _keys(arguments.sensors) if is_file else {"sensors": None}
-    own = [f"outputs=[{{jsonl: {{path: {json.dumps(arguments.out)}}}}}]", *_missing(arguments, rows, keys)]
+    own = [
+        f"outputs=[{{jsonl: {{path: {json.dumps(arguments.out)}}}}}]",
+        *_missing(arguments, rows, keys),
+    ]
     given = [] if arguments.tracker is None else [f"tracker={arguments.tracker}"]
     overrides = [*own, *given, *arguments.overrides]
     if is_file:
         return load_scene(arguments.sensors, overrides=overrides, host=host)
     sensors = [{"constellation": name.strip()} for name in arguments.sensors.split(",")]
-    return scene_from_mapping({"sensors": sensors}, overrides=overrides, host=host, source="--sensors")
+    return scene_from_mapping(
+        {"sensors": sensors}, overrides=overrides, host=host, source="--sensors"
+    )
 
 
 def _keys(path: str) -> Mapping[str, Any]:
-    """Return the nodes of a scene file by key; none for one whose problems are reported when the scene is read."""
+    """Return the nodes of a scene file by key; none for one whose problems are reported when the
+    scene is read.
+    """
     try:
         block = node_of_yaml(text_of(file_bytes(path))).value
     except (OSError, ValueError, InvalidNode):
@@ -52,7 +62,9 @@ def _keys(path: str) -> Mapping[str, Any]:
     return block if isinstance(block, dict) else {}
 
 
-def _missing(arguments: argparse.Namespace, rows: Sequence[Row], keys: Mapping[str, Any]) -> list[str]:
+def _missing(
+    arguments: argparse.Namespace, rows: Sequence[Row], keys: Mapping[str, Any]
+) -> list[str]:
     """Return as overrides what a file of sensors alone lacks: name, epoch, length and tracker."""
     changed = dict(override.split("=", 1) for override in arguments.overrides if "=" in override)
     lacking: dict[str, str] = {"scene": json.dumps(Path(arguments.file).name or "detections")}
@@ -77,7 +89,8 @@ def _epoch(path: str, rows: Sequence[Row]) -> str:
     dated = [row for row in rows if "timestamp" in row]
     if len(dated) < len(rows):
         words = (
-            "has times in seconds, and --sensors names no epoch that they count from: --set epoch=2026-04-01T12:00:00Z"
+            "has times in seconds, and --sensors names no epoch that they count from: --set"
+            " epoch=2026-04-01T12:00:00Z"
         )
         raise SceneError([Problem("", words)], source=path)
     first_s = int(_times(path, dated, 0).min()) // _NS
@@ -85,7 +98,9 @@ def _epoch(path: str, rows: Sequence[Row]) -> str:
 
 
 def _duration_s(path: str, rows: Sequence[Row], epoch: str) -> float:
-    """Return how long a scene from an epoch must be for all detections; 1 s where its epoch is refused elsewhere."""
+    """Return how long a scene from an epoch must be for all detections; 1 s where its epoch is
+    refused elsewhere.
+    """
     with suppress(ValueError):
         last_ns = int(_times(path, rows, epoch_us_of_text(epoch)).max())
         return float(max(-(-last_ns // _NS) + _TAIL_S, 1))

@@ -1,8 +1,8 @@
 """Tracking Data Messages: CCSDS 503.0-B-2, KVN or XML; of each segment the angles of one sensor.
 
-Accepted are angles of the types AZEL, XEYN and XSYE at the sensor, and RADEC in EME2000, ICRF, TEME and other frames
-that an OEM may have, in its time systems.
-Other quantities (ranges, Doppler, magnitudes) are left out.
+Accepted are angles of the types AZEL, XEYN and XSYE at the sensor, and RADEC in EME2000, ICRF, TEME
+and other frames that an OEM may have, in its time systems. Other quantities (ranges, Doppler,
+magnitudes) are left out.
 """
 
 import math
@@ -24,7 +24,12 @@ FIRST_KEYWORD = "CCSDS_TDM_VERS"
 _HEAD = re.compile(rf"(\s*(COMMENT[^\n]*)?\n)*\s*{FIRST_KEYWORD}")
 _CELESTIAL = "EME2000, J2000, ICRF, GCRF, TEME, TOD, MOD and CIRS"
 _LOCAL = ("azimuth_deg", "elevation_deg")
-_KEYS = {"AZEL": _LOCAL, "XEYN": _LOCAL, "XSYE": _LOCAL, "RADEC": ("right_ascension_deg", "declination_deg")}
+_KEYS = {
+    "AZEL": _LOCAL,
+    "XEYN": _LOCAL,
+    "XSYE": _LOCAL,
+    "RADEC": ("right_ascension_deg", "declination_deg"),
+}
 
 
 def is_tdm(text: str) -> bool:
@@ -33,7 +38,9 @@ def is_tdm(text: str) -> bool:
 
 
 def tdm_rows(text: str) -> Sequence[Mapping[str, Any]]:
-    """Return the detections of a message; raises `BadFileError` with the line that is none, or lacks an angle."""
+    """Return the detections of a message; raises `BadFileError` with the line that is none, or
+    lacks an angle.
+    """
     segments, others = segments_of_xml(text) if is_tdm_xml(text) else _segments(text)
     rows = [row for segment in segments for row in _rows(segment)]
     if not rows:
@@ -59,7 +66,8 @@ def _segments(text: str) -> tuple[list[TdmSegment], Counter[str]]:
             key, equals, value = (part.strip() for part in line.partition("="))
             if not equals or not block:
                 raise BadFileError(
-                    f"line {number}: {line.strip()[:60]!r} is not of the form KEYWORD = value in a block"
+                    f"line {number}: {line.strip()[:60]!r} is not of the form KEYWORD = value in a"
+                    f" block"
                 )
             if block == "META_START":
                 segments[-1].meta[key] = value
@@ -73,7 +81,9 @@ def _segments(text: str) -> tuple[list[TdmSegment], Counter[str]]:
 def _take_angle(segment: TdmSegment, key: str, value: str, number: int) -> None:
     words = value.split()
     if len(words) != 2:
-        raise BadFileError(f"line {number}: {key} has {len(words)} values; a time and an angle are needed")
+        raise BadFileError(
+            f"line {number}: {key} has {len(words)} values; a time and an angle are needed"
+        )
     segment.take_angle(key, words[0], words[1], number)
 
 
@@ -84,7 +94,8 @@ def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
     system = segment.meta.get("TIME_SYSTEM", "UTC").upper()
     if system not in SYSTEMS:
         raise BadFileError(
-            f"line {segment.line}: TIME_SYSTEM is {system!r}; convert the times to one of {', '.join(SYSTEMS)}"
+            f"line {segment.line}: TIME_SYSTEM is {system!r}; convert the times to one of"
+            f" {', '.join(SYSTEMS)}"
         )
     target = segment.target()
     common = {"sensor_id": segment.sensor, **({} if target is None else {"target_id": target})}
@@ -93,7 +104,10 @@ def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
     for time, pair in segment.angles.items():
         line = next(iter(pair.values()))[1]
         if len(pair) < 2:
-            raise BadFileError(f"line {line}: {next(iter(pair))} of {time} stands alone; a direction has two angles")
+            raise BadFileError(
+                f"line {line}: {next(iter(pair))} of {time} stands alone; a direction has two"
+                f" angles"
+            )
         angles = [finite(pair[key][0], f"line {pair[key][1]}: {key}") for key in ANGLES]
         angles = [angle + _correction(segment, number) for number, angle in enumerate(angles, 1)]
         angles = _of_gimbals(kind, *angles) if kind in ("XEYN", "XSYE") else angles
@@ -112,7 +126,10 @@ def _of_gimbals(kind: str, x_deg: float, y_deg: float) -> list[float]:
     second = math.sin(y)
     up = math.cos(y) * math.cos(x)
     east, north = (first, second) if kind == "XEYN" else (second, -first)
-    return [math.degrees(math.atan2(east, north)) % 360.0, math.degrees(math.asin(max(min(up, 1.0), -1.0)))]
+    return [
+        math.degrees(math.atan2(east, north)) % 360.0,
+        math.degrees(math.asin(max(min(up, 1.0), -1.0))),
+    ]
 
 
 def _utc_text(time: str, line: int, system: str) -> str:
@@ -126,12 +143,20 @@ def _kind(segment: TdmSegment) -> str:
     """Return the type of a segment's angles; raises `BadFileError` for one that is not read."""
     kind = segment.meta.get("ANGLE_TYPE", "").upper()
     if kind not in _KEYS:
-        raise BadFileError(f"line {segment.line}: ANGLE_TYPE is {kind or 'missing'}; read are {' and '.join(_KEYS)}")
+        raise BadFileError(
+            f"line {segment.line}: ANGLE_TYPE is {kind or 'missing'}; read are"
+            f" {' and '.join(_KEYS)}"
+        )
     frame = segment.meta.get("REFERENCE_FRAME", "EME2000")
     if kind == "RADEC" and (frame_of(frame) in ("", "ITRF") or is_of_epoch(frame)):
-        raise BadFileError(f"line {segment.line}: REFERENCE_FRAME is {frame}; read are {_CELESTIAL}")
+        raise BadFileError(
+            f"line {segment.line}: REFERENCE_FRAME is {frame}; read are {_CELESTIAL}"
+        )
     if segment.meta.get("TIMETAG_REF", "RECEIVE").upper() != "RECEIVE":
-        raise BadFileError(f"line {segment.line}: TIMETAG_REF is {segment.meta['TIMETAG_REF']}; only RECEIVE is read")
+        raise BadFileError(
+            f"line {segment.line}: TIMETAG_REF is {segment.meta['TIMETAG_REF']}; only RECEIVE is"
+            f" read"
+        )
     return kind
 
 

@@ -22,7 +22,9 @@ class TdmSegment:
         number = self.meta.get("PATH", "1").split(",")[-1].strip()
         name = self.meta.get(f"PARTICIPANT_{number}", "")
         if not name:
-            raise BadFileError(f"line {self.line}: the metadata lack PARTICIPANT_{number}, the sensor")
+            raise BadFileError(
+                f"line {self.line}: the metadata lack PARTICIPANT_{number}, the sensor"
+            )
         return name
 
     def target(self) -> str | None:
@@ -31,8 +33,12 @@ class TdmSegment:
         return next((name for name in others if name != self.sensor), None)
 
     def take_angle(self, key: str, time: str, value: str, number: int) -> None:
-        """Add an angle of a time, in line `number`; raises `BadFileError` for one that stands twice."""
+        """Add an angle of a time, in line `number`; raises `BadFileError` for one that stands
+        twice.
+        """
         pair = self.angles.setdefault(time, {})
         if key in pair:
-            raise BadFileError(f"line {number}: {key} stands twice for {time}, in line {pair[key][1]} too")
+            raise BadFileError(
+                f"line {number}: {key} stands twice for {time}, in line {pair[key][1]} too"
+            )
         pair[key] = value, number

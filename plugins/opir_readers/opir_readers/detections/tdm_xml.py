@@ -1,4 +1,6 @@
-"""Tracking Data Messages in the XML form (CCSDS 505.0-B), alone or in a message of several (ndm)."""
+"""Tracking Data Messages in the XML form (CCSDS 505.0-B), alone or in a message of several
+(ndm).
+"""
 
 from collections import Counter
 
@@ -28,8 +30,12 @@ def _segment(node: XmlNode, others: Counter[str]) -> TdmSegment:
     meta = node.child("metadata")
     data = node.child("data")
     if meta is None or data is None:
-        raise BadFileError(f"line {node.line}: this segment has no {'metadata' if meta is None else 'data'}")
-    segment = TdmSegment(meta.line, {each.name: each.text for each in meta.children if each.name != "COMMENT"})
+        raise BadFileError(
+            f"line {node.line}: this segment has no {'metadata' if meta is None else 'data'}"
+        )
+    segment = TdmSegment(
+        meta.line, {each.name: each.text for each in meta.children if each.name != "COMMENT"}
+    )
     for observation in data.all("observation"):
         time = observation.text_of("EPOCH")
         for each in observation.children:

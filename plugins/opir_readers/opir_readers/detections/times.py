@@ -8,10 +8,13 @@ from opir_core.plugin import BadFileError
 from opir_readers.detections.numbers import shown
 
 _TIME = r"(?P<clock>\d\d:\d\d(:\d\d)?(\.\d{1,12})?)\s*(?P<zone>(Z|UTC|[+-]\d\d:?\d\d)?)"
-_DATE = re.compile(r"(\d{4}-\d\d-\d\d|\d{4}-\d{3})[T ](\d\d:\d\d)(:\d\d)?(\.\d{1,12})?\s*(Z|UTC|[+-]\d\d:?\d\d)?", re.I)
+_DATE = re.compile(
+    r"(\d{4}-\d\d-\d\d|\d{4}-\d{3})[T ](\d\d:\d\d)(:\d\d)?(\.\d{1,12})?\s*(Z|UTC|[+-]\d\d:?\d\d)?",
+    re.I,
+)
 
-#: Other ways to write a date, by the parts that they name: 01 Apr 2026, 2026/04/01, 20260401T120000, 2026/091/12:00,
-#: 2026:091:12:00; with points the day comes first.
+#: Other ways to write a date, by the parts that they name: 01 Apr 2026, 2026/04/01,
+#: 20260401T120000, 2026/091/12:00, 2026:091:12:00; with points the day comes first.
 _OTHERS = tuple(
     re.compile(pattern + _TIME, re.I)
     for pattern in (
@@ -34,8 +37,8 @@ _NS = 1_000_000_000
 def unix_ns(value: object, what: str) -> int:
     """Return nanoseconds of UTC since 1970 (no leap seconds) of a date, `2026-04-01T12:00:00.123Z`.
 
-    The day may be that of the year, `2026-091`. A date without zone is in UTC. `what` begins the message of the
-    `BadFileError` about what is no date.
+    The day may be that of the year, `2026-091`. A date without zone is in UTC. `what` begins the
+    message of the `BadFileError` about what is no date.
     """
     match = _DATE.fullmatch(_in_digits(value.strip())) if isinstance(value, str) else None
     if match is None:
@@ -63,11 +66,15 @@ def looks_like_date(text: str) -> bool:
     (True, True, False)
     """
     bare = text.strip()
-    return _DATE.fullmatch(_in_digits(bare)) is not None or any(kind.fullmatch(bare) for kind in (_AMBIGUOUS, _LIKE))
+    return _DATE.fullmatch(_in_digits(bare)) is not None or any(
+        kind.fullmatch(bare) for kind in (_AMBIGUOUS, _LIKE)
+    )
 
 
 def _in_digits(text: str) -> str:
-    """Return `01 Apr 2026 12:00:00` as `2026-04-01T12:00:00`, and so other ways to write it; else the text as it is."""
+    """Return `01 Apr 2026 12:00:00` as `2026-04-01T12:00:00`, and so other ways to write it; else
+    the text as it is.
+    """
     basic = _BASIC.fullmatch(text)
     if basic:
         year, month, day, hour, minute, second, rest = basic.groups("00")

@@ -1,1 +1,3 @@
-"""Flights of other programs: exports of rocket simulators, webcast telemetry, GPX and KML tracks."""
+"""Flights of other programs: exports of rocket simulators, webcast telemetry, GPX and KML
+tracks.
+"""

@@ -24,10 +24,18 @@ class WebcastConfig:
     site: SiteConfig | None = nested(default=None, help=SITE_HELP)
     start_s: float | None = start_setting()
     height_noise_m: float | None = number(
-        default=None, unit="m", above=0.0, maximum=1e5, help="noise of the altitudes; default: that of their rounding"
+        default=None,
+        unit="m",
+        above=0.0,
+        maximum=1e5,
+        help="noise of the altitudes; default: that of their rounding",
     )
     speed_noise_m_s: float | None = number(
-        default=None, unit="m/s", above=0.0, maximum=1e4, help="noise of the speeds; default: that of their rounding"
+        default=None,
+        unit="m/s",
+        above=0.0,
+        maximum=1e4,
+        help="noise of the speeds; default: that of their rounding",
     )
 
 
@@ -61,7 +69,9 @@ def _rocket(name: str, program: str, **described: Any) -> FileReader:
         return table(context.text, program, config.site, config.start_s or 0.0)
 
     recognises = _later("flights.rocket_exports", f"is_{name}")
-    return FileReader(name=name, config=RocketConfig, build=built, recognises=recognises, **described)
+    return FileReader(
+        name=name, config=RocketConfig, build=built, recognises=recognises, **described
+    )
 
 
 def _of_object(module: str, function: str) -> Any:
@@ -78,14 +88,17 @@ def _webcast(config: WebcastConfig, context: ReaderContext) -> StateTable:
     from opir_readers.flights.webcast import webcast_table
 
     site = Site.of(config.site, "speed and altitude alone have no place", with_azimuth=True)
-    return webcast_table(context.text, site, config.height_noise_m, config.speed_noise_m_s, config.start_s or 0.0)
+    return webcast_table(
+        context.text, site, config.height_noise_m, config.speed_noise_m_s, config.start_s or 0.0
+    )
 
 
 FLIGHTS = (
     _rocket(
         "openrocket",
         "OpenRocket",
-        summary="CSV of OpenRocket, with its events: latitude and longitude, or the position from the launch point",
+        summary="CSV of OpenRocket, with its events: latitude and longitude, or the position from"
+        " the launch point",
         example="""# Time (s),Altitude (m),Vertical velocity (m/s),Latitude (°),Longitude (°)
 # Event IGNITION occurred at t=0 seconds
 0,0,0,34.73,-120.57
@@ -97,7 +110,8 @@ FLIGHTS = (
     _rocket(
         "rocketpy",
         "RocketPy",
-        summary="CSV of RocketPy (export_data): X, Y and Z from the launch point, or latitude and longitude",
+        summary="CSV of RocketPy (export_data): X, Y and Z from the launch point, or latitude and"
+        " longitude",
         example="# Time (s), Latitude (°), Longitude (°), Z (m)\n"
         + "".join(f"{time},34.73,-120.57,{100 + 10 * time * time}\n" for time in range(9)),
     ),
@@ -115,7 +129,8 @@ FLIGHTS = (
         build=_webcast,
         recognises=_later("flights.webcast", "is_webcast"),
         example="".join(
-            f'{{"time": {time}, "velocity": {20 * time}, "altitude": {time * time / 100}}}\n' for time in range(30)
+            f'{{"time": {time}, "velocity": {20 * time}, "altitude": {time * time / 100}}}\n'
+            for time in range(30)
         ),
     ),
     FileReader(

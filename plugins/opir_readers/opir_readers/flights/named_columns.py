@@ -1,4 +1,6 @@
-"""Tables whose columns have names like `Altitude (ft)`: quantities and units of the programs that write them."""
+"""Tables whose columns have names like `Altitude (ft)`: quantities and units of the programs that
+write them.
+"""
 
 import math
 import re
@@ -13,18 +15,38 @@ from opir_readers.csv_layout import Layout, decimal, layout_of
 
 #: Units as programs write them, in SI units and radians; "" is none.
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-_LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "km": 1e3, "ft": 0.3048, "in": 0.0254, "yd": 0.9144, "mi": 1609.344}
-_SPEEDS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "ft/s": 0.3048, "ft/sec": 0.3048, "mph": 0.44704, "kt": 1852.0 / 3600.0}
+_LENGTHS = {
+    "m": 1.0,
+    "cm": 0.01,
+    "mm": 1e-3,
+    "km": 1e3,
+    "ft": 0.3048,
+    "in": 0.0254,
+    "yd": 0.9144,
+    "mi": 1609.344,
+}
+_SPEEDS = {
+    "m/s": 1.0,
+    "km/h": 1.0 / 3.6,
+    "ft/s": 0.3048,
+    "ft/sec": 0.3048,
+    "mph": 0.44704,
+    "kt": 1852.0 / 3600.0,
+}
 _ANGLES = {"°": math.pi / 180.0, "deg": math.pi / 180.0, "rad": 1.0}
 _FORCES = {"n": 1.0, "lb": 4.4482216152605, "lbf": 4.4482216152605, "kgf": 9.80665, "kn": 1e3}
-UNITS: Mapping[str, float] = {"": 1.0, "nmi": 1852.0} | _TIMES | _LENGTHS | _SPEEDS | _ANGLES | _FORCES
+UNITS: Mapping[str, float] = (
+    {"": 1.0, "nmi": 1852.0} | _TIMES | _LENGTHS | _SPEEDS | _ANGLES | _FORCES
+)
 
 _NAME = re.compile(r"\s*(.*?)\s*(?:[(\[]\s*([^)\]]*?)\s*[)\]])?\s*")
 
 
 @frozen(eq=False)
 class NamedColumns:
-    """The columns (n,) that were asked for, by quantity, in SI units, nan for what is no number; and their lines."""
+    """The columns (n,) that were asked for, by quantity, in SI units, nan for what is no number;
+    and their lines.
+    """
 
     values: Mapping[str, FloatArray]
     lines: Sequence[int]
@@ -54,7 +76,8 @@ def names_of_head(text: str, lines: int = 60) -> list[set[str]]:
 
 
 def named_columns(text: str, wanted: Mapping[str, Sequence[str]]) -> NamedColumns:
-    """Return columns of a table; `wanted` gives, by quantity, the names in lower case that it may have.
+    """Return columns of a table; `wanted` gives, by quantity, the names in lower case that it may
+    have.
 
     Raises `BadFileError` where a unit is not known, or a table has no lines.
     """
@@ -67,12 +90,14 @@ def named_columns(text: str, wanted: Mapping[str, Sequence[str]]) -> NamedColumn
             continue
         if unit not in UNITS:
             raise BadFileError(
-                f"line {layout.line}: {name!r} has the unit {unit!r}; known are {', '.join(filter(None, UNITS))}"
+                f"line {layout.line}: {name!r} has the unit {unit!r}; known are"
+                f" {', '.join(filter(None, UNITS))}"
             )
         places[quantity] = place, UNITS[unit]
     if not places:
         raise BadFileError(
-            f"line {layout.line}: names no column that is read: {', '.join(map(repr, layout.names[:12]))}"
+            f"line {layout.line}: names no column that is read:"
+            f" {', '.join(map(repr, layout.names[:12]))}"
         )
     rows = list(_rows(layout, text, places))
     if len(rows) < 2:
@@ -80,16 +105,20 @@ def named_columns(text: str, wanted: Mapping[str, Sequence[str]]) -> NamedColumn
     values = np.array([row for _, row in rows]).reshape(-1, len(places))
     with np.errstate(over="ignore"):
         columns = {
-            quantity: values[:, number] * factor for number, (quantity, (_, factor)) in enumerate(places.items())
+            quantity: values[:, number] * factor
+            for number, (quantity, (_, factor)) in enumerate(places.items())
         }
     return NamedColumns(columns, [line for line, _ in rows])
 
 
-def _rows(layout: Layout, text: str, places: Mapping[str, tuple[int, float]]) -> Iterator[tuple[int, list[float]]]:
+def _rows(
+    layout: Layout, text: str, places: Mapping[str, tuple[int, float]]
+) -> Iterator[tuple[int, list[float]]]:
     for line, cells in layout.rows(text):
         if len(cells) < len(layout.names):
             raise BadFileError(
-                f"line {line}: has {len(cells)} values; line {layout.line} names {len(layout.names)} columns"
+                f"line {line}: has {len(cells)} values; line {layout.line} names"
+                f" {len(layout.names)} columns"
             )
         yield line, [_number(cells[place], layout) for place, _ in places.values()]
 

@@ -16,4 +16,8 @@ def refined(table: StateTable, noise_m: float | None, burns: str | None) -> Stat
         from opir_readers.flights.burns import with_burns_of_acceleration
 
         return with_burns_of_acceleration(table)
-    return evolve(table, burns_s=np.array([[table.time_s[0], table.time_s[-1]]])) if burns == "all" else table
+    return (
+        evolve(table, burns_s=np.array([[table.time_s[0], table.time_s[-1]]]))
+        if burns == "all"
+        else table
+    )

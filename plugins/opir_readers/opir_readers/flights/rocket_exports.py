@@ -1,8 +1,9 @@
 """Exports of rocket simulators: OpenRocket, RocketPy and RASAero II, as CSV.
 
-OpenRocket writes the names of columns in a comment, units as the user chose them, events as comments among the rows,
-and altitudes above the launch point. RocketPy writes X towards east, Y towards north, Z above sea level, or the
-variables that the user names. RASAero II writes feet, altitude above the launch point, and distance along the flight.
+OpenRocket writes the names of columns in a comment, units as the user chose them, events as
+comments among the rows, and altitudes above the launch point. RocketPy writes X towards east, Y
+towards north, Z above sea level, or the variables that the user names. RASAero II writes feet,
+altitude above the launch point, and distance along the flight.
 """
 
 import re
@@ -41,7 +42,9 @@ _OPENROCKET = {"vertical velocity", "total velocity", "position east of launch",
 
 
 def is_openrocket(text: str) -> bool:
-    """Return whether a text is a table of OpenRocket: names in a comment, or events among the rows."""
+    """Return whether a text is a table of OpenRocket: names in a comment, or events among the
+    rows.
+    """
     has_events = _EVENT.search(text[:20_000]) is not None
     is_commented = text.lstrip("\ufeff")[:1] == "#"
     heads = [names for names in names_of_head(text) if {"time", "altitude"} <= names]
@@ -64,7 +67,8 @@ def is_rocketpy(text: str) -> bool:
 def rocket_table(text: str, program: str, site: SiteConfig | None, start_s: float) -> StateTable:
     """Return the flight of an export; burns by its events or thrust, else by its acceleration.
 
-    Raises `BadFileError` for columns that make no places, or where these need a launch point that is not set.
+    Raises `BadFileError` for columns that make no places, or where these need a launch point that
+    is not set.
     """
     columns = named_columns(text, _WANTED)
     columns = _in_order(columns)
@@ -78,13 +82,21 @@ def rocket_table(text: str, program: str, site: SiteConfig | None, start_s: floa
     given = np.array([[time_s[0], time_s[-1]]]) if burns is None else burns
     run = np.zeros(len(time_s), dtype=np.int64)
     table = StateTable(
-        time_s + start_s, position, None, run, given + start_s, columns.line_of, frame=f"{program}: {frame}"
+        time_s + start_s,
+        position,
+        None,
+        run,
+        given + start_s,
+        columns.line_of,
+        frame=f"{program}: {frame}",
     )
     return with_burns_of_acceleration(table) if burns is None else table
 
 
 def _in_order(columns: NamedColumns) -> NamedColumns:
-    """Return the rows with numbers, each time once: simulators repeat a time where something happens."""
+    """Return the rows with numbers, each time once: simulators repeat a time where something
+    happens.
+    """
     good: BoolArray = np.ones(len(columns.lines), dtype=bool)
     for name, values in columns.values.items():
         if name != "thrust":
@@ -96,18 +108,22 @@ def _in_order(columns: NamedColumns) -> NamedColumns:
     if len(rows) < 2:
         raise BadFileError(f"has {len(rows)} states; at least 2 are needed")
     return NamedColumns(
-        {name: values[rows] for name, values in columns.values.items()}, [columns.lines[row] for row in rows.tolist()]
+        {name: values[rows] for name, values in columns.values.items()},
+        [columns.lines[row] for row in rows.tolist()],
     )
 
 
-def _positions(columns: NamedColumns, program: str, config: SiteConfig | None) -> tuple[FloatArray, str]:
+def _positions(
+    columns: NamedColumns, program: str, config: SiteConfig | None
+) -> tuple[FloatArray, str]:
     """Return positions (n, 3) in ECEF and what they are from."""
     values = columns.values
     has_places = {"lat", "lon"} <= values.keys()
     has_local = {"east", "north"} <= values.keys() and program != "RASAero"
     if not has_places and not has_local and "distance" not in values:
         raise BadFileError(
-            "has no places: export latitude and longitude, or the positions east and north of the launch too"
+            "has no places: export latitude and longitude, or the positions east and north of the"
+            " launch too"
         )
     if has_places and (config is None or not has_local):
         _require_degrees(columns)
@@ -123,11 +139,15 @@ def _positions(columns: NamedColumns, program: str, config: SiteConfig | None) -
             values["east"], values["north"], _heights(values, site.height_m)
         ), "east, north and altitude"
     site = Site.of(config, "its distances count from the launch point", with_azimuth=True)
-    return site.of_downrange(values["distance"], _heights(values, site.height_m)), "distance downrange and altitude"
+    return site.of_downrange(
+        values["distance"], _heights(values, site.height_m)
+    ), "distance downrange and altitude"
 
 
 def _heights(values: Mapping[str, FloatArray], ground_m: float) -> FloatArray:
-    """Return heights above the ellipsoid (n,): those above the ground, or above sea level, which is taken for it."""
+    """Return heights above the ellipsoid (n,): those above the ground, or above sea level, which is
+    taken for it.
+    """
     if "altitude" in values:
         return np.asarray(values["altitude"] + ground_m)
     if "height" in values:
@@ -139,8 +159,12 @@ def _require_degrees(columns: NamedColumns) -> None:
     latitude = columns.values["lat"]
     longitude = columns.values["lon"]
     # RocketPy names the unit of latitudes, or none: degrees either way.
-    for row in np.flatnonzero((np.abs(latitude) > 0.5 * np.pi) | (np.abs(longitude) > 2.0 * np.pi)).tolist():
-        raise BadFileError(f"line {columns.line_of(row)}: latitude and longitude are no place on the Earth")
+    for row in np.flatnonzero(
+        (np.abs(latitude) > 0.5 * np.pi) | (np.abs(longitude) > 2.0 * np.pi)
+    ).tolist():
+        raise BadFileError(
+            f"line {columns.line_of(row)}: latitude and longitude are no place on the Earth"
+        )
 
 
 def _burns(text: str, columns: NamedColumns) -> FloatArray | None:
@@ -152,7 +176,9 @@ def _burns(text: str, columns: NamedColumns) -> FloatArray | None:
         is_lit = thrust > _LIT * max(float(thrust.max()), 1e-9)
         edge = np.diff(np.concatenate([[0], is_lit.astype(np.int8), [0]]))
         ends = np.minimum(np.flatnonzero(edge < 0), len(time_s) - 1)
-        spans = list(zip(time_s[np.flatnonzero(edge > 0)].tolist(), time_s[ends].tolist(), strict=True))
+        spans = list(
+            zip(time_s[np.flatnonzero(edge > 0)].tolist(), time_s[ends].tolist(), strict=True)
+        )
     clipped = [(max(start, float(time_s[0])), min(end, float(time_s[-1]))) for start, end in spans]
     found = [span for span in clipped if span[1] > span[0]]
     return np.array(_joined(found)[:MOST_BURNS]) if found else None
@@ -160,7 +186,11 @@ def _burns(text: str, columns: NamedColumns) -> FloatArray | None:
 
 def _of_events(text: str) -> list[tuple[float, float]]:
     """Return burns from the events IGNITION (or LAUNCH) and BURNOUT, in order of time."""
-    events = [(float(time.replace(",", ".")), name) for name, time in _EVENT.findall(text) if _is_number(time)]
+    events = [
+        (float(time.replace(",", ".")), name)
+        for name, time in _EVENT.findall(text)
+        if _is_number(time)
+    ]
     spans = []
     lit = list[float]()
     for time, name in sorted(events, key=lambda event: event[0]):

@@ -13,7 +13,9 @@ from opir_readers.configs_of_sites import SiteConfig
 
 @frozen
 class Site:
-    """A launch point, rad and m above the WGS 84 ellipsoid, and the azimuth of the flight, rad; nan for none."""
+    """A launch point, rad and m above the WGS 84 ellipsoid, and the azimuth of the flight, rad; nan
+    for none.
+    """
 
     latitude_rad: float
     longitude_rad: float
@@ -22,35 +24,53 @@ class Site:
 
     @classmethod
     def of(cls, config: SiteConfig | None, needs: str, *, with_azimuth: bool = False) -> "Site":
-        """Return the site of a setting; raises `BadFileError` with what `needs` it where it is missing."""
+        """Return the site of a setting; raises `BadFileError` with what `needs` it where it is
+        missing.
+        """
         if config is None:
             more = ", azimuth_deg: A" if with_azimuth else ""
-            raise BadFileError(f"{needs}: set site: {{lat_deg: …, lon_deg: …, height_m: …{more}}}, or --site")
+            raise BadFileError(
+                f"{needs}: set site: {{lat_deg: …, lon_deg: …, height_m: …{more}}}, or --site"
+            )
         if with_azimuth and config.azimuth_deg is None:
-            raise BadFileError(f"{needs}: set site.azimuth_deg, the direction of flight from the launch point")
+            raise BadFileError(
+                f"{needs}: set site.azimuth_deg, the direction of flight from the launch point"
+            )
         azimuth = np.nan if config.azimuth_deg is None else config.azimuth_deg
         angles = np.radians([config.lat_deg, config.lon_deg, azimuth]).tolist()
         return cls(angles[0], angles[1], config.height_m, angles[2])
 
     def axes(self) -> FloatArray:
         """Return the axes (3, 3) towards east, north and up at the launch point, in ECEF."""
-        return np.asarray(east_north_up_axes(np.array(self.latitude_rad), np.array(self.longitude_rad)))
+        return np.asarray(
+            east_north_up_axes(np.array(self.latitude_rad), np.array(self.longitude_rad))
+        )
 
     def position_m(self) -> FloatArray:
         """Return the launch point (3,) in ECEF."""
         return np.asarray(geodetic_to_ecef(self.latitude_rad, self.longitude_rad, self.height_m))
 
     def of_local(self, east_m: FloatArray, north_m: FloatArray, up_m: FloatArray) -> FloatArray:
-        """Return positions (n, 3) in ECEF of local ones: in the plane that touches the Earth at the launch point."""
+        """Return positions (n, 3) in ECEF of local ones: in the plane that touches the Earth at the
+        launch point.
+        """
         local = np.stack([east_m, north_m, up_m], axis=1)
         return np.asarray(self.position_m() + (local[:, :, None] * self.axes()).sum(axis=1))
 
-    def of_ground(self, east_m: FloatArray, north_m: FloatArray, height_m: FloatArray) -> FloatArray:
-        """Return positions (n, 3) in ECEF of distances along the ground and heights above the ellipsoid."""
+    def of_ground(
+        self, east_m: FloatArray, north_m: FloatArray, height_m: FloatArray
+    ) -> FloatArray:
+        """Return positions (n, 3) in ECEF of distances along the ground and heights above the
+        ellipsoid.
+        """
         return self.of_downrange(np.hypot(east_m, north_m), height_m, np.arctan2(east_m, north_m))
 
-    def of_downrange(self, distance_m: FloatArray, height_m: FloatArray, azimuth_rad: Any = None) -> FloatArray:
-        """Return positions (n, 3) in ECEF of distances along the geodesic of an azimuth, the site's by default."""
+    def of_downrange(
+        self, distance_m: FloatArray, height_m: FloatArray, azimuth_rad: Any = None
+    ) -> FloatArray:
+        """Return positions (n, 3) in ECEF of distances along the geodesic of an azimuth, the site's
+        by default.
+        """
         azimuth = self.azimuth_rad if azimuth_rad is None else azimuth_rad
         where = geodesic_direct(self.latitude_rad, self.longitude_rad, azimuth, distance_m)
         return np.asarray(geodetic_to_ecef(where.latitude_rad, where.longitude_rad, height_m))

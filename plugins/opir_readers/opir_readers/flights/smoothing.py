@@ -16,7 +16,9 @@ _FEWEST = 8
 
 @frozen(eq=False)
 class Smoothed:
-    """A cubic spline through noisy values: the knots, the root mean square of what it leaves, and what it left out."""
+    """A cubic spline through noisy values: the knots, the root mean square of what it leaves, and
+    what it left out.
+    """
 
     spline: object
     residual: float
@@ -30,9 +32,11 @@ class Smoothed:
 
 
 def smoothing_spline(time_s: FloatArray, values: FloatArray, sigma: float) -> Smoothed:
-    """Return the spline of values (n,) with a standard deviation; values far off the first fit are left out.
+    """Return the spline of values (n,) with a standard deviation; values far off the first fit are
+    left out.
 
-    It has the fewest knots with which the squares of the residuals sum to n sigma² (FITPACK `curfit`).
+    It has the fewest knots with which the squares of the residuals sum to n sigma² (FITPACK
+    `curfit`).
     """
     from scipy.interpolate import splrep
 
@@ -47,7 +51,8 @@ def smoothing_spline(time_s: FloatArray, values: FloatArray, sigma: float) -> Sm
             raise BadFileError("cannot be smoothed; state another noise")
         off = np.abs(values - _at(spline, time_s))
         outside = kept & (off > _OUTLIER * sigma)
-        # A curve that is too stiff for what it is to follow has many large residuals: those are no outliers.
+        # A curve that is too stiff for what it is to follow has many large residuals: those are no
+        # outliers.
         if not outside.any() or np.count_nonzero(outside) > 0.02 * len(time_s):
             break
         kept &= ~outside
@@ -56,7 +61,9 @@ def smoothing_spline(time_s: FloatArray, values: FloatArray, sigma: float) -> Sm
 
 
 def _spikes(values: FloatArray, sigma: float) -> BoolArray:
-    """Return which values (n,) stand apart from two neighbours on either side: misread digits, a spline chases them."""
+    """Return which values (n,) stand apart from two neighbours on either side: misread digits, a
+    spline chases them.
+    """
     padded = np.pad(values, 2, mode="edge")
     around = np.lib.stride_tricks.sliding_window_view(padded, 5)
     low, middle, high = np.percentile(around, [25, 50, 75], axis=1)
@@ -70,7 +77,9 @@ def _at(spline: object, time_s: FloatArray) -> FloatArray:
 
 
 def rounding_sigma(values: FloatArray) -> float:
-    """Return the standard deviation of the rounding of values: of their smallest step; 0 where they are not rounded."""
+    """Return the standard deviation of the rounding of values: of their smallest step; 0 where they
+    are not rounded.
+    """
     steps = np.diff(np.unique(values))
     steps = steps[steps > 1e-9 * max(float(np.abs(values).max(initial=0.0)), 1e-300)]
     if not len(steps):
@@ -81,7 +90,9 @@ def rounding_sigma(values: FloatArray) -> float:
 
 
 def speed_rounding_sigma(speed_m_s: FloatArray) -> float:
-    """Return the standard deviation of the rounding of speeds: to whole km/h, which webcasts show, or as written."""
+    """Return the standard deviation of the rounding of speeds: to whole km/h, which webcasts show,
+    or as written.
+    """
     km_h = speed_m_s * 3.6
     # Published tables cut kilometres an hour to three decimals of a metre a second.
     is_whole = np.abs(km_h - np.rint(km_h)) < 0.01
@@ -89,7 +100,8 @@ def speed_rounding_sigma(speed_m_s: FloatArray) -> float:
 
 
 def smoothed_table(table: StateTable, noise_m: float) -> StateTable:
-    """Return a table on smoothing splines of its positions, with their velocities; a note says what was left.
+    """Return a table on smoothing splines of its positions, with their velocities; a note says what
+    was left.
 
     Each run is smoothed on its own. Raises `BadFileError` for runs with few states.
     """
@@ -100,7 +112,8 @@ def smoothed_table(table: StateTable, noise_m: float) -> StateTable:
     for rows in runs(table):
         if len(rows) < _FEWEST:
             raise BadFileError(
-                f"line {table.line_of(int(rows[0]))}: begins {len(rows)} states without a break, too few to smooth;"
+                f"line {table.line_of(int(rows[0]))}: begins {len(rows)} states without a break,"
+                f" too few to smooth;"
                 " omit noise_m"
             )
         for axis in range(3):

@@ -1,9 +1,10 @@
 """Telemetry of launch webcasts: speed and altitude over time, with launch point and azimuth.
 
-Speed is relative to the Earth, altitude above the launch point. Both are rounded: smoothing splines are fitted to them,
-and what these leave is noted. The climb is the rate of the altitude, the rest of the speed is over the ground: along
-the azimuth of the launch, turned by the Earth's rotation alone (no yaw steering, which no webcast shows). Where a
-boostback takes the speed over the ground through its least, it turns round.
+Speed is relative to the Earth, altitude above the launch point. Both are rounded: smoothing splines
+are fitted to them, and what these leave is noted. The climb is the rate of the altitude, the rest
+of the speed is over the ground: along the azimuth of the launch, turned by the Earth's rotation
+alone (no yaw steering, which no webcast shows). Where a boostback takes the speed over the ground
+through its least, it turns round.
 """
 
 import csv
@@ -18,12 +19,21 @@ from typing import Any
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
+from opir_core.constants import (
+    EARTH_ECCENTRICITY_SQUARED,
+    EARTH_EQUATORIAL_RADIUS_M,
+    EARTH_ROTATION_RAD_S,
+)
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
 from opir_readers.flights.burns import AIRLESS_M, LEAST_THRUST_M_S2, burns_s
 from opir_readers.flights.site import Site
-from opir_readers.flights.smoothing import Smoothed, rounding_sigma, smoothing_spline, speed_rounding_sigma
+from opir_readers.flights.smoothing import (
+    Smoothed,
+    rounding_sigma,
+    smoothing_spline,
+    speed_rounding_sigma,
+)
 from opir_readers.states import MOST_BURNS
 
 _HEAD = 4000
@@ -35,7 +45,8 @@ _FEWEST = 20
 _LEAST_HEIGHT_M = 1.0
 _LEAST_SPEED_M_S = 0.05
 
-#: The longest time that a row stands for, s: what is between is as long as the splines make it, not as the file.
+#: The longest time that a row stands for, s: what is between is as long as the splines make it, not
+#: as the file.
 _MOST_S_A_ROW = 30.0
 
 #: States of the flight are this far apart, s.
@@ -62,17 +73,27 @@ def is_webcast(text: str) -> bool:
     """Return whether a text is JSON or CSV of time, speed and altitude, and of no places."""
     head = text[:_HEAD].lstrip()
     if head[:1] in ("{", "["):
-        return '"altitude"' in text[: 200 * _HEAD] and re.search(r'"(velocity|speed)"', text[: 200 * _HEAD]) is not None
+        return (
+            '"altitude"' in text[: 200 * _HEAD]
+            and re.search(r'"(velocity|speed)"', text[: 200 * _HEAD]) is not None
+        )
     names = {name.strip().strip('"').lower() for name in head.partition("\n")[0].split(",")}
     return (
-        len(names) >= 3 and all(names & set(known) for known in _NAMES.values()) and not any("lat" in n for n in names)
+        len(names) >= 3
+        and all(names & set(known) for known in _NAMES.values())
+        and not any("lat" in n for n in names)
     )
 
 
 def webcast_table(
-    text: str, site: Site, height_noise_m: float | None, speed_noise_m_s: float | None, start_s: float
+    text: str,
+    site: Site,
+    height_noise_m: float | None,
+    speed_noise_m_s: float | None,
+    start_s: float,
 ) -> StateTable:
-    """Return the flight of a text, with velocities; noises of None are those of the rounding of the file's numbers.
+    """Return the flight of a text, with velocities; noises of None are those of the rounding of the
+    file's numbers.
 
     Raises `BadFileError`.
     """
@@ -90,7 +111,16 @@ def webcast_table(
         listed = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in burns.tolist())
         notes = (*notes, f"burns by acceleration: {listed}")
     burns = burns[:MOST_BURNS]
-    return StateTable(grid + start_s, position, velocity, run, burns + start_s, lambda _row: 1, notes, frame=_FRAME)
+    return StateTable(
+        grid + start_s,
+        position,
+        velocity,
+        run,
+        burns + start_s,
+        lambda _row: 1,
+        notes,
+        frame=_FRAME,
+    )
 
 
 _FRAME = "speed and altitude from a launch point, along an azimuth that the Earth's rotation turns"
@@ -124,8 +154,12 @@ def _json_values(text: str) -> Iterator[Any]:
                 raise BadFileError(f"line {number}: is not JSON: {error}") from error
 
 
-def _take(value: Any, points: list[Mapping[str, Any]], events: dict[str, float], depth: int = 0) -> None:
-    """Add the points and events of a JSON value: of arrays by name, of objects, of lists of either."""
+def _take(
+    value: Any, points: list[Mapping[str, Any]], events: dict[str, float], depth: int = 0
+) -> None:
+    """Add the points and events of a JSON value: of arrays by name, of objects, of lists of
+    either.
+    """
     if depth > 6:
         return
     if isinstance(value, list):
@@ -150,10 +184,13 @@ def _take(value: Any, points: list[Mapping[str, Any]], events: dict[str, float],
 _EVENTS = {name for pair in _BURNS for name in pair if name}
 
 
-def _numbers(points: Sequence[Mapping[str, Any]], speed: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _numbers(
+    points: Sequence[Mapping[str, Any]], speed: str
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     rows = [[_number(point.get(name)) for name in ("time", speed, "altitude")] for point in points]
     values = np.array(rows).reshape(-1, 3)
-    # Published telemetry gives altitudes in kilometres; no ascent has none above a kilometre in metres.
+    # Published telemetry gives altitudes in kilometres; no ascent has none above a kilometre in
+    # metres.
     scale = 1e3 if np.nanmax(np.abs(values[:, 2]), initial=0.0) < 5000.0 else 1.0
     return values[:, 0], values[:, 1], values[:, 2] * scale
 
@@ -161,7 +198,11 @@ def _numbers(points: Sequence[Mapping[str, Any]], speed: str) -> tuple[FloatArra
 def _number(value: Any) -> float:
     """Return a number of JSON, nan for anything else and for integers beyond the largest number."""
     with suppress(OverflowError):
-        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+        return (
+            float(value)
+            if isinstance(value, int | float) and not isinstance(value, bool)
+            else math.nan
+        )
     return math.nan
 
 
@@ -172,10 +213,15 @@ def _of_csv(text: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     except csv.Error as error:
         raise BadFileError(f"line {reader.line_num}: not CSV: {error}") from error
     names = [name.strip().lower() for name in rows[0]] if rows else []
-    places = {kind: next((names.index(name) for name in known if name in names), -1) for kind, known in _NAMES.items()}
+    places = {
+        kind: next((names.index(name) for name in known if name in names), -1)
+        for kind, known in _NAMES.items()
+    }
     if min(places.values()) < 0:
         raise BadFileError("line 1: names no time, speed and altitude")
-    values = np.array([[_cell(row, place) for place in places.values()] for row in rows[1:]]).reshape(-1, 3)
+    values = np.array(
+        [[_cell(row, place) for place in places.values()] for row in rows[1:]]
+    ).reshape(-1, 3)
     speed = names[places["speed"]]
     altitude = names[places["altitude"]]
     is_km = altitude.endswith("_km") or (
@@ -195,7 +241,9 @@ def _cell(row: Sequence[str], place: int) -> float:
         return math.nan
 
 
-def _in_order(time_s: FloatArray, speed: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _in_order(
+    time_s: FloatArray, speed: FloatArray, height: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the rows with all three numbers, each time once."""
     good = np.isfinite(time_s) & (np.isfinite(speed) | np.isfinite(height))
     time_s = time_s[good]
@@ -205,13 +253,26 @@ def _in_order(time_s: FloatArray, speed: FloatArray, height: FloatArray) -> tupl
     time_s = time_s[order]
     speed = speed[order]
     height = height[order]
-    if np.count_nonzero(np.isfinite(speed)) < _FEWEST or np.count_nonzero(np.isfinite(height)) < _FEWEST:
-        raise BadFileError(f"has {len(time_s)} rows with time, speed and altitude; at least {_FEWEST} are needed")
-    if time_s[-1] - time_s[0] > _MOST_S_A_ROW * len(time_s):
-        raise BadFileError(f"has {len(time_s)} rows over {time_s[-1] - time_s[0]:.6g} s; are its times in other units?")
-    if np.nanmax(np.abs(speed)) > 2e4 or np.nanmax(np.abs(height)) > 1e7 or np.abs(time_s).max() > 1e6:
+    if (
+        np.count_nonzero(np.isfinite(speed)) < _FEWEST
+        or np.count_nonzero(np.isfinite(height)) < _FEWEST
+    ):
         raise BadFileError(
-            "has speeds above 20 km/s, altitudes above 10 000 km or times beyond a million seconds; check the units"
+            f"has {len(time_s)} rows with time, speed and altitude; at least {_FEWEST} are needed"
+        )
+    if time_s[-1] - time_s[0] > _MOST_S_A_ROW * len(time_s):
+        raise BadFileError(
+            f"has {len(time_s)} rows over {time_s[-1] - time_s[0]:.6g} s; are its times in other"
+            f" units?"
+        )
+    if (
+        np.nanmax(np.abs(speed)) > 2e4
+        or np.nanmax(np.abs(height)) > 1e7
+        or np.abs(time_s).max() > 1e6
+    ):
+        raise BadFileError(
+            "has speeds above 20 km/s, altitudes above 10 000 km or times beyond a million seconds;"
+            " check the units"
         )
     return time_s, speed, height
 
@@ -238,7 +299,8 @@ def _fits(
         left_out = f", {fit.outliers} left out" if fit.outliers else ""
         stated = "of the rounding" if given is None else "as stated"
         words.append(
-            f"{name} smoothed to a noise of {sigma:.3g} {unit} {stated}: {fit.residual:.3g} {unit} rms left{left_out}"
+            f"{name} smoothed to a noise of {sigma:.3g} {unit} {stated}: {fit.residual:.3g} {unit}"
+            f" rms left{left_out}"
         )
     return (fits[0], fits[1]), tuple(words)
 
@@ -253,8 +315,12 @@ def _grid(time_s: FloatArray, events: Mapping[str, float]) -> FloatArray:
     return grid[np.diff(grid, prepend=-np.inf) > 1e-3]
 
 
-def _turn_s(time_s: FloatArray, fits: tuple[Smoothed, Smoothed], events: Mapping[str, float]) -> float:
-    """Return when a boostback turns the flight round, inf where none does: where the speed over the ground is least."""
+def _turn_s(
+    time_s: FloatArray, fits: tuple[Smoothed, Smoothed], events: Mapping[str, float]
+) -> float:
+    """Return when a boostback turns the flight round, inf where none does: where the speed over the
+    ground is least.
+    """
     start, end = (events.get(f"boostback_{edge}", math.inf) for edge in ("start", "end"))
     during = time_s[(time_s >= start) & (time_s <= end)]
     if len(during) < 3:
@@ -267,7 +333,9 @@ def _turn_s(time_s: FloatArray, fits: tuple[Smoothed, Smoothed], events: Mapping
 def _path(
     time_s: FloatArray, fits: tuple[Smoothed, Smoothed], site: Site, turn_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities (n, 3) in ECEF: climb by the altitude, the rest of the speed over the ground."""
+    """Return positions and velocities (n, 3) in ECEF: climb by the altitude, the rest of the speed
+    over the ground.
+    """
     fine = np.linspace(time_s[0], time_s[-1], 4 * len(time_s) + 1)
     level, climb = _parts(fine, fits)
     level = np.where(fine < turn_s, level, -level)
@@ -292,22 +360,30 @@ def _parts(time_s: FloatArray, fits: tuple[Smoothed, Smoothed]) -> tuple[FloatAr
 def _ground_track(
     time_s: FloatArray, level: FloatArray, climb: FloatArray, height: FloatArray, site: Site
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return latitudes, longitudes and headings (n,), rad, along a path that only the Earth's rotation turns.
+    """Return latitudes, longitudes and headings (n,), rad, along a path that only the Earth's
+    rotation turns.
 
-    Over the rotating Earth the heading of what no side force acts on turns by the Coriolis acceleration across it,
-    2 Ω (v sin φ - climb cos φ cos ψ) / v, and by the convergence of meridians, v sin ψ tan φ / r.
+    Over the rotating Earth the heading of what no side force acts on turns by the Coriolis
+    acceleration across it, 2 Ω (v sin φ - climb cos φ cos ψ) / v, and by the convergence of
+    meridians, v sin ψ tan φ / r.
     """
     latitude = site.latitude_rad
     longitude = site.longitude_rad
     heading = site.azimuth_rad
     track = [(latitude, longitude, heading)]
     step = float(time_s[1] - time_s[0])
-    for v, up, h in zip(level[:-1].tolist(), climb[:-1].tolist(), height[:-1].tolist(), strict=True):
+    for v, up, h in zip(
+        level[:-1].tolist(), climb[:-1].tolist(), height[:-1].tolist(), strict=True
+    ):
         radius = _EARTH_RADIUS_M + h
         cosine = max(math.cos(latitude), 1e-6)
         turn = v * math.sin(heading) * math.tan(latitude) / radius if cosine > 1e-3 else 0.0
         if abs(v) > max(up, 100.0) or abs(v) > 500.0:
-            turn += 2.0 * EARTH_ROTATION_RAD_S * (math.sin(latitude) - up / v * cosine * math.cos(heading))
+            turn += (
+                2.0
+                * EARTH_ROTATION_RAD_S
+                * (math.sin(latitude) - up / v * cosine * math.cos(heading))
+            )
         north, prime = _radii(latitude, h)
         latitude += v * math.cos(heading) / north * step
         longitude += v * math.sin(heading) / (prime * cosine) * step
@@ -327,13 +403,18 @@ def _radii(latitude: float, height: float) -> tuple[float, float]:
 
 
 def _is_thrusting(time_s: FloatArray, fits: tuple[Smoothed, Smoothed]) -> BoolArray:
-    """Return when (n,) the speed changes as with an engine: gravity slows the climb, and drag only what is low."""
+    """Return when (n,) the speed changes as with an engine: gravity slows the climb, and drag only
+    what is low.
+    """
     speed = np.maximum(fits[0].at(time_s), 1.0)
     height = fits[1].at(time_s)
     gravity = _GRAVITY_M_S2 * (_EARTH_RADIUS_M / (_EARTH_RADIUS_M + height)) ** 2
     along = fits[0].at(time_s, 1) + gravity * np.clip(fits[1].at(time_s, 1) / speed, -1.0, 1.0)
     is_moving = fits[0].at(time_s) > 3.0
-    return np.asarray(is_moving & (along > LEAST_THRUST_M_S2) | ((height > AIRLESS_M) & (along < -LEAST_THRUST_M_S2)))
+    return np.asarray(
+        is_moving & (along > LEAST_THRUST_M_S2)
+        | ((height > AIRLESS_M) & (along < -LEAST_THRUST_M_S2))
+    )
 
 
 def _burns_of_events(events: Mapping[str, float], grid: FloatArray) -> FloatArray | None:

@@ -1,1 +1,3 @@
-"""Orbits of satellites from files: mean elements for SGP4 (OMM, TLE) and ephemerides; fleets of sensors of them."""
+"""Orbits of satellites from files: mean elements for SGP4 (OMM, TLE) and ephemerides; fleets of
+sensors of them.
+"""

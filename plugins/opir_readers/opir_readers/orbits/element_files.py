@@ -1,8 +1,9 @@
-"""Mean elements as they are published: OMM as JSON, CSV, KVN and XML, and two-line elements with or without names.
+"""Mean elements as they are published: OMM as JSON, CSV, KVN and XML, and two-line elements with or
+without names.
 
-Each becomes a mapping by the keywords of an OMM. Of two-line elements it has the lines too (`TLE_LINE1`, `TLE_LINE2`);
-`NOTES` are what of them was mended: 68 columns get their checksum, what follows column 69 is left out; `PROBLEM` is why
-a set among others cannot be used.
+Each becomes a mapping by the keywords of an OMM. Of two-line elements it has the lines too
+(`TLE_LINE1`, `TLE_LINE2`); `NOTES` are what of them was mended: 68 columns get their checksum, what
+follows column 69 is left out; `PROBLEM` is why a set among others cannot be used.
 """
 
 import csv
@@ -38,7 +39,9 @@ def is_omm(text: str) -> bool:
 
 def is_tle(text: str) -> bool:
     """Return whether a text holds two-line elements, with or without lines of names."""
-    lines = [line for line in text[:4000].split("\n") if line.strip() and not line.startswith("#")][:3]
+    lines = [line for line in text[:4000].split("\n") if line.strip() and not line.startswith("#")][
+        :3
+    ]
     pairs = [(lines[k], lines[k + 1]) for k in range(len(lines) - 1)]
     return any(_FIRST.match(first) and _SECOND.match(second) for first, second in pairs[:2])
 
@@ -56,7 +59,10 @@ def omm_elements(text: str) -> Sequence[Elements]:
         found = _of_csv(text)
     if not found:
         raise BadFileError("holds no OMM")
-    return [{**each, "NORAD_CAT_ID": number_of(each)} if number_of(each) is not None else each for each in found]
+    return [
+        {**each, "NORAD_CAT_ID": number_of(each)} if number_of(each) is not None else each
+        for each in found
+    ]
 
 
 def number_of(elements: Elements) -> int | None:
@@ -75,7 +81,9 @@ def number_of(elements: Elements) -> int | None:
 
 
 def _alpha_number(text: str) -> int | None:
-    """Return the number of an Alpha-5 text, `A0001` for 100 001; the letters I and O are not used."""
+    """Return the number of an Alpha-5 text, `A0001` for 100 001; the letters I and O are not
+    used.
+    """
     letters = "ABCDEFGHJKLMNPQRSTUVWXYZ"
     if len(text) == 5 and text[0] in letters and text[1:].isascii() and text[1:].isdigit():
         return (letters.index(text[0]) + 10) * 10_000 + int(text[1:])
@@ -89,7 +97,9 @@ def _of_json(text: str) -> list[Elements]:
         raise BadFileError(f"line {error.lineno}: is not JSON: {error.msg}") from error
     except (RecursionError, ValueError) as error:
         raise BadFileError(f"is not JSON that can be read: {error}") from error
-    return [each for each in (value if isinstance(value, list) else [value]) if isinstance(each, dict)]
+    return [
+        each for each in (value if isinstance(value, list) else [value]) if isinstance(each, dict)
+    ]
 
 
 def _of_csv(text: str) -> list[Elements]:
@@ -101,7 +111,10 @@ def _of_csv(text: str) -> list[Elements]:
     for number, row in enumerate(rows, 2):
         if None in row or None in row.values():
             raise BadFileError(f"line {number}: has another number of values than line 1 has names")
-    return [{str(name).strip().upper(): str(value).strip() for name, value in row.items()} for row in rows]
+    return [
+        {str(name).strip().upper(): str(value).strip() for name, value in row.items()}
+        for row in rows
+    ]
 
 
 def _of_kvn(text: str) -> list[Elements]:
@@ -111,7 +124,9 @@ def _of_kvn(text: str) -> list[Elements]:
             continue
         key, equals, value = (part.strip() for part in line.partition("="))
         if not equals:
-            raise BadFileError(f"line {number}: {line.strip()[:60]!r} is not of the form KEYWORD = value")
+            raise BadFileError(
+                f"line {number}: {line.strip()[:60]!r} is not of the form KEYWORD = value"
+            )
         if key == "CCSDS_OMM_VERS" or not found:
             found.append({})
         # Units may follow a value: INCLINATION = 51.6 [deg].
@@ -125,9 +140,18 @@ def _of_xml(text: str) -> list[Elements]:
     found = []
     for message in messages:
         for segment in message.all("segment"):
-            blocks = [block for name in ("metadata", "meanElements", "tleParameters") for block in segment.all(name)]
+            blocks = [
+                block
+                for name in ("metadata", "meanElements", "tleParameters")
+                for block in segment.all(name)
+            ]
             found.append(
-                {node.name: node.text for block in blocks for node in block.children if node.name != "COMMENT"}
+                {
+                    node.name: node.text
+                    for block in blocks
+                    for node in block.children
+                    if node.name != "COMMENT"
+                }
             )
     return [each for each in found if each]
 
@@ -152,11 +176,15 @@ def _sets(text: str) -> Iterator[Elements]:
         if not _FIRST.match(line):
             name = line.removeprefix("0 ").strip()
             if place + 1 == len(lines) or not _FIRST.match(lines[place + 1][1]):
-                raise BadFileError(f"line {number}: {line[:40]!r} is neither elements nor a name above them")
+                raise BadFileError(
+                    f"line {number}: {line[:40]!r} is neither elements nor a name above them"
+                )
             place += 1
             continue
         if place + 1 == len(lines) or not _SECOND.match(lines[place + 1][1]):
-            raise BadFileError(f"line {number}: the first line of elements has no second one below it")
+            raise BadFileError(
+                f"line {number}: the first line of elements has no second one below it"
+            )
         yield _set(name, (number, line), lines[place + 1])
         name = ""
         place = place + 2
@@ -197,7 +225,9 @@ def _mended(number: int, line: str, notes: list[str]) -> str:
 
 
 def _epoch_text(text: str) -> str:
-    """Return the epoch of a TLE as a date: the year's last two digits, 57 to 99 of the last century, and its day."""
+    """Return the epoch of a TLE as a date: the year's last two digits, 57 to 99 of the last
+    century, and its day.
+    """
     from datetime import datetime, timedelta
 
     year = int(text[:2])

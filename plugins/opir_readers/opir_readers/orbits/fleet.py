@@ -1,4 +1,6 @@
-"""A fleet of sensors from a file of elements: which satellites, and the sensors' blocks for a scene."""
+"""A fleet of sensors from a file of elements: which satellites, and the sensors' blocks for a
+scene.
+"""
 
 import fnmatch
 import json
@@ -20,7 +22,9 @@ _DAY_S = 86_400.0
 
 @frozen(kw_only=True)
 class FleetFilter:
-    """Which satellites of a file: by name (with * and ?), inclination, deg, numbers, and age at an epoch, days."""
+    """Which satellites of a file: by name (with * and ?), inclination, deg, numbers, and age at an
+    epoch, days.
+    """
 
     name: str | None = None
     inclination_deg: tuple[float, float] | None = None
@@ -35,14 +39,24 @@ class FleetFilter:
             return reason or "with errors"
         if self.inclination_deg is not None and not self._has_inclination(row):
             return "by inclination"
-        return "by age" if self.most_age_days is not None and self._age_days(row) > self.most_age_days else ""
+        return (
+            "by age"
+            if self.most_age_days is not None and self._age_days(row) > self.most_age_days
+            else ""
+        )
 
     def left_out_by_identity(self, row: Row) -> str:
-        """Return "by name" or "by number" if that leaves a satellite out, with errors or not; else ""."""
-        if self.name is not None and not fnmatch.fnmatchcase(omm_name(row).casefold(), self.name.casefold()):
+        """Return "by name" or "by number" if that leaves a satellite out, with errors or not; else
+        "".
+        """
+        if self.name is not None and not fnmatch.fnmatchcase(
+            omm_name(row).casefold(), self.name.casefold()
+        ):
             return "by name"
         number = number_of(row)
-        if self.numbers and not any(number is not None and low <= number <= high for low, high in self.numbers):
+        if self.numbers and not any(
+            number is not None and low <= number <= high for low, high in self.numbers
+        ):
             return "by number"
         return ""
 
@@ -80,7 +94,9 @@ def epoch_s_of(text: str) -> float:
 
 
 def latest(rows: Sequence[Row]) -> Sequence[Row]:
-    """Return the rows with the latest elements of each satellite: of equal numbers, of equal names without one."""
+    """Return the rows with the latest elements of each satellite: of equal numbers, of equal names
+    without one.
+    """
     newest: dict[Any, Row] = {}
     for row in rows:
         key = number_of(row) if number_of(row) is not None else omm_name(row)
@@ -109,8 +125,16 @@ def _orbit(row: Row) -> Mapping[str, Any]:
         return orbit
     if "TLE_LINE1" in row:
         return {"tle": [row["TLE_LINE1"], row["TLE_LINE2"]]}
-    plain = {name: value for name, value in row.items() if isinstance(value, str | int | float) and value != ""}
-    return {"omm": {name: value for name, value in plain.items() if re.fullmatch(r"[A-Z][A-Z0-9_]*", name)}}
+    plain = {
+        name: value
+        for name, value in row.items()
+        if isinstance(value, str | int | float) and value != ""
+    }
+    return {
+        "omm": {
+            name: value for name, value in plain.items() if re.fullmatch(r"[A-Z][A-Z0-9_]*", name)
+        }
+    }
 
 
 def _id(row: Row, taken: set[str]) -> str:

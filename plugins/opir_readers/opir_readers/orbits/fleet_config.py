@@ -34,16 +34,23 @@ def _numbers_complaint(numbers: str | None) -> str | None:
 
 @frozen(kw_only=True)
 class FleetConfig:
-    """The settings of `fleet` in a sensor's block: one of `file`, `walker` and `slots`, and filters."""
+    """The settings of `fleet` in a sensor's block: one of `file`, `walker` and `slots`, and
+    filters.
+    """
 
     file: str | None = text(
         default=None,
-        help="a file of OMM (JSON, CSV, KVN or XML) or two-line elements; relative to the working directory",
+        help="a file of OMM (JSON, CSV, KVN or XML) or two-line elements; relative to the working"
+        " directory",
     )
-    walker: WalkerFleetConfig | None = nested(default=None, help="a Walker pattern of circular orbits")
+    walker: WalkerFleetConfig | None = nested(
+        default=None, help="a Walker pattern of circular orbits"
+    )
     slots: SlotFleetConfig | None = nested(default=None, help="a ring of geostationary slots")
     name: str | None = text(default=None, help="only satellites with names like this, with * and ?")
-    min_inclination_deg: float = number(default=0.0, unit="deg", minimum=0.0, maximum=180.0, help="least inclination")
+    min_inclination_deg: float = number(
+        default=0.0, unit="deg", minimum=0.0, maximum=180.0, help="least inclination"
+    )
     max_inclination_deg: float = number(
         default=180.0, unit="deg", minimum=0.0, maximum=180.0, help="largest inclination"
     )
@@ -53,16 +60,28 @@ class FleetConfig:
         help="only these catalogue numbers, of a pattern those from 1 on: 25544,40000:40100",
     )
     max_age_days: float | None = number(
-        default=None, unit="d", minimum=0.0, maximum=1e5, help="only elements within this time of the scene's epoch"
+        default=None,
+        unit="d",
+        minimum=0.0,
+        maximum=1e5,
+        help="only elements within this time of the scene's epoch",
     )
 
     def __attrs_post_init__(self) -> None:
         given = [name for name in ("file", "walker", "slots") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise ValueError(f"{' and '.join(given)} exclude each other" if given else "give file, walker or slots")
+            raise ValueError(
+                f"{' and '.join(given)} exclude each other"
+                if given
+                else "give file, walker or slots"
+            )
 
-    def satellites(self, epoch_us: int | None, readers: Sequence[FileReader]) -> Sequence[Mapping[str, Any]]:
-        """Return `id` and `orbit` of the satellites, for a scene epoch (None if unknown); raises `BadFileError`."""
+    def satellites(
+        self, epoch_us: int | None, readers: Sequence[FileReader]
+    ) -> Sequence[Mapping[str, Any]]:
+        """Return `id` and `orbit` of the satellites, for a scene epoch (None if unknown); raises
+        `BadFileError`.
+        """
         from opir_readers.orbits.fleet import FleetFilter
         from opir_readers.orbits.fleet_of_file import satellites_of_file, satellites_of_pattern
 

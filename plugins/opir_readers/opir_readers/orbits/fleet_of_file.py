@@ -13,7 +13,9 @@ from opir_readers.reading import content_of, file_text, reader_of
 def satellites_of_file(
     path: str, chosen: FleetFilter, epoch_us: int, readers: Sequence[FileReader]
 ) -> Sequence[Mapping[str, Any]]:
-    """Return `id` and `orbit` of each satellite; the latest elements of each. Raises `BadFileError`."""
+    """Return `id` and `orbit` of each satellite; the latest elements of each. Raises
+    `BadFileError`.
+    """
     try:
         text = file_text(path).text
         reader = reader_of(text, [each for each in readers if each.yields == "orbits"])
@@ -25,14 +27,20 @@ def satellites_of_file(
     return list(satellites_of(kept))
 
 
-def satellites_of_pattern(rows: Sequence[Mapping[str, Any]], chosen: FleetFilter) -> Sequence[Mapping[str, Any]]:
-    """Return `id` and `orbit` of each satellite of a pattern. Raises `BadFileError` if none is left."""
+def satellites_of_pattern(
+    rows: Sequence[Mapping[str, Any]], chosen: FleetFilter
+) -> Sequence[Mapping[str, Any]]:
+    """Return `id` and `orbit` of each satellite of a pattern. Raises `BadFileError` if none is
+    left.
+    """
     kept, _ = _chosen(rows, chosen)
     return list(satellites_of(kept))
 
 
 def _chosen(rows: Sequence[Mapping[str, Any]], chosen: FleetFilter) -> tuple[list[Any], list[Any]]:
-    """Return the rows that a filter leaves, the latest of each satellite, and those of them with errors."""
+    """Return the rows that a filter leaves, the latest of each satellite, and those of them with
+    errors.
+    """
     why = [chosen.left_out(row) for row in rows]
     kept = latest([row for row, reason in zip(rows, why, strict=True) if not reason])
     wrong = [row for row, reason in zip(rows, why, strict=True) if reason == "with errors"]
@@ -43,7 +51,9 @@ def _chosen(rows: Sequence[Mapping[str, Any]], chosen: FleetFilter) -> tuple[lis
 
 
 def _require_elements(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Raise `BadFileError` with the first elements that have errors, by name: in the scene they have no line."""
+    """Raise `BadFileError` with the first elements that have errors, by name: in the scene they
+    have no line.
+    """
     wrong = [(omm_name(row), words) for row in rows if (words := _complaint(row))]
     if wrong:
         more = f"; and {len(wrong) - 3} others" if len(wrong) > 3 else ""

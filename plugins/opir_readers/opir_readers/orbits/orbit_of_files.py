@@ -25,11 +25,14 @@ from opir_readers.table_checks import findings_of, moment_text
 
 _NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
 
-#: Light times and lines of sight are computed some seconds around a scene: time, s, by which polynomials go on.
+#: Light times and lines of sight are computed some seconds around a scene: time, s, by which
+#: polynomials go on.
 _BEYOND_S = 10.0
 
 
-def orbit_of_file(path: str, satellite: str | None, epoch_us: int, readers: Sequence[FileReader]) -> MovingOrbit:
+def orbit_of_file(
+    path: str, satellite: str | None, epoch_us: int, readers: Sequence[FileReader]
+) -> MovingOrbit:
     """Return the orbit of a satellite of a file for a scene epoch; raises `BadFileError`."""
     text = file_text(path).text
     reader = reader_of(text, [each for each in readers if each.yields != "detections"])
@@ -40,7 +43,9 @@ def orbit_of_file(path: str, satellite: str | None, epoch_us: int, readers: Sequ
 
 
 def chosen(rows: Sequence[Mapping[str, Any]], satellite: str | None) -> Mapping[str, Any]:
-    """Return the elements of a name, an id or a number; of the only satellite without one. Raises `BadFileError`."""
+    """Return the elements of a name, an id or a number; of the only satellite without one. Raises
+    `BadFileError`.
+    """
     found = [row for row in rows if satellite is None or _is_named(row, satellite)]
     if len(found) == 1:
         return found[0]
@@ -51,8 +56,12 @@ def chosen(rows: Sequence[Mapping[str, Any]], satellite: str | None) -> Mapping[
         hint = f"; did you mean {near[0]}?" if near else ""
         raise BadFileError(f"has no satellite {satellite!r} among {len(rows)}{hint}")
     if satellite is None:
-        raise BadFileError(f"has {len(found)} satellites; say which with satellite: {_listed(found)}")
-    raise BadFileError(f"has {len(found)} element sets of {satellite}; keep one of the epochs {_epochs(found)}")
+        raise BadFileError(
+            f"has {len(found)} satellites; say which with satellite: {_listed(found)}"
+        )
+    raise BadFileError(
+        f"has {len(found)} element sets of {satellite}; keep one of the epochs {_epochs(found)}"
+    )
 
 
 def _is_named(row: Mapping[str, Any], satellite: str) -> bool:
@@ -72,7 +81,9 @@ def _epochs(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def elements_orbit(row: Mapping[str, Any], epoch_us: int) -> MovingOrbit:
-    """Return the orbit of mean elements; raises `BadFileError` for wrong ones, and where SGP4 has no position."""
+    """Return the orbit of mean elements; raises `BadFileError` for wrong ones, and where SGP4 has
+    no position.
+    """
     name = omm_name(row)
     if "PROBLEM" in row:
         raise BadFileError(row["PROBLEM"])
@@ -104,13 +115,19 @@ class EphemerisMotion:
         """Return positions and velocities (n, 3) at scene times (n,)."""
         first = float(self.table.time_s[0])
         last = float(self.table.time_s[-1])
-        before, after = (min(_BEYOND_S, float(step)) for step in np.diff(self.table.time_s)[[0, -1]])
+        before, after = (
+            min(_BEYOND_S, float(step)) for step in np.diff(self.table.time_s)[[0, -1]]
+        )
         outside = np.flatnonzero((time_s < first - before) | (time_s > last + after))
         if len(outside):
             at, start, end = (
-                moment_text(self.epoch_us * 1e-6 + value) for value in (float(time_s[outside[0]]), first, last)
+                moment_text(self.epoch_us * 1e-6 + value)
+                for value in (float(time_s[outside[0]]), first, last)
             )
-            raise ModelError(f"the ephemeris of a sensor has no state at {at}: its states go from {start} to {end}")
+            raise ModelError(
+                f"the ephemeris of a sensor has no state at {at}: its states go from {start} to"
+                f" {end}"
+            )
         return self.curve.state(np.zeros(len(time_s), dtype=np.intp), time_s)
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
@@ -123,10 +140,16 @@ def _of_table(table: StateTable, epoch_us: int) -> MovingOrbit:
     if found.refused:
         raise BadFileError(found.refused[0])
     if not table.has_dates:
-        raise BadFileError("has times without dates; a sensor needs an ephemeris with dates: OEM, SP3, STK")
+        raise BadFileError(
+            "has times without dates; a sensor needs an ephemeris with dates: OEM, SP3, STK"
+        )
     motion = EphemerisMotion(table, interpolant([table]), epoch_us)
     try:
         motion.position_ecef_m(np.zeros(1))
     except ModelError as error:
-        raise BadFileError(f"{error}; set the scene's epoch, or take the ephemeris of that day") from error
-    return MovingOrbit(motion, warnings=tuple(words for words in found.warnings if "not read" not in words))
+        raise BadFileError(
+            f"{error}; set the scene's epoch, or take the ephemeris of that day"
+        ) from error
+    return MovingOrbit(
+        motion, warnings=tuple(words for words in found.warnings if "not read" not in words)
+    )

@@ -1,4 +1,5 @@
-"""Constellations by pattern: the settings of a Walker pattern and of a ring of geostationary slots, and their orbits.
+"""Constellations by pattern: the settings of a Walker pattern and of a ring of geostationary slots,
+and their orbits.
 
 Source of the notation i: T/P/F: J. G. Walker, J. Brit. Interplanetary Soc. 37 (1984), 559-572.
 """
@@ -27,23 +28,34 @@ def _require_one(config: Any, one: str, other: str) -> None:
     """Raise `ValueError` unless exactly one of two settings is given."""
     given = [name for name in (one, other) if getattr(config, name) is not None]
     if len(given) != 1:
-        raise ValueError(f"{one} and {other} exclude each other" if given else f"give {one} or {other}")
+        raise ValueError(
+            f"{one} and {other} exclude each other" if given else f"give {one} or {other}"
+        )
 
 
 @frozen(kw_only=True)
 class WalkerFleetConfig:
     """A Walker pattern i: T/P/F of circular orbits, plane by plane."""
 
-    total: int | None = number(default=None, minimum=1, maximum=10_000, help="satellites, T; or give per_plane")
-    per_plane: int | None = number(default=None, minimum=1, maximum=10_000, help="satellites in each plane")
-    planes: int = number(minimum=1, maximum=10_000, help="orbit planes, P, each with the same number of satellites")
+    total: int | None = number(
+        default=None, minimum=1, maximum=10_000, help="satellites, T; or give per_plane"
+    )
+    per_plane: int | None = number(
+        default=None, minimum=1, maximum=10_000, help="satellites in each plane"
+    )
+    planes: int = number(
+        minimum=1, maximum=10_000, help="orbit planes, P, each with the same number of satellites"
+    )
     phasing: int = number(
         minimum=0,
         maximum=10_000,
-        help="by how many units of 360/T deg a plane is ahead of the one before it, F; P more is the same pattern",
+        help="by how many units of 360/T deg a plane is ahead of the one before it, F; P more is"
+        " the same pattern",
     )
     kind: str = text(
-        default="delta", choices=("delta", "star"), help="nodes spread over 360 deg (delta) or over 180 deg (star)"
+        default="delta",
+        choices=("delta", "star"),
+        help="nodes spread over 360 deg (delta) or over 180 deg (star)",
     )
     node_spacing_deg: float | None = number(
         default=None,
@@ -60,18 +72,28 @@ class WalkerFleetConfig:
         help="height above the Earth's equatorial radius, 6378.137 km; or give period_min",
     )
     period_min: float | None = number(
-        default=None, unit="min", above=0.0, maximum=40_000.0, help="orbital period, two-body: 2 pi sqrt(a^3/mu)"
+        default=None,
+        unit="min",
+        above=0.0,
+        maximum=40_000.0,
+        help="orbital period, two-body: 2 pi sqrt(a^3/mu)",
     )
     inclination_deg: float = number(
-        unit="deg", minimum=0.0, maximum=180.0, help="angle from the equator to the orbits' planes, i"
+        unit="deg",
+        minimum=0.0,
+        maximum=180.0,
+        help="angle from the equator to the orbits' planes, i",
     )
     raan_deg: float | None = _angle(
-        "right ascension of the first ascending node, from the mean equinox of date; or give lon_asc_node_deg"
+        "right ascension of the first ascending node, from the mean equinox of date; or give"
+        " lon_asc_node_deg"
     )
     lon_asc_node_deg: float | None = _angle(
         "east longitude, at the scene epoch, of the first ascending node (default 0)"
     )
-    arg_latitude_deg: float = _angle("angle from the ascending node to the first satellite at the scene epoch", 0.0)
+    arg_latitude_deg: float = _angle(
+        "angle from the ascending node to the first satellite at the scene epoch", 0.0
+    )
     prefix: str = _prefix("WALKER")
 
     def __attrs_post_init__(self) -> None:
@@ -80,24 +102,35 @@ class WalkerFleetConfig:
         if self.raan_deg is not None and self.lon_asc_node_deg is not None:
             raise ValueError("raan_deg and lon_asc_node_deg exclude each other")
         if self.total is not None and self.total % self.planes:
-            raise ValueError(f"{self.total} satellites cannot be shared evenly among {self.planes} planes")
+            raise ValueError(
+                f"{self.total} satellites cannot be shared evenly among {self.planes} planes"
+            )
         if self._height_km() <= 0.0:
-            raise ValueError(f"period_min: {self.period_min:g} min is that of an orbit inside the Earth")
+            raise ValueError(
+                f"period_min: {self.period_min:g} min is that of an orbit inside the Earth"
+            )
 
     def rows(self) -> list[Mapping[str, Any]]:
         """Return `orbit` and the keywords that filters read of each satellite."""
         in_plane = self.per_plane or (self.total or 0) // self.planes
         unit_deg = _TURN_DEG / (in_plane * self.planes)
-        spacing_deg = self.node_spacing_deg or (_TURN_DEG if self.kind == "delta" else 0.5 * _TURN_DEG) / self.planes
+        spacing_deg = (
+            self.node_spacing_deg
+            or (_TURN_DEG if self.kind == "delta" else 0.5 * _TURN_DEG) / self.planes
+        )
         orbits = [
-            self._orbit(plane * spacing_deg, (place * self.planes + plane * self.phasing) * unit_deg)
+            self._orbit(
+                plane * spacing_deg, (place * self.planes + plane * self.phasing) * unit_deg
+            )
             for plane in range(self.planes)
             for place in range(in_plane)
         ]
         return list(_rows(self.prefix, self.inclination_deg, orbits))
 
     def _orbit(self, node_deg: float, ahead_deg: float) -> Mapping[str, Any]:
-        """Return the orbit of the satellite with the node and the argument of latitude so far after the first's."""
+        """Return the orbit of the satellite with the node and the argument of latitude so far after
+        the first's.
+        """
         node = "lon_asc_node_deg" if self.raan_deg is None else "raan_deg"
         first_deg = self.raan_deg if self.raan_deg is not None else self.lon_asc_node_deg or 0.0
         settings = {
@@ -120,7 +153,9 @@ class SlotFleetConfig:
     """A ring of geostationary slots."""
 
     count: int = number(minimum=1, maximum=1_000, help="satellites")
-    first_deg: float = number(unit="deg", minimum=-180.0, maximum=_TURN_DEG, help="east longitude of the first slot")
+    first_deg: float = number(
+        unit="deg", minimum=-180.0, maximum=_TURN_DEG, help="east longitude of the first slot"
+    )
     spacing_deg: float | None = number(
         default=None,
         unit="deg",
@@ -133,12 +168,22 @@ class SlotFleetConfig:
     def rows(self) -> list[Mapping[str, Any]]:
         """Return `orbit` and the keywords that filters read of each satellite."""
         spacing_deg = _TURN_DEG / self.count if self.spacing_deg is None else self.spacing_deg
-        places = [(self.first_deg + number_ * spacing_deg + 180.0) % _TURN_DEG - 180.0 for number_ in range(self.count)]
+        places = [
+            (self.first_deg + number_ * spacing_deg + 180.0) % _TURN_DEG - 180.0
+            for number_ in range(self.count)
+        ]
         return list(_rows(self.prefix, 0.0, [{"slot": {"lon_deg": place}} for place in places]))
 
 
-def _rows(prefix: str, inclination_deg: float, orbits: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+def _rows(
+    prefix: str, inclination_deg: float, orbits: Sequence[Mapping[str, Any]]
+) -> Iterator[Mapping[str, Any]]:
     digits = len(str(len(orbits)))
     for count, orbit in enumerate(orbits, 1):
         name = f"{prefix}-{count:0{digits}d}"
-        yield {"OBJECT_NAME": name, "NORAD_CAT_ID": count, "INCLINATION": inclination_deg, "orbit": orbit}
+        yield {
+            "OBJECT_NAME": name,
+            "NORAD_CAT_ID": count,
+            "INCLINATION": inclination_deg,
+            "orbit": orbit,
+        }

@@ -20,12 +20,14 @@ _STEPS_DEG = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 _KM_PER_DEG = 111.195
 #: Closed curves with no more points enclose nothing.
 _FEWEST = 3
-#: Points of a line of the graticule, and places across a map at which the graticule's extent is found.
+#: Points of a line of the graticule, and places across a map at which the graticule's extent is
+#: found.
 _LINE_POINTS = 121
 _SAMPLES = 25
 #: A map with more parallels has labels on them where the left edge has hardly any.
 _FEW_PARALLELS = 4
-#: Least distance of the labels below a map, as a share of its width; below one of the whole Earth, whose pole is short.
+#: Least distance of the labels below a map, as a share of its width; below one of the whole Earth,
+#: whose pole is short.
 _APART = 0.2
 _APART_WORLD = 0.17
 
@@ -35,18 +37,26 @@ def coast_rings() -> tuple[FloatArray, ...]:
     """Return the rings of land, closed, latitude and longitude in rad, with land on the left."""
     document = json.loads((Path(__file__).parent / "coast.json").read_text(encoding="utf-8"))
     rings = [
-        np.radians(np.array(ring, dtype=np.float64).reshape(-1, 2)[::-1, ::-1] / 10.0) for ring in document["rings"]
+        np.radians(np.array(ring, dtype=np.float64).reshape(-1, 2)[::-1, ::-1] / 10.0)
+        for ring in document["rings"]
     ]
-    return tuple(np.concatenate([ring, ring[:1]]) if (ring[0] != ring[-1]).any() else ring for ring in rings)
+    return tuple(
+        np.concatenate([ring, ring[:1]]) if (ring[0] != ring[-1]).any() else ring for ring in rings
+    )
 
 
 def filled(axes: Axes, projection: MapProjection, rings: list[FloatArray], **style: Any) -> None:
-    """Fill the region on the left of rings (n, 2) of latitudes and longitudes, within the limits of the axes."""
+    """Fill the region on the left of rings (n, 2) of latitudes and longitudes, within the limits of
+    the axes.
+    """
     limits = axes.get_xlim(), axes.get_ylim()
     curves = [clipped(curve, *limits) for curve in projection.curves(rings)]
     curves = [curve for curve in curves if len(curve) > _FEWEST]
     if curves:
-        codes = [[Outline.MOVETO, *[Outline.LINETO] * (len(curve) - 2), Outline.CLOSEPOLY] for curve in curves]
+        codes = [
+            [Outline.MOVETO, *[Outline.LINETO] * (len(curve) - 2), Outline.CLOSEPOLY]
+            for curve in curves
+        ]
         axes.add_patch(PathPatch(Outline(np.concatenate(curves), np.concatenate(codes)), **style))
 
 
@@ -85,11 +95,16 @@ def _world_graticule(axes: Axes, projection: WorldProjection) -> None:
         _draw_grid(axes, projection, along, np.full(len(along), longitude))
     for latitude in parallels:
         _draw_grid(axes, projection, np.full(len(around), latitude), around)
-    south_pole = projection.points(np.full(len(meridians), -0.5 * np.pi), np.radians(meridians))[:, 0].tolist()
+    south_pole = projection.points(np.full(len(meridians), -0.5 * np.pi), np.radians(meridians))[
+        :, 0
+    ].tolist()
     labels = [(x, longitude_text(each)) for x, each in zip(south_pole, meridians, strict=True)]
     _set_ticks(axes.set_xticks, _apart(labels, _APART_WORLD * float(np.ptp(axes.get_xlim()))))
     heights = projection.points(np.radians(parallels), np.zeros(len(parallels)))[:, 1].tolist()
-    _set_ticks(axes.set_yticks, [(y, latitude_text(each)) for y, each in zip(heights, parallels, strict=True)])
+    _set_ticks(
+        axes.set_yticks,
+        [(y, latitude_text(each)) for y, each in zip(heights, parallels, strict=True)],
+    )
 
 
 def _draw_grid(
@@ -102,9 +117,16 @@ def _draw_grid(
 
 
 def drawn_ground(
-    axes: Axes, projection: MapProjection, places: FloatArray, ratio: float, least_km: float, parts: int = 9
+    axes: Axes,
+    projection: MapProjection,
+    places: FloatArray,
+    ratio: float,
+    least_km: float,
+    parts: int = 9,
 ) -> None:
-    """Draw the ground of a map of points (n, 2): that of the whole Earth, or as `drawn_region` does."""
+    """Draw the ground of a map of points (n, 2): that of the whole Earth, or as `drawn_region`
+    does.
+    """
     if isinstance(projection, WorldProjection):
         drawn_world(axes, projection)
     else:
@@ -112,7 +134,12 @@ def drawn_ground(
 
 
 def drawn_region(
-    axes: Axes, projection: RegionProjection, places: FloatArray, ratio: float, least_km: float, parts: int
+    axes: Axes,
+    projection: RegionProjection,
+    places: FloatArray,
+    ratio: float,
+    least_km: float,
+    parts: int,
 ) -> None:
     """Draw the ground of a map of points (n, 2), with a margin and at least so wide.
 
@@ -133,7 +160,15 @@ def drawn_region(
 
 
 def _land(axes: Axes, projection: MapProjection) -> None:
-    filled(axes, projection, list(coast_rings()), facecolor=LAND, edgecolor=COAST, linewidth=0.5, zorder=0.5)
+    filled(
+        axes,
+        projection,
+        list(coast_rings()),
+        facecolor=LAND,
+        edgecolor=COAST,
+        linewidth=0.5,
+        zorder=0.5,
+    )
 
 
 def _frame(axes: Axes) -> None:
@@ -151,7 +186,9 @@ def _graticule(axes: Axes, projection: RegionProjection, step_deg: float) -> Non
     around = np.linspace(meridians[0], meridians[-1], _LINE_POINTS)
     for longitude in meridians.tolist():
         part = _draw_grid(axes, projection, along, np.full(len(along), longitude))
-        ticks[0].extend((x, longitude_text(longitude)) for x in _crossings(part[:, ::-1], south, west, east))
+        ticks[0].extend(
+            (x, longitude_text(longitude)) for x in _crossings(part[:, ::-1], south, west, east)
+        )
     for latitude in parallels.tolist():
         part = _draw_grid(axes, projection, np.full(len(around), latitude), around)
         ticks[1].extend((y, latitude_text(latitude)) for y in _crossings(part, west, south, north))
@@ -162,7 +199,9 @@ def _graticule(axes: Axes, projection: RegionProjection, step_deg: float) -> Non
     axes.set(xlim=(west, east), ylim=(south, north))
 
 
-def _set_ticks(place: Callable[[list[float], list[str]], object], ticks: list[tuple[float, str]]) -> None:
+def _set_ticks(
+    place: Callable[[list[float], list[str]], object], ticks: list[tuple[float, str]]
+) -> None:
     place([value for value, _ in ticks], [text for _, text in ticks])
 
 
@@ -176,18 +215,31 @@ def _apart(ticks: list[tuple[float, str]], least: float) -> list[tuple[float, st
 
 
 def _label_inside(axes: Axes, projection: RegionProjection, parallels: FloatArray) -> None:
-    """Write latitudes beside the meridian of the centre, where parallels do not cross the map's left edge."""
+    """Write latitudes beside the meridian of the centre, where parallels do not cross the map's
+    left edge.
+    """
     centre = np.full(len(parallels), projection.centre[1])
-    for place, latitude in zip(projection.points(np.radians(parallels), centre), parallels.tolist(), strict=True):
+    for place, latitude in zip(
+        projection.points(np.radians(parallels), centre), parallels.tolist(), strict=True
+    ):
         if abs(latitude) < 90.0:
-            style: dict[str, Any] = {"fontsize": 8, "color": MUTED, "clip_on": True, "annotation_clip": True}
-            axes.annotate(latitude_text(latitude), place, (3, 2), textcoords="offset points", **style)
+            style: dict[str, Any] = {
+                "fontsize": 8,
+                "color": MUTED,
+                "clip_on": True,
+                "annotation_clip": True,
+            }
+            axes.annotate(
+                latitude_text(latitude), place, (3, 2), textcoords="offset points", **style
+            )
 
 
 def _seen(
     projection: RegionProjection, x: tuple[float, float], y: tuple[float, float], step_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the parallels and meridians, degrees, that cover what a map shows; all meridians if it shows a pole."""
+    """Return the parallels and meridians, degrees, that cover what a map shows; all meridians if it
+    shows a pole.
+    """
     across = np.meshgrid(np.linspace(*x, _SAMPLES), np.linspace(*y, _SAMPLES))
     places = np.degrees(projection.places(np.stack([each.ravel() for each in across], axis=1)))
     centre_deg = np.degrees(projection.centre[1])
@@ -210,7 +262,9 @@ def _multiples(low: float, high: float, step: float) -> FloatArray:
 
 
 def _crossings(line: FloatArray, edge: float, low: float, high: float) -> list[float]:
-    """Return the second coordinates, within [low, high], where a line (n, 2) has its first one equal to `edge`."""
+    """Return the second coordinates, within [low, high], where a line (n, 2) has its first one
+    equal to `edge`.
+    """
     off = line[:, 0] - edge
     rows = np.flatnonzero(off[:-1] * off[1:] < 0.0)
     share = off[rows] / (off[rows] - off[rows + 1])

@@ -1,4 +1,6 @@
-"""Curves in the plane: points added along them, and closed ones cut to a rectangle, which keeps files small."""
+"""Curves in the plane: points added along them, and closed ones cut to a rectangle, which keeps
+files small.
+"""
 
 import numpy as np
 
@@ -11,8 +13,8 @@ _MARGIN = 0.02
 def clipped(curve: FloatArray, x: tuple[float, float], y: tuple[float, float]) -> FloatArray:
     """Return a closed curve (n, 2) cut to a rectangle, closed; empty where nothing is left.
 
-    One side after another (Sutherland and Hodgman, Communications of the ACM 17 (1974), 32): winding numbers inside the
-    rectangle stay the same.
+    One side after another (Sutherland and Hodgman, Communications of the ACM 17 (1974), 32):
+    winding numbers inside the rectangle stay the same.
     """
     for axis, (low, high) in enumerate((x, y)):
         margin = _MARGIN * (high - low)
@@ -32,7 +34,9 @@ def dense(curve: FloatArray, step: float) -> FloatArray:
 
 
 def _half_plane(curve: FloatArray, above: FloatArray) -> FloatArray:
-    """Return the part of a closed curve (n, 2) with `above` (n,) not negative, closed along the edge."""
+    """Return the part of a closed curve (n, 2) with `above` (n,) not negative, closed along the
+    edge.
+    """
     inside: BoolArray = above >= 0.0
     if inside.all() or not len(curve):
         return curve

@@ -1,4 +1,6 @@
-"""Lines and rings on the sphere: refinement, caps, enclosed area. Angles are in rad, rings have their inside left."""
+"""Lines and rings on the sphere: refinement, caps, enclosed area. Angles are in rad, rings have
+their inside left.
+"""
 
 import numpy as np
 
@@ -12,7 +14,9 @@ _TURN = 2.0 * np.pi
 def unit_vectors(latitude_rad: FloatArray, longitude_rad: FloatArray) -> FloatArray:
     """Return unit vectors (n, 3) of points (n,)."""
     flat = np.cos(latitude_rad)
-    return np.stack([flat * np.cos(longitude_rad), flat * np.sin(longitude_rad), np.sin(latitude_rad)], axis=-1)
+    return np.stack(
+        [flat * np.cos(longitude_rad), flat * np.sin(longitude_rad), np.sin(latitude_rad)], axis=-1
+    )
 
 
 def latitudes_longitudes(unit: FloatArray) -> FloatArray:
@@ -22,7 +26,9 @@ def latitudes_longitudes(unit: FloatArray) -> FloatArray:
 
 
 def refined(line: FloatArray, step_rad: float = 0.02) -> FloatArray:
-    """Return a line (n, 2) of latitude and longitude with points along its great circles at most a step apart."""
+    """Return a line (n, 2) of latitude and longitude with points along its great circles at most a
+    step apart.
+    """
     unit = unit_vectors(line[:, 0], line[:, 1])
     if len(unit) < 2:
         return line
@@ -39,13 +45,17 @@ def refined(line: FloatArray, step_rad: float = 0.02) -> FloatArray:
     return np.concatenate([latitudes_longitudes(between), line[-1:]])
 
 
-def cap(latitude_rad: float, longitude_rad: float, radius_rad: float, points: int = 181) -> FloatArray:
+def cap(
+    latitude_rad: float, longitude_rad: float, radius_rad: float, points: int = 181
+) -> FloatArray:
     """Return the edge (points, 2) of a spherical cap about a centre, closed."""
     bearing = -np.linspace(0.0, _TURN, points)
     sine = np.sin(radius_rad)
     cosine = np.cos(radius_rad)
     latitude = np.arcsin(
-        np.clip(np.sin(latitude_rad) * cosine + np.cos(latitude_rad) * sine * np.cos(bearing), -1.0, 1.0)
+        np.clip(
+            np.sin(latitude_rad) * cosine + np.cos(latitude_rad) * sine * np.cos(bearing), -1.0, 1.0
+        )
     )
     east = np.sin(bearing) * sine * np.cos(latitude_rad)
     longitude = longitude_rad + np.arctan2(east, cosine - np.sin(latitude_rad) * np.sin(latitude))
@@ -61,8 +71,8 @@ def turns(ring: FloatArray) -> int:
 def area_sr(ring: FloatArray) -> float:
     """Return the solid angle on the left of a closed ring (n, 2), sr, in [0, 4 pi).
 
-    The integral of -sin(latitude) over longitude (Chamberlain and Duquette, JPL 07-03, 2007), with a hemisphere added
-    where the ring goes round a pole.
+    The integral of -sin(latitude) over longitude (Chamberlain and Duquette, JPL 07-03, 2007), with
+    a hemisphere added where the ring goes round a pole.
     """
     step = np.mod(np.diff(ring[:, 1]) + np.pi, _TURN) - np.pi
     sines = 0.5 * (np.sin(ring[1:, 0]) + np.sin(ring[:-1, 0]))

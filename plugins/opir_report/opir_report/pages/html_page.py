@@ -1,12 +1,17 @@
-"""The HTML around a page's body: head, policy, style sheet, title and footer. Nothing is fetched."""
+"""The HTML around a page's body: head, policy, style sheet, title and footer. Nothing is
+fetched.
+"""
 
 from html import escape
 
 from opir_report.pages.style import style_sheet
 
 
-def html_page(title: str, subtitle: str, body: str, footer: str, *, style: str = "", scripts: str = "") -> str:
-    """Return a self-contained page of a body, HTML; the other texts are plain, `style` is CSS added to that of reports.
+def html_page(
+    title: str, subtitle: str, body: str, footer: str, *, style: str = "", scripts: str = ""
+) -> str:
+    """Return a self-contained page of a body, HTML; the other texts are plain, `style` is CSS added
+    to that of reports.
 
     `scripts` are whole elements after the body; without any no script is allowed to run.
     """

@@ -1,4 +1,6 @@
-"""The last section of a study's report: how it was made, its conditions, what it does not have, and its data."""
+"""The last section of a study's report: how it was made, its conditions, what it does not have, and
+its data.
+"""
 
 from collections.abc import Iterator
 
@@ -11,9 +13,12 @@ from opir_report.saved_study import SavedStudy, level_text
 from opir_report.words import number_words, setting_words
 
 _CONDITIONS = (
-    "Sensors, target classes, sites and probabilities are notional defaults unless a scene cites a source: read"
-    " differences between designs, not the figures of a real system. Run k of all designs has the same seed, so"
-    " differences are paired. An interval holds the mean over such runs, not a single launch, and not the error of the"
+    "Sensors, target classes, sites and probabilities are notional defaults unless a scene cites a"
+    " source: read"
+    " differences between designs, not the figures of a real system. Run k of all designs has the"
+    " same seed, so"
+    " differences are paired. An interval holds the mean over such runs, not a single launch, and"
+    " not the error of the"
     " models."
 )
 
@@ -22,22 +27,38 @@ def method_section(study: SavedStudy) -> ReportSection:
     """Return the section."""
     definition = study.definition
     first = study.rows(next(iter(study.units)))
-    seeds = f"seeds {first['first_seed'].min()} to {first['last_seed'].max()}" if len(first) else "-"
+    seeds = (
+        f"seeds {first['first_seed'].min()} to {first['last_seed'].max()}" if len(first) else "-"
+    )
     counts = sorted({int(each) for each in first["runs"].tolist()})
-    runs = grouped(counts[0]) if len(counts) == 1 else f"{grouped(counts[0])} to {grouped(counts[-1])}"
+    runs = (
+        grouped(counts[0]) if len(counts) == 1 else f"{grouped(counts[0])} to {grouped(counts[-1])}"
+    )
     rows = [
         ("scene", str(definition["scene"])),
         ("design", str(definition["design"])),
-        *((path, ", ".join(dict.fromkeys(map(level_text, first[path].tolist())))) for path in study.paths),
+        *(
+            (path, ", ".join(dict.fromkeys(map(level_text, first[path].tolist()))))
+            for path in study.paths
+        ),
         ("runs", f"{runs} of each design, {seeds}; {str(definition['until']) or 'all runs'}"),
         ("intervals", "95 %, Student's t over runs"),
         *_metric_rows(study),
         *_requirement_rows(study),
         *_missing_rows(study),
-        ("data", "results.csv: all figures of all designs; runs.parquet: every run; in the folder of the study"),
+        (
+            "data",
+            (
+                "results.csv: all figures of all designs; runs.parquet: every run; in the folder of the"
+                " study"
+            ),
+        ),
     ]
     return ReportSection(
-        "method", "Method and conditions", _CONDITIONS, (ReportTable("The study", ("", "value"), rows),)
+        "method",
+        "Method and conditions",
+        _CONDITIONS,
+        (ReportTable("The study", ("", "value"), rows),),
     )
 
 
@@ -45,7 +66,10 @@ def _metric_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
     """Yield the settings of each metric that has any."""
     for metric, settings in study.definition.get("settings", {}).items():
         if settings:
-            yield metric.replace("_", " "), ", ".join(_setting_text(*each) for each in settings.items())
+            yield (
+                metric.replace("_", " "),
+                ", ".join(_setting_text(*each) for each in settings.items()),
+            )
 
 
 def _setting_text(name: str, value: object) -> str:
@@ -63,7 +87,10 @@ def _requirement_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
     for each in study.requirements:
         is_met = study.is_met(each)
         missed = int(np.count_nonzero(~is_met))
-        yield f"required: {requirement_words(study, each)}", f"missed by the mean of {missed} of {len(is_met)} designs"
+        yield (
+            f"required: {requirement_words(study, each)}",
+            f"missed by the mean of {missed} of {len(is_met)} designs",
+        )
 
 
 def _missing_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
@@ -73,6 +100,9 @@ def _missing_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
         rows = study.rows(figure)
         count = int((rows["runs"] - rows["runs_with_value"]).sum())
         if count:
-            words.append(f"{words_of(study, figure)} in {grouped(count)} of {grouped(int(rows['runs'].sum()))} runs")
+            words.append(
+                f"{words_of(study, figure)} in {grouped(count)} of"
+                f" {grouped(int(rows['runs'].sum()))} runs"
+            )
     if words:
         yield "without a value", f"{'; '.join(words)} (no launch reached what the figure measures)"

@@ -1,4 +1,6 @@
-"""An HTML page of sections with figures: self-contained, without scripts, light and dark, fit for print."""
+"""An HTML page of sections with figures: self-contained, without scripts, light and dark, fit for
+print.
+"""
 
 import re
 from collections.abc import Callable, Sequence
@@ -17,7 +19,9 @@ _COLOUR = re.compile("|".join(ROLES))
 
 @frozen(eq=False)
 class ReportFigure:
-    """A figure: its id, the SVG, a caption that says what it shows, its data, and how to draw it anew at a height."""
+    """A figure: its id, the SVG, a caption that says what it shows, its data, and how to draw it
+    anew at a height.
+    """
 
     name: str
     svg: str
@@ -58,15 +62,29 @@ class ReportPage:
 
     def figures(self) -> list[ReportFigure]:
         """Return all figures of the page."""
-        return [part for section in self.sections for part in section.parts if isinstance(part, ReportFigure)]
+        return [
+            part
+            for section in self.sections
+            for part in section.parts
+            if isinstance(part, ReportFigure)
+        ]
 
     def tables(self) -> list[ReportTable]:
         """Return all tables of the page."""
-        return [part for section in self.sections for part in section.parts if isinstance(part, ReportTable)]
+        return [
+            part
+            for section in self.sections
+            for part in section.parts
+            if isinstance(part, ReportTable)
+        ]
 
     def html(self, data_folder: str | None) -> str:
-        """Return the page as HTML; the figures' data are linked in `data_folder`, if there is one."""
-        contents = "".join(f'<li><a href="#{each.name}">{escape(each.title)}</a></li>' for each in self.sections)
+        """Return the page as HTML; the figures' data are linked in `data_folder`, if there is
+        one.
+        """
+        contents = "".join(
+            f'<li><a href="#{each.name}">{escape(each.title)}</a></li>' for each in self.sections
+        )
         summary = "".join(f"<li>{escape(line)}</li>" for line in self.summary)
         sections = "\n".join(_section(each, data_folder) for each in self.sections)
         body = f"""<nav aria-label="Contents"><ol>{contents}</ol></nav>
@@ -79,10 +97,14 @@ class ReportPage:
 
 def _section(section: ReportSection, data_folder: str | None) -> str:
     parts = "\n".join(
-        _figure(part, data_folder) if isinstance(part, ReportFigure) else _table(part) for part in section.parts
+        _figure(part, data_folder) if isinstance(part, ReportFigure) else _table(part)
+        for part in section.parts
     )
     text = f"<p>{escape(section.text)}</p>\n" if section.text else ""
-    return f'<section id="{section.name}">\n<h2>{escape(section.title)}</h2>\n{text}{parts}\n</section>'
+    return (
+        f"<section"
+        f' id="{section.name}">\n<h2>{escape(section.title)}</h2>\n{text}{parts}\n</section>'
+    )
 
 
 def _figure(figure: ReportFigure, data_folder: str | None) -> str:
@@ -91,15 +113,21 @@ def _figure(figure: ReportFigure, data_folder: str | None) -> str:
         path = f"{data_folder}/{figure.name}.parquet"
         link = f' <a href="{escape(path)}">Data: {escape(path)}</a>'
     caption = f"<figcaption>{escape(figure.caption)}{link}</figcaption>"
-    scroll = f'<div class="scroll" role="region" aria-label="Figure {escape(figure.name)}" tabindex="0">'
-    return f'<figure id="figure-{figure.name}">\n{scroll}{themed(figure.svg)}</div>\n{caption}\n</figure>'
+    scroll = (
+        f'<div class="scroll" role="region" aria-label="Figure {escape(figure.name)}" tabindex="0">'
+    )
+    return (
+        f"<figure"
+        f' id="figure-{figure.name}">\n{scroll}{themed(figure.svg)}</div>\n{caption}\n</figure>'
+    )
 
 
 def _table(table: ReportTable) -> str:
     head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in table.head)
     rows = "\n".join(_row(row) for row in table.rows)
     return (
-        f'<div class="scroll" role="region" aria-label="{escape(table.caption)}" tabindex="0"><table>'
+        f'<div class="scroll" role="region" aria-label="{escape(table.caption)}"'
+        f' tabindex="0"><table>'
         f"<caption>{escape(table.caption)}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div>"
     )
 
@@ -110,7 +138,9 @@ def _row(row: Sequence[str]) -> str:
 
 
 def _kind(cell: str) -> str:
-    """Return the class of a cell that is a number, perhaps with a unit and an interval, or the sign for none."""
+    """Return the class of a cell that is a number, perhaps with a unit and an interval, or the sign
+    for none.
+    """
     return ' class="n"' if _NUMBER.fullmatch(cell.partition(" ")[0]) else ""
 
 

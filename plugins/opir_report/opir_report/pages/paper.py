@@ -1,4 +1,6 @@
-"""Figures and tables of a report as files for papers: PNG, SVG and PDF; tables as LaTeX and Markdown."""
+"""Figures and tables of a report as files for papers: PNG, SVG and PDF; tables as LaTeX and
+Markdown.
+"""
 
 import re
 from collections.abc import Sequence
@@ -25,13 +27,20 @@ _NAME = re.compile(r"[^A-Za-z0-9]+")
 
 
 def write_figures(page: ReportPage, folder: Path, forms: Sequence[str] = FORMS) -> list[Path]:
-    """Write a report's figures and tables into a folder, all or none; return the files. `SinkError` if that fails."""
+    """Write a report's figures and tables into a folder, all or none; return the files. `SinkError`
+    if that fails.
+    """
     contents = dict[str, bytes]()
     for figure in page.figures():
         if figure.draw is not None:
-            contents |= {f"{figure.name}.{form}": print_bytes(figure.draw, figure.height_in, form) for form in forms}
+            contents |= {
+                f"{figure.name}.{form}": print_bytes(figure.draw, figure.height_in, form)
+                for form in forms
+            }
     for number, table in enumerate(page.tables(), start=1):
-        name = f"table-{number}-{_NAME.sub('-', table.caption.split(':')[0].lower()).strip('-')[:40]}"
+        name = (
+            f"table-{number}-{_NAME.sub('-', table.caption.split(':')[0].lower()).strip('-')[:40]}"
+        )
         contents[f"{name}.md"] = markdown_table(table).encode()
         contents[f"{name}.tex"] = latex_table(table).encode()
     with OutputFiles() as files:
@@ -52,9 +61,12 @@ def markdown_table(table: ReportTable) -> str:
 def latex_table(table: ReportTable) -> str:
     r"""Return a table for LaTeX with the package `booktabs`, `\input` as it is."""
     lines = [
-        " & ".join("".join(_LATEX.get(each, each) for each in cell) for cell in row) + r" \\" for row in table.rows
+        " & ".join("".join(_LATEX.get(each, each) for each in cell) for cell in row) + r" \\"
+        for row in table.rows
     ]
-    head = " & ".join("".join(_LATEX.get(each, each) for each in cell) for cell in table.head) + r" \\"
+    head = (
+        " & ".join("".join(_LATEX.get(each, each) for each in cell) for cell in table.head) + r" \\"
+    )
     caption = "".join(_LATEX.get(each, each) for each in table.caption)
     columns = "l" + "r" * (len(table.head) - 1)
     return "\n".join(

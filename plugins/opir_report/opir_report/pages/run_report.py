@@ -1,4 +1,6 @@
-"""The report of a run: sentences first, then maps, detections, tracks and impacts, each with its data."""
+"""The report of a run: sentences first, then maps, detections, tracks and impacts, each with its
+data.
+"""
 
 from pathlib import Path
 
@@ -13,8 +15,8 @@ from opir_report.run_plots import RunPlots
 def write_run_report(run: Run, path: Path, *, with_data: bool = True) -> list[Path]:
     """Write the report of a run; return the files written.
 
-    The data of each figure are written as Parquet into a folder beside the report, `report.data` for `report.html`.
-    Raises `SinkError` where a file cannot be written.
+    The data of each figure are written as Parquet into a folder beside the report, `report.data`
+    for `report.html`. Raises `SinkError` where a file cannot be written.
     """
     return write_page(run_page(run), path, with_data=with_data)
 

@@ -1,4 +1,6 @@
-"""Sentences on a study: means with intervals, requirements that are met, and the answer to its question."""
+"""Sentences on a study: means with intervals, requirements that are met, and the answer to its
+question.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -72,7 +74,9 @@ def requirement_words(study: SavedStudy, requirement: Mapping[str, Any]) -> str:
     limit = requirement["limit"]
     unit = shown_unit(study.units[figure], np.array([limit]))
     value = axis_label(number_words(limit / unit.divisor), unit.unit).replace(", ", " ")
-    return f"{words_of(study, figure)} {'at least' if requirement['is_least'] else 'at most'} {value}"
+    return (
+        f"{words_of(study, figure)} {'at least' if requirement['is_least'] else 'at most'} {value}"
+    )
 
 
 def verdicts(study: SavedStudy) -> list[str]:
@@ -80,19 +84,32 @@ def verdicts(study: SavedStudy) -> list[str]:
     lines = []
     for each in study.requirements:
         rows = study.rows(each["figure"])
-        met = [label for label, good in zip(study.labels(rows), study.is_met(each).tolist(), strict=True) if good]
-        which = f": {'; '.join(met[:_NAMED])}{' …' if len(met) > _NAMED else ''}" if met and any(met) else ""
-        lines.append(f"{requirement_words(study, each)}: met by {len(met)} of {len(rows)} designs{which}")
+        met = [
+            label
+            for label, good in zip(study.labels(rows), study.is_met(each).tolist(), strict=True)
+            if good
+        ]
+        which = (
+            f": {'; '.join(met[:_NAMED])}{' …' if len(met) > _NAMED else ''}"
+            if met and any(met)
+            else ""
+        )
+        lines.append(
+            f"{requirement_words(study, each)}: met by {len(met)} of {len(rows)} designs{which}"
+        )
     return lines
 
 
 def answers(study: SavedStudy) -> list[str]:
-    """Return the answer to a study's question, a paragraph for each value of the setting that splits it.
+    """Return the answer to a study's question, a paragraph for each value of the setting that
+    splits it.
 
     None for a study whose designs are not all combinations of two settings.
     """
     figures = study.shown
-    return [_answer(study, part, figures) for part in parts_of(study, figures[0])] if figures else []
+    return (
+        [_answer(study, part, figures) for part in parts_of(study, figures[0])] if figures else []
+    )
 
 
 def _answer(study: SavedStudy, part: Part, figures: Sequence[str]) -> str:
@@ -118,7 +135,9 @@ def _designs_of(study: SavedStudy, part: Part) -> IntArray:
 
 
 def is_surely_met(study: SavedStudy, requirement: Mapping[str, Any]) -> BoolArray:
-    """Return whether the whole 95 % interval of each design's mean meets a requirement; one run has no interval."""
+    """Return whether the whole 95 % interval of each design's mean meets a requirement; one run has
+    no interval.
+    """
     rows = study.rows(requirement["figure"])
     limit = requirement["limit"]
     # A figure that is the same in all runs has an interval without width.
@@ -127,7 +146,9 @@ def is_surely_met(study: SavedStudy, requirement: Mapping[str, Any]) -> BoolArra
 
 
 def _requirements_sentence(study: SavedStudy, own: IntArray, figure: str) -> str:
-    """Return how many designs meet all requirements, and which is the least costly or comes nearest."""
+    """Return how many designs meet all requirements, and which is the least costly or comes
+    nearest.
+    """
     if not study.requirements:
         return f"{words_of(study, figure)} is {_best_words(study, own, figure)}"
     is_met, is_sure = np.ones((2, len(study.rows(figure))), dtype=np.bool_)
@@ -140,15 +161,22 @@ def _requirements_sentence(study: SavedStudy, own: IntArray, figure: str) -> str
     more = f" ({in_mean} more by the mean alone)" if in_mean else ""
     words = f"{sure} of {len(own)} designs meet {asked} with the whole 95 % interval{more}"
     if not sure:
-        words = f"no design meets {asked} with the whole 95 % interval, {in_mean} of {len(own)} do by the mean alone"
+        words = (
+            f"no design meets {asked} with the whole 95 % interval, {in_mean} of {len(own)} do by"
+            f" the mean alone"
+        )
     if not is_met[own].any():
-        return f"no design meets {asked}; {words_of(study, figure)} is {_best_words(study, own, figure)}"
+        return (
+            f"no design meets {asked}; {words_of(study, figure)} is"
+            f" {_best_words(study, own, figure)}"
+        )
     good = own[(is_sure if sure else is_met)[own]]
     least = good[least_costly(study, good)][:_LEAST_COSTLY]
     rows = study.rows(figure)
     labels = _labels(study, rows)
     named = "; or ".join(
-        f"{labels[row]}, with {words_of(study, figure)} {mean_text(study, rows, row)}" for row in least
+        f"{labels[row]}, with {words_of(study, figure)} {mean_text(study, rows, row)}"
+        for row in least
     )
     return f"{words}; the least costly: {named}"
 
@@ -166,24 +194,33 @@ def _best_words(study: SavedStudy, own: IntArray, figure: str) -> str:
 
 
 def least_costly(study: SavedStudy, rows: IntArray) -> BoolArray:
-    """Return which designs (n,) no other one of them undercuts; values are listed from the least costly on."""
+    """Return which designs (n,) no other one of them undercuts; values are listed from the least
+    costly on.
+    """
     every = study.rows(next(iter(study.units)))
     ranks = []
     for path in study.paths:
         levels = list(dict.fromkeys(every[path].tolist()))
         ranks.append([levels.index(value) for value in every[path][rows].tolist()])
     place = np.array(ranks).T
-    undercuts = np.all(place[None] <= place[:, None], axis=2) & np.any(place[None] < place[:, None], axis=2)
+    undercuts = np.all(place[None] <= place[:, None], axis=2) & np.any(
+        place[None] < place[:, None], axis=2
+    )
     return np.asarray(~undercuts.any(axis=1))
 
 
 def _settings_sentence(study: SavedStudy, part: Part, figure: str) -> str:
-    """Return by how much each setting changes a figure, from its first to its last value, over the others."""
+    """Return by how much each setting changes a figure, from its first to its last value, over the
+    others.
+    """
     changes = []
     for path in ranked_settings(part.runs):
         levels = part.runs.levels[part.runs.paths.index(path)]
         mean, low, high = part.runs.change(path)
-        ends = f"from {level_words(path, level_text(levels[0]))} to {level_value(path, level_text(levels[-1]))}"
+        ends = (
+            f"from {level_words(path, level_text(levels[0]))} to"
+            f" {level_value(path, level_text(levels[-1]))}"
+        )
         text = interval_text(study, figure, mean, low, high)
         if not np.isfinite(mean):
             changes.append(f"of {setting_words(path)[0]} nothing is known: designs lack a value")
@@ -191,14 +228,22 @@ def _settings_sentence(study: SavedStudy, part: Part, figure: str) -> str:
             changes.append(f"no difference shown {ends} ({text})")
         else:
             changes.append(f"{'+' if mean > 0.0 else ''}{text} {ends}")
-    return f"Change of {words_of(study, figure)}, averaged over the other settings: {'; '.join(changes)}"
+    return (
+        f"Change of {words_of(study, figure)}, averaged over the other settings:"
+        f" {'; '.join(changes)}"
+    )
 
 
 def _ends_words(study: SavedStudy, own: IntArray, figure: str) -> str:
-    """Return how a figure goes from the first to the last design of some, "" where it has no value."""
+    """Return how a figure goes from the first to the last design of some, "" where it has no
+    value.
+    """
     rows = study.rows(figure)
     first = int(own[0])
     last = int(own[-1])
     if not np.isfinite(rows["mean"][[first, last]]).all():
         return ""
-    return f"{words_of(study, figure)} goes from {mean_text(study, rows, first)} to {mean_text(study, rows, last)}"
+    return (
+        f"{words_of(study, figure)} goes from {mean_text(study, rows, first)} to"
+        f" {mean_text(study, rows, last)}"
+    )

@@ -43,5 +43,6 @@ def style_sheet() -> str:
     dark = " ".join(f"--{name}: {colour};" for name, colour in ROLES.values())
     return (
         f":root {{ {light} --link: #0b5c94; }}\n"
-        f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} --link: #8cc8f5; }} }}{_RULES}"
+        f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} --link: #8cc8f5; }}"
+        f" }}{_RULES}"
     )

@@ -1,4 +1,6 @@
-"""Tracks against truth over time: impact regions by area and containment, and the NEES of states."""
+"""Tracks against truth over time: impact regions by area and containment, and the NEES of
+states.
+"""
 
 from typing import Any
 
@@ -21,8 +23,9 @@ _PERCENT = [round(100 * each) for each in TRACK_CONTAINMENTS]
 
 
 def region_history(facts: RunFacts) -> FigureData:
-    """Return predicted impacts tick by tick: target_id, tick_s, since_ignition_s, impact_error_km, and for each of 50,
-    90 and 95 % the area of the region, km², and whether it contains the true impact (1, 0 or nan)."""
+    """Return predicted impacts tick by tick: target_id, tick_s, since_ignition_s, impact_error_km,
+    and for each of 50, 90 and 95 % the area of the region, km², and whether it contains the true
+    impact (1, 0 or nan)."""
     scores = impact_scores(facts.evidence, facts.owners)
     columns = {
         "target_id": np.array([facts.ids[each] for each in scores.target.tolist()], dtype=object),
@@ -37,7 +40,9 @@ def region_history(facts: RunFacts) -> FigureData:
 
 
 def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
-    """Draw the area of each target's 95 % region over time, filled where it contains the true impact."""
+    """Draw the area of each target's 95 % region over time, filled where it contains the true
+    impact.
+    """
     known = data.where(np.isfinite(data["area_95_km2"]) & (data["area_95_km2"] > 0.0))
     if not len(known):
         return without_data(axes, "no impact was predicted")
@@ -45,7 +50,14 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
         own = known.where(known["target_id"] == name)
         colour = facts.hues.of_target[target].colour
         dashes = facts.hues.of_target[target].dashes
-        axes.plot(own["since_ignition_s"], own["area_95_km2"], color=colour, linestyle=dashes, linewidth=1.0, alpha=0.7)
+        axes.plot(
+            own["since_ignition_s"],
+            own["area_95_km2"],
+            color=colour,
+            linestyle=dashes,
+            linewidth=1.0,
+            alpha=0.7,
+        )
         for is_inside, face in ((1.0, colour), (0.0, PAPER)):
             here = own.where(own["contained_95"] == is_inside)
             style: dict[str, Any] = {
@@ -54,7 +66,9 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
                 "markerfacecolor": face,
                 "markeredgewidth": 0.8,
             }
-            axes.plot(here["since_ignition_s"], here["area_95_km2"], marker="o", color=colour, **style)
+            axes.plot(
+                here["since_ignition_s"], here["area_95_km2"], marker="o", color=colour, **style
+            )
     axes.set(yscale="log", xlabel="time since ignition, s", ylabel="area of the 95 % region, km²")
     shares = []
     for percent in _PERCENT:
@@ -62,8 +76,25 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
         shares.append(f"{percent} %: {int(judged.sum())}/{len(judged)}")
     axes.set_title(f"impact inside: {', '.join(shares)}")
     marks = [
-        Line2D([], [], color=INK, marker="o", linestyle="", markersize=4, label="contains the true impact"),
-        Line2D([], [], color=INK, marker="o", linestyle="", markersize=4, markerfacecolor=PAPER, label="does not"),
+        Line2D(
+            [],
+            [],
+            color=INK,
+            marker="o",
+            linestyle="",
+            markersize=4,
+            label="contains the true impact",
+        ),
+        Line2D(
+            [],
+            [],
+            color=INK,
+            marker="o",
+            linestyle="",
+            markersize=4,
+            markerfacecolor=PAPER,
+            label="does not",
+        ),
     ]
     legend_of(axes, facts.hues.legend, marks)
     log_ticks(axes.yaxis)
@@ -71,11 +102,15 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
 
 
 def nees_history(facts: RunFacts) -> FigureData:
-    """Return the states' errors tick by tick: target_id, since_ignition_s, position and velocity error, NEES over 6."""
+    """Return the states' errors tick by tick: target_id, since_ignition_s, position and velocity
+    error, NEES over 6.
+    """
     errors = state_errors(facts.evidence, facts.owners)
     return FigureData(
         {
-            "target_id": np.array([facts.ids[each] for each in errors.target.tolist()], dtype=object),
+            "target_id": np.array(
+                [facts.ids[each] for each in errors.target.tolist()], dtype=object
+            ),
             "since_ignition_s": errors.since_s,
             "position_error_m": errors.position_m,
             "velocity_error_m_s": errors.velocity_m_s,
@@ -85,20 +120,32 @@ def nees_history(facts: RunFacts) -> FigureData:
 
 
 def nees_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
-    """Draw the NEES of each target's track over time, divided by 6, with the band of 99 % of single samples."""
+    """Draw the NEES of each target's track over time, divided by 6, with the band of 99 % of single
+    samples.
+    """
     known = data.where(np.isfinite(data["nees_over_6"]) & (data["nees_over_6"] > 0.0))
     if not len(known):
         return without_data(axes, "no track whose true state is known")
-    low, high = (float(chi2.ppf(p, _FREEDOM)) / _FREEDOM for p in (0.5 - 0.5 * _BAND, 0.5 + 0.5 * _BAND))
+    low, high = (
+        float(chi2.ppf(p, _FREEDOM)) / _FREEDOM for p in (0.5 - 0.5 * _BAND, 0.5 + 0.5 * _BAND)
+    )
     axes.axhspan(low, high, color=MUTED, alpha=0.15, linewidth=0)
     axes.axhline(1.0, color=MUTED, linewidth=1.0)
     for target, name in enumerate(facts.ids):
         own = known.where(known["target_id"] == name)
         hue = facts.hues.of_target[target]
-        axes.plot(own["since_ignition_s"], own["nees_over_6"], color=hue.colour, linestyle=hue.dashes, linewidth=1.1)
+        axes.plot(
+            own["since_ignition_s"],
+            own["nees_over_6"],
+            color=hue.colour,
+            linestyle=hue.dashes,
+            linewidth=1.1,
+        )
     inside = np.count_nonzero((known["nees_over_6"] >= low) & (known["nees_over_6"] <= high))
     axes.set(yscale="log", xlabel="time since ignition, s", ylabel="NEES / 6")
-    axes.set_title(f"{inside} of {len(known)} estimates in the band of 99 %; above 1 is overconfident")
+    axes.set_title(
+        f"{inside} of {len(known)} estimates in the band of 99 %; above 1 is overconfident"
+    )
     legend_of(axes, facts.hues.legend)
     log_ticks(axes.yaxis)
     return axes

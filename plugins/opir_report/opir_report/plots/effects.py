@@ -1,4 +1,6 @@
-"""Effect plots of a study: the mean of a figure with its interval, over one of the settings that vary."""
+"""Effect plots of a study: the mean of a figure with its interval, over one of the settings that
+vary.
+"""
 
 from typing import Any
 
@@ -23,7 +25,14 @@ from opir_report.plots.panels import (
     usual_path,
 )
 from opir_report.saved_study import SavedStudy, level_text
-from opir_report.words import ShownUnit, axis_label, figure_words, number_words, setting_words, shown_unit
+from opir_report.words import (
+    ShownUnit,
+    axis_label,
+    figure_words,
+    number_words,
+    setting_words,
+    shown_unit,
+)
 
 #: Series with a line of their own; more are drawn as points of one colour.
 _SERIES_SHOWN = 12
@@ -36,7 +45,9 @@ _LETTERS = 18
 
 @frozen(eq=False)
 class EffectAxis:
-    """What lies along an effect plot: a path that varies, the places of its values, and their labels or None."""
+    """What lies along an effect plot: a path that varies, the places of its values, and their
+    labels or None.
+    """
 
     path: str
     place: FloatArray
@@ -73,11 +84,18 @@ def _axis(rows: FigureData, path: str | None) -> EffectAxis:
         numbers = values.astype(np.float64)
         return EffectAxis(path, numbers, None, is_wide(numbers, WIDE_SETTING))
     names = list(dict.fromkeys(values.tolist()))
-    return EffectAxis(path, np.array([names.index(value) for value in values.tolist()], dtype=np.float64), names, False)
+    return EffectAxis(
+        path,
+        np.array([names.index(value) for value in values.tolist()], dtype=np.float64),
+        names,
+        False,
+    )
 
 
 def effect_plot(axes: Axes, study: SavedStudy, figure: str, path: str | None = None) -> Axes:
-    """Draw the mean of a figure with its 95 % interval over a path, a series for each setting of the other paths."""
+    """Draw the mean of a figure with its 95 % interval over a path, a series for each setting of
+    the other paths.
+    """
     rows = study.rows(figure)
     rows = rows.where(np.isfinite(rows["mean"]))
     if not len(rows):
@@ -91,7 +109,9 @@ def effect_plot(axes: Axes, study: SavedStudy, figure: str, path: str | None = N
 
 
 def effect_figure(drawn: Figure | SubFigure, study: SavedStudy, figure: str) -> None:
-    """Draw a figure's effects into a whole figure: small multiples where several settings vary, with one scale."""
+    """Draw a figure's effects into a whole figure: small multiples where several settings vary,
+    with one scale.
+    """
     panels = effect_panels(study, figure)
     if not panels:
         without_data(drawn.add_subplot(), f"{figure}: no design has a value")
@@ -143,7 +163,9 @@ def draw_panel(axes: Axes, study: SavedStudy, panel: EffectPanel, scale: FigureS
     return hues if len(hues) > 1 else []
 
 
-def _finish(axes: Axes, study: SavedStudy, rows: FigureData, along: EffectAxis, scale: FigureScale) -> None:
+def _finish(
+    axes: Axes, study: SavedStudy, rows: FigureData, along: EffectAxis, scale: FigureScale
+) -> None:
     """Write what the axes are, ticks and the lines of requirements."""
     axes.set_ylabel(scale.label)
     axes.set_xlabel(axis_label(*setting_words(along.path)) if along.path else "")
@@ -164,7 +186,9 @@ def _finish(axes: Axes, study: SavedStudy, rows: FigureData, along: EffectAxis, 
 
 
 def mark_values(axis: Axis, values: list[float]) -> None:
-    """Write the values of a setting, sorted, as the ticks of an axis, where they are few or the axis is logarithmic."""
+    """Write the values of a setting, sorted, as the ticks of an axis, where they are few or the
+    axis is logarithmic.
+    """
     is_log = axis.get_scale() == "log"
     ticks = _apart(axis.axes, values, is_log=is_log) if axis is axis.axes.xaxis else values
     if is_log or len(ticks) == len(values) <= _TICKS:
@@ -176,7 +200,12 @@ def _apart(axes: Axes, values: list[float], *, is_log: bool) -> list[float]:
     """Return those of the values whose labels do not touch along the axis, from the first on."""
     places = (np.log(values) if is_log else np.array(values)).tolist()
     part = axes.get_subplotspec()
-    width_in = 0.8 * axes.figure.bbox.width / axes.figure.dpi / (1 if part is None else part.get_geometry()[1])
+    width_in = (
+        0.8
+        * axes.figure.bbox.width
+        / axes.figure.dpi
+        / (1 if part is None else part.get_geometry()[1])
+    )
     label_in = 0.1 + 0.08 * max(len(level_text(each)) for each in values)
     gap = label_in / width_in * (places[-1] - places[0])
     kept = [0]
@@ -191,8 +220,12 @@ def _cut(name: str) -> str:
 
 
 def _fit_log(axes: Axes, rows: FigureData, scale: FigureScale) -> None:
-    """Let the axis span the means and the ends of intervals that are positive, not those that reach 0."""
-    every = np.concatenate([rows[name] for name in ("mean", "low_95", "high_95")]) / scale.shown.divisor
+    """Let the axis span the means and the ends of intervals that are positive, not those that reach
+    0.
+    """
+    every = (
+        np.concatenate([rows[name] for name in ("mean", "low_95", "high_95")]) / scale.shown.divisor
+    )
     mean = rows["mean"] / scale.shown.divisor
     every = every[np.isfinite(every) & (every > 0.1 * mean.min())]
     low, high = axes.get_ylim() if axes.get_autoscaley_on() is False else (np.inf, 0.0)
@@ -200,33 +233,61 @@ def _fit_log(axes: Axes, rows: FigureData, scale: FigureScale) -> None:
 
 
 def _draw_series(
-    axes: Axes, rows: FigureData, along: EffectAxis, labels: list[str], hues: list[Hue], scale: FigureScale
+    axes: Axes,
+    rows: FigureData,
+    along: EffectAxis,
+    labels: list[str],
+    hues: list[Hue],
+    scale: FigureScale,
 ) -> None:
-    """Draw each series, a little apart from the others; values that are names have no lines between them."""
+    """Draw each series, a little apart from the others; values that are names have no lines between
+    them.
+    """
     is_named = along.labels is not None
-    # Equal means would hide each other; on a logarithmic axis they are moved by a share of their place.
+    # Equal means would hide each other; on a logarithmic axis they are moved by a share of their
+    # place.
     span = 8.0 if is_named else float(np.ptp(along.place)) or 1.0
     for number, hue in enumerate(hues):
         own = np.array([each == hue.label for each in labels])
         aside = _ASIDE * (number - 0.5 * (len(hues) - 1))
-        place = along.place[own] * (1.0 + 2.0 * aside) if along.is_log else along.place[own] + span * aside
+        place = (
+            along.place[own] * (1.0 + 2.0 * aside)
+            if along.is_log
+            else along.place[own] + span * aside
+        )
         _draw(axes, rows.where(own), place, scale, Hue(hue.colour, "", "") if is_named else hue)
 
 
 def _draw(axes: Axes, rows: FigureData, place: FloatArray, scale: FigureScale, hue: Hue) -> None:
     order = np.argsort(place, kind="stable")
-    mean, low, high = (rows[name][order] / scale.shown.divisor for name in ("mean", "low_95", "high_95"))
+    mean, low, high = (
+        rows[name][order] / scale.shown.divisor for name in ("mean", "low_95", "high_95")
+    )
     spread = np.abs(
-        np.stack([mean - np.where(np.isfinite(low), low, mean), np.where(np.isfinite(high), high, mean) - mean])
+        np.stack(
+            [
+                mean - np.where(np.isfinite(low), low, mean),
+                np.where(np.isfinite(high), high, mean) - mean,
+            ]
+        )
     )
     if scale.is_log:  # an interval that reaches 0 is cut below the axis
         spread[0] = np.minimum(spread[0], mean * (1.0 - 1e-6))
-    axes.errorbar(place[order], mean, spread, fmt="none", ecolor=hue.colour, elinewidth=1.2, capsize=3)
-    style: dict[str, Any] = {"linestyle": hue.dashes, "color": hue.colour, "marker": "o", "markersize": 4}
+    axes.errorbar(
+        place[order], mean, spread, fmt="none", ecolor=hue.colour, elinewidth=1.2, capsize=3
+    )
+    style: dict[str, Any] = {
+        "linestyle": hue.dashes,
+        "color": hue.colour,
+        "marker": "o",
+        "markersize": 4,
+    }
     axes.plot(place[order], mean, **style)
 
 
-def draw_requirements(axes: Axes, study: SavedStudy, figure: str, divisor: float, *, along_x: bool = False) -> None:
+def draw_requirements(
+    axes: Axes, study: SavedStudy, figure: str, divisor: float, *, along_x: bool = False
+) -> None:
     """Draw the lines of the study's requirements on a figure."""
     for each in study.requirements:
         if each["figure"] != figure:
@@ -252,7 +313,9 @@ def draw_requirements(axes: Axes, study: SavedStudy, figure: str, divisor: float
 
 
 def difference_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
-    """Draw how much each design differs from the first one: paired over runs, with the 95 % interval."""
+    """Draw how much each design differs from the first one: paired over runs, with the 95 %
+    interval.
+    """
     rows = study.rows(figure)
     first = study.short_labels(rows)[0] if len(rows) else ""
     rows = rows.where((rows["design"] > 0) & np.isfinite(rows["difference"]))
@@ -262,17 +325,28 @@ def difference_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     shown = shown_unit(unit, rows["difference"])
     place = -np.arange(len(rows), dtype=np.float64)
     middle, low, high = (
-        rows[name] / shown.divisor for name in ("difference", "difference_low_95", "difference_high_95")
+        rows[name] / shown.divisor
+        for name in ("difference", "difference_low_95", "difference_high_95")
     )
     spread = np.abs(np.stack([middle - low, high - middle]))
     axes.axvline(0.0, color=MUTED, linewidth=1.0)
-    axes.errorbar(middle, place, xerr=np.where(np.isfinite(spread), spread, 0.0), fmt="o", color=SERIES[0], capsize=3)
+    axes.errorbar(
+        middle,
+        place,
+        xerr=np.where(np.isfinite(spread), spread, 0.0),
+        fmt="o",
+        color=SERIES[0],
+        capsize=3,
+    )
     axes.set_yticks(place, study.short_labels(rows))
     axes.set_title(study.names())
     axes.set_ylim(place[-1] - 0.6, 0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
     axes.set_xlabel(
-        axis_label(f"{figure_words(figure, unit)}: difference from {first or 'the first design'}", shown.unit)
+        axis_label(
+            f"{figure_words(figure, unit)}: difference from {first or 'the first design'}",
+            shown.unit,
+        )
     )
     axes.grid(axis="y", visible=False)
     return axes

@@ -20,10 +20,20 @@ _ORBIT_POINTS = 61
 
 
 def ground_tracks(plan: Plan) -> FigureData:
-    """Return the true ground tracks of the launches: target_id, time_s, latitude, longitude, height_km, is_burning."""
+    """Return the true ground tracks of the launches: target_id, time_s, latitude, longitude,
+    height_km, is_burning.
+    """
     targets = whole_flights(plan)
     columns: dict[str, list[object]] = {
-        name: [] for name in ("target_id", "time_s", "latitude_deg", "longitude_deg", "height_km", "is_burning")
+        name: []
+        for name in (
+            "target_id",
+            "time_s",
+            "latitude_deg",
+            "longitude_deg",
+            "height_km",
+            "is_burning",
+        )
     }
     for row, name in enumerate(targets.ids):
         start_s = float(targets.ignition_s[row])
@@ -44,15 +54,19 @@ def ground_tracks(plan: Plan) -> FigureData:
 
 
 def view_time_s(plan: Plan) -> float:
-    """Return the time for which satellites are drawn: the first ignition, or the start of a scene without launches."""
+    """Return the time for which satellites are drawn: the first ignition, or the start of a scene
+    without launches.
+    """
     ignition_s = plan.targets.ignition_s[: len(plan.scene.targets)]
     return float(np.clip(ignition_s.min(), 0.0, plan.scene.duration_s)) if len(ignition_s) else 0.0
 
 
 def fields_of_view(plan: Plan) -> FigureData:
-    """Return the sensors at `view_time_s`: sensor_id, sensor_type, latitude, longitude, height_km, radius_deg.
+    """Return the sensors at `view_time_s`: sensor_id, sensor_type, latitude, longitude, height_km,
+    radius_deg.
 
-    The radius is the Earth-central angle of the spherical cap on the ground that the sensor can see.
+    The radius is the Earth-central angle of the spherical cap on the ground that the sensor can
+    see.
     """
     time_s = np.array([view_time_s(plan)])
     rows = []
@@ -62,13 +76,16 @@ def fields_of_view(plan: Plan) -> FigureData:
         radius_rad = cap_radius_rad(sensor, float(np.linalg.norm(position)))
         latitude, longitude = np.degrees([place.latitude_rad[0], place.longitude_rad[0]]).tolist()
         height_km = float(1e-3 * place.height_m[0])
-        rows.append((sensor.id, sensor.type, latitude, longitude, height_km, float(np.degrees(radius_rad))))
+        rows.append(
+            (sensor.id, sensor.type, latitude, longitude, height_km, float(np.degrees(radius_rad)))
+        )
     names = ("sensor_id", "sensor_type", "latitude_deg", "longitude_deg", "height_km", "radius_deg")
     return FigureData.of_rows(names, rows)
 
 
 def cap_radius_rad(sensor: Sensor, distance_m: float) -> float:
-    """Return the Earth-central angle of the ground that a sensor at a distance from the Earth's centre can see.
+    """Return the Earth-central angle of the ground that a sensor at a distance from the Earth's
+    centre can see.
 
     On a sphere: bounded by the cone of the field of regard, the least elevation, and the horizon.
     """
@@ -82,7 +99,11 @@ def cap_radius_rad(sensor: Sensor, distance_m: float) -> float:
 
 
 def satellite_track(plan: Plan, sensor: Sensor) -> FloatArray:
-    """Return the ground track (n, 2) of a sensor over the scene, rad; one point for a stationary one."""
+    """Return the ground track (n, 2) of a sensor over the scene, rad; one point for a stationary
+    one.
+    """
     count = 1 if sensor.orbit.is_stationary else _ORBIT_POINTS
-    place = ecef_to_geodetic(sensor.orbit.position_ecef_m(np.linspace(0.0, plan.scene.duration_s, count)))
+    place = ecef_to_geodetic(
+        sensor.orbit.position_ecef_m(np.linspace(0.0, plan.scene.duration_s, count))
+    )
     return np.stack([place.latitude_rad, place.longitude_rad], axis=1)

@@ -13,17 +13,26 @@ _LEAST = 0.01
 
 
 def weighed_tracks(facts: RunFacts) -> dict[int, str]:
-    """Return the tracks of the first launches, then of other hot sources, with their names; none without hypotheses."""
+    """Return the tracks of the first launches, then of other hot sources, with their names; none
+    without hypotheses.
+    """
     if not facts.run.tracks.hypothesis_probability.shape[1]:
         return {}
     summary = facts.run.summary
-    named = [(row["track_id"], f"{row['target_id']} ({row['target_type']})") for row in summary["targets"]]
-    named += [(row["track_id"], f"{row['source_id']} ({row['source_type']})") for row in summary["sources"]]
+    named = [
+        (row["track_id"], f"{row['target_id']} ({row['target_type']})")
+        for row in summary["targets"]
+    ]
+    named += [
+        (row["track_id"], f"{row['source_id']} ({row['source_type']})")
+        for row in summary["sources"]
+    ]
     return dict([(track, name) for track, name in named if track is not None][:_SHOWN])
 
 
 def hypothesis_history(facts: RunFacts) -> FigureData:
-    """Return the probabilities of the hypotheses of `weighed_tracks`, tick by tick, of those that ever reach 1 %.
+    """Return the probabilities of the hypotheses of `weighed_tracks`, tick by tick, of those that
+    ever reach 1 %.
 
     track_id, of (the launch or source), tick_s, hypothesis, probability.
     """
@@ -50,6 +59,11 @@ def hypotheses_plot(axes: Axes, facts: RunFacts, data: FigureData, track: int) -
     for hue in hues:
         line = own.where(own["hypothesis"] == hue.label)
         axes.plot(line["tick_s"], line["probability"], color=hue.colour, linestyle=hue.dashes)
-    axes.set(xlabel="scene time, s", ylabel="probability", ylim=(-0.03, 1.03), title=f"{own['of'][0]}, track {track}")
+    axes.set(
+        xlabel="scene time, s",
+        ylabel="probability",
+        ylim=(-0.03, 1.03),
+        title=f"{own['of'][0]}, track {track}",
+    )
     legend_of(axes, [hue for hue in hues if hue.label in shown])
     return axes

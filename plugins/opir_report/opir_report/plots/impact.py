@@ -21,10 +21,11 @@ _SHADES = {0.5: 0.55, 0.9: 0.3, 0.95: 0.15}
 
 
 def impact_points(facts: RunFacts) -> FigureData:
-    """Return the last predicted impacts with the true ones, and the areas of the regions: one row per launch.
+    """Return the last predicted impacts with the true ones, and the areas of the regions: one row
+    per launch.
 
-    target_id, tick_s, predicted and true latitude and longitude, deg, area_50, area_90 and area_95, km²; nan where
-    unknown.
+    target_id, tick_s, predicted and true latitude and longitude, deg, area_50, area_90 and area_95,
+    km²; nan where unknown.
     """
     rows = []
     for target, name in enumerate(facts.ids):
@@ -37,14 +38,30 @@ def impact_points(facts: RunFacts) -> FigureData:
         regions = {} if row is None else containment_rings(facts.run.tracks, row)
         areas = [regions[each][0] if each in regions else np.nan for each in _SHADES]
         rows.append(
-            (name, *(float(each) for each in (*point, *np.degrees(facts.true_point(target, "impact")), *areas)))
+            (
+                name,
+                *(
+                    float(each)
+                    for each in (*point, *np.degrees(facts.true_point(target, "impact")), *areas)
+                ),
+            )
         )
-    names = ("tick_s", "predicted_latitude_deg", "predicted_longitude_deg", "true_latitude_deg", "true_longitude_deg")
-    return FigureData.of_rows(("target_id", *names, "area_50_km2", "area_90_km2", "area_95_km2"), rows)
+    names = (
+        "tick_s",
+        "predicted_latitude_deg",
+        "predicted_longitude_deg",
+        "true_latitude_deg",
+        "true_longitude_deg",
+    )
+    return FigureData.of_rows(
+        ("target_id", *names, "area_50_km2", "area_90_km2", "area_95_km2"), rows
+    )
 
 
 def impact_map(axes: Axes, facts: RunFacts, target: int) -> Axes:
-    """Draw the regions that contain the impact with 50, 90 and 95 %, as predicted last, and the true impact."""
+    """Draw the regions that contain the impact with 50, 90 and 95 %, as predicted last, and the
+    true impact.
+    """
     row = facts.last_with_impact.get(target)
     name = facts.ids[target]
     if row is None:
@@ -59,31 +76,65 @@ def impact_map(axes: Axes, facts: RunFacts, target: int) -> Axes:
     drawn_ground(axes, projection, places, _RATIO, _LEAST_KM, parts=4)
     colour = facts.hues.of_target[target].colour
     marks = _draw_regions(axes, projection, regions, colour)
-    style: dict[str, Any] = {"marker": "D", "linestyle": "", "markersize": 5, "markerfacecolor": PAPER, "zorder": 4}
-    marks += axes.plot(*projection.points(*predicted.T).T, color=colour, label="predicted impact", **style)
+    style: dict[str, Any] = {
+        "marker": "D",
+        "linestyle": "",
+        "markersize": 5,
+        "markerfacecolor": PAPER,
+        "zorder": 4,
+    }
+    marks += axes.plot(
+        *projection.points(*predicted.T).T, color=colour, label="predicted impact", **style
+    )
     if np.isfinite(true).all():
-        cross: dict[str, Any] = {"marker": "x", "linestyle": "", "markersize": 8, "markeredgewidth": 2, "zorder": 5}
+        cross: dict[str, Any] = {
+            "marker": "x",
+            "linestyle": "",
+            "markersize": 8,
+            "markeredgewidth": 2,
+            "zorder": 5,
+        }
         marks += axes.plot(*projection.points(*true.T).T, color=INK, label="true impact", **cross)
     if isinstance(projection, RegionProjection):
         # The bar is where an oblong region is not.
         east, north = projection.points(*places.T).T
-        _scale_bar(axes, at_right=float(np.sum((east - east.mean()) * (north - north.mean()))) > 0.0)
+        _scale_bar(
+            axes, at_right=float(np.sum((east - east.mean()) * (north - north.mean()))) > 0.0
+        )
     axes.set_title(f"{name}, predicted at {facts.run.tracks.tick_s[row]:g} s")
     legend_above(axes, marks)
     return axes
 
 
 def _draw_regions(
-    axes: Axes, projection: MapProjection, regions: dict[float, tuple[float, list[FloatArray]]], colour: str
+    axes: Axes,
+    projection: MapProjection,
+    regions: dict[float, tuple[float, list[FloatArray]]],
+    colour: str,
 ) -> list[Line2D]:
-    """Draw regions by containment, area and rings, the largest first; return their marks for a legend."""
+    """Draw regions by containment, area and rings, the largest first; return their marks for a
+    legend.
+    """
     marks = []
     for containment, (area_km2, rings) in sorted(regions.items(), reverse=True):
         shade = _SHADES.get(containment, 0.3)
         filled(axes, projection, rings, facecolor=colour, alpha=shade, linewidth=0.0, zorder=2)
-        filled(axes, projection, rings, facecolor="none", edgecolor=colour, linewidth=0.8, zorder=2.1)
+        filled(
+            axes, projection, rings, facecolor="none", edgecolor=colour, linewidth=0.8, zorder=2.1
+        )
         label = f"{100.0 * containment:g} %: {area_text(area_km2)}"
-        marks.append(Line2D([], [], marker="s", linestyle="", color=colour, alpha=shade, markersize=8, label=label))
+        marks.append(
+            Line2D(
+                [],
+                [],
+                marker="s",
+                linestyle="",
+                color=colour,
+                alpha=shade,
+                markersize=8,
+                label=label,
+            )
+        )
     return marks
 
 
@@ -94,9 +145,21 @@ def _scale_bar(axes: Axes, *, at_right: bool) -> None:
     length *= next(each for each in (5.0, 2.0, 1.0) if each * length <= 0.3 * (east - west))
     right = east - 0.04 * (east - west) if at_right else west + 0.04 * (east - west) + length
     height = south + 0.05 * (north - south)
-    axes.plot([right - length, right], [height, height], color=INK, linewidth=2, solid_capstyle="butt", zorder=6)
+    axes.plot(
+        [right - length, right],
+        [height, height],
+        color=INK,
+        linewidth=2,
+        solid_capstyle="butt",
+        zorder=6,
+    )
     axes.annotate(
-        f"{length:g} km", (right - 0.5 * length, height), (0, 3), textcoords="offset points", ha="center", fontsize=8
+        f"{length:g} km",
+        (right - 0.5 * length, height),
+        (0, 3),
+        textcoords="offset points",
+        ha="center",
+        fontsize=8,
     )
 
 

@@ -1,4 +1,6 @@
-"""Latency from ignition to the first detection: the run's pairs of sensor and target against the closed form."""
+"""Latency from ignition to the first detection: the run's pairs of sensor and target against the
+closed form.
+"""
 
 import numpy as np
 from attrs import frozen
@@ -28,11 +30,14 @@ _LONGEST_S = 86_400.0
 
 @frozen(eq=False)
 class PairLatency:
-    """A pair of sensor and target: the observed latency, inf without a detection, and its distribution."""
+    """A pair of sensor and target: the observed latency, inf without a detection, and its
+    distribution.
+    """
 
     sensor_type: str
     observed_s: float
-    #: Scene times since ignition at which P_cum rises, and P_cum from then on; for a constant P_d its parameters.
+    #: Scene times since ignition at which P_cum rises, and P_cum from then on; for a constant P_d
+    #: its parameters.
     steps: tuple[FloatArray, FloatArray] | None
     shift_s: float
     period_s: float
@@ -51,8 +56,9 @@ class PairLatency:
 def pair_latencies(facts: RunFacts) -> list[PairLatency]:
     """Return the pairs of launches and sensors that see them from ignition on.
 
-    A pair counts if its first look falls into the first period after the light of the ignition arrives, and sees. Of
-    sensors that confirm detections over scans, the latency is that of the first confirmed one.
+    A pair counts if its first look falls into the first period after the light of the ignition
+    arrives, and sees. Of sensors that confirm detections over scans, the latency is that of the
+    first confirmed one.
     """
     plan = facts.plan
     pairs = plan.pairs
@@ -61,7 +67,9 @@ def pair_latencies(facts: RunFacts) -> list[PairLatency]:
         return []
     geometry = plan.look_geometry()
     exposures = geometry.exposures(own, pairs.first_scan[own])
-    shift_s = exposures.range_m / SPEED_OF_LIGHT_M_S if plan.scene.light_time else np.zeros(len(own))
+    shift_s = (
+        exposures.range_m / SPEED_OF_LIGHT_M_S if plan.scene.light_time else np.zeros(len(own))
+    )
     since_s = exposures.time_s - plan.targets.ignition_s[pairs.target[own]]
     period_s = pairs.period_ns[own] * 1e-9
     early = (since_s <= shift_s + period_s) & geometry.visible(own, pairs.first_scan[own])
@@ -76,8 +84,11 @@ def pair_latencies(facts: RunFacts) -> list[PairLatency]:
                 sensor_type=sensor.type,
                 observed_s=observed.get((int(pairs.sensor[pair]), int(pairs.target[pair])), np.inf),
                 steps=_steps(plan, pair) if constant is None else None,
-                # Aligned scans are at whole periods of scene time, whenever the light arrives before.
-                shift_s=0.0 if sensor.settings.get("scan_phase") == "aligned" else float(shift_s[place]),
+                # Aligned scans are at whole periods of scene time, whenever the light arrives
+                # before.
+                shift_s=0.0
+                if sensor.settings.get("scan_phase") == "aligned"
+                else float(shift_s[place]),
                 period_s=float(period_s[place]),
                 probability=np.nan if constant is None else float(constant[place]),
                 phase=str(sensor.settings.get("scan_phase", "random")),
@@ -87,14 +98,20 @@ def pair_latencies(facts: RunFacts) -> list[PairLatency]:
 
 
 def _steps(plan: Plan, pair: int) -> tuple[FloatArray, FloatArray]:
-    """Return the times of a pair's first looks since ignition, and P_cum after each of these independent looks."""
+    """Return the times of a pair's first looks since ignition, and P_cum after each of these
+    independent looks.
+    """
     first = int(plan.pairs.first_scan[pair])
     last = int(plan.pairs.last_scan[pair])
     scan = np.arange(first, min(last, first + _LOOKS - 1) + 1)
     rows = np.full(len(scan), pair, dtype=np.int64)
     geometry = plan.look_geometry()
-    chance = look_probability(plan, rows, geometry.exposures(rows, scan)) * geometry.visible(rows, scan)
-    since_s: FloatArray = look_times_s(plan.pairs, rows, scan) - plan.targets.ignition_s[plan.pairs.target[pair]]
+    chance = look_probability(plan, rows, geometry.exposures(rows, scan)) * geometry.visible(
+        rows, scan
+    )
+    since_s: FloatArray = (
+        look_times_s(plan.pairs, rows, scan) - plan.targets.ignition_s[plan.pairs.target[pair]]
+    )
     needed = 1
     among = 1
     if plan.detection.confirmation is not None:
@@ -103,10 +120,11 @@ def _steps(plan: Plan, pair: int) -> tuple[FloatArray, FloatArray]:
 
 
 def confirmed_by(chance: FloatArray, needed: int, among: int) -> FloatArray:
-    """Return the probabilities (n,) that M of N successive looks have detected by each of n independent looks.
+    """Return the probabilities (n,) that M of N successive looks have detected by each of n
+    independent looks.
 
-    `chance` (n,) are the probabilities of the looks, `needed` is M and `among` is N. A Markov chain over which of the
-    last N - 1 looks detected; M of N is absorbing.
+    `chance` (n,) are the probabilities of the looks, `needed` is M and `among` is N. A Markov chain
+    over which of the last N - 1 looks detected; M of N is absorbing.
     """
     states = np.arange(1 << (among - 1))
     held = np.array([int(state).bit_count() for state in states.tolist()])
@@ -136,30 +154,40 @@ def _first_detections(facts: RunFacts) -> dict[tuple[int, int], float]:
     sensor = run.detections.sensor[order][keep]
     target = target[keep]
     since_s = run.detections.time_s[order][keep] - facts.plan.targets.ignition_s[target]
-    return dict(zip(zip(sensor.tolist(), target.tolist(), strict=True), since_s.tolist(), strict=True))
+    return dict(
+        zip(zip(sensor.tolist(), target.tolist(), strict=True), since_s.tolist(), strict=True)
+    )
 
 
 def latency_curves(pairs: list[PairLatency]) -> FigureData:
-    """Return the distributions by sensor type: series (`run` or `closed form`), sensor_type, latency_s, probability.
+    """Return the distributions by sensor type: series (`run` or `closed form`), sensor_type,
+    latency_s, probability.
 
-    `run` is the share of pairs with a detection after at most that time; the closed form is the mean over the same
-    pairs.
+    `run` is the share of pairs with a detection after at most that time; the closed form is the
+    mean over the same pairs.
     """
     rows: list[tuple[str, str, float, float]] = []
     for name in dict.fromkeys(pair.sensor_type for pair in pairs):
         own = [pair for pair in pairs if pair.sensor_type == name]
         observed = np.sort([pair.observed_s for pair in own])
         rows += [
-            ("run", name, each, (rank + 1) / len(own)) for rank, each in enumerate(observed.tolist()) if each < np.inf
+            ("run", name, each, (rank + 1) / len(own))
+            for rank, each in enumerate(observed.tolist())
+            if each < np.inf
         ]
         time_s = np.linspace(0.0, _reach_s(own), _POINTS)
         mean = np.mean([pair.cdf(time_s) for pair in own], axis=0)
-        rows += [("closed form", name, *both) for both in zip(time_s.tolist(), mean.tolist(), strict=True)]
+        rows += [
+            ("closed form", name, *both)
+            for both in zip(time_s.tolist(), mean.tolist(), strict=True)
+        ]
     return FigureData.of_rows(("series", "sensor_type", "latency_s", "probability"), rows)
 
 
 def _reach_s(pairs: list[PairLatency]) -> float:
-    """Return a time by which nearly all of the pairs' first detections are due, and all that were observed are over."""
+    """Return a time by which nearly all of the pairs' first detections are due, and all that were
+    observed are over.
+    """
     seen = [pair.observed_s for pair in pairs if pair.observed_s < np.inf]
     reach_s = max([pair.shift_s + 2.0 * pair.period_s for pair in pairs] + seen)
     ever = _mean_cdf(pairs, _LONGEST_S)
@@ -173,7 +201,9 @@ def _mean_cdf(pairs: list[PairLatency], time_s: float) -> float:
 
 
 def latency_plot(axes: Axes, facts: RunFacts, pairs: list[PairLatency], data: FigureData) -> Axes:
-    """Draw, for each sensor type, the share of pairs that have detected, and dashed the closed form."""
+    """Draw, for each sensor type, the share of pairs that have detected, and dashed the closed
+    form.
+    """
     if not pairs:
         return without_data(axes, "no sensor sees a launch from ignition on")
     marks = []
@@ -182,19 +212,31 @@ def latency_plot(axes: Axes, facts: RunFacts, pairs: list[PairLatency], data: Fi
         own = data.where(data["sensor_type"] == name)
         curve = own.where(own["series"] == "closed form")
         seen = own.where(own["series"] == "run")
-        axes.plot(curve["latency_s"], curve["probability"], color=hue.colour, linestyle="--", linewidth=1.2)
+        axes.plot(
+            curve["latency_s"],
+            curve["probability"],
+            color=hue.colour,
+            linestyle="--",
+            linewidth=1.2,
+        )
         total = sum(pair.sensor_type == name for pair in pairs)
         edge = float(curve["latency_s"].max())
         steps_s = np.append(seen["latency_s"], edge)
         shares = np.append(0.0, seen["probability"])
         axes.stairs(shares, np.append(0.0, steps_s), color=hue.colour, linewidth=1.8, baseline=None)
-        marks.append(Line2D([], [], color=hue.colour, label=f"{name}: {len(seen)} of {total} pairs detected"))
+        marks.append(
+            Line2D([], [], color=hue.colour, label=f"{name}: {len(seen)} of {total} pairs detected")
+        )
     marks.append(Line2D([], [], color=INK, linestyle="--", label="closed form"))
-    axes.set(xlabel="latency from ignition to the first detection, s", ylabel="share of pairs", ylim=(-0.03, 1.03))
-    axes.set_xlim(left=0.0)
-    omitted = int(np.count_nonzero((facts.plan.pairs.target < facts.launches) & (facts.plan.pairs.looks > 0))) - len(
-        pairs
+    axes.set(
+        xlabel="latency from ignition to the first detection, s",
+        ylabel="share of pairs",
+        ylim=(-0.03, 1.03),
     )
+    axes.set_xlim(left=0.0)
+    omitted = int(
+        np.count_nonzero((facts.plan.pairs.target < facts.launches) & (facts.plan.pairs.looks > 0))
+    ) - len(pairs)
     later = f"; in view only later, left out: {omitted}" if omitted else ""
     axes.set_title(f"{len(pairs)} pairs of sensor and launch{later}")
     legend_above(axes, marks)

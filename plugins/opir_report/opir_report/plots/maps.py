@@ -1,4 +1,6 @@
-"""The maps of a run: the launches with their predicted impact regions, and the whole Earth with fields of view."""
+"""The maps of a run: the launches with their predicted impact regions, and the whole Earth with
+fields of view.
+"""
 
 from typing import Any
 
@@ -24,7 +26,9 @@ _LABELLED = 16
 _DETECTING: dict[str, Any] = {"linewidth": 1.1, "alpha": 1.0}
 _SILENT: dict[str, Any] = {"linewidth": 0.7, "alpha": 0.45}
 _LAUNCH = Line2D([], [], color=INK, marker="o", linestyle="", markersize=5, label="launch")
-_IMPACT = Line2D([], [], color=INK, marker="x", linestyle="", markersize=6, markeredgewidth=1.6, label="impact")
+_IMPACT = Line2D(
+    [], [], color=INK, marker="x", linestyle="", markersize=6, markeredgewidth=1.6, label="impact"
+)
 _PREDICTED = Line2D(
     [],
     [],
@@ -38,7 +42,9 @@ _PREDICTED = Line2D(
 
 
 def launch_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
-    """Draw the launches: true ground tracks, launch and impact points, and the last predicted impact regions."""
+    """Draw the launches: true ground tracks, launch and impact points, and the last predicted
+    impact regions.
+    """
     places = np.concatenate([_flown(facts, tracks), *_outer_regions(facts)])
     if not len(places):
         return without_data(axes, "the scene has no launches")
@@ -52,7 +58,9 @@ def launch_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
 
 
 def world_map(axes: Axes, facts: RunFacts, tracks: FigureData, views: FigureData) -> Axes:
-    """Draw the whole Earth: satellites, the edges of their fields of view, and the launches' ground tracks."""
+    """Draw the whole Earth: satellites, the edges of their fields of view, and the launches' ground
+    tracks.
+    """
     projection = WorldProjection.about(_flown(facts, tracks))
     drawn_world(axes, projection)
     _draw_sensors(axes, projection, facts, views)
@@ -62,7 +70,9 @@ def world_map(axes: Axes, facts: RunFacts, tracks: FigureData, views: FigureData
 
 def _flown(facts: RunFacts, tracks: FigureData) -> FloatArray:
     """Return points (n, 2), rad, of the ground tracks of launches, with their impacts."""
-    flown = np.radians(np.stack([tracks["latitude_deg"], tracks["longitude_deg"]], axis=1).astype(np.float64))
+    flown = np.radians(
+        np.stack([tracks["latitude_deg"], tracks["longitude_deg"]], axis=1).astype(np.float64)
+    )
     impacts = [facts.true_point(target, "impact") for target in range(facts.launches)]
     places = np.concatenate([flown.reshape(-1, 2), np.array(impacts).reshape(-1, 2)])
     known: FloatArray = places[np.isfinite(places).all(axis=1)]
@@ -79,7 +89,9 @@ def _outer_regions(facts: RunFacts) -> list[FloatArray]:
     ]
 
 
-def _draw_flights(axes: Axes, projection: MapProjection, facts: RunFacts, tracks: FigureData) -> None:
+def _draw_flights(
+    axes: Axes, projection: MapProjection, facts: RunFacts, tracks: FigureData
+) -> None:
     """Draw ground tracks, thick while the target burns, with launch and impact points."""
     for target, name in enumerate(facts.ids):
         own = tracks.where(tracks["target_id"] == name)
@@ -87,12 +99,31 @@ def _draw_flights(axes: Axes, projection: MapProjection, facts: RunFacts, tracks
         hue = facts.hues.of_target[target]
         is_burning = own["is_burning"].astype(np.bool_)
         for part in np.split(np.arange(len(line)), np.flatnonzero(np.diff(is_burning)) + 1):
-            thick = {"linewidth": 2.6} if is_burning[part[0]] else {"linewidth": 1.2, "linestyle": hue.dashes}
+            thick = (
+                {"linewidth": 2.6}
+                if is_burning[part[0]]
+                else {"linewidth": 1.2, "linestyle": hue.dashes}
+            )
             # Each part begins where the one before ends.
-            drawn_line(axes, projection, line[max(part[0] - 1, 0) : part[-1] + 1], color=hue.colour, zorder=3, **thick)
+            drawn_line(
+                axes,
+                projection,
+                line[max(part[0] - 1, 0) : part[-1] + 1],
+                color=hue.colour,
+                zorder=3,
+                **thick,
+            )
         _draw_point(axes, projection, line[0], color=hue.colour, marker="o", markersize=5)
         impact = np.array(facts.true_point(target, "impact"))
-        _draw_point(axes, projection, impact, color=hue.colour, marker="x", markersize=7, markeredgewidth=1.8)
+        _draw_point(
+            axes,
+            projection,
+            impact,
+            color=hue.colour,
+            marker="x",
+            markersize=7,
+            markeredgewidth=1.8,
+        )
 
 
 def _draw_point(axes: Axes, projection: MapProjection, place: FloatArray, **style: Any) -> None:
@@ -107,15 +138,27 @@ def _draw_regions(axes: Axes, projection: MapProjection, facts: RunFacts) -> Non
         regions = containment_rings(facts.run.tracks, row)
         for _, rings in list(regions.values())[-1:]:
             filled(axes, projection, rings, facecolor=colour, alpha=0.25, linewidth=0.0, zorder=2)
-            filled(axes, projection, rings, facecolor="none", edgecolor=colour, linewidth=0.9, zorder=2.1)
+            filled(
+                axes,
+                projection,
+                rings,
+                facecolor="none",
+                edgecolor=colour,
+                linewidth=0.9,
+                zorder=2.1,
+            )
         style = {"color": colour, "marker": "D", "markersize": 4.5, "markerfacecolor": PAPER}
         _draw_point(axes, projection, facts.run.tracks.impact[row, :2], **style)
 
 
-def _draw_sensors(axes: Axes, projection: MapProjection, facts: RunFacts, views: FigureData) -> None:
+def _draw_sensors(
+    axes: Axes, projection: MapProjection, facts: RunFacts, views: FigureData
+) -> None:
     """Draw the sensors, by type, with the edge of the ground that each can see."""
     types = list(dict.fromkeys(views["sensor_type"].tolist()))
-    detecting = {facts.run.sensors[each].id for each in np.unique(facts.run.detections.sensor).tolist()}
+    detecting = {
+        facts.run.sensors[each].id for each in np.unique(facts.run.detections.sensor).tolist()
+    }
     for row, sensor in enumerate(facts.plan.sensors):
         colour = SERIES[types.index(sensor.type) % len(SERIES)]
         place = np.radians([views["latitude_deg"][row], views["longitude_deg"][row]])
@@ -127,19 +170,48 @@ def _draw_sensors(axes: Axes, projection: MapProjection, facts: RunFacts, views:
             "zorder": 1.5,
         }
         radius = float(np.radians(views["radius_deg"][row]))
-        drawn_line(axes, projection, cap(float(place[0]), float(place[1]), radius), linestyle=(0, (4, 2)), **style)
+        drawn_line(
+            axes,
+            projection,
+            cap(float(place[0]), float(place[1]), radius),
+            linestyle=(0, (4, 2)),
+            **style,
+        )
         track = satellite_track(facts.plan, sensor)
         if len(track) > 1:
             drawn_line(axes, projection, track, **style)
         _draw_point(
-            axes, projection, place, color=colour, marker="s", markersize=5, fillstyle="full" if is_seen else "none"
+            axes,
+            projection,
+            place,
+            color=colour,
+            marker="s",
+            markersize=5,
+            fillstyle="full" if is_seen else "none",
         )
     _label_sensors(axes, projection, views)
     marks = [
-        Line2D([], [], color=SERIES[number % len(SERIES)], marker="s", linestyle=(0, (4, 2)), markersize=5, label=name)
+        Line2D(
+            [],
+            [],
+            color=SERIES[number % len(SERIES)],
+            marker="s",
+            linestyle=(0, (4, 2)),
+            markersize=5,
+            label=name,
+        )
         for number, name in enumerate(types)
     ]
-    quiet = Line2D([], [], color=MUTED, marker="s", fillstyle="none", linestyle="", markersize=5, label="no detection")
+    quiet = Line2D(
+        [],
+        [],
+        color=MUTED,
+        marker="s",
+        fillstyle="none",
+        linestyle="",
+        markersize=5,
+        label="no detection",
+    )
     legend_above(axes, [*marks, quiet])
 
 
@@ -149,7 +221,9 @@ def _label_sensors(axes: Axes, projection: MapProjection, views: FigureData) -> 
         return
     places = projection.points(*np.radians([views["latitude_deg"], views["longitude_deg"]]))
     for rank, row in enumerate(np.argsort(places[:, 0], kind="stable").tolist()):
-        above: dict[str, Any] = {"xytext": (0, 5), "va": "bottom"} if rank % 2 else {"xytext": (0, -5), "va": "top"}
+        above: dict[str, Any] = (
+            {"xytext": (0, 5), "va": "bottom"} if rank % 2 else {"xytext": (0, -5), "va": "top"}
+        )
         name = views["sensor_id"][row]
         style: dict[str, Any] = {"fontsize": 8, "color": INK, "ha": "center", "zorder": 6}
         axes.annotate(name, places[row], textcoords="offset points", **above, **style)

@@ -1,4 +1,6 @@
-"""Which panels an effect is drawn in: a setting along the axis, one as series, one as small multiples."""
+"""Which panels an effect is drawn in: a setting along the axis, one as series, one as small
+multiples.
+"""
 
 from collections.abc import Sequence
 
@@ -25,7 +27,9 @@ SAMPLED = ("latin-hypercube", "optimise")
 
 @frozen(eq=False)
 class EffectPanel:
-    """A panel: its title, the path along the axis, the paths whose values are series, and the rows of its designs."""
+    """A panel: its title, the path along the axis, the paths whose values are series, and the rows
+    of its designs.
+    """
 
     title: str
     path: str | None
@@ -38,7 +42,9 @@ class EffectPanel:
 
 
 def usual_path(paths: Sequence[str], rows: FigureData) -> str | None:
-    """Return the path along which a figure is drawn: that with the most values, numbers before names."""
+    """Return the path along which a figure is drawn: that with the most values, numbers before
+    names.
+    """
 
     def rank(path: str) -> tuple[bool, int]:
         return rows[path].dtype.kind in "if", len(set(rows[path].tolist()))
@@ -49,9 +55,9 @@ def usual_path(paths: Sequence[str], rows: FigureData) -> str | None:
 def effect_panels(study: SavedStudy, figure: str) -> list[EffectPanel]:
     """Return the panels of a figure's effects, none if no design has a value.
 
-    A one-at-a-time study and a Latin hypercube have a panel for each setting. Of all combinations the setting with the
-    most values lies along the axis; the second is series, or small multiples if it has more than four values; a third
-    is small multiples.
+    A one-at-a-time study and a Latin hypercube have a panel for each setting. Of all combinations
+    the setting with the most values lies along the axis; the second is series, or small multiples
+    if it has more than four values; a third is small multiples.
     """
     rows = study.rows(figure)
     rows = rows.where(np.isfinite(rows["mean"]))
@@ -65,7 +71,9 @@ def effect_panels(study: SavedStudy, figure: str) -> list[EffectPanel]:
         return _one_at_a_time(study, rows)
     free = [path for path in paths if path != study.split]
     along = usual_path(free, rows)
-    others = sorted((each for each in free if each != along), key=lambda path: len(_levels(rows, path)))
+    others = sorted(
+        (each for each in free if each != along), key=lambda path: len(_levels(rows, path))
+    )
     split = _split_path(rows, others)
     splits = tuple(path for path in (study.split, split) if path)
     series = tuple(each for each in others if each != split)
@@ -80,9 +88,15 @@ def _by_level(rows: FigureData, path: str) -> list[FigureData]:
 
 
 def panel_columns(panels: Sequence[EffectPanel]) -> int:
-    """Return how many panels are beside each other: those of one value of the first setting in titles, if they fit."""
+    """Return how many panels are beside each other: those of one value of the first setting in
+    titles, if they fit.
+    """
     first = panels[0].splits[0] if len(panels[0].splits) > 1 else None
-    alike = 0 if first is None else sum(each.rows[first][0] == panels[0].rows[first][0] for each in panels)
+    alike = (
+        0
+        if first is None
+        else sum(each.rows[first][0] == panels[0].rows[first][0] for each in panels)
+    )
     return alike if 1 < alike <= _BESIDE else min(len(panels), _BESIDE)
 
 
@@ -109,6 +123,8 @@ def _one_at_a_time(study: SavedStudy, rows: FigureData) -> list[EffectPanel]:
 
 
 def is_wide(values: FloatArray, ratio: float) -> bool:
-    """Return whether values (n,) are positive and span such a ratio, so that they need a logarithmic axis."""
+    """Return whether values (n,) are positive and span such a ratio, so that they need a
+    logarithmic axis.
+    """
     known = values[np.isfinite(values)]
     return bool(len(known) > 1 and known.min() > 0.0 and known.max() / known.min() >= ratio)

@@ -29,21 +29,28 @@ _LINES = 6
 
 @frozen(eq=False)
 class Part:
-    """The runs at one value of the setting that is answered value by value, `name`, or all runs without one."""
+    """The runs at one value of the setting that is answered value by value, `name`, or all runs
+    without one.
+    """
 
     name: str
     runs: FactorialRuns
 
 
 def parts_of(study: SavedStudy, figure: str) -> list[Part]:
-    """Return the parts of a figure's runs, none for a study without all combinations of two settings."""
+    """Return the parts of a figure's runs, none for a study without all combinations of two
+    settings.
+    """
     runs = FactorialRuns.of(study, figure)
     if runs is None or len(ranked_settings(runs)) - bool(study.split) < 2:
         return []
     if not study.split:
         return [Part("", runs)]
     levels = runs.levels[runs.paths.index(study.split)]
-    return [Part(level_value(study.split, level_text(level)), runs.at(study.split, level)) for level in levels]
+    return [
+        Part(level_value(study.split, level_text(level)), runs.at(study.split, level))
+        for level in levels
+    ]
 
 
 def _settings(parts: Sequence[Part]) -> list[str]:
@@ -52,18 +59,25 @@ def _settings(parts: Sequence[Part]) -> list[str]:
 
 
 def main_effect_rows(study: SavedStudy, figure: str) -> FigureData:
-    """Return the means at each value of each setting over all others: path, value, part, mean, low_95, high_95."""
+    """Return the means at each value of each setting over all others: path, value, part, mean,
+    low_95, high_95.
+    """
     found = list[tuple[Any, ...]]()
     for part in parts_of(study, figure):
         for path in part.runs.paths:
             rows = study.cut(figure, part.runs.rows([path]))
             values = (rows[name].tolist() for name in (path, "mean", "low_95", "high_95"))
-            found += [(path, level_text(level), part.name, *ends) for level, *ends in zip(*values, strict=True)]
+            found += [
+                (path, level_text(level), part.name, *ends)
+                for level, *ends in zip(*values, strict=True)
+            ]
     return FigureData.of_rows(("path", "value", "part", "mean", "low_95", "high_95"), found)
 
 
 def main_effects_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
-    """Draw the mean at each value of a setting over all others: a panel for each setting, a series for each part."""
+    """Draw the mean at each value of a setting over all others: a panel for each setting, a series
+    for each part.
+    """
     parts = parts_of(study, figure)
     scale = FigureScale.of(study, figure)
     settings = _settings(parts)
@@ -71,7 +85,9 @@ def main_effects_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
     hues: list[Hue] = []
     for axes, path in zip(grid, settings, strict=True):
         series = (study.split,) if study.split else ()
-        rows = [_with_part(study, part, study.cut(figure, part.runs.rows([path]))) for part in parts]
+        rows = [
+            _with_part(study, part, study.cut(figure, part.runs.rows([path]))) for part in parts
+        ]
         panel = EffectPanel("", path, series, _joined(rows))
         hues = draw_panel(axes, study, panel, scale) or hues
         if axes is not grid[0]:
@@ -103,7 +119,9 @@ def interaction_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
 
 
 def contour_pair(study: SavedStudy, figure: str) -> tuple[str, str] | None:
-    """Return the two numeric settings that move a figure the furthest, of which one has three values; or None."""
+    """Return the two numeric settings that move a figure the furthest, of which one has three
+    values; or None.
+    """
     parts = parts_of(study, figure)
     ranked = ranked_settings(parts[0].runs) if parts else []
     rows = study.rows(figure)
@@ -113,7 +131,9 @@ def contour_pair(study: SavedStudy, figure: str) -> tuple[str, str] | None:
 
 
 def contour_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
-    """Draw lines of equal mean over two settings, with what misses the requirement shaded: a panel for each part."""
+    """Draw lines of equal mean over two settings, with what misses the requirement shaded: a panel
+    for each part.
+    """
     parts = parts_of(study, figure)
     pair = contour_pair(study, figure)
     scale = FigureScale.of(study, figure)
@@ -127,7 +147,15 @@ def contour_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
         if axes is not grid[0]:
             axes.set_ylabel("")
     marks: list[Any] = [
-        Line2D([], [], color=MUTED, marker="o", markersize=4, linestyle="", label="settings that were run"),
+        Line2D(
+            [],
+            [],
+            color=MUTED,
+            marker="o",
+            markersize=4,
+            linestyle="",
+            label="settings that were run",
+        ),
         Line2D([], [], color=SERIES[0], linewidth=1.0, label=f"mean {scale.label}"),
     ]
     for each in limits:
@@ -138,11 +166,17 @@ def contour_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
 
 
 def draw_contours(
-    axes: Axes, runs: FactorialRuns, pair: tuple[str, str], scale: FigureScale, limits: Sequence[dict[str, Any]] = ()
+    axes: Axes,
+    runs: FactorialRuns,
+    pair: tuple[str, str],
+    scale: FigureScale,
+    limits: Sequence[dict[str, Any]] = (),
 ) -> list[ContourSet]:
-    """Draw lines of equal mean of a figure over two numeric settings, linear between the values that were run.
+    """Draw lines of equal mean of a figure over two numeric settings, linear between the values
+    that were run.
 
-    Returns the contours: that of the requirement, if there is one within the plot, then the lines with numbers.
+    Returns the contours: that of the requirement, if there is one within the plot, then the lines
+    with numbers.
     """
     x, y, mean = _surface(runs, pair, scale.shown.divisor)
     for axis, values, path in ((axes.xaxis, x, pair[0]), (axes.yaxis, y, pair[1])):
@@ -150,16 +184,31 @@ def draw_contours(
             (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
         axis.set_label_text(axis_label(*setting_words(path)))
         mark_values(axis, values.tolist())
-    axes.plot(*(each.ravel() for each in np.meshgrid(x, y)), color=MUTED, marker="o", markersize=4, linestyle="")
-    drawn = list(_requirement_contours(axes, (x, y, mean), [each["limit"] / scale.shown.divisor for each in limits]))
+    axes.plot(
+        *(each.ravel() for each in np.meshgrid(x, y)),
+        color=MUTED,
+        marker="o",
+        markersize=4,
+        linestyle="",
+    )
+    drawn = list(
+        _requirement_contours(
+            axes, (x, y, mean), [each["limit"] / scale.shown.divisor for each in limits]
+        )
+    )
     for each in limits:
-        _shade_missed(axes, (x, y, mean), each["limit"] / scale.shown.divisor, is_least=each["is_least"])
+        _shade_missed(
+            axes, (x, y, mean), each["limit"] / scale.shown.divisor, is_least=each["is_least"]
+        )
     levels = np.setdiff1d(
-        _line_levels(mean, is_log=scale.is_log), [each["limit"] / scale.shown.divisor for each in limits]
+        _line_levels(mean, is_log=scale.is_log),
+        [each["limit"] / scale.shown.divisor for each in limits],
     )
     if len(levels):
         lines = axes.contour(x, y, mean, levels=levels, colors=[SERIES[0]], linewidths=1.0)
-        axes.clabel(lines, fmt=lambda value: number_words(value, 3), fontsize=8, manual=_middles(lines))
+        axes.clabel(
+            lines, fmt=lambda value: number_words(value, 3), fontsize=8, manual=_middles(lines)
+        )
         drawn.append(lines)
     axes.use_sticky_edges = False
     axes.margins(0.06)
@@ -169,12 +218,18 @@ def draw_contours(
 def _middles(lines: ContourSet) -> list[tuple[float, float]]:
     """Return the middle of each line, where its number is written."""
     vertices = [each for path in lines.get_paths() if len(each := np.asarray(path.vertices)) > 1]
-    pairs = [each[len(each) // 2 - 1 : len(each) // 2 + 1].mean(axis=0).tolist() for each in vertices]
+    pairs = [
+        each[len(each) // 2 - 1 : len(each) // 2 + 1].mean(axis=0).tolist() for each in vertices
+    ]
     return [(x, y) for x, y in pairs]
 
 
-def _surface(runs: FactorialRuns, pair: tuple[str, str], divisor: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the sorted values (m,) and (n,) of two settings, and the mean (n, m) of the figure over the others."""
+def _surface(
+    runs: FactorialRuns, pair: tuple[str, str], divisor: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the sorted values (m,) and (n,) of two settings, and the mean (n, m) of the figure
+    over the others.
+    """
     rows = runs.rows(list(pair))
     x, first = np.unique(rows[pair[0]].astype(np.float64), return_inverse=True)
     y, second = np.unique(rows[pair[1]].astype(np.float64), return_inverse=True)
@@ -216,7 +271,9 @@ def _line_levels(mean: FloatArray, *, is_log: bool) -> FloatArray:
 def _round_step(step: float) -> float:
     """Return the next 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(step))
-    return float(next(each * power for each in (1.0, 2.0, 5.0, 10.0) if each * power >= step * (1.0 - 1e-9)))
+    return float(
+        next(each * power for each in (1.0, 2.0, 5.0, 10.0) if each * power >= step * (1.0 - 1e-9))
+    )
 
 
 def _numbers_first(study: SavedStudy, pair: tuple[str, str]) -> tuple[str, str]:
@@ -232,9 +289,15 @@ def _numbers_first(study: SavedStudy, pair: tuple[str, str]) -> tuple[str, str]:
 
 def _with_part(study: SavedStudy, part: Part, rows: FigureData) -> FigureData:
     """Return rows with the part's value of the setting that is answered value by value."""
-    return FigureData({**rows.columns, study.split: np.full(len(rows), part.name)}) if study.split else rows
+    return (
+        FigureData({**rows.columns, study.split: np.full(len(rows), part.name)})
+        if study.split
+        else rows
+    )
 
 
 def _joined(parts: Sequence[FigureData]) -> FigureData:
     """Return the rows of several data of the same columns."""
-    return FigureData({name: np.concatenate([each[name] for each in parts]) for name in parts[0].columns})
+    return FigureData(
+        {name: np.concatenate([each[name] for each in parts]) for name in parts[0].columns}
+    )

@@ -13,7 +13,9 @@ from opir_report.run_facts import RunFacts
 
 
 def score_rows(facts: RunFacts) -> list[tuple[str, str]]:
-    """Return the figures of a run's tracks, as label and value with its 95 % interval; nothing without tracks."""
+    """Return the figures of a run's tracks, as label and value with its 95 % interval; nothing
+    without tracks.
+    """
     if not len(facts.run.tracks):
         return []
     figures = scorecard([facts.evidence]).figures
@@ -36,8 +38,14 @@ def _points(geometry: str, figures: Mapping[str, Any]) -> list[tuple[str, str]]:
         return []
     name = geometry.replace("_biased", ", biased sensors")
     return [
-        (f"launch error, m ({name}, n = {figures['launches_reported']})", _text(figures["launch_m"], 0)),
-        (f"impact error, km ({name}, n = {figures['impacts_reported']})", _text(figures["impact_m"], 1, 1e-3)),
+        (
+            f"launch error, m ({name}, n = {figures['launches_reported']})",
+            _text(figures["launch_m"], 0),
+        ),
+        (
+            f"impact error, km ({name}, n = {figures['impacts_reported']})",
+            _text(figures["impact_m"], 1, 1e-3),
+        ),
     ]
 
 
@@ -56,7 +64,9 @@ def score_table(axes: Axes, facts: RunFacts) -> Axes:
     if not rows:
         return without_data(axes, "no tracks to score")
     axes.set_axis_off()
-    table = axes.table(cellText=[list(row) for row in rows], cellLoc="left", loc="upper left", edges="horizontal")
+    table = axes.table(
+        cellText=[list(row) for row in rows], cellLoc="left", loc="upper left", edges="horizontal"
+    )
     table.auto_set_font_size(False)
     table.set_fontsize(9)
     table.scale(1.0, 1.25)

@@ -1,4 +1,6 @@
-"""Signal, probability of detection and air along the boost of one target, for each sensor that looks at it."""
+"""Signal, probability of detection and air along the boost of one target, for each sensor that
+looks at it.
+"""
 
 from typing import Any
 
@@ -34,8 +36,9 @@ PANELS: dict[str, tuple[str, str, dict[str, Any]]] = {
 def signals(facts: RunFacts, target: int) -> FigureData:
     """Return what evenly chosen looks at a target would measure, of all sensors that look at it.
 
-    target_id, sensor_id, since_ignition_s, height_km, is_visible, snr (expected, in the reference band), P_d and the
-    transmittance between target and sensor. Where the detection model has no signal, SNR and transmittance are nan.
+    target_id, sensor_id, since_ignition_s, height_km, is_visible, snr (expected, in the reference
+    band), P_d and the transmittance between target and sensor. Where the detection model has no
+    signal, SNR and transmittance are nan.
     """
     plan = facts.plan
     own = np.flatnonzero((plan.pairs.target == target) & (plan.pairs.looks > 0))
@@ -77,7 +80,9 @@ def look_probability(plan: Plan, pair: IntArray, exposures: Exposures) -> FloatA
 
 
 def _snr_and_air(plan: Plan, sensor: Sensor, exposures: Exposures) -> tuple[FloatArray, FloatArray]:
-    """Return expected SNR and transmittance (n,) in a sensor's reference band, nan where the model has none."""
+    """Return expected SNR and transmittance (n,) in a sensor's reference band, nan where the model
+    has none.
+    """
     unknown = np.full(len(exposures), np.nan)
     response = plan.detection.response(exposures)
     if response is None:
@@ -88,7 +93,9 @@ def _snr_and_air(plan: Plan, sensor: Sensor, exposures: Exposures) -> tuple[Floa
 
 
 def signal_plot(axes: Axes, facts: RunFacts, target: int, data: FigureData, panel: str) -> Axes:
-    """Draw one of `PANELS` over the time since ignition, a line for each sensor; gaps where it does not see."""
+    """Draw one of `PANELS` over the time since ignition, a line for each sensor; gaps where it does
+    not see.
+    """
     column, label, scale = PANELS[panel]
     name = facts.ids[target]
     if not len(data):
@@ -116,6 +123,8 @@ def signal_plot(axes: Axes, facts: RunFacts, target: int, data: FigureData, pane
 def _most_visible(data: FigureData) -> list[str]:
     """Return the sensors that see the target most often, in the order of the scene."""
     names = list(dict.fromkeys(data["sensor_id"].tolist()))
-    seen = {name: int(np.count_nonzero(data["is_visible"][data["sensor_id"] == name])) for name in names}
+    seen = {
+        name: int(np.count_nonzero(data["is_visible"][data["sensor_id"] == name])) for name in names
+    }
     most = sorted((name for name in names if seen[name]), key=lambda name: -seen[name])[:_SHOWN]
     return sorted(most, key=names.index)

@@ -18,7 +18,8 @@ FALSE_ALARM = Hue(MUTED, "-", "other source or false alarm")
 
 
 def detection_counts(facts: RunFacts) -> FigureData:
-    """Return detections by sensor, target and time: sensor_id, target_id, start_s, stop_s, detections.
+    """Return detections by sensor, target and time: sensor_id, target_id, start_s, stop_s,
+    detections.
 
     `target_id` is "" for false alarms.
     """
@@ -45,11 +46,19 @@ def detection_counts(facts: RunFacts) -> FigureData:
 
 
 def timeline(axes: Axes, facts: RunFacts, counts: FigureData) -> Axes:
-    """Draw a row for each sensor with detections: their number over time, stacked by target; burns on top."""
+    """Draw a row for each sensor with detections: their number over time, stacked by target; burns
+    on top.
+    """
     if not len(counts):
         return without_data(axes, "no sensor detected anything")
     names, place = np.unique(counts["sensor_id"], return_inverse=True)
-    totals = dict(zip(names.tolist(), np.bincount(place, counts["detections"]).astype(np.int64).tolist(), strict=True))
+    totals = dict(
+        zip(
+            names.tolist(),
+            np.bincount(place, counts["detections"]).astype(np.int64).tolist(),
+            strict=True,
+        )
+    )
     order = [sensor.id for sensor in facts.run.sensors if sensor.id in totals]
     shown = sorted(sorted(order, key=lambda name: -totals[name])[:_SHOWN], key=order.index)
     width_s = float(np.max(counts["stop_s"] - counts["start_s"]))
@@ -65,10 +74,14 @@ def timeline(axes: Axes, facts: RunFacts, counts: FigureData) -> Axes:
         axes.broken_barh(spans, (bottom, 0.8 * height), color=colour, linewidth=0.0)
     silent = len(facts.run.sensors) - len(order)
     top = 1.0 + height * facts.launches
-    axes.set_yticks([0.5 * (1.0 + top), *(0.4 - row for row in range(len(shown)))], ["burns", *shown])
+    axes.set_yticks(
+        [0.5 * (1.0 + top), *(0.4 - row for row in range(len(shown)))], ["burns", *shown]
+    )
     axes.set(xlim=(0.0, facts.plan.scene.duration_s), ylim=(-len(shown) + 0.85, top + 0.1))
     more = f"; {len(order) - len(shown)} more sensors detected" if len(order) > len(shown) else ""
-    words = f"detections in {width_s:g} s; {silent} of {len(facts.run.sensors)} sensors without{more}"
+    words = (
+        f"detections in {width_s:g} s; {silent} of {len(facts.run.sensors)} sensors without{more}"
+    )
     axes.set_xlabel(f"scene time, s ({words})")
     axes.grid(axis="y", visible=False)
     noise = [FALSE_ALARM] if not set(counts["target_id"].tolist()) <= set(facts.ids) else []
@@ -76,7 +89,9 @@ def timeline(axes: Axes, facts: RunFacts, counts: FigureData) -> Axes:
     return axes
 
 
-def _draw_sensor(axes: Axes, facts: RunFacts, counts: FigureData, bottom: int, width_s: float) -> None:
+def _draw_sensor(
+    axes: Axes, facts: RunFacts, counts: FigureData, bottom: int, width_s: float
+) -> None:
     """Draw the stacked counts of a sensor, as high as 0.8 where they are most."""
     place = np.rint(counts["start_s"] / width_s).astype(np.int64)
     bins = int(np.ceil(facts.plan.scene.duration_s / width_s))
@@ -92,13 +107,24 @@ def _draw_sensor(axes: Axes, facts: RunFacts, counts: FigureData, bottom: int, w
         above = below + np.bincount(place[own], counts["detections"][own], minlength=bins)
         colour = [*facts.hues.legend, FALSE_ALARM][number].colour
         axes.stairs(
-            bottom + scale * above, edges, baseline=bottom + scale * below, fill=True, color=colour, linewidth=0
+            bottom + scale * above,
+            edges,
+            baseline=bottom + scale * below,
+            fill=True,
+            color=colour,
+            linewidth=0,
         )
         below = above
     axes.axhline(bottom, color=MUTED, linewidth=0.5)
     words = f"at most {int(total.max())}"
     axes.annotate(
-        words, (1.01, bottom + 0.4), xycoords=("axes fraction", "data"), fontsize=8, color=INK, ha="left", va="center"
+        words,
+        (1.01, bottom + 0.4),
+        xycoords=("axes fraction", "data"),
+        fontsize=8,
+        color=INK,
+        ha="left",
+        va="center",
     )
 
 

@@ -1,4 +1,6 @@
-"""Plots over the designs of a study: trade-off of two figures, tornado of the settings, convergence over runs."""
+"""Plots over the designs of a study: trade-off of two figures, tornado of the settings, convergence
+over runs.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,11 +24,21 @@ from opir_report.words import level_value, number_words, setting_words
 _NAMED = 12
 _CONVERGING = 6
 #: Beginnings of figures that are better if they are higher; of others with a unit, less is better.
-_HIGHER = ("warning_time", "warned", "detected", "tracked", "completeness", "impact_contained", "impact_predicted")
+_HIGHER = (
+    "warning_time",
+    "warned",
+    "detected",
+    "tracked",
+    "completeness",
+    "impact_contained",
+    "impact_predicted",
+)
 
 
 def is_higher_better(study: SavedStudy, figure: str) -> bool | None:
-    """Return whether more of a figure is better: by its requirement or the standard metrics' meaning; None: unknown."""
+    """Return whether more of a figure is better: by its requirement or the standard metrics'
+    meaning; None: unknown.
+    """
     for each in study.requirements:
         if each["figure"] == figure:
             return bool(each["is_least"])
@@ -36,7 +48,9 @@ def is_higher_better(study: SavedStudy, figure: str) -> bool | None:
 
 
 def front_of(first: FloatArray, second: FloatArray) -> BoolArray:
-    """Return which points (n,) no other one beats in both figures, of which less is better; ties stay."""
+    """Return which points (n,) no other one beats in both figures, of which less is better; ties
+    stay.
+    """
     at_least = (first[None] <= first[:, None]) & (second[None] <= second[:, None])
     better = (first[None] < first[:, None]) | (second[None] < second[:, None])
     return np.asarray(~np.any(at_least & better, axis=1))
@@ -44,7 +58,9 @@ def front_of(first: FloatArray, second: FloatArray) -> BoolArray:
 
 @frozen(eq=False)
 class _Means:
-    """The means of a figure in its shown unit, nan where unknown, with the ends of their intervals, by design."""
+    """The means of a figure in its shown unit, nan where unknown, with the ends of their intervals,
+    by design.
+    """
 
     mean: FloatArray
     low: FloatArray
@@ -55,7 +71,9 @@ class _Means:
     def of(cls, study: SavedStudy, figure: str) -> "_Means":
         rows = study.rows(figure)
         scale = FigureScale.of(study, figure)
-        mean, low, high = (rows[name] / scale.shown.divisor for name in ("mean", "low_95", "high_95"))
+        mean, low, high = (
+            rows[name] / scale.shown.divisor for name in ("mean", "low_95", "high_95")
+        )
         low = np.where(np.isfinite(low), low, mean)
         high = np.where(np.isfinite(high), high, mean)
         return cls(mean, np.maximum(low, mean * 1e-6) if scale.is_log else low, high, scale)
@@ -67,7 +85,9 @@ class _Means:
 
 
 def trade_plot(axes: Axes, study: SavedStudy, over: str, figure: str) -> Axes:
-    """Draw each design's mean of a figure against that of another; designs that no other beats in both are joined."""
+    """Draw each design's mean of a figure against that of another; designs that no other beats in
+    both are joined.
+    """
     x = _Means.of(study, over)
     y = _Means.of(study, figure)
     known = np.flatnonzero(np.isfinite(x.mean) & np.isfinite(y.mean))
@@ -85,7 +105,9 @@ def trade_plot(axes: Axes, study: SavedStudy, over: str, figure: str) -> Axes:
         if each.scale.is_log:
             (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
             ends = each.mean[known][each.mean[known] > 0.0]
-            (axes.set_xlim if axis is axes.xaxis else axes.set_ylim)(0.5 * ends.min(), 2.0 * each.high[known].max())
+            (axes.set_xlim if axis is axes.xaxis else axes.set_ylim)(
+                0.5 * ends.min(), 2.0 * each.high[known].max()
+            )
             log_ticks(axis)
         else:
             axis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
@@ -93,18 +115,28 @@ def trade_plot(axes: Axes, study: SavedStudy, over: str, figure: str) -> Axes:
     signs = [is_higher_better(study, name) for name in (over, figure)]
     best = known
     if None not in signs:
-        wanted = [-each.mean[known] if sign else each.mean[known] for each, sign in zip((x, y), signs, strict=True)]
+        wanted = [
+            -each.mean[known] if sign else each.mean[known]
+            for each, sign in zip((x, y), signs, strict=True)
+        ]
         best = known[front_of(*wanted)]
         best = best[np.argsort(x.mean[best], kind="stable")]
-        axes.plot(x.mean[best], y.mean[best], color=SERIES[0], marker="o", markersize=6, linewidth=1.4)
-        legend_beside(axes, [Hue(SERIES[0], "-", "designs that no other beats in both"), Hue(MUTED, "", "others")])
+        axes.plot(
+            x.mean[best], y.mean[best], color=SERIES[0], marker="o", markersize=6, linewidth=1.4
+        )
+        legend_beside(
+            axes,
+            [Hue(SERIES[0], "-", "designs that no other beats in both"), Hue(MUTED, "", "others")],
+        )
     axes.margins(x=0.1, y=0.1)
     _name_points(axes, study, np.stack([x.mean, y.mean], axis=1), [*best.tolist(), *known.tolist()])
     return axes
 
 
 def _name_points(axes: Axes, study: SavedStudy, points: FloatArray, order: Sequence[int]) -> None:
-    """Write the values of what varies beside points (n, 2), the first of the order first, where there is space."""
+    """Write the values of what varies beside points (n, 2), the first of the order first, where
+    there is space.
+    """
     labels = study.short_labels(study.rows(next(iter(study.units))))
     places = axes.transAxes.inverted().transform(axes.transData.transform(points))
     taken = list[tuple[float, float, float]]()
@@ -113,7 +145,8 @@ def _name_points(axes: Axes, study: SavedStudy, points: FloatArray, order: Seque
         is_right = x + width < 1.0
         left = x if is_right else x - width
         if len(taken) < _NAMED and all(
-            abs(y - other) > 0.06 or left > end or left + width < start for start, end, other in taken
+            abs(y - other) > 0.06 or left > end or left + width < start
+            for start, end, other in taken
         ):
             taken.append((left, left + width, y))
             axes.annotate(
@@ -128,10 +161,11 @@ def _name_points(axes: Axes, study: SavedStudy, points: FloatArray, order: Seque
 
 
 def tornado_rows(study: SavedStudy, figure: str) -> FigureData:
-    """Return the effect of each setting on a figure: path, low, high, low_value, high_value; the widest first.
+    """Return the effect of each setting on a figure: path, low, high, low_value, high_value; the
+    widest first.
 
-    Of all combinations it is the range of the means over the other settings, of one at a time that of the designs which
-    change the setting alone.
+    Of all combinations it is the range of the means over the other settings, of one at a time that
+    of the designs which change the setting alone.
     """
     rows = study.rows(figure)
     known = np.isfinite(rows["mean"])
@@ -146,13 +180,17 @@ def tornado_rows(study: SavedStudy, figure: str) -> FigureData:
         if len(means) > 1:
             low = int(np.argmin(means))
             high = int(np.argmax(means))
-            found.append((path, means[low], means[high], level_text(levels[low]), level_text(levels[high])))
+            found.append(
+                (path, means[low], means[high], level_text(levels[low]), level_text(levels[high]))
+            )
     found.sort(key=lambda row: row[2] - row[1], reverse=True)
     return FigureData.of_rows(("path", "low", "high", "low_value", "high_value"), found)
 
 
 def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
-    """Draw how far each setting moves the mean of a figure, the widest range on top, with the values at its ends."""
+    """Draw how far each setting moves the mean of a figure, the widest range on top, with the
+    values at its ends.
+    """
     rows = tornado_rows(study, figure)
     scale = FigureScale.of(study, figure)
     if not len(rows):
@@ -188,18 +226,34 @@ def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
 
 
 def path_plot(axes: Axes, study: SavedStudy) -> Axes:
-    """Draw the objective of an optimisation, evaluation by evaluation, and the best so far that meets requirements."""
+    """Draw the objective of an optimisation, evaluation by evaluation, and the best so far that
+    meets requirements.
+    """
     objective = study.definition["objective"]
     values = _Means.of(study, objective["figure"])
     is_met = np.isfinite(values.mean)
     for each in study.requirements:
         is_met &= study.is_met(each)
     place = np.arange(1, len(values.mean) + 1)
-    axes.plot(place[is_met], values.mean[is_met], color=MUTED, marker="o", markersize=4, linestyle="")
-    axes.plot(place[~is_met], values.mean[~is_met], color=MUTED, marker="x", markersize=4, linestyle="")
+    axes.plot(
+        place[is_met], values.mean[is_met], color=MUTED, marker="o", markersize=4, linestyle=""
+    )
+    axes.plot(
+        place[~is_met], values.mean[~is_met], color=MUTED, marker="x", markersize=4, linestyle=""
+    )
     marks = [Line2D([], [], color=MUTED, marker="o", markersize=4, linestyle="", label="a design")]
     if np.isfinite(values.mean[~is_met]).any():
-        marks.append(Line2D([], [], color=MUTED, marker="x", markersize=4, linestyle="", label="misses a requirement"))
+        marks.append(
+            Line2D(
+                [],
+                [],
+                color=MUTED,
+                marker="x",
+                markersize=4,
+                linestyle="",
+                label="misses a requirement",
+            )
+        )
     if is_met.any():
         sign = -1.0 if objective["is_largest"] else 1.0
         best = sign * np.minimum.accumulate(np.where(is_met, sign * values.mean, np.inf))
@@ -218,7 +272,9 @@ def path_plot(axes: Axes, study: SavedStudy) -> Axes:
 
 
 def convergence_rows(study: SavedStudy, figure: str) -> FigureData:
-    """Return the mean of a figure over the first runs: design, runs, mean, low_95, high_95 (Student's t)."""
+    """Return the mean of a figure over the first runs: design, runs, mean, low_95, high_95
+    (Student's t).
+    """
     found = list[tuple[int, int, float, float, float]]()
     if study.runs is None or figure not in study.runs.columns:
         return FigureData.of_rows(("design", "runs", "mean", "low_95", "high_95"), found)
@@ -228,14 +284,25 @@ def convergence_rows(study: SavedStudy, figure: str) -> FigureData:
         count = np.arange(1, len(values) + 1)
         mean = np.cumsum(values) / count
         squares = np.maximum(np.cumsum(np.square(values)) - count * mean**2, 0.0)
-        half = stdtrit(np.maximum(count - 1, 1), 0.975) * np.sqrt(squares / np.maximum(count - 1, 1) / count)
+        half = stdtrit(np.maximum(count - 1, 1), 0.975) * np.sqrt(
+            squares / np.maximum(count - 1, 1) / count
+        )
         half[count < 2] = np.nan
-        found += zip([design] * len(values), count.tolist(), mean.tolist(), mean - half, mean + half, strict=True)
+        found += zip(
+            [design] * len(values),
+            count.tolist(),
+            mean.tolist(),
+            mean - half,
+            mean + half,
+            strict=True,
+        )
     return FigureData.of_rows(("design", "runs", "mean", "low_95", "high_95"), found)
 
 
 def convergence_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
-    """Draw the mean of a figure against the number of runs, with its 95 % interval, of the first designs."""
+    """Draw the mean of a figure against the number of runs, with its 95 % interval, of the first
+    designs.
+    """
     rows = convergence_rows(study, figure)
     scale = FigureScale.of(study, figure)
     rows = study.cut(figure, rows.where(rows["runs"] >= 2))
@@ -246,7 +313,9 @@ def convergence_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     for number, design in enumerate(list(dict.fromkeys(rows["design"].tolist()))[:_CONVERGING]):
         own = rows.where(rows["design"] == design)
         hue = series_hue(number, labels[design] or "the scene")
-        mean, low, high = (own[name] / scale.shown.divisor for name in ("mean", "low_95", "high_95"))
+        mean, low, high = (
+            own[name] / scale.shown.divisor for name in ("mean", "low_95", "high_95")
+        )
         axes.fill_between(
             own["runs"],
             np.maximum(low, 1e-3 * mean) if scale.is_log else low,
@@ -261,7 +330,8 @@ def convergence_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     if scale.is_log:
         axes.set_yscale("log")
         axes.set_ylim(
-            0.3 * settled["mean"].min() / scale.shown.divisor, 3.0 * settled["mean"].max() / scale.shown.divisor
+            0.3 * settled["mean"].min() / scale.shown.divisor,
+            3.0 * settled["mean"].max() / scale.shown.divisor,
         )
         log_ticks(axes.yaxis)
     else:

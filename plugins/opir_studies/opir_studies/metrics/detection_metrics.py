@@ -16,17 +16,27 @@ _DAY_S = 86_400.0
 def _detected(run: Run, column: str) -> FloatArray:
     """Return latencies (n,), s, of a run's launches, nan for those not detected."""
     rows = run.summary["targets"][: len(run.plan.scene.targets)]
-    return np.array([np.nan if row[column] is None else row[column] for row in rows], dtype=np.float64)
+    return np.array(
+        [np.nan if row[column] is None else row[column] for row in rows], dtype=np.float64
+    )
 
 
 @frozen
 class LatencyMetric:
-    """From ignition to the first detection, and to its report, over the launches of a run that are detected."""
+    """From ignition to the first detection, and to its report, over the launches of a run that are
+    detected.
+    """
 
     @property
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
-        names = ("latency_s", "latency_p50_s", "latency_p90_s", "latency_end_to_end_s", "latency_end_to_end_p90_s")
+        names = (
+            "latency_s",
+            "latency_p50_s",
+            "latency_p90_s",
+            "latency_end_to_end_s",
+            "latency_end_to_end_p90_s",
+        )
         return {**dict.fromkeys(names, "s"), "detected": ""}
 
     def values(self, run: Run) -> Mapping[str, float]:
@@ -50,7 +60,9 @@ def latency_metric(_config: NoConfig, _context: MetricContext) -> LatencyMetric:
 
 @frozen
 class DetectionByTimeMetric:
-    """The share of a run's launches that are detected within each time: its mean over runs is the cumulative P_d."""
+    """The share of a run's launches that are detected within each time: its mean over runs is the
+    cumulative P_d.
+    """
 
     times_s: tuple[float, ...]
 
@@ -62,11 +74,16 @@ class DetectionByTimeMetric:
     def values(self, run: Run) -> Mapping[str, float]:
         """Return the share detected within each time."""
         latency_s = _detected(run, "latency_s")
-        shares = [float((latency_s <= time_s).mean()) if len(latency_s) else np.nan for time_s in self.times_s]
+        shares = [
+            float((latency_s <= time_s).mean()) if len(latency_s) else np.nan
+            for time_s in self.times_s
+        ]
         return dict(zip(self.units, shares, strict=True))
 
 
-def detection_by_time_metric(config: DetectionByTimeConfig, _context: MetricContext) -> DetectionByTimeMetric:
+def detection_by_time_metric(
+    config: DetectionByTimeConfig, _context: MetricContext
+) -> DetectionByTimeMetric:
     """Return the metric `detection_by_time`."""
     return DetectionByTimeMetric(config.times_s)
 
@@ -81,7 +98,9 @@ class FalseEventsMetric:
         return {"false_events_a_day": "1/day", "false_alarms_a_day": "1/day"}
 
     def values(self, run: Run) -> Mapping[str, float]:
-        """Return both rates over the duration of the scene: all false events, and those of noise alone."""
+        """Return both rates over the duration of the scene: all false events, and those of noise
+        alone.
+        """
         days = run.plan.scene.duration_s / _DAY_S
         target = run.truth.target
         is_launch = (target >= 0) & (target < len(run.plan.scene.targets))

@@ -1,4 +1,6 @@
-"""Metrics of tracks, from the scores of `opir_scoring`: completeness, accuracy, launch points, impact regions."""
+"""Metrics of tracks, from the scores of `opir_scoring`: completeness, accuracy, launch points,
+impact regions.
+"""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -42,7 +44,13 @@ class TracksMetric:
     @property
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
-        return {"tracked": "", "completeness": "", "false_tracks": "", "tracks_a_launch": "", "first_track_s": "s"}
+        return {
+            "tracked": "",
+            "completeness": "",
+            "false_tracks": "",
+            "tracks_a_launch": "",
+            "first_track_s": "s",
+        }
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return the figures; `first_track_s` counts from the first detection."""
@@ -65,7 +73,9 @@ def tracks_metric(_config: NoConfig, _context: MetricContext) -> TracksMetric:
 
 @frozen
 class AccuracyMetric:
-    """Errors of the tracks' states, root mean square over the ticks at which the true state is known."""
+    """Errors of the tracks' states, root mean square over the ticks at which the true state is
+    known.
+    """
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -75,7 +85,10 @@ class AccuracyMetric:
     def values(self, run: Run) -> Mapping[str, float]:
         """Return both errors; nan without tracks."""
         errors = state_errors(*run_evidence(run))
-        return {"position_rmse_m": _rms(errors.position_m), "velocity_rmse_m_s": _rms(errors.velocity_m_s)}
+        return {
+            "position_rmse_m": _rms(errors.position_m),
+            "velocity_rmse_m_s": _rms(errors.velocity_m_s),
+        }
 
 
 def accuracy_metric(_config: NoConfig, _context: MetricContext) -> AccuracyMetric:
@@ -95,7 +108,10 @@ class LaunchErrorMetric:
     def values(self, run: Run) -> Mapping[str, float]:
         """Return both errors; nan without launch estimates."""
         errors = point_errors(*run_evidence(run))
-        return {"launch_error_m": _rms(errors.launch_m), "launch_time_error_s": _rms(errors.launch_time_s)}
+        return {
+            "launch_error_m": _rms(errors.launch_m),
+            "launch_time_error_s": _rms(errors.launch_time_s),
+        }
 
 
 def launch_error_metric(_config: NoConfig, _context: MetricContext) -> LaunchErrorMetric:
@@ -105,10 +121,11 @@ def launch_error_metric(_config: NoConfig, _context: MetricContext) -> LaunchErr
 
 @frozen
 class ImpactRegionMetric:
-    """Predicted impact regions of one containment at phases of the flight and at times since ignition.
+    """Predicted impact regions of one containment at phases of the flight and at times since
+    ignition.
 
-    For each instant: the median area over launches, the share of regions that contain the true impact, and the share of
-    launches with a true impact for which one is predicted.
+    For each instant: the median area over launches, the share of regions that contain the true
+    impact, and the share of launches with a true impact for which one is predicted.
     """
 
     place: int
@@ -119,7 +136,9 @@ class ImpactRegionMetric:
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
         return {
-            name: unit for words in self._instants for name, unit in zip(_names(words), ("km2", "", ""), strict=True)
+            name: unit
+            for words in self._instants
+            for name, unit in zip(_names(words), ("km2", "", ""), strict=True)
         }
 
     def values(self, run: Run) -> Mapping[str, float]:
@@ -130,15 +149,22 @@ class ImpactRegionMetric:
         found: dict[str, float] = {}
         phase, scores = phase_scores(evidence, owners)
         for name in self.phases:
-            found |= self._figures(_phase_words(name), scores.take(phase == PHASES.index(name)), landing)
+            found |= self._figures(
+                _phase_words(name), scores.take(phase == PHASES.index(name)), landing
+            )
         every = impact_scores(evidence, owners) if self.times_s else scores
         for time_s in self.times_s:
-            found |= self._figures(f"at_{time_words(time_s)}", every.take(_rows_at(evidence, every, time_s)), landing)
+            found |= self._figures(
+                f"at_{time_words(time_s)}", every.take(_rows_at(evidence, every, time_s)), landing
+            )
         return found
 
     @property
     def _instants(self) -> list[str]:
-        return [*map(_phase_words, self.phases), *(f"at_{time_words(time_s)}" for time_s in self.times_s)]
+        return [
+            *map(_phase_words, self.phases),
+            *(f"at_{time_words(time_s)}" for time_s in self.times_s),
+        ]
 
     def _figures(self, words: str, scores: ImpactScores, landing: int) -> dict[str, float]:
         scores = scores.take(scores.has_impact)
@@ -155,7 +181,9 @@ class ImpactRegionMetric:
 
 def impact_region_metric(config: ImpactConfig, _context: MetricContext) -> ImpactRegionMetric:
     """Return the metric `impact_region`."""
-    place = int(np.argmin(np.abs(np.array(TRACK_CONTAINMENTS) - config.containment_percent / 100.0)))
+    place = int(
+        np.argmin(np.abs(np.array(TRACK_CONTAINMENTS) - config.containment_percent / 100.0))
+    )
     return ImpactRegionMetric(place, config.phases, config.times_s)
 
 
@@ -168,7 +196,9 @@ def _phase_words(phase: str) -> str:
 
 
 def _rows_at(evidence: RunEvidence, scores: ImpactScores, time_s: float) -> IntArray:
-    """Return the rows of the last estimates of each target up to a time since its ignition, none that is too old."""
+    """Return the rows of the last estimates of each target up to a time since its ignition, none
+    that is too old.
+    """
     oldest_s = max(OLDEST_S, evidence.plan.make_tracker().cadence_s or 0.0)
     since_s = scores.tick_s - evidence.plan.targets.ignition_s[scores.target]
     rows = np.flatnonzero((since_s <= time_s) & (since_s >= time_s - oldest_s))

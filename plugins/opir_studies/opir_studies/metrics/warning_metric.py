@@ -1,4 +1,6 @@
-"""The metric `warning_time`: how long before the impact a warning meets a requirement, and what came before it."""
+"""The metric `warning_time`: how long before the impact a warning meets a requirement, and what
+came before it.
+"""
 
 from collections.abc import Mapping
 
@@ -19,8 +21,8 @@ _TIMES_TO = ("time_to_report_s", "time_to_track_s", "time_to_region_s", "time_to
 class WarningTimeMetric:
     """From the first estimate that meets the requirement, as do all later ones, to the true impact.
 
-    A launch without a warning has a warning time of 0 s, so that the mean is over the launches with an impact. The
-    other times count from ignition, over the launches that reach them.
+    A launch without a warning has a warning time of 0 s, so that the mean is over the launches with
+    an impact. The other times count from ignition, over the launches that reach them.
     """
 
     requirement: WarningRequirement
@@ -28,7 +30,12 @@ class WarningTimeMetric:
     @property
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
-        return {"warning_time_s": "s", "warned": "", "warning_contained": "", **dict.fromkeys(_TIMES_TO, "s")}
+        return {
+            "warning_time_s": "s",
+            "warned": "",
+            "warning_contained": "",
+            **dict.fromkeys(_TIMES_TO, "s"),
+        }
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return means over launches; nan without a launch that comes down."""
@@ -36,7 +43,9 @@ class WarningTimeMetric:
         landing = np.isfinite(found.impact_s)
         rows = run.summary["targets"][: len(landing)]
         reports = [row["end_to_end_latency_s"] for row in rows]
-        report_s = np.array([np.nan if each is None else each for each in reports], dtype=np.float64)
+        report_s = np.array(
+            [np.nan if each is None else each for each in reports], dtype=np.float64
+        )
         return {
             "warning_time_s": _mean(found.warning_s[landing]),
             "warned": _mean((found.warning_s[landing] > 0.0).astype(np.float64)),

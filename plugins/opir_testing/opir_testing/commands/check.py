@@ -24,10 +24,19 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the component, its settings, the expected failures and the output format."""
     add_component(parser)
     parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], dest="settings", help="a setting for the tests"
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        dest="settings",
+        help="a setting for the tests",
     )
     parser.add_argument(
-        "--expect", metavar="TEST=REASON", action="append", default=[], help="a test that must fail, with the reason"
+        "--expect",
+        metavar="TEST=REASON",
+        action="append",
+        default=[],
+        help="a test that must fail, with the reason",
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -37,14 +46,25 @@ def check(arguments: argparse.Namespace) -> int:
     components = components_named(Host.discover(), arguments.name, arguments.kind)
     settings = _settings(arguments.settings)
     expected = _expected(arguments.expect)
-    contracts = [(one, contract_for(one.component.hook, arguments.name, settings, expected)) for one in components]
+    contracts = [
+        (one, contract_for(one.component.hook, arguments.name, settings, expected))
+        for one in components
+    ]
     results = [(one, list(conformance_results(contract))) for one, contract in contracts]
-    text = _as_json(results) if arguments.json else "\n\n".join(_as_text(*result) for result in results)
+    text = (
+        _as_json(results)
+        if arguments.json
+        else "\n\n".join(_as_text(*result) for result in results)
+    )
     sys.stdout.write(text + "\n")
     for one in components:
         for problem in implausible_defaults(one.component, settings):
             warn(f"{one.component.kind} {one.component.name}: {problem}")
-    return _FAILED_EXIT_CODE if any(result.state in BAD for _, rows in results for result in rows) else 0
+    return (
+        _FAILED_EXIT_CODE
+        if any(result.state in BAD for _, rows in results for result in rows)
+        else 0
+    )
 
 
 def _settings(written: Sequence[str]) -> Mapping[str, Any]:

@@ -59,8 +59,8 @@ BAD = (FAILED, UNEXPECTED_PASS)
 class ConformanceResult:
     """The result of a conformance test.
 
-    `state` is "passed", "failed", "xfailed" (an expected failure; `change` is its reason) or "xpassed" (passed, though
-    a failure was expected).
+    `state` is "passed", "failed", "xfailed" (an expected failure; `change` is its reason) or
+    "xpassed" (passed, though a failure was expected).
     """
 
     test: str
@@ -71,17 +71,29 @@ class ConformanceResult:
 
 
 def contract_for(
-    hook: str, name: str, settings: Mapping[str, Any], expected: Mapping[str, str], plugins: Sequence[str] = ()
+    hook: str,
+    name: str,
+    settings: Mapping[str, Any],
+    expected: Mapping[str, str],
+    plugins: Sequence[str] = (),
 ) -> type[Contract]:
-    """Return the conformance tests of a component; raises `SceneError` if `expected` names an unknown test."""
+    """Return the conformance tests of a component; raises `SceneError` if `expected` names an
+    unknown test.
+    """
     parent = contract_of(hook)
     known = test_names(parent)
     for test in expected:
         if test not in known:
             raise SceneError(
-                [Problem(test, f"{parent.__name__} has no such test{nearest(test, known)}")], source="--expect"
+                [Problem(test, f"{parent.__name__} has no such test{nearest(test, known)}")],
+                source="--expect",
             )
-    given = {"name": name, "settings": settings, "expected_failures": expected, "plugins": tuple(plugins)}
+    given = {
+        "name": name,
+        "settings": settings,
+        "expected_failures": expected,
+        "plugins": tuple(plugins),
+    }
     return type(parent.__name__, (parent,), given)
 
 
@@ -91,13 +103,19 @@ def conformance_results(contract: type[Contract]) -> Iterator[ConformanceResult]
         contract.config()
     except ConformanceError as error:
         yield ConformanceResult(
-            test="settings", requirement=_SETTINGS, state=FAILED, seen=error.seen, change=error.change
+            test="settings",
+            requirement=_SETTINGS,
+            state=FAILED,
+            seen=error.seen,
+            change=error.change,
         )
         return
     for test in test_names(contract):
         result = _result(contract, test)
         yield result
-        if test == _BUILDS and result.state == FAILED:  # each test that follows would fail by this alone
+        if (
+            test == _BUILDS and result.state == FAILED
+        ):  # each test that follows would fail by this alone
             return
 
 
@@ -108,12 +126,17 @@ def _result(contract: type[Contract], test: str) -> ConformanceResult:
         getattr(contract(), test)()
     except Exception as error:
         if reason is not None:
-            return ConformanceResult(**subject, state=EXPECTED_FAILURE, seen=_seen(error), change=reason)
+            return ConformanceResult(
+                **subject, state=EXPECTED_FAILURE, seen=_seen(error), change=reason
+            )
         return ConformanceResult(**subject, state=FAILED, seen=_seen(error), change=_change(error))
     if reason is None:
         return ConformanceResult(**subject, state=PASSED)
     return ConformanceResult(
-        **subject, state=UNEXPECTED_PASS, seen="it passes", change=f"Remove the expected failure ({reason})."
+        **subject,
+        state=UNEXPECTED_PASS,
+        seen="it passes",
+        change=f"Remove the expected failure ({reason}).",
     )
 
 

@@ -6,7 +6,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from opir_core.arrays import IntArray
-from opir_core.plugin import REPORTED_TYPES, Classifier, ClassifierInputs, ClassifierModel, Component, ConfidenceModel
+from opir_core.plugin import (
+    REPORTED_TYPES,
+    Classifier,
+    ClassifierInputs,
+    ClassifierModel,
+    Component,
+    ConfidenceModel,
+)
 from opir_testing.bench import classifier_inputs
 from opir_testing.contracts.contract import (
     require,
@@ -28,7 +35,9 @@ class ConfidenceContract(SceneContract):
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the test scene with the confidence model, and with type probabilities if it needs them."""
+        """Return the test scene with the confidence model, and with type probabilities if it needs
+        them.
+        """
         needs = getattr(cls.component().config, "needs_posterior", False)
         chosen = {"detection": "snr", "classification": "spectral"} if needs else {}
         return super().scene(**{**chosen, **changes})
@@ -50,19 +59,25 @@ class ConfidenceContract(SceneContract):
         confidence = self.plan().confidence.confidence(seen)
         require_rows("confidence", confidence, len(seen))
         require(
-            confidence.dtype == np.float64 and bool(np.all((confidence >= 0.0) & (confidence <= 1.0))),
+            confidence.dtype == np.float64
+            and bool(np.all((confidence >= 0.0) & (confidence <= 1.0))),
             f"confidences are {confidence.dtype} from {np.min(confidence)} to {np.max(confidence)}",
-            "Return float64 in [0, 1], never nan: snr is nan where the detection model has none; clip at the end.",
+            "Return float64 in [0, 1], never nan: snr is nan where the detection model has none;"
+            " clip at the end.",
         )
 
     def test_confidences_are_independent(self) -> None:
         """The confidence of a detection does not depend on the other detections of the call."""
         model = self.plan().confidence
         seen = self.inputs()
-        require_independent_rows("confidence", lambda rows: model.confidence(seen.take(rows).freeze()), len(seen))
+        require_independent_rows(
+            "confidence", lambda rows: model.confidence(seen.take(rows).freeze()), len(seen)
+        )
 
     def test_detections_are_computed_as_arrays(self) -> None:
-        """The number of Python steps does not grow with the detections: computations are on arrays."""
+        """The number of Python steps does not grow with the detections: computations are on
+        arrays.
+        """
         model = self.plan().confidence
         seen = self.inputs()
         require_array_computation(
@@ -86,7 +101,9 @@ class ClassifierContract(SceneContract):
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
         """Return the test scene with the classifier."""
-        detection = "snr" if getattr(cls.component().config, "needs_irradiance", False) else "constant"
+        detection = (
+            "snr" if getattr(cls.component().config, "needs_irradiance", False) else "constant"
+        )
         return super().scene(**{"detection": detection, **changes})
 
     @classmethod
@@ -118,19 +135,29 @@ class ClassifierContract(SceneContract):
         """The type of a pair, if it has one, is that of all its detections."""
         plan = self.plan()
         looks = self.looks()
-        of_pair = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, looks.streams.of_pairs())
+        of_pair = plan.classifier.pair_type(
+            plan.pairs.sensor, plan.pairs.target, looks.streams.of_pairs()
+        )
         if of_pair is None:
             return
         require_rows("pair_type", of_pair, len(plan.pairs))
         same = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.inputs()))))
-        require(same, "pair_type and reported_type differ", "Draw both from rng.pair_uniforms, or return None.")
+        require(
+            same,
+            "pair_type and reported_type differ",
+            "Draw both from rng.pair_uniforms, or return None.",
+        )
 
     def test_optional_abilities_are_complete(self) -> None:
         """An optional ability is implemented completely or not at all."""
-        require_complete_abilities(Classifier, self.plan().classifier, [("log_posterior", "revised", "reported")])
+        require_complete_abilities(
+            Classifier, self.plan().classifier, [("log_posterior", "revised", "reported")]
+        )
 
     def test_type_probabilities_agree_with_types(self) -> None:
-        """The posteriors of a classifier, if it has any, sum to 1 and give the types that it reports."""
+        """The posteriors of a classifier, if it has any, sum to 1 and give the types that it
+        reports.
+        """
         model = self.plan().classifier
         seen = self.inputs()
         posterior = model.log_posterior(seen)
@@ -139,14 +166,21 @@ class ClassifierContract(SceneContract):
         require_rows("log_posterior", posterior, len(seen))
         over_types = model.over_types(posterior, REPORTED_TYPES)
         total = np.exp(over_types).sum(axis=1)
-        sums_to_one = over_types.shape[1] == len(REPORTED_TYPES) and bool(np.all(np.abs(total - 1.0) < 1e-6))
+        sums_to_one = over_types.shape[1] == len(REPORTED_TYPES) and bool(
+            np.all(np.abs(total - 1.0) < 1e-6)
+        )
         change = (
-            "Return natural logarithms of probabilities over REPORTED_TYPES, one row per detection, or over all"
+            "Return natural logarithms of probabilities over REPORTED_TYPES, one row per detection,"
+            " or over all"
             " hypotheses, with an over_types that sums them."
         )
         require(sums_to_one, "type probabilities do not sum to 1", change)
         same = np.array_equal(model.reported(posterior), self._codes(np.arange(len(seen))))
-        require(same, "reported and reported_type differ", "Return reported(log_posterior(...)) from reported_type.")
+        require(
+            same,
+            "reported and reported_type differ",
+            "Return reported(log_posterior(...)) from reported_type.",
+        )
 
     def test_reserved_random_streams_are_not_used(self) -> None:
         """Classification does not use the purposes of the engine's random streams."""
@@ -155,14 +189,20 @@ class ClassifierContract(SceneContract):
         rng.require_own_purposes()
 
     def test_detections_are_computed_as_arrays(self) -> None:
-        """The number of Python steps does not grow with the detections: computations are on arrays."""
+        """The number of Python steps does not grow with the detections: computations are on
+        arrays.
+        """
         many = len(self.inputs())
-        require_array_computation("detection", lambda rows: self._codes(_spread(many, rows)), many // 4, many)
+        require_array_computation(
+            "detection", lambda rows: self._codes(_spread(many, rows)), many // 4, many
+        )
 
     def test_a_built_classifier_pickles(self) -> None:
         """The built classifier can be pickled, and its copy returns the same."""
         rng = self.looks().draws(np.arange(len(self.inputs())))
-        require_same_copy(self.plan().classifier, lambda model: model.reported_type(self.inputs(), rng))
+        require_same_copy(
+            self.plan().classifier, lambda model: model.reported_type(self.inputs(), rng)
+        )
 
     def _codes(self, rows: Any) -> Any:
         seen = self.inputs().take(rows).freeze()
@@ -170,5 +210,7 @@ class ClassifierContract(SceneContract):
 
 
 def _spread(count: int, rows: int) -> IntArray:
-    """Return rows evenly over all, so that few have the same sensors as many: what a sensor costs is not by row."""
+    """Return rows evenly over all, so that few have the same sensors as many: what a sensor costs
+    is not by row.
+    """
     return np.linspace(0, count - 1, rows).astype(np.int64)

@@ -59,7 +59,9 @@ class RecordingDraws:
 def reported_chances(
     chances: FloatArray, pair: IntArray, scan: IntArray, needed: IntArray, scans: IntArray
 ) -> FloatArray:
-    """Return the probabilities (n,) that looks detect and are reported: at least M - 1 of the N - 1 scans before do."""
+    """Return the probabilities (n,) that looks detect and are reported: at least M - 1 of the N - 1
+    scans before do.
+    """
     order = np.lexsort((scan, pair))
     sorted_pair = pair[order]
     sorted_scan = scan[order]
@@ -75,7 +77,9 @@ def reported_chances(
         # Counts above the last column are lost: only small ones matter.
         counts[row, 1:] = counts[row, 1:] * (1.0 - chance) + counts[row, :-1] * chance
         counts[row, 0] *= 1.0 - chance[:, 0]
-    fewer = np.where(np.arange(counts.shape[1]) < needed[order][:, None] - 1, counts, 0.0).sum(axis=1)
+    fewer = np.where(np.arange(counts.shape[1]) < needed[order][:, None] - 1, counts, 0.0).sum(
+        axis=1
+    )
     reported = np.empty(len(hit))
     reported[order] = hit * (1.0 - fewer)
     return reported
@@ -103,9 +107,12 @@ class DetectionContract(SceneContract):
         probability = self.model().probability(exposed)
         require_rows("probability", probability, len(exposed))
         require(
-            probability.dtype == np.float64 and bool(np.all((probability >= 0.0) & (probability <= 1.0))),
-            f"probabilities are {probability.dtype} from {np.min(probability)} to {np.max(probability)}",
-            "Return float64 in [0, 1], never nan: clip rounding errors; 0 where the probability is unknown.",
+            probability.dtype == np.float64
+            and bool(np.all((probability >= 0.0) & (probability <= 1.0))),
+            f"probabilities are {probability.dtype} from {np.min(probability)} to"
+            f" {np.max(probability)}",
+            "Return float64 in [0, 1], never nan: clip rounding errors; 0 where the probability is"
+            " unknown.",
         )
 
     def test_probabilities_are_independent(self) -> None:
@@ -130,7 +137,9 @@ class DetectionContract(SceneContract):
         )
         same = np.array_equal(of_pair, model.probability(exposed))
         require(
-            same, "pair_probability and probability differ", "Return None from pair_probability where looks differ."
+            same,
+            "pair_probability and probability differ",
+            "Return None from pair_probability where looks differ.",
         )
 
     def test_geometry_is_declared_if_it_is_used(self) -> None:
@@ -142,7 +151,11 @@ class DetectionContract(SceneContract):
         nothing = np.empty(0)
         no_vectors = np.empty((0, 3))
         bare = evolve(
-            exposed, range_m=nothing, elevation_sine=nothing, target_ecef_m=no_vectors, sensor_ecef_m=no_vectors
+            exposed,
+            range_m=nothing,
+            elevation_sine=nothing,
+            target_ecef_m=no_vectors,
+            sensor_ecef_m=no_vectors,
         )
         try:
             same = np.array_equal(model.probability(bare), model.probability(exposed))
@@ -157,13 +170,21 @@ class DetectionContract(SceneContract):
         measured = self.model().measure(looks.exposures, looks.draws(rows))
         require_rows("the bands measured", measured.bands, len(rows))
         require_rows("the snr measured", measured.snr, len(rows))
-        counts = np.array([len(sensor.bands) for sensor in self.plan().sensors])[looks.exposures.sensor]
+        counts = np.array([len(sensor.bands) for sensor in self.plan().sensors])[
+            looks.exposures.sensor
+        ]
         require(
-            measured.bands.dtype == np.uint8 and bool(np.all((measured.bands > 0) & (measured.bands >> counts == 0))),
+            measured.bands.dtype == np.uint8
+            and bool(np.all((measured.bands > 0) & (measured.bands >> counts == 0))),
             "a mask of bands is empty, or has bits beyond the sensor's bands",
-            "Bit b stands for the sensor's band b; set at least the first if none confirms; return uint8.",
+            "Bit b stands for the sensor's band b; set at least the first if none confirms; return"
+            " uint8.",
         )
-        require(not np.isinf(measured.snr).any(), "an snr is infinite", "Return finite values, or nan for none.")
+        require(
+            not np.isinf(measured.snr).any(),
+            "an snr is infinite",
+            "Return finite values, or nan for none.",
+        )
 
     def test_measurements_are_independent(self) -> None:
         """The measurement of a look does not depend on the other looks of the call."""
@@ -210,7 +231,8 @@ class DetectionContract(SceneContract):
         require(
             rate_excess(count, expected) <= 1.0,
             f"there are {count} false alarms; the stated rates add up to {expected:.1f}",
-            "rate_per_scan is the mean number of false alarms in one scan of a sensor's field of regard.",
+            "rate_per_scan is the mean number of false alarms in one scan of a sensor's field of"
+            " regard.",
         )
 
     def test_optional_abilities_are_complete(self) -> None:
@@ -229,15 +251,22 @@ class DetectionContract(SceneContract):
         from scipy.special import ndtr
 
         require_rows("response", response.snr, len(exposed))
-        same = response.probit is not None and np.allclose(ndtr(response.probit), model.probability(exposed), atol=1e-9)
-        require(same, "response and probability differ", "Return the standard normal quantile of P_d as probit.")
+        same = response.probit is not None and np.allclose(
+            ndtr(response.probit), model.probability(exposed), atol=1e-9
+        )
+        require(
+            same,
+            "response and probability differ",
+            "Return the standard normal quantile of P_d as probit.",
+        )
 
     def test_looks_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the looks: computations are on arrays."""
         model = self.model()
         exposed = self.looks().exposures
         many = len(self.looks().exposures)
-        # Spread over all looks: the first ones are of one sensor, and each kind of sensor may take its own steps.
+        # Spread over all looks: the first ones are of one sensor, and each kind of sensor may take
+        # its own steps.
         require_array_computation(
             "look",
             lambda rows: model.probability(exposed.take(np.arange(rows) * many // rows).freeze()),

@@ -10,7 +10,15 @@ from attrs import evolve
 
 from opir_core import Plan, plan_windows
 from opir_core.output import event_counter, only_encodable
-from opir_core.plugin import Component, Encoder, EncoderContext, EventEncoder, Hypothesis, Tracks, Window
+from opir_core.plugin import (
+    Component,
+    Encoder,
+    EncoderContext,
+    EventEncoder,
+    Hypothesis,
+    Tracks,
+    Window,
+)
 from opir_testing.bench import bench_scene, planned
 from opir_testing.contracts.contract import (
     ConformanceError,
@@ -24,7 +32,9 @@ from opir_testing.json_schema import schema_errors
 
 
 def edge_case_windows(hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, Window]:
-    """Return windows of edge cases of sensor 0, by description; with `hypotheses` also one whose tracks weigh them."""
+    """Return windows of edge cases of sensor 0, by description; with `hypotheses` also one whose
+    tracks weigh them.
+    """
     pole = [0.0, 0.0, -1.0]
     edge = [-1.0, 0.0, 0.0]
     zero = np.zeros(3)
@@ -47,7 +57,9 @@ def edge_case_windows(hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, Win
         "one detection": stub_window(1),
         "many detections": stub_window(300),
         "over the pole": stub_window(3, line_of_sight_ecef=pole, sensor_ecef_m=[0.0, 0.0, 4.2e7]),
-        "at the antimeridian": stub_window(3, sensor_ecef_m=[-4.2e7, -1e-3, 0.0], line_of_sight_ecef=edge),
+        "at the antimeridian": stub_window(
+            3, sensor_ecef_m=[-4.2e7, -1e-3, 0.0], line_of_sight_ecef=edge
+        ),
         "with an estimate": stub_window(2, track=0, estimate=0, estimates=known),
         "with unknown estimates": stub_window(2, track=7, estimate=1, estimates=stub_estimates(2)),
         "with unknown values": stub_window(2, snr=np.nan, confidence=0.0, bands=0),
@@ -56,25 +68,39 @@ def edge_case_windows(hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, Win
             tracks=Tracks.concatenate([with_regions, stub_estimates(2, tick_s=[1.0, 2.0])]),
         ),
         "with tracks alone": evolve(stub_window(0), tracks=with_regions),
-        "with full confidence": stub_window(2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=zero[0]),
+        "with full confidence": stub_window(
+            2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=zero[0]
+        ),
         **({"with hypotheses": _weighed_window(hypotheses)} if hypotheses else {}),
     }
 
 
 def _weighed_window(hypotheses: Sequence[Hypothesis]) -> Window:
-    """Return a window of a track that is certain of the last hypothesis, and of one that weighs none."""
+    """Return a window of a track that is certain of the last hypothesis, and of one that weighs
+    none.
+    """
     chances = np.zeros((2, len(hypotheses)))
     chances[0, -1] = 1.0
     chances[1] = np.nan
     given = stub_regions(9.0, 180.0, condition="relights", probability=0.1, effective_samples=12.0)
     estimates = stub_estimates(
-        2, hypotheses, track=[0, 1], hypothesis_probability=chances, end=[1, 0], impact=0.1, impact_regions=[given, ()]
+        2,
+        hypotheses,
+        track=[0, 1],
+        hypothesis_probability=chances,
+        end=[1, 0],
+        impact=0.1,
+        impact_regions=[given, ()],
     )
-    return evolve(stub_window(2, track=[0, 1], estimate=[0, 1], estimates=estimates), tracks=estimates)
+    return evolve(
+        stub_window(2, track=[0, 1], estimate=[0, 1], estimates=estimates), tracks=estimates
+    )
 
 
 class OutputContract(Contract):
-    """What conformance tests of encoders and sinks share: the plan and the windows of the test scene."""
+    """What conformance tests of encoders and sinks share: the plan and the windows of the test
+    scene.
+    """
 
     @classmethod
     @cache
@@ -99,7 +125,9 @@ class EncoderContract(OutputContract):
     def encoder(cls) -> Encoder:
         """Return the built encoder, for the sensors of the test scene."""
         plan = cls.plan()
-        context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, hypotheses=plan.hypothesis_names)
+        context = EncoderContext(
+            sensors=plan.sensors, epoch_us=plan.scene.epoch_us, hypotheses=plan.hypothesis_names
+        )
         return cls.built(Encoder, cls.config(), context)
 
     @classmethod
@@ -111,19 +139,31 @@ class EncoderContract(OutputContract):
         """The encoder states a media type and a schema version."""
         encoder: Any = self.encoder()
         valid = encoder.content_type.count("/") == 1 and encoder.schema_version.strip()
-        require(valid, "content_type or schema_version is invalid", "Set a media type, type/subtype, and a version.")
+        require(
+            valid,
+            "content_type or schema_version is invalid",
+            "Set a media type, type/subtype, and a version.",
+        )
 
     def test_each_detection_is_one_line(self) -> None:
-        """Each encodable detection, or track, is one line, ended by its only newline; none of them give no bytes."""
+        """Each encodable detection, or track, is one line, ended by its only newline; none of them
+        give no bytes.
+        """
         encoder = self.encoder()
         rows = "tracks" if encoder.encodes_tracks else "detections"
-        for name, window in {**edge_case_windows(self.plan().hypotheses), "empty": stub_window(0)}.items():
+        for name, window in {
+            **edge_case_windows(self.plan().hypotheses),
+            "empty": stub_window(0),
+        }.items():
             text: Any = encoder.encode(window)
             expected = event_counter(encoder)(only_encodable(window, encoder))
             require(
-                isinstance(text, bytes) and text.count(b"\n") == expected and text[-1:] in (b"", b"\n"),
+                isinstance(text, bytes)
+                and text.count(b"\n") == expected
+                and text[-1:] in (b"", b"\n"),
                 f"a window of {expected} {rows} ({name}) gives {text.count(bytes([10]))} lines",
-                f"Return bytes: one line for each of the {rows}, ended by a newline, with escapes inside.",
+                f"Return bytes: one line for each of the {rows}, ended by a newline, with escapes"
+                f" inside.",
             )
 
     def test_encoders_of_tracks_are_marked(self) -> None:
@@ -144,19 +184,33 @@ class EncoderContract(OutputContract):
             middle = event_counter(encoder)(window) // 2
             halves = (part(window, slice(0, middle)), part(window, slice(middle, None)))
             same = encoder.encode(window) == b"".join(map(encoder.encode, halves))
-            require(same, "a window cut in two gives other bytes", "Encode each row from its own columns alone.")
+            require(
+                same,
+                "a window cut in two gives other bytes",
+                "Encode each row from its own columns alone.",
+            )
 
     def test_no_truth_is_written(self) -> None:
         """The truth changes no byte."""
         encoder = self.encoder()
         for window in self.windows():
             if len(window.truth):
-                changed = evolve(window.truth, range_m=window.truth.range_m + 1e6, target=window.truth.target[::-1])
+                changed = evolve(
+                    window.truth,
+                    range_m=window.truth.range_m + 1e6,
+                    target=window.truth.target[::-1],
+                )
                 same = encoder.encode(window) == encoder.encode(evolve(window, truth=changed))
-                require(same, "the bytes depend on the truth", "Use window.detections and window.estimates only.")
+                require(
+                    same,
+                    "the bytes depend on the truth",
+                    "Use window.detections and window.estimates only.",
+                )
 
     def test_json_follows_the_schema(self) -> None:
-        """A JSON media type means JSON without NaN; where the component states a schema, events conform to it."""
+        """A JSON media type means JSON without NaN; where the component states a schema, events
+        conform to it.
+        """
         encoder = self.encoder()
         if "json" not in encoder.content_type:
             return
@@ -166,12 +220,18 @@ class EncoderContract(OutputContract):
             for line in encoder.encode(window).splitlines():
                 event = _json_of(line, name)
                 errors = [] if due is None else schema_errors(event, due)
-                require(not errors, f"{name}: {'; '.join(errors[:3])}", f"See opir schema {component.name}.")
+                require(
+                    not errors,
+                    f"{name}: {'; '.join(errors[:3])}",
+                    f"See opir schema {component.name}.",
+                )
 
     def test_clock_network_and_global_random_state_are_not_used(self) -> None:
         """Clock, entropy, network and global random state are not used."""
         change = "Take the time and the id of an event from its detection."
-        require_no_outside_inputs(lambda: [self.encoder().encode(window) for window in self.windows()], change)
+        require_no_outside_inputs(
+            lambda: [self.encoder().encode(window) for window in self.windows()], change
+        )
 
     def test_a_built_encoder_pickles(self) -> None:
         """The built encoder can be pickled, and its copy returns the same bytes."""
@@ -181,7 +241,12 @@ class EncoderContract(OutputContract):
 
 
 def _part(window: Window, rows: slice) -> Window:
-    return evolve(window, detections=window.detections.take(rows), truth=window.truth.take(rows), tracks=Tracks.empty())
+    return evolve(
+        window,
+        detections=window.detections.take(rows),
+        truth=window.truth.take(rows),
+        tracks=Tracks.empty(),
+    )
 
 
 def _part_of_tracks(window: Window, rows: slice) -> Window:

@@ -54,21 +54,29 @@ class RadiometricContract(Contract):
 
     @classmethod
     def count(cls) -> int:
-        """Return the number of things that the model describes; without any there is nothing to test."""
+        """Return the number of things that the model describes; without any there is nothing to
+        test.
+        """
         return 1
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the values of the model for some rows."""
-        raise undefined(type(self), "values(band, rows)", "the model's values (n,) for rows (n,) in a band")
+        raise undefined(
+            type(self), "values(band, rows)", "the model's values (n,) for rows (n,) in a band"
+        )
 
     def test_rows_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the rows: computations are on arrays."""
         if self.count():
-            require_array_computation("row", lambda rows: self.values(0, np.arange(rows)), _ROWS // 4, _ROWS)
+            require_array_computation(
+                "row", lambda rows: self.values(0, np.arange(rows)), _ROWS // 4, _ROWS
+            )
 
     def test_clock_network_and_global_random_state_are_not_used(self) -> None:
         """Clock, entropy, network and global random state are not used."""
-        require_no_outside_inputs(lambda: self.count() and self.values(0, np.arange(_ROWS)), _SEEDED)
+        require_no_outside_inputs(
+            lambda: self.count() and self.values(0, np.arange(_ROWS)), _SEEDED
+        )
 
 
 class EmitterContract(RadiometricContract):
@@ -85,7 +93,9 @@ class EmitterContract(RadiometricContract):
         return cls.signatures()
 
     def values(self, band: int, rows: Any) -> FloatArray:
-        """Return radiant intensities of some rows: each emitter at many times, heights and aspect angles."""
+        """Return radiant intensities of some rows: each emitter at many times, heights and aspect
+        angles.
+        """
         row = np.arange(_ROWS)
         share = np.linspace(0.0, 1.0, _ROWS)
         columns = (
@@ -97,7 +107,9 @@ class EmitterContract(RadiometricContract):
         return self.signatures().intensity_w_sr(band, *(column[rows] for column in columns))
 
     def test_intensities_are_finite_and_not_negative(self) -> None:
-        """Radiant intensities are finite and not negative, at all aspect angles, from the ground to space."""
+        """Radiant intensities are finite and not negative, at all aspect angles, from the ground to
+        space.
+        """
         for band in range(len(self.bands) if self.count() else 0):
             intensity = self.values(band, np.arange(_ROWS))
             require_rows("intensity_w_sr", intensity, _ROWS)
@@ -181,7 +193,11 @@ class SourceContract(EmitterContract):
         """The ids of emitters are that of their block with numbers from 1: SUBJECT-1, SUBJECT-2."""
         ids = list(self.sources().ids)
         expected = [f"SUBJECT-{number}" for number in range(1, len(ids) + 1)]
-        require(sorted(ids) == sorted(expected), f"ids are {ids[:3]}", "Number them from 1 after the block's id.")
+        require(
+            sorted(ids) == sorted(expected),
+            f"ids are {ids[:3]}",
+            "Number them from 1 after the block's id.",
+        )
 
     def test_emitters_have_source_types(self) -> None:
         """Emitters have types of sources, a start before their end, and positions between them."""
@@ -189,11 +205,19 @@ class SourceContract(EmitterContract):
         rows = len(self.sources().ids)
         require(
             made.type_code.shape == (rows,)
-            and bool(np.all((made.type_code >= len(TARGET_TYPES)) & (made.type_code < len(EMITTER_TYPES)))),
+            and bool(
+                np.all(
+                    (made.type_code >= len(TARGET_TYPES)) & (made.type_code < len(EMITTER_TYPES))
+                )
+            ),
             "an emitter has the type of a target",
             "Set type_code to EMITTER_TYPES.index of a source's type.",
         )
-        require(np.all(made.burnout_s > made.ignition_s), "an emitter ends before it starts", "Check its times.")
+        require(
+            np.all(made.burnout_s > made.ignition_s),
+            "an emitter ends before it starts",
+            "Check its times.",
+        )
         middle = 0.5 * (made.ignition_s + made.burnout_s)
         position_m = made.position_ecef_m(np.arange(rows, dtype=np.int32), middle)
         require(
@@ -230,7 +254,11 @@ class EnvironmentContract(RadiometricContract):
         values = self.values(0, np.arange(_ROWS))
         again = type(self.__class__.__name__, (type(self),), {})()
         same = np.array_equal(again.values(0, np.arange(_ROWS)), values)
-        require(same, "a second model returns other values", "Build the model from its configuration and context.")
+        require(
+            same,
+            "a second model returns other values",
+            "Build the model from its configuration and context.",
+        )
         require_pickling(self.model())
 
 
@@ -249,34 +277,52 @@ class AtmosphereContract(EnvironmentContract):
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the transmittances and cloud tops of some paths."""
         path = _paths(_heights_m()[rows], rows).freeze()
-        both = (self.model().transmittance(band, path), self.model().cloud_top_m(path.target_ecef_m))
+        both = (
+            self.model().transmittance(band, path),
+            self.model().cloud_top_m(path.target_ecef_m),
+        )
         for column in both:
             require_rows("the value", column, len(path))
         return np.stack(both, axis=1)
 
     def test_transmittances_lie_in_the_unit_interval(self) -> None:
-        """Transmittances lie in [0, 1] at all heights and elevations; cloud tops are finite or -inf."""
+        """Transmittances lie in [0, 1] at all heights and elevations; cloud tops are finite or
+        -inf.
+        """
         for band in range(len(self.bands)):
             passed, top_m = self.values(band, np.arange(_ROWS)).T
             require(
                 np.all((passed >= 0.0) & (passed <= 1.0)),
                 f"transmittances are from {np.min(passed)} to {np.max(passed)}",
-                "Return values in [0, 1], never nan, also for grazing paths (elevation_sine near 0).",
+                "Return values in [0, 1], never nan, also for grazing paths (elevation_sine near"
+                " 0).",
             )
-            require(np.all(top_m < np.inf), "a cloud top is nan or inf", "Return -inf for no cloud.")
+            require(
+                np.all(top_m < np.inf), "a cloud top is nan or inf", "Return -inf for no cloud."
+            )
 
     def test_space_is_clear(self) -> None:
         """The transmittance to targets above the atmosphere is 1."""
         rows = np.arange(_ROWS)
         passed = self.model().transmittance(0, _paths(np.full(_ROWS, _SPACE_M), rows).freeze())
-        require(np.all(passed > 0.999), f"from {_SPACE_M:.0f} m it is {passed.min():.3f}", "Return 1 there.")
+        require(
+            np.all(passed > 0.999),
+            f"from {_SPACE_M:.0f} m it is {passed.min():.3f}",
+            "Return 1 there.",
+        )
 
     def test_transmittance_does_not_decrease_with_height(self) -> None:
-        """At one position and elevation, transmittance does not decrease with the target's height."""
+        """At one position and elevation, transmittance does not decrease with the target's
+        height.
+        """
         place = np.full(_ROWS, 17)
         passed = self.model().transmittance(0, _paths(np.sort(_heights_m()), place).freeze())
         drop = float(-np.diff(passed).min(initial=0.0))
-        require(drop <= 1e-9, f"it decreases by {drop:.2e} with height", "Less air is above a higher target.")
+        require(
+            drop <= 1e-9,
+            f"it decreases by {drop:.2e} with height",
+            "Less air is above a higher target.",
+        )
 
 
 class BackgroundContract(EnvironmentContract):
@@ -290,10 +336,15 @@ class BackgroundContract(EnvironmentContract):
         """Return the built model, behind the atmosphere `clear`."""
         bands = tuple(cls.bands)
         clear = cls.host().component(AtmosphereModel, "clear")
-        sky = clear.build(clear.config(), AtmosphereContext(bands=bands, path="atmosphere", seed=_SEED))
+        sky = clear.build(
+            clear.config(), AtmosphereContext(bands=bands, path="atmosphere", seed=_SEED)
+        )
         # A partial, because a lambda would not pickle in models that keep `make_atmosphere`.
         context = BackgroundContext(
-            bands=bands, path="background", epoch_us=_EPOCH_US, make_atmosphere=partial(_identity, sky)
+            bands=bands,
+            path="background",
+            epoch_us=_EPOCH_US,
+            make_atmosphere=partial(_identity, sky),
         )
         return cls.built(Background, cls.config(), context)
 
@@ -301,19 +352,25 @@ class BackgroundContract(EnvironmentContract):
         """Return the radiances and clutter of some views."""
         view = _views()
         chosen = view.take(rows).freeze()
-        both = (self.model().radiance_w_m2_sr(band, chosen), self.model().clutter_w_m2_sr(band, chosen))
+        both = (
+            self.model().radiance_w_m2_sr(band, chosen),
+            self.model().clutter_w_m2_sr(band, chosen),
+        )
         for column in both:
             require_rows("the value", column, len(chosen))
         return np.stack(both, axis=1)
 
     def test_radiances_are_finite_and_not_negative(self) -> None:
-        """Radiance and clutter are finite and not negative, by day and night, at the limb, in space."""
+        """Radiance and clutter are finite and not negative, by day and night, at the limb, in
+        space.
+        """
         for band in range(len(self.bands)):
             values = self.values(band, np.arange(_ROWS))
             require(
                 np.all(np.isfinite(values)) and np.all(values >= 0.0),
                 f"radiances and clutter are from {np.min(values)} to {np.max(values)}",
-                "Return W/(m2 sr), never nan: height_m is inf for lines of sight that miss the Earth.",
+                "Return W/(m2 sr), never nan: height_m is inf for lines of sight that miss the"
+                " Earth.",
             )
 
     def test_cold_space_is_dark(self) -> None:
@@ -330,7 +387,11 @@ class BackgroundContract(EnvironmentContract):
             return
         radiance, rms, number = model.structured_radiances_w_m2_sr(list(bands), view.freeze())
         plain = np.array([model.radiance_w_m2_sr(band, view) for band in bands])
-        require(np.array_equal(radiance, plain), "the radiances differ", "Return those of radiance_w_m2_sr.")
+        require(
+            np.array_equal(radiance, plain),
+            "the radiances differ",
+            "Return those of radiance_w_m2_sr.",
+        )
         require(
             np.all(np.isfinite(rms)) and np.all(rms >= 0.0),
             f"standard deviations are from {np.min(rms)} to {np.max(rms)}",
@@ -338,7 +399,8 @@ class BackgroundContract(EnvironmentContract):
         )
         require(
             np.all((number >= 0) & (number < len(model.structures))),
-            f"numbers of structures are from {np.min(number)} to {np.max(number)}, of {len(model.structures)}",
+            f"numbers of structures are from {np.min(number)} to {np.max(number)}, of"
+            f" {len(model.structures)}",
             "Return indices into structures.",
         )
 
@@ -349,7 +411,9 @@ def _identity(sky: Transmittance) -> Transmittance:
 
 def _heights_m() -> FloatArray:
     """Return heights (n,) from the ground to space, unsorted."""
-    return np.concatenate([[0.0, 1.0, 100e3, _SPACE_M, 1e6], np.linspace(0.0, 60e3, _ROWS - 5)[::-1]])
+    return np.concatenate(
+        [[0.0, 1.0, 100e3, _SPACE_M, 1e6], np.linspace(0.0, 60e3, _ROWS - 5)[::-1]]
+    )
 
 
 def _positions(rows: Any) -> tuple[FloatArray, FloatArray]:

@@ -5,8 +5,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from opir_core.plugin import FILE_CONTENTS, BadFileError, Component, FileReader, ReaderContext, StateTable
-from opir_testing.contracts.contract import Contract, require, require_documented, require_no_outside_inputs
+from opir_core.plugin import (
+    FILE_CONTENTS,
+    BadFileError,
+    Component,
+    FileReader,
+    ReaderContext,
+    StateTable,
+)
+from opir_testing.contracts.contract import (
+    Contract,
+    require,
+    require_documented,
+    require_no_outside_inputs,
+)
 
 #: Texts that no reader may take for its own, whichever format it reads.
 _STRANGERS = {
@@ -42,24 +54,47 @@ class ReaderContract(Contract):
         """`yields` is a kind of content, and the example holds that content."""
         reader = self.component()
         kinds = ", ".join(FILE_CONTENTS)
-        require(reader.yields in FILE_CONTENTS, f"yields is {reader.yields!r}", f"Set it to one of {kinds}.")
+        require(
+            reader.yields in FILE_CONTENTS,
+            f"yields is {reader.yields!r}",
+            f"Set it to one of {kinds}.",
+        )
         content = self.part()
-        fault = _fault_of_table(content) if reader.yields == "trajectories" else _fault_of_rows(content)
-        require(not fault, f"the example becomes {fault}", "Return columns and records as FileReader describes them.")
+        fault = (
+            _fault_of_table(content) if reader.yields == "trajectories" else _fault_of_rows(content)
+        )
+        require(
+            not fault,
+            f"the example becomes {fault}",
+            "Return columns and records as FileReader describes them.",
+        )
 
     def test_it_recognises_its_own_files_alone(self) -> None:
-        """`recognises` is true of the example, with other ends of lines too, and false of other texts."""
+        """`recognises` is true of the example, with other ends of lines too, and false of other
+        texts.
+        """
         reader = self.component()
         require(
-            reader.recognises(reader.example) is True and reader.recognises(f"{reader.example}\n") is True,
+            reader.recognises(reader.example) is True
+            and reader.recognises(f"{reader.example}\n") is True,
             "it does not recognise its example",
             "Return True for every text that begins as files of the format do.",
         )
-        taken = [name for name, text in _STRANGERS.items() if reader.recognises(text) and _is_read(self.read, text)]
-        require(not taken, f"it reads {', '.join(taken)}", "Recognise a mark of the format, or refuse the text.")
+        taken = [
+            name
+            for name, text in _STRANGERS.items()
+            if reader.recognises(text) and _is_read(self.read, text)
+        ]
+        require(
+            not taken,
+            f"it reads {', '.join(taken)}",
+            "Recognise a mark of the format, or refuse the text.",
+        )
 
     def test_a_spoilt_file_is_refused_with_the_reason(self) -> None:
-        """A file that is cut short, or in which a word is another, is read or raises `BadFileError` with a reason."""
+        """A file that is cut short, or in which a word is another, is read or raises `BadFileError`
+        with a reason.
+        """
         example = self.component().example
         for text in spoilt(example):
             try:
@@ -80,19 +115,32 @@ class ReaderContract(Contract):
 
     def test_the_content_depends_on_the_text_alone(self) -> None:
         """A second call gives the same; clock, network and global random state are not used."""
-        require(_plain(self.part()) == _plain(self.part()), "a second call gives something else", _ALONE)
+        require(
+            _plain(self.part()) == _plain(self.part()), "a second call gives something else", _ALONE
+        )
         require_no_outside_inputs(self.part, _ALONE)
 
 
 def spoilt(text: str) -> list[str]:
-    """Return the text cut short after each line and in the middle of lines, and with each of its words replaced."""
+    """Return the text cut short after each line and in the middle of lines, and with each of its
+    words replaced.
+    """
     lines = text.splitlines(keepends=True)
     cut = ["".join(lines[:count]) for count in range(len(lines))]
-    cut += ["".join(lines[:count]) + lines[count][: len(lines[count]) // 2] for count in range(len(lines))]
+    cut += [
+        "".join(lines[:count]) + lines[count][: len(lines[count]) // 2]
+        for count in range(len(lines))
+    ]
     words = text.split(" ") if " " in text else text.split(",")
     mark = " " if " " in text else ","
-    changed = [mark.join([*words[:place], "x", *words[place + 1 :]]) for place in range(min(len(words), 60))]
-    changed += [mark.join([*words[:place], "1e999", *words[place + 1 :]]) for place in range(min(len(words), 60))]
+    changed = [
+        mark.join([*words[:place], "x", *words[place + 1 :]])
+        for place in range(min(len(words), 60))
+    ]
+    changed += [
+        mark.join([*words[:place], "1e999", *words[place + 1 :]])
+        for place in range(min(len(words), 60))
+    ]
     return [*cut, *changed, text.replace("\n", ""), text * 2]
 
 
@@ -126,11 +174,19 @@ def _fault_of_table(table: Any) -> str:
 
 def _fault_of_rows(rows: Any) -> str:
     is_list = isinstance(rows, Sequence) and not isinstance(rows, str) and len(rows) > 0
-    return "" if is_list and all(isinstance(row, Mapping) for row in rows) else "no list of mappings"
+    return (
+        "" if is_list and all(isinstance(row, Mapping) for row in rows) else "no list of mappings"
+    )
 
 
 def _plain(content: Any) -> Any:
     if not isinstance(content, StateTable):
         return content
     velocity = None if content.velocity_m_s is None else content.velocity_m_s.tolist()
-    return content.time_s.tolist(), content.position_m.tolist(), velocity, content.burns_s.tolist(), content.notes
+    return (
+        content.time_s.tolist(),
+        content.position_m.tolist(),
+        velocity,
+        content.burns_s.tolist(),
+        content.notes,
+    )

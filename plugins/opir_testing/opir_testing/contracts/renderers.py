@@ -24,7 +24,11 @@ class RendererContract(Contract):
     def renderer(cls) -> Renderer:
         """Return the built renderer."""
         made: Renderer = cls.component().build(cls.config(), RendererContext(reference=reference))
-        require(callable(made), f"build returned {kind_of(made)}", "Return a function of a number and of columns.")
+        require(
+            callable(made),
+            f"build returned {kind_of(made)}",
+            "Return a function of a number and of columns.",
+        )
         return made
 
     @classmethod
@@ -37,11 +41,16 @@ class RendererContract(Contract):
         for name, columns in lines.items():
             due = reference(count, columns)
             made = self.renderer()(count, columns)
-            places = [place for place, (one, other) in enumerate(zip(due, made, strict=False)) if one != other]
+            places = [
+                place
+                for place, (one, other) in enumerate(zip(due, made, strict=False))
+                if one != other
+            ]
             at = places[0] if places else min(len(due), len(made))
             require(
                 made == due,
-                f"{name}: {made[at : at + 40]!r} at byte {at}, where the reference has {due[at : at + 40]!r}",
+                f"{name}: {made[at : at + 40]!r} at byte {at}, where the reference has"
+                f" {due[at : at + 40]!r}",
                 "Return the bytes that context.reference(count, columns) returns.",
             )
 
@@ -51,22 +60,44 @@ class RendererContract(Contract):
         self.config()
 
     def test_texts_are_those_of_the_reference(self) -> None:
-        """Text common to all lines, text of each line and text by row are joined as by the reference."""
+        """Text common to all lines, text of each line and text by row are joined as by the
+        reference.
+        """
         texts = [b"", b"a", b'"long text"', "é\u2028".encode()]
         row = np.arange(_ROWS) * 7 % len(texts)
         self.require_reference(
             {
                 "common text": [b"{", b"}\n"],
                 "text by row": [b"{", Looked(texts, row), b"}\n"],
-                "text of each line": [Looked([texts[place] for place in row.tolist()]), Looked(texts, row), b"\n"],
+                "text of each line": [
+                    Looked([texts[place] for place in row.tolist()]),
+                    Looked(texts, row),
+                    b"\n",
+                ],
             }
         )
 
     def test_numbers_are_those_of_the_reference(self) -> None:
-        """Numbers are rounded and written as by the reference, the extreme, infinite and unknown ones too."""
-        extreme = [0.0, -0.0, 0.1 + 0.2, 5e-10, 1e-5, 999999.9999999995, 2.0**53, 1e16, 1e22, -1e300, 5e-324]
+        """Numbers are rounded and written as by the reference, the extreme, infinite and unknown
+        ones too.
+        """
+        extreme = [
+            0.0,
+            -0.0,
+            0.1 + 0.2,
+            5e-10,
+            1e-5,
+            999999.9999999995,
+            2.0**53,
+            1e16,
+            1e22,
+            -1e300,
+            5e-324,
+        ]
         values = np.resize([*extreme, np.nan, np.inf, -np.inf, 0.5, -2.5, 123456.789], _ROWS)
-        spread = np.random.default_rng(1).normal(size=_ROWS) * 10.0 ** np.linspace(-12.0, 12.0, _ROWS)
+        spread = np.random.default_rng(1).normal(size=_ROWS) * 10.0 ** np.linspace(
+            -12.0, 12.0, _ROWS
+        )
         self.require_reference(
             {
                 f"{name} numbers, {decimals} decimals": [b"[", Decimal(column, decimals), b"]\n"]

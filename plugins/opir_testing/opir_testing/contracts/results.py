@@ -38,7 +38,10 @@ from opir_testing.contracts.contract import (
 from opir_testing.contracts.outputs import edge_case_windows
 from opir_testing.doubles import stub_estimates, stub_regions
 
-_ALONE = "Compute everything from the run that is passed: no clock, no network, no random numbers, no earlier runs."
+_ALONE = (
+    "Compute everything from the run that is passed: no clock, no network, no random numbers, no"
+    " earlier runs."
+)
 
 
 class ResultContract(Contract):
@@ -47,8 +50,13 @@ class ResultContract(Contract):
     @classmethod
     @cache
     def runs(cls) -> Mapping[str, Run]:
-        """Return runs by description: with tracks and regions, without tracks, without detections."""
-        whole, silent = (run_of_plan(planned(bench_scene(**each), cls.host())) for each in ({}, {"detection": "never"}))
+        """Return runs by description: with tracks and regions, without tracks, without
+        detections.
+        """
+        whole, silent = (
+            run_of_plan(planned(bench_scene(**each), cls.host()))
+            for each in ({}, {"detection": "never"})
+        )
         regions = [stub_regions(9.0, 167.7), stub_regions(10.0, 179.9), ()]
         tracks = stub_estimates(
             3,
@@ -57,7 +65,12 @@ class ResultContract(Contract):
             impact=[0.16, 2.9, 1900.0],
             impact_regions=regions,
         )
-        known = evolve(whole, tracks=evolve(edge_case_windows()["with tracks alone"].tracks, tick_s=tracks.tick_s[:2]))
+        known = evolve(
+            whole,
+            tracks=evolve(
+                edge_case_windows()["with tracks alone"].tracks, tick_s=tracks.tick_s[:2]
+            ),
+        )
         return {
             "with tracks": evolve(whole, tracks=tracks.freeze()),
             "with tracks at the poles": evolve(known, tracks=known.tracks.freeze()),
@@ -94,7 +107,8 @@ class MetricContract(ResultContract):
         require(
             units and names and all(isinstance(unit, str) for unit in units.values()),
             f"units are {units!r}",
-            'Return a unit for each figure, {"latency_s": "s", "detected": ""}, with names that are identifiers.',
+            'Return a unit for each figure, {"latency_s": "s", "detected": ""}, with names that are'
+            " identifiers.",
         )
 
     def test_every_run_has_every_figure(self) -> None:
@@ -104,7 +118,8 @@ class MetricContract(ResultContract):
             numbers = all(isinstance(value, int | float) for value in values.values())
             require(
                 values.keys() == self.metric().units.keys() and numbers,
-                f"a run {name} gives {dict(values)!r}, where the figures are {', '.join(self.metric().units)}",
+                f"a run {name} gives {dict(values)!r}, where the figures are"
+                f" {', '.join(self.metric().units)}",
                 "Return a float for each key of units, nan where the run has none.",
             )
 
@@ -112,14 +127,24 @@ class MetricContract(ResultContract):
         """No figure is infinite."""
         for name, run in self.runs().items():
             endless = [key for key, value in self.metric().values(run).items() if math.isinf(value)]
-            require(not endless, f"a run {name} gives infinite {', '.join(endless)}", "Return nan where there is none.")
+            require(
+                not endless,
+                f"a run {name} gives infinite {', '.join(endless)}",
+                "Return nan where there is none.",
+            )
 
     def test_figures_depend_on_the_run_alone(self) -> None:
-        """A second call gives the same figures; clock, network and global random state are not used."""
+        """A second call gives the same figures; clock, network and global random state are not
+        used.
+        """
         first = {name: _exact(self.metric().values(run)) for name, run in self.runs().items()}
-        again = {name: _exact(self.metric().values(run)) for name, run in [*self.runs().items()][::-1]}
+        again = {
+            name: _exact(self.metric().values(run)) for name, run in [*self.runs().items()][::-1]
+        }
         require(first == again, "a second call gives other figures", _ALONE)
-        require_no_outside_inputs(lambda: [self.metric().values(run) for run in self.runs().values()], _ALONE)
+        require_no_outside_inputs(
+            lambda: [self.metric().values(run) for run in self.runs().values()], _ALONE
+        )
 
     def test_a_built_metric_pickles(self) -> None:
         """The built metric can be pickled, and its copy gives the same figures."""
@@ -150,7 +175,11 @@ class ExporterContract(ResultContract):
         with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
             root = Path(folder)
             listed = self.exporter().write(run, root / f"run{self.exporter().suffix}")
-            there = {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+            there = {
+                path.relative_to(root).as_posix(): path.read_bytes()
+                for path in root.rglob("*")
+                if path.is_file()
+            }
             names = sorted(Path(path).relative_to(root).as_posix() for path in listed)
             require(
                 names == sorted(there),
@@ -166,17 +195,29 @@ class ExporterContract(ResultContract):
         require(valid, f"the suffix is {suffix!r}", 'Set suffix = ".kml", or "" for a folder.')
 
     def test_every_run_can_be_written(self) -> None:
-        """Runs with tracks, at the poles and the antimeridian, without tracks and without detections are written."""
+        """Runs with tracks, at the poles and the antimeridian, without tracks and without
+        detections are written.
+        """
         for name, run in self.runs().items():
             require(self.written(run), f"a run {name} gives no file", "Write a file for each run.")
 
     def test_files_have_content(self) -> None:
         """No file of a run with detections and tracks is empty."""
-        empty = [path for path, content in self.written(self.runs()["with tracks"]).items() if not content]
-        require(not empty, f"{', '.join(empty)}: empty", "Write the format's header at least, or no file.")
+        empty = [
+            path
+            for path, content in self.written(self.runs()["with tracks"]).items()
+            if not content
+        ]
+        require(
+            not empty,
+            f"{', '.join(empty)}: empty",
+            "Write the format's header at least, or no file.",
+        )
 
     def test_the_same_run_gives_the_same_bytes(self) -> None:
-        """A second export gives the same bytes; clock, network and global random state are not used."""
+        """A second export gives the same bytes; clock, network and global random state are not
+        used.
+        """
         run = self.runs()["with tracks"]
         require(self.written(run) == self.written(run), "a second export gives other bytes", _ALONE)
 
@@ -206,13 +247,23 @@ class RunViewContract(ResultContract):
         try:
             signature(build).bind(None)
         except TypeError as error:
-            require(False, f"build(run): {error}", "Write def build(run): a view has no settings and no context.")
+            require(
+                False,
+                f"build(run): {error}",
+                "Write def build(run): a view has no settings and no context.",
+            )
         require(config is NoConfig, f"it has the settings {config.__name__}", "Leave out config.")
 
     def test_every_run_has_a_view(self) -> None:
-        """Runs with tracks, at the poles and the antimeridian, without tracks and without detections have a view."""
+        """Runs with tracks, at the poles and the antimeridian, without tracks and without
+        detections have a view.
+        """
         for name, run in self.runs().items():
-            require(self.view(run) is not None, f"a run {name} gives None", "Return an empty view where there is none.")
+            require(
+                self.view(run) is not None,
+                f"a run {name} gives None",
+                "Return an empty view where there is none.",
+            )
 
     def test_the_same_run_gives_the_same_view(self) -> None:
         """A second call gives a view of the same type, and the same text if it is text."""
@@ -228,7 +279,9 @@ class RunViewContract(ResultContract):
             before = json.dumps([run.summary, run.manifest])
             self.view(run)
             same = json.dumps([run.summary, run.manifest]) == before
-            require(same, "summary or manifest change when the view is made", "Copy what you change.")
+            require(
+                same, "summary or manifest change when the view is made", "Copy what you change."
+            )
 
 
 class ExecutorContract(Contract):
@@ -252,7 +305,9 @@ class ExecutorContract(Contract):
         found = {}
         try:
             for index, result in executor.results(function, tasks):
-                require(index not in found, f"task {index} gives two results", "Yield each task once.")
+                require(
+                    index not in found, f"task {index} gives two results", "Yield each task once."
+                )
                 found[index] = result
         finally:
             executor.close()
@@ -267,7 +322,9 @@ class ExecutorContract(Contract):
         """Each task gives its result under its own index, once."""
         found = self.results(square, list(range(20)))
         change = "Yield (index in tasks, function(task)) for each task."
-        require(found == {task: task * task for task in range(20)}, f"20 tasks give {found}", change)
+        require(
+            found == {task: task * task for task in range(20)}, f"20 tasks give {found}", change
+        )
 
     def test_no_task_is_no_result(self) -> None:
         """No tasks give no results."""
@@ -279,11 +336,17 @@ class ExecutorContract(Contract):
         try:
             self.results(fail, [1])
         except ZeroDivisionError as error:
-            require("on purpose" in str(error), f"it arrives as {error!r}", "Raise the function's own exception.")
+            require(
+                "on purpose" in str(error),
+                f"it arrives as {error!r}",
+                "Raise the function's own exception.",
+            )
             return
         except Exception as error:
             require(False, f"it arrives as {error!r}", "Raise the function's own exception.")
-        require(False, "an exception of the function is lost", "Raise the function's own exception.")
+        require(
+            False, "an exception of the function is lost", "Raise the function's own exception."
+        )
 
     def test_closing_twice_is_allowed(self) -> None:
         """`close` ends the workers, before or after results, and may be called again."""

@@ -1,4 +1,6 @@
-"""Conformance tests of all components that take part in a simulation: they run the test scene with the component."""
+"""Conformance tests of all components that take part in a simulation: they run the test scene with
+the component.
+"""
 
 import json
 from collections import Counter
@@ -30,14 +32,20 @@ from opir_testing.contracts.contract import (
 from opir_testing.json_schema import schema_errors
 from opir_testing.other_process import events_in_other_process
 
-_STREAMS = "Draw random numbers only from the argument `rng`, with a purpose of your own; keep no state between calls."
+_STREAMS = (
+    "Draw random numbers only from the argument `rng`, with a purpose of your own; keep no state"
+    " between calls."
+)
 
-#: The approximate number of events that are validated against the schema, evenly spread over the run.
+#: The approximate number of events that are validated against the schema, evenly spread over the
+#: run.
 _VALIDATED = 200
 
 
 class SceneContract(Contract):
-    """Conformance tests of all components that take part in a simulation; `key` is that of a scene that chooses one."""
+    """Conformance tests of all components that take part in a simulation; `key` is that of a scene
+    that chooses one.
+    """
 
     key: ClassVar[str] = ""
 
@@ -66,20 +74,31 @@ class SceneContract(Contract):
     def test_the_same_seed_gives_the_same_bytes(self) -> None:
         """A second run in the same process gives the same bytes."""
         change = f"A result depends on earlier runs. {_STREAMS}"
-        require_same_events(self.run().lines, self.run_of(self.scene()).lines, "in a second run", change)
+        require_same_events(
+            self.run().lines, self.run_of(self.scene()).lines, "in a second run", change
+        )
 
     def test_another_process_and_hash_seed_give_the_same_bytes(self) -> None:
         """Another process with another hash seed gives the same bytes."""
-        change = f"Do not use hash(), the order of sets, ids of objects or processes, or module state. {_STREAMS}"
+        change = (
+            f"Do not use hash(), the order of sets, ids of objects or processes, or module state."
+            f" {_STREAMS}"
+        )
         elsewhere = events_in_other_process(self.scene(), self.plugins)
         require_same_events(self.run().lines, elsewhere, "in another process", change)
 
     def test_what_replicates_share_does_not_use_the_seed(self) -> None:
-        """A plan of another seed, with what no seed changes taken over, gives the bytes of one that is made anew."""
+        """A plan of another seed, with what no seed changes taken over, gives the bytes of one that
+        is made anew.
+        """
         seed = self.plan().scene.seed + 1
         shared = bench_run_of(reseeded(self.plan(), seed)).lines
-        change = "Set uses_seed = True where a detection model or an atmosphere is built from the seed."
-        require_same_events(self.run_of(self.scene(seed=seed)).lines, shared, "in a replicate", change)
+        change = (
+            "Set uses_seed = True where a detection model or an atmosphere is built from the seed."
+        )
+        require_same_events(
+            self.run_of(self.scene(seed=seed)).lines, shared, "in a replicate", change
+        )
 
     def test_windows_of_any_size_give_the_same_bytes(self) -> None:
         """The window size changes no byte."""
@@ -93,7 +112,9 @@ class SceneContract(Contract):
         scene = self.scene()
         lines = self.run_of({**scene, "targets": scene["targets"][::-1]}).lines
         change = f"A result depends on the index of a target. {_STREAMS}"
-        require_same_events(sorted(self.run().lines), sorted(lines), "with the targets in reverse", change)
+        require_same_events(
+            sorted(self.run().lines), sorted(lines), "with the targets in reverse", change
+        )
 
     def test_results_of_others_do_not_change(self) -> None:
         """An additional sensor and target do not change the events of the others."""
@@ -107,21 +128,31 @@ class SceneContract(Contract):
         )
         alone = self.run()
         lines = grown.lines_of([sensor.id for sensor in alone.plan.sensors], alone.plan.targets.ids)
-        require_same_events(alone.lines, lines, "with a neighbour", f"Results depend on others. {_STREAMS}")
+        require_same_events(
+            alone.lines, lines, "with a neighbour", f"Results depend on others. {_STREAMS}"
+        )
 
     def test_clock_network_and_global_random_state_are_not_used(self) -> None:
         """Clock, entropy, network and global random state are not used."""
-        change = "Take times from the columns and random numbers from `rng`; read package data in build."
+        change = (
+            "Take times from the columns and random numbers from `rng`; read package data in build."
+        )
         require_no_outside_inputs(lambda: self.run_of(self.scene()), change)
 
     def test_a_scene_without_targets_runs(self) -> None:
         """A scene without targets runs and has no detection of a target."""
         run = self.run_of(self.scene(targets=[]))
         count = int(np.sum(run.truth.target >= 0))
-        require(count == 0, f"without targets there are {count} detections of one", "Detect only what is in view.")
+        require(
+            count == 0,
+            f"without targets there are {count} detections of one",
+            "Detect only what is in view.",
+        )
 
     def test_columns_are_valid_at_pole_antimeridian_and_far_side(self) -> None:
-        """Columns are valid for targets near the pole, across the antimeridian and behind the Earth."""
+        """Columns are valid for targets near the pole, across the antimeridian and behind the
+        Earth.
+        """
         _require_valid_columns(self.run())
 
     def test_events_follow_the_schema(self) -> None:
@@ -130,7 +161,11 @@ class SceneContract(Contract):
         lines = self.run().lines
         for line in lines[:: 1 + len(lines) // _VALIDATED]:
             errors = schema_errors(json.loads(line), schema)
-            require(not errors, f"an event violates the schema: {'; '.join(errors[:3])}", "See opir schema detection.")
+            require(
+                not errors,
+                f"an event violates the schema: {'; '.join(errors[:3])}",
+                "See opir schema detection.",
+            )
 
 
 def _require_valid_columns(run: BenchRun) -> None:
@@ -153,9 +188,11 @@ def _require_valid_columns(run: BenchRun) -> None:
         bad = np.flatnonzero(~holds)
         if len(bad):
             targets = Counter(
-                "false alarm" if row < 0 else run.plan.targets.ids[row] for row in truth.target[bad].tolist()
+                "false alarm" if row < 0 else run.plan.targets.ids[row]
+                for row in truth.target[bad].tolist()
             )
             raise ConformanceError(
                 f"{condition}: not in {len(bad)} of {len(columns)} rows (targets {dict(targets)})",
-                "Check the geometry of these targets: division by zero, arcsine beyond 1, longitudes that wrap.",
+                "Check the geometry of these targets: division by zero, arcsine beyond 1,"
+                " longitudes that wrap.",
             )

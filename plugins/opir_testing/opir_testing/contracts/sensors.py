@@ -24,7 +24,15 @@ from opir_core.plugin import (
 )
 from opir_core.scene import MAXIMUM_BANDS, info_of
 from opir_core.sensors import confusion_complaint, is_probability
-from opir_testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, LookTable, bench_scene, launch, planned
+from opir_testing.bench import (
+    NEIGHBOUR_SENSOR,
+    SENSORS,
+    BenchRun,
+    LookTable,
+    bench_scene,
+    launch,
+    planned,
+)
 from opir_testing.contracts.contract import (
     ConformanceError,
     count_excess,
@@ -44,7 +52,8 @@ _SPEED_LIMIT_M_S = 1.2e4
 #: The limit for which the core's visibility is exact (`opir_core.planning.visibility`).
 _ACCELERATION_LIMIT_M_S2 = 100.0
 _LEAST_RADIUS_M = 6.4e6
-#: Launches below the sensor, and the time between two, s: a day, in steps that no usual orbit repeats.
+#: Launches below the sensor, and the time between two, s: a day, in steps that no usual orbit
+#: repeats.
 _LAUNCHES = 23
 _LAUNCH_STEP_S = 3757.0
 #: The least share of the half angle of the Earth's disk that the default cone covers.
@@ -53,7 +62,9 @@ _DAY_S = np.linspace(0.0, 86_400.0, 289)
 
 
 class SensorContract(SceneContract):
-    """Conformance tests of a sensor model. A sensor that needs a slot or an orbit gets the slot 100 degrees west."""
+    """Conformance tests of a sensor model. A sensor that needs a slot or an orbit gets the slot 100
+    degrees west.
+    """
 
     kind: ClassVar[type[Component]] = SensorModel
 
@@ -62,7 +73,11 @@ class SensorContract(SceneContract):
         """Return the settings, with a slot if the sensor needs one."""
         given = {"orbital_slot_deg", "orbit"} & cls.settings.keys()
         known = fields_dict(cls.component().config)
-        needs_slot = "orbital_slot_deg" in known and not given and not ("orbit" in known and known["orbit"].default)
+        needs_slot = (
+            "orbital_slot_deg" in known
+            and not given
+            and not ("orbit" in known and known["orbit"].default)
+        )
         return {**cls.settings, **({"orbital_slot_deg": -100.0} if needs_slot else {})}
 
     @classmethod
@@ -93,22 +108,33 @@ class SensorContract(SceneContract):
         valid = {
             "id: that of the context": sensor.id == SUBJECT,
             "type: not empty": isinstance(sensor.type, str) and bool(sensor.type.strip()),
-            f"bands: 1 to {MAXIMUM_BANDS}, each name once": 1 <= len(set(names)) == len(names) <= MAXIMUM_BANDS,
-            "bands: 0 < lower_um < upper_um": all(0.0 < band.lower_um < band.upper_um for band in sensor.bands),
+            f"bands: 1 to {MAXIMUM_BANDS}, each name once": 1
+            <= len(set(names))
+            == len(names)
+            <= MAXIMUM_BANDS,
+            "bands: 0 < lower_um < upper_um": all(
+                0.0 < band.lower_um < band.upper_um for band in sensor.bands
+            ),
             "orbital_slot_deg: in [-180, 360] or None": sensor.orbital_slot_deg is None
             or -180.0 <= sensor.orbital_slot_deg <= 360.0,
             "field_of_regard_half_angle_rad: in (0, pi]": 0.0 < half <= math.pi,
             "minimum_elevation_rad: in [-pi/2, pi/2]": abs(least) <= math.pi / 2.0,
             "solar_exclusion_rad: in [0, pi]": 0.0 <= sensor.solar_exclusion_rad <= math.pi,
             "line_of_sight_sigma_rad: in [0, 0.1]": 0.0 <= sensor.line_of_sight_sigma_rad <= 0.1,
-            "detection_probability: of target classes, in [0, 1]": sensor.detection_probability.keys() <= classes
+            "detection_probability: of target classes, in [0, 1]": sensor.detection_probability.keys()
+            <= classes
             and all(map(is_probability, sensor.detection_probability.values())),
-            "confusion: rows of target classes that sum to 1": confusion_complaint(sensor.confusion) is None
+            "confusion: rows of target classes that sum to 1": confusion_complaint(sensor.confusion)
+            is None
             and sensor.confusion.keys() <= classes
             and all(row.keys() <= {*classes, "UNKNOWN"} for row in sensor.confusion.values()),
         }
         for condition, holds in valid.items():
-            require(holds, f"not valid: {condition}", "Validate it in the configuration class, or change its default.")
+            require(
+                holds,
+                f"not valid: {condition}",
+                "Validate it in the configuration class, or change its default.",
+            )
 
     def test_settings_are_plain_values(self) -> None:
         """The settings in the manifest are plain values."""
@@ -116,7 +142,8 @@ class SensorContract(SceneContract):
             json.dumps(dict(self.sensor().settings), allow_nan=False)
         except (TypeError, ValueError) as error:
             raise ConformanceError(
-                f"settings are not plain values: {error}", "Give Sensor settings=attrs.asdict(config)."
+                f"settings are not plain values: {error}",
+                "Give Sensor settings=attrs.asdict(config).",
             ) from error
 
     def test_a_launch_below_it_is_seen(self) -> None:
@@ -132,15 +159,23 @@ class SensorContract(SceneContract):
         require(
             len(looks.row),
             f"it has no look at any of {_LAUNCHES} launches below it in a day",
-            "Widen field_of_regard_half_angle_deg (60 and more for a low orbit), lower minimum_elevation_deg, or scan"
+            "Widen field_of_regard_half_angle_deg (60 and more for a low orbit), lower"
+            " minimum_elevation_deg, or scan"
             " more often.",
         )
 
     def test_the_default_field_of_regard_fits_the_orbit(self) -> None:
         """The default cone, which follows the orbit, covers most of the Earth's disk."""
         name = "field_of_regard_half_angle_deg"
-        given, default = (fields_dict(each).get(name) for each in (self.component().config, ScanningSensorConfig))
-        if given is None or default is None or name in self.block() or info_of(given) != info_of(default):
+        given, default = (
+            fields_dict(each).get(name) for each in (self.component().config, ScanningSensorConfig)
+        )
+        if (
+            given is None
+            or default is None
+            or name in self.block()
+            or info_of(given) != info_of(default)
+        ):
             return
         sensor = self.sensor()
         radius_m = np.sqrt(np.sum(sensor.orbit.position_ecef_m(_DAY_S) ** 2, axis=1)).max()
@@ -148,9 +183,11 @@ class SensorContract(SceneContract):
         disk_deg = math.degrees(math.asin(min(EARTH_EQUATORIAL_RADIUS_M / radius_m, 1.0)))
         require(
             cone_deg >= _LEAST_SHARE * disk_deg,
-            f"its field of regard is {cone_deg:g} deg by default; in this orbit the Earth's disk has a half angle of"
+            f"its field of regard is {cone_deg:g} deg by default; in this orbit the Earth's disk"
+            f" has a half angle of"
             f" {disk_deg:.1f} deg or more, so that most of what is in view is not observed",
-            f"Leave it to built_sensor, or set it: with_defaults({name}=cited({disk_deg:.1f}, ...)).",
+            f"Leave it to built_sensor, or set it: with_defaults({name}=cited({disk_deg:.1f},"
+            f" ...)).",
         )
 
     def test_looks_are_whole_periods_apart(self) -> None:
@@ -167,8 +204,10 @@ class SensorContract(SceneContract):
             gaps = np.diff(np.sort(run.detections.time_ns[mine & (run.truth.target == target)]))
             require(
                 np.all((gaps > 0) & (gaps % period_ns == 0)),
-                f"looks at one target come {gaps.min(initial=period_ns)} ns apart, with a period of {period_ns} ns",
-                "phase_ns(...) is one offset for all scans of a target; scan k looks at phase + k * period.",
+                f"looks at one target come {gaps.min(initial=period_ns)} ns apart, with a period of"
+                f" {period_ns} ns",
+                "phase_ns(...) is one offset for all scans of a target; scan k looks at phase + k *"
+                " period.",
             )
 
     def test_phases_lie_in_the_period(self) -> None:
@@ -179,8 +218,10 @@ class SensorContract(SceneContract):
             phase = scan.phase_ns(here, _targets_m(here), uniform)
             require(
                 phase.dtype == np.int64 and bool(np.all((phase >= 0) & (phase < scan.period_ns))),
-                f"phase_ns is {phase.dtype} from {phase.min()} to {phase.max()}, the period {scan.period_ns}",
-                "Return whole numbers (int64) in [0, period): floor, then remainder; 0 if the angle is undefined.",
+                f"phase_ns is {phase.dtype} from {phase.min()} to {phase.max()}, the period"
+                f" {scan.period_ns}",
+                "Return whole numbers (int64) in [0, period): floor, then remainder; 0 if the angle"
+                " is undefined.",
             )
 
     def test_phases_are_independent(self) -> None:
@@ -188,15 +229,21 @@ class SensorContract(SceneContract):
         scan = self.sensor().scan
         here = self._here()
         targets = _targets_m(here)
-        require_independent_rows("phase_ns", lambda rows: scan.phase_ns(here, targets[rows], 0.25), len(targets))
+        require_independent_rows(
+            "phase_ns", lambda rows: scan.phase_ns(here, targets[rows], 0.25), len(targets)
+        )
 
     def test_orbit_is_above_the_ground_and_smooth(self) -> None:
-        """Positions are finite, above the ground and continuous, with bounded speed and acceleration."""
+        """Positions are finite, above the ground and continuous, with bounded speed and
+        acceleration.
+        """
         orbit = self.sensor().orbit
         time_s = np.linspace(0.0, 86_400.0, 24 * 60 + 1)
         position_m = orbit.position_ecef_m(time_s)
         require(
-            position_m.shape == (len(time_s), 3), f"position_ecef_m is {position_m.shape}", "Return (n, 3) for (n,)."
+            position_m.shape == (len(time_s), 3),
+            f"position_ecef_m is {position_m.shape}",
+            "Return (n, 3) for (n,).",
         )
         radius_m = np.sqrt(np.sum(position_m**2, axis=1))
         require(
@@ -228,7 +275,9 @@ class SensorContract(SceneContract):
         """The position at a time does not depend on the other times of the call."""
         orbit = self.sensor().orbit
         time_s = np.linspace(0.0, 5000.0, 61)
-        require_independent_rows("position_ecef_m", lambda rows: orbit.position_ecef_m(time_s[rows]), len(time_s))
+        require_independent_rows(
+            "position_ecef_m", lambda rows: orbit.position_ecef_m(time_s[rows]), len(time_s)
+        )
 
     def test_line_of_sight_errors_follow_the_stated_sigma(self) -> None:
         """Errors of measured lines of sight are normal, with the stated standard deviation."""
@@ -239,12 +288,16 @@ class SensorContract(SceneContract):
         excess = uniformity_excess(-np.expm1(-0.5 * (error / stated[stated > 0.0]) ** 2))
         require(
             excess <= 1.0,
-            f"the distribution of {len(error)} line-of-sight errors deviates by {excess:.2f} times the 99.9 % limit",
-            "State the standard deviation of each of two axes across the line of sight, in radians.",
+            f"the distribution of {len(error)} line-of-sight errors deviates by {excess:.2f} times"
+            f" the 99.9 % limit",
+            "State the standard deviation of each of two axes across the line of sight, in"
+            " radians.",
         )
 
     def test_detections_occur_at_the_stated_rate(self) -> None:
-        """With detection: constant, the number of detections agrees with the stated probabilities (99.9 %)."""
+        """With detection: constant, the number of detections agrees with the stated probabilities
+        (99.9 %).
+        """
         probability = self.sensor().detection_probability
         if not set(TARGET_TYPES) <= probability.keys():
             return
@@ -256,15 +309,20 @@ class SensorContract(SceneContract):
         excess = count_excess(len(drawn.lines), chances)
         require(
             excess <= 1.0,
-            f"{len(drawn.lines)} of {len(chances)} looks detect; the expectation is {chances.sum():.1f}",
+            f"{len(drawn.lines)} of {len(chances)} looks detect; the expectation is"
+            f" {chances.sum():.1f}",
             "The look times of a sensor must not depend on the detection model.",
         )
 
     def test_results_of_others_do_not_change(self) -> None:
-        """The sensor does not change the events of other sensors, and another sensor does not change its events."""
+        """The sensor does not change the events of other sensors, and another sensor does not
+        change its events.
+        """
         scene = self.scene()
         without = self.run_of({**scene, "sensors": scene["sensors"][1:]})
-        others = self.run().lines_of([sensor.id for sensor in without.plan.sensors], without.plan.targets.ids)
+        others = self.run().lines_of(
+            [sensor.id for sensor in without.plan.sensors], without.plan.targets.ids
+        )
         change = "Build each sensor from its own block and context; share no state."
         require_same_events(without.lines, others, "with this sensor", change)
         grown = self.run_of({**scene, "sensors": [NEIGHBOUR_SENSOR, *scene["sensors"]]})
@@ -277,12 +335,16 @@ class SensorContract(SceneContract):
         here = self._here()
         time_s = np.linspace(0.0, 600.0, 7)
         require_same_copy(self.sensor(), lambda sensor: sensor.orbit.position_ecef_m(time_s))
-        require_same_copy(self.sensor(), lambda sensor: sensor.scan.phase_ns(here, _targets_m(here), 0.5))
+        require_same_copy(
+            self.sensor(), lambda sensor: sensor.scan.phase_ns(here, _targets_m(here), 0.5)
+        )
 
     def places(self, time_s: FloatArray) -> list[tuple[float, float]]:
         """Return latitude and longitude, deg, of the points below the sensor at some times (n,)."""
         below = ecef_to_geodetic(self.sensor().orbit.position_ecef_m(time_s))
-        return list(zip(*np.degrees([below.latitude_rad, below.longitude_rad]).tolist(), strict=True))
+        return list(
+            zip(*np.degrees([below.latitude_rad, below.longitude_rad]).tolist(), strict=True)
+        )
 
     def _here(self) -> FloatArray:
         return self.sensor().orbit.position_ecef_m(np.zeros(1))[0]
@@ -295,7 +357,9 @@ def _aim(place: tuple[float, float]) -> tuple[float, float]:
 
 
 class ConstellationContract(SensorContract):
-    """Conformance tests of a constellation: those of its sensor model with its first satellite, and a run of all."""
+    """Conformance tests of a constellation: those of its sensor model with its first satellite, and
+    a run of all.
+    """
 
     @classmethod
     def constellation(cls) -> Constellation:
@@ -310,7 +374,9 @@ class ConstellationContract(SensorContract):
     @classmethod
     def block(cls) -> Mapping[str, Any]:
         """Return the settings of the first satellite."""
-        first = {key: value for key, value in cls.constellation().satellites[0].items() if key != "id"}
+        first = {
+            key: value for key, value in cls.constellation().satellites[0].items() if key != "id"
+        }
         return {**first, **cls.settings}
 
     @classmethod
@@ -321,10 +387,19 @@ class ConstellationContract(SensorContract):
 
     def test_the_constellation_runs(self) -> None:
         """A scene with the constellation has all its satellites, each at its own position."""
-        run = self.run_of(bench_scene(sensors=[{"constellation": self.name}], classification="none"))
+        run = self.run_of(
+            bench_scene(sensors=[{"constellation": self.name}], classification="none")
+        )
         ids = [row["id"] for row in self.constellation().satellites]
-        require([sensor.id for sensor in run.plan.sensors] == ids, "a scene has other satellites", "Check the ids.")
-        positions = {tuple(sensor.orbit.position_ecef_m(np.zeros(1))[0].tolist()) for sensor in run.plan.sensors}
+        require(
+            [sensor.id for sensor in run.plan.sensors] == ids,
+            "a scene has other satellites",
+            "Check the ids.",
+        )
+        positions = {
+            tuple(sensor.orbit.position_ecef_m(np.zeros(1))[0].tolist())
+            for sensor in run.plan.sensors
+        }
         require(
             len(positions) == len(ids),
             f"{len(ids)} satellites are at {len(positions)} positions at the epoch",
@@ -333,24 +408,38 @@ class ConstellationContract(SensorContract):
 
 
 def _targets_m(here: FloatArray) -> FloatArray:
-    """Return targets (n, 3): a grid over the globe, the poles, the antimeridian, the nadir and its antipode."""
+    """Return targets (n, 3): a grid over the globe, the poles, the antimeridian, the nadir and its
+    antipode.
+    """
     latitude, longitude = np.radians(np.mgrid[-90:91:30, -180:181:36].reshape(2, -1))
     ring = np.stack(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=1
+        [
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ],
+        axis=1,
     )
     below = here / np.sqrt(np.sum(here**2))
     return 6.45e6 * np.concatenate([ring, [below, -below]])
 
 
 def _errors_rad(run: BenchRun) -> FloatArray:
-    """Return the angles (n,) between measured and true lines of sight; the true one includes the sensor's bias."""
+    """Return the angles (n,) between measured and true lines of sight; the true one includes the
+    sensor's bias.
+    """
     plan = run.plan
     detections = run.detections
-    offset_m = plan.targets.position_ecef_m(run.truth.target, run.truth.emission_time_s) - detections.sensor_ecef_m
+    offset_m = (
+        plan.targets.position_ecef_m(run.truth.target, run.truth.emission_time_s)
+        - detections.sensor_ecef_m
+    )
     true = offset_m / np.sqrt(np.sum(offset_m**2, axis=1))[:, None]
     if plan.bias is not None:
         x, y, z = true.T
-        true = np.stack(plan.bias.applied(x, y, z, detections.sensor, detections.sensor_ecef_m), axis=1)
+        true = np.stack(
+            plan.bias.applied(x, y, z, detections.sensor, detections.sensor_ecef_m), axis=1
+        )
     # From the chord between unit vectors: for small angles an arccosine would lose all digits.
     chord = np.sqrt(np.sum((detections.line_of_sight_ecef - true) ** 2, axis=1))
     return 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))

@@ -22,7 +22,8 @@ from opir_testing.contracts.contract import ConformanceError, require, require_c
 from opir_testing.contracts.outputs import OutputContract, edge_case_windows
 from opir_testing.doubles import stub_window
 
-#: The scene time of a cycle of the live run, ns, and the time in which it ends, s; pauses between two looks at it, s.
+#: The scene time of a cycle of the live run, ns, and the time in which it ends, s; pauses between
+#: two looks at it, s.
 _CYCLE_NS = 5_000_000_000
 _LIVE_S = 20.0
 _POLL_S = 0.01
@@ -30,10 +31,13 @@ _MANIFEST = "manifest.json"
 _SPOOL = "waiting.spool"
 
 _OPENING = (
-    "Derive the class from opir_core.plugin.Sink. If it writes a file, open the path that context.stage(path) returns:"
+    "Derive the class from opir_core.plugin.Sink. If it writes a file, open the path that"
+    " context.stage(path) returns:"
     " a file that exists and is empty, to be filled in place."
 )
-_RESUMING = "If context.resumes, append to the output; or raise SinkError in build if it can have no spool."
+_RESUMING = (
+    "If context.resumes, append to the output; or raise SinkError in build if it can have no spool."
+)
 
 
 class SinkContract(OutputContract):
@@ -56,7 +60,9 @@ class SinkContract(OutputContract):
 
     @contextmanager
     def opened(self) -> Iterator[Sink]:
-        """Yield the built sink, in an empty folder, with files as a batch run places them: empty, to be renamed."""
+        """Yield the built sink, in an empty folder, with files as a batch run places them: empty,
+        to be renamed.
+        """
         with _empty_folder():
             files = OutputFiles()
             try:
@@ -74,7 +80,9 @@ class SinkContract(OutputContract):
 
     @classmethod
     def run_plan(cls, duration_s: float = 90.0, **settings: Any) -> Plan:
-        """Return the plan of the test scene with the sink as its output; `settings` are added to its block."""
+        """Return the plan of the test scene with the sink as its output; `settings` are added to
+        its block.
+        """
         outputs = [{cls.name: {**cls.block(), **settings}}]
         return planned(bench_scene(outputs=outputs, duration_s=duration_s), cls.host())
 
@@ -115,23 +123,35 @@ class SinkContract(OutputContract):
                 sink.write(window)
             sink.close()
         after = [encoder_of(self.plan()).encode(window) for window in self.windows()]
-        require(before == after, "a window changes when it is written", "Copy columns before changing them.")
+        require(
+            before == after,
+            "a window changes when it is written",
+            "Copy columns before changing them.",
+        )
 
     def test_edge_case_windows_are_accepted(self) -> None:
-        """Detections over the pole, at the antimeridian, with and without estimates are accepted."""
+        """Detections over the pole, at the antimeridian, with and without estimates are
+        accepted.
+        """
         with self.opened() as sink:
             for window in edge_case_windows().values():
                 sink.write(window)
-            _require_accounts(sink.close(), sum(len(window.detections) for window in edge_case_windows().values()))
+            _require_accounts(
+                sink.close(), sum(len(window.detections) for window in edge_case_windows().values())
+            )
 
     def test_a_batch_run_succeeds_and_succeeds_again(self) -> None:
-        """A run like that of `opir run` writes all events, to files that exist and are empty, put in place later."""
+        """A run like that of `opir run` writes all events, to files that exist and are empty, put
+        in place later.
+        """
         with _empty_folder():
             for run in ("the first run", "a second run in the same folder"):
                 _require_run(_delivered(self.run_plan(), _OPENING), run)
 
     def test_a_live_run_succeeds(self) -> None:
-        """A live run writes windows, most of them empty, and closes the sink, from a thread that has not opened it."""
+        """A live run writes windows, most of them empty, and closes the sink, from a thread that
+        has not opened it.
+        """
         with _empty_folder():
             plan = self.run_plan()
             run = LiveRun(plan.scene, plan.host, LiveSettings(speed=None, cycle_ns=_CYCLE_NS))
@@ -143,12 +163,15 @@ class SinkContract(OutputContract):
         (sink,) = status.sinks
         require(
             status.state == "stopped" and sink.state == "closed" and not sink.unbalanced,
-            f"the run is {status.state}, the sink {sink.state} ({sink.error or status.error or 'events are missing'})",
+            f"the run is {status.state}, the sink {sink.state}"
+            f" ({sink.error or status.error or 'events are missing'})",
             "Open, write and close from any thread, and return within seconds.",
         )
 
     def test_a_run_with_a_spool_continues_its_output(self) -> None:
-        """With a spool, a second run keeps what the first one has delivered; a sink that cannot says so at once."""
+        """With a spool, a second run keeps what the first one has delivered; a sink that cannot
+        says so at once.
+        """
         with _empty_folder():
             spool = {"path": _SPOOL}
             try:
@@ -157,19 +180,29 @@ class SinkContract(OutputContract):
                 return
             _require_run(outcome, "a run with a spool")
             before = _sizes()
-            _require_run(_delivered(self.run_plan(45.0, spool=spool), _RESUMING), "a second run with the same spool")
+            _require_run(
+                _delivered(self.run_plan(45.0, spool=spool), _RESUMING),
+                "a second run with the same spool",
+            )
             shorter = [name for name, size in before.items() if _sizes().get(name, 0) < size]
             require(
                 not shorter,
-                f"a second run with the same spool makes {', '.join(shorter)} shorter: delivered events are lost",
+                f"a second run with the same spool makes {', '.join(shorter)} shorter: delivered"
+                f" events are lost",
                 _RESUMING,
             )
 
     def test_truth_is_read_back(self) -> None:
-        """A sink that also writes the truth reads it back: the records of targets, then each detection by its id."""
+        """A sink that also writes the truth reads it back: the records of targets, then each
+        detection by its id.
+        """
         opened = self.component().open_truth
         read = self.component().read_truth
-        require((opened is None) == (read is None), "it only writes or only reads truth", "Set both or neither.")
+        require(
+            (opened is None) == (read is None),
+            "it only writes or only reads truth",
+            "Set both or neither.",
+        )
         if opened is None:
             return
         records = [{"record": "target", "target_id": id_} for id_ in self.plan().targets.ids]
@@ -179,10 +212,20 @@ class SinkContract(OutputContract):
                 for window in self.windows():
                     file.write(window)
             rows = list(read(path))
-        ids = [text for window in self.windows() for text in uuid_text(window.detections.detection_id)]
-        require(rows[: len(records)] == records, "the records of targets are lost", "Keep the records as they are.")
+        ids = [
+            text for window in self.windows() for text in uuid_text(window.detections.detection_id)
+        ]
+        require(
+            rows[: len(records)] == records,
+            "the records of targets are lost",
+            "Keep the records as they are.",
+        )
         same = [row.get("detection_id") for row in rows[len(records) :]] == ids
-        require(same, "the detections read are not those written", "Write a row for each detection, in their order.")
+        require(
+            same,
+            "the detections read are not those written",
+            "Write a row for each detection, in their order.",
+        )
 
 
 def _require_accounts(delivery: Delivery, events: int) -> None:
@@ -190,7 +233,8 @@ def _require_accounts(delivery: Delivery, events: int) -> None:
     counts = (delivery.delivered, delivery.spooled, delivery.dropped, delivery.withheld)
     require(
         min(counts) >= 0 and sum(counts) == events + delivery.recovered,
-        f"of {events} events {counts[0]} are delivered, {counts[1]} spooled, {counts[2]} dropped, {counts[3]} withheld",
+        f"of {events} events {counts[0]} are delivered, {counts[1]} spooled, {counts[2]} dropped,"
+        f" {counts[3]} withheld",
         "Count events in write; close waits for pending events and returns the Delivery of all.",
     )
 
@@ -204,7 +248,9 @@ def _delivered(plan: Plan, change: str) -> RunOutcome:
 
 
 def _require_run(outcome: RunOutcome, run: str) -> None:
-    """Require that a batch run has delivered all events, and that its files are what the manifest says."""
+    """Require that a batch run has delivered all events, and that its files are what the manifest
+    says.
+    """
     report = outcome.report.sinks[0]
     require(
         report.error is None,
@@ -212,21 +258,28 @@ def _require_run(outcome: RunOutcome, run: str) -> None:
         _OPENING,
     )
     _require_accounts(
-        Delivery(report.delivered, report.spooled, report.dropped, report.withheld, report.recovered),
+        Delivery(
+            report.delivered, report.spooled, report.dropped, report.withheld, report.recovered
+        ),
         outcome.report.events,
     )
     for file in outcome.manifest["written_files"]:
         content = Path(file["name"]).read_bytes()
         require(
             len(content) == file["bytes"] and hashlib.sha256(content).hexdigest() == file["sha256"],
-            f"after {run} {file['name']} has {len(content)} bytes, and the staged file has {file['bytes']}",
+            f"after {run} {file['name']} has {len(content)} bytes, and the staged file has"
+            f" {file['bytes']}",
             "Fill the staged file and close it in close; do not replace it by another file.",
         )
 
 
 def _sizes() -> Mapping[str, int]:
     """Return the sizes of the sink's files in this folder, bytes."""
-    files = (path for path in Path().rglob("*") if path.is_file() and path.name not in (_MANIFEST, _SPOOL))
+    files = (
+        path
+        for path in Path().rglob("*")
+        if path.is_file() and path.name not in (_MANIFEST, _SPOOL)
+    )
     return {str(path): path.stat().st_size for path in files}
 
 

@@ -24,8 +24,8 @@ _SHARES = (0.02, 0.5, 0.98)
 class TargetClassContract(TargetContract):
     """Conformance tests of a target class: those of its target model with flights of the class.
 
-    Each profile flies three ranges within its limits, or a class into orbit at three azimuths; `settings` are added to
-    each target.
+    Each profile flies three ranges within its limits, or a class into orbit at three azimuths;
+    `settings` are added to each target.
     """
 
     @classmethod
@@ -46,7 +46,9 @@ class TargetClassContract(TargetContract):
         if model == OrbitInsertion.model:
             flights = list(_ascents())
         else:
-            flights = [flight for profile in cls.target_class().profiles for flight in _flights(profile)]
+            flights = [
+                flight for profile in cls.target_class().profiles for flight in _flights(profile)
+            ]
         return [
             {"id": f"T{number}", "model": model, "type": cls.name, **flight, **cls.settings}
             for number, flight in enumerate(flights, start=1)
@@ -75,11 +77,14 @@ class TargetClassContract(TargetContract):
         )
 
     def test_sensors_that_do_not_name_the_class_detect_it(self) -> None:
-        """A sensor without a probability of detection for the class detects it like the type that it resembles."""
+        """A sensor without a probability of detection for the class detects it like the type that
+        it resembles.
+        """
         kind = self.target_class()
         run = self.run()
         sensor, target = (
-            grid.ravel().astype(np.int32) for grid in np.indices((len(run.plan.sensors), len(self.blocks())))
+            grid.ravel().astype(np.int32)
+            for grid in np.indices((len(run.plan.sensors), len(self.blocks())))
         )
         expected = [run.plan.sensors[row].detection_probability for row in sensor.tolist()]
         chance = run.plan.detection.pair_probability(sensor, target)
@@ -102,10 +107,16 @@ class TargetClassContract(TargetContract):
 
     def test_plumes_are_seen(self) -> None:
         """With detection: snr, the class's default plumes are detected."""
-        run = self.run_of(bench_scene(targets=self.blocks(), detection="snr", classification="none"))
+        run = self.run_of(
+            bench_scene(targets=self.blocks(), detection="snr", classification="none")
+        )
         seen = {run.plan.targets.ids[target] for target in run.truth.target.tolist() if target >= 0}
         dark = [block["id"] for block in self.blocks() if block["id"] not in seen]
-        require(not dark, f"targets {dark} are never detected", "Give the plume intensities of its class, in W/sr.")
+        require(
+            not dark,
+            f"targets {dark} are never detected",
+            "Give the plume intensities of its class, in W/sr.",
+        )
 
 
 def _flights(profile: BoostProfile) -> Sequence[Mapping[str, Any]]:
@@ -119,16 +130,27 @@ def _flights(profile: BoostProfile) -> Sequence[Mapping[str, Any]]:
 
 
 def _ascents() -> Iterator[Mapping[str, Any]]:
-    """Yield launch and azimuth of flights into orbit: with, across and against the rotation of the Earth."""
+    """Yield launch and azimuth of flights into orbit: with, across and against the rotation of the
+    Earth.
+    """
     for number, azimuth_deg in enumerate((90.0, 180.0, 270.0)):
         yield {"launch": {**_LAUNCH, "time_s": 2.0 + number}, "azimuth_deg": azimuth_deg}
 
 
 def _place(range_m: float) -> Mapping[str, float]:
-    """Return the place at a distance along a great circle of the sphere, which is within 0.4 % of the geodesic's."""
+    """Return the place at a distance along a great circle of the sphere, which is within 0.4 % of
+    the geodesic's.
+    """
     way = range_m / _RADIUS_M
     start = math.radians(_LAUNCH["lat_deg"])
-    sine = math.sin(start) * math.cos(way) + math.cos(start) * math.sin(way) * math.cos(_BEARING_RAD)
+    sine = math.sin(start) * math.cos(way) + math.cos(start) * math.sin(way) * math.cos(
+        _BEARING_RAD
+    )
     east = math.sin(_BEARING_RAD) * math.sin(way) * math.cos(start)
-    longitude_deg = _LAUNCH["lon_deg"] + math.degrees(math.atan2(east, math.cos(way) - math.sin(start) * sine))
-    return {"lat_deg": math.degrees(math.asin(sine)), "lon_deg": (longitude_deg + 180.0) % 360.0 - 180.0}
+    longitude_deg = _LAUNCH["lon_deg"] + math.degrees(
+        math.atan2(east, math.cos(way) - math.sin(start) * sine)
+    )
+    return {
+        "lat_deg": math.degrees(math.asin(sine)),
+        "lon_deg": (longitude_deg + 180.0) % 360.0 - 180.0,
+    }

@@ -9,7 +9,14 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces import has_own
-from opir_core.plugin import EMITTER_TYPES, Component, TargetClass, TargetContext, TargetModel, Trajectories
+from opir_core.plugin import (
+    EMITTER_TYPES,
+    Component,
+    TargetClass,
+    TargetContext,
+    TargetModel,
+    Trajectories,
+)
 from opir_testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
 from opir_testing.contracts.contract import (
     ConformanceError,
@@ -31,8 +38,8 @@ _LEAST_RADIUS_M = 6.35e6
 class TargetContract(SceneContract):
     """Conformance tests of a target model.
 
-    `launches` are target blocks, each with an `id`; `settings` are added to each. The default ones have type, launch
-    and aim.
+    `launches` are target blocks, each with an `id`; `settings` are added to each. The default ones
+    have type, launch and aim.
     """
 
     kind: ClassVar[type[Component]] = TargetModel
@@ -54,9 +61,16 @@ class TargetContract(SceneContract):
         return bench_scene(**{"targets": cls.blocks(), **changes})
 
     @classmethod
-    def made(cls, blocks: Sequence[Mapping[str, Any]], *, free_flight: bool = False) -> Trajectories:
-        """Return the trajectories of target blocks; with `free_flight` a sensor follows them after burnout."""
-        settings = [{key: value for key, value in block.items() if key not in ("id", "model")} for block in blocks]
+    def made(
+        cls, blocks: Sequence[Mapping[str, Any]], *, free_flight: bool = False
+    ) -> Trajectories:
+        """Return the trajectories of target blocks; with `free_flight` a sensor follows them after
+        burnout.
+        """
+        settings = [
+            {key: value for key, value in block.items() if key not in ("id", "model")}
+            for block in blocks
+        ]
         context = TargetContext(
             ids=tuple(block["id"] for block in blocks),
             paths=tuple(f"targets[{number}]" for number in range(len(blocks))),
@@ -83,21 +97,28 @@ class TargetContract(SceneContract):
         rows = len(self.blocks())
         require(
             made.type_code.shape == made.ignition_s.shape == made.burnout_s.shape == (rows,),
-            f"{rows} targets have {made.type_code.shape} types and {made.ignition_s.shape} ignitions",
+            f"{rows} targets have {made.type_code.shape} types and {made.ignition_s.shape}"
+            f" ignitions",
             "Return one row for each configuration, in their order.",
         )
         require(
-            np.all(made.type_code < len(EMITTER_TYPES)) and np.all(made.burnout_s > made.ignition_s),
+            np.all(made.type_code < len(EMITTER_TYPES))
+            and np.all(made.burnout_s > made.ignition_s),
             "a type is unknown, or a burn ends before it begins",
             "type_code is an index into TARGET_TYPES; burnout_s comes after ignition_s.",
         )
 
     def test_burns_are_in_order_from_ignition_to_burnout(self) -> None:
-        """The burns of a model with `burns_s` are in order, from ignition to burnout, filled up with nan."""
+        """The burns of a model with `burns_s` are in order, from ignition to burnout, filled up
+        with nan.
+        """
         made = self.targets()
         if not has_own(Trajectories, made, "burns_s"):
             return
-        change = "Return (n, k, 2): ignition and burnout of each burn from ignition_s to burnout_s, then nan."
+        change = (
+            "Return (n, k, 2): ignition and burnout of each burn from ignition_s to burnout_s, then"
+            " nan."
+        )
         rows = len(self.blocks())
         require(
             np.ndim(made.burns_s) == 3 and made.burns_s.shape[::2] == (rows, 2),
@@ -112,8 +133,11 @@ class TargetContract(SceneContract):
                 len(burns) > 0
                 and np.array_equal(first, burns)
                 and (burns[0, 0], burns[-1, 1]) == ends
-                and bool(np.all(np.diff(burns.ravel()) >= 0.0) and np.all(burns[:, 1] > burns[:, 0])),
-                f"the burns of target {row} are {burns.tolist()}, with ignition and burnout at {ends}",
+                and bool(
+                    np.all(np.diff(burns.ravel()) >= 0.0) and np.all(burns[:, 1] > burns[:, 0])
+                ),
+                f"the burns of target {row} are {burns.tolist()}, with ignition and burnout at"
+                f" {ends}",
                 change,
             )
 
@@ -128,17 +152,22 @@ class TargetContract(SceneContract):
             require(
                 np.isfinite(inside).all() and np.isnan(outside).all(),
                 f"target {row} has a position outside its burn, or none inside",
-                "Return (n, 3) that is finite at ignition_s <= time_s <= burnout_s and nan elsewhere.",
+                "Return (n, 3) that is finite at ignition_s <= time_s <= burnout_s and nan"
+                " elsewhere.",
             )
 
     def test_free_flight_extends_to_end_s_and_burns_do_not_change(self) -> None:
-        """Positions of a model with `end_s` extend to it if a sensor follows bodies; the burn does not change."""
+        """Positions of a model with `end_s` extend to it if a sensor follows bodies; the burn does
+        not change.
+        """
         alone = self.targets()
         followed = self.made(self.blocks(), free_flight=True)
         if not has_own(Trajectories, followed, "end_s"):
             return
         for row in range(len(self.blocks())):
-            start, burnout, end = (float(v[row]) for v in (alone.ignition_s, alone.burnout_s, followed.end_s))
+            start, burnout, end = (
+                float(v[row]) for v in (alone.ignition_s, alone.burnout_s, followed.end_s)
+            )
             flight = followed.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
             after = followed.position_ecef_m(*_at(row, np.array([end + 1.0])))
             require(
@@ -164,8 +193,11 @@ class TargetContract(SceneContract):
             turn = np.abs(np.diff(velocity, axis=0)).max() / 0.5
             radius_m = np.sqrt(np.sum(place_m**2, axis=1))
             require(
-                radius_m.min() > _LEAST_RADIUS_M and speed < _SPEED_LIMIT_M_S and turn < _ACCELERATION_LIMIT_M_S2,
-                f"target {row} comes to {radius_m.min():.0f} m of the Earth's centre, flies at up to {speed:.0f} m/s"
+                radius_m.min() > _LEAST_RADIUS_M
+                and speed < _SPEED_LIMIT_M_S
+                and turn < _ACCELERATION_LIMIT_M_S2,
+                f"target {row} comes to {radius_m.min():.0f} m of the Earth's centre, flies at up"
+                f" to {speed:.0f} m/s"
                 f" and changes speed by up to {turn:.0f} m/s in a second",
                 "Positions are ECEF, metres, continuous, with accelerations below 100 m/s2.",
             )
@@ -178,7 +210,9 @@ class TargetContract(SceneContract):
         share = np.repeat(np.linspace(0.0, 1.0, 41), count)
         time_s = made.ignition_s[target] + share * (made.burnout_s - made.ignition_s)[target]
         require_independent_rows(
-            "position_ecef_m", lambda rows: made.position_ecef_m(target[rows], time_s[rows]), len(target)
+            "position_ecef_m",
+            lambda rows: made.position_ecef_m(target[rows], time_s[rows]),
+            len(target),
         )
 
     def test_targets_are_independent(self) -> None:
@@ -190,7 +224,9 @@ class TargetContract(SceneContract):
             together = made.position_ecef_m(*_at(row, time_s))
             same = np.array_equal(alone.position_ecef_m(*_at(0, time_s)), together)
             require(
-                same, f"target {row} has another trajectory alone", "Compute each target from its own configuration."
+                same,
+                f"target {row} has another trajectory alone",
+                "Compute each target from its own configuration.",
             )
 
     def test_truth_is_plain_values(self) -> None:
@@ -202,7 +238,11 @@ class TargetContract(SceneContract):
             raise ConformanceError(
                 f"the truth is not plain values: {error}", "Return numbers, text and lists; no nan."
             ) from error
-        require(len(truth) == len(self.blocks()), f"the truth has {len(truth)} rows", "Return one mapping a target.")
+        require(
+            len(truth) == len(self.blocks()),
+            f"the truth has {len(truth)} rows",
+            "Return one mapping a target.",
+        )
 
     def test_times_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the times: computations are on arrays."""

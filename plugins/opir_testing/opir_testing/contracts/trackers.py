@@ -23,7 +23,12 @@ from opir_core.plugin import (
 )
 from opir_core.simulation import without_truth
 from opir_testing.bench import planned
-from opir_testing.contracts.contract import ConformanceError, require, require_independent_rows, require_pickling
+from opir_testing.contracts.contract import (
+    ConformanceError,
+    require,
+    require_independent_rows,
+    require_pickling,
+)
 from opir_testing.contracts.scenes import SceneContract
 from opir_testing.doubles import hypothesis_sums
 from opir_testing.execution_monitor import python_steps
@@ -43,7 +48,9 @@ _PROBABILITIES = (
 
 
 def validity(tracks: Tracks, hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, bool]:
-    """Return the conditions that estimates must meet, and whether they do; `hypotheses` are those of the context."""
+    """Return the conditions that estimates must meet, and whether they do; `hypotheses` are those
+    of the context.
+    """
     rows = len(tracks)
     shapes = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}
     if tracks.hypothesis_probability.ndim == 2 and tracks.hypothesis_probability.shape[1]:
@@ -55,25 +62,37 @@ def validity(tracks: Tracks, hypotheses: Sequence[Hypothesis] = ()) -> Mapping[s
             f"{name}: of shape {(rows, *shape)}": getattr(tracks, name).shape == (rows, *shape)
             for name, shape in shapes.items()
         },
-        **{f"{name}: latitude and longitude": _are_positions(getattr(tracks, name)) for name in ("launch", "impact")},
+        **{
+            f"{name}: latitude and longitude": _are_positions(getattr(tracks, name))
+            for name in ("launch", "impact")
+        },
         f"type_probability: over {', '.join(REPORTED_TYPES)}, summing to 1": bool(
-            np.all(chances[known] >= 0.0) and np.all(np.abs(chances[known].sum(axis=1) - 1.0) < 1e-6)
+            np.all(chances[known] >= 0.0)
+            and np.all(np.abs(chances[known].sum(axis=1) - 1.0) < 1e-6)
         ),
         **{
-            f"{name}: positive and rising": not np.any(np.diff(getattr(tracks, name), axis=1, prepend=0.0) <= 0.0)
+            f"{name}: positive and rising": not np.any(
+                np.diff(getattr(tracks, name), axis=1, prepend=0.0) <= 0.0
+            )
             for name in ("impact_sigmas", "state_sigmas")
         },
         **{
-            f"{name}: in [0, 1]": not np.any((getattr(tracks, name) < 0.0) | (getattr(tracks, name) > 1.0))
+            f"{name}: in [0, 1]": not np.any(
+                (getattr(tracks, name) < 0.0) | (getattr(tracks, name) > 1.0)
+            )
             for name in _PROBABILITIES
         },
         **_hypothesis_validity(tracks, hypotheses),
-        f"end: codes into {TRACK_ENDS}": bool(np.all((tracks.end >= 0) & (tracks.end < len(TRACK_ENDS)))),
+        f"end: codes into {TRACK_ENDS}": bool(
+            np.all((tracks.end >= 0) & (tracks.end < len(TRACK_ENDS)))
+        ),
     }
 
 
 def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Mapping[str, bool]:
-    """Return the conditions of the probabilities of hypotheses, for tracks that have a column for each."""
+    """Return the conditions of the probabilities of hypotheses, for tracks that have a column for
+    each.
+    """
     chances = tracks.hypothesis_probability
     if chances.shape != (len(tracks), len(hypotheses)) or not hypotheses:
         return {}
@@ -86,13 +105,17 @@ def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Ma
             np.all(known >= 0.0) and np.all(np.abs(known.sum(axis=1) - 1.0) < 1e-6)
         ),
         **{
-            f"{name}: the sum of its hypotheses": np.allclose(getattr(tracks, name), total, atol=1e-6, equal_nan=True)
+            f"{name}: the sum of its hypotheses": np.allclose(
+                getattr(tracks, name), total, atol=1e-6, equal_nan=True
+            )
             for name, total in sums.items()
             if name != "probability_launch"
         },
         "probability_launch: at least that of the target classes, at most with none of these": bool(
             np.all(tracks.probability_launch[rows] >= sums["probability_launch"][rows] - 1e-6)
-            and np.all(tracks.probability_launch[rows] <= (sums["probability_launch"] + none)[rows] + 1e-6)
+            and np.all(
+                tracks.probability_launch[rows] <= (sums["probability_launch"] + none)[rows] + 1e-6
+            )
         ),
     }
 
@@ -100,7 +123,9 @@ def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Ma
 def _are_positions(places: FloatArray) -> bool:
     latitude = np.nan_to_num(places[:, 0])
     longitude = np.nan_to_num(places[:, 1])
-    return bool(np.all(np.abs(latitude) <= np.pi / 2) and np.all(np.abs(longitude) <= np.pi + 1e-12))
+    return bool(
+        np.all(np.abs(latitude) <= np.pi / 2) and np.all(np.abs(longitude) <= np.pi + 1e-12)
+    )
 
 
 def region_faults(tracks: Tracks) -> Iterator[str]:
@@ -108,7 +133,11 @@ def region_faults(tracks: Tracks) -> Iterator[str]:
     rows = {id(row): row for row in tracks.impact_regions.tolist()}
     for conditions in rows.values():
         yield from _condition_faults(conditions)
-    for regions in (tuple(each) for row in rows.values() for _, each in groupby(row, lambda region: region.condition)):
+    for regions in (
+        tuple(each)
+        for row in rows.values()
+        for _, each in groupby(row, lambda region: region.condition)
+    ):
         shares = [region.containment for region in regions]
         if shares != sorted(set(shares)) or not set(shares) <= set(TRACK_CONTAINMENTS):
             yield f"of probabilities {shares}, not some of {TRACK_CONTAINMENTS}, each once, in rising order"
@@ -131,14 +160,27 @@ def _condition_faults(regions: Sequence[ImpactRegion]) -> Iterator[str]:
     chances = [region.probability for region in regions]
     if len(set(names)) < len(names) or not set(names) <= set(IMPACT_CONDITIONS):
         yield f"of conditions {names}, not some of {IMPACT_CONDITIONS}, each once"
-    if not all(0.0 <= chance <= 1.0 for chance in chances) or sorted(chances, reverse=True) != chances:
+    if (
+        not all(0.0 <= chance <= 1.0 for chance in chances)
+        or sorted(chances, reverse=True) != chances
+    ):
         yield f"of conditions with probabilities {chances}, not falling and in [0, 1]"
 
 
 def _ring_fault(ring: FloatArray) -> str:
-    if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < _FEWEST_POINTS or not np.array_equal(ring[0], ring[-1]):
-        return f"with a ring of shape {ring.shape} that is not closed, or has fewer than {_FEWEST_POINTS} points"
-    is_position = (np.abs(ring[:, 0]) <= np.pi / 2) & (np.abs(ring[:, 1]) <= np.pi + 1e-12)  # false for nan
+    if (
+        ring.ndim != 2
+        or ring.shape[1] != 2
+        or len(ring) < _FEWEST_POINTS
+        or not np.array_equal(ring[0], ring[-1])
+    ):
+        return (
+            f"with a ring of shape {ring.shape} that is not closed, or has fewer than"
+            f" {_FEWEST_POINTS} points"
+        )
+    is_position = (np.abs(ring[:, 0]) <= np.pi / 2) & (
+        np.abs(ring[:, 1]) <= np.pi + 1e-12
+    )  # false for nan
     return "" if is_position.all() else "with latitudes beyond pi/2, longitudes beyond pi, or nan"
 
 
@@ -146,12 +188,15 @@ def require_covariance(what: str, covariance: FloatArray) -> None:
     """Require covariances (n, d, d) that are symmetric and positive definite, or all nan."""
     unknown = np.isnan(covariance).any(axis=(1, 2))
     partly = unknown & ~np.isnan(covariance).all(axis=(1, 2))
-    require(not partly.any(), f"{what} is partly nan", "Give a whole covariance, or nan in all of it.")
+    require(
+        not partly.any(), f"{what} is partly nan", "Give a whole covariance, or nan in all of it."
+    )
     for matrix in covariance[~unknown]:
         deviation = np.sqrt(np.abs(np.diag(matrix)))
         if not np.all(np.diag(matrix) > 0.0):
             raise ConformanceError(
-                f"{what} has a variance that is not positive", "Use the Joseph form or a square-root filter."
+                f"{what} has a variance that is not positive",
+                "Use the Joseph form or a square-root filter.",
             )
         correlation = matrix / np.outer(deviation, deviation)
         require(
@@ -170,9 +215,11 @@ def require_covariance(what: str, covariance: FloatArray) -> None:
 _NS = 1_000_000_000
 #: Below the ground, m from the Earth's centre: the polar radius, less the error of a poor estimate.
 _LEAST_RADIUS_M = 6.0e6
-#: Largest typical distance of positions from the lines of sight, m; a target of the scene moves less in its 90 s.
+#: Largest typical distance of positions from the lines of sight, m; a target of the scene moves
+#: less in its 90 s.
 _NEAR_M = 200e3
-#: The limit of the growth of work over that of detections or ticks when both double; quadratic work would be 2.
+#: The limit of the growth of work over that of detections or ticks when both double; quadratic work
+#: would be 2.
 _GROWTH_LIMIT = 1.5
 
 
@@ -187,7 +234,9 @@ class Tick:
 
 
 class TrackerContract(SceneContract):
-    """Conformance tests of a tracker. Track numbers may depend on the order of targets, the partition may not."""
+    """Conformance tests of a tracker. Track numbers may depend on the order of targets, the
+    partition may not.
+    """
 
     kind: ClassVar[type[Component]] = TrackerModel
     key: ClassVar[str] = "tracker"
@@ -259,11 +308,15 @@ class TrackerContract(SceneContract):
         change = "Change neither detections nor any state outside the tracker."
         names = {"track", "estimate"}
         for column in (item.name for item in fields(Detections) if item.name not in names):
-            same = np.array_equal(getattr(without, column), getattr(self.run().detections, column), equal_nan=True)
+            same = np.array_equal(
+                getattr(without, column), getattr(self.run().detections, column), equal_nan=True
+            )
             require(same, f"the tracker changes the column {column}", change)
 
     def test_only_measured_columns_are_used(self) -> None:
-        """Results do not depend on counts, confidences and ids of detections, which contain truth."""
+        """Results do not depend on counts, confidences and ids of detections, which contain
+        truth.
+        """
         detections = self.reported()
         rng = np.random.default_rng(0)
         scrambled = evolve(
@@ -283,7 +336,8 @@ class TrackerContract(SceneContract):
         """The time between ticks is positive, or None."""
         cadence_s: Any = self.tracker().cadence_s
         require(
-            cadence_s is None or (isinstance(cadence_s, int | float) and 0.0 < cadence_s < float("inf")),
+            cadence_s is None
+            or (isinstance(cadence_s, int | float) and 0.0 < cadence_s < float("inf")),
             f"cadence_s is {cadence_s!r}",
             "Return a positive number of seconds, or None.",
         )
@@ -294,13 +348,15 @@ class TrackerContract(SceneContract):
         for tick in self.results():
             require(
                 tick.track.dtype == np.int64 and tick.track.shape == (len(tick.detections),),
-                f"associate returns {tick.track.dtype} {tick.track.shape} for {len(tick.detections)} detections",
+                f"associate returns {tick.track.dtype} {tick.track.shape} for"
+                f" {len(tick.detections)} detections",
                 "Return int64, one number for each detection.",
             )
             unknown = tick.track[(tick.track != -1) & ~np.isin(tick.track, known)]
             require(
                 len(unknown) == 0,
-                f"at {tick.time_s} s a detection is associated with track {unknown[:1]}, unknown at the last tick",
+                f"at {tick.time_s} s a detection is associated with track {unknown[:1]}, unknown at"
+                f" the last tick",
                 "Associate with the tracks that the last step returned.",
             )
             known = tick.tracks.track
@@ -317,7 +373,8 @@ class TrackerContract(SceneContract):
             require(
                 np.array_equal(first, again) and _equal(tracks, expected),
                 f"at {tick_ns / _NS} s results depend on calls of associate",
-                "Change state in step only; the engine may call associate for parts of a batch, or more than once.",
+                "Change state in step only; the engine may call associate for parts of a batch, or"
+                " more than once.",
             )
 
     def test_unchanged_sensors_change_nothing(self) -> None:
@@ -330,7 +387,9 @@ class TrackerContract(SceneContract):
             tracker.set_sensors(self.context().sensors)
             same = _equal(tracker.step(tick_ns / _NS, batch), other.step(tick_ns / _NS, batch))
             require(
-                same, f"at {tick_ns / _NS} s set_sensors changes the tracks", "Change only the settings of the sensors."
+                same,
+                f"at {tick_ns / _NS} s set_sensors changes the tracks",
+                "Change only the settings of the sensors.",
             )
 
     def test_associations_are_independent(self) -> None:
@@ -339,31 +398,42 @@ class TrackerContract(SceneContract):
         batch = self.observed()
         for _ in self.ticks(tracker):
             pass
-        require_independent_rows("the track", lambda rows: tracker.associate(batch.take(rows)), len(batch))
+        require_independent_rows(
+            "the track", lambda rows: tracker.associate(batch.take(rows)), len(batch)
+        )
 
     def test_tracks_of_a_tick_are_sorted(self) -> None:
         """A tick has one row per track, sorted by number, with the time of the tick."""
         for tick in self.results():
             number = tick.tracks.track
             require(
-                np.all(np.diff(number) > 0) and np.all(number >= 0) and np.all(tick.tracks.tick_s == tick.time_s),
-                f"at {tick.time_s} s the rows are of tracks {number[:6]} at {tick.tracks.tick_s[:6]} s",
-                "Return one row per track, sorted by track number from 0, with the tick_s of the call.",
+                np.all(np.diff(number) > 0)
+                and np.all(number >= 0)
+                and np.all(tick.tracks.tick_s == tick.time_s),
+                f"at {tick.time_s} s the rows are of tracks {number[:6]} at"
+                f" {tick.tracks.tick_s[:6]} s",
+                "Return one row per track, sorted by track number from 0, with the tick_s of the"
+                " call.",
             )
 
     def test_shapes_and_positions_are_valid(self) -> None:
-        """Estimates have the stated shapes; latitudes, longitudes and probabilities are valid or nan."""
+        """Estimates have the stated shapes; latitudes, longitudes and probabilities are valid or
+        nan.
+        """
         hypotheses = self.context().hypotheses
         for tick in self.results():
             for condition, holds in validity(tick.tracks, hypotheses).items():
                 require(
                     holds,
                     f"at {tick.time_s} s not valid: {condition}",
-                    "Return nan for unknown values, angles in radians, longitudes in [-pi, pi], times in scene time.",
+                    "Return nan for unknown values, angles in radians, longitudes in [-pi, pi],"
+                    " times in scene time.",
                 )
 
     def test_positions_are_above_the_ground_and_near_the_lines_of_sight(self) -> None:
-        """Known positions lie between the ground and the highest sensor, most within 200 km of a measured ray."""
+        """Known positions lie between the ground and the highest sensor, most within 200 km of a
+        measured ray.
+        """
         change = "Return positions in ECEF, in metres, or nan while they are unknown."
         observed = self.observed()
         distances_m = list[float]()
@@ -374,7 +444,8 @@ class TrackerContract(SceneContract):
             outside = radius_m[(radius_m < _LEAST_RADIUS_M) | (radius_m > highest_m)]
             require(
                 len(outside) == 0,
-                f"at {tick.time_s} s a position is {outside[:1].sum():.0f} m from the Earth's centre; the ground is at"
+                f"at {tick.time_s} s a position is {outside[:1].sum():.0f} m from the Earth's"
+                f" centre; the ground is at"
                 f" 6.4e6 m, the highest sensor of the scene at {highest_m:.4g} m",
                 change,
             )
@@ -383,12 +454,15 @@ class TrackerContract(SceneContract):
         typical_m = float(np.median(distances_m)) if distances_m else 0.0
         require(
             typical_m <= _NEAR_M,
-            f"half of the positions are over {typical_m / 1000.0:.0f} km from all lines of sight measured before",
+            f"half of the positions are over {typical_m / 1000.0:.0f} km from all lines of sight"
+            f" measured before",
             change,
         )
 
     def test_impact_regions_are_nested_and_closed(self) -> None:
-        """Impact regions have rising probabilities and areas, and closed rings of latitude and longitude."""
+        """Impact regions have rising probabilities and areas, and closed rings of latitude and
+        longitude.
+        """
         for tick in self.results():
             fault = next(region_faults(tick.tracks), None)
             require(
@@ -400,7 +474,12 @@ class TrackerContract(SceneContract):
     def test_covariances_are_symmetric_and_positive_definite(self) -> None:
         """Each covariance is symmetric and positive definite, or all nan."""
         for tick in self.results():
-            for name in ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance"):
+            for name in (
+                "state_covariance",
+                "launch_covariance",
+                "impact_covariance",
+                "burnout_covariance",
+            ):
                 require_covariance(f"{name} at {tick.time_s} s", getattr(tick.tracks, name))
 
     def test_ticks_without_detections_are_accepted(self) -> None:
@@ -415,7 +494,9 @@ class TrackerContract(SceneContract):
             )
 
     def test_an_idle_tracker_may_pass_over_ticks(self) -> None:
-        """Ticks without detections at which a tracker is idle have no tracks; all but the last may be passed over."""
+        """Ticks without detections at which a tracker is idle have no tracks; all but the last may
+        be passed over.
+        """
         tracker = self.tracker()
         control = self.tracker()
         none = self.observed().take(slice(0, 0))
@@ -423,7 +504,11 @@ class TrackerContract(SceneContract):
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
             expected = control.step(tick_ns / _NS, batch)
             if not len(batch) and tracker.is_idle():
-                require(not len(expected), "an idle tracker has tracks", "is_idle is true while nothing is followed.")
+                require(
+                    not len(expected),
+                    "an idle tracker has tracks",
+                    "is_idle is true while nothing is followed.",
+                )
                 passed_ns = tick_ns
                 continue
             if passed_ns is not None:
@@ -431,7 +516,8 @@ class TrackerContract(SceneContract):
                 passed_ns = None
             require(
                 _equal(tracker.step(tick_ns / _NS, batch), expected),
-                f"at {tick_ns / _NS} s ticks that were passed over while the tracker was idle change the tracks",
+                f"at {tick_ns / _NS} s ticks that were passed over while the tracker was idle"
+                f" change the tracks",
                 "Return False from is_idle while anything is kept that time changes.",
             )
 
@@ -445,7 +531,11 @@ class TrackerContract(SceneContract):
         copy = require_pickling(tracker)
         for tick_ns, batch in batches[middle:]:
             same = _equal(tracker.step(tick_ns / _NS, batch), copy.step(tick_ns / _NS, batch))
-            require(same, f"at {tick_ns / _NS} s a pickled copy returns other tracks", "Keep all state in the tracker.")
+            require(
+                same,
+                f"at {tick_ns / _NS} s a pickled copy returns other tracks",
+                "Keep all state in the tracker.",
+            )
 
     def test_work_grows_linearly_with_detections(self) -> None:
         """Twice the detections take about twice the steps of Python."""
@@ -453,7 +543,10 @@ class TrackerContract(SceneContract):
         end_ns = self.plan().end_ns
         middle_ns = int(whole.time_ns[len(whole) // 2])
         half = whole.take(whole.time_ns < middle_ns)
-        steps = [python_steps(partial(self._stepped, *part)) for part in ((half, middle_ns), (whole, end_ns))]
+        steps = [
+            python_steps(partial(self._stepped, *part))
+            for part in ((half, middle_ns), (whole, end_ns))
+        ]
         growth = steps[1] / steps[0] / max(len(whole) / len(half), end_ns / middle_ns)
         require(
             growth < _GROWTH_LIMIT,
@@ -467,7 +560,9 @@ class TrackerContract(SceneContract):
             tracker.step(tick_ns / _NS, batch)
 
 
-def _batches(tracker: Tracker, detections: Detections, end_ns: int) -> Iterator[tuple[int, Detections]]:
+def _batches(
+    tracker: Tracker, detections: Detections, end_ns: int
+) -> Iterator[tuple[int, Detections]]:
     if tracker.cadence_s is None:
         return
     cadence_ns = max(1, round(tracker.cadence_s * _NS))
@@ -492,11 +587,15 @@ def _length(vectors: FloatArray) -> FloatArray:
 def _partition(detections: Detections) -> set[frozenset[tuple[int, int]]]:
     """Return the sets of detections, by their ids, that share a track."""
     groups: dict[int, list[tuple[int, int]]] = {}
-    for track, words in zip(detections.track.tolist(), detections.detection_id.tolist(), strict=True):
+    for track, words in zip(
+        detections.track.tolist(), detections.detection_id.tolist(), strict=True
+    ):
         groups.setdefault(track, []).append(tuple(words))
     return {frozenset(members) for members in groups.values()}
 
 
 def _equal(one: Tracks, other: Tracks) -> bool:
     columns = ((getattr(one, item.name), getattr(other, item.name)) for item in fields(Tracks))
-    return all(np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f") for mine, theirs in columns)
+    return all(
+        np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f") for mine, theirs in columns
+    )

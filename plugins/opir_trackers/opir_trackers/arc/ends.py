@@ -7,14 +7,21 @@ import numpy as np
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import matvec
 from opir_core.flight import kepler_impact, propagate_kepler
-from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state, intersection_with_ellipsoid, local_axes
+from opir_core.geometry import (
+    ecef_to_geodetic,
+    eci_to_ecef,
+    eci_to_ecef_state,
+    intersection_with_ellipsoid,
+    local_axes,
+)
 from opir_core.plugin import TARGET_TYPES
 from opir_trackers.arc.fit import STEPS, ArcFits, solved
 from opir_trackers.launch_points import LaunchPoints
 from opir_trackers.lines_of_sight import LinesOfSight, emission_s
 from opir_trackers.sensors import SensorSchedule
 
-#: Median burn time of a boost of each of `TARGET_TYPES`, s, and the standard deviation of its logarithm. Notional.
+#: Median burn time of a boost of each of `TARGET_TYPES`, s, and the standard deviation of its
+#: logarithm. Notional.
 _BURN_S = np.array([{"ICBM": 210.0, "IRBM": 120.0, "SRBM": 65.0}[kind] for kind in TARGET_TYPES])
 _BURN_LOG_SIGMA = 0.2
 
@@ -28,7 +35,8 @@ class TrajectoryParameters(NamedTuple):
 
 
 def latency_s(schedule: SensorSchedule) -> tuple[FloatArray, FloatArray]:
-    """Return mean and standard deviation (s,) of the time from ignition to a sensor's first detection, s.
+    """Return mean and standard deviation (s,) of the time from ignition to a sensor's first
+    detection, s.
 
     Section 5.1 of the paper: T/P, for a geometric number of scans and an unknown scan phase.
     """
@@ -37,11 +45,15 @@ def latency_s(schedule: SensorSchedule) -> tuple[FloatArray, FloatArray]:
     return schedule.period_s / chance, schedule.period_s * spread
 
 
-def expected_looks(schedule: SensorSchedule, seen: BoolArray, elapsed_s: FloatArray, share: FloatArray) -> FloatArray:
-    """Return the expected number of detections (n,) of whole boosts that have lasted for `elapsed_s` (n,), s, so far.
+def expected_looks(
+    schedule: SensorSchedule, seen: BoolArray, elapsed_s: FloatArray, share: FloatArray
+) -> FloatArray:
+    """Return the expected number of detections (n,) of whole boosts that have lasted for
+    `elapsed_s` (n,), s, so far.
 
-    The mean over the types, of which `share` (n, types) are the probabilities by reports: those whose boosts would be
-    over by now are the less likely. `seen` (n, sensors) are the sensors that see each boost.
+    The mean over the types, of which `share` (n, types) are the probabilities by reports: those
+    whose boosts would be over by now are the less likely. `seen` (n, sensors) are the sensors that
+    see each boost.
     """
     from scipy.special import log_ndtr
 
@@ -55,13 +67,18 @@ def expected_looks(schedule: SensorSchedule, seen: BoolArray, elapsed_s: FloatAr
 
 
 def launches(
-    lines: LinesOfSight, owner: IntArray, count: int, schedule: SensorSchedule, light_time: bool, site_m: float
+    lines: LinesOfSight,
+    owner: IntArray,
+    count: int,
+    schedule: SensorSchedule,
+    light_time: bool,
+    site_m: float,
 ) -> LaunchPoints:
     """Return launch points of `count` tracks, where the first lines of sight of their sensors meet.
 
-    Lines (m,) are in order of time with tracks `owner` (m,). A site is on the ellipsoid, but for a normal height of the
-    standard deviation `site_m`. The time is the first emission minus the expected latency. A sensor whose first
-    detection is later than expected is not used.
+    Lines (m,) are in order of time with tracks `owner` (m,). A site is on the ellipsoid, but for a
+    normal height of the standard deviation `site_m`. The time is the first emission minus the
+    expected latency. A sensor whose first detection is later than expected is not used.
     """
     ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
     range_m = np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1))
@@ -70,8 +87,14 @@ def launches(
     begun_s = np.full(count, np.inf)
     np.fmin.at(begun_s, owner, left_s)
     met = np.flatnonzero(np.isfinite(range_m))
-    firsts = met[np.unique(np.stack([owner, lines.sensor.astype(np.int64)], axis=1)[met], axis=0, return_index=True)[1]]
-    firsts = firsts[left_s[firsts] <= begun_s[owner[firsts]] + (late_s + doubt_s)[lines.sensor[firsts]]]
+    firsts = met[
+        np.unique(
+            np.stack([owner, lines.sensor.astype(np.int64)], axis=1)[met], axis=0, return_index=True
+        )[1]
+    ]
+    firsts = firsts[
+        left_s[firsts] <= begun_s[owner[firsts]] + (late_s + doubt_s)[lines.sensor[firsts]]
+    ]
     first = lines.take(firsts)
     row = owner[firsts]
     place = ground[firsts]
@@ -95,19 +118,28 @@ def launches(
     return _pooled(about, information, pull, when, wait_s)
 
 
-def _on_ground(axes: FloatArray, direction: FloatArray, spread_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what the height of a site moves the ground points of lines by (n, 2), east and north, and covariances.
+def _on_ground(
+    axes: FloatArray, direction: FloatArray, spread_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what the height of a site moves the ground points of lines by (n, 2), east and north,
+    and covariances.
 
     The covariances (n, 2, 2) are those of lines with a spread across them.
     """
     local = matvec(axes, direction)
     flat = -local[:, :2] / local[:, 2:]
-    foot: FloatArray = np.square(spread_m)[:, None, None] * (np.eye(2) + flat[:, :, None] * flat[:, None, :])
+    foot: FloatArray = np.square(spread_m)[:, None, None] * (
+        np.eye(2) + flat[:, :, None] * flat[:, None, :]
+    )
     return flat, foot
 
 
 def _pooled(
-    about: FloatArray, information: FloatArray, pull: FloatArray, when: FloatArray, wait_s: FloatArray
+    about: FloatArray,
+    information: FloatArray,
+    pull: FloatArray,
+    when: FloatArray,
+    wait_s: FloatArray,
 ) -> LaunchPoints:
     """Return the weighted mean points of tracks, from east, north and height."""
     points = LaunchPoints.nowhere(len(about))
@@ -129,7 +161,8 @@ def _pooled(
 
 
 def states_at(arcs: ArcFits, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ECEF states (n, 6) at times (n,) and covariances (n, 6, 6), scaled where the arc fits badly.
+    """Return ECEF states (n, 6) at times (n,) and covariances (n, 6, 6), scaled where the arc fits
+    badly.
 
     The covariance is that of the noise, times the reduced χ² where this exceeds 1.
     """
@@ -148,11 +181,15 @@ def trajectory_parameters(state: FloatArray) -> TrajectoryParameters:
     """Return azimuth, flight path angle and speed of ECEF states (n, 6)."""
     east, north, up = matvec(local_axes(state[:, :3]), state[:, 3:]).T
     azimuth = np.remainder(np.arctan2(east, north), 2.0 * np.pi)
-    return TrajectoryParameters(azimuth, np.arctan2(up, np.hypot(east, north)), np.sqrt(east**2 + north**2 + up**2))
+    return TrajectoryParameters(
+        azimuth, np.arctan2(up, np.hypot(east, north)), np.sqrt(east**2 + north**2 + up**2)
+    )
 
 
 def impacts(arcs: ArcFits) -> FloatArray:
-    """Return latitude, longitude, rad, and time, s, (n, 3) of the impacts of arcs after their last emission, or nan."""
+    """Return latitude, longitude, rad, and time, s, (n, 3) of the impacts of arcs after their last
+    emission, or nan.
+    """
     flown = propagate_kepler(arcs.state[:, :3], arcs.state[:, 3:], arcs.last_s - arcs.epoch_s)
     flight_s, point = kepler_impact(*flown)
     time_s = arcs.last_s + flight_s

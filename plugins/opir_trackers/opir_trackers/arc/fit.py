@@ -1,9 +1,10 @@
-"""Least-squares fit of Keplerian arcs to lines of sight: normal equations of the state at each track's first emission.
+"""Least-squares fit of Keplerian arcs to lines of sight: normal equations of the state at each
+track's first emission.
 
-The paper fits "a Keplerian ballistic arc to the observed positions" (section 5.2). A line of sight determines a
-position in two directions; a second sensor in another direction gives the third. Otherwise the height is assumed,
-vertically from the ground at constant acceleration. Each line is linearised once, about the arc of that tick, so a tick
-costs only its own detections.
+The paper fits "a Keplerian ballistic arc to the observed positions" (section 5.2). A line of sight
+determines a position in two directions; a second sensor in another direction gives the third.
+Otherwise the height is assumed, vertically from the ground at constant acceleration. Each line is
+linearised once, about the arc of that tick, so a tick costs only its own detections.
 """
 
 import numpy as np
@@ -19,15 +20,16 @@ from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 #: Finite-difference steps, m and m/s; an arc is linear over them to parts in a million.
 STEPS = np.array([10.0, 10.0, 10.0, 0.1, 0.1, 0.1])
 
-#: Number of Chebyshev nodes of an arc within a tick; the interpolation error is 1e-6 m over a minute.
+#: Number of Chebyshev nodes of an arc within a tick; the interpolation error is 1e-6 m over a
+#: minute.
 _KNOTS = 8
 
 #: Iterations of the first fit, and of each later one.
 _FIRST_ROUNDS = 8
 _ROUNDS = 2
 
-#: Several sensors count as one where their information along the line of sight is below this share of that across: two
-#: equal sensors one degree apart.
+#: Several sensors count as one where their information along the line of sight is below this share
+#: of that across: two equal sensors one degree apart.
 _PARALLAX = 1e-4
 
 #: Iteration stops once the state moves by less than this, m and m/s.
@@ -36,7 +38,8 @@ _SETTLED = 1e-4
 #: Largest condition number of the scaled normal equations of a determined state.
 _WORST_CONDITION = 1e12
 
-#: Longest burn of the generic classes, s: until then the height of a target seen by one sensor is assumed.
+#: Longest burn of the generic classes, s: until then the height of a target seen by one sensor is
+#: assumed.
 LONGEST_BURN_S = 250.0
 
 _TURN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
@@ -44,12 +47,14 @@ _TURN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
 @frozen(eq=False, repr=False)
 class ArcFits(Columns):
-    """Arcs, one row per track: number, time of the first emission, s, and the inertial state then, m and m/s.
+    """Arcs, one row per track: number, time of the first emission, s, and the inertial state then,
+    m and m/s.
 
-    `across` and `along` (n, 7, 7) are normal equations of the six differences from `reference`, bordered by their
-    right-hand sides and the sum of squared residuals: `across` from lines of sight, `along` from assumed heights.
-    `looks` counts the detections, `seen` (n, sensors) marks their sensors, `last_s` is the last emission. `launch` and
-    `launch_covariance` are as in `Tracks`.
+    `across` and `along` (n, 7, 7) are normal equations of the six differences from `reference`,
+    bordered by their right-hand sides and the sum of squared residuals: `across` from lines of
+    sight, `along` from assumed heights. `looks` counts the detections, `seen` (n, sensors) marks
+    their sensors, `last_s` is the last emission. `launch` and `launch_covariance` are as in
+    `Tracks`.
     """
 
     number: IntArray
@@ -94,7 +99,9 @@ class ArcFits(Columns):
         return np.asarray(np.isfinite(self.state).all(axis=1))
 
     def normal(self) -> FloatArray:
-        """Return the bordered normal equations (n, 7, 7), with heights where lines do not determine the range."""
+        """Return the bordered normal equations (n, 7, 7), with heights where lines do not determine
+        the range.
+        """
         place = self.across[:, :3, :3]
         eigenvalues = np.linalg.eigvalsh(np.where(np.isfinite(place), place, 0.0))
         alone = (self.seen.sum(axis=1) < 2) | (eigenvalues[:, 0] < _PARALLAX * eigenvalues[:, 2])
@@ -102,37 +109,56 @@ class ArcFits(Columns):
 
     def discounted(self, share: float) -> "ArcFits":
         """Return the arcs with the weight of all earlier detections multiplied by a share."""
-        return self if share == 1.0 else evolve(self, across=self.across * share, along=self.along * share)
+        return (
+            self
+            if share == 1.0
+            else evolve(self, across=self.across * share, along=self.along * share)
+        )
 
 
 def solved(normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the solution of bordered normal equations (n, 7, 7), its covariance, and the residual sum of squares.
+    """Return the solution of bordered normal equations (n, 7, 7), its covariance, and the residual
+    sum of squares.
 
     These are (n, 6), (n, 6, 6) and (n,); nan where the equations are ill-conditioned.
     """
     size = np.sqrt(np.diagonal(normal[:, :6, :6], axis1=1, axis2=2))
     determined = np.logical_and((size > 0.0).all(axis=1), np.isfinite(normal).all(axis=(1, 2)))
     scale = np.where(determined[:, None], size, 1.0)
-    matrix = np.where(determined[:, None, None], normal[:, :6, :6], np.eye(6)) / (scale[:, :, None] * scale[:, None, :])
+    matrix = np.where(determined[:, None, None], normal[:, :6, :6], np.eye(6)) / (
+        scale[:, :, None] * scale[:, None, :]
+    )
     sound: BoolArray = determined & (np.linalg.cond(matrix) < _WORST_CONDITION)
     inverse = np.linalg.inv(np.where(sound[:, None, None], matrix, np.eye(6)))
     covariance = inverse / (scale[:, :, None] * scale[:, None, :])
-    covariance = np.where(sound[:, None, None], 0.5 * (covariance + covariance.transpose(0, 2, 1)), np.nan)
+    covariance = np.where(
+        sound[:, None, None], 0.5 * (covariance + covariance.transpose(0, 2, 1)), np.nan
+    )
     step = (covariance @ normal[:, :6, 6:])[:, :, 0]
     left = np.maximum(normal[:, 6, 6] - np.sum(step * normal[:, :6, 6], axis=1), 0.0)
     return step, covariance, left
 
 
 def initialised(
-    arcs: ArcFits, lines: LinesOfSight, owner: IntArray, launch_s: FloatArray, climb_m_s2: float, light_time: bool
+    arcs: ArcFits,
+    lines: LinesOfSight,
+    owner: IntArray,
+    launch_s: FloatArray,
+    climb_m_s2: float,
+    light_time: bool,
 ) -> ArcFits:
     """Return arcs without a state fitted to their first lines (m,) with arcs `owner`.
 
-    `launch_s` (n,) are the assumed launch times. Arcs that the lines do not determine are unchanged.
+    `launch_s` (n,) are the assumed launch times. Arcs that the lines do not determine are
+    unchanged.
     """
     ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
-    ground = np.where(np.isfinite(ground), ground, lines.origin_ecef_m + 3.6e7 * lines.direction_ecef)
-    left_s = emission_s(lines.time_s, np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1)), light_time)
+    ground = np.where(
+        np.isfinite(ground), ground, lines.origin_ecef_m + 3.6e7 * lines.direction_ecef
+    )
+    left_s = emission_s(
+        lines.time_s, np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1)), light_time
+    )
     first = np.unique(owner, return_index=True)[1]
     epoch_s = arcs.epoch_s.copy()
     place = np.full((len(arcs), 3), np.nan)
@@ -141,11 +167,19 @@ def initialised(
     rough = np.concatenate([place, np.cross(_TURN, place)], axis=1)
     started = evolve(arcs, epoch_s=epoch_s, reference=rough, state=rough)
     straight = _straight_paths(started, owner, left_s)
-    started = _solved_state(started, _with_equations(started, lines, owner, left_s, straight, launch_s, climb_m_s2))
+    started = _solved_state(
+        started, _with_equations(started, lines, owner, left_s, straight, launch_s, climb_m_s2)
+    )
     started = evolve(started, reference=started.state)
     determined = np.flatnonzero(started.is_fitted[owner])
     return updated(
-        started, lines.take(determined), owner[determined], launch_s, climb_m_s2, light_time, rounds=_FIRST_ROUNDS
+        started,
+        lines.take(determined),
+        owner[determined],
+        launch_s,
+        climb_m_s2,
+        light_time,
+        rounds=_FIRST_ROUNDS,
     )
 
 
@@ -181,13 +215,18 @@ def updated(
 
 
 def _emission_times(
-    arcs: ArcFits, lines: LinesOfSight, owner: IntArray, left_s: FloatArray, light_time: bool, passes: int
+    arcs: ArcFits,
+    lines: LinesOfSight,
+    owner: IntArray,
+    left_s: FloatArray,
+    light_time: bool,
+    passes: int,
 ) -> FloatArray:
     """Return the emission times (m,), s, of lines from their arcs, from a first guess."""
     for _ in range(passes if light_time else 0):
-        apart = _positions_at(arcs.state[:, None], arcs.epoch_s, owner, left_s)[:, 0] - earth_rotated(
-            lines.origin_ecef_m, left_s
-        )
+        apart = _positions_at(arcs.state[:, None], arcs.epoch_s, owner, left_s)[
+            :, 0
+        ] - earth_rotated(lines.origin_ecef_m, left_s)
         left_s = emission_s(lines.time_s, np.sqrt(np.sum(apart * apart, axis=1)), light_time)
     return left_s
 
@@ -206,14 +245,19 @@ def _with_equations(
     launch_s: FloatArray,
     climb_m_s2: float,
 ) -> ArcFits:
-    """Return the arcs with the equations of lines added, linearised about positions (m, 3) with Jacobians (m, 3, 6)."""
+    """Return the arcs with the equations of lines added, linearised about positions (m, 3) with
+    Jacobians (m, 3, 6).
+    """
     position, slope = paths
     origin = earth_rotated(lines.origin_ecef_m, left_s)
     direction = earth_rotated(lines.direction_ecef, left_s)
     apart = position - origin
     depth = np.sum(apart * direction, axis=1)
     shift = slope @ (arcs.state - arcs.reference)[owner][:, :, None]
-    bordered = np.concatenate([slope, shift - apart[:, :, None]], axis=2) / (depth * lines.sigma_rad)[:, None, None]
+    bordered = (
+        np.concatenate([slope, shift - apart[:, :, None]], axis=2)
+        / (depth * lines.sigma_rad)[:, None, None]
+    )
     ahead = direction[:, None, :] @ bordered
     sideways = bordered - direction[:, :, None] * ahead
     across = arcs.across.copy()
@@ -231,13 +275,21 @@ def _with_equations(
     return evolve(arcs, across=across, along=along, seen=seen)
 
 
-def _straight_paths(arcs: ArcFits, owner: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return positions (m, 3) and Jacobians (m, 3, 6) at times (m,) of paths under constant gravity."""
+def _straight_paths(
+    arcs: ArcFits, owner: IntArray, time_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return positions (m, 3) and Jacobians (m, 3, 6) at times (m,) of paths under constant
+    gravity.
+    """
     since = time_s - arcs.epoch_s[owner]
     place = arcs.state[owner, :3]
     speed = arcs.state[owner, 3:]
     radius = np.sqrt(np.sum(place * place, axis=1))[:, None]
-    position = place + speed * since[:, None] - 0.5 * EARTH_MU_M3_S2 * place / radius**3 * since[:, None] ** 2
+    position = (
+        place
+        + speed * since[:, None]
+        - 0.5 * EARTH_MU_M3_S2 * place / radius**3 * since[:, None] ** 2
+    )
     unit = np.broadcast_to(np.eye(3), (len(owner), 3, 3))
     return position, np.concatenate([unit, since[:, None, None] * unit], axis=2)
 
@@ -245,15 +297,21 @@ def _straight_paths(arcs: ArcFits, owner: IntArray, time_s: FloatArray) -> tuple
 def kepler_paths(
     state: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return positions (m, 3) at times (m,) of the arcs `owner` (m,), and Jacobians (m, 3, 6) by the state."""
+    """Return positions (m, 3) at times (m,) of the arcs `owner` (m,), and Jacobians (m, 3, 6) by
+    the state.
+    """
     trials = state[:, None] + np.concatenate([np.zeros((1, 6)), np.diag(STEPS)])
     positions = _positions_at(trials, epoch_s, owner, time_s)
     slope = (positions[:, 1:] - positions[:, :1]) / STEPS[:, None]
     return positions[:, 0], slope.transpose(0, 2, 1)
 
 
-def _positions_at(trials: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray) -> FloatArray:
-    """Return positions (m, v, 3) at times (m,) on the arcs through all states (n, v, 6) of the rows `owner` (m,)."""
+def _positions_at(
+    trials: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray
+) -> FloatArray:
+    """Return positions (m, v, 3) at times (m,) on the arcs through all states (n, v, 6) of the rows
+    `owner` (m,).
+    """
     count, each = trials.shape[:2]
     start = np.full(count, np.inf)
     end = np.full(count, -np.inf)
@@ -265,7 +323,9 @@ def _positions_at(trials: FloatArray, epoch_s: FloatArray, owner: IntArray, time
     middle = 0.5 * (start + end)
     half = np.maximum(0.5 * (end - start), 1e-3)
     knot_s = middle[:, None] + half[:, None] * _NODES
-    flown = propagate_kepler(trials[:, :, None, :3], trials[:, :, None, 3:], (knot_s - epoch_s[:, None])[:, None])[0]
+    flown = propagate_kepler(
+        trials[:, :, None, :3], trials[:, :, None, 3:], (knot_s - epoch_s[:, None])[:, None]
+    )[0]
     values = flown.transpose(0, 2, 1, 3).reshape(count, _KNOTS, 3 * each)
     place = np.clip((time_s - middle[owner]) / half[owner], -1.0, 1.0)
     weights = np.cos(np.arange(_KNOTS) * np.arccos(place)[:, None])[:, None, :] @ _TO_SERIES

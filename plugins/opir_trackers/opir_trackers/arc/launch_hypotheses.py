@@ -1,4 +1,6 @@
-"""What a launch may be, by its arc: the types by range, and the tracker's prior for what an arc does not tell."""
+"""What a launch may be, by its arc: the types by range, and the tracker's prior for what an arc
+does not tell.
+"""
 
 from collections.abc import Sequence
 
@@ -13,7 +15,9 @@ from opir_trackers.forecast.vehicles import vehicle_model
 
 @frozen(eq=False)
 class LaunchHypotheses:
-    """Probabilities of hypotheses given a launch: rows (types + 1, H) of `REPORTED_TYPES`, and of arcs in orbit."""
+    """Probabilities of hypotheses given a launch: rows (types + 1, H) of `REPORTED_TYPES`, and of
+    arcs in orbit.
+    """
 
     rows: FloatArray
 
@@ -21,9 +25,9 @@ class LaunchHypotheses:
     def of(cls, hypotheses: Sequence[Hypothesis]) -> "LaunchHypotheses":
         """Return those of a scene.
 
-        A range separates missiles by type; classes of one type have their prior. It does not separate a missile from a
-        glider or a space launch, as an arc through a boost falls short: these keep theirs. An arc that does not come
-        down is a space launch or none of these.
+        A range separates missiles by type; classes of one type have their prior. It does not
+        separate a missile from a glider or a space launch, as an arc through a boost falls short:
+        these keep theirs. An arc that does not come down is a space launch or none of these.
         """
         prior = Outcomes(vehicle_model(), tuple(hypotheses)).prior
         group = np.array([one.group for one in hypotheses])
@@ -33,12 +37,18 @@ class LaunchHypotheses:
         return cls(np.array([*rows, stays_up / stays_up.sum() if stays_up.any() else prior]))
 
     def given_launch(self, types: FloatArray, in_orbit: BoolArray) -> FloatArray:
-        """Return probabilities (n, H) by those of `REPORTED_TYPES` (n, types) and which arcs (n,) do not come down."""
-        shares = np.concatenate([np.where(in_orbit[:, None], 0.0, types), in_orbit[:, None]], axis=1)
+        """Return probabilities (n, H) by those of `REPORTED_TYPES` (n, types) and which arcs (n,)
+        do not come down.
+        """
+        shares = np.concatenate(
+            [np.where(in_orbit[:, None], 0.0, types), in_orbit[:, None]], axis=1
+        )
         return np.asarray((shares[:, None, :] @ self.rows)[:, 0])
 
 
 def _narrowed(prior: FloatArray, group: BoolArray, kind: BoolArray) -> FloatArray:
-    """Return a prior (H,) whose mass on a group is on the group's hypotheses of one kind, if it has any."""
+    """Return a prior (H,) whose mass on a group is on the group's hypotheses of one kind, if it has
+    any.
+    """
     mine = np.where(group & kind, prior, 0.0)
     return np.where(group, mine * prior[group].sum() / mine.sum(), prior) if mine.any() else prior

@@ -1,4 +1,6 @@
-"""Probabilities of target types by range; the least ranges of the types are those of `vehicles.json`."""
+"""Probabilities of target types by range; the least ranges of the types are those of
+`vehicles.json`.
+"""
 
 from math import erf
 
@@ -11,7 +13,9 @@ from opir_trackers.forecast.vehicles import vehicle_model
 
 
 def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
-    """Return probabilities (n, 4) over `REPORTED_TYPES` for ranges with errors; UNKNOWN where the range is nan."""
+    """Return probabilities (n, 4) over `REPORTED_TYPES` for ranges with errors; UNKNOWN where the
+    range is nan.
+    """
     least_km = vehicle_model().data["least_ranges_km"]
     order = [TARGET_TYPES.index(name) for name in least_km]
     edges_m = [1e3 * each for each in list(least_km.values())[1:]]

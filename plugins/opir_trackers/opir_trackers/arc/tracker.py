@@ -1,6 +1,7 @@
 """The tracker `kepler-arc` of the paper: association by `imm`, estimates by a Keplerian arc.
 
-A thrusting missile is not on a Keplerian arc (docs/explanation/paper-errata.md): this is the baseline for the others.
+A thrusting missile is not on a Keplerian arc (docs/explanation/paper-errata.md): this is the
+baseline for the others.
 """
 
 import numpy as np
@@ -9,9 +10,24 @@ from attrs import evolve
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import great_circle_m
 from opir_core.interfaces import IMPACT_METHODS
-from opir_core.plugin import TARGET_TYPES, Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
+from opir_core.plugin import (
+    TARGET_TYPES,
+    Detections,
+    Sensor,
+    SensorHealth,
+    Tracker,
+    TrackerContext,
+    Tracks,
+)
 from opir_trackers.arc import fit as arc_fit
-from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
+from opir_trackers.arc.ends import (
+    expected_looks,
+    impacts,
+    latency_s,
+    launches,
+    states_at,
+    trajectory_parameters,
+)
 from opir_trackers.arc.fit import ArcFits
 from opir_trackers.arc.launch_hypotheses import LaunchHypotheses
 from opir_trackers.arc.range_types import type_probabilities
@@ -41,7 +57,9 @@ _LEAST_CHANCE = 0.01
 class ArcTracker(Tracker):
     """The tracker `kepler-arc`."""
 
-    def __init__(self, config: KeplerArcConfig, context: TrackerContext, tracking: ImmTracking) -> None:
+    def __init__(
+        self, config: KeplerArcConfig, context: TrackerContext, tracking: ImmTracking
+    ) -> None:
         self.cadence_s: float | None = config.cadence_s
         self._config = config
         self._tracking = tracking
@@ -56,12 +74,16 @@ class ArcTracker(Tracker):
         self._launches = LaunchHypotheses.of(context.hypotheses)
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
+        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
+        unchanged.
+        """
         return self._tracking.track_numbers(self._now, self._rays.of(detections))
 
     def sensor_health(self) -> SensorHealth:
         """Return the sensors' biases, clocks and noise as far as their lines of sight show them."""
-        return sensor_health(self._now.registration, tuple(sensor.id for sensor in self._context.sensors))
+        return sensor_health(
+            self._now.registration, tuple(sensor.id for sensor in self._context.sensors)
+        )
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings."""
@@ -81,7 +103,9 @@ class ArcTracker(Tracker):
         confirmed = self._tracking.confirmed(self._now)
         self._update_arcs(np.sort(self._now.table.number[confirmed]))
         if self._config.memory_s is not None:
-            self._arcs = self._arcs.discounted(float(np.exp((before_s - tick_s) / self._config.memory_s)))
+            self._arcs = self._arcs.discounted(
+                float(np.exp((before_s - tick_s) / self._config.memory_s))
+            )
         self._take_in(lines, before_s)
         return self._tracks(tick_s)
 
@@ -98,7 +122,13 @@ class ArcTracker(Tracker):
         follows = np.isin(owner, np.flatnonzero(self._arcs.is_fitted))
         if follows.any():
             mine = np.flatnonzero(follows)
-            used = (lines.take(mine), owner[mine], self._launch_s(), self._config.climb_m_s2, self._light_time)
+            used = (
+                lines.take(mine),
+                owner[mine],
+                self._launch_s(),
+                self._config.climb_m_s2,
+                self._light_time,
+            )
             self._arcs = arc_fit.updated(self._arcs, *used)
         pool = LinesOfSight.concatenate([self._pool, lines.take(~follows)])
         keep_s = np.maximum(_POOL_S, _POOL_SCANS * self._watch.period_s)[pool.sensor]
@@ -128,15 +158,21 @@ class ArcTracker(Tracker):
         others = np.setdiff1d(np.arange(len(self._arcs)), rows[good])
         every = ArcFits.concatenate([self._arcs.take(others), arcs.take(good)])
         self._arcs = every.take(np.argsort(every.number, kind="stable"))
-        self._pool = self._pool.take(np.setdiff1d(np.arange(len(self._pool)), mine[good[owner_row]]))
+        self._pool = self._pool.take(
+            np.setdiff1d(np.arange(len(self._pool)), mine[good[owner_row]])
+        )
 
     def _launch_s(self) -> FloatArray:
-        return np.where(np.isfinite(self._arcs.launch[:, 2]), self._arcs.launch[:, 2], self._arcs.epoch_s)
+        return np.where(
+            np.isfinite(self._arcs.launch[:, 2]), self._arcs.launch[:, 2], self._arcs.epoch_s
+        )
 
     def _owners(self, lines: LinesOfSight, span_s: float) -> IntArray:
-        """Return the arc row (n,) of each line of the last span, by the tracks as of this tick, -1 for none.
+        """Return the arc row (n,) of each line of the last span, by the tracks as of this tick, -1
+        for none.
 
-        Tracks are those of lines without the known errors of their sensors, so lines are compared without them.
+        Tracks are those of lines without the known errors of their sensors, so lines are compared
+        without them.
         """
         owner = np.full(len(lines), -1, dtype=np.int64)
         rows = np.flatnonzero(np.isin(self._now.table.number, self._arcs.number))
@@ -144,7 +180,9 @@ class ArcTracker(Tracker):
             return owner
         tracking = self._tracking
         lines = self._now.registration.corrected(lines)
-        predicted = tracking.models.filter.predicted_measurements(self._now.estimates.take(rows), self._now.time_s)
+        predicted = tracking.models.filter.predicted_measurements(
+            self._now.estimates.take(rows), self._now.time_s
+        )
         gate = tracking.config.gate_sigma
         track, line = candidates(predicted, lines, span_s, gate, self._light_time)
         pairs = gated(predicted, lines, track, line, gate, self._light_time)
@@ -178,22 +216,31 @@ class ArcTracker(Tracker):
         return self._with_hypotheses(tracks)
 
     def _with_hypotheses(self, tracks: Tracks) -> Tracks:
-        """Return tracks with the probabilities of hypotheses; what is probably no launch has no launch and no impact.
+        """Return tracks with the probabilities of hypotheses; what is probably no launch has no
+        launch and no impact.
 
-        Whether it is a launch follows from its motion, as in `imm`; what was launched, from its arc.
+        Whether it is a launch follows from its motion, as in `imm`; what was launched, from its
+        arc.
         """
         groups = self._now.motion.probability[np.searchsorted(self._now.table.number, tracks.track)]
         others = groups[:, LAUNCH] < self._config.least_launch_probability
         in_orbit = self._arcs.is_fitted & np.isnan(tracks.impact[:, 2])
         given_launch = self._launches.given_launch(tracks.type_probability, in_orbit)
-        for column in (tracks.launch, tracks.launch_covariance, tracks.impact, tracks.impact_covariance):
+        for column in (
+            tracks.launch,
+            tracks.launch_covariance,
+            tracks.impact,
+            tracks.impact_covariance,
+        ):
             column[others] = np.nan
         return self._composition.composed(tracks, groups, given_launch)
 
     def _fill(self, tracks: Tracks, rows: IntArray, tick_s: float) -> None:
         """Write the estimates of the arcs of rows."""
         arcs = self._arcs.take(rows)
-        tracks.state[rows], tracks.state_covariance[rows] = states_at(arcs, np.full(len(rows), tick_s))
+        tracks.state[rows], tracks.state_covariance[rows] = states_at(
+            arcs, np.full(len(rows), tick_s)
+        )
         state, covariance = states_at(arcs, arcs.last_s)
         tracks.burnout[rows] = np.concatenate([state, arcs.last_s[:, None]], axis=1)
         tracks.burnout_covariance[rows] = self._with_end(covariance, arcs)
@@ -205,14 +252,17 @@ class ArcTracker(Tracker):
         variance = np.square(np.stack([sigma_m, sigma_m, sigma_m / pace], axis=1))
         known = ~np.isnan(impact[:, 2])
         tracks.impact[rows] = np.where(known[:, None], impact, np.nan)
-        tracks.impact_covariance[rows] = np.where(known[:, None, None], variance[:, :, None] * np.eye(3), np.nan)
+        tracks.impact_covariance[rows] = np.where(
+            known[:, None, None], variance[:, :, None] * np.eye(3), np.nan
+        )
         tracks.type_probability[rows] = type_probabilities(range_m, sigma_m)
 
     def _sigma_m(self, arcs: ArcFits) -> FloatArray:
-        """Return the paper's σ₀ exp(-k n/N) of each arc, with n of N expected detections, n ≤ N; after the boost n = N.
+        """Return the paper's σ₀ exp(-k n/N) of each arc, with n of N expected detections, n ≤ N;
+        after the boost n = N.
 
-        N is that of the boost by its time since launch and the reported types, not by the range of the arc: an arc
-        through a boost falls short.
+        N is that of the boost by its time since launch and the reported types, not by the range of
+        the arc: an arc through a boost falls short.
         """
         rows = np.searchsorted(self._now.table.number, arcs.number)
         launch_s = np.where(np.isfinite(arcs.launch[:, 2]), arcs.launch[:, 2], arcs.epoch_s)
@@ -225,7 +275,9 @@ class ArcTracker(Tracker):
         return sigma_m
 
     def _with_end(self, covariance: FloatArray, arcs: ArcFits) -> FloatArray:
-        """Return covariances (n, 7, 7) that include the uncertainty of burnout: one expected latency."""
+        """Return covariances (n, 7, 7) that include the uncertainty of burnout: one expected
+        latency.
+        """
         late_s = np.where(arcs.seen, latency_s(self._watch)[0], np.inf).min(axis=1)
         whole = np.zeros((len(arcs), 7, 7))
         whole[:, :6, :6] = covariance

@@ -1,1 +1,3 @@
-"""The IMM filter of boost and coast in square-root information form: motion models, mixing and updates."""
+"""The IMM filter of boost and coast in square-root information form: motion models, mixing and
+updates.
+"""

@@ -1,13 +1,14 @@
 """The modes of a burn as an IMM of their own: steady, staging, and free.
 
-In steady burn the force follows the rocket equation but for a little noise. Where one stage follows another it jumps,
-and so does its growth. That shows only after some seconds: a jump of 20 m/s² moves a target by 250 m in 5 s. So after a
-jump the mode staging lasts for a while, with the noise of jumps that begin at any time, and hands over to the steady
-one. Both move alike but for their noise. In the free mode the force has any direction (`free_thrust`): its probability
-is the evidence for a burn unlike every boost.
+In steady burn the force follows the rocket equation but for a little noise. Where one stage follows
+another it jumps, and so does its growth. That shows only after some seconds: a jump of 20 m/s²
+moves a target by 250 m in 5 s. So after a jump the mode staging lasts for a while, with the noise
+of jumps that begin at any time, and hands over to the steady one. Both move alike but for their
+noise. In the free mode the force has any direction (`free_thrust`): its probability is the evidence
+for a burn unlike every boost.
 
-The free mode is computed where it may matter alone: from a new ignition after the dark, or from looks that neither of
-the others explains, until it is improbable.
+The free mode is computed where it may matter alone: from a new ignition after the dark, or from
+looks that neither of the others explains, until it is improbable.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +26,8 @@ from opir_trackers.filter.iterated_update import Mode, Updated
 from opir_trackers.filter.measurement_updates import information_root, moment_matched
 from opir_trackers.filter.thrust import SLOW_M_S, air_velocity
 
-#: Means (n, 3, d), information roots (n, 3, d, d) and probabilities (n, 3) of steady burn, staging and free.
+#: Means (n, 3, d), information roots (n, 3, d, d) and probabilities (n, 3) of steady burn, staging
+#: and free.
 Burns = tuple[FloatArray, FloatArray, FloatArray]
 
 #: Means (n, d) and information roots (n, d, d).
@@ -39,8 +41,8 @@ _UNIT = np.eye(3)
 class NewStage:
     """The start of a stage: mean and standard deviations of specific force, m/s², and growth, 1/s.
 
-    `every_s` is the mean time from one stage to the next, `tilt` the tangent of the standard deviation of the angle
-    between force and velocity.
+    `every_s` is the mean time from one stage to the next, `tilt` the tangent of the standard
+    deviation of the angle between force and velocity.
     """
 
     force_m_s2: float
@@ -51,10 +53,13 @@ class NewStage:
     tilt: float
 
     def begun(self, mean: FloatArray, root: FloatArray) -> Gaussian:
-        """Return burns (n, 10) whose next stage begins: force and growth of the prior, the force along the velocity."""
+        """Return burns (n, 10) whose next stage begins: force and growth of the prior, the force
+        along the velocity.
+        """
         unit, speed = self._direction(mean)
         after, begun = self._along(mean[:, :COAST], _of_path(root), unit)
-        # The force turns with the velocity, whatever that is: rows on their difference. At rest it has no direction.
+        # The force turns with the velocity, whatever that is: rows on their difference. At rest it
+        # has no direction.
         along = unit[:, :, None] * unit[:, None, :]
         across = 1.0 / (self.force_m_s2 * (self.tilt + SLOW_M_S / speed))
         begun[:, 6:9, 3:6] = (across * self.force_m_s2 / speed)[:, None, None] * (along - _UNIT)
@@ -62,7 +67,8 @@ class NewStage:
         return after, square_root.triangular(begun)
 
     def lit(self, mean: FloatArray, root: FloatArray) -> Gaussian:
-        """Return burns (n, 10) of a stage that begins at positions and velocities (n, 6) with roots (n, 6, 6).
+        """Return burns (n, 10) of a stage that begins at positions and velocities (n, 6) with roots
+        (n, 6, 6).
 
         After the dark, in which it may have turned.
         """
@@ -74,7 +80,9 @@ class NewStage:
         return _ignited(mean, root, self.force_m_s2 * unit, self.force_sigma_m_s2, growth)
 
     def _direction(self, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the directions (n, 3) of velocities, shorter for slow ones, and speeds (n,), m/s, at least 100."""
+        """Return the directions (n, 3) of velocities, shorter for slow ones, and speeds (n,), m/s,
+        at least 100.
+        """
         velocity = air_velocity(mean)
         speed = np.sqrt(dot(velocity, velocity) + SLOW_M_S**2)
         return velocity / speed[:, None], speed
@@ -82,10 +90,12 @@ class NewStage:
 
 @frozen(eq=False)
 class FreeBurn:
-    """A force in any direction: its motion and the standard deviation of each axis at its start, m/s².
+    """A force in any direction: its motion and the standard deviation of each axis at its start,
+    m/s².
 
-    `relit` is the probability that a burn after the dark is one, `lasts_s` the mean time until a free burn is a steady
-    one. `surprise` is the squared innovation of the position, in standard deviations, at which looks start it.
+    `relit` is the probability that a burn after the dark is one, `lasts_s` the mean time until a
+    free burn is a steady one. `surprise` is the squared innovation of the position, in standard
+    deviations, at which looks start it.
     """
 
     motion: Dynamics
@@ -95,7 +105,9 @@ class FreeBurn:
     surprise: float
 
     def lit(self, mean: FloatArray, root: FloatArray, growth: tuple[float, float]) -> Gaussian:
-        """Return burns (n, 10) that begin at positions and velocities (n, 6) with roots (n, 6, 6)."""
+        """Return burns (n, 10) that begin at positions and velocities (n, 6) with roots (n, 6,
+        6).
+        """
         return _ignited(mean, root, np.zeros((len(mean), 3)), self.force_sigma_m_s2, growth)
 
     def turned(self, mean: FloatArray, root: FloatArray, growth: tuple[float, float]) -> Gaussian:
@@ -111,8 +123,8 @@ class FreeBurn:
 #: Time, s, for which a force may have had another direction before looks show it.
 _UNNOTICED_S = 4.0
 
-#: Squared distance, in standard deviations of the prior, by which looks move an estimate that is tested for surprise:
-#: one slice in ten of ordinary boosts.
+#: Squared distance, in standard deviations of the prior, by which looks move an estimate that is
+#: tested for surprise: one slice in ten of ordinary boosts.
 _MOVED = 1.5
 
 #: Probability that a burn whose looks surprise is free. Notional.
@@ -123,11 +135,14 @@ _LEAST_LEARNT = 1e-3
 
 
 def _surprise(before: Gaussian, after: Gaussian) -> FloatArray:
-    """Return the squared innovations (n,) of positions, in standard deviations: χ² of 3 degrees of freedom at most.
+    """Return the squared innovations (n,) of positions, in standard deviations: χ² of 3 degrees of
+    freedom at most.
 
     Looks move an estimate by as much as they shrink its covariance.
     """
-    spread, left = (square_root.gram(square_root.inverse_root(each[1])[:, :3]) for each in (before, after))
+    spread, left = (
+        square_root.gram(square_root.inverse_root(each[1])[:, :3]) for each in (before, after)
+    )
     moved = (after[0] - before[0])[:, :3]
     learnt = spread - left + _LEAST_LEARNT * spread
     whitened: Any = np.linalg.solve(learnt, moved[:, :, None])[:, :, 0]
@@ -135,7 +150,9 @@ def _surprise(before: Gaussian, after: Gaussian) -> FloatArray:
 
 
 def _of_path(root: FloatArray) -> FloatArray:
-    """Return the roots (n, 6, 6) of position and velocity, whatever the force: those of the last columns."""
+    """Return the roots (n, 6, 6) of position and velocity, whatever the force: those of the last
+    columns.
+    """
     turned = np.empty_like(root)
     turned[:, :, :-COAST] = root[:, :, COAST:]
     turned[:, :, -COAST:] = root[:, :, :COAST]
@@ -143,9 +160,15 @@ def _of_path(root: FloatArray) -> FloatArray:
 
 
 def _ignited(
-    mean: FloatArray, root: FloatArray, force: FloatArray, force_sigma_m_s2: float, growth: tuple[float, float]
+    mean: FloatArray,
+    root: FloatArray,
+    force: FloatArray,
+    force_sigma_m_s2: float,
+    growth: tuple[float, float],
 ) -> Gaussian:
-    """Return burns (n, 10) at positions and velocities (n, 6), with forces (n, 3) and mean and sigma of the growth."""
+    """Return burns (n, 10) at positions and velocities (n, 6), with forces (n, 3) and mean and
+    sigma of the growth.
+    """
     count = len(mean)
     size = COAST + 4
     after = np.empty((count, size))
@@ -160,7 +183,9 @@ def _ignited(
 
 
 def _pushed(mean: FloatArray, root: FloatArray, since: FloatArray, doubt: FloatArray) -> Gaussian:
-    """Return estimates (n, 10) after their forces have acted for times (n, 1), s, known to `doubt` (n, 1)."""
+    """Return estimates (n, 10) after their forces have acted for times (n, 1), s, known to `doubt`
+    (n, 1).
+    """
     force = mean[:, _FORCE]
     size = mean.shape[1]
     after = mean.copy()
@@ -180,7 +205,8 @@ def _pushed(mean: FloatArray, root: FloatArray, since: FloatArray, doubt: FloatA
 class BurnModes:
     """The modes of a burn; without `stage` there is the burn alone, and its parts are not used.
 
-    A burn is its means (n, d) and roots, and its parts; with stages the former are the moments of the latter.
+    A burn is its means (n, d) and roots, and its parts; with stages the former are the moments of
+    the latter.
     """
 
     motion: Dynamics
@@ -189,7 +215,8 @@ class BurnModes:
 
     @property
     def least_lit(self) -> float:
-        """Return the least probability that a burn began in a step with which it is mixed into the boost.
+        """Return the least probability that a burn began in a step with which it is mixed into the
+        boost.
 
         With stages a burn after the dark replaces the old one, once it is the likelier.
         """
@@ -205,19 +232,27 @@ class BurnModes:
         if count == 1:
             # Single states have faster kernels.
             for part in (0, 1):
-                mean[:, part], root[:, part] = carried(self.motion, mean[:, part], root[:, part], steps)
+                mean[:, part], root[:, part] = carried(
+                    self.motion, mean[:, part], root[:, part], steps
+                )
         else:
             mean[:, :2], root[:, :2] = each(
-                lambda means, roots: carried(self.motion, means, roots, np.repeat(steps, 2)), mean[:, :2], root[:, :2]
+                lambda means, roots: carried(self.motion, means, roots, np.repeat(steps, 2)),
+                mean[:, :2],
+                root[:, :2],
             )
         rows = share[:, 2].nonzero()[0]
         if rows.size and self.free is not None:
-            mean[rows, 2], root[rows, 2] = carried(self.free.motion, mean[rows, 2], root[rows, 2], steps[rows])
+            mean[rows, 2], root[rows, 2] = carried(
+                self.free.motion, mean[rows, 2], root[rows, 2], steps[rows]
+            )
         burns = mean, root, share
         return moments(burns), burns
 
     def modes(self, boost: Gaussian, burns: Burns) -> Sequence[Mode]:
-        """Return the modes to update: of tracks whose free mode is computed, or of those where it is not."""
+        """Return the modes to update: of tracks whose free mode is computed, or of those where it
+        is not.
+        """
         if self.stage is None:
             return [Mode(self.motion, *boost)]
         modes = [Mode(self.motion, burns[0][:, part], burns[1][:, part]) for part in (0, 1)]
@@ -228,7 +263,9 @@ class BurnModes:
     def joined(
         self, burns: Burns, after: Sequence[Updated], log: Sequence[FloatArray]
     ) -> tuple[Gaussian, Burns, FloatArray]:
-        """Return burns after an update of `modes`, whose log likelihoods are (n,), and that of the burn (n,)."""
+        """Return burns after an update of `modes`, whose log likelihoods are (n,), and that of the
+        burn (n,).
+        """
         if self.stage is None:
             return after[0][:2], burns, log[0]
         parts = 3 if self.free is not None and burns[2][0, 2] > 0.0 else 2
@@ -246,8 +283,12 @@ class BurnModes:
             boost, joined = self._with_surprised(self.free, burns, boost, joined)
         return boost, joined, most + np.log(total)
 
-    def _with_surprised(self, free: FreeBurn, before: Burns, boost: Gaussian, burns: Burns) -> tuple[Gaussian, Burns]:
-        """Return burns with a free mode where looks moved steady burn and staging by more than is likely."""
+    def _with_surprised(
+        self, free: FreeBurn, before: Burns, boost: Gaussian, burns: Burns
+    ) -> tuple[Gaussian, Burns]:
+        """Return burns with a free mode where looks moved steady burn and staging by more than is
+        likely.
+        """
         moved = matvec(before[1][:, 0], burns[0][:, 0] - before[0][:, 0])
         rows = (dot(moved, moved) > _MOVED).nonzero()[0]
         for part in (0, 1):
@@ -292,19 +333,30 @@ class BurnModes:
         burns: Burns = mean, root, share
         return moments(burns), burns
 
-    def burning_for(self, burns: Burns, since_s: FloatArray, doubt_s: FloatArray) -> tuple[Gaussian, Burns]:
-        """Return burns that began where targets coast, after times (n,), s, of burning known to `doubt_s` (n,)."""
+    def burning_for(
+        self, burns: Burns, since_s: FloatArray, doubt_s: FloatArray
+    ) -> tuple[Gaussian, Burns]:
+        """Return burns that began where targets coast, after times (n,), s, of burning known to
+        `doubt_s` (n,).
+        """
         since = since_s[:, None]
         doubt = doubt_s[:, None]
-        parts = [_pushed(burns[0][:, part], burns[1][:, part], since, doubt) for part in range(burns[0].shape[1])]
-        after: Burns = np.stack([part[0] for part in parts], axis=1), np.stack([part[1] for part in parts], 1), burns[2]
+        parts = [
+            _pushed(burns[0][:, part], burns[1][:, part], since, doubt)
+            for part in range(burns[0].shape[1])
+        ]
+        after: Burns = (
+            np.stack([part[0] for part in parts], axis=1),
+            np.stack([part[1] for part in parts], 1),
+            burns[2],
+        )
         return moments(after), after
 
     def _mixed(self, burns: Burns, stage: NewStage, step_s: float) -> Burns:
         """Return copies of burns whose next stage may have begun in a step.
 
-        Those whose stage is decided are in steady burn; an improbable free mode is dropped, one that ends is mixed into
-        the steady burn.
+        Those whose stage is decided are in steady burn; an improbable free mode is dropped, one
+        that ends is mixed into the steady burn.
         """
         mean, root, share = (column.copy() for column in burns)
         if step_s <= 0.0:
@@ -326,10 +378,14 @@ class BurnModes:
         share[:, 1] += begins
         into /= share[:, 1:2]
         first = stage.begun(mean[:, 0], root[:, 0])
-        mean[:, 1], root[:, 1] = moment_matched(into, (first[0], mean[:, 1]), (first[1], root[:, 1]))
+        mean[:, 1], root[:, 1] = moment_matched(
+            into, (first[0], mean[:, 1]), (first[1], root[:, 1])
+        )
         return mean, root, share
 
-    def _end_free(self, mean: FloatArray, root: FloatArray, share: FloatArray, step_s: float) -> None:
+    def _end_free(
+        self, mean: FloatArray, root: FloatArray, share: FloatArray, step_s: float
+    ) -> None:
         """Drop improbable free modes, and let others end, in place."""
         assert self.free is not None
         share[share[:, 2] < _NEGLIGIBLE, 2] = 0.0
@@ -359,7 +415,9 @@ def carried(motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatA
 
 
 def force_root(root: FloatArray) -> FloatArray:
-    """Return the roots (n, 4, 4) of force and growth, whatever position and velocity, of burns (n, 10, 10)."""
+    """Return the roots (n, 4, 4) of force and growth, whatever position and velocity, of burns (n,
+    10, 10).
+    """
     return information_root(square_root.inverse_root(root)[:, COAST:])
 
 
@@ -392,7 +450,9 @@ def put(burns: Burns, rows: IntArray, part: Burns) -> Burns:
 
 
 def each(
-    function: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]], mean: FloatArray, root: FloatArray
+    function: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
+    mean: FloatArray,
+    root: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return a function's means and roots of each part, (n, k, d) and (n, k, d, d)."""
     count, parts, size = mean.shape
@@ -400,8 +460,9 @@ def each(
     return found[0].reshape(count, parts, size), found[1].reshape(count, parts, size, size)
 
 
-#: A new stage with this probability is the steady burn. The moments of both stay, so the choice costs no containment:
-#: below, a doubtful stage is blurred with the old one; above, a third stage waits for the second to be certain.
+#: A new stage with this probability is the steady burn. The moments of both stay, so the choice
+#: costs no containment: below, a doubtful stage is blurred with the old one; above, a third stage
+#: waits for the second to be certain.
 _DECIDED = 0.9
 
 #: Least mixing probability with which a burn that begins takes part in a boost.
@@ -412,5 +473,6 @@ _UNSEEN = 0.1
 
 _STAGES = np.array([1.0, 1.0, 0.0])
 
-#: A free mode less probable than this is not computed: it moves the moments of a burn by less than a hundredth.
+#: A free mode less probable than this is not computed: it moves the moments of a burn by less than
+#: a hundredth.
 _NEGLIGIBLE = 1e-3

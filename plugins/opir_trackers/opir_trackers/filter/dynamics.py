@@ -1,8 +1,9 @@
 """What the IMM filter requires of a motion model, and free flight with drag.
 
-A step of `AtmosphericDescent` is a drag kick of half a step, a fall, and another half kick (Strang splitting, SIAM J.
-Numer. Anal. 5, 1968, 506). The tracker uses the scene's ballistic coefficient; a target may have its own, so the
-process noise of the velocity grows with the drag. Inertial frame; units m, s.
+A step of `AtmosphericDescent` is a drag kick of half a step, a fall, and another half kick (Strang
+splitting, SIAM J. Numer. Anal. 5, 1968, 506). The tracker uses the scene's ballistic coefficient; a
+target may have its own, so the process noise of the velocity grows with the drag. Inertial frame;
+units m, s.
 """
 
 from collections.abc import Callable
@@ -27,7 +28,8 @@ class Dynamics(Protocol):
 
     @property
     def about(self) -> "Callable[[FloatArray, FloatArray], Dynamics] | None":
-        """Return a function of means (n, d) and information roots (n, d, d) to the motion model for these estimates.
+        """Return a function of means (n, d) and information roots (n, d, d) to the motion model for
+        these estimates.
 
         None if the motion model does not depend on the covariance.
         """
@@ -49,7 +51,9 @@ class Dynamics(Protocol):
         """Return the position derivatives (n, 5, 3)."""
         ...
 
-    def measurement_rows(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+    def measurement_rows(
+        self, slope: FloatArray, weight: FloatArray, state: FloatArray
+    ) -> FloatArray:
         """Return the Jacobian (m, 2, d) by the state from that by the position (m, 2, 3)."""
         ...
 
@@ -73,15 +77,17 @@ _NODE = np.sqrt(3.0)
 #: Correlation time of the residual of the linearised drag, s.
 _RESIDUAL_TIME_S = 10.0
 
-#: Backwards in time drag accelerates without limit: no step multiplies a speed by more than the inverse of this.
+#: Backwards in time drag accelerates without limit: no step multiplies a speed by more than the
+#: inverse of this.
 _LEAST_KEPT = 0.1
 
 
 class _Air(NamedTuple):
-    """Drag over squared speed, ρ / 2β (n,), 1/m, about states: mean, slope with height, and residual.
+    """Drag over squared speed, ρ / 2β (n,), 1/m, about states: mean, slope with height, and
+    residual.
 
-    Statistical linearisation over the height distribution (Särkkä, Bayesian Filtering and Smoothing, 2013, 5.4), by
-    three Gauss–Hermite nodes.
+    Statistical linearisation over the height distribution (Särkkä, Bayesian Filtering and
+    Smoothing, 2013, 5.4), by three Gauss–Hermite nodes.
     """
 
     rate: FloatArray
@@ -91,7 +97,9 @@ class _Air(NamedTuple):
 
 @frozen(eq=False)
 class AtmosphericDescent:
-    """Free flight with drag: states (n, 6), position and velocity, with heights known to `height_sigma_m` (n,)."""
+    """Free flight with drag: states (n, 6), position and velocity, with heights known to
+    `height_sigma_m` (n,).
+    """
 
     fall: Motion
     drag: Drag
@@ -117,7 +125,9 @@ class AtmosphericDescent:
         return state
 
     def _kicked(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the velocity change (n, 3) by drag in steps (n,): w' = -k |w| w with constant k."""
+        """Return the velocity change (n, 3) by drag in steps (n,): w' = -k |w| w with constant
+        k.
+        """
         wind = self._wind(state)
         kept = _remaining_speed(self._air(state).rate * np.sqrt(dot(wind, wind)) * step_s)
         return (kept - 1.0)[:, None] * wind
@@ -139,7 +149,9 @@ class AtmosphericDescent:
         height = height_m(place, 1.0 / np.sqrt(np.sum(place * place, axis=0)))
         sigma = np.maximum(self.height_sigma_m, _LEAST_SIGMA_M) + 0.0 * height
         nodes = np.maximum(height + np.outer([0.0, _NODE, -_NODE], sigma), LOWEST_HEIGHT_M)
-        density = density_kg_m3(nodes, self.drag.atmosphere) / (2.0 * self.drag.ballistic_coefficient_kg_m2)
+        density = density_kg_m3(nodes, self.drag.atmosphere) / (
+            2.0 * self.drag.ballistic_coefficient_kg_m2
+        )
         there, above, below = density
         rate = (4.0 * there + above + below) / 6.0
         slope = (above - below) / (2.0 * _NODE * sigma)
@@ -149,7 +161,8 @@ class AtmosphericDescent:
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return the transition matrices (n, 6, 6) of steps (n,): the fall between two half kicks.
 
-        The density changes along the radius; the dependence of the air's motion on the position is neglected.
+        The density changes along the radius; the dependence of the air's motion on the position is
+        neglected.
         """
         wind = self._wind(state)
         up = state[:, :3] / np.sqrt(dot(state[:, :3], state[:, :3]))[:, None]
@@ -158,9 +171,17 @@ class AtmosphericDescent:
         half_s = 0.5 * step_s
         kept = _remaining_speed(air.rate * speed * half_s)
         half = np.broadcast_to(np.eye(COAST), (len(state), COAST, COAST)).copy()
-        half[:, 3:, :3] = -(kept**2 * half_s * air.slope * speed)[:, None, None] * wind[:, :, None] * up[:, None, :]
+        half[:, 3:, :3] = (
+            -(kept**2 * half_s * air.slope * speed)[:, None, None]
+            * wind[:, :, None]
+            * up[:, None, :]
+        )
         half[:, 3:, 3:] = kept[:, None, None] * np.eye(3)
-        half[:, 3:, 3:] -= (kept**2 * half_s * air.rate / speed)[:, None, None] * wind[:, :, None] * wind[:, None, :]
+        half[:, 3:, 3:] -= (
+            (kept**2 * half_s * air.rate / speed)[:, None, None]
+            * wind[:, :, None]
+            * wind[:, None, :]
+        )
         moved: FloatArray = half @ self.fall.transition(state, step_s) @ half
         return moved
 
@@ -170,7 +191,8 @@ class AtmosphericDescent:
         air = self._air(state)
         square = dot(wind, wind)
         wander = np.sqrt(
-            self.fall.noise**2 + ((_DRAG_UNCERTAINTY * air.rate) ** 2 + _RESIDUAL_TIME_S * air.left**2) * square**2
+            self.fall.noise**2
+            + ((_DRAG_UNCERTAINTY * air.rate) ** 2 + _RESIDUAL_TIME_S * air.left**2) * square**2
         )
         root: FloatArray = wander[:, None, None] * noise_roots(np.abs(step_s), COAST // 3)
         return root
@@ -181,7 +203,9 @@ class AtmosphericDescent:
         derivative[:, 2] += self.slowed(state)
         return derivative
 
-    def measurement_rows(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+    def measurement_rows(
+        self, slope: FloatArray, weight: FloatArray, state: FloatArray
+    ) -> FloatArray:
         """Return the Jacobian (m, 2, 6) by the state from that by the position (m, 2, 3)."""
         return self.fall.measurement_rows(slope, weight, state)
 
@@ -191,5 +215,7 @@ class AtmosphericDescent:
 
 
 def _remaining_speed(share: FloatArray) -> FloatArray:
-    """Return the share of the speed that remains after a step in which the initial drag would remove `share`."""
+    """Return the share of the speed that remains after a step in which the initial drag would
+    remove `share`.
+    """
     return 1.0 / np.maximum(1.0 + share, _LEAST_KEPT)

@@ -1,4 +1,6 @@
-"""Estimates of the IMM filter in columns, and the positions and covariances that they predict about a time."""
+"""Estimates of the IMM filter in columns, and the positions and covariances that they predict about
+a time.
+"""
 
 from typing import NamedTuple
 
@@ -11,10 +13,12 @@ from opir_core.interfaces import Columns, names_of
 
 
 class PredictedMeasurements(NamedTuple):
-    """Track predictions about a time: position derivatives (n, 5, 3) and their covariance roots (n, 12, 12).
+    """Track predictions about a time: position derivatives (n, 5, 3) and their covariance roots (n,
+    12, 12).
 
-    `bias_covariance` (n, sensors, 3, 3), m², is the position covariance due to the biases of the other sensors that see
-    a track: a line of sight is compared with a position that these biases have shifted.
+    `bias_covariance` (n, sensors, 3, 3), m², is the position covariance due to the biases of the
+    other sensors that see a track: a line of sight is compared with a position that these biases
+    have shifted.
     """
 
     time_s: float
@@ -49,10 +53,11 @@ class PredictedMeasurements(NamedTuple):
     def projected_covariances(
         self, track: IntArray, time_s: FloatArray, weight: FloatArray, rows: FloatArray
     ) -> FloatArray:
-        """Return the covariances (m, 2, 2) of positions of tracks (m,) at times (m,), projected by rows (m, 2, 3).
+        """Return the covariances (m, 2, 2) of positions of tracks (m,) at times (m,), projected by
+        rows (m, 2, 3).
 
-        `weight` (m, 5) are the Taylor weights. With many looks per track the position covariance is cheaper than its
-        root.
+        `weight` (m, 5) are the Taylor weights. With many looks per track the position covariance is
+        cheaper than its root.
         """
         if len(self.root) == 1:
             side = weight[:, :4].dot(self.root.reshape(4, 3 * BOOST)).reshape(-1, 3, BOOST)
@@ -64,10 +69,11 @@ class PredictedMeasurements(NamedTuple):
         return spread
 
     def position_covariances(self, track: IntArray, time_s: FloatArray) -> FloatArray:
-        """Return the position covariances (m, 3, 3) of tracks (m,) at times (m,), as polynomials of degree 6.
+        """Return the position covariances (m, 3, 3) of tracks (m,) at times (m,), as polynomials of
+        degree 6.
 
-        With many looks per track this is cheaper than `position_roots`; the rounding error is of the size of the
-        largest term.
+        With many looks per track this is cheaper than `position_roots`; the rounding error is of
+        the size of the largest term.
         """
         since = (time_s - self.time_s)[:, None]
         terms = self._covariance_terms()
@@ -78,7 +84,9 @@ class PredictedMeasurements(NamedTuple):
         return total.reshape(len(track), 3, 3)
 
     def _covariance_terms(self) -> FloatArray:
-        """Return the coefficients (n, p, 9) of the powers of time in the position covariance, lowest first."""
+        """Return the coefficients (n, p, 9) of the powers of time in the position covariance,
+        lowest first.
+        """
         count = len(self.root)
         orders = 4 if np.count_nonzero(self.root[:, 6:]) else 2
         scaled = self.root[:, : 3 * orders] * _SHARES[: 3 * orders]
@@ -88,7 +96,8 @@ class PredictedMeasurements(NamedTuple):
         return terms
 
     def position_bound_m(self, span_s: float) -> FloatArray:
-        """Return bounds (n,) on the standard deviation of the position, all axes together, over a span.
+        """Return bounds (n,) on the standard deviation of the position, all axes together, over a
+        span.
 
         The span ends at the time of the prediction. Each derivative is bounded on its own.
         """
@@ -106,12 +115,17 @@ _SHARES = np.repeat([1.0, 1.0, 0.5, 1.0 / 6.0], 3)[:, None]
 
 #: Products of two derivatives that contribute to each power of time.
 _SUMS = {
-    orders: (np.add.outer(np.arange(orders), np.arange(orders)).ravel() == np.arange(2 * orders - 1)[:, None]) * 1.0
+    orders: (
+        np.add.outer(np.arange(orders), np.arange(orders)).ravel()
+        == np.arange(2 * orders - 1)[:, None]
+    )
+    * 1.0
     for orders in (2, 4)
 }
 
 
-#: Probabilities of steady burn, staging and free where nothing is known of them: those that transitions lead to.
+#: Probabilities of steady burn, staging and free where nothing is known of them: those that
+#: transitions lead to.
 BURN_SHARE = np.array([[1.0, 0.0, 0.0]])
 
 
@@ -122,16 +136,18 @@ def in_parts(rows: FloatArray) -> FloatArray:
 
 @frozen(eq=False, repr=False)
 class ModeEstimates(Columns):
-    """Estimates of tracks at one time, one row each: mean and information root of each mode, and mode probabilities.
+    """Estimates of tracks at one time, one row each: mean and information root of each mode, and
+    mode probabilities.
 
-    `weight` (n, 2) are the probabilities of boost and coast. `detection_rate` (n, 3) are the number of detections and
-    the time, s, over which they are counted, both with exponential forgetting, and the time since the last detection,
-    s.
+    `weight` (n, 2) are the probabilities of boost and coast. `detection_rate` (n, 3) are the number
+    of detections and the time, s, over which they are counted, both with exponential forgetting,
+    and the time since the last detection, s.
 
-    `burn_mean` (n, 3, d), `burn_root` and `burn_share` (n, 3) are the parts of a boost: steady, staging and free
-    (`burn_modes`); `boost_mean` and `boost_root` are their moments. Without them all parts are the boost. The share of
-    the free part is the probability of thrust in another direction than along the velocity, given that the target
-    burns; 0 where the part is not computed.
+    `burn_mean` (n, 3, d), `burn_root` and `burn_share` (n, 3) are the parts of a boost: steady,
+    staging and free (`burn_modes`); `boost_mean` and `boost_root` are their moments. Without them
+    all parts are the boost. The share of the free part is the probability of thrust in another
+    direction than along the velocity, given that the target burns; 0 where the part is not
+    computed.
     """
 
     weight: FloatArray
@@ -140,8 +156,12 @@ class ModeEstimates(Columns):
     coast_mean: FloatArray
     coast_root: FloatArray
     detection_rate: FloatArray
-    burn_mean: FloatArray = field(default=Factory(lambda self: in_parts(self.boost_mean), takes_self=True))
-    burn_root: FloatArray = field(default=Factory(lambda self: in_parts(self.boost_root), takes_self=True))
+    burn_mean: FloatArray = field(
+        default=Factory(lambda self: in_parts(self.boost_mean), takes_self=True)
+    )
+    burn_root: FloatArray = field(
+        default=Factory(lambda self: in_parts(self.boost_root), takes_self=True)
+    )
     burn_share: FloatArray = field(
         default=Factory(lambda self: BURN_SHARE.repeat(len(self.weight), axis=0), takes_self=True)
     )
@@ -157,12 +177,18 @@ class ModeEstimates(Columns):
     @property
     def likelier_position_m(self) -> FloatArray:
         """Return the inertial positions (n, 3) of the likelier mode of each track."""
-        return np.where(self.weight[:, 1:] > self.weight[:, :1], self.coast_mean[:, :3], self.boost_mean[:, :3])
+        return np.where(
+            self.weight[:, 1:] > self.weight[:, :1], self.coast_mean[:, :3], self.boost_mean[:, :3]
+        )
 
     @property
     def likelier_state(self) -> FloatArray:
-        """Return the inertial positions and velocities (n, 6) of the likelier mode of each track."""
-        return np.where(self.weight[:, 1:] > self.weight[:, :1], self.coast_mean, self.boost_mean[:, :COAST])
+        """Return the inertial positions and velocities (n, 6) of the likelier mode of each
+        track.
+        """
+        return np.where(
+            self.weight[:, 1:] > self.weight[:, :1], self.coast_mean, self.boost_mean[:, :COAST]
+        )
 
     def put(self, rows: IntArray, part: "ModeEstimates") -> "ModeEstimates":
         """Return the estimates with rows (m,) replaced."""

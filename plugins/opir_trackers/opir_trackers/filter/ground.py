@@ -1,8 +1,9 @@
 """No target burns below the ground: a truncated normal height, for estimates that lie below it.
 
-One sensor alone does not observe the position along its line of sight, so the mean of a track may sink below the ground
-while its target climbs. The height of such an estimate is then known to be positive: its mean and variance are those of
-the truncated normal density, and all else follows by its correlation with the height.
+One sensor alone does not observe the position along its line of sight, so the mean of a track may
+sink below the ground while its target climbs. The height of such an estimate is then known to be
+positive: its mean and variance are those of the truncated normal density, and all else follows by
+its correlation with the height.
 """
 
 from math import pi
@@ -14,12 +15,15 @@ from opir_core.estimation import dot, square_root
 from opir_core.geometry import ecef_to_geodetic
 from opir_trackers.filter.measurement_updates import measurement_update
 
-#: Heights further below the ground than this, in standard deviations, count as this far: their density is rounding.
+#: Heights further below the ground than this, in standard deviations, count as this far: their
+#: density is rounding.
 _FARTHEST = -5.0
 
 
 def above_ground(mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return means (n, d) and information roots whose heights are positive; nothing changes above the ground."""
+    """Return means (n, d) and information roots whose heights are positive; nothing changes above
+    the ground.
+    """
     height = ecef_to_geodetic(mean[:, :3]).height_m
     low = (height < 0.0).nonzero()[0]
     if not low.size:
@@ -30,19 +34,25 @@ def above_ground(mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatA
     return after, held
 
 
-def _truncated(mean: FloatArray, root: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return estimates after a look at the height that leaves it the moments of the truncated normal density."""
+def _truncated(
+    mean: FloatArray, root: FloatArray, height: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return estimates after a look at the height that leaves it the moments of the truncated
+    normal density.
+    """
     from scipy.special import erfcx
 
     up = mean[:, :3] / np.sqrt(dot(mean[:, :3], mean[:, :3]))[:, None]
     side = (up[:, None, :] @ square_root.inverse_root(root)[:, :3])[:, 0]
     sigma = np.sqrt(dot(side, side))
     depth = np.maximum(height / sigma, _FARTHEST)
-    # Ratio of the normal density to the share above the ground, at the ground: the inverse Mills ratio.
+    # Ratio of the normal density to the share above the ground, at the ground: the inverse Mills
+    # ratio.
     ratio = np.sqrt(2.0 / pi) / erfcx(-depth / np.sqrt(2.0))
     shift = depth + ratio - height / sigma
     kept = 1.0 - ratio * (ratio + depth)
-    # A look of variance r leaves the share r / (1 + r) of a unit variance, and 1 / (1 + r) of its residual.
+    # A look of variance r leaves the share r / (1 + r) of a unit variance, and 1 / (1 + r) of its
+    # residual.
     variance = kept / (1.0 - kept)
     rows = np.zeros((len(mean), 1, mean.shape[1] + 1))
     rows[:, 0, :3] = up / (sigma * np.sqrt(variance))[:, None]

@@ -1,7 +1,8 @@
-"""Iterated extended Kalman update with all looks of a slice: one QR decomposition per track and iteration.
+"""Iterated extended Kalman update with all looks of a slice: one QR decomposition per track and
+iteration.
 
-Each iteration linearises the measurements at the last solution, until the change is small. All modes iterate together,
-because the lines of sight are the same.
+Each iteration linearises the measurements at the last solution, until the change is small. All
+modes iterate together, because the lines of sight are the same.
 """
 
 from collections.abc import Sequence
@@ -29,15 +30,21 @@ class Mode(NamedTuple):
 
 
 class Updated(NamedTuple):
-    """Means and information roots of a mode after a slice, and the least sums of squares (n,) of prior and looks."""
+    """Means and information roots of a mode after a slice, and the least sums of squares (n,) of
+    prior and looks.
+    """
 
     mean: FloatArray
     root: FloatArray
     left: FloatArray
 
 
-def updated(modes: Sequence[Mode], time_s: float, measurements: AngleMeasurements, rounds: int) -> list[Updated]:
-    """Return modes (k,) of the same tracks at a time after measurements, with at most `rounds` iterations."""
+def updated(
+    modes: Sequence[Mode], time_s: float, measurements: AngleMeasurements, rounds: int
+) -> list[Updated]:
+    """Return modes (k,) of the same tracks at a time after measurements, with at most `rounds`
+    iterations.
+    """
     slice_ = _Slice.of(measurements, time_s, len(modes[0].mean))
     points = [mode.mean for mode in modes]
     for turn in range(rounds):
@@ -64,10 +71,11 @@ def log_likelihoods(mode: Mode, after: Updated) -> FloatArray:
 
 
 class _Slice(NamedTuple):
-    """Measurements (m,) of n tracks in a slice, the Taylor weights (m, 5) of their times, and their rows in the stack.
+    """Measurements (m,) of n tracks in a slice, the Taylor weights (m, 5) of their times, and their
+    rows in the stack.
 
-    `planes` are their tangent planes, `place` (m,) the index of each among those of its track, `depth` the largest
-    number of measurements of a track.
+    `planes` are their tangent planes, `place` (m,) the index of each among those of its track,
+    `depth` the largest number of measurements of a track.
     """
 
     measurements: AngleMeasurements
@@ -95,10 +103,19 @@ class _Slice(NamedTuple):
         paths = [mode.motion.taylor(point) for mode, point in zip(modes, points, strict=True)]
         if self.tracks == 1:
             return np.array([self.weight.dot(path[0]) for path in paths])
-        return np.array([taylor_positions(path.take(self.measurements.track, axis=0), self.weight) for path in paths])
+        return np.array(
+            [
+                taylor_positions(path.take(self.measurements.track, axis=0), self.weight)
+                for path in paths
+            ]
+        )
 
-    def stacked(self, mode: Mode, point: FloatArray, residual: FloatArray, slope: FloatArray) -> FloatArray:
-        """Return the information roots above whitened rows [H | residual], (n, d + 2 depth, d + 1), zero-padded."""
+    def stacked(
+        self, mode: Mode, point: FloatArray, residual: FloatArray, slope: FloatArray
+    ) -> FloatArray:
+        """Return the information roots above whitened rows [H | residual], (n, d + 2 depth, d + 1),
+        zero-padded.
+        """
         size = point.shape[1]
         stack = np.zeros((self.tracks, size + 2 * self.depth, size + 1))
         stack[:, :size, :size] = mode.root
@@ -109,7 +126,9 @@ class _Slice(NamedTuple):
             return stack
         track = self.measurements.track
         rows = np.empty((len(track), 2, size + 1))
-        rows[:, :, :size] = mode.motion.measurement_rows(slope, self.weight, point.take(track, axis=0))
+        rows[:, :, :size] = mode.motion.measurement_rows(
+            slope, self.weight, point.take(track, axis=0)
+        )
         rows[:, :, size] = residual
         stack[:, size:].reshape(self.tracks, -1, 2, size + 1)[track, self.place] = rows
         return stack
@@ -117,8 +136,8 @@ class _Slice(NamedTuple):
     def bend(self, steps: list[FloatArray], range_m: FloatArray) -> float:
         """Return a bound, in standard deviations, on the linearisation error of the measurements.
 
-        A displacement of angle a across and along the line has an error of a². `steps` (n, d) are those of the modes,
-        `range_m` (k, m) the ranges.
+        A displacement of angle a across and along the line has an error of a². `steps` (n, d) are
+        those of the modes, `range_m` (k, m) the ranges.
         """
         if not self.depth:
             return 0.0
@@ -131,7 +150,9 @@ class _Slice(NamedTuple):
 
 
 def _reach_m(step: FloatArray, span_s: float) -> float:
-    """Return the largest displacement of a track by steps (n, d) of position and derivatives, within a time span."""
+    """Return the largest displacement of a track by steps (n, d) of position and derivatives,
+    within a time span.
+    """
     weights = (1.0, span_s, span_s**2 / 2.0, span_s**3 / 6.0)
     if len(step) == 1:
         numbers = step[0].tolist()

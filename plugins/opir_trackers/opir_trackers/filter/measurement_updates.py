@@ -1,4 +1,5 @@
-"""Measurement updates, mixtures and evidence of Gaussian estimates in the form of `opir_core.estimation.square_root`.
+"""Measurement updates, mixtures and evidence of Gaussian estimates in the form of
+`opir_core.estimation.square_root`.
 
 All functions work on stacks (n, ...), one estimate each.
 """
@@ -22,10 +23,11 @@ def information_root(side: FloatArray) -> FloatArray:
 def measurement_update(
     root: FloatArray, owed: FloatArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return R after a linear measurement, the step (n, d) to the new mean and the least sum of squares (n,).
+    """Return R after a linear measurement, the step (n, d) to the new mean and the least sum of
+    squares (n,).
 
-    `owed` (n, d) is R (prior mean - linearisation point); `rows` (n, m, d + 1) are whitened rows [H | residual] at that
-    point. The step starts at the linearisation point.
+    `owed` (n, d) is R (prior mean - linearisation point); `rows` (n, m, d + 1) are whitened rows [H
+    | residual] at that point. The step starts at the linearisation point.
     """
     count, size = owed.shape
     stack = np.empty((count, size + rows.shape[1], size + 1))
@@ -36,7 +38,9 @@ def measurement_update(
 
 
 def least_squares(stack: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return R (n, d, d), solutions (n, d) and least sums of squares (n,) of stacked rows (n, m, d + 1) [A | b]."""
+    """Return R (n, d, d), solutions (n, d) and least sums of squares (n,) of stacked rows (n, m, d
+    + 1) [A | b].
+    """
     size = stack.shape[2] - 1
     factor = triangular(stack)
     upper = factor[:, :size, :size]
@@ -69,13 +73,17 @@ def log_determinant_ratio(root: FloatArray, other: FloatArray) -> FloatArray:
 def moment_matched(
     weight: FloatArray, mean: tuple[FloatArray, ...], root: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean (n, d) and R of Gaussian mixtures with weights `weight` (n, k), by moment matching."""
+    """Return mean (n, d) and R of Gaussian mixtures with weights `weight` (n, k), by moment
+    matching.
+    """
     count, size = mean[0].shape
     means = np.array(mean)
     scale = np.sqrt(weight).T
     center = np.add.reduce(weight.T[:, :, None] * means)
     # A single root has a faster inverse.
-    inverse = [inverse_root(each) for each in root] if count == 1 else inverse_root(np.concatenate(root))
+    inverse = (
+        [inverse_root(each) for each in root] if count == 1 else inverse_root(np.concatenate(root))
+    )
     sides = np.reshape(inverse, (len(root), count, size, size)) * scale[:, :, None, None]
     shifts = (means - center) * scale[:, :, None]
     wide = sides.transpose(1, 2, 0, 3).reshape(count, size, len(root) * size)

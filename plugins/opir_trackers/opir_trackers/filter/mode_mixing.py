@@ -1,12 +1,13 @@
 """Mode interaction of the IMM filter: mixing, mode probabilities, and a prior of the velocity.
 
-The mixing is that of Blom and Bar-Shalom ("The interacting multiple model algorithm", IEEE Trans. Automatic Control
-33(8), 1988), by moment matching. Mode probabilities follow from detections and missed detections.
+The mixing is that of Blom and Bar-Shalom ("The interacting multiple model algorithm", IEEE Trans.
+Automatic Control 33(8), 1988), by moment matching. Mode probabilities follow from detections and
+missed detections.
 
-One sensor alone does not observe the velocity along its line of sight. There the process noise of the boost model
-accumulates, ever faster because thrust grows with itself, and estimates diverge. So the velocity covariance is bounded
-by the prior covariance of all targets' velocities in every direction; where measurements keep it below, nothing
-changes.
+One sensor alone does not observe the velocity along its line of sight. There the process noise of
+the boost model accumulates, ever faster because thrust grows with itself, and estimates diverge. So
+the velocity covariance is bounded by the prior covariance of all targets' velocities in every
+direction; where measurements keep it below, nothing changes.
 
 The `_of_one` functions compute the mode probabilities of one track with plain numbers.
 """
@@ -25,14 +26,16 @@ from opir_trackers.filter.burn_modes import BurnModes, Burns, Gaussian
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.measurement_updates import measurement_update, moment_matched
 
-#: Prior standard deviation of a target's velocity over the ground on any axis, m/s: 1.5 times the root mean square of
-#: one component over the burns of the three classes' median profiles (1240 m/s), 0.75 times that at burnout (2700 m/s);
-#: notional.
+#: Prior standard deviation of a target's velocity over the ground on any axis, m/s: 1.5 times the
+#: root mean square of one component over the burns of the three classes' median profiles (1240
+#: m/s), 0.75 times that at burnout (2700 m/s); notional.
 SPEED_SIGMA_M_S = 2000.0
 
 
 def have_uncertain_velocity(covariance: FloatArray) -> BoolArray:
-    """Return which covariances (n, 6, 6) have a velocity variance above the prior in some direction."""
+    """Return which covariances (n, 6, 6) have a velocity variance above the prior in some
+    direction.
+    """
     loose: BoolArray = np.linalg.eigvalsh(covariance[:, 3:, 3:])[:, -1] > SPEED_SIGMA_M_S**2
     return loose
 
@@ -40,8 +43,8 @@ def have_uncertain_velocity(covariance: FloatArray) -> BoolArray:
 def with_velocity_prior(mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return means (n, d) and information roots with the velocity covariance bounded by the prior.
 
-    Each principal axis of the velocity covariance that is too long gets a pseudo-measurement of the ground velocity,
-    with the variance that leads to the bound.
+    Each principal axis of the velocity covariance that is too long gets a pseudo-measurement of the
+    ground velocity, with the variance that leads to the bound.
     """
     variance, axes = np.linalg.eigh(square_root.gram(square_root.inverse_root(root)[:, 3:6]))
     limit = SPEED_SIGMA_M_S**2
@@ -75,7 +78,12 @@ def mixing_of_one(weight: Pair, leave: Pair) -> tuple[Pair, Pair, Pair]:
 
 
 def detection_rate_of_one(
-    detection_rate: Sequence[float], hits: float, silent_s: float, step_s: float, memory_s: float, pause_s: float
+    detection_rate: Sequence[float],
+    hits: float,
+    silent_s: float,
+    step_s: float,
+    memory_s: float,
+    pause_s: float,
 ) -> tuple[float, tuple[float, float, float]]:
     """Return the log likelihood of silence for the boost, and the detection rate after a slice.
 
@@ -96,7 +104,8 @@ def detection_rate_of_one(
 def burnout_shift_of_one(
     detection_rate: Sequence[float], force: Sequence[float], scan_s: float
 ) -> tuple[list[float], list[float], tuple[float, float]]:
-    """Return the shift of position and velocity, and its uncertainty, if the force ended after the last look.
+    """Return the shift of position and velocity, and its uncertainty, if the force ended after the
+    last look.
 
     And that by a unit of force. As `coast_from_boost`.
     """
@@ -129,12 +138,13 @@ _LEAST_WEIGHT = 1e-6
 #: Least mixing probability with which a mode takes part in a mixture.
 _LEAST_SHARE = 1e-4
 
-#: A target that coasts with this probability, without detection for this time, s, does not burn: where it is lit again,
-#: it begins a new burn.
+#: A target that coasts with this probability, without detection for this time, s, does not burn:
+#: where it is lit again, it begins a new burn.
 _RESTS_S = 3.0
 _COASTS = 0.9
 
-#: Where detections exclude coasts (`switching`), coasts less probable than this are neither computed nor reported.
+#: Where detections exclude coasts (`switching`), coasts less probable than this are neither
+#: computed nor reported.
 EXCLUDED_WEIGHT = 1e-3
 
 
@@ -149,9 +159,9 @@ def mixed(
 ) -> ModeEstimates:
     """Return the estimates with modes mixed by the probability of a switch during a step.
 
-    `boost_s` and `coast_s` are the mean times in each mode, inf for a mode that never ends. Coasts less probable than
-    `least` after the step are not mixed, nor the boosts of targets that rest: see `relit`. `scan_s` is the shortest
-    scan period.
+    `boost_s` and `coast_s` are the mean times in each mode, inf for a mode that never ends. Coasts
+    less probable than `least` after the step are not mixed, nor the boosts of targets that rest:
+    see `relit`. `scan_s` is the shortest scan period.
     """
     leave = _leaving(step_s, boost_s, coast_s)
     if len(estimates.weight) == 1:
@@ -164,7 +174,11 @@ def mixed(
     begins = (share[:, 1, 0] > modes.least_lit) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)
     into_boost = (begins & ~_rest(estimates.detection_rate, weight)).nonzero()[0]
     if len(into_coast):
-        coast = _put(coast, into_coast, _into_coast(estimates.part(into_coast), share[into_coast, :, 1], scan_s))
+        coast = _put(
+            coast,
+            into_coast,
+            _into_coast(estimates.part(into_coast), share[into_coast, :, 1], scan_s),
+        )
     if len(into_boost):
         lit, parts = _into_boost(estimates.part(into_boost), share[into_boost, :, 0], modes)
         boost = _put(boost, into_boost, lit)
@@ -173,7 +187,11 @@ def mixed(
 
 
 def _mixed_alone(
-    estimates: ModeEstimates, leave: tuple[float, float], least: float, modes: BurnModes, scan_s: float
+    estimates: ModeEstimates,
+    leave: tuple[float, float],
+    least: float,
+    modes: BurnModes,
+    scan_s: float,
 ) -> ModeEstimates:
     """Return `mixed` for one track."""
     boost, coast = estimates.weight[0].tolist()
@@ -196,12 +214,15 @@ def _leaving(step_s: float, boost_s: float, coast_s: float) -> tuple[float, floa
 
 
 def _shares(before: FloatArray, leave: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """Return mode probabilities (n, 2) after a step and mixing probabilities (n, 2, 2) into each mode (last)."""
+    """Return mode probabilities (n, 2) after a step and mixing probabilities (n, 2, 2) into each
+    mode (last).
+    """
     switch = np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
     weight = before @ switch
     share = before[:, :, None] * switch / np.maximum(weight, 1e-300)[:, None]
     if leave[0] > 0.0:
-        # A target that burns has not coasted before: what its coast mode made of the looks so far is let go.
+        # A target that burns has not coasted before: what its coast mode made of the looks so far
+        # is let go.
         share[before[:, 0] > 0.5, :, 1] = [1.0, 0.0]
     return weight, share
 
@@ -218,7 +239,9 @@ def _put(
     return mean, root
 
 
-def _into_coast(estimates: ModeEstimates, share: FloatArray, scan_s: float) -> tuple[FloatArray, FloatArray]:
+def _into_coast(
+    estimates: ModeEstimates, share: FloatArray, scan_s: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the coast's means and roots, mixed with probabilities (n, 2) from boost and coast."""
     burnt = coast_from_boost(estimates, scan_s)
     if not np.count_nonzero(share[:, 1]):
@@ -226,7 +249,9 @@ def _into_coast(estimates: ModeEstimates, share: FloatArray, scan_s: float) -> t
     return moment_matched(share, (burnt[0], estimates.coast_mean), (burnt[1], estimates.coast_root))
 
 
-def _into_boost(estimates: ModeEstimates, share: FloatArray, modes: BurnModes) -> tuple[Gaussian, Burns]:
+def _into_boost(
+    estimates: ModeEstimates, share: FloatArray, modes: BurnModes
+) -> tuple[Gaussian, Burns]:
     """Return boosts and their parts, mixed with probabilities (n, 2) from boost and coast.
 
     Of modes with stages, a burn after the dark begins anew.
@@ -239,14 +264,17 @@ def _into_boost(estimates: ModeEstimates, share: FloatArray, modes: BurnModes) -
     return lit, burn_modes.parts_of(lit)
 
 
-def coast_from_boost(estimates: ModeEstimates, scan_s: float = 0.0) -> tuple[FloatArray, FloatArray]:
+def coast_from_boost(
+    estimates: ModeEstimates, scan_s: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """Return position and velocity of boosts that ended soon after their last detection.
 
-    With r detections per second of scans every T, a look detects with p = r T. The burn ended T / 2 ± T / √12 after the
-    last detection, T later for each look that missed it: T (1/p - 1/2) on average, with the variance
-    T² (1/12 + (1 - p) / p²). Much faster scans than detections leave 1/r ± 1/r. Several sensors may look soon after one
-    another, so the doubt is that of one. At a time u after burnout, velocity and
-    position are less by f u and f u²/2 than with the force f still acting.
+    With r detections per second of scans every T, a look detects with p = r T. The burn ended T / 2
+    ± T / √12 after the last detection, T later for each look that missed it: T (1/p - 1/2) on
+    average, with the variance T² (1/12 + (1 - p) / p²). Much faster scans than detections leave 1/r
+    ± 1/r. Several sensors may look soon after one another, so the doubt is that of one. At a time u
+    after burnout, velocity and position are less by f u and f u²/2 than with the force f still
+    acting.
     """
     if len(estimates.detection_rate) == 1:
         return _coast_from_boost_alone(estimates, scan_s)
@@ -256,7 +284,9 @@ def coast_from_boost(estimates: ModeEstimates, scan_s: float = 0.0) -> tuple[Flo
     since = np.maximum(silent - (later + 0.5 * np.minimum(pause, scan_s)), 0.0)
     doubt = np.minimum(np.sqrt(scan_s * scan_s / 12.0 + pause * later), silent)
     times = np.array([0.5 * since * since, since, since * doubt, doubt]).reshape(2, 2, -1)
-    shifts = times.transpose(0, 2, 1)[:, :, :, None] * estimates.boost_mean[:, None, COAST : COAST + 3]
+    shifts = (
+        times.transpose(0, 2, 1)[:, :, :, None] * estimates.boost_mean[:, None, COAST : COAST + 3]
+    )
     less, spread = shifts.reshape(2, -1, COAST)
     root = estimates.boost_root
     size = estimates.boost_root.shape[1]
@@ -267,15 +297,22 @@ def coast_from_boost(estimates: ModeEstimates, scan_s: float = 0.0) -> tuple[Flo
     rows[:, 1:, -COAST:] = root[:, :, :COAST]
     # A force that is not known has not acted since burnout either.
     by_force = 0.5 * since * since, since
-    rows[:, 1:, 1:4] += by_force[0][:, None, None] * root[:, :, :3] + by_force[1][:, None, None] * root[:, :, 3:COAST]
+    rows[:, 1:, 1:4] += (
+        by_force[0][:, None, None] * root[:, :, :3]
+        + by_force[1][:, None, None] * root[:, :, 3:COAST]
+    )
     # What is known of the last columns whatever the first ones are.
     return estimates.boost_mean[:, :COAST] - less, square_root.triangular(rows)[:, -COAST:, -COAST:]
 
 
-def _coast_from_boost_alone(estimates: ModeEstimates, scan_s: float) -> tuple[FloatArray, FloatArray]:
+def _coast_from_boost_alone(
+    estimates: ModeEstimates, scan_s: float
+) -> tuple[FloatArray, FloatArray]:
     """Return `coast_from_boost` for one track."""
     less, spread, by_force = burnout_shift_of_one(
-        estimates.detection_rate[0].tolist(), estimates.boost_mean[0, COAST : COAST + 3].tolist(), scan_s
+        estimates.detection_rate[0].tolist(),
+        estimates.boost_mean[0, COAST : COAST + 3].tolist(),
+        scan_s,
     )
     root = estimates.boost_root[0]
     size = estimates.boost_root.shape[1]
@@ -285,7 +322,9 @@ def _coast_from_boost_alone(estimates: ModeEstimates, scan_s: float) -> tuple[Fl
     rows[0, 1:, 1:-COAST] = root[:, COAST:]
     rows[0, 1:, -COAST:] = root[:, :COAST]
     rows[0, 1:, 1:4] += by_force[0] * root[:, :3] + by_force[1] * root[:, 3:COAST]
-    return estimates.boost_mean[:, :COAST] - np.array(less), square_root.triangular(rows)[:, -COAST:, -COAST:]
+    return estimates.boost_mean[:, :COAST] - np.array(less), square_root.triangular(rows)[
+        :, -COAST:, -COAST:
+    ]
 
 
 def resting_rows(estimates: ModeEstimates) -> IntArray:
@@ -298,16 +337,27 @@ def _rest(detection_rate: FloatArray, weight: FloatArray) -> BoolArray:
     return resting
 
 
-def relit(estimates: ModeEstimates, mean: FloatArray, root: FloatArray, modes: BurnModes) -> tuple[Gaussian, Burns]:
-    """Return boosts, and their parts, of targets that ignite where they coast, with means (n, 6) and roots (n, 6, 6).
+def relit(
+    estimates: ModeEstimates, mean: FloatArray, root: FloatArray, modes: BurnModes
+) -> tuple[Gaussian, Burns]:
+    """Return boosts, and their parts, of targets that ignite where they coast, with means (n, 6)
+    and roots (n, 6, 6).
 
-    The old force is that of an earlier estimate. Propagated as a burn, the covariance of an unobserved boost would grow
-    without bound: the turn of a force with a slow velocity is strongly nonlinear.
+    The old force is that of an earlier estimate. Propagated as a burn, the covariance of an
+    unobserved boost would grow without bound: the turn of a force with a slow velocity is strongly
+    nonlinear.
     """
     if modes.stage is not None:
-        return modes.lit((mean, root), (estimates.burn_mean, estimates.burn_root, estimates.burn_share))
+        return modes.lit(
+            (mean, root), (estimates.burn_mean, estimates.burn_root, estimates.burn_share)
+        )
     after = ModeEstimates(
-        estimates.weight, estimates.boost_mean, estimates.boost_root, mean, root, estimates.detection_rate
+        estimates.weight,
+        estimates.boost_mean,
+        estimates.boost_root,
+        mean,
+        root,
+        estimates.detection_rate,
     )
     lit = _extended_mean(after), _extended_root(after)
     return lit, burn_modes.parts_of(lit)
@@ -336,8 +386,12 @@ def mode_update_alone(
     pause_s: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return `mode_update` for one track."""
-    log, after = detection_rate_of_one(estimates.detection_rate[0].tolist(), hits, silent_s, step_s, memory_s, pause_s)
-    weight = mode_weights_of_one(estimates.weight[0].tolist(), (change[0] + log, change[1]), _LEAST_WEIGHT)
+    log, after = detection_rate_of_one(
+        estimates.detection_rate[0].tolist(), hits, silent_s, step_s, memory_s, pause_s
+    )
+    weight = mode_weights_of_one(
+        estimates.weight[0].tolist(), (change[0] + log, change[1]), _LEAST_WEIGHT
+    )
     return np.array([weight]), np.array([after])
 
 
@@ -350,11 +404,12 @@ def mode_update(
     memory_s: float,
     pause_s: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mode probabilities (n, 2) and detection rates (n, 3) after a slice with `hits` (n,) detections per track.
+    """Return mode probabilities (n, 2) and detection rates (n, 3) after a slice with `hits` (n,)
+    detections per track.
 
-    `silent_s` (n,) is the time since the last detection, `change` (n, 2) the log likelihood of the detections. The rate
-    forgets over slices with detections with time constant `memory_s`; pauses of up to `pause_s` between detections
-    count as observed time.
+    `silent_s` (n,) is the time since the last detection, `change` (n, 2) the log likelihood of the
+    detections. The rate forgets over slices with detections with time constant `memory_s`; pauses
+    of up to `pause_s` between detections count as observed time.
     """
     missed, detection_rate = _silence_log_likelihood(
         estimates.detection_rate, hits, silent_s, step_s, memory_s, pause_s
@@ -364,13 +419,19 @@ def mode_update(
 
 
 def _silence_log_likelihood(
-    detection_rate: FloatArray, hits: FloatArray, silent_s: FloatArray, step_s: float, memory_s: float, pause_s: float
+    detection_rate: FloatArray,
+    hits: FloatArray,
+    silent_s: FloatArray,
+    step_s: float,
+    memory_s: float,
+    pause_s: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the boost's log likelihood (n,) of a slice without detection, and the detection rate (n, 3) after it.
+    """Return the boost's log likelihood (n,) of a slice without detection, and the detection rate
+    (n, 3) after it.
 
-    A burning target with r detections per second stays undetected for t with probability exp(-r t); a burnt-out one is
-    never detected. For rows with `hits` (n,) in the slice, `silent_s` (n,) is the time since the last. Slices without a
-    scan between two detections count as observed time.
+    A burning target with r detections per second stays undetected for t with probability exp(-r t);
+    a burnt-out one is never detected. For rows with `hits` (n,) in the slice, `silent_s` (n,) is
+    the time since the last. Slices without a scan between two detections count as observed time.
     """
     silent = hits == 0.0
     after = np.empty_like(detection_rate)
@@ -383,7 +444,9 @@ def _silence_log_likelihood(
     if np.count_nonzero(silent):
         after[silent, :2] = detection_rate[silent, :2]
         after[silent, 2] = detection_rate[silent, 2] + step_s
-        log[silent] = -detection_rate[silent, 0] / np.maximum(detection_rate[silent, 1], step_s) * step_s
+        log[silent] = (
+            -detection_rate[silent, 0] / np.maximum(detection_rate[silent, 1], step_s) * step_s
+        )
     return log, after
 
 

@@ -1,13 +1,14 @@
-"""Boost with thrust along the velocity: a gravity turn whose specific force slowly grows, in the inertial frame.
+"""Boost with thrust along the velocity: a gravity turn whose specific force slowly grows, in the
+inertial frame.
 
-A state (10) is position, velocity, specific force f (all but gravity) and its relative growth rate κ, 1/s. The force
-turns with the velocity relative to the rotating air (drag acts along it too). Across the velocity f is an
-Ornstein–Uhlenbeck process of time constant τ and standard deviation tan(tilt) |f|, more while it pitches over; along
-it, a random walk about its growth (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and
-Navigation", 2001, 8.2). Units m, s.
+A state (10) is position, velocity, specific force f (all but gravity) and its relative growth rate
+κ, 1/s. The force turns with the velocity relative to the rotating air (drag acts along it too).
+Across the velocity f is an Ornstein–Uhlenbeck process of time constant τ and standard deviation
+tan(tilt) |f|, more while it pitches over; along it, a random walk about its growth (Bar-Shalom, Li
+and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, 8.2). Units m, s.
 
-The `_of_one` functions compute a single state with plain numbers, as in `opir_core.estimation.motion`: the same
-operations in the same order give the same bits.
+The `_of_one` functions compute a single state with plain numbers, as in
+`opir_core.estimation.motion`: the same operations in the same order give the same bits.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,29 +37,34 @@ from opir_core.estimation import (
 )
 from opir_core.flight import Forces
 
-#: Below this speed, m/s, the direction of the velocity says little about that of the thrust; at rest, nothing: 1 m²/s²
-#: is added to squared speeds.
+#: Below this speed, m/s, the direction of the velocity says little about that of the thrust; at
+#: rest, nothing: 1 m²/s² is added to squared speeds.
 SLOW_M_S = 100.0
 
-#: Process-noise density across the velocity, as a share of the force, 1/√s, that a pitch-over adds below about this
-#: speed, m/s. Under the tracker's law of boosts the thrust is off the velocity by 7 to 8.5° (root mean square) at 100
-#: to 400 m/s with a correlation time of 14 s, by 3.6° at 700 m/s, and by 2.5° beyond 1 km/s for longer: with the usual
-#: tilt its noise is within a third of this curve from 50 to 1 200 m/s (`docs/design/pitch_over.py`).
+#: Process-noise density across the velocity, as a share of the force, 1/√s, that a pitch-over adds
+#: below about this speed, m/s. Under the tracker's law of boosts the thrust is off the velocity by
+#: 7 to 8.5° (root mean square) at 100 to 400 m/s with a correlation time of 14 s, by 3.6° at 700
+#: m/s, and by 2.5° beyond 1 km/s for longer: with the usual tilt its noise is within a third of
+#: this curve from 50 to 1 200 m/s (`docs/design/pitch_over.py`).
 PITCH_OVER_SHARE = 0.045
 PITCH_OVER_M_S = 600.0
 
-#: Up to this growth, 1/s, thrust and mass flow are constant: κ' = κ². A stage of 40 s whose acceleration triples ends
-#: with it; beyond, κ stays: carried on in the dark, a stage would burn up all its mass.
+#: Up to this growth, 1/s, thrust and mass flow are constant: κ' = κ². A stage of 40 s whose
+#: acceleration triples ends with it; beyond, κ stays: carried on in the dark, a stage would burn up
+#: all its mass.
 MOST_GROWTH = 0.05
 
 _SPIN = EARTH_ROTATION_RAD_S
 
 
-def jerk_of_one(numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any]) -> tuple[Any, Any, Any]:
-    """Return the rate of the specific force from a state and its gravity, 13 numbers or columns (n,), the same bits.
+def jerk_of_one(
+    numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any]
+) -> tuple[Any, Any, Any]:
+    """Return the rate of the specific force from a state and its gravity, 13 numbers or columns
+    (n,), the same bits.
 
-    ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the rate of the velocity's direction and w the weight of a slow
-    velocity.
+    ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the rate of the velocity's direction and w the
+    weight of a slow velocity.
     """
     x, y, _, vx, vy, vz, fx, fy, fz, growth, gx, gy, gz = numbers
     ax = gx + fx + _SPIN * vy
@@ -78,10 +84,16 @@ def jerk_of_one(numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any
     pull = square * soft / tilt_s
     own = growth - pull
     back = pull * lift - turn * ahead
-    return own * fx + turn * ax + back * ux, own * fy + turn * ay + back * uy, own * fz + turn * az + back * uz
+    return (
+        own * fx + turn * ax + back * ux,
+        own * fy + turn * ay + back * uy,
+        own * fz + turn * az + back * uz,
+    )
 
 
-def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: GravityFunction) -> list[float]:
+def stepped_one(
+    state: Sequence[float], step: float, tilt_s: float, pull: GravityFunction
+) -> list[float]:
     """Return a state of 10 after one step, the same bits as `Thrust`."""
     gravity = pull(*state[:3])
     early = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
@@ -102,8 +114,12 @@ def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: Gravit
     return [*place, *speed, fx + bx * more, fy + by * more, fz + bz * more, growth]
 
 
-def taylor_of_one(state: Sequence[float], tilt_s: float, pull: GravityFunction, mu_m3_s2: float) -> list[float]:
-    """Return the position derivatives of order 0 to 4 of a state of 10, the same bits as `Thrust`."""
+def taylor_of_one(
+    state: Sequence[float], tilt_s: float, pull: GravityFunction, mu_m3_s2: float
+) -> list[float]:
+    """Return the position derivatives of order 0 to 4 of a state of 10, the same bits as
+    `Thrust`.
+    """
     gravity = pull(*state[:3])
     rate = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
     return taylor_of_motion([*state[:9], *rate], gravity, mu_m3_s2)
@@ -144,7 +160,15 @@ def slopes_of_one(state: Sequence[float], tilt_s: float, gravity: Sequence[float
         q = -first * u
         r = second * u + soft * b
         s = turn * b - other * u
-        row = [p * ux + q * bx + r * cx, p * uy + q * by + r * cy, p * uz + q * bz + r * cz, s * ux, s * uy, s * uz, f]
+        row = [
+            p * ux + q * bx + r * cx,
+            p * uy + q * by + r * cy,
+            p * uz + q * bz + r * cz,
+            s * ux,
+            s * uy,
+            s * uz,
+            f,
+        ]
         row[k] += same
         row[3 + k] += own
         rows += row
@@ -152,10 +176,11 @@ def slopes_of_one(state: Sequence[float], tilt_s: float, gravity: Sequence[float
 
 
 def across_share_at(late: float, square_speed: Any) -> Any:
-    """Return the process-noise density of the force across the velocity, as a share of the force, 1/√s.
+    """Return the process-noise density of the force across the velocity, as a share of the force,
+    1/√s.
 
-    It is `late` for a fast boost, and more for one that pitches over: `PITCH_OVER_SHARE`. `square_speed` is the squared
-    speed, m²/s².
+    It is `late` for a fast boost, and more for one that pitches over: `PITCH_OVER_SHARE`.
+    `square_speed` is the squared speed, m²/s².
     """
     return late + PITCH_OVER_SHARE / (1.0 + (square_speed / PITCH_OVER_M_S**2) ** 2)
 
@@ -174,13 +199,24 @@ def side_of_one(state: Sequence[float], across_share: float, along_noise: float)
     xy = share * u * v
     xz = share * u * w
     yz = share * v * w
-    return [share * u * u + across, xy, xz, xy, share * v * v + across, yz, xz, yz, share * w * w + across]
+    return [
+        share * u * u + across,
+        xy,
+        xz,
+        xy,
+        share * v * v + across,
+        yz,
+        xz,
+        yz,
+        share * w * w + across,
+    ]
 
 
 #: State size.
 THRUST = 10
 
-#: Longest step, s: with τ of 15 s, the trapezoidal error of the decay towards the velocity is below 1e-3.
+#: Longest step, s: with τ of 15 s, the trapezoidal error of the decay towards the velocity is below
+#: 1e-3.
 _LONGEST_STEP_S = 2.5
 
 _UNIT = np.eye(3)
@@ -192,9 +228,9 @@ _HALF = 0.5 * np.eye(THRUST)
 class Thrust:
     """The motion model of a boost along its velocity.
 
-    `tilt_rad` and `tilt_s` are the standard deviation and the correlation time of the angle between thrust and
-    velocity; `noise_m_s2` is the process-noise density of the force along the velocity, m/s²/√s, `growth_noise` that of
-    κ, 1/s/√s.
+    `tilt_rad` and `tilt_s` are the standard deviation and the correlation time of the angle between
+    thrust and velocity; `noise_m_s2` is the process-noise density of the force along the velocity,
+    m/s²/√s, `growth_noise` that of κ, 1/s/√s.
     """
 
     #: States move alike however well they are known.
@@ -207,8 +243,12 @@ class Thrust:
     forces: Forces
     size: int = field(default=THRUST, init=False)
     #: Free flight, and flight with a given force, under the same gravity.
-    fall: Motion = field(default=Factory(lambda self: Motion(COAST, 0.0, self.forces), takes_self=True), init=False)
-    pushed: Motion = field(default=Factory(lambda self: Motion(BOOST, 0.0, self.forces), takes_self=True), init=False)
+    fall: Motion = field(
+        default=Factory(lambda self: Motion(COAST, 0.0, self.forces), takes_self=True), init=False
+    )
+    pushed: Motion = field(
+        default=Factory(lambda self: Motion(BOOST, 0.0, self.forces), takes_self=True), init=False
+    )
 
     @property
     def _pull(self) -> GravityFunction:
@@ -226,7 +266,8 @@ class Thrust:
     def _stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states after one step: Nyström for the path, the trapezoidal rule for the force.
 
-        The rate of the force is linear from its value at the start to that where a constant rate leads.
+        The rate of the force is linear from its value at the start to that where a constant rate
+        leads.
         """
         if len(state) <= FEW_STATES:
             rows = zip(state.tolist(), step_s.tolist(), strict=True)
@@ -251,7 +292,9 @@ class Thrust:
         return np.stack(jerk_of_one(columns, self.tilt_s, np.sqrt), axis=1)
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with a constant Jacobian."""
+        """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with a
+        constant Jacobian.
+        """
         scaled = self.slopes(state)
         scaled *= step_s[:, None, None]
         square = scaled @ scaled
@@ -288,8 +331,9 @@ class Thrust:
     def force_slopes(self, state: FloatArray) -> FloatArray:
         """Return the Jacobian (n, 3, 7) of `jerk` by velocity, force and growth.
 
-        In terms of the velocity's direction u, its rate b, and the force across it, all else is a multiple of the unit
-        matrix. The dependence of the air's motion on the position is neglected.
+        In terms of the velocity's direction u, its rate b, and the force across it, all else is a
+        multiple of the unit matrix. The dependence of the air's motion on the position is
+        neglected.
         """
         if len(state) == 1:
             (numbers,) = state.tolist()
@@ -339,11 +383,16 @@ class Thrust:
         share = across_share_at(tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s), square)
         across = share * np.sqrt(dot(force, force))
         along_it = (self.noise_m_s2 - across) / (square + 1.0)
-        side = along_it[:, None, None] * velocity[:, :, None] * velocity[:, None, :] + across[:, None, None] * _UNIT
+        side = (
+            along_it[:, None, None] * velocity[:, :, None] * velocity[:, None, :]
+            + across[:, None, None] * _UNIT
+        )
         step = np.abs(step_s)
         small = (step[:, None] ** _POWERS)[:, :, None] * _CHAIN
         root = np.zeros((len(state), THRUST, THRUST))
-        root[:, :9, :9] = (small[:, :, None, :, None] * side[:, None, :, None, :]).reshape(len(state), 9, 9)
+        root[:, :9, :9] = (small[:, :, None, :, None] * side[:, None, :, None, :]).reshape(
+            len(state), 9, 9
+        )
         root[:, 9, 9] = self.growth_noise * np.sqrt(step)
         return root
 
@@ -365,22 +414,31 @@ class Thrust:
         path = np.concatenate([state[:, :9], self.jerk(state)], axis=1)
         return self.pushed.taylor(path)
 
-    def measurement_rows(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
-        """Return the whitened Jacobian (m, 2, 10) by the state from that by the position (m, 2, 3), 1/m.
+    def measurement_rows(
+        self, slope: FloatArray, weight: FloatArray, state: FloatArray
+    ) -> FloatArray:
+        """Return the whitened Jacobian (m, 2, 10) by the state from that by the position (m, 2, 3),
+        1/m.
 
-        `weight` (m, 5) are the Taylor weights of the looks, `state` (m, 10) the states of their tracks, or (1, 10) one
-        for all.
+        `weight` (m, 5) are the Taylor weights of the looks, `state` (m, 10) the states of their
+        tracks, or (1, 10) one for all.
         """
         rows = np.empty((len(slope), 2, THRUST))
-        rows[:, :, :9] = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(len(slope), 2, 9)
+        rows[:, :, :9] = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(
+            len(slope), 2, 9
+        )
         if len(state) == 1:
-            rows[:, :, 9] = (slope.reshape(-1, 3) @ state[0, 6:9]).reshape(-1, 2) * weight[:, 3, None]
+            rows[:, :, 9] = (slope.reshape(-1, 3) @ state[0, 6:9]).reshape(-1, 2) * weight[
+                :, 3, None
+            ]
         else:
             rows[:, :, 9] = matvec(slope, state[:, 6:9]) * weight[:, 3, None]
         return rows
 
     def derivative_roots(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return covariance roots (n, 12, 12) of four position derivatives from those of states, (n, 10, 10)."""
+        """Return covariance roots (n, 12, 12) of four position derivatives from those of states,
+        (n, 10, 10).
+        """
         out = np.zeros((len(state), BOOST, BOOST))
         out[:, :9, :THRUST] = side[:, :9]
         out[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]

@@ -1,8 +1,9 @@
-"""What one sensor does not see: position, velocity and force along its line of sight, given the law of boosts.
+"""What one sensor does not see: position, velocity and force along its line of sight, given the law
+of boosts.
 
-A boost begins on the ground, so the first line of sight says where. Since then each ascent of the law (`ascents`), in
-the direction that fits best, leads to a place and a motion in the image plane; those near to what is seen there say how
-far away the target is (`kernel_regression`).
+A boost begins on the ground, so the first line of sight says where. Since then each ascent of the
+law (`ascents`), in the direction that fits best, leads to a place and a motion in the image plane;
+those near to what is seen there say how far away the target is (`kernel_regression`).
 """
 
 from typing import NamedTuple
@@ -26,15 +27,17 @@ from opir_trackers.forecast.planar_boost import RADIUS_M
 from opir_trackers.lines_of_sight import SPIN
 from opir_trackers.triangulation import GRAZING_SINE
 
-#: Directions over the ground in which an ascent is tried before the best are refined, and steps of that.
+#: Directions over the ground in which an ascent is tried before the best are refined, and steps of
+#: that.
 _DIRECTIONS = 24
 _REFINEMENTS = 3
 
 #: Most ascents that are compared exactly.
 _MOST = 400
 
-#: Width of the narrowest kernel: a share of the speed in the image plane, of the force, m/s², and of the velocity at
-#: the first detection, m/s. Wider ones are multiples of it. Positions have that of the velocity times half of the time.
+#: Width of the narrowest kernel: a share of the speed in the image plane, of the force, m/s², and
+#: of the velocity at the first detection, m/s. Wider ones are multiples of it. Positions have that
+#: of the velocity times half of the time.
 _SHARE = 0.06
 _FORCE_M_S2 = 3.0
 _FIRST_M_S = 6.0
@@ -47,12 +50,14 @@ _CHOICE = 2.0
 class Sighting(NamedTuple):
     """What one sensor sees of a target, in ECEF, m and m/s.
 
-    `first_sensor_m` and `first_m` (3,) are the sensor at the first detection, `since_s` ago, and a point on its line of
-    sight then; `first_sigma_m` is the error of the line's height there, `ground_radius_m` the distance of the ground
-    there from the Earth's centre. `sensor_m` and `sensor_m_s` are the sensor now. `state` (9,) is position, velocity
-    relative to the Earth and specific force by the filter, of which what is along the line of sight is not used.
-    `axes` and `first_axes` (2, 3) are those of the image plane now and then, `first_m_s` (2,) the velocity along the
-    latter then. `noise` (8, 8) is the covariance of the state along the former, and of `first_m_s`.
+    `first_sensor_m` and `first_m` (3,) are the sensor at the first detection, `since_s` ago, and a
+    point on its line of sight then; `first_sigma_m` is the error of the line's height there,
+    `ground_radius_m` the distance of the ground there from the Earth's centre. `sensor_m` and
+    `sensor_m_s` are the sensor now. `state` (9,) is position, velocity relative to the Earth and
+    specific force by the filter, of which what is along the line of sight is not used. `axes` and
+    `first_axes` (2, 3) are those of the image plane now and then, `first_m_s` (2,) the velocity
+    along the latter then. `noise` (8, 8) is the covariance of the state along the former, and of
+    `first_m_s`.
     """
 
     first_sensor_m: FloatArray
@@ -70,17 +75,22 @@ class Sighting(NamedTuple):
 
 
 class AlongSight(NamedTuple):
-    """Mean (3,) and covariance (3, 3) of position, velocity and force along the line of sight; effective samples."""
+    """Mean (3,) and covariance (3, 3) of position, velocity and force along the line of sight;
+    effective samples.
+    """
 
     mean: FloatArray
     covariance: FloatArray
     samples: float
 
 
-def along_sight(ascents: BoostAscents, sighting: Sighting, ignition_s: FloatArray) -> AlongSight | None:
+def along_sight(
+    ascents: BoostAscents, sighting: Sighting, ignition_s: FloatArray
+) -> AlongSight | None:
     """Return what ascents say along the line of sight; None if too few are like it.
 
-    `ignition_s` (k, n) are k equally probable times from the ignition of each ascent to the first detection.
+    `ignition_s` (k, n) are k equally probable times from the ignition of each ascent to the first
+    detection.
     """
     paths = [_Paths.of(sighting, ascents, each) for each in ignition_s]
     if sum(len(each.log_weight) for each in paths) < ENOUGH:
@@ -103,7 +113,9 @@ def along_sight(ascents: BoostAscents, sighting: Sighting, ignition_s: FloatArra
 def _ground_variance(sighting: Sighting) -> float:
     """Return the variance, m², of where the first line of sight meets the ground, along it."""
     line = sighting.first_m - sighting.first_sensor_m
-    sine = -float(line @ sighting.first_m) / float(np.linalg.norm(line) * np.linalg.norm(sighting.first_m))
+    sine = -float(line @ sighting.first_m) / float(
+        np.linalg.norm(line) * np.linalg.norm(sighting.first_m)
+    )
     return (sighting.first_sigma_m / max(sine, GRAZING_SINE)) ** 2
 
 
@@ -111,14 +123,18 @@ def _scale(sighting: Sighting) -> FloatArray:
     """Return the widths (8,) of the narrowest kernel."""
     speed = sighting.axes @ sighting.state[3:6]
     wide = np.full(2, _SHARE * max(float(np.linalg.norm(speed)), _SLOWEST_M_S))
-    return np.concatenate([0.5 * sighting.since_s * wide, wide, np.full(2, _FORCE_M_S2), np.full(2, _FIRST_M_S)])
+    return np.concatenate(
+        [0.5 * sighting.since_s * wide, wide, np.full(2, _FORCE_M_S2), np.full(2, _FIRST_M_S)]
+    )
 
 
 class _Paths(NamedTuple):
-    """Ascents (n,) that begin on a line of sight: first places and axes up, east and north (3, n), and rows (8, n).
+    """Ascents (n,) that begin on a line of sight: first places and axes up, east and north (3, n),
+    and rows (8, n).
 
-    `moved` (5, n) are cosine and sine of the angle over the ground since the first detection, the distance from the
-    Earth's centre, and the integrals of distances ahead and above since then, for the Coriolis force.
+    `moved` (5, n) are cosine and sine of the angle over the ground since the first detection, the
+    distance from the Earth's centre, and the integrals of distances ahead and above since then, for
+    the Coriolis force.
     """
 
     start_m: FloatArray
@@ -145,10 +161,14 @@ class _Paths(NamedTuple):
         towards = towards / np.linalg.norm(towards)
         near = float(sensor @ towards)
         radius = ground + first[HEIGHT]
-        far = -near - np.sqrt(np.maximum(near * near - float(sensor @ sensor) + radius * radius, 0.0))
+        far = -near - np.sqrt(
+            np.maximum(near * near - float(sensor @ sensor) + radius * radius, 0.0)
+        )
         start = sensor[:, None] + towards[:, None] * far
         up = start / np.sqrt(np.sum(start * start, axis=0))
-        east = np.stack([-up[1], up[0], np.zeros(len(rows))]) / np.maximum(np.hypot(up[0], up[1]), 1e-9)
+        east = np.stack([-up[1], up[0], np.zeros(len(rows))]) / np.maximum(
+            np.hypot(up[0], up[1]), 1e-9
+        )
         angle = now[ANGLE] - first[ANGLE]
         ahead = now[AHEAD_S] - first[AHEAD_S] - RADIUS_M * first[ANGLE] * since
         above = now[ABOVE_S] - first[ABOVE_S] - first[HEIGHT] * since
@@ -157,7 +177,9 @@ class _Paths(NamedTuple):
         return cls(start, up, east, north, first, now, moved, ascents.log_weight[rows])
 
     def states(self, which: IntArray, azimuth: FloatArray) -> FloatArray:
-        """Return places, velocities, forces and first velocities (4, m, 3) of ascents (m,) towards azimuths (m,)."""
+        """Return places, velocities, forces and first velocities (4, m, 3) of ascents (m,) towards
+        azimuths (m,).
+        """
         above = self.up[:, which]
         ahead = np.sin(azimuth) * self.east[:, which] + np.cos(azimuth) * self.north[:, which]
         cosine, sine, radius, ahead_s, above_s = self.moved[:, which]
@@ -170,10 +192,15 @@ class _Paths(NamedTuple):
         velocity -= 2.0 * SPIN @ (place - self.start_m[:, which])
         place = place - 2.0 * SPIN @ (ahead_s * ahead + above_s * above)
         force = now[LEVEL_FORCE] * level + now[LIFT] * up
-        return np.stack([place, velocity, force, first[LEVEL] * ahead + first[CLIMB] * above]).transpose(0, 2, 1)
+        return np.stack(
+            [place, velocity, force, first[LEVEL] * ahead + first[CLIMB] * above]
+        ).transpose(0, 2, 1)
 
-    def compared(self, sighting: Sighting, which: IntArray, azimuth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return by how much ascents (m,) differ from what is seen (m, 8), and what is hidden (m, 3).
+    def compared(
+        self, sighting: Sighting, which: IntArray, azimuth: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return by how much ascents (m,) differ from what is seen (m, 8), and what is hidden (m,
+        3).
 
         Positions and motions are seen as angles, at the range of the state.
         """
@@ -197,7 +224,8 @@ class _Paths(NamedTuple):
         return np.concatenate(seen, axis=1), np.stack(hidden, axis=1)
 
     def linear(self, sighting: Sighting, width: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return A (8, n) and M (8, 2, n): far from the sensor, ascents differ from what is seen by A + M (cos, sin).
+        """Return A (8, n) and M (8, 2, n): far from the sensor, ascents differ from what is seen by
+        A + M (cos, sin).
 
         The angle is the azimuth; the rows are in units of a kernel's widths (8,) and the noise.
         """
@@ -227,13 +255,21 @@ class _Paths(NamedTuple):
         return np.concatenate(shift) * size[:, None], np.concatenate(slope) * size[:, None, None]
 
 
-def _minima(shift: FloatArray, slope: FloatArray, log_weight: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return log weights, numbers and azimuths of the minima of |A + M (cos, sin)|², A (8, n), M (8, 2, n)."""
+def _minima(
+    shift: FloatArray, slope: FloatArray, log_weight: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return log weights, numbers and azimuths of the minima of |A + M (cos, sin)|², A (8, n), M
+    (8, 2, n).
+    """
     constant = np.sum(shift * shift, axis=0)
     north = slope[:, 0]
     east = slope[:, 1]
     pull = 2.0 * np.sum(north * shift, axis=0), 2.0 * np.sum(east * shift, axis=0)
-    square = np.sum(north * north, axis=0), 2.0 * np.sum(north * east, axis=0), np.sum(east * east, axis=0)
+    square = (
+        np.sum(north * north, axis=0),
+        2.0 * np.sum(north * east, axis=0),
+        np.sum(east * east, axis=0),
+    )
     terms = np.stack([*pull, *square])
     azimuth = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     cost = _powers(azimuth).T @ terms
@@ -248,10 +284,13 @@ def _minima(shift: FloatArray, slope: FloatArray, log_weight: FloatArray) -> tup
         tilt = mine[4] - mine[2]
         turn = c * c - s * s
         first = -mine[0] * s + mine[1] * c + 2.0 * tilt * c * s + mine[3] * turn
-        bend = np.maximum(-mine[0] * c - mine[1] * s + 2.0 * tilt * turn - 4.0 * mine[3] * c * s, 1.0)
+        bend = np.maximum(
+            -mine[0] * c - mine[1] * s + 2.0 * tilt * turn - 4.0 * mine[3] * c * s, 1.0
+        )
         angle = angle - np.clip(first / bend, -0.3, 0.3)
     total = constant[which] + np.sum(mine * _powers(angle), axis=0)
-    # All azimuths are equally probable: the integral over one is that of a normal density about the minimum.
+    # All azimuths are equally probable: the integral over one is that of a normal density about the
+    # minimum.
     return log_weight[which] - 0.5 * total - 0.5 * np.log(bend), which, angle
 
 

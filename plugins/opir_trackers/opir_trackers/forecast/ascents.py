@@ -1,8 +1,9 @@
-"""Ascents drawn from the tracker's law of boosts: where a vehicle is, and how it moves, at times since its ignition.
+"""Ascents drawn from the tracker's law of boosts: where a vehicle is, and how it moves, at times
+since its ignition.
 
-Missiles, gliders and vehicles unlike both fly the law's program of pitch-over and slow steering; space launchers are
-steered to an orbit. Weights are those of the forecast's hypotheses: ranges of missiles and elevations at the ends
-of their boosts, low and level ends of those of gliders.
+Missiles, gliders and vehicles unlike both fly the law's program of pitch-over and slow steering;
+space launchers are steered to an orbit. Weights are those of the forecast's hypotheses: ranges of
+missiles and elevations at the ends of their boosts, low and level ends of those of gliders.
 """
 
 from collections.abc import Iterator
@@ -27,16 +28,19 @@ NUMBERS = (1800, 400, 600, 400)
 #: Laws of their vehicles.
 _LAWS = (MISSILE, MISSILE, SPACE, NONE)
 
-#: Ascents are flown in steps of `TABLE_S` up to `LONGEST_S` after ignition. At 40 m/s² a chord of a step is 45 m off
-#: its arc; a burn that ends within a step ends a little sooner or later, as one of another vehicle of the law.
+#: Ascents are flown in steps of `TABLE_S` up to `LONGEST_S` after ignition. At 40 m/s² a chord of a
+#: step is 45 m off its arc; a burn that ends within a step ends a little sooner or later, as one of
+#: another vehicle of the law.
 TABLE_S = 3.0
 LONGEST_S = 700.0
 
-#: Heights of orbits to which launchers are steered, m. Notional. Gliders are steered to where they end their burns.
+#: Heights of orbits to which launchers are steered, m. Notional. Gliders are steered to where they
+#: end their burns.
 ORBITS_M = (180e3, 400e3)
 
-#: Rows of an ascent: angle over the ground, rad; height, m; level and vertical velocity, m/s; level and vertical
-#: specific force, m/s²; integrals of distance over the ground and of height over time, m s.
+#: Rows of an ascent: angle over the ground, rad; height, m; level and vertical velocity, m/s; level
+#: and vertical specific force, m/s²; integrals of distance over the ground and of height over time,
+#: m s.
 ANGLE, HEIGHT, LEVEL, CLIMB, LEVEL_FORCE, LIFT, AHEAD_S, ABOVE_S = range(8)
 
 
@@ -49,7 +53,8 @@ class Moment(NamedTuple):
 
 @frozen(eq=False)
 class BoostAscents:
-    """Ascents (n,): `path` (times, 8, n), `burns` (times, n) and the logarithms of their weights (n,).
+    """Ascents (n,): `path` (times, 8, n), `burns` (times, n) and the logarithms of their weights
+    (n,).
 
     Single precision is exact to centimetres.
     """
@@ -66,10 +71,15 @@ class BoostAscents:
         part = place - first
         before, after = (self.path[row, :, each].astype(np.float64) for row in (first, first + 1))
         nearest = np.minimum(np.rint(since_s / TABLE_S).astype(np.int64), len(self.path) - 1)
-        return Moment((before + part[:, None] * (after - before)).T, self.burns[nearest, each] & (since_s < LONGEST_S))
+        return Moment(
+            (before + part[:, None] * (after - before)).T,
+            self.burns[nearest, each] & (since_s < LONGEST_S),
+        )
 
     def reaching(self, height_m: FloatArray) -> FloatArray:
-        """Return the times since ignition (n,) at which ascents first reach heights (n,), m; `LONGEST_S` if never."""
+        """Return the times since ignition (n,) at which ascents first reach heights (n,), m;
+        `LONGEST_S` if never.
+        """
         highest = self._highest_m
         each = np.arange(len(height_m))
         below = np.zeros_like(each)
@@ -97,22 +107,30 @@ class BoostAscents:
 
 
 def ascents_of(outcomes: Outcomes) -> BoostAscents:
-    """Return the ascents of a law of vehicles, weighed by its hypotheses: the same draws at each call."""
+    """Return the ascents of a law of vehicles, weighed by its hypotheses: the same draws at each
+    call.
+    """
     path, burns, ends = _drawn_flights(outcomes.model)
     parts = np.split(ends, np.cumsum(NUMBERS)[:-1], axis=1)
-    return BoostAscents(path, burns, np.concatenate([_log_weights(outcomes, *part) for part in enumerate(parts)]))
+    return BoostAscents(
+        path, burns, np.concatenate([_log_weights(outcomes, *part) for part in enumerate(parts)])
+    )
 
 
 @lru_cache(maxsize=2)
 def _drawn_flights(model: VehicleModel) -> tuple[NDArray[np.float32], BoolArray, FloatArray]:
-    """Return paths (times, 8, n), which burn (times, n), and planar states (4, n) at the ends of the boosts."""
+    """Return paths (times, 8, n), which burn (times, n), and planar states (4, n) at the ends of
+    the boosts.
+    """
     path = []
     burns = []
     ends = []
     for family, count in enumerate(NUMBERS):
         rng = np.random.default_rng([11, family])
         stages = drawn_stages(model, _LAWS[family], count, rng)
-        boost = PlanarBoost(stages, drawn_steering(count, model.data, 11 + family), _heights_m(model, family, rng))
+        boost = PlanarBoost(
+            stages, drawn_steering(count, model.data, 11 + family), _heights_m(model, family, rng)
+        )
         rows, lit, states = map(np.array, zip(*_flown(boost), strict=True))
         last = np.minimum(np.ceil(boost.over_s / TABLE_S).astype(np.int64), len(states) - 1)
         path.append(rows.astype(np.float32))
@@ -122,7 +140,9 @@ def _drawn_flights(model: VehicleModel) -> tuple[NDArray[np.float32], BoolArray,
 
 
 def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArray]]:
-    """Yield rows (8, n), which ascents burn, and states (4, n), nan once on the ground again, at intervals."""
+    """Yield rows (8, n), which ascents burn, and states (4, n), nan once on the ground again, at
+    intervals.
+    """
     state = boost.at_rest()
     flies = np.ones(len(boost.orbit_m), dtype=np.bool_)
     behind = np.zeros((2, len(boost.orbit_m)))
@@ -139,22 +159,30 @@ def _flown(boost: PlanarBoost) -> Iterator[tuple[FloatArray, BoolArray, FloatArr
         away = np.array([RADIUS_M * np.arctan2(x, y), radius - RADIUS_M])
         sums = sums + 0.5 * TABLE_S * (away + behind) * (number > 0)
         behind = away
-        motion = [np.sum(each * axis, axis=0) for each in (state[2:], force) for axis in (level, up)]
+        motion = [
+            np.sum(each * axis, axis=0) for each in (state[2:], force) for axis in (level, up)
+        ]
         rows = np.array([away[0] / RADIUS_M, away[1], *motion, *sums])
         yield rows, flies & np.any(force, axis=0), np.where(flies, state, np.nan)
         state = boost.stepped(state, now, TABLE_S)
 
 
 def _heights_m(model: VehicleModel, family: int, rng: np.random.Generator) -> FloatArray:
-    """Return the heights at which the burns of a family shall end level, m; nan for those of no such program."""
-    limits = {GLIDERS: [1e3 * height for height in model.data["glide"]["height_km"]], LAUNCHERS: ORBITS_M}
+    """Return the heights at which the burns of a family shall end level, m; nan for those of no
+    such program.
+    """
+    limits = {
+        GLIDERS: [1e3 * height for height in model.data["glide"]["height_km"]],
+        LAUNCHERS: ORBITS_M,
+    }
     low, high = limits.get(family, (0.0, 0.0))
     heights: FloatArray = rng.uniform(low, high, NUMBERS[family])
     return heights if family in limits else np.full(NUMBERS[family], np.nan)
 
 
 def _log_weights(outcomes: Outcomes, family: int, end: FloatArray) -> FloatArray:
-    """Return the logarithms of the weights (n,) of a family's ascents with states (4, n) at the ends of boosts.
+    """Return the logarithms of the weights (n,) of a family's ascents with states (4, n) at the
+    ends of boosts.
 
     A program that ends in the ground is a bad draw: before it does, it leads lower than any boost.
     """
@@ -163,7 +191,9 @@ def _log_weights(outcomes: Outcomes, family: int, end: FloatArray) -> FloatArray
     if family == MISSILES:
         with np.errstate(divide="ignore", invalid="ignore"):
             range_m = ranges_m(end)
-            weight = outcomes.missiles(range_m).sum(axis=1) * outcomes.climbing(range_m, elevations(end))
+            weight = outcomes.missiles(range_m).sum(axis=1) * outcomes.climbing(
+                range_m, elevations(end)
+            )
     elif family == GLIDERS:
         radius = np.hypot(end[0], end[1])
         speed = np.hypot(end[2], end[3])

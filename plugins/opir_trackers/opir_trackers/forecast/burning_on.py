@@ -24,10 +24,11 @@ _LEAST_MASS = 0.05
 
 @frozen(eq=False, repr=False)
 class Steering(Columns):
-    """By which angle the thrust of boosts (n,) leads the velocity downwards, by the time since the first ignition.
+    """By which angle the thrust of boosts (n,) leads the velocity downwards, by the time since the
+    first ignition.
 
-    It is vertical for `rise_s`, leads by up to `lead_rad` over the next `over_s` (pitch-over), and by `steer_rad`
-    sin(`steer_rate` t + `steer_phase`) from then on.
+    It is vertical for `rise_s`, leads by up to `lead_rad` over the next `over_s` (pitch-over), and
+    by `steer_rad` sin(`steer_rate` t + `steer_phase`) from then on.
     """
 
     rise_s: FloatArray
@@ -74,8 +75,9 @@ def drawn_steering(count: int, data: Mapping[str, Any], seed: int) -> Steering:
 class RemainingBurns(Columns):
     """What remains of the boosts of particles (p,), from now on.
 
-    Ignitions `start_s`, burn times, first accelerations and growths c are (p, STAGES), burns of 0 s where there is
-    none; an acceleration is A / (1 - c s) after s seconds. `since_s` (p,) is the time since the first ignition.
+    Ignitions `start_s`, burn times, first accelerations and growths c are (p, STAGES), burns of 0 s
+    where there is none; an acceleration is A / (1 - c s) after s seconds. `since_s` (p,) is the
+    time since the first ignition.
     """
 
     start_s: FloatArray
@@ -93,7 +95,9 @@ class RemainingBurns(Columns):
         return total
 
     def cut_off(self, share: FloatArray) -> "RemainingBurns":
-        """Return the burns if the thrust ends for good after a share (p,) of the burn time that remains."""
+        """Return the burns if the thrust ends for good after a share (p,) of the burn time that
+        remains.
+        """
         before = np.cumsum(self.burn_s, axis=1) - self.burn_s
         left = (share * self.burn_s.sum(axis=1))[:, None] - before
         return evolve(self, burn_s=np.clip(left, 0.0, self.burn_s))
@@ -102,11 +106,13 @@ class RemainingBurns(Columns):
 def flown_on(
     state: FloatArray, burns: RemainingBurns, steering: Steering, tilt: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return inertial states (p, 6) at the end of the last burn, how long after now (p,), s, and least distances.
+    """Return inertial states (p, 6) at the end of the last burn, how long after now (p,), s, and
+    least distances.
 
     These (p,), m, are from the Earth's centre, at the ends of steps.
 
-    `tilt` (STAGES, STEPS, p, 2), rad, are angles of the thrust from its program, downwards and sidewards, in each step.
+    `tilt` (STAGES, STEPS, p, 2), rad, are angles of the thrust from its program, downwards and
+    sidewards, in each step.
     """
     now = np.zeros(len(state))
     least = np.full(len(state), np.inf)
@@ -131,7 +137,8 @@ def flown_on(
     return np.ascontiguousarray(state.T), now, least
 
 
-#: The thrust of particles (p,) at a time, m/s²: along the velocity, downwards from it and sidewards; None in the dark.
+#: The thrust of particles (p,) at a time, m/s²: along the velocity, downwards from it and
+#: sidewards; None in the dark.
 _Push = tuple[FloatArray, FloatArray, FloatArray]
 
 _NO_PUSHES = (None, None, None)
@@ -143,14 +150,18 @@ _NODES = np.interp(np.arange(2 * STEPS + 1), np.arange(0, 2 * STEPS + 1, 2), _SH
 class _Thrust:
     """The thrust of some particles in one stage, at its nodes."""
 
-    def __init__(self, burns: RemainingBurns, steering: Steering, rows: IntArray, stage: int) -> None:
+    def __init__(
+        self, burns: RemainingBurns, steering: Steering, rows: IntArray, stage: int
+    ) -> None:
         since_s = _NODES * burns.burn_s[rows, stage]
         self._lead = steering.leads(burns.since_s[rows] + burns.start_s[rows, stage] + since_s)
         left = np.maximum(1.0 - burns.growth_per_s[rows, stage] * since_s, _LEAST_MASS)
         self._size = burns.acceleration_m_s2[rows, stage] / left
 
     def pushes(self, step: int, tilt: FloatArray) -> Sequence[_Push]:
-        """Return the thrust at start, middle and end of a step, with tilts (p, 2) from the program."""
+        """Return the thrust at start, middle and end of a step, with tilts (p, 2) from the
+        program.
+        """
         nodes = slice(2 * step, 2 * step + 3)
         down = np.tan(self._lead[nodes] + tilt[:, 0])
         side = np.tan(tilt[:, 1])

@@ -35,7 +35,8 @@ class Impacts(NamedTuple):
 def impacts_by_condition(lit: IntArray, burning: float, *rest: Any) -> "list[Impacts]":
     """Return the impacts of a track under each condition, the most probable first.
 
-    What probably burns comes down or not. What is dark comes down as it is, or burns on: again, or still.
+    What probably burns comes down or not. What is dark comes down as it is, or burns on: again, or
+    still.
     """
     if burning > 0.5:
         sets = [(IMPACT_CONDITIONS[0], np.ones(len(lit), dtype=np.bool_))]
@@ -54,7 +55,9 @@ def _conditional(
     glided: "gliders.GlideEnds | None",
     forces: Forces,
 ) -> Impacts | None:
-    """Return the impacts of a track's particles `mine`, or None if they are improbable or too few count."""
+    """Return the impacts of a track's particles `mine`, or None if they are improbable or too few
+    count.
+    """
     weight = np.where(mine, falls[rows], 0.0)
     glides = np.zeros(0) if glided is None else np.where(mine, glided.weight, 0.0)
     probability = float(weight.sum() + glides.sum())
@@ -68,7 +71,9 @@ def _conditional(
     when_s = fates.when_s[rows][kept]
     share = weight[kept]
     if not forces.is_kepler and len(kept):
-        points = _shifted(points, share / share.sum(), fates.state[rows][kept], fates.out_s[rows][kept], forces)
+        points = _shifted(
+            points, share / share.sum(), fates.state[rows][kept], fates.out_s[rows][kept], forces
+        )
     if glided is not None and glides.any():
         which = np.flatnonzero(glides > 0.0)
         points = np.concatenate([points, glided.place[which]])
@@ -98,15 +103,21 @@ def _shifted(
     return chart.places(plane + chart.points(there) - plane[row])
 
 
-def _moments(place: FloatArray, when_s: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mean, covariance, and the radii of ellipses that contain the points in the shares `TRACK_CONTAINMENTS`."""
+def _moments(
+    place: FloatArray, when_s: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean, covariance, and the radii of ellipses that contain the points in the shares
+    `TRACK_CONTAINMENTS`.
+    """
     chart = AzimuthalEquidistant.about(weight @ unit_vectors(place))
     plane = chart.points(place)
     mean = weight @ plane
     columns = np.column_stack([plane - mean, when_s - weight @ when_s])
     covariance = (weight[:, None] * columns).T @ columns + np.diag([1.0, 1.0, 1e-6])
     covariance = 0.5 * (covariance + covariance.T)
-    distance = np.sqrt(np.sum(columns[:, :2] * np.linalg.solve(covariance[:2, :2], columns[:, :2].T).T, axis=1))
+    distance = np.sqrt(
+        np.sum(columns[:, :2] * np.linalg.solve(covariance[:2, :2], columns[:, :2].T).T, axis=1)
+    )
     order = np.argsort(distance)
     radii = np.interp(TRACK_CONTAINMENTS, np.cumsum(weight[order]), distance[order])
     latitude, longitude = chart.places(mean[None])[0]

@@ -1,4 +1,6 @@
-"""Particles of dark tracks: in free flight, with no burn left or with those of the stages to come."""
+"""Particles of dark tracks: in free flight, with no burn left or with those of the stages to
+come.
+"""
 
 from functools import cache
 
@@ -11,7 +13,16 @@ from opir_core.estimation.square_root import inverse_root
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast.burning_on import RemainingBurns
 from opir_trackers.forecast.later_burns import later_burns
-from opir_trackers.forecast.particles import AGAIN, BURNING, OVER, Draws, Particles, draws, shares_in_numbers, widened
+from opir_trackers.forecast.particles import (
+    AGAIN,
+    BURNING,
+    OVER,
+    Draws,
+    Particles,
+    draws,
+    shares_in_numbers,
+    widened,
+)
 from opir_trackers.forecast.stage_history import StageHistory
 from opir_trackers.forecast.vehicles import FAMILIES, GAP, STAGES, Known, VehicleModel
 
@@ -27,10 +38,11 @@ def dark_particles(
     dark_s: FloatArray,
     time_s: float,
 ) -> tuple[Particles, FloatArray]:
-    """Return the particles of tracks (n,) that are dark for times (n,), s, and what may yet burn again, (n, families).
+    """Return the particles of tracks (n,) that are dark for times (n,), s, and what may yet burn
+    again, (n, families).
 
-    The second is the probability of a relight of each family, by its number of stages and its gaps, not weighed by
-    where these lead.
+    The second is the probability of a relight of each family, by its number of stages and its gaps,
+    not weighed by where these lead.
     """
     over = history.as_dark(time_s, dark_s)
     known = model.given(over.logs)
@@ -38,7 +50,9 @@ def dark_particles(
     count = len(estimates)
     stage = np.minimum(known.done, STAGES - 1)
     law = model.law(families, stage[:, None], known.total, known.number)
-    longer = ndtr((law[0][:, :, GAP] - np.log(np.maximum(dark_s, 0.05))[:, None]) / law[1][:, :, GAP])
+    longer = ndtr(
+        (law[0][:, :, GAP] - np.log(np.maximum(dark_s, 0.05))[:, None]) / law[1][:, :, GAP]
+    )
     more = model.more(known.done)
     all_ = model.more(np.maximum(known.done - 1, 0))
     # What ignites without a gap does so within about the time between two looks.
@@ -60,14 +74,21 @@ def dark_particles(
 
 
 def _free(
-    known: Known, ended: FloatArray, estimates: ModeEstimates, side: FloatArray, draw: IntArray, rows: IntArray
+    known: Known,
+    ended: FloatArray,
+    estimates: ModeEstimates,
+    side: FloatArray,
+    draw: IntArray,
+    rows: IntArray,
 ) -> Particles:
-    """Return particles in free flight of tracks `rows`, of each family in turn; weights are by families, (n,
-    families)."""
+    """Return particles in free flight of tracks `rows`, of each family in turn; weights are by
+    families, (n, families)."""
     count = len(rows)
     size = len(draw)
     number = shares_in_numbers(ended[rows], size)
-    family = np.sum(np.arange(size) >= np.cumsum(number, axis=1)[:, :, None], axis=1).clip(0, len(FAMILIES) - 1)
+    family = np.sum(np.arange(size) >= np.cumsum(number, axis=1)[:, :, None], axis=1).clip(
+        0, len(FAMILIES) - 1
+    )
     row = np.arange(count)[:, None]
     weight = (ended[rows] / np.maximum(number, 1))[row, family].ravel()
     state = draws().state[draw, :6] @ side[rows].swapaxes(1, 2) + estimates.coast_mean[rows, None]
@@ -81,7 +102,15 @@ def _free(
     family = family[:, turn].ravel()
     weight = weight.reshape(count, size)[:, turn].ravel()
     return Particles.of(
-        burns, track, family, lit, np.tile(draw, count), weight, state.reshape(-1, 6), nothing[:, :3], free
+        burns,
+        track,
+        family,
+        lit,
+        np.tile(draw, count),
+        weight,
+        state.reshape(-1, 6),
+        nothing[:, :3],
+        free,
     )
 
 
@@ -109,7 +138,9 @@ def _again(
     number = known.number[free.track, free.family]
     hot = known.hot[free.track, free.family]
     waits = dark_s[free.track]
-    later = later_burns(model, free.family, known.done[free.track], total, number, free.draw, hot, waits)
+    later = later_burns(
+        model, free.family, known.done[free.track], total, number, free.draw, hot, waits
+    )
     gap = later.gap_s.copy()
     gap[:, 0] = np.maximum(gap[:, 0] - waits, 0.0)
     start = np.cumsum(later.burn_s + gap, axis=1) - later.burn_s

@@ -1,4 +1,6 @@
-"""Impact regions whose rings and areas are made when somebody reads them: most are replaced before."""
+"""Impact regions whose rings and areas are made when somebody reads them: most are replaced
+before.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -10,14 +12,18 @@ from opir_core.plugin import ImpactRegion
 
 
 class Outline(NamedTuple):
-    """What a region encloses: its area, km², and the rings of its polygons, as in `ImpactRegion`."""
+    """What a region encloses: its area, km², and the rings of its polygons, as in
+    `ImpactRegion`.
+    """
 
     area_km2: float
     polygons: tuple[tuple[FloatArray, ...], ...]
 
 
 class Outlines:
-    """The outlines of regions of one ensemble, made together at the first question for one of them."""
+    """The outlines of regions of one ensemble, made together at the first question for one of
+    them.
+    """
 
     def __init__(self, make: Callable[[], Sequence[Outline]]) -> None:
         self._make: Callable[[], Sequence[Outline]] | None = make
@@ -33,7 +39,9 @@ class Outlines:
 
 
 class DeferredRegion(ImpactRegion):
-    """A region that takes its area and polygons from outlines when they are first read; otherwise a plain region."""
+    """A region that takes its area and polygons from outlines when they are first read; otherwise a
+    plain region.
+    """
 
     __slots__ = ("_number", "_outlines")
 
@@ -46,7 +54,9 @@ class DeferredRegion(ImpactRegion):
         return region
 
     def __getattr__(self, name: str) -> Any:
-        """Set and return what of the outline is not yet set: Python asks here for slots that are empty."""
+        """Set and return what of the outline is not yet set: Python asks here for slots that are
+        empty.
+        """
         if name not in Outline._fields:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         for each, value in self._outlines[self._number]._asdict().items():

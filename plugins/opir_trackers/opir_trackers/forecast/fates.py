@@ -1,4 +1,6 @@
-"""What becomes of particles: the ends of their burns, their impacts, and whether they reach an orbit."""
+"""What becomes of particles: the ends of their burns, their impacts, and whether they reach an
+orbit.
+"""
 
 from functools import cache
 from typing import NamedTuple
@@ -17,8 +19,8 @@ from opir_trackers.forecast.particles import AGAIN, BURNING, OVER, Particles
 from opir_trackers.forecast.vehicles import NONE, SPACE, STAGES, VehicleModel
 from opir_trackers.lines_of_sight import earth_rotated
 
-#: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform over particles. And
-#: its share sidewards: boosts keep to their plane. Notional.
+#: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform
+#: over particles. And its share sidewards: boosts keep to their plane. Notional.
 TILT_RAD = np.radians([0.3, 4.0])
 SIDEWARDS = 0.5
 
@@ -26,8 +28,8 @@ SIDEWARDS = 0.5
 _TILT_MOST = np.radians(15.0)
 _FAST_M_S = 150.0
 
-#: Programs that each particle chooses from; how well the filter knows the angle of the thrust, rad, and the share of it
-#: by which it is wrong, as it expects none.
+#: Programs that each particle chooses from; how well the filter knows the angle of the thrust, rad,
+#: and the share of it by which it is wrong, as it expects none.
 CHOICES = 8
 _STRIDE = 61
 _LEAD_RAD = np.radians(1.5)
@@ -49,12 +51,14 @@ _DECAY = _KEEP ** (1.0 + np.arange(STAGES * STEPS).reshape(STAGES, STEPS))
 
 
 class Fates(NamedTuple):
-    """What becomes of particles (p,): inertial states at the ends of their burns, times and places of impact, ranges.
+    """What becomes of particles (p,): inertial states at the ends of their burns, times and places
+    of impact, ranges.
 
-    `state` and `out_s` of what is dark are those of now, `burnt` and `burnt_s` those at the end of its burn.
-    `place` (p, 2) and `when_s`, since the scene's start, are nan where nothing falls; `range_m` is nan too without a
-    launch. `origin` (p, 2) is the place of the particle's track now. `reach` (p,) is the relative probability of an
-    orbit, `flies` says whether the burn stays above the ground.
+    `state` and `out_s` of what is dark are those of now, `burnt` and `burnt_s` those at the end of
+    its burn. `place` (p, 2) and `when_s`, since the scene's start, are nan where nothing falls;
+    `range_m` is nan too without a launch. `origin` (p, 2) is the place of the particle's track now.
+    `reach` (p,) is the relative probability of an orbit, `flies` says whether the burn stays above
+    the ground.
     """
 
     state: FloatArray
@@ -70,9 +74,15 @@ class Fates(NamedTuple):
 
 
 def fates_of(
-    outcomes: Outcomes, particles: Particles, launch: FloatArray, dark_s: FloatArray, time_s: float, forces: Forces
+    outcomes: Outcomes,
+    particles: Particles,
+    launch: FloatArray,
+    dark_s: FloatArray,
+    time_s: float,
+    forces: Forces,
 ) -> Fates:
-    """Return the fates of particles at a time, given the launches (n, 3) of their tracks, nan where unknown.
+    """Return the fates of particles at a time, given the launches (n, 3) of their tracks, nan where
+    unknown.
 
     `dark_s` (n,) is the time since the burns of dark tracks ended.
     """
@@ -83,8 +93,13 @@ def fates_of(
     reach[mine] = outcomes.reaching(particles.state[mine], particles.take(mine))
     angle = _thrust_angles(particles)
     steering = _steered(_steering(outcomes.model), particles, angle)
-    own = angle - np.where(particles.lit == 1, steering.leads(particles.since_s), 0.0)[:, None] * [1.0, 0.0]
-    tilt = _tilts()[:, :, particles.draw] + _DECAY[:, :, None, None] * np.clip(own, -_TILT_MOST, _TILT_MOST)
+    own = angle - np.where(particles.lit == 1, steering.leads(particles.since_s), 0.0)[:, None] * [
+        1.0,
+        0.0,
+    ]
+    tilt = _tilts()[:, :, particles.draw] + _DECAY[:, :, None, None] * np.clip(
+        own, -_TILT_MOST, _TILT_MOST
+    )
     # What falls of a space launcher has failed, at any time.
     flown = particles.cut_off(np.where(space, _SHARES[particles.draw], 1.0))
     out, later_s, least_m = flown_on(particles.state, flown, steering, tilt)
@@ -93,11 +108,15 @@ def fates_of(
     start = np.where(known[:, None], launch, 0.0)[particles.track]
     range_m = np.where(known[particles.track], great_circle_m(start, place), np.nan)
     dark = able & (particles.lit == 0)
-    reach[dark] = np.where(np.isfinite(when_s[dark]), 0.0, 1.0 / outcomes.model.data["marginal"]["orbit"])
+    reach[dark] = np.where(
+        np.isfinite(when_s[dark]), 0.0, 1.0 / outcomes.model.data["marginal"]["orbit"]
+    )
     flies = space | (least_m > local_radius_m(out) - _BELOW_M)
     out_s = time_s + later_s
     burnt = _at_burnout(out, out_s, particles, dark_s)
-    return Fates(out, out_s, place, when_s, range_m, reach, flies, _below(particles, time_s), *burnt)
+    return Fates(
+        out, out_s, place, when_s, range_m, reach, flies, _below(particles, time_s), *burnt
+    )
 
 
 def _at_burnout(
@@ -121,21 +140,25 @@ def _steering(model: VehicleModel) -> Steering:
 
 @cache
 def _tilts() -> FloatArray:
-    """Return angles (STAGES, STEPS, draws, 2), rad: Gauss-Markov processes from step to step that begin at 0."""
+    """Return angles (STAGES, STEPS, draws, 2), rad: Gauss-Markov processes from step to step that
+    begin at 0.
+    """
     rng = np.random.default_rng(2)
     size = BURNING + OVER + AGAIN
     sigma = (TILT_RAD[0] * (TILT_RAD[1] / TILT_RAD[0]) ** rng.random(size))[:, None]
     noise = rng.normal(size=(STAGES * STEPS, size, 2))
     tilt = np.zeros_like(noise)
     for step in range(len(tilt)):
-        tilt[step] = _KEEP * (tilt[step - 1] if step else 0.0) + np.sqrt(1.0 - _KEEP * _KEEP) * noise[step]
+        tilt[step] = (
+            _KEEP * (tilt[step - 1] if step else 0.0) + np.sqrt(1.0 - _KEEP * _KEEP) * noise[step]
+        )
     angles: FloatArray = (tilt * sigma * [1.0, SIDEWARDS]).reshape(STAGES, STEPS, size, 2)
     return angles
 
 
 def _thrust_angles(particles: Particles) -> FloatArray:
-    """Return the angles (p, 2), rad, of the thrust from the velocity, downwards and sidewards; 0 in the dark or
-    slow."""
+    """Return the angles (p, 2), rad, of the thrust from the velocity, downwards and sidewards; 0 in
+    the dark or slow."""
     rows = np.flatnonzero(particles.lit == 1)
     angle = np.zeros((len(particles), 2))
     state = particles.state[rows]
@@ -151,19 +174,29 @@ def _thrust_angles(particles: Particles) -> FloatArray:
 
 
 def _steered(every: Steering, particles: Particles, angle: FloatArray) -> Steering:
-    """Return the programs (p,) of particles: of some draws for each, one that fits the present angle of its thrust."""
+    """Return the programs (p,) of particles: of some draws for each, one that fits the present
+    angle of its thrust.
+    """
     choice = (particles.draw[:, None] + _STRIDE * np.arange(CHOICES)) % len(every)
-    leads = every.take(choice.ravel()).leads(np.repeat(particles.since_s, CHOICES)).reshape(choice.shape)
+    leads = (
+        every.take(choice.ravel())
+        .leads(np.repeat(particles.since_s, CHOICES))
+        .reshape(choice.shape)
+    )
     sigma = _LEAD_RAD + _LEAD_SHARE * np.abs(leads)
     away = (angle[:, :1] - leads) / sigma
     weight = np.where((particles.lit == 1)[:, None], np.exp(-0.5 * away * away) / sigma + 1e-9, 1.0)
     total = np.cumsum(weight, axis=1)
-    picked = np.sum(total < total[:, -1:] * _PICKS[particles.draw, None], axis=1).clip(0, CHOICES - 1)
+    picked = np.sum(total < total[:, -1:] * _PICKS[particles.draw, None], axis=1).clip(
+        0, CHOICES - 1
+    )
     return every.take(choice[np.arange(len(choice)), picked])
 
 
 def features(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return heights m, flight-path angles rad and speeds m/s through the air of inertial states (p, 6)."""
+    """Return heights m, flight-path angles rad and speeds m/s through the air of inertial states
+    (p, 6).
+    """
     radius = np.sqrt(dot(state[:, :3], state[:, :3]))
     velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity))
@@ -172,7 +205,9 @@ def features(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _below(particles: Particles, time_s: float) -> FloatArray:
-    """Return the latitudes and longitudes (p, 2), rad, below the first particles of each one's track now."""
+    """Return the latitudes and longitudes (p, 2), rad, below the first particles of each one's
+    track now.
+    """
     first = np.searchsorted(particles.track, np.unique(particles.track))
     now = ecef_to_geodetic(earth_rotated(particles.state[first, :3], np.full(len(first), -time_s)))
     place = np.stack([now.latitude_rad, now.longitude_rad], axis=1)
@@ -189,14 +224,17 @@ def local_radius_m(state: FloatArray) -> FloatArray:
 def free_impacts(
     state: FloatArray, time_s: FloatArray, forces: Forces, tolerance_m: float | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return latitudes and longitudes (p, 2), rad, and times (p,) of the impacts of free flights; nan without one.
+    """Return latitudes and longitudes (p, 2), rad, and times (p,) of the impacts of free flights;
+    nan without one.
 
     Without a tolerance, under the gravity of a point mass.
     """
     from opir_core.flight import impact
 
     if tolerance_m is None:
-        flight, fell = impact(state[:, :3], state[:, 3:], forces=Forces(zonal=(), gravity=forces.gravity))
+        flight, fell = impact(
+            state[:, :3], state[:, 3:], forces=Forces(zonal=(), gravity=forces.gravity)
+        )
     else:
         flight, fell = impact(state[:, :3], state[:, 3:], forces=forces, tolerance_m=tolerance_m)
     when = time_s + flight

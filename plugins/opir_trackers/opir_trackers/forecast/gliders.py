@@ -12,7 +12,8 @@ from opir_trackers.filter.thrust import air_velocity
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.lines_of_sight import earth_rotated
 
-#: Ratios of lift to drag about that of the class, shares of the reach, and standard deviation of the turn, rad.
+#: Ratios of lift to drag about that of the class, shares of the reach, and standard deviation of
+#: the turn, rad.
 _LIFT = (0.7, 1.45)
 _SHARE = (0.5, 1.1)
 _TURN_RAD = np.radians(12.0)
@@ -20,7 +21,8 @@ _TURN_RAD = np.radians(12.0)
 #: Gliders less probable than this, beside what falls, do not widen the regions of what falls.
 _LEAST = 0.25
 
-#: Steps of an even sequence in three dimensions: powers of the inverse root of x⁴ = x + 1 (Kronecker's sequence).
+#: Steps of an even sequence in three dimensions: powers of the inverse root of x⁴ = x + 1
+#: (Kronecker's sequence).
 _STEPS = 1.2207440846057596 ** -np.arange(1.0, 4.0)
 
 
@@ -35,12 +37,13 @@ class GlideEnds(NamedTuple):
 def reached(
     outcomes: Outcomes, state: FloatArray, out_s: FloatArray, weight: FloatArray, falls: FloatArray
 ) -> GlideEnds | None:
-    """Return where gliders come down whose burns end with inertial states (p, 6) at times; None if improbable.
+    """Return where gliders come down whose burns end with inertial states (p, 6) at times; None if
+    improbable.
 
     `weight` (p,) are the particles' weights as gliders, `falls` (p,) those as what falls.
 
-    The range of an equilibrium glide from speed v to w is R/2 · L/D · ln((1 - w²/c²) / (1 - v²/c²)), c the speed of an
-    orbit (Eggers, Allen and Neice, NACA TR 1381, 1958).
+    The range of an equilibrium glide from speed v to w is R/2 · L/D · ln((1 - w²/c²) / (1 -
+    v²/c²)), c the speed of an orbit (Eggers, Allen and Neice, NACA TR 1381, 1958).
     """
     if not weight.sum() > _LEAST * (weight.sum() + falls.sum()):
         return None
@@ -49,14 +52,23 @@ def reached(
     count = len(state)
     even = (np.arange(count)[:, None] * _STEPS + 0.5) % 1.0
     pick = np.arange(count) % len(lifts)
-    ratio = np.array([one.lift_to_drag for one in lifts])[pick] * _LIFT[0] * (_LIFT[1] / _LIFT[0]) ** even[:, 0]
+    ratio = (
+        np.array([one.lift_to_drag for one in lifts])[pick]
+        * _LIFT[0]
+        * (_LIFT[1] / _LIFT[0]) ** even[:, 0]
+    )
     slow = np.array([one.final_speed_m_s for one in lifts])[pick]
     radius = np.sqrt(dot(state[:, :3], state[:, :3]))
     velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity))
     square = EARTH_MU_M3_S2 / radius
     keeps = np.clip(1.0 - speed * speed / square, 0.02, 1.0)
-    far = 0.5 * EARTH_EQUATORIAL_RADIUS_M * ratio * np.log(np.maximum((1.0 - slow * slow / square) / keeps, 1.02))
+    far = (
+        0.5
+        * EARTH_EQUATORIAL_RADIUS_M
+        * ratio
+        * np.log(np.maximum((1.0 - slow * slow / square) / keeps, 1.02))
+    )
     far = np.minimum(far * (_SHARE[0] + (_SHARE[1] - _SHARE[0]) * even[:, 1]), 1.9e7)
     up = state[:, :3] / radius[:, None]
     ahead = velocity - up * dot(up, velocity)[:, None]

@@ -1,4 +1,6 @@
-"""Stages to come of particles, drawn from the law of vehicles given what earlier stages have shown."""
+"""Stages to come of particles, drawn from the law of vehicles given what earlier stages have
+shown.
+"""
 
 from typing import NamedTuple
 
@@ -11,7 +13,9 @@ from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO, STAGES, Veh
 
 
 class Later(NamedTuple):
-    """Stages to come of particles (p, STAGES): gaps before them, burn times (0: none), accelerations and growths c."""
+    """Stages to come of particles (p, STAGES): gaps before them, burn times (0: none),
+    accelerations and growths c.
+    """
 
     gap_s: FloatArray
     burn_s: FloatArray
@@ -29,9 +33,11 @@ def later_burns(
     hot: FloatArray,
     dark_s: FloatArray | None = None,
 ) -> Later:
-    """Return the stages to come after `done` (p,) of particles with sums of scores; `hot` (p,) without a gap.
+    """Return the stages to come after `done` (p,) of particles with sums of scores; `hot` (p,)
+    without a gap.
 
-    With `dark_s` (p,) there is at least one, after a gap longer than that; without, their number is drawn.
+    With `dark_s` (p,) there is at least one, after a gap longer than that; without, their number is
+    drawn.
     """
     lots = draws()
     uniform = lots.uniform[draw]
@@ -64,7 +70,9 @@ def later_burns(
     return Later(*stages)
 
 
-def _longer_gap(mean: FloatArray, sigma: FloatArray, dark_s: FloatArray, share: FloatArray) -> FloatArray:
+def _longer_gap(
+    mean: FloatArray, sigma: FloatArray, dark_s: FloatArray, share: FloatArray
+) -> FloatArray:
     """Return draws (p,) of log-normal gaps longer than a time (p,), s."""
     below = ndtr((np.log(np.maximum(dark_s, 0.05)) - mean) / sigma)
     score = ndtri(np.minimum(below + (1.0 - below) * share, 1.0 - 1e-12))

@@ -1,8 +1,8 @@
 """Rings of a map cut at its edge: beyond the antipode of the centre there is no more Earth.
 
-Points beyond the edge that are moved onto it make rings that run along it there and back. So rings are cut: what is
-left of them are chains that end on the edge, and each continues along the edge with the next one (Weiler and Atherton,
-Computer Graphics 11(2), 1977, for a convex window).
+Points beyond the edge that are moved onto it make rings that run along it there and back. So rings
+are cut: what is left of them are chains that end on the edge, and each continues along the edge
+with the next one (Weiler and Atherton, Computer Graphics 11(2), 1977, for a convex window).
 """
 
 from itertools import pairwise
@@ -15,20 +15,23 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 #: Longest edge of a region, m.
 LONGEST_EDGE_M = 100e3
 
-#: Distance from the centre of the map to its edge, m, 100 km short of the antipode: nearer to it the rounding of
-#: coordinates in files, 0.1 m, turns a point of the map about its centre.
+#: Distance from the centre of the map to its edge, m, 100 km short of the antipode: nearer to it
+#: the rounding of coordinates in files, 0.1 m, turns a point of the map about its centre.
 FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 100e3
 
 
 def within_map(point: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, list[list[int]]]:
-    """Return points (k, 2), m, of the rings of polygons within the edge, and where rings begin and end, by polygon.
+    """Return points (k, 2), m, of the rings of polygons within the edge, and where rings begin and
+    end, by polygon.
 
-    Arguments are alike. Rings are closed, and the first of a polygon is the outer one; its interior is on one side of
-    all its rings.
+    Arguments are alike. Rings are closed, and the first of a polygon is the outer one; its interior
+    is on one side of all its rings.
     """
     if not len(point) or np.sum(point * point, axis=1).max() <= FARTHEST_M**2:
         return point, edges
-    polygons = [part for starts in edges for part in _cut([point[one:two] for one, two in pairwise(starts)])]
+    polygons = [
+        part for starts in edges for part in _cut([point[one:two] for one, two in pairwise(starts)])
+    ]
     rings = [ring for polygon in polygons for ring in polygon]
     ends = np.cumsum([0, *map(len, rings)]).tolist()
     first = 0
@@ -85,7 +88,9 @@ def _on_edge(inner: FloatArray, outer: FloatArray) -> FloatArray:
 
 
 def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:
-    """Return chains as closed rings: each continues along the edge, counter-clockwise if `way` is 1, with the next."""
+    """Return chains as closed rings: each continues along the edge, counter-clockwise if `way` is
+    1, with the next.
+    """
     angle = [np.arctan2(chain[[0, -1], 1], chain[[0, -1], 0]) for chain in chains]
     left = set(range(len(chains)))
     rings = []
@@ -104,7 +109,8 @@ def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:
 
 
 def _arc(start: float, turn: float) -> FloatArray:
-    """Return points (k, 2), m, around the edge, from an angle on for a turn, rad: lines between them touch the edge.
+    """Return points (k, 2), m, around the edge, from an angle on for a turn, rad: lines between
+    them touch the edge.
 
     A chain that is close to the edge would cross chords of it.
     """
@@ -120,7 +126,9 @@ def _signed_area(ring: FloatArray) -> float:
 
 
 def _holds(ring: FloatArray, point: FloatArray) -> bool:
-    """Return whether a point lies in a closed ring: a ray from it crosses the ring an odd number of times."""
+    """Return whether a point lies in a closed ring: a ray from it crosses the ring an odd number of
+    times.
+    """
     x, y = (ring - point).T
     rows = np.flatnonzero((y[:-1] > 0.0) != (y[1:] > 0.0))
     at = x[rows] - y[rows] * (x[rows + 1] - x[rows]) / (y[rows + 1] - y[rows])

@@ -1,8 +1,9 @@
 """Ranges of the boosts of a law of vehicles: what `vehicles.json` keeps under `marginal`.
 
-Flights of the law of missiles from the ground, in a plane without rotation or drag: densities of the logarithm of the
-range, the share whose burn ends low and level, and the share of space launchers whose burns suffice for an orbit. The
-densities turn the law of the vehicles into laws of classes by range (`outcomes`).
+Flights of the law of missiles from the ground, in a plane without rotation or drag: densities of
+the logarithm of the range, the share whose burn ends low and level, and the share of space
+launchers whose burns suffice for an orbit. The densities turn the law of the vehicles into laws of
+classes by range (`outcomes`).
 """
 
 from typing import Any
@@ -21,12 +22,15 @@ STEP_S = 1.0
 NODES_KM = np.geomspace(25.0, 20000.0, 24)
 WIDTH = 0.2
 
-#: What a space launcher must gain to orbit, gravity included, m/s: 7 800 at 200 km and 1 500 of losses.
+#: What a space launcher must gain to orbit, gravity included, m/s: 7 800 at 200 km and 1 500 of
+#: losses.
 ORBIT_M_S = 9300.0
 
 
 def flown(stages: dict[str, FloatArray], steering: Steering) -> FloatArray:
-    """Return planar states (4, n) at the ends of the burns: x ahead, y up from the centre, and velocity; nan below."""
+    """Return planar states (4, n) at the ends of the burns: x ahead, y up from the centre, and
+    velocity; nan below.
+    """
     boost = PlanarBoost(stages, steering, np.full(len(steering), np.nan))
     over = boost.over_s
     state = boost.at_rest()
@@ -89,11 +93,16 @@ def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     glide = np.mean((height > low) & (height < high) & level & (speed > box["least_m_s"]))
     space = drawn_stages(model, SPACE, draws, rng)
     growth = np.maximum(space["growth"], 1e-9)
-    gained = np.sum(space["first"] * -np.log1p(-np.minimum(growth * space["burn"], 0.98)) / growth, axis=1)
+    gained = np.sum(
+        space["first"] * -np.log1p(-np.minimum(growth * space["burn"], 0.98)) / growth, axis=1
+    )
     return {
         "range_km": [round(value, 1) for value in NODES_KM.tolist()],
         "density": [float(f"{value:.3g}") for value in np.maximum(density, 1e-3).tolist()],
-        "elevation": [float(f"{value:.2g}") for value in (steep.mean(), steep.std(), climbs.sum() / flies.sum())],
+        "elevation": [
+            float(f"{value:.2g}")
+            for value in (steep.mean(), steep.std(), climbs.sum() / flies.sum())
+        ],
         "glide": float(f"{glide:.2g}"),
         "orbit": float(f"{np.mean(gained > ORBIT_M_S):.2g}"),
     }

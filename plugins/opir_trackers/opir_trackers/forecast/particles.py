@@ -1,4 +1,5 @@
-"""Particles of tracks: what each may be, with a state of the filter and the burns that remain to it.
+"""Particles of tracks: what each may be, with a state of the filter and the burns that remain to
+it.
 
 All draws are the same quantiles for all tracks and ticks, so regions change smoothly.
 """
@@ -32,12 +33,14 @@ _SEEN = 0.4
 
 @frozen(eq=False, repr=False)
 class Particles(RemainingBurns):
-    """Particles (p,) of tracks (rows of the forecast) with families, inertial states (p, 6), and remaining burns.
+    """Particles (p,) of tracks (rows of the forecast) with families, inertial states (p, 6), and
+    remaining burns.
 
-    `lit` is 1 for those that burn now, 2 for those that burn again, 0 for dark ones whose burn is over; `weight` sums
-    to one over each of a track's burning and dark particles. `draw` is the number of a particle's draws, `force` (p, 3)
-    its specific force, 0 in the dark. `is_free` (p,) says whether it thrusts in another direction than along the
-    velocity, which no program continues.
+    `lit` is 1 for those that burn now, 2 for those that burn again, 0 for dark ones whose burn is
+    over; `weight` sums to one over each of a track's burning and dark particles. `draw` is the
+    number of a particle's draws, `force` (p, 3) its specific force, 0 in the dark. `is_free` (p,)
+    says whether it thrusts in another direction than along the velocity, which no program
+    continues.
     """
 
     track: IntArray
@@ -60,8 +63,8 @@ class Particles(RemainingBurns):
 
 
 class Draws(NamedTuple):
-    """Numbers of draws: normal ones of states (m, 10) and of later stages (m, STAGES, 4), uniform ones (m, 5 +
-    STAGES)."""
+    """Numbers of draws: normal ones of states (m, 10) and of later stages (m, STAGES, 4), uniform
+    ones (m, 5 + STAGES)."""
 
     state: FloatArray
     later: FloatArray
@@ -70,19 +73,24 @@ class Draws(NamedTuple):
 
 @cache
 def draws() -> Draws:
-    """Return the draws of all tracks: a Latin hypercube of uniform numbers, and normal ones of zero mean."""
+    """Return the draws of all tracks: a Latin hypercube of uniform numbers, and normal ones of zero
+    mean.
+    """
     rng = np.random.default_rng(1)
     size = BURNING + OVER + AGAIN
     state = rng.normal(size=(size, 10))
     steps = np.stack([rng.permutation(size) for _ in range(5 + STAGES)], axis=1)
-    return Draws(state, rng.normal(size=(size, STAGES, 4)), (steps + rng.random(steps.shape)) / size)
+    return Draws(
+        state, rng.normal(size=(size, STAGES, 4)), (steps + rng.random(steps.shape)) / size
+    )
 
 
 def widened(side: FloatArray) -> FloatArray:
-    """Return covariance roots (n, d, d), wider where the velocity is known by the filter's prior alone.
+    """Return covariance roots (n, d, d), wider where the velocity is known by the filter's prior
+    alone.
 
-    That prior is of all times of a burn (`mode_mixing.SPEED_SIGMA_M_S`); late stages are up to four times as fast. One
-    sensor does not see the velocity along its line of sight.
+    That prior is of all times of a burn (`mode_mixing.SPEED_SIGMA_M_S`); late stages are up to four
+    times as fast. One sensor does not see the velocity along its line of sight.
     """
     spread = np.sqrt(np.sum(side[:, 3:6] ** 2, axis=(1, 2))) / SPEED_SIGMA_M_S
     factor = 1.0 + np.clip((spread - _SEEN) / (1.0 - _SEEN), 0.0, 1.0)
@@ -90,9 +98,13 @@ def widened(side: FloatArray) -> FloatArray:
 
 
 def shares_in_numbers(share: FloatArray, size: int) -> IntArray:
-    """Return numbers (n, families) of particles that add up to `size`, nearly in proportion to shares."""
+    """Return numbers (n, families) of particles that add up to `size`, nearly in proportion to
+    shares.
+    """
     given = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
     given = np.where(given > _NEGLIGIBLE, np.maximum(given, _LEAST_SHARE), 0.0)
     given /= given.sum(axis=1, keepdims=True)
-    numbers: IntArray = np.diff(np.rint(np.cumsum(given, axis=1) * size).astype(np.int64), axis=1, prepend=0)
+    numbers: IntArray = np.diff(
+        np.rint(np.cumsum(given, axis=1) * size).astype(np.int64), axis=1, prepend=0
+    )
     return numbers

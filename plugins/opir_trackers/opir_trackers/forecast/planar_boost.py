@@ -1,4 +1,6 @@
-"""Boosts of a law of vehicles from the ground, in a plane through the Earth's centre, without rotation or drag."""
+"""Boosts of a law of vehicles from the ground, in a plane through the Earth's centre, without
+rotation or drag.
+"""
 
 from functools import cached_property
 
@@ -14,16 +16,22 @@ from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO, STAGES, Veh
 MU = EARTH_MU_M3_S2
 RADIUS_M = EARTH_EQUATORIAL_RADIUS_M
 
-#: Limits of the sine of the thrust's elevation towards an orbit, and the least time, s, in which it changes: the
-#: program of a launcher is smooth, and never points far below the horizon.
+#: Limits of the sine of the thrust's elevation towards an orbit, and the least time, s, in which it
+#: changes: the program of a launcher is smooth, and never points far below the horizon.
 _SINES = (-0.6, 0.97)
 _LEAST_LEFT_S = 15.0
 
 
-def drawn_stages(model: VehicleModel, family: int, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return the stages (count, STAGES) of vehicles: gaps before them, burn times, accelerations, growths."""
+def drawn_stages(
+    model: VehicleModel, family: int, count: int, rng: np.random.Generator
+) -> dict[str, FloatArray]:
+    """Return the stages (count, STAGES) of vehicles: gaps before them, burn times, accelerations,
+    growths.
+    """
     family_of = np.full(count, family)
-    number = rng.choice(np.arange(1, STAGES + 1), count, p=model.stages[family] / model.stages[family].sum())
+    number = rng.choice(
+        np.arange(1, STAGES + 1), count, p=model.stages[family] / model.stages[family].sum()
+    )
     total = np.zeros((count, 4))
     seen = np.zeros((count, 4))
     columns = {name: np.zeros((count, STAGES)) for name in ("gap", "burn", "first", "growth")}
@@ -35,7 +43,9 @@ def drawn_stages(model: VehicleModel, family: int, count: int, rng: np.random.Ge
         score = model.scores(family_of, np.full(count, stage), logs)
         total = total + score
         seen = seen + 1.0
-        ratio = np.maximum(np.minimum(logs[:, RATIO], np.log(model.data["highest_m_s2"]) - logs[:, FORCE]), 0.02)
+        ratio = np.maximum(
+            np.minimum(logs[:, RATIO], np.log(model.data["highest_m_s2"]) - logs[:, FORCE]), 0.02
+        )
         burn = np.exp(logs[:, BURN])
         first = np.exp(logs[:, FORCE])
         row = {"gap": gap, "burn": burn, "first": first, "growth": -np.expm1(-ratio) / burn}
@@ -49,8 +59,8 @@ def drawn_stages(model: VehicleModel, family: int, count: int, rng: np.random.Ge
 class PlanarBoost:
     """Vehicles (n,): their stages, as of `drawn_stages`, and steering.
 
-    Those with an `orbit_m` (n,), not nan, are steered to the height of an orbit instead, and cut off at its speed.
-    States (4, n) are x ahead and y up from the Earth's centre, and velocity.
+    Those with an `orbit_m` (n,), not nan, are steered to the height of an orbit instead, and cut
+    off at its speed. States (4, n) are x ahead and y up from the Earth's centre, and velocity.
     """
 
     stages: dict[str, FloatArray]
@@ -60,7 +70,9 @@ class PlanarBoost:
     @cached_property
     def starts_s(self) -> FloatArray:
         """Return the ignitions (n, STAGES)."""
-        starts: FloatArray = np.cumsum(self.stages["gap"] + self.stages["burn"], axis=1) - self.stages["burn"]
+        starts: FloatArray = (
+            np.cumsum(self.stages["gap"] + self.stages["burn"], axis=1) - self.stages["burn"]
+        )
         return starts
 
     @cached_property
@@ -87,7 +99,9 @@ class PlanarBoost:
         return np.array([u, v, pull * x + ahead, pull * y + up])
 
     def force(self, state: FloatArray, now: float) -> FloatArray:
-        """Return the specific force (2, n), m/s²: nothing after the last burnout, and nothing is computed there."""
+        """Return the specific force (2, n), m/s²: nothing after the last burnout, and nothing is
+        computed there.
+        """
         thrust = np.zeros((2, len(self.orbit_m)))
         rows = np.flatnonzero(now < self.over_s)
         if len(rows):
@@ -104,7 +118,8 @@ class PlanarBoost:
         steering = self.steering.take(rows)
         rising = (now < steering.rise_s) | (speed < 1.0)
         ahead, up = (
-            np.where(rising, rest, part / np.maximum(speed, 1.0)) for rest, part in ((0.0, state[2]), (1.0, state[3]))
+            np.where(rising, rest, part / np.maximum(speed, 1.0))
+            for rest, part in ((0.0, state[2]), (1.0, state[3]))
         )
         lead = steering.leads(np.full(len(speed), now))
         cosine = np.cos(lead)
@@ -112,14 +127,17 @@ class PlanarBoost:
         unit = np.array([ahead * cosine + up * sine, up * cosine - ahead * sine])
         steered = np.flatnonzero(np.isfinite(self.orbit_m[rows]) & ~rising)
         if len(steered):
-            unit[:, steered], cut_off = self._to_orbit(state[:, steered], now, size[steered], rows[steered])
+            unit[:, steered], cut_off = self._to_orbit(
+                state[:, steered], now, size[steered], rows[steered]
+            )
             size[steered[cut_off]] = 0.0
         return size * unit
 
     def _to_orbit(
         self, state: FloatArray, now: float, size: FloatArray, rows: IntArray
     ) -> tuple[FloatArray, BoolArray]:
-        """Return thrust directions (2, m) that end at the height of an orbit without climbing, and who is fast enough.
+        """Return thrust directions (2, m) that end at the height of an orbit without climbing, and
+        who is fast enough.
 
         The climb is a cubic of the time that is left.
         """
@@ -131,7 +149,9 @@ class PlanarBoost:
         fast = u * level[0] + v * level[1]
         circular = np.sqrt(MU / radius)
         push = np.maximum(size, 1.0)
-        left_s = np.maximum(np.minimum(self.over_s[rows] - now, (circular - fast) / push), _LEAST_LEFT_S)
+        left_s = np.maximum(
+            np.minimum(self.over_s[rows] - now, (circular - fast) / push), _LEAST_LEFT_S
+        )
         wanted = 6.0 * (self.orbit_m[rows] + RADIUS_M - radius) / left_s**2 - 4.0 * climb / left_s
         sine = np.clip((wanted + MU / radius**2 - fast**2 / radius) / push, *_SINES)
         return sine * up + np.sqrt(1.0 - sine**2) * level, fast > circular

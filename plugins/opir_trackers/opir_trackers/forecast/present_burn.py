@@ -1,9 +1,9 @@
 """How long the stage that burns now will burn, given how long it has, its force and its growth.
 
-With constant thrust and mass flow the acceleration of a stage is A / (1 - c s) after s seconds (the rocket equation),
-so its relative growth κ says c = κ / (1 + κ s), and each burn time B the ratio of masses, 1 / (1 - c B). The law of a
-stage is that of B, A and the ratio; in terms of force, growth and B, its density has the Jacobian 1 / (f (1 - c B) (1 +
-κ s)²).
+With constant thrust and mass flow the acceleration of a stage is A / (1 - c s) after s seconds (the
+rocket equation), so its relative growth κ says c = κ / (1 + κ s), and each burn time B the ratio of
+masses, 1 / (1 - c B). The law of a stage is that of B, A and the ratio; in terms of force, growth
+and B, its density has the Jacobian 1 / (f (1 - c B) (1 + κ s)²).
 """
 
 import numpy as np
@@ -12,11 +12,13 @@ from attrs import frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO
 
-#: Cells of the burn time between now and its longest value, and that value in standard deviations of its law.
+#: Cells of the burn time between now and its longest value, and that value in standard deviations
+#: of its law.
 CELLS = 16
 LONGEST = 3.5
 
-#: Least shares of a mass and of an acceleration, and least force, m/s²: beyond, a state fits no stage.
+#: Least shares of a mass and of an acceleration, and least force, m/s²: beyond, a state fits no
+#: stage.
 _LEAST_MASS = 0.02
 _LEAST_SHARE = 0.1
 _LEAST_FORCE = 0.5
@@ -26,10 +28,11 @@ _MIDDLES = (np.arange(CELLS) + 0.5) / CELLS
 
 @frozen(eq=False)
 class PresentBurns:
-    """The present stages of particles (p,): first acceleration and growth c, and the law of the burn time.
+    """The present stages of particles (p,): first acceleration and growth c, and the law of the
+    burn time.
 
-    `log_evidence` (p,) is the density of force and growth, `cells` (p, CELLS) the probabilities of equal cells of the
-    burn time from `since_s` to `longest_s` (p,).
+    `log_evidence` (p,) is the density of force and growth, `cells` (p, CELLS) the probabilities of
+    equal cells of the burn time from `since_s` to `longest_s` (p,).
     """
 
     since_s: FloatArray
@@ -58,10 +61,11 @@ def present_burns(
     sigma: FloatArray,
     highest_m_s2: float = np.inf,
 ) -> PresentBurns:
-    """Return the stages of particles (p,) with forces along the velocity m/s² and growths 1/s, after times (p,).
+    """Return the stages of particles (p,) with forces along the velocity m/s² and growths 1/s,
+    after times (p,).
 
-    `mean` and `sigma` (p, 4) are those of the logarithms of the stage's law, `highest_m_s2` bounds its last
-    acceleration.
+    `mean` and `sigma` (p, 4) are those of the logarithms of the stage's law, `highest_m_s2` bounds
+    its last acceleration.
     """
     force = np.maximum(force, _LEAST_FORCE)
     grown = np.maximum(1.0 + growth * since_s, _LEAST_SHARE)
@@ -74,7 +78,8 @@ def present_burns(
     shrink = np.maximum(1.0 - rate[:, None] * burn, _LEAST_MASS)
     one = (np.log(burn) - mean[:, BURN, None]) / sigma[:, BURN, None]
     other = (-np.log(shrink) - mean[:, RATIO, None]) / sigma[:, RATIO, None]
-    # Few structures bear more at the end of a burn: odds by the eighth power of the last acceleration.
+    # Few structures bear more at the end of a burn: odds by the eighth power of the last
+    # acceleration.
     most_8 = np.square(np.square(np.square((first / highest_m_s2)[:, None] / shrink)))
     log = -0.5 * (one * one + other * other)
     top = log.max(axis=1)

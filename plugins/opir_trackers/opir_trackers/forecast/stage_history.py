@@ -1,7 +1,9 @@
-"""The stages that each track has shown: ignitions, burnouts and their figures, kept from tick to tick.
+"""The stages that each track has shown: ignitions, burnouts and their figures, kept from tick to
+tick.
 
-A stage ends in the dark, when the filter says that the burn is over, or hot, when its mode `staging` wins and the force
-has dropped: a smaller engine pushes what is left. A force that changes by less, or rises, is a throttled engine.
+A stage ends in the dark, when the filter says that the burn is over, or hot, when its mode
+`staging` wins and the force has dropped: a smaller engine pushes what is left. A force that changes
+by less, or rises, is a throttled engine.
 """
 
 import numpy as np
@@ -29,8 +31,8 @@ UNKNOWN_S = 30.0
 _STEADY = 0.2
 _STAGED = 0.5
 
-#: The filter's greatest prior probability of thrust in any direction, that from which it counts as one, and the share
-#: of what is none of these that thrusts so. Notional.
+#: The filter's greatest prior probability of thrust in any direction, that from which it counts as
+#: one, and the share of what is none of these that thrusts so. Notional.
 _FREE_PRIOR = 0.1
 _FREE = 0.5
 _FREE_SHARE = 0.5
@@ -43,11 +45,12 @@ _FRESH_S = 1.5
 class StageHistory(Columns):
     """What is known of the stages of tracks (n,).
 
-    `logs` (n, STAGES, 4) are the rows of `vehicles` of the stages that are over, nan where unknown. `ignition_s` is
-    that of the last one with its error, `dark_since_s` its burnout, inf while it burns. `force` m/s² along the velocity
-    and `growth` 1/s are those at `steady_s`, the last time of a steady burn; `staging` is the latest probability of
-    staging. `free_odds` is the greatest ratio so far of the odds of thrust in another direction than along the velocity
-    to their prior, 1 where it never was probable.
+    `logs` (n, STAGES, 4) are the rows of `vehicles` of the stages that are over, nan where unknown.
+    `ignition_s` is that of the last one with its error, `dark_since_s` its burnout, inf while it
+    burns. `force` m/s² along the velocity and `growth` 1/s are those at `steady_s`, the last time
+    of a steady burn; `staging` is the latest probability of staging. `free_odds` is the greatest
+    ratio so far of the odds of thrust in another direction than along the velocity to their prior,
+    1 where it never was probable.
     """
 
     number: IntArray
@@ -70,7 +73,18 @@ class StageHistory(Columns):
         logs = np.full((count, STAGES, 4), np.nan)
         sigma = np.full(count, UNKNOWN_S)
         dark = np.full(count, np.inf)
-        return cls(number, logs, now - 5.0, sigma, dark, unknown, unknown.copy(), now, np.zeros(count), np.ones(count))
+        return cls(
+            number,
+            logs,
+            now - 5.0,
+            sigma,
+            dark,
+            unknown,
+            unknown.copy(),
+            now,
+            np.zeros(count),
+            np.ones(count),
+        )
 
     @property
     def done(self) -> IntArray:
@@ -85,7 +99,9 @@ class StageHistory(Columns):
 
     @property
     def launch_s(self) -> FloatArray:
-        """Return the times (n,) of the first ignitions, s: the last stage's, less the burns and gaps before it."""
+        """Return the times (n,) of the first ignitions, s: the last stage's, less the burns and
+        gaps before it.
+        """
         burn = self.logs[:, :, BURN]
         gap = self.logs[:, :, GAP]
         before = np.sum(np.exp(np.where(np.isnan(burn), -np.inf, burn)), axis=1)
@@ -101,17 +117,27 @@ class StageHistory(Columns):
         return log
 
     def of(self, number: IntArray, tick_s: float) -> "StageHistory":
-        """Return the histories of tracks with these numbers, in this order; unknown ones are new."""
+        """Return the histories of tracks with these numbers, in this order; unknown ones are
+        new.
+        """
         if len(self.number) == len(number) and not np.count_nonzero(self.number != number):
             return self
         row = np.searchsorted(self.number, number)
         row = np.minimum(row, max(len(self.number) - 1, 0))
-        known = self.number[row] == number if len(self.number) else np.zeros(len(number), dtype=np.bool_)
+        known = (
+            self.number[row] == number
+            if len(self.number)
+            else np.zeros(len(number), dtype=np.bool_)
+        )
         fresh = StageHistory.begun(number[~known], tick_s)
         both = StageHistory.concatenate([self.take(row[known]), fresh])
-        return both.take(np.argsort(np.concatenate([np.flatnonzero(known), np.flatnonzero(~known)])))
+        return both.take(
+            np.argsort(np.concatenate([np.flatnonzero(known), np.flatnonzero(~known)]))
+        )
 
-    def with_end(self, rows: IntArray, end_s: FloatArray, gap_log: float = np.nan) -> "StageHistory":
+    def with_end(
+        self, rows: IntArray, end_s: FloatArray, gap_log: float = np.nan
+    ) -> "StageHistory":
         """Return the histories with the present stages of some rows over at times (m,)."""
         rows_ = rows[self.done[rows] < STAGES]
         end_s = end_s[self.done[rows] < STAGES]
@@ -130,10 +156,14 @@ class StageHistory(Columns):
         return evolve(self, logs=logs)
 
     def updated(
-        self, estimates: ModeEstimates, launch_s: FloatArray, launch_sigma_s: FloatArray, tick_s: float
+        self,
+        estimates: ModeEstimates,
+        launch_s: FloatArray,
+        launch_sigma_s: FloatArray,
+        tick_s: float,
     ) -> "StageHistory":
-        """Return the histories after a tick, of the same tracks, given their estimates and launch times, nan
-        unknown."""
+        """Return the histories after a tick, of the same tracks, given their estimates and launch
+        times, nan unknown."""
         hits, spell, silent_s = estimates.detection_rate.T
         pause_s = spell / np.maximum(hits, 1.0)
         burning = estimates.weight[:, 0] > 0.5
@@ -167,15 +197,21 @@ class StageHistory(Columns):
         since_s[out] = tick_s - np.maximum(silent_s - pause_s, 0.0)[out]
         return evolve(then.with_end(out, since_s[out]), dark_since_s=since_s)
 
-    def _with_launches(self, burning: BoolArray, launch_s: FloatArray, sigma_s: FloatArray) -> "StageHistory":
+    def _with_launches(
+        self, burning: BoolArray, launch_s: FloatArray, sigma_s: FloatArray
+    ) -> "StageHistory":
         first = burning & np.isnan(self.logs[:, 0, BURN]) & np.isfinite(launch_s)
         if not np.count_nonzero(first):
             return self
         sigma = np.where(first, np.maximum(np.nan_to_num(sigma_s), 0.3), self.ignition_sigma_s)
-        return evolve(self, ignition_s=np.where(first, launch_s, self.ignition_s), ignition_sigma_s=sigma)
+        return evolve(
+            self, ignition_s=np.where(first, launch_s, self.ignition_s), ignition_sigma_s=sigma
+        )
 
     def _relit(self, lit: BoolArray, tick_s: float, pause_s: FloatArray) -> "StageHistory":
-        """Return the histories with those that burn again after a gap, or that a silence had misled."""
+        """Return the histories with those that burn again after a gap, or that a silence had
+        misled.
+        """
         rows = np.flatnonzero(lit)
         if not len(rows):
             return self
@@ -191,7 +227,9 @@ class StageHistory(Columns):
         sigma[rows[real]] = RELIT_S
         logs[rows[~real], last[~real]] = np.nan
         dark[rows] = np.inf
-        return evolve(self, logs=logs, ignition_s=ignition, ignition_sigma_s=sigma, dark_since_s=dark)
+        return evolve(
+            self, logs=logs, ignition_s=ignition, ignition_sigma_s=sigma, dark_since_s=dark
+        )
 
     def _staged(self, staged: BoolArray) -> "StageHistory":
         rows = np.flatnonzero(staged & (self.done < STAGES - 1))
@@ -215,14 +253,18 @@ class StageHistory(Columns):
         return evolve(self, logs=logs)
 
     def as_staging(self, estimates: ModeEstimates) -> tuple["StageHistory", BoolArray]:
-        """Return burning histories if a stage begins now, and which of them (n,) it is: others go on as they are."""
+        """Return burning histories if a stage begins now, and which of them (n,) it is: others go
+        on as they are.
+        """
         since_s = self.steady_s - self.ignition_s
         begins = (since_s > LEAST_BURN_S) & (self.done < STAGES - 1) & np.isfinite(self.force)
         begins &= force_along(estimates.burn_mean[:, 1]) < DROP * self.force
         return self._staged(begins), begins
 
     def as_dark(self, tick_s: float, dark_s: FloatArray) -> "StageHistory":
-        """Return the histories if the last stage is over, since a time (n,) if it was thought to burn."""
+        """Return the histories if the last stage is over, since a time (n,) if it was thought to
+        burn.
+        """
         on = np.flatnonzero(~self.is_dark)
         if not len(on):
             return self
@@ -232,13 +274,17 @@ class StageHistory(Columns):
 
 
 def _free_odds(burning: BoolArray, share: FloatArray) -> FloatArray:
-    """Return the ratios (n,) of the odds of shares of a free burn to their prior odds, 1 for what is not probable."""
+    """Return the ratios (n,) of the odds of shares of a free burn to their prior odds, 1 for what
+    is not probable.
+    """
     odds = share / np.maximum(1.0 - share, 1e-6) * (1.0 - _FREE_PRIOR) / _FREE_PRIOR
     return np.where(burning & (share > _FREE), odds, 1.0)
 
 
 def force_along(state: FloatArray) -> FloatArray:
-    """Return the specific force (n,), m/s², along the velocity through the air of states (n, 10)."""
+    """Return the specific force (n,), m/s², along the velocity through the air of states (n,
+    10).
+    """
     velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity) + 1.0)
     along: FloatArray = dot(velocity, state[:, 6:9]) / speed

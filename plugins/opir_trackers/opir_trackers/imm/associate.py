@@ -1,4 +1,6 @@
-"""Associate: the track of each line of a slice. Tracks that share lines follow them in the sensors' focal planes."""
+"""Associate: the track of each line of a slice. Tracks that share lines follow them in the sensors'
+focal planes.
+"""
 
 from typing import NamedTuple
 
@@ -22,8 +24,9 @@ _NONE = np.empty(0, dtype=np.int64)
 class Associated(NamedTuple):
     """The track row of each line (m,) of a slice, -1 for none, and what tracks are updated with.
 
-    `pairs` are those within the gates of lone tracks, `assigned` those assigned, `used` these and the equivalent lines
-    of crowds, `sensor` (k,) the sensors of the used ones. `shared` are lone tracks that share lines.
+    `pairs` are those within the gates of lone tracks, `assigned` those assigned, `used` these and
+    the equivalent lines of crowds, `sensor` (k,) the sensors of the used ones. `shared` are lone
+    tracks that share lines.
     """
 
     owner: IntArray
@@ -43,16 +46,22 @@ def associate(models: TrackingModels, now: TrackerState, ahead: Ahead) -> Associ
     near = ahead.near
     crowds = now.crowds
     if near is None and not pairs.track.size:
-        return Associated(unassigned(len(lines)), pairs, pairs, pairs, lines.sensor[:0], crowds, _NONE)
+        return Associated(
+            unassigned(len(lines)), pairs, pairs, pairs, lines.sensor[:0], crowds, _NONE
+        )
     if near is None and table.number.size == 1:
         return _alone(models, ahead, crowds)
     view = models.view(now.registration)
     if table.number.size > 1:
-        rows = crowd.contested_tracks(pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0)
+        rows = crowd.contested_tracks(
+            pairs.track, pairs.line, lines.sensor[pairs.line], table.reports >= 0
+        )
         rows = rows[~crowds.holds(table.number[rows])]
         if len(rows):
             crowds = crowd.joined(crowds, table.number, rows, ahead.path, table.reports >= 0, view)
-            near = crowd.paired(crowds.tracks, now.time_s, lines, ahead.span_s, models.config.gate_sigma)
+            near = crowd.paired(
+                crowds.tracks, now.time_s, lines, ahead.span_s, models.config.gate_sigma
+            )
     if near is None:
         return _alone(models, ahead, crowds)
     return _in_crowds(models, crowds, near, ahead, table, view)
@@ -69,16 +78,29 @@ def _alone(models: TrackingModels, ahead: Ahead, crowds: Crowds) -> Associated:
 
 
 def _in_crowds(
-    models: TrackingModels, crowds: Crowds, near: CrowdPairs, ahead: Ahead, table: TrackTable, view: SensorView
+    models: TrackingModels,
+    crowds: Crowds,
+    near: CrowdPairs,
+    ahead: Ahead,
+    table: TrackTable,
+    view: SensorView,
 ) -> Associated:
     """Return the association where some tracks are in crowds: these take their lines first."""
     lines = ahead.lines
     seen = table.reports >= 0
-    update = crowd.updated_crowds(crowds, near, lines, ahead.end_s, models.association, models.config.gate_sigma, view)
-    sharing = np.unique(ahead.pairs.track[np.isin(ahead.pairs.line, np.flatnonzero(update.number >= 0))])
+    update = crowd.updated_crowds(
+        crowds, near, lines, ahead.end_s, models.association, models.config.gate_sigma, view
+    )
+    sharing = np.unique(
+        ahead.pairs.track[np.isin(ahead.pairs.line, np.flatnonzero(update.number >= 0))]
+    )
     follows = update.crowds.follows(table.number, seen.shape[1])
-    taken = follows[ahead.pairs.track, lines.sensor[ahead.pairs.line]] | (update.number[ahead.pairs.line] >= 0)
-    found = _alone(models, ahead._replace(pairs=ahead.pairs.take(np.flatnonzero(~taken))), update.crowds)
+    taken = follows[ahead.pairs.track, lines.sensor[ahead.pairs.line]] | (
+        update.number[ahead.pairs.line] >= 0
+    )
+    found = _alone(
+        models, ahead._replace(pairs=ahead.pairs.take(np.flatnonzero(~taken))), update.crowds
+    )
     # Those that join now were alone in this slice.
     sharing = sharing[~update.crowds.holds(table.number[sharing])]
     crowds = update.crowds
@@ -92,7 +114,9 @@ def _in_crowds(
         crowds = crowd.joined(crowds, table.number, rows, ahead.path, fresh, view)
     theirs = crowd.equivalent_pairs(update, table.number, ahead.path, models.light_time)
     return found._replace(
-        owner=np.where(update.number >= 0, np.searchsorted(table.number, update.number), found.owner),
+        owner=np.where(
+            update.number >= 0, np.searchsorted(table.number, update.number), found.owner
+        ),
         used=GatedPairs.concatenate([found.used, theirs]),
         sensor=np.append(found.sensor, update.equivalent.sensor),
         crowds=crowds,
@@ -102,7 +126,8 @@ def _in_crowds(
 def track_numbers(models: TrackingModels, now: TrackerState, lines: LinesOfSight) -> IntArray:
     """Return the track number (n,) of each line of sight of the next tick, -1 for none.
 
-    Only lines of one sensor and one instant compete, so the result does not depend on how the scene is cut into calls.
+    Only lines of one sensor and one instant compete, so the result does not depend on how the scene
+    is cut into calls.
     """
     if not len(now.estimates.weight) or not len(lines.time_s):
         return unassigned(len(lines.time_s))
@@ -110,7 +135,9 @@ def track_numbers(models: TrackingModels, now: TrackerState, lines: LinesOfSight
     ahead = predict(models, now, now.time_s + models.config.cadence_s, lines)
     pairs = ahead.pairs
     if ahead.near is not None:
-        pairs = GatedPairs.concatenate([pairs, crowd.label_pairs(ahead.near, now.table.number, lines)])
+        pairs = GatedPairs.concatenate(
+            [pairs, crowd.label_pairs(ahead.near, now.table.number, lines)]
+        )
     confirmed = models.confirmed(now)
     if np.count_nonzero(confirmed) < len(confirmed):
         pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))

@@ -1,8 +1,10 @@
-"""Crowds: tracks with contested lines of sight, each with a track of its own in the focal plane of every sensor.
+"""Crowds: tracks with contested lines of sight, each with a track of its own in the focal plane of
+every sensor.
 
-A track joins when others have its lines in their gates in enough sensors for the pairing to be open, when it shares a
-line with a crowd, or when it begins near another one before two sensors; it leaves some time after it was last
-contested. While it is in, its lines are those of its focal-plane tracks, and its state follows from them.
+A track joins when others have its lines in their gates in enough sensors for the pairing to be
+open, when it shares a line with a crowd, or when it begins near another one before two sensors; it
+leaves some time after it was last contested. While it is in, its lines are those of its focal-plane
+tracks, and its state follows from them.
 """
 
 from typing import NamedTuple
@@ -26,7 +28,8 @@ from opir_trackers.pairing import KEPT_S, Directions
 from opir_trackers.registration.shared_errors import turned_back
 from opir_trackers.triangulation import FAR_M
 
-#: New tracks within this distance of another one, m, may have one another's lines: their crossings may be ghosts.
+#: New tracks within this distance of another one, m, may have one another's lines: their crossings
+#: may be ghosts.
 NEAR_M = 60e3
 
 #: A focal-plane track without a line for this time, s, or this many scans ends.
@@ -35,14 +38,18 @@ _SILENT_SCANS = 4.0
 
 
 class SensorView(NamedTuple):
-    """The sensors of a scene, the deviation (s,), rad, that is left of their errors, and whether light takes time."""
+    """The sensors of a scene, the deviation (s,), rad, that is left of their errors, and whether
+    light takes time.
+    """
 
     sensors: tuple[Sensor, ...]
     shared_rad: FloatArray
     light_time: bool
 
     def received_s(self, time_s: float, range_m: FloatArray) -> FloatArray:
-        """Return when (n,) light that is received from `FAR_M` at a time is received from ranges (n,)."""
+        """Return when (n,) light that is received from `FAR_M` at a time is received from ranges
+        (n,).
+        """
         late: FloatArray = (range_m - FAR_M) / SPEED_OF_LIGHT_M_S * self.light_time
         return time_s + late
 
@@ -57,21 +64,27 @@ class SensorView(NamedTuple):
 
 @frozen(eq=False)
 class Crowds:
-    """Focal-plane tracks, their kept directions, the mixtures of undecided pairings, and when they were last paired."""
+    """Focal-plane tracks, their kept directions, the mixtures of undecided pairings, and when they
+    were last paired.
+    """
 
     tracks: FocalPlaneTracks = field(factory=FocalPlaneTracks.empty)
     kept: Directions = field(factory=Directions.empty)
     mixtures: Mixtures = field(factory=Mixtures.empty)
     paired_s: float = -np.inf
     #: Whether any track is in a crowd.
-    are_there: bool = field(default=Factory(lambda self: self.tracks.number.size > 0, takes_self=True), init=False)
+    are_there: bool = field(
+        default=Factory(lambda self: self.tracks.number.size > 0, takes_self=True), init=False
+    )
 
     def holds(self, number: IntArray) -> BoolArray:
         """Return which tracks (n,) are in a crowd."""
         return np.isin(number, self.tracks.number)
 
     def follows(self, number: IntArray, sensors: int) -> BoolArray:
-        """Return in which sensors (n, sensors) tracks `number` (n,), ascending, have a focal-plane track."""
+        """Return in which sensors (n, sensors) tracks `number` (n,), ascending, have a focal-plane
+        track.
+        """
         table = np.zeros((len(number), sensors), dtype=bool)
         table[np.searchsorted(number, self.tracks.number), self.tracks.sensor] = True
         return table
@@ -89,7 +102,9 @@ class Crowds:
 
 
 class CrowdUpdate(NamedTuple):
-    """Crowds after a slice, the track number of each line (m,), -1 for none, and equivalent lines and their numbers."""
+    """Crowds after a slice, the track number of each line (m,), -1 for none, and equivalent lines
+    and their numbers.
+    """
 
     crowds: Crowds
     number: IntArray
@@ -97,12 +112,14 @@ class CrowdUpdate(NamedTuple):
     of: IntArray
 
 
-def contested_tracks(track: IntArray, line: IntArray, sensor: IndexArray, seen: BoolArray) -> IntArray:
+def contested_tracks(
+    track: IntArray, line: IntArray, sensor: IndexArray, seen: BoolArray
+) -> IntArray:
     """Return the sorted rows of tracks whose pairing gated pairs (m,) leave open.
 
-    `sensor` (m,) is that of the lines, `seen` (n, sensors) which sensors see which track. Two sensors that
-    resolve two tracks fix both states, and these separate the lines of other sensors. So two tracks that share lines
-    are contested where fewer than two sensors resolve both.
+    `sensor` (m,) is that of the lines, `seen` (n, sensors) which sensors see which track. Two
+    sensors that resolve two tracks fix both states, and these separate the lines of other sensors.
+    So two tracks that share lines are contested where fewer than two sensors resolve both.
     """
     order = np.lexsort((track, line))
     track = track[order]
@@ -119,22 +136,28 @@ def contested_tracks(track: IntArray, line: IntArray, sensor: IndexArray, seen: 
     return np.unique(np.concatenate([one[apart < _FIXING], other[apart < _FIXING]]))
 
 
-#: Time after the last contest, s, in which three sensors decide a pairing twice over; two need the stretch.
+#: Time after the last contest, s, in which three sensors decide a pairing twice over; two need the
+#: stretch.
 _DECIDED_S = 10.0
 
-#: Sensors that fix a state; and how many neighbours that share a line are compared, in order of their numbers.
+#: Sensors that fix a state; and how many neighbours that share a line are compared, in order of
+#: their numbers.
 _FIXING = 2
 _COMPARED = 3
 
 
 class CrowdPairs(NamedTuple):
-    """Focal-plane tracks at the start of a slice, and the pairs with its lines within their gates."""
+    """Focal-plane tracks at the start of a slice, and the pairs with its lines within their
+    gates.
+    """
 
     tracks: FocalPlaneTracks
     pairs: FocalPlanePairs
 
 
-def paired(tracks: FocalPlaneTracks, start_s: float, lines: LinesOfSight, span: float, gate: float) -> CrowdPairs:
+def paired(
+    tracks: FocalPlaneTracks, start_s: float, lines: LinesOfSight, span: float, gate: float
+) -> CrowdPairs:
     """Return focal-plane tracks and their pairs with the lines of a slice of length `span`."""
     tracks = tracks.predicted(start_s)
     candidates = focal_plane.candidate_pairs(tracks, lines, span, gate)
@@ -159,12 +182,16 @@ def updated_crowds(
     kept = Directions.concatenate([crowds.kept.take(recent), fresh])
     number = np.append(tracks.number, -1)
     return CrowdUpdate(
-        evolve(crowds, tracks=after, kept=kept), number[update.owner], update.equivalent, tracks.number[update.row]
+        evolve(crowds, tracks=after, kept=kept),
+        number[update.owner],
+        update.equivalent,
+        tracks.number[update.row],
     )
 
 
 def corrected_crowds(crowds: Crowds, change: FloatArray, view: SensorView) -> Crowds:
-    """Return the crowds after a change (s, 3) of the errors that are taken off the lines that they were made of.
+    """Return the crowds after a change (s, 3) of the errors that are taken off the lines that they
+    were made of.
 
     Kept directions share their instants: clocks move focal-plane tracks alone.
     """
@@ -181,7 +208,9 @@ def corrected_crowds(crowds: Crowds, change: FloatArray, view: SensorView) -> Cr
 def _with_contested(
     tracks: FocalPlaneTracks, pairs: FocalPlanePairs, sensor: IndexArray, time_s: float
 ) -> FocalPlaneTracks:
-    """Return the tracks with the time at which they, or one they are connected to by shared lines, were contested."""
+    """Return the tracks with the time at which they, or one they are connected to by shared lines,
+    were contested.
+    """
     number, which = np.unique(tracks.number, return_inverse=True)
     seen = np.zeros((len(number), int(tracks.sensor.max(initial=0)) + 1), dtype=bool)
     seen[which, tracks.sensor] = True
@@ -197,10 +226,11 @@ def _with_contested(
 def _mean_directions(
     tracks: FocalPlaneTracks, lines: LinesOfSight, row: IntArray, end_s: float, view: SensorView
 ) -> Directions:
-    """Return one direction of each row with equivalent lines: their mean about the row's path, at its end.
+    """Return one direction of each row with equivalent lines: their mean about the row's path, at
+    its end.
 
-    Light of the same instant reaches sensors at different times: directions are those of light that left the target
-    when light from `FAR_M`, received at `end_s`, did.
+    Light of the same instant reaches sensors at different times: directions are those of light that
+    left the target when light from `FAR_M`, received at `end_s`, did.
     """
     if not len(row):
         return Directions.empty()
@@ -222,13 +252,22 @@ def directions_at(
     off: FloatArray | float = 0.0,
     sigma_rad: FloatArray | None = None,
 ) -> Directions:
-    """Return the directions of rows (m,) at a time, shifted by angles (m, 2); errors by default those of the rows."""
+    """Return the directions of rows (m,) at a time, shifted by angles (m, 2); errors by default
+    those of the rows.
+    """
     received_s = view.received_s(time_s, tracks.range_m[row])
     place, variance = tracks.places(row, received_s)
     origin = view.positions(tracks.sensor[row], received_s)
     sigma = np.sqrt(variance) if sigma_rad is None else sigma_rad
     when = np.full(len(row), time_s)
-    return Directions(tracks.number[row], tracks.sensor[row], when, origin, tracks.directions(row, place + off), sigma)
+    return Directions(
+        tracks.number[row],
+        tracks.sensor[row],
+        when,
+        origin,
+        tracks.directions(row, place + off),
+        sigma,
+    )
 
 
 def joined(
@@ -239,7 +278,9 @@ def joined(
     seen: BoolArray,
     view: SensorView,
 ) -> Crowds:
-    """Return the crowds with tracks `rows` of predictions, `number` (n,) and `seen` (n, sensors) as new ones."""
+    """Return the crowds with tracks `rows` of predictions, `number` (n,) and `seen` (n, sensors) as
+    new ones.
+    """
     row, sensor = np.nonzero(seen[rows])
     if not len(row):
         return crowds
@@ -248,7 +289,10 @@ def joined(
     ones = np.ones(len(row))
     delay_s = FAR_M / SPEED_OF_LIGHT_M_S * view.light_time
     apart = [
-        earth_rotated(predicted.positions(row, (time_s + step - delay_s) * ones), -(time_s + step - delay_s) * ones)
+        earth_rotated(
+            predicted.positions(row, (time_s + step - delay_s) * ones),
+            -(time_s + step - delay_s) * ones,
+        )
         - view.positions(sensor, (time_s + step) * ones)
         for step in (-1.0, 0.0, 1.0)
     ]
@@ -260,20 +304,25 @@ def joined(
     if crowds.are_there:
         # A sensor more does not contest a track anew.
         known = np.full(len(number), -np.inf)
-        np.maximum.at(known, np.searchsorted(number, crowds.tracks.number), crowds.tracks.contested_s)
+        np.maximum.at(
+            known, np.searchsorted(number, crowds.tracks.number), crowds.tracks.contested_s
+        )
         last_s = known[row]
         fresh = evolve(fresh, contested_s=np.where(np.isfinite(last_s), last_s, time_s))
     return evolve(crowds, tracks=FocalPlaneTracks.concatenate([crowds.tracks, fresh]))
 
 
-#: Error of the angle of a new focal-plane track beside that of the state, in looks: states may be of wrong pairings.
+#: Error of the angle of a new focal-plane track beside that of the state, in looks: states may be
+#: of wrong pairings.
 _OFF = 0.3
 
 
 def begun_near(position_m: FloatArray, fresh: int, seen: BoolArray) -> IntArray:
-    """Return the rows of tracks, at positions (n, 3) of which the last `fresh` are new, that are near a new one.
+    """Return the rows of tracks, at positions (n, 3) of which the last `fresh` are new, that are
+    near a new one.
 
-    Only tracks that at most two sensors see, by `seen` (n, sensors), count: lines of three do not cross by chance.
+    Only tracks that at most two sensors see, by `seen` (n, sensors), count: lines of three do not
+    cross by chance.
     """
     from scipy.spatial import cKDTree
 
@@ -299,7 +348,8 @@ _EVERY = 1e9
 
 
 def label_pairs(near: CrowdPairs, number: IntArray, lines: LinesOfSight) -> GatedPairs:
-    """Return the pairs of lines with tracks of crowds, rows of `number` (n,), ascending, within their gates.
+    """Return the pairs of lines with tracks of crowds, rows of `number` (n,), ascending, within
+    their gates.
 
     Of these pairs only the distances and volumes are meant to be used: their axes are 0.
     """
@@ -320,7 +370,9 @@ def label_pairs(near: CrowdPairs, number: IntArray, lines: LinesOfSight) -> Gate
 
 
 def pruned(crowds: Crowds, time_s: float, period_s: FloatArray) -> Crowds:
-    """Return the crowds without silent focal-plane tracks, and without tracks uncontested for long."""
+    """Return the crowds without silent focal-plane tracks, and without tracks uncontested for
+    long.
+    """
     tracks = crowds.tracks
     if not len(tracks):
         return crowds

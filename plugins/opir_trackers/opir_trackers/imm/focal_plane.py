@@ -1,12 +1,14 @@
-"""Tracks in the focal planes of the sensors: the first level of association, for targets in a crowd.
+"""Tracks in the focal planes of the sensors: the first level of association, for targets in a
+crowd.
 
-Where tracks share lines of sight, each sensor follows its targets by itself: angle, rate and acceleration in a tangent
-plane, with white noise of the jerk. A line is weighted with its association probability over all one-to-one hypotheses
-of its scan (JPDA: Fortmann, Bar-Shalom and Scheffe, IEEE J. Oceanic Engineering 8(3), 1983). A wrong pairing with other
-sensors' tracks has no effect on it.
+Where tracks share lines of sight, each sensor follows its targets by itself: angle, rate and
+acceleration in a tangent plane, with white noise of the jerk. A line is weighted with its
+association probability over all one-to-one hypotheses of its scan (JPDA: Fortmann, Bar-Shalom and
+Scheffe, IEEE J. Oceanic Engineering 8(3), 1983). A wrong pairing with other sensors' tracks has no
+effect on it.
 
-The filter of states gets a few scans of such a track as one line of sight, the *equivalent* one: what moves the
-estimate in the focal plane as the weighted lines do, with the same gain.
+The filter of states gets a few scans of such a track as one line of sight, the *equivalent* one:
+what moves the estimate in the focal plane as the weighted lines do, with the same gain.
 """
 
 from typing import NamedTuple
@@ -17,26 +19,35 @@ from attrs import evolve, frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import belief_propagation, cheapest_assignment, group_sums, ranks, unambiguous
+from opir_trackers.assignment import (
+    belief_propagation,
+    cheapest_assignment,
+    group_sums,
+    ranks,
+    unambiguous,
+)
 from opir_trackers.association import AssociationModel, scan_numbers
 from opir_trackers.lines_of_sight import LinesOfSight
 
-#: Process-noise density of the jerk across the line of sight, m/s³/√s: a stage that ignites changes the acceleration by
-#: some 20 m/s², which the track follows within 2 s; twice or half as much changes the purity by 0.02 (salvos of 20).
+#: Process-noise density of the jerk across the line of sight, m/s³/√s: a stage that ignites changes
+#: the acceleration by some 20 m/s², which the track follows within 2 s; twice or half as much
+#: changes the purity by 0.02 (salvos of 20).
 JERK_NOISE_M_S3 = 2.5
 
-#: Scans that begin within this time, s, are associated with the same predictions: with twice as much 5 % fewer of a
-#: salvo's launches are paired right.
+#: Scans that begin within this time, s, are associated with the same predictions: with twice as
+#: much 5 % fewer of a salvo's launches are paired right.
 BATCH_S = 0.15
 
 #: Sweeps of belief propagation in a scan.
 _SWEEPS = 10
 
-#: Expected number of lines of targets without a track within 2π σ² of a look in a crowd, over the odds of a detection:
-#: targets launch one by one. In wide crowds belief propagation is overconfident without it.
+#: Expected number of lines of targets without a track within 2π σ² of a look in a crowd, over the
+#: odds of a detection: targets launch one by one. In wide crowds belief propagation is
+#: overconfident without it.
 _NEWCOMERS = 0.01
 
-#: Least information of the equivalent line of a scan, as a share of that of one with the variance of its innovation.
+#: Least information of the equivalent line of a scan, as a share of that of one with the variance
+#: of its innovation.
 _LEAST_INFORMATION = 0.02
 
 
@@ -44,9 +55,10 @@ _LEAST_INFORMATION = 0.02
 class FocalPlaneTracks(Columns):
     """Tracks in focal planes: one row for each track and sensor.
 
-    `axes` (n, 3, 3) are the rows of the tangent plane and its normal, in ECEF; `range_m` (n,) the approximate range;
-    `mean` (n, 3, 2) angle, rate and acceleration in the plane, rad; `covariance` (n, 3, 3) that of each of the two
-    axes; `time_s` (n,) their time; `contested_s` (n,) when the track was last contested, and `seen_s` (n,) had a line.
+    `axes` (n, 3, 3) are the rows of the tangent plane and its normal, in ECEF; `range_m` (n,) the
+    approximate range; `mean` (n, 3, 2) angle, rate and acceleration in the plane, rad; `covariance`
+    (n, 3, 3) that of each of the two axes; `time_s` (n,) their time; `contested_s` (n,) when the
+    track was last contested, and `seen_s` (n,) had a line.
     """
 
     number: IntArray
@@ -83,13 +95,17 @@ class FocalPlaneTracks(Columns):
         )
 
     def places(self, row: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return angles (m, 2) of rows (m,) at times (m,), and their variances (m,) on each axis."""
+        """Return angles (m, 2) of rows (m,) at times (m,), and their variances (m,) on each
+        axis.
+        """
         step = time_s - self.time_s.take(row)
         half = 0.5 * step * step
         mean = self.mean.take(row, axis=0)
         cov = self.covariance.take(row, axis=0)
         place = mean[:, 0] + step[:, None] * mean[:, 1] + half[:, None] * mean[:, 2]
-        variance = cov[:, 0, 0] + 2.0 * step * cov[:, 0, 1] + 2.0 * half * (cov[:, 1, 1] + cov[:, 0, 2])
+        variance = (
+            cov[:, 0, 0] + 2.0 * step * cov[:, 0, 1] + 2.0 * half * (cov[:, 1, 1] + cov[:, 0, 2])
+        )
         variance += 2.0 * step * half * cov[:, 1, 2] + half * half * cov[:, 2, 2]
         variance += np.square(JERK_NOISE_M_S3 / self.range_m.take(row)) * np.abs(step) ** 5 / 20.0
         return place, variance
@@ -124,7 +140,9 @@ def _noise(step: FloatArray) -> FloatArray:
 
 
 class FocalPlanePairs(NamedTuple):
-    """Gated pairs (m,) of a row and a line: angle off the prediction (m, 2), its variance and squared distance."""
+    """Gated pairs (m,) of a row and a line: angle off the prediction (m, 2), its variance and
+    squared distance.
+    """
 
     row: IntArray
     line: IntArray
@@ -135,13 +153,17 @@ class FocalPlanePairs(NamedTuple):
     def part(self, rows: IntArray) -> "FocalPlanePairs":
         """Return some pairs."""
         squares = self.variance.take(rows), self.distance.take(rows)
-        return FocalPlanePairs(self.row.take(rows), self.line.take(rows), self.off.take(rows, axis=0), *squares)
+        return FocalPlanePairs(
+            self.row.take(rows), self.line.take(rows), self.off.take(rows, axis=0), *squares
+        )
 
 
 def gated_pairs(
     tracks: FocalPlaneTracks, lines: LinesOfSight, row: IntArray, line: IntArray, gate: float
 ) -> FocalPlanePairs:
-    """Return the pairs (m,) of rows and lines within the gate; the variance includes that of the line."""
+    """Return the pairs (m,) of rows and lines within the gate; the variance includes that of the
+    line.
+    """
     local = matvec(tracks.axes.take(row, axis=0), lines.direction_ecef.take(line, axis=0))
     place, variance = tracks.places(row, lines.time_s.take(line))
     off = local[:, :2] / local[:, 2:] - place
@@ -154,7 +176,9 @@ def gated_pairs(
 def candidate_pairs(
     tracks: FocalPlaneTracks, lines: LinesOfSight, span_s: float, gate: float
 ) -> tuple[IntArray, IntArray]:
-    """Return rows and lines (m,) of one sensor each that may pass the gate within a span after the tracks' time."""
+    """Return rows and lines (m,) of one sensor each that may pass the gate within a span after the
+    tracks' time.
+    """
     from scipy.spatial import cKDTree
 
     row = np.arange(len(tracks))
@@ -175,7 +199,8 @@ def candidate_pairs(
 
 
 class FocalPlaneUpdate(NamedTuple):
-    """Rows after a slice, the row of each line (m,), -1 for none, and the equivalent lines and their rows.
+    """Rows after a slice, the row of each line (m,), -1 for none, and the equivalent lines and
+    their rows.
 
     `pairs` are those within the gates of the rows as they were before.
     """
@@ -199,7 +224,9 @@ def updated(
     Rows that share lines take them scan by scan, the others all at once.
     """
     scan = scan_numbers(lines.sensor, lines.scan)
-    several = ~unambiguous(pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line], pairs.line)
+    several = ~unambiguous(
+        pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line], pairs.line
+    )
     is_shared = np.zeros(len(tracks), dtype=bool)
     is_shared[pairs.row[several]] = True
     shared = is_shared[pairs.row]
@@ -207,7 +234,8 @@ def updated(
     own = pairs.part(np.flatnonzero(~shared))
     own = own.part(np.flatnonzero(_log_ratio(model, lines, own) > 0.0))
     owner[own.line] = own.row
-    # In a slice a row moves little off its predicted path: its lines count as their mean, at the mean of their times.
+    # In a slice a row moves little off its predicted path: its lines count as their mean, at the
+    # mean of their times.
     weight = 1.0 / np.square(lines.sigma_rad[own.line])
     looks = own._replace(off=own.off * weight[:, None])
     tracks, equivalent, mine = _after_looks(tracks, lines, looks, weight)
@@ -228,13 +256,21 @@ def updated(
     mine = np.flatnonzero(owner >= 0)
     np.maximum.at(seen_s, owner[mine], lines.time_s[mine])
     after = evolve(tracks, seen_s=seen_s)
-    return FocalPlaneUpdate(after, owner, LinesOfSight.concatenate(parts), np.concatenate(rows), pairs)
+    return FocalPlaneUpdate(
+        after, owner, LinesOfSight.concatenate(parts), np.concatenate(rows), pairs
+    )
 
 
 def _after_batch(
-    tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, scan: IntArray, model: AssociationModel
+    tracks: FocalPlaneTracks,
+    lines: LinesOfSight,
+    pairs: FocalPlanePairs,
+    scan: IntArray,
+    model: AssociationModel,
 ) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray, IntArray]:
-    """Return the rows after some scans, equivalent lines of those with lines, their rows, and the assigned pairs."""
+    """Return the rows after some scans, equivalent lines of those with lines, their rows, and the
+    assigned pairs.
+    """
     log = _log_ratio(model, lines, pairs)
     look = ranks(pairs.row * (int(scan.max()) + 1) + scan[pairs.line])
     chosen = np.flatnonzero(cheapest_assignment(look, pairs.line, -log))
@@ -251,7 +287,9 @@ def _log_ratio(model: AssociationModel, lines: LinesOfSight, pairs: FocalPlanePa
 
 
 def _batches(scan: IntArray, time_s: FloatArray) -> IntArray:
-    """Return for each line (m,) the number of the part of the slice in which its scan, by `scan_numbers`, begins."""
+    """Return for each line (m,) the number of the part of the slice in which its scan, by
+    `scan_numbers`, begins.
+    """
     first_s = np.full(int(scan.max(initial=-1)) + 1, np.inf)
     np.minimum.at(first_s, scan, time_s)
     return ((first_s - first_s.min(initial=np.inf)) / BATCH_S).astype(np.int64)[scan]
@@ -262,8 +300,9 @@ def _equivalent_looks(
 ) -> tuple[FocalPlanePairs, FloatArray]:
     """Return one pair for each look (k,), a row in a scan, by `look` (m,), and its weight, 1/rad².
 
-    With this weight it has the same gain and leaves the same covariance as the pairs with probabilities `beta` (m,):
-    where these are far apart it is negative. `off` (k, 2) is that weight times the angle, 1/rad.
+    With this weight it has the same gain and leaves the same covariance as the pairs with
+    probabilities `beta` (m,): where these are far apart it is negative. `off` (k, 2) is that weight
+    times the angle, 1/rad.
     """
     hits = np.bincount(look)
     total = np.bincount(look, beta)
@@ -282,12 +321,16 @@ def _after_looks(
 ) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
     """Return the rows after looks (m,), the equivalent line of each row that has any, and its row.
 
-    `pairs` are as of `_equivalent_looks`, of which each row's count as one, at the mean of their times.
+    `pairs` are as of `_equivalent_looks`, of which each row's count as one, at the mean of their
+    times.
     """
     row, place = np.unique(pairs.row, return_inverse=True)
     part = np.maximum(weight, _LEAST_INFORMATION / np.square(lines.sigma_rad[pairs.line]))
     share = part / np.bincount(place, part)[place]
-    looks = np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]]) * share[:, None]
+    looks = (
+        np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]])
+        * share[:, None]
+    )
     mean = group_sums(place, np.column_stack([looks, pairs.off, weight]), len(row))
     when = mean[:, 0]
     pull = mean[:, 4:6]
@@ -299,7 +342,9 @@ def _after_looks(
     covariance = tracks.covariance.copy()
     time_s = tracks.time_s.copy()
     mean_after[row] = before.mean + gain[:, :, None] * pull[:, None, :]
-    covariance[row] = before.covariance - (total[:, None] * gain)[:, :, None] * before.covariance[:, None, 0, :]
+    covariance[row] = (
+        before.covariance - (total[:, None] * gain)[:, :, None] * before.covariance[:, None, 0, :]
+    )
     time_s[row] = when
     after = evolve(tracks, mean=mean_after, covariance=covariance, time_s=time_s)
     last = np.empty(len(row), dtype=np.int64)
@@ -317,8 +362,12 @@ def _after_looks(
     return after, equivalent, row
 
 
-def _probabilities(lines: LinesOfSight, pairs: FocalPlanePairs, look: IntArray, log: FloatArray) -> FloatArray:
-    """Return the association probabilities (m,) of pairs with log likelihood ratios, a row's in a scan by `look`."""
+def _probabilities(
+    lines: LinesOfSight, pairs: FocalPlanePairs, look: IntArray, log: FloatArray
+) -> FloatArray:
+    """Return the association probabilities (m,) of pairs with log likelihood ratios, a row's in a
+    scan by `look`.
+    """
     ratio = np.exp(np.minimum(log, 300.0))
     beta = ratio / (1.0 + ratio)
     crowd = np.flatnonzero(~unambiguous(look, pairs.line))
@@ -337,10 +386,11 @@ def begun(
     roots_m: FloatArray,
     noise_rad: FloatArray,
 ) -> FocalPlaneTracks:
-    """Return rows from states: vectors (n, 3) from the sensor to the track and its first two derivatives, in ECEF, m.
+    """Return rows from states: vectors (n, 3) from the sensor to the track and its first two
+    derivatives, in ECEF, m.
 
-    `roots_m` (n, 3, 3, k) are the roots of the covariances of those three vectors; `noise_rad` (n,) is added to the
-    error of the angle.
+    `roots_m` (n, 3, 3, k) are the roots of the covariances of those three vectors; `noise_rad` (n,)
+    is added to the error of the angle.
     """
     range_m = np.sqrt(dot(apart_m[0], apart_m[0]))
     axes = tangent_axes(apart_m[0] / range_m[:, None])
@@ -353,4 +403,6 @@ def begun(
     seen = side @ side.transpose(0, 2, 1) / (2.0 * range_m * range_m)[:, None, None]
     seen[:, 0, 0] += np.square(noise_rad)
     when = np.full(len(number), time_s)
-    return FocalPlaneTracks(number, sensor, axes, range_m, mean, seen, when, when.copy(), when.copy())
+    return FocalPlaneTracks(
+        number, sensor, axes, range_m, mean, seen, when, when.copy(), when.copy()
+    )

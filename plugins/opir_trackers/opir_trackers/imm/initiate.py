@@ -1,4 +1,6 @@
-"""Initiate: tracks from lines that no track has, of the last scans, and that none explains as outliers."""
+"""Initiate: tracks from lines that no track has, of the last scans, and that none explains as
+outliers.
+"""
 
 import numpy as np
 from attrs import evolve
@@ -20,9 +22,15 @@ from opir_trackers.track_priors import prior_estimates
 
 
 def initiate(
-    models: TrackingModels, now: TrackerState, ahead: Ahead, owner: IntArray, raw: LinesOfSight, reported: IntArray
+    models: TrackingModels,
+    now: TrackerState,
+    ahead: Ahead,
+    owner: IntArray,
+    raw: LinesOfSight,
+    reported: IntArray,
 ) -> TrackerState:
-    """Return the state with tracks from unassigned lines, after a slice of which lines (m,) have tracks `owner`.
+    """Return the state with tracks from unassigned lines, after a slice of which lines (m,) have
+    tracks `owner`.
 
     `raw` are the slice's lines as they came, `reported` (m,) their types.
     """
@@ -34,7 +42,9 @@ def initiate(
 def _with_explained(
     models: TrackingModels, now: TrackerState, ahead: Ahead, owner: IntArray
 ) -> tuple[TrackerState, IntArray]:
-    """Return the state, and the owners (m,) of lines with 0 for those that a track explains as outliers."""
+    """Return the state, and the owners (m,) of lines with 0 for those that a track explains as
+    outliers.
+    """
     if not len(now.table) or not np.count_nonzero(owner < 0):
         return now, owner
     free = np.flatnonzero(owner < 0)
@@ -64,7 +74,9 @@ def _with_unclaimed(
     if not len(now.unclaimed.time_s) and not np.count_nonzero(is_free):
         return now
     free = np.flatnonzero(is_free)
-    unclaimed = LinesOfSight.concatenate([now.unclaimed, lines.take(free)]) if len(free) else now.unclaimed
+    unclaimed = (
+        LinesOfSight.concatenate([now.unclaimed, lines.take(free)]) if len(free) else now.unclaimed
+    )
     types = np.concatenate([now.reported, reported[free]])
     recent_s = models.config.recent_scans * models.period_s[unclaimed.sensor] + span_s
     fresh = np.flatnonzero(now.time_s - unclaimed.time_s <= recent_s)
@@ -76,23 +88,33 @@ def _with_initiated(models: TrackingModels, now: TrackerState) -> TrackerState:
     if len(now.unclaimed.time_s) < models.needed_scans:
         return now
     lines = models.corrected(now.registration, now.unclaimed)
-    initiation_ = initiation.track_candidates(lines, models.needed_scans, now.registration.loose_rad)
+    initiation_ = initiation.track_candidates(
+        lines, models.needed_scans, now.registration.loose_rad
+    )
     if not len(initiation_.begun):
         return now
     begun = initiation_.begun
     span = now.time_s - float(lines.time_s.min())
     first = prior_estimates(begun, now.time_s, models.config)
     pairs = models.gated_pairs(models.filter.predicted_measurements(first, now.time_s), lines, span)
-    pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])))
+    pairs = pairs.take(
+        np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line]))
+    )
     association = associate_nearest(pairs, lines, models.association)
     crossing = initiation.placed_at_crossings(begun, lines, association.owner)
     first = first if crossing is begun else prior_estimates(crossing, now.time_s, models.config)
-    estimates = models.filter.updated(first, now.time_s, hard_measurements(association.assigned), span)
+    estimates = models.filter.updated(
+        first, now.time_s, hard_measurements(association.assigned), span
+    )
     return _with_new_tracks(models, now, first, estimates, association.owner)
 
 
 def _with_new_tracks(
-    models: TrackingModels, now: TrackerState, first: ModeEstimates, after: ModeEstimates, lines_of: IntArray
+    models: TrackingModels,
+    now: TrackerState,
+    first: ModeEstimates,
+    after: ModeEstimates,
+    lines_of: IntArray,
 ) -> TrackerState:
     """Return the state with the new tracks that have enough lines, numbered in order."""
     hits = np.bincount(lines_of[lines_of >= 0], minlength=len(first))
@@ -104,7 +126,9 @@ def _with_new_tracks(
     fresh = TrackTable.fresh(number, now.time_s, len(models.period_s))
     fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
     lines = models.corrected(now.registration, now.unclaimed)
-    motion = MotionStatistics.fresh(first.likelier_position_m[good], now.time_s, fresh.first_s, models.groups.prior)
+    motion = MotionStatistics.fresh(
+        first.likelier_position_m[good], now.time_s, fresh.first_s, models.groups.prior
+    )
     motion = motion.with_lines(owner, lines, models.groups.log_clutter)
     left = np.flatnonzero(owner < 0)
     then = evolve(
@@ -120,9 +144,15 @@ def _with_new_tracks(
 
 
 def _with_neighbours(models: TrackingModels, now: TrackerState, fresh: int) -> TrackerState:
-    """Return the state with the last `fresh` tracks, and those near them, in a crowd, where several are near."""
+    """Return the state with the last `fresh` tracks, and those near them, in a crowd, where several
+    are near.
+    """
     seen = now.table.reports >= 0
-    rows = crowd.begun_near(now.estimates.likelier_position_m, fresh, seen) if fresh else np.empty(0, dtype=np.int64)
+    rows = (
+        crowd.begun_near(now.estimates.likelier_position_m, fresh, seen)
+        if fresh
+        else np.empty(0, dtype=np.int64)
+    )
     rows = rows[~now.crowds.holds(now.table.number[rows])]
     if not len(rows):
         return now

@@ -1,4 +1,6 @@
-"""Launch points of young tracks: their paths followed back, or what the law of boosts says of what flies already."""
+"""Launch points of young tracks: their paths followed back, or what the law of boosts says of what
+flies already.
+"""
 
 from typing import NamedTuple
 
@@ -22,13 +24,14 @@ from opir_trackers.lines_of_sight import SPIN, earth_rotated, emission_s
 from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.track_priors import first_motion
 
-#: The launch point is estimated for tracks no older than this, s, or than some scans: of scanners of 10 s, what it is
-#: becomes known in them.
+#: The launch point is estimated for tracks no older than this, s, or than some scans: of scanners
+#: of 10 s, what it is becomes known in them.
 _YOUNG_S = 10.0
 _YOUNG_SCANS = 3.0
 
-#: A path that is followed back for longer than this, s, from the middle of its lines is compared with ascents instead:
-#: no boost is a cubic from rest through its pitch-over. A comparison takes milliseconds: it is made so often, in s.
+#: A path that is followed back for longer than this, s, from the middle of its lines is compared
+#: with ascents instead: no boost is a cubic from rest through its pitch-over. A comparison takes
+#: milliseconds: it is made so often, in s.
 _CUBIC_S = 10.0
 _EVERY_S = 2.0
 
@@ -37,10 +40,12 @@ _SENSORS = 2
 
 
 class _Young(NamedTuple):
-    """Young tracks: paths, and (n,) times at which the light of first detections was emitted; which sensors see each.
+    """Young tracks: paths, and (n,) times at which the light of first detections was emitted; which
+    sensors see each.
 
-    `at_once` (n, times) is the prior of the times to first detections of what is seen from the ground, `biased`
-    (n, 3, 3) the covariances of positions due to the sensors' errors, if there are any.
+    `at_once` (n, times) is the prior of the times to first detections of what is seen from the
+    ground, `biased` (n, 3, 3) the covariances of positions due to the sensors' errors, if there are
+    any.
     """
 
     path: PredictedMeasurements
@@ -80,7 +85,9 @@ def with_launch_points(models: TrackingModels, now: TrackerState, span_s: float)
         found = LaunchPoints.nowhere(len(far))
         due = _due(models, now, rows[far], span_s).nonzero()[0]
         cubic = LaunchPoints(points.place[far[due]], points.covariance[far[due]])
-        found.place[due], found.covariance[due] = updated_points(cubic, _by_ascents(models, young.take(far[due])))
+        found.place[due], found.covariance[due] = updated_points(
+            cubic, _by_ascents(models, young.take(far[due]))
+        )
         points.place[far], points.covariance[far] = found
     points.covariance[:, 2, 2] += models.config.clock_sigma_s**2
     known = LaunchPoints(now.table.launch[rows], now.table.launch_covariance[rows])
@@ -91,7 +98,9 @@ def with_launch_points(models: TrackingModels, now: TrackerState, span_s: float)
 
 
 def _due(models: TrackingModels, now: TrackerState, rows: IntArray, span_s: float) -> BoolArray:
-    """Return which tracks (n,) are compared with ascents after a slice: those seen in it, every `_EVERY_S` at most."""
+    """Return which tracks (n,) are compared with ascents after a slice: those seen in it, every
+    `_EVERY_S` at most.
+    """
     table = now.table.take(rows)
     is_time = now.time_s // _EVERY_S > (now.time_s - span_s) // _EVERY_S
     is_slow = models.longest(models.period_s, table) >= _EVERY_S
@@ -123,12 +132,16 @@ def _followed_back(models: TrackingModels, young: _Young) -> LaunchPoints:
 
 
 def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
-    """Return the launch points that ascents of the law of boosts say; unknown where none is like the track."""
+    """Return the launch points that ascents of the law of boosts say; unknown where none is like
+    the track.
+    """
     when_s = young.middle_s
     inland = models.config.hypotheses.inland_share
     if not len(when_s):
         return LaunchPoints.nowhere(0)
-    place, velocity, covariance = path_moments(young.path, when_s, models.config.thrust.launch_noise_m_s2, young.biased)
+    place, velocity, covariance = path_moments(
+        young.path, when_s, models.config.thrust.launch_noise_m_s2, young.biased
+    )
     points = LaunchPoints.nowhere(len(when_s))
     for row, time_s in enumerate(when_s.tolist()):
         turn = earth_rotated(np.eye(3), np.full(3, -time_s)).T
@@ -136,7 +149,9 @@ def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
         state = over_ground @ np.concatenate([place[:, row], velocity[:, row]])
         spread = over_ground @ covariance[:, :, row] @ over_ground.T
         since_s = time_s - float(young.first_s[row])
-        found = launch_of(models.single.ascents, InFlight(state, spread, since_s, young.at_once[row], inland))
+        found = launch_of(
+            models.single.ascents, InFlight(state, spread, since_s, young.at_once[row], inland)
+        )
         if found is not None:
             mean, spread = found
             # The time of launch falls as that since then grows.

@@ -1,7 +1,8 @@
 """Mixtures: what an undecided pairing makes of a track's state.
 
-A track with two or more possible partners is at the crossing with each of them, with the probability of that pairing.
-The reported state has the mean and covariance of that mixture; between two pairings its parts keep their velocities.
+A track with two or more possible partners is at the crossing with each of them, with the
+probability of that pairing. The reported state has the mean and covariance of that mixture; between
+two pairings its parts keep their velocities.
 """
 
 import numpy as np
@@ -16,7 +17,8 @@ from opir_trackers.filter.measurement_updates import information_root
 
 @frozen(eq=False, repr=False)
 class Mixtures(Columns):
-    """Tracks with undecided pairings at a time: shifts of the mean (n, 6) and spread (n, 6, 6), inertial, m and m/s.
+    """Tracks with undecided pairings at a time: shifts of the mean (n, 6) and spread (n, 6, 6),
+    inertial, m and m/s.
 
     `probability` (n,) is that of the pairing that the track follows.
     """
@@ -35,9 +37,16 @@ class Mixtures(Columns):
 
     @classmethod
     def of(
-        cls, number: IntArray, time_s: float, track: IntArray, probability: FloatArray, apart: FloatArray
+        cls,
+        number: IntArray,
+        time_s: float,
+        track: IntArray,
+        probability: FloatArray,
+        apart: FloatArray,
     ) -> "Mixtures":
-        """Return the mixtures of tracks `number` (n,) with rivals (m,), `apart` (m, 6) from the tracks' own states."""
+        """Return the mixtures of tracks `number` (n,) with rivals (m,), `apart` (m, 6) from the
+        tracks' own states.
+        """
         count = len(number)
         shift = np.zeros((count, 6))
         square = np.zeros((count, 6, 6))
@@ -45,10 +54,14 @@ class Mixtures(Columns):
         np.add.at(square, track, probability[:, None, None] * apart[:, :, None] * apart[:, None, :])
         spread = square - shift[:, :, None] * shift[:, None, :]
         left = 1.0 - np.bincount(track, probability, count)
-        return cls(number, np.full(count, time_s), shift, spread, left.astype(np.float64, copy=False))
+        return cls(
+            number, np.full(count, time_s), shift, spread, left.astype(np.float64, copy=False)
+        )
 
     def mixed(self, estimates: ModeEstimates, number: IntArray, time_s: float) -> ModeEstimates:
-        """Return the estimates of tracks `number` (n,), ascending, at a time, as mixtures where they are."""
+        """Return the estimates of tracks `number` (n,), ascending, at a time, as mixtures where
+        they are.
+        """
         if not self.number.size:
             return estimates
         here = np.flatnonzero(np.isin(self.number, number))
@@ -62,16 +75,22 @@ class Mixtures(Columns):
         coast = part.coast_mean.copy()
         boost[:, :COAST] += shift
         coast[:, :COAST] += shift
-        return estimates.put(rows, widened(evolve(part, boost_mean=boost, coast_mean=coast), spread))
+        return estimates.put(
+            rows, widened(evolve(part, boost_mean=boost, coast_mean=coast), spread)
+        )
 
 
 def widened(estimates: ModeEstimates, added: FloatArray) -> ModeEstimates:
-    """Return the moments of estimates (n rows) with covariances (n, 6, 6) of position and velocity added."""
+    """Return the moments of estimates (n rows) with covariances (n, 6, 6) of position and velocity
+    added.
+    """
     value, vector = np.linalg.eigh(added)
     side = np.zeros((len(added), estimates.boost_mean.shape[1], COAST))
     side[:, :COAST] = vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]
     boost, coast = (
-        information_root(np.concatenate([square_root.inverse_root(root), side[:, : root.shape[1]]], axis=2))
+        information_root(
+            np.concatenate([square_root.inverse_root(root), side[:, : root.shape[1]]], axis=2)
+        )
         for root in (estimates.boost_root, estimates.coast_root)
     )
     means = estimates.boost_mean, boost, estimates.coast_mean, coast

@@ -1,4 +1,6 @@
-"""What the steps of `imm` use of a scene: settings, filter, and models of its sensors, of association and of motion."""
+"""What the steps of `imm` use of a scene: settings, filter, and models of its sensors, of
+association and of motion.
+"""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -18,7 +20,13 @@ from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.imm.crowds import SensorView
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState
-from opir_trackers.imm.track_management import UNSTATED, TrackTable, clipped, longest_silence_s, sighting_memory_s
+from opir_trackers.imm.track_management import (
+    UNSTATED,
+    TrackTable,
+    clipped,
+    longest_silence_s,
+    sighting_memory_s,
+)
 from opir_trackers.launch_points import site_height_m
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.posterior import GroupPosterior
@@ -31,13 +39,17 @@ _Answer = TypeVar("_Answer")
 
 
 class Memo:
-    """The last result of each function, by name: labels and estimates need the same predictions, gates and pairs."""
+    """The last result of each function, by name: labels and estimates need the same predictions,
+    gates and pairs.
+    """
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[tuple[Any, ...], Any]] = {}
 
     def of(self, name: str, function: Callable[..., _Answer], *asked: Any) -> _Answer:
-        """Return what a function returns, or returned if it was last asked with the same objects and numbers."""
+        """Return what a function returns, or returned if it was last asked with the same objects
+        and numbers.
+        """
         last = self._last.get(name)
         # Records are equal to themselves alone.
         if last is None or last[0] != asked:
@@ -51,8 +63,9 @@ class Memo:
 class TrackingModels:
     """The models of a scene, and what several steps and the labels ask of them.
 
-    `needed_scans` is M of M-of-N track initiation; `period_s`, `memory_s` and `silence_limit_s` (sensors,) are scan
-    periods, how long detections are kept, and the longest silence of a track in view.
+    `needed_scans` is M of M-of-N track initiation; `period_s`, `memory_s` and `silence_limit_s`
+    (sensors,) are scan periods, how long detections are kept, and the longest silence of a track in
+    view.
     """
 
     config: ImmConfig
@@ -71,7 +84,10 @@ class TrackingModels:
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "TrackingModels":
         """Return the models of a scene's sensors."""
-        chance = [np.mean(list(sensor.detection_probability.values()) or [UNSTATED]) for sensor in context.sensors]
+        chance = [
+            np.mean(list(sensor.detection_probability.values()) or [UNSTATED])
+            for sensor in context.sensors
+        ]
         model = AssociationModel(clipped(chance), config.false_alarms_per_sr)
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
         filter_ = filter_of(config, context)
@@ -86,10 +102,14 @@ class TrackingModels:
             light_time=context.light_time,
             biases=biases,
             period_s=period_s,
-            memory_s=sighting_memory_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
+            memory_s=sighting_memory_s(
+                period_s, min(config.slice_s, config.cadence_s), config.recent_scans
+            ),
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
             groups=GroupPosterior.of(config.hypotheses, clutter, model.detection_probability),
-            single=SingleSensor(outcomes, filter_, biases, period_s, site_height_m(config.hypotheses.inland_share)),
+            single=SingleSensor(
+                outcomes, filter_, biases, period_s, site_height_m(config.hypotheses.inland_share)
+            ),
         )
 
     def path(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
@@ -104,7 +124,9 @@ class TrackingModels:
         """Return lines of sight without the errors of their sensors that are known."""
         if not registration.corrects:
             return lines
-        return self.memo.of("corrected", lambda known, raw: known.corrected(raw), registration, lines)
+        return self.memo.of(
+            "corrected", lambda known, raw: known.corrected(raw), registration, lines
+        )
 
     def vantages(self, registration: Registration, time_s: float) -> Vantages:
         """Return the sensors at a time, their angles weighted as the registration leaves them."""
@@ -115,11 +137,15 @@ class TrackingModels:
         """Return the sensors, what is left of their errors, and whether light takes time."""
         return SensorView(self.biases.sensors, registration.apart_rad, self.light_time)
 
-    def gated_pairs(self, path: PredictedMeasurements, lines: LinesOfSight, span_s: float) -> GatedPairs:
+    def gated_pairs(
+        self, path: PredictedMeasurements, lines: LinesOfSight, span_s: float
+    ) -> GatedPairs:
         """Return the gated pairs of tracks and the lines of a span."""
         gate = self.config.gate_sigma
         light_time = self.light_time
-        return gated(path, lines, *candidates(path, lines, span_s, gate, light_time), gate, light_time)
+        return gated(
+            path, lines, *candidates(path, lines, span_s, gate, light_time), gate, light_time
+        )
 
     def longest(self, time_s: FloatArray, table: TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
@@ -127,18 +153,25 @@ class TrackingModels:
         return most
 
     def confirmed(self, now: TrackerState) -> BoolArray:
-        """Return which tracks (n,) are reported: those with enough detections that are probably no false alarms."""
+        """Return which tracks (n,) are reported: those with enough detections that are probably no
+        false alarms.
+        """
         return np.asarray((now.table.hits >= 2 * self.needed_scans) & ~now.motion.are_noise)
 
-    def shared_covariance(self, now: TrackerState, estimates: ModeEstimates, table: TrackTable) -> FloatArray | None:
-        """Return the covariances (n, 6, 6) of tracks due to the errors that sensors share; None for none."""
+    def shared_covariance(
+        self, now: TrackerState, estimates: ModeEstimates, table: TrackTable
+    ) -> FloatArray | None:
+        """Return the covariances (n, 6, 6) of tracks due to the errors that sensors share; None for
+        none.
+        """
         if not now.registration.has_errors:
             return None
         vantages = self.vantages(now.registration, now.time_s)
         return now.registration.covariance(estimates.likelier_state, table.reports >= 0, vantages)
 
 
-#: Scans that a track needs, and the time, s, within which the fastest sensor must make them; else the fewest.
+#: Scans that a track needs, and the time, s, within which the fastest sensor must make them; else
+#: the fewest.
 _NEEDED = 4
 _SOON_S = 4.0
 _FEWEST = 2
@@ -147,10 +180,11 @@ _FEWEST = 2
 def needed_scans(period_s: FloatArray) -> int:
     """Return M of M-of-N track initiation for sensors with scan periods (n,), s.
 
-    A track is reported after 2 M detections. At 10 s per scan four scans are most of a burn: of 30 launches before two
-    sensors 21 were tracked, after 74 s in the median; with M = 2 all, after 31 s. What it costs: no false track in two
-    hours with sensors that confirm their detections over scans. Where every false alarm is reported (two scanners, 17 a
-    scan), 29 tracks of noise have enough detections in ten minutes; all are recognised as noise, and none is reported.
+    A track is reported after 2 M detections. At 10 s per scan four scans are most of a burn: of 30
+    launches before two sensors 21 were tracked, after 74 s in the median; with M = 2 all, after 31
+    s. What it costs: no false track in two hours with sensors that confirm their detections over
+    scans. Where every false alarm is reported (two scanners, 17 a scan), 29 tracks of noise have
+    enough detections in ten minutes; all are recognised as noise, and none is reported.
     """
     soon = _NEEDED * float(period_s.min(initial=np.inf)) <= _SOON_S
     return _NEEDED if soon else _FEWEST

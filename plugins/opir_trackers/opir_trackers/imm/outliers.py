@@ -1,12 +1,14 @@
 """Outliers: weights of measurements by expectation maximisation.
 
-A line belongs to its track, with the stated error, or is an outlier, uniform about the track within a gate of that
-error alone: the track's own uncertainty says nothing about the density of outliers. Lines are weighted by their inlier
-probability, which is recomputed with the updated track (EM: Dempster, Laird and Rubin, J. Royal Statistical Society B
-39(1), 1977). The information of the slice is then the observed information (Louis, J. Royal Statistical Society B
-44(2), 1982, 226), which is less than the weights suggest. The outlier fraction of a track follows from the likelihood
-of all its lines so far, over a grid of fractions: a running mean of weights would retain the first belief
-(Titterington, J. Royal Statistical Society B 46(2), 1984, 257). Tracks without an improbable line are not reweighted.
+A line belongs to its track, with the stated error, or is an outlier, uniform about the track within
+a gate of that error alone: the track's own uncertainty says nothing about the density of outliers.
+Lines are weighted by their inlier probability, which is recomputed with the updated track (EM:
+Dempster, Laird and Rubin, J. Royal Statistical Society B 39(1), 1977). The information of the slice
+is then the observed information (Louis, J. Royal Statistical Society B 44(2), 1982, 226), which is
+less than the weights suggest. The outlier fraction of a track follows from the likelihood of all
+its lines so far, over a grid of fractions: a running mean of weights would retain the first belief
+(Titterington, J. Royal Statistical Society B 46(2), 1984, 257). Tracks without an improbable line
+are not reweighted.
 """
 
 from typing import NamedTuple
@@ -25,9 +27,14 @@ from opir_trackers.lines_of_sight import AngleMeasurements
 _LEAST_WEIGHT = 1e-6
 
 
-def predicted_directions(path: PredictedMeasurements, measurements: AngleMeasurements) -> FloatArray:
+def predicted_directions(
+    path: PredictedMeasurements, measurements: AngleMeasurements
+) -> FloatArray:
     """Return the predicted directions (n, 2) of measurements, each in its tangent plane."""
-    local = matvec(measurements.axes, path.positions(measurements.track, measurements.time_s) - measurements.origin_m)
+    local = matvec(
+        measurements.axes,
+        path.positions(measurements.track, measurements.time_s) - measurements.origin_m,
+    )
     seen: FloatArray = local[:, :2] / local[:, 2:]
     return seen
 
@@ -40,16 +47,19 @@ FRACTIONS = np.append(0.0, 1.0 / (1.0 + np.exp(-np.arange(-4.6, 2.3, _STEP))))
 _SHARE = 0.01
 _BELIEVED = 3.0
 
-#: Squared distance exceeded with probability 10⁻³, and the least outlier fraction that is considered.
+#: Squared distance exceeded with probability 10⁻³, and the least outlier fraction that is
+#: considered.
 _IMPROBABLE = 13.8
 _SOME = 0.02
 
-#: Below this fraction, tracks without an improbable line are not counted; so onsets of outliers are seen.
+#: Below this fraction, tracks without an improbable line are not counted; so onsets of outliers are
+#: seen.
 FEW = 1e-3
 
 _NONE = np.empty(0, dtype=np.int64)
 
-#: EM iterations at most, the change of weights that is none, and the least information of a slice relative to these.
+#: EM iterations at most, the change of weights that is none, and the least information of a slice
+#: relative to these.
 _TURNS = 4
 _SETTLED = 0.02
 _LEAST_TOLD = 0.2
@@ -66,7 +76,8 @@ class SliceSpan(NamedTuple):
 def _prior_log() -> FloatArray:
     """Return the log prior (fractions,) of the outlier fraction: a beta distribution.
 
-    Its density per log odds is proportional to (1 - q)^`_BELIEVED` from the first fraction on; the rest is at 0.
+    Its density per log odds is proportional to (1 - q)^`_BELIEVED` from the first fraction on; the
+    rest is at 0.
     """
     some = _SHARE * _BELIEVED * _STEP * (1.0 - FRACTIONS[1:]) ** _BELIEVED
     return np.asarray(np.log(np.append(1.0 - some.sum(), some)))
@@ -85,7 +96,9 @@ class OutlierFractions(NamedTuple):
     def share(self) -> FloatArray:
         """Return the posterior mean (n,)."""
         chance = np.exp(self.log + _BEFORE)
-        share: FloatArray = np.add.reduce(chance * FRACTIONS, axis=1) / np.add.reduce(chance, axis=1)
+        share: FloatArray = np.add.reduce(chance * FRACTIONS, axis=1) / np.add.reduce(
+            chance, axis=1
+        )
         return share
 
     def take(self, rows: IntArray) -> "OutlierFractions":
@@ -111,14 +124,19 @@ def suspect_tracks(assigned: GatedPairs, share: FloatArray) -> IntArray:
     return np.unique(assigned.track[some]) if np.count_nonzero(some) else _NONE
 
 
-def clean_log_likelihood(assigned: GatedPairs, outlier: OutlierFractions, gate: float) -> FloatArray:
+def clean_log_likelihood(
+    assigned: GatedPairs, outlier: OutlierFractions, gate: float
+) -> FloatArray:
     """Return the log likelihoods (n, fractions) of lines none of which is improbable.
 
     Each counts with the probability that an outlier in its place would have been improbable.
     """
-    within = _IMPROBABLE / gate**2 * np.exp(0.5 * assigned.log_volume) / np.square(assigned.sigma_rad)
+    within = (
+        _IMPROBABLE / gate**2 * np.exp(0.5 * assigned.log_volume) / np.square(assigned.sigma_rad)
+    )
     clean: FloatArray = (
-        np.bincount(assigned.track, np.maximum(1.0 - within, 0.0), outlier.log.shape[0])[:, None] * _CLEAN
+        np.bincount(assigned.track, np.maximum(1.0 - within, 0.0), outlier.log.shape[0])[:, None]
+        * _CLEAN
     )
     return clean
 
@@ -131,8 +149,12 @@ def reweighted(
     assigned: GatedPairs,
     outlier: OutlierFractions,
 ) -> ReweightedEstimates:
-    """Return estimates after a slice with its lines reweighted; the pairs `assigned` led from `before` to `after`."""
-    weight, _, square = _weights(filter_.predicted_measurements(after, span.end_s), span, assigned, outlier.share)
+    """Return estimates after a slice with its lines reweighted; the pairs `assigned` led from
+    `before` to `after`.
+    """
+    weight, _, square = _weights(
+        filter_.predicted_measurements(after, span.end_s), span, assigned, outlier.share
+    )
     log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
     doubted = np.zeros(len(before), dtype=np.bool_)
     doubted[assigned.track[weight < 1.0 - _SETTLED]] = True
@@ -142,7 +164,15 @@ def reweighted(
     mine = np.flatnonzero(doubted[assigned.track])
     pairs = assigned.take(mine)
     pairs = evolve(pairs, track=(np.cumsum(doubted) - 1)[pairs.track])
-    part = _reweighted(filter_, before.take(rows), span, pairs, outlier.take(rows), weight[mine], log_likelihood[rows])
+    part = _reweighted(
+        filter_,
+        before.take(rows),
+        span,
+        pairs,
+        outlier.take(rows),
+        weight[mine],
+        log_likelihood[rows],
+    )
     log_likelihood[rows] = part.outliers
     return ReweightedEstimates(after.put(rows, part.estimates), log_likelihood)
 
@@ -156,25 +186,36 @@ def _reweighted(
     weight: FloatArray,
     log_likelihood: FloatArray,
 ) -> ReweightedEstimates:
-    """Return estimates after a slice by expectation maximisation from first weights (m,) of the lines."""
+    """Return estimates after a slice by expectation maximisation from first weights (m,) of the
+    lines.
+    """
     for _ in range(_TURNS):
         last = weight
-        after = filter_.updated(before, span.end_s, _weighted(assigned, assigned.measured, weight), span.long_s)
+        after = filter_.updated(
+            before, span.end_s, _weighted(assigned, assigned.measured, weight), span.long_s
+        )
         share = outlier.after(log_likelihood).share
-        weight, place, square = _weights(filter_.predicted_measurements(after, span.end_s), span, assigned, share)
+        weight, place, square = _weights(
+            filter_.predicted_measurements(after, span.end_s), span, assigned, share
+        )
         log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
         if np.max(np.abs(weight - last)) < _SETTLED:
             break
     most = np.bincount(assigned.track, weight, len(before))
     left = np.bincount(assigned.track, weight * (1.0 - 0.5 * (1.0 - weight) * square), len(before))
     part = np.maximum(left / np.maximum(most, _LEAST_WEIGHT), _LEAST_TOLD)[assigned.track]
-    # The rescaled measurements move the estimate as far as the weighted ones, with less information.
+    # The rescaled measurements move the estimate as far as the weighted ones, with less
+    # information.
     seen = place + (assigned.measured - place) / part[:, None]
-    after = filter_.updated(before, span.end_s, _weighted(assigned, seen, weight * part), span.long_s)
+    after = filter_.updated(
+        before, span.end_s, _weighted(assigned, seen, weight * part), span.long_s
+    )
     return ReweightedEstimates(after, log_likelihood)
 
 
-def fraction_log_likelihood(square: FloatArray, gate: float, track: IntArray, count: int) -> FloatArray:
+def fraction_log_likelihood(
+    square: FloatArray, gate: float, track: IntArray, count: int
+) -> FloatArray:
     """Return the log likelihoods (count, fractions) of lines (m,) with squared distances, by track.
 
     Lines beyond the gate are outliers, and carry no information on how many lie within it.
@@ -190,7 +231,9 @@ def fraction_log_likelihood(square: FloatArray, gate: float, track: IntArray, co
 def _weights(
     path: PredictedMeasurements, span: SliceSpan, assigned: GatedPairs, share: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the inlier probabilities (m,) of lines, their predicted directions (m, 2) and squared distances (m,)."""
+    """Return the inlier probabilities (m,) of lines, their predicted directions (m, 2) and squared
+    distances (m,).
+    """
     measurements = assigned.measurements(assigned.measured, np.zeros((len(assigned), 2, 2)))
     place = predicted_directions(path, measurements)
     sharp = 1.0 / np.square(assigned.sigma_rad)
@@ -203,4 +246,6 @@ def _weights(
 
 def _weighted(assigned: GatedPairs, seen: FloatArray, weight: FloatArray) -> AngleMeasurements:
     """Return pairs as measurements at directions (m, 2) with weights (m,)."""
-    return assigned.measurements(seen, (np.sqrt(weight) / assigned.sigma_rad)[:, None, None] * np.eye(2))
+    return assigned.measurements(
+        seen, (np.sqrt(weight) / assigned.sigma_rad)[:, None, None] * np.eye(2)
+    )

@@ -1,4 +1,6 @@
-"""Predict: tracks at the end of a slice, their measurements in it, and its lines within their gates."""
+"""Predict: tracks at the end of a slice, their measurements in it, and its lines within their
+gates.
+"""
 
 from typing import NamedTuple
 
@@ -18,11 +20,12 @@ from opir_trackers.registration.registration import Registration
 
 
 class Ahead(NamedTuple):
-    """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are those in the slice.
+    """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are
+    those in the slice.
 
-    Without tracks or lines no measurements are predicted.
-    `pairs` are the gated pairs of tracks outside crowds, and of crowds' tracks in sensors that do not follow them;
-    `near` are those of the crowds' focal-plane tracks, None without crowds.
+    Without tracks or lines no measurements are predicted. `pairs` are the gated pairs of tracks
+    outside crowds, and of crowds' tracks in sensors that do not follow them; `near` are those of
+    the crowds' focal-plane tracks, None without crowds.
     """
 
     estimates: ModeEstimates
@@ -35,7 +38,9 @@ class Ahead(NamedTuple):
 
 
 def predict(models: TrackingModels, now: TrackerState, end_s: float, lines: LinesOfSight) -> Ahead:
-    """Return the tracks at the end of a slice with lines; the last prediction is kept, for labels need the same."""
+    """Return the tracks at the end of a slice with lines; the last prediction is kept, for labels
+    need the same.
+    """
     known = now.estimates, now.table, now.crowds, now.registration
     return models.memo.of("ahead", _predicted, models, *known, now.time_s, end_s, lines)
 
@@ -58,9 +63,13 @@ def _predicted(
     if registration.widens_gates:
         vantages = models.vantages(registration, end_s)
         state = estimates.likelier_state
-        path = path._replace(bias_covariance=registration.gate_covariance(state, table.reports >= 0, vantages))
+        path = path._replace(
+            bias_covariance=registration.gate_covariance(state, table.reports >= 0, vantages)
+        )
     if not crowds.are_there:
-        return Ahead(estimates, path, models.gated_pairs(path, lines, span_s), None, lines, end_s, span_s)
+        return Ahead(
+            estimates, path, models.gated_pairs(path, lines, span_s), None, lines, end_s, span_s
+        )
     pairs = _lone_pairs(models, path, lines, span_s, table, crowds)
     near = crowd.paired(crowds.tracks, start_s, lines, span_s, models.config.gate_sigma)
     return Ahead(estimates, path, pairs, near, lines, end_s, span_s)

@@ -1,7 +1,7 @@
 """Prune: tracks that ended, are lost, follow a target that another one follows, or follow none.
 
-Two tracks are duplicates if their states agree within their covariances and no recent scan detected both: two targets
-are detected in one scan sooner or later, one target never twice.
+Two tracks are duplicates if their states agree within their covariances and no recent scan detected
+both: two targets are detected in one scan sooner or later, one target never twice.
 """
 
 import numpy as np
@@ -29,7 +29,8 @@ _DUPLICATE_GATE = 27.9
 #: Upper bound on target speeds, m/s, nearly twice the escape velocity.
 _FASTEST_M_S = 20e3
 
-#: A track below the lowest height has come down; one that is still detected, if below by this many standard deviations.
+#: A track below the lowest height has come down; one that is still detected, if below by this many
+#: standard deviations.
 _SURE_SIGMAS = 3.0
 
 #: Codes of ends.
@@ -37,7 +38,9 @@ IMPACT = TRACK_ENDS.index("impact")
 LOST = TRACK_ENDS.index("lost")
 
 
-def prune(models: TrackingModels, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
+def prune(
+    models: TrackingModels, now: TrackerState, lines: LinesOfSight, owner: IntArray
+) -> TrackerState:
     """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms.
 
     `owner` (m,) are the tracks of a slice's lines, -1 for none.
@@ -52,13 +55,17 @@ def prune(models: TrackingModels, now: TrackerState, lines: LinesOfSight, owner:
     drop |= idle | down
     if table.number.size > 1:
         memory_s = models.memory_s
-        now = evolve(now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, memory_s))
+        now = evolve(
+            now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, memory_s)
+        )
         drop |= _lesser(models, now, *moments)
     if np.count_nonzero(drop):
         gone = np.flatnonzero(drop & models.confirmed(now))
         end = np.where(down[gone], IMPACT, LOST).astype(np.uint8)
         ended = EndedTracks(now.estimates.take(gone), table.take(gone), now.motion.take(gone), end)
-        now = evolve(now.without(drop), ended=ended.and_others(now.ended) if len(gone) else now.ended)
+        now = evolve(
+            now.without(drop), ended=ended.and_others(now.ended) if len(gone) else now.ended
+        )
     if not now.crowds.are_there:
         return now
     return evolve(now, crowds=crowd.pruned(now.crowds, now.time_s, models.period_s))
@@ -67,14 +74,20 @@ def prune(models: TrackingModels, now: TrackerState, lines: LinesOfSight, owner:
 def _with_bounds(
     models: TrackingModels, now: TrackerState, state: FloatArray, covariance: FloatArray
 ) -> tuple[TrackerState, BoolArray, BoolArray]:
-    """Return the state with uncertain speeds and heights bounded, and which tracks are idle and which came down."""
+    """Return the state with uncertain speeds and heights bounded, and which tracks are idle and
+    which came down.
+    """
     table = now.table
     needed = 3 * models.needed_scans
     uncertain = are_uncertain(covariance, models.config.lost_sigma_m)
     below_ground = are_below_ground(state[:, :3])
-    fast_uncertain = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
+    fast_uncertain = (
+        covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
+    )
     none = np.zeros(len(table), dtype=np.bool_)
-    if table.hits.min() >= needed and not np.count_nonzero(uncertain | below_ground | fast_uncertain):
+    if table.hits.min() >= needed and not np.count_nonzero(
+        uncertain | below_ground | fast_uncertain
+    ):
         return now, none, none
     rows = fast_uncertain.nonzero()[0]
     rows = rows[have_uncertain_velocity(covariance[rows])] if len(rows) else rows
@@ -88,8 +101,12 @@ def _with_bounds(
     return now, idle, below_ground & have_come_down(state[:, :3], covariance, unseen)
 
 
-def _lesser(models: TrackingModels, now: TrackerState, state: FloatArray, covariance: FloatArray) -> BoolArray:
-    """Return which tracks follow a target that another one follows, or no target: lines of several moved them."""
+def _lesser(
+    models: TrackingModels, now: TrackerState, state: FloatArray, covariance: FloatArray
+) -> BoolArray:
+    """Return which tracks follow a target that another one follows, or no target: lines of several
+    moved them.
+    """
     table = now.table
     added = models.shared_covariance(now, now.estimates, now.table)
     wider = covariance.copy() if added is None else covariance + added
@@ -112,9 +129,9 @@ def duplicates(
 ) -> BoolArray:
     """Return which tracks (n,), of ascending numbers, are the lesser of two that follow one target.
 
-    `state` (n, 6) and `covariance` (n, 6, 6) are in the inertial frame, m and m/s. Where more than two are near, those
-    that are `fresh` (n,) are spared, whose first lines are of earlier slices, and those that no sensor sees both of, by
-    `seen` (n, sensors): their pairing decides.
+    `state` (n, 6) and `covariance` (n, 6, 6) are in the inertial frame, m and m/s. Where more than
+    two are near, those that are `fresh` (n,) are spared, whose first lines are of earlier slices,
+    and those that no sensor sees both of, by `seen` (n, sensors): their pairing decides.
     """
     lesser = np.zeros(len(number), dtype=bool)
     if len(number) < 2:
@@ -135,15 +152,21 @@ def duplicates(
 
 
 def _are_spared(alike: IntArray, beside: IntArray, seen: BoolArray, fresh: BoolArray) -> BoolArray:
-    """Return which pairs (k,) have others near, `beside` (n,) in all, and are fresh or seen by no common sensor."""
+    """Return which pairs (k,) have others near, `beside` (n,) in all, and are fresh or seen by no
+    common sensor.
+    """
     one, other = alike.T
     crowded = np.maximum(beside[one], beside[other]) > 1
-    spared: BoolArray = crowded & (fresh[one] | fresh[other] | ~np.any(seen[one] & seen[other], axis=1))
+    spared: BoolArray = crowded & (
+        fresh[one] | fresh[other] | ~np.any(seen[one] & seen[other], axis=1)
+    )
     return spared
 
 
 def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
-    """Return the pairs (k, 2) of tracks that are near, or may be by their standard deviations (n,), in order."""
+    """Return the pairs (k, 2) of tracks that are near, or may be by their standard deviations (n,),
+    in order.
+    """
     from scipy.spatial import cKDTree
 
     tree = cKDTree(position)
@@ -154,13 +177,17 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
         neighbours = tree.query_ball_point(position[wide], reach_m[wide], return_sorted=True)
         other = np.concatenate([np.array(rows, dtype=np.int64) for rows in neighbours])
-        pairs = np.sort(np.stack([np.repeat(wide, [len(rows) for rows in neighbours]), other], axis=1), axis=1)
+        pairs = np.sort(
+            np.stack([np.repeat(wide, [len(rows) for rows in neighbours]), other], axis=1), axis=1
+        )
         near = np.unique(np.concatenate([near, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
     ordered: IntArray = near[np.lexsort((near[:, 1], near[:, 0]))]
     return ordered
 
 
-def _never_seen_together(near: IntArray, number: IntArray, sightings: SharedDetections) -> BoolArray:
+def _never_seen_together(
+    near: IntArray, number: IntArray, sightings: SharedDetections
+) -> BoolArray:
     """Return which pairs (k,) have enough scans with a detection, none of both."""
     row = np.searchsorted(number, sightings.number)
     here = np.flatnonzero(np.append(number, -1)[row] == sightings.number)
@@ -177,8 +204,9 @@ def _never_seen_together(near: IntArray, number: IntArray, sightings: SharedDete
 def are_uncertain(covariance: FloatArray, sigma_m: float) -> BoolArray:
     """Return which covariances (n, 6, 6) exceed a standard deviation of the position, m.
 
-    This deletes no track that is still detected. One sensor leaves the position along its line of sight open, by
-    hundreds of kilometres in the end; a new track in its place would be assumed near the ground.
+    This deletes no track that is still detected. One sensor leaves the position along its line of
+    sight open, by hundreds of kilometres in the end; a new track in its place would be assumed near
+    the ground.
     """
     variance = covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2]
     vague: BoolArray = variance > sigma_m * sigma_m

@@ -1,7 +1,8 @@
 """States anew from a kept stretch of directions, where a pairing has changed.
 
-The stretch starts from a wide prior about a cubic through the crossings of its directions; a track that began within
-the stretch starts as any new track does. From there it is filtered in steps to the present.
+The stretch starts from a wide prior about a cubic through the crossings of its directions; a track
+that began within the stretch starts as any new track does. From there it is filtered in steps to
+the present.
 """
 
 from typing import NamedTuple
@@ -26,7 +27,8 @@ from opir_trackers.triangulation import FAR_M
 #: Length of a step of the stretch, s: its directions move little off the Taylor series of the path.
 _STEP_S = 2.0
 
-#: Standard deviations of position, m, velocity, m/s, and force, m/s², about the cubic at the start of the stretch.
+#: Standard deviations of position, m, velocity, m/s, and force, m/s², about the cubic at the start
+#: of the stretch.
 _PLACE_M = 3e3
 _SPEED_M_S = 300.0
 _FORCE_M_S2 = 20.0
@@ -55,8 +57,9 @@ def refiltered(
 ) -> ModeEstimates:
     """Return the estimates at `now_s` of tracks (n,) from their kept directions.
 
-    `track` (m,) is that of each direction; `sums` (n, instants, 12) are the tracks' normal equations about `centre`;
-    `before` are the old estimates, of which the mode probabilities and rates stay; `begun_s` (n,) the first detections.
+    `track` (m,) is that of each direction; `sums` (n, instants, 12) are the tracks' normal
+    equations about `centre`; `before` are the old estimates, of which the mode probabilities and
+    rates stay; `begun_s` (n,) the first detections.
     """
     instants = np.unique(directions.time_s)
     place = intersections(sums) + centre
@@ -75,7 +78,14 @@ def refiltered(
         # What has not entered is not looked at.
         mine = mine[first_s[track[mine]] <= end_s]
         path = filter_.predicted_measurements(estimates, end_s)
-        pairs = gated(path, _lines(directions.take(mine)), track[mine], np.arange(len(mine)), _EVERY, light_time)
+        pairs = gated(
+            path,
+            _lines(directions.take(mine)),
+            track[mine],
+            np.arange(len(mine)),
+            _EVERY,
+            light_time,
+        )
         estimates = filter_.updated(estimates, end_s, hard_measurements(pairs), step_s)
         awake = end_s
     return evolve(estimates, weight=before.weight, detection_rate=before.detection_rate)
@@ -95,7 +105,9 @@ def _lines(directions: Directions) -> LinesOfSight:
 
 
 class _Priors(NamedTuple):
-    """What tracks (n,) at places (n, instants, 3), in ECEF, where `there` (n, instants), start from."""
+    """What tracks (n,) at places (n, instants, 3), in ECEF, where `there` (n, instants), start
+    from.
+    """
 
     place: FloatArray
     there: BoolArray
@@ -112,13 +124,17 @@ class _Priors(NamedTuple):
         estimates = prior_estimates(begins, time_s, self.config)
         emitted_s = self.instants - FAR_M / SPEED_OF_LIGHT_M_S * self.light_time
         old = self.begun_s[rows] < self.first_s[rows] - _FRESH_S
-        for number in np.flatnonzero((self.there[rows].sum(axis=1) >= _LEAST_INSTANTS) & old).tolist():
+        for number in np.flatnonzero(
+            (self.there[rows].sum(axis=1) >= _LEAST_INSTANTS) & old
+        ).tolist():
             used = np.flatnonzero(self.there[rows[number]])
             path = earth_rotated(self.place[rows[number], used], emitted_s[used])
             powers = np.vander(emitted_s[used] - time_s, 4, increasing=True)
             fit = np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
             one = np.array([number])
-            estimates = estimates.put(one, _about(fit.astype(np.float64, copy=False), estimates.take(one)))
+            estimates = estimates.put(
+                one, _about(fit.astype(np.float64, copy=False), estimates.take(one))
+            )
         return estimates
 
 
@@ -130,8 +146,15 @@ def _about(fit: FloatArray, prior: ModeEstimates) -> ModeEstimates:
     mean[0, :3] = place
     mean[0, 3:6] = fit[1]
     mean[0, 6:9] = force
-    sigma = np.append(np.repeat([_PLACE_M, _SPEED_M_S, _FORCE_M_S2], 3), 1.0 / prior.boost_root[0, -1, -1])
+    sigma = np.append(
+        np.repeat([_PLACE_M, _SPEED_M_S, _FORCE_M_S2], 3), 1.0 / prior.boost_root[0, -1, -1]
+    )
     root = np.diag(1.0 / sigma)[None]
     return ModeEstimates(
-        prior.weight, mean, root, mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy(), prior.detection_rate
+        prior.weight,
+        mean,
+        root,
+        mean[:, :COAST].copy(),
+        root[:, :COAST, :COAST].copy(),
+        prior.detection_rate,
     )

@@ -1,4 +1,6 @@
-"""The pairing of a crowd anew: which tracks it changes, the states that follow, and what stays undecided."""
+"""The pairing of a crowd anew: which tracks it changes, the states that follow, and what stays
+undecided.
+"""
 
 from typing import NamedTuple
 
@@ -40,7 +42,9 @@ _BASELINE_S = 2.0
 
 
 class _Stretch(NamedTuple):
-    """Kept directions and their focal-plane tracks (m,), and the normal equations of all of these."""
+    """Kept directions and their focal-plane tracks (m,), and the normal equations of all of
+    these.
+    """
 
     kept: Directions
     row: IntArray
@@ -54,10 +58,16 @@ class _Stretch(NamedTuple):
         return _Stretch(self.kept.take(mine), place[mine], self.table[rows], self.centre)
 
 
-def renewed(now: TrackerState, view: SensorView, filter_: ImmFilter, config: ImmConfig) -> TrackerState:
+def renewed(
+    now: TrackerState, view: SensorView, filter_: ImmFilter, config: ImmConfig
+) -> TrackerState:
     """Return the state with the crowd's focal-plane tracks paired anew, if that is due."""
     tracks = now.crowds.tracks
-    if now.time_s - now.crowds.paired_s < RENEWED_S - 1e-6 or len(tracks) < 2 or np.ptp(tracks.sensor) == 0:
+    if (
+        now.time_s - now.crowds.paired_s < RENEWED_S - 1e-6
+        or len(tracks) < 2
+        or np.ptp(tracks.sensor) == 0
+    ):
         return now
     stretch = _stretch(now.crowds)
     if not len(stretch.row):
@@ -67,7 +77,9 @@ def renewed(now: TrackerState, view: SensorView, filter_: ImmFilter, config: Imm
     table = stretch.table[ready]
     sensor = tracks.sensor[ready]
     if len(ready) < 2 or np.ptp(sensor) == 0:
-        return evolve(now, crowds=evolve(now.crowds, mixtures=Mixtures.empty(), paired_s=now.time_s))
+        return evolve(
+            now, crowds=evolve(now.crowds, mixtures=Mixtures.empty(), paired_s=now.time_s)
+        )
     model = SetModel(stretch.centre, present=ranks(tracks.number[ready]))
     group = cheapest_pairing(table, sensor, model)
     number = tracks.number.copy()
@@ -104,8 +116,9 @@ def _stretch(crowds: Crowds) -> _Stretch:
 def _numbers(group: IntArray, tracks: FocalPlaneTracks) -> IntArray:
     """Return the track number (n,) of each focal-plane track by its set, -1 for those without.
 
-    Large sets choose first: the number of their focal-plane track of the first sensor, else another of their own. A set
-    that is left without is no track: what a swap has mixed over the stretch fits nothing, and is begun anew.
+    Large sets choose first: the number of their focal-plane track of the first sensor, else another
+    of their own. A set that is left without is no track: what a swap has mixed over the stretch
+    fits nothing, and is begun anew.
     """
     number = np.full(int(group.max()) + 1, -1, dtype=np.int64)
     taken = set()
@@ -119,9 +132,16 @@ def _numbers(group: IntArray, tracks: FocalPlaneTracks) -> IntArray:
 
 
 def _repaired(
-    now: TrackerState, number: IntArray, stretch: _Stretch, filter_: ImmFilter, config: ImmConfig, light_time: bool
+    now: TrackerState,
+    number: IntArray,
+    stretch: _Stretch,
+    filter_: ImmFilter,
+    config: ImmConfig,
+    light_time: bool,
 ) -> TrackerState:
-    """Return the state with focal-plane tracks given to the tracks `number` (n,), and the states that follow."""
+    """Return the state with focal-plane tracks given to the tracks `number` (n,), and the states
+    that follow.
+    """
     before = now.crowds.tracks.number
     changed = _changed(now.crowds.tracks, number)
     if np.count_nonzero(number < 0):
@@ -137,7 +157,11 @@ def _repaired(
     held_by, rows_of = np.unique(number, return_counts=True)
     now = _without_range(now, np.intersect1d(changed, held_by[rows_of == 1]))
     several = np.intersect1d(changed, held_by[rows_of > 1])
-    return _filtered_anew(now, several, number, stretch, filter_, config, light_time) if len(several) else now
+    return (
+        _filtered_anew(now, several, number, stretch, filter_, config, light_time)
+        if len(several)
+        else now
+    )
 
 
 def _filtered_anew(
@@ -149,7 +173,9 @@ def _filtered_anew(
     config: ImmConfig,
     light_time: bool,
 ) -> TrackerState:
-    """Return the state with tracks `several` (k,) filtered anew, where their directions cross at a definite place."""
+    """Return the state with tracks `several` (k,) filtered anew, where their directions cross at a
+    definite place.
+    """
     kept = now.crowds.kept
     which = _places(several, number)
     held = np.flatnonzero(which >= 0)
@@ -188,25 +214,35 @@ def _places(some: IntArray, number: IntArray) -> IntArray:
 
 
 def _without_range(now: TrackerState, number: IntArray) -> TrackerState:
-    """Return the state with the information from other sensors removed from tracks `number` (k,): range above all."""
+    """Return the state with the information from other sensors removed from tracks `number` (k,):
+    range above all.
+    """
     if not len(number):
         return now
     rows = np.searchsorted(now.table.number, number)
     lost = np.diag(np.square([_LOST_M] * 3 + [_LOST_M_S] * 3))
     return evolve(
-        now, estimates=now.estimates.put(rows, widened(now.estimates.take(rows), lost[None].repeat(len(rows), 0)))
+        now,
+        estimates=now.estimates.put(
+            rows, widened(now.estimates.take(rows), lost[None].repeat(len(rows), 0))
+        ),
     )
 
 
-#: Standard deviations of position, m, and velocity, m/s, of a track that has lost its partners, as of new tracks.
+#: Standard deviations of position, m, and velocity, m/s, of a track that has lost its partners, as
+#: of new tracks.
 _LOST_M = 30e3
 _LOST_M_S = 300.0
 
 
 def _are_fixed(sums: FloatArray) -> BoolArray:
-    """Return which sets, of sums of normal equations (n, instants, 12), have lines that cross at a definite place."""
+    """Return which sets, of sums of normal equations (n, instants, 12), have lines that cross at a
+    definite place.
+    """
     there = sums[..., 11] > 1.5
-    mean = (sums[..., :6] * there[..., None]).sum(axis=1) / np.maximum(there.sum(axis=1), 1)[:, None]
+    mean = (sums[..., :6] * there[..., None]).sum(axis=1) / np.maximum(there.sum(axis=1), 1)[
+        :, None
+    ]
     least = np.linalg.eigvalsh(mean[:, _SQUARE].reshape(-1, 3, 3))[:, 0]
     return np.asarray(there.any(axis=1) & (least > _LEAST_FIX_M**-2))
 
@@ -226,9 +262,11 @@ def _changed(tracks: FocalPlaneTracks, number: IntArray) -> IntArray:
 
 
 def _with_rows(now: TrackerState, number: IntArray, before: IntArray) -> TrackerState:
-    """Return the state without tracks that no focal-plane track, now of tracks `number` (n,), has any more.
+    """Return the state without tracks that no focal-plane track, now of tracks `number` (n,), has
+    any more.
 
-    `before` are the tracks that had any. Sensors report of a track what they reported of its focal-plane tracks.
+    `before` are the tracks that had any. Sensors report of a track what they reported of its
+    focal-plane tracks.
     """
     tracks = now.crowds.tracks
     table = now.table
@@ -247,16 +285,22 @@ def _with_rows(now: TrackerState, number: IntArray, before: IntArray) -> Tracker
     )
 
 
-def _mixtures(tracks: FocalPlaneTracks, group: IntArray, doubt: Rivals, time_s: float, view: SensorView) -> Mixtures:
+def _mixtures(
+    tracks: FocalPlaneTracks, group: IntArray, doubt: Rivals, time_s: float, view: SensorView
+) -> Mixtures:
     """Return the mixtures of sets with rivals, by where they cross and how fast that moves."""
     if not len(doubt.set):
         return Mixtures.empty()
     every = np.arange(len(tracks))
     parts = [directions_at(tracks, every, time_s - back_s, view) for back_s in (_BASELINE_S, 0.0)]
     directions = Directions.concatenate(parts)
-    table, centre = normal_equations(directions, np.tile(every, 2), len(tracks), np.tile(tracks.range_m, 2))
+    table, centre = normal_equations(
+        directions, np.tile(every, 2), len(tracks), np.tile(tracks.range_m, 2)
+    )
     own = set_sums(table, group)[doubt.set]
-    crossings = [intersections(each) + centre for each in (own, own - table[doubt.own] + table[doubt.other])]
+    crossings = [
+        intersections(each) + centre for each in (own, own - table[doubt.own] + table[doubt.other])
+    ]
     met = np.flatnonzero((own[:, 0, 11] > 1.5) & (tracks.number[doubt.own] >= 0))
     apart = (crossings[1] - crossings[0])[met]
     inertial = [earth_rotated(apart[:, column], np.full(len(met), time_s)) for column in (0, 1)]

@@ -19,7 +19,8 @@ from opir_trackers.imm.track_management import TrackTable
 
 
 class ReportedTracks(NamedTuple):
-    """Tracks without impacts, their estimates, log likelihoods (n, H) of sensors' reports and group probabilities.
+    """Tracks without impacts, their estimates, log likelihoods (n, H) of sensors' reports and group
+    probabilities.
 
     `end` (n,) are codes into `TRACK_ENDS` of tracks that ended since the last tick.
     """
@@ -32,7 +33,9 @@ class ReportedTracks(NamedTuple):
 
 
 def with_launches(reported: ReportedTracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:
-    """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point and no impact."""
+    """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point
+    and no impact.
+    """
     tracks = reported.tracks
     no_launch = np.flatnonzero(~launched)
     launch = tracks.launch
@@ -57,12 +60,16 @@ def with_launches(reported: ReportedTracks, found: LaunchForecasts, launched: Bo
 
 
 def with_glides(tracks: Tracks, estimates: ModeEstimates, share: FloatArray) -> Tracks:
-    """Return tracks whose states are mixtures with those of gliders, as far as they coast; `share` (n,) is P(glide)."""
+    """Return tracks whose states are mixtures with those of gliders, as far as they coast; `share`
+    (n,) is P(glide).
+    """
     share = share * estimates.weight[:, 1]
     rows = (share > _LEAST_GLIDE).nonzero()[0]
     if not len(rows):
         return tracks
-    other = glided(tracks.state[rows], tracks.state_covariance[rows], estimates.detection_rate[rows, 2])
+    other = glided(
+        tracks.state[rows], tracks.state_covariance[rows], estimates.detection_rate[rows, 2]
+    )
     state, covariance = mixed_with(tracks.state, tracks.state_covariance, rows, other, share[rows])
     return evolve(tracks, state=state, state_covariance=covariance)
 
@@ -72,9 +79,15 @@ _LEAST_GLIDE = 0.01
 
 
 def mixed_with(
-    state: FloatArray, covariance: FloatArray, rows: IntArray, other: tuple[FloatArray, FloatArray], share: FloatArray
+    state: FloatArray,
+    covariance: FloatArray,
+    rows: IntArray,
+    other: tuple[FloatArray, FloatArray],
+    share: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return states (n, 6) and covariances (n, 6, 6), of rows those of mixtures with others in shares (m,)."""
+    """Return states (n, 6) and covariances (n, 6, 6), of rows those of mixtures with others in
+    shares (m,).
+    """
     apart = other[0] - state[rows]
     both = share[:, None, None]
     state = state.copy()
@@ -86,8 +99,12 @@ def mixed_with(
     return state, covariance
 
 
-def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float) -> Tracks:
-    """Return tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without type and impact."""
+def tracks_of(
+    state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float
+) -> Tracks:
+    """Return tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without
+    type and impact.
+    """
     count = len(state)
     impact = _unknown(count, 6, 3)
     burnout = _unknown(count, 8, 7)
@@ -116,7 +133,8 @@ def _unknown(*shape: int) -> FloatArray:
 
 
 def type_log_likelihoods(sensors: Sequence[Sensor]) -> FloatArray:
-    """Return log P(reported | true), (sensors, reported types + 1, true types), from the confusion matrices.
+    """Return log P(reported | true), (sensors, reported types + 1, true types), from the confusion
+    matrices.
 
     The last reported type is none. A sensor without a confusion matrix gives no information.
     """
@@ -131,16 +149,19 @@ def type_log_likelihoods(sensors: Sequence[Sensor]) -> FloatArray:
 
 
 def type_evidence(reports: IntArray, evidence: FloatArray) -> FloatArray:
-    """Return log likelihoods (n, types) of the last report of each sensor, (n, sensors), by `type_log_likelihoods`."""
+    """Return log likelihoods (n, types) of the last report of each sensor, (n, sensors), by
+    `type_log_likelihoods`.
+    """
     log: FloatArray = evidence[np.arange(len(evidence)), reports].sum(axis=1)
     return log
 
 
 def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
-    """Return probabilities (n, types) over `REPORTED_TYPES` from the last report of each sensor, (n, sensors).
+    """Return probabilities (n, types) over `REPORTED_TYPES` from the last report of each sensor,
+    (n, sensors).
 
-    The prior is uniform. A sensor's reports of one launch are one draw, so each sensor counts once. UNKNOWN has
-    probability 1 without a report, else 0.
+    The prior is uniform. A sensor's reports of one launch are one draw, so each sensor counts once.
+    UNKNOWN has probability 1 without a report, else 0.
     """
     log = type_evidence(reports, evidence)
     share = np.exp(log - log.max(axis=1, keepdims=True))
@@ -153,8 +174,12 @@ def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
 _LEAST_CHANCE = 1e-6
 
 
-def earth_fixed(state: FloatArray, covariance: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return inertial states (n, 6) and covariances (n, 6, 6) in ECEF, velocities relative to the rotating Earth."""
+def earth_fixed(
+    state: FloatArray, covariance: FloatArray, time_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return inertial states (n, 6) and covariances (n, 6, 6) in ECEF, velocities relative to the
+    rotating Earth.
+    """
     sine = sin(EARTH_ROTATION_RAD_S * time_s)
     cosine = cos(EARTH_ROTATION_RAD_S * time_s)
     fast = EARTH_ROTATION_RAD_S * cosine

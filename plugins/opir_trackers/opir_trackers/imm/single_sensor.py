@@ -1,4 +1,6 @@
-"""Tracks of one sensor: what it does not see is replaced, every few seconds, by what the law of boosts says of it."""
+"""Tracks of one sensor: what it does not see is replaced, every few seconds, by what the law of
+boosts says of it.
+"""
 
 from functools import cached_property, lru_cache
 
@@ -20,11 +22,13 @@ from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.sensors import Biases
 from opir_trackers.triangulation import are_low_orbits
 
-#: A track is compared with ascents at its first detection after each interval of this length, s, since the first one:
-#: the state along the line of sight changes little in it, and a comparison takes milliseconds.
+#: A track is compared with ascents at its first detection after each interval of this length, s,
+#: since the first one: the state along the line of sight changes little in it, and a comparison
+#: takes milliseconds.
 EVERY_S = 5.0
 
-#: Sine of the least elevation of the sensor, 10°: there a height that is off moves the place by six times as much.
+#: Sine of the least elevation of the sensor, 10°: there a height that is off moves the place by six
+#: times as much.
 _LEAST_SINE = 0.17
 
 #: A free burn more probable than this is no ascent of the law.
@@ -33,7 +37,9 @@ _FREE = 0.5
 
 @frozen(eq=False)
 class SingleSensor:
-    """The law of boosts for tracks that one sensor alone sees, from sites of the height `site_m`, root mean square."""
+    """The law of boosts for tracks that one sensor alone sees, from sites of the height `site_m`,
+    root mean square.
+    """
 
     outcomes: Outcomes
     filter: ImmFilter
@@ -49,7 +55,8 @@ class SingleSensor:
         seen_before_s: FloatArray,
         time_s: float,
     ) -> ModeEstimates:
-        """Return the estimates of tracks (n,) at a time, those of one sensor as ascents say along its line of sight.
+        """Return the estimates of tracks (n,) at a time, those of one sensor as ascents say along
+        its line of sight.
 
         `seen_before_s` (n,) are the times of the last detections before the slice.
         """
@@ -70,7 +77,8 @@ class SingleSensor:
         moments: list[AlongSight] = [each for each in found if each is not None]
         mean = np.array([each.mean for each in moments])
         axis = np.array(axes)[known]
-        # Ascents move relative to the Earth, and the part of its rotation along the line is the same at all distances.
+        # Ascents move relative to the Earth, and the part of its rotation along the line is the
+        # same at all distances.
         mean[:, 1] += dot(axis, estimates.boost_mean[rows[known], :3] @ SPIN.T)
         return self.filter.replaced_along(
             estimates,
@@ -86,22 +94,34 @@ class SingleSensor:
         return ascents_of(self.outcomes)
 
     def _due(
-        self, estimates: ModeEstimates, table: TrackTable, motion: MotionStatistics, seen_before_s: FloatArray
+        self,
+        estimates: ModeEstimates,
+        table: TrackTable,
+        motion: MotionStatistics,
+        seen_before_s: FloatArray,
     ) -> BoolArray:
-        """Return which tracks (n,) are compared: those of one sensor that burn and were detected in the slice."""
+        """Return which tracks (n,) are compared: those of one sensor that burn and were detected in
+        the slice.
+        """
         interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // EVERY_S
         alone = np.count_nonzero(table.reports >= 0, axis=1) == 1
         burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < _FREE)
-        return np.asarray((interval[0] > interval[1]) & alone & burns & (motion.probability[:, LAUNCH] > 0.5))
+        return np.asarray(
+            (interval[0] > interval[1]) & alone & burns & (motion.probability[:, LAUNCH] > 0.5)
+        )
 
-    def _far(self, table: TrackTable, motion: MotionStatistics, rows: IntArray, time_s: float) -> BoolArray:
+    def _far(
+        self, table: TrackTable, motion: MotionStatistics, rows: IntArray, time_s: float
+    ) -> BoolArray:
         """Return which tracks (m,) a sensor sees that is neither low nor near their horizon.
 
-        One that moves past a target sees how far away it is. Near the horizon the first line of sight does not say
-        where the launch was.
+        One that moves past a target sees how far away it is. Near the horizon the first line of
+        sight does not say where the launch was.
         """
         when = np.full(1, time_s)
-        origin = np.concatenate([sensor.orbit.position_ecef_m(when) for sensor in self.biases.sensors])
+        origin = np.concatenate(
+            [sensor.orbit.position_ecef_m(when) for sensor in self.biases.sensors]
+        )
         number = np.argmax(table.reports[rows] >= 0, axis=1)
         place = motion.reference_m[rows]
         line = origin[number] - place
@@ -109,20 +129,34 @@ class SingleSensor:
         return np.asarray(~are_low_orbits(origin)[number] & (sine > _LEAST_SINE))
 
     def _sighting(
-        self, estimates: ModeEstimates, table: TrackTable, motion: MotionStatistics, row: int, time_s: float
+        self,
+        estimates: ModeEstimates,
+        table: TrackTable,
+        motion: MotionStatistics,
+        row: int,
+        time_s: float,
     ) -> tuple[Sighting, FloatArray, int]:
-        """Return what the sensor of a track sees, its inertial line of sight (3,), and its number."""
+        """Return what the sensor of a track sees, its inertial line of sight (3,), and its
+        number.
+        """
         number = int(np.flatnonzero(table.reports[row] >= 0)[0])
         orbit = self.biases.sensors[number].orbit
         first_s = float(table.first_s[row])
-        then, before, now, after = orbit.position_ecef_m(np.array([first_s, time_s - 0.5, time_s, time_s + 0.5]))
+        then, before, now, after = orbit.position_ecef_m(
+            np.array([first_s, time_s - 0.5, time_s, time_s + 0.5])
+        )
         mean = estimates.boost_mean[row]
         back = np.full(3, -time_s)
-        state = earth_rotated(np.stack([mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]), back)
+        state = earth_rotated(
+            np.stack([mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]), back
+        )
         axes = _image_axes(state[0] - now, state[0])
         first_axes = _image_axes(motion.reference_m[row] - then, motion.reference_m[row])
         turned = earth_rotated(axes, -back)
-        seen = _image_rows(turned[:2]) @ square_root.inverse_root(estimates.boost_root[row : row + 1])[0, : COAST + 3]
+        seen = (
+            _image_rows(turned[:2])
+            @ square_root.inverse_root(estimates.boost_root[row : row + 1])[0, : COAST + 3]
+        )
         ground, first, spread = motion.part(np.array([row])).first_motion(first_axes[:2])
         noise = np.zeros((8, 8))
         noise[:6, :6] = seen @ seen.T
@@ -145,13 +179,17 @@ class SingleSensor:
         return sighting, turned[2], number
 
     def _ignitions_s(self, sensor: int) -> FloatArray:
-        """Return times (2, n), s, from the ignition of each ascent to its first detection: at once, or out of cloud."""
+        """Return times (2, n), s, from the ignition of each ascent to its first detection: at once,
+        or out of cloud.
+        """
         uniform = _uniform(len(self.ascents.log_weight))
         return uniform * np.array([[self.period_s[sensor]], [BEFORE_S]])
 
 
 def _image_axes(line: FloatArray, beside: FloatArray) -> FloatArray:
-    """Return unit vectors (3, 3): two across a line of sight (3,), the first also across another vector; then along."""
+    """Return unit vectors (3, 3): two across a line of sight (3,), the first also across another
+    vector; then along.
+    """
     along = line / np.linalg.norm(line)
     across = np.cross(along, beside)
     across /= np.linalg.norm(across)
@@ -159,7 +197,9 @@ def _image_axes(line: FloatArray, beside: FloatArray) -> FloatArray:
 
 
 def _image_rows(axes: FloatArray) -> FloatArray:
-    """Return the rows (6, 9) that take position, velocity and force to the image plane, velocities over the ground."""
+    """Return the rows (6, 9) that take position, velocity and force to the image plane, velocities
+    over the ground.
+    """
     rows = np.zeros((6, 9))
     rows[:2, :3] = rows[2:4, 3:6] = rows[4:, 6:] = axes
     rows[2:4, :3] = -axes @ SPIN

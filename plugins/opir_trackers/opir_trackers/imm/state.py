@@ -36,11 +36,13 @@ class EndedTracks:
 
 @frozen(eq=False)
 class TrackerState:
-    """The state of the tracker at a time: estimates, track table, unassigned recent lines and the next track number.
+    """The state of the tracker at a time: estimates, track table, unassigned recent lines and the
+    next track number.
 
-    `crowds` are the tracks in focal planes of tracks that share lines; `sightings` are the recent scans in which tracks
-    were detected. `motion` (rows of the table) says what each track is; `ended` are those that ended since the last
-    tick; `registration` is what is known of the sensors.
+    `crowds` are the tracks in focal planes of tracks that share lines; `sightings` are the recent
+    scans in which tracks were detected. `motion` (rows of the table) says what each track is;
+    `ended` are those that ended since the last tick; `registration` is what is known of the
+    sensors.
     """
 
     time_s: float
@@ -63,7 +65,12 @@ class TrackerState:
         motion: MotionStatistics | None = None,
     ) -> "TrackerState":
         """Return the state at a time with its tracks updated."""
-        known = self.crowds, self.next_number, self.sightings, self.motion if motion is None else motion
+        known = (
+            self.crowds,
+            self.next_number,
+            self.sightings,
+            self.motion if motion is None else motion,
+        )
         kept = self.unclaimed, self.reported, *known, self.ended
         return TrackerState(time_s, estimates, table, *kept, registration=self.registration)
 
@@ -82,5 +89,10 @@ class TrackerState:
     @classmethod
     def first(cls, sensors: int, registration: Registration) -> "TrackerState":
         """Return the state before the first detection, for a number of sensors."""
-        none = ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64)
+        none = (
+            ModeEstimates.empty(),
+            TrackTable.of(sensors),
+            no_lines_of_sight(),
+            np.empty(0, dtype=np.int64),
+        )
         return cls(0.0, *none, registration=registration)

@@ -1,7 +1,7 @@
 """Track management: the track table, track deletion, and duplicate tracks of one target.
 
-Two tracks are duplicates if their states agree within their covariances and no recent scan detected both: two targets
-are detected in one scan sooner or later, one target never twice.
+Two tracks are duplicates if their states agree within their covariances and no recent scan detected
+both: two targets are detected in one scan sooner or later, one target never twice.
 """
 
 from collections.abc import Sequence
@@ -36,26 +36,36 @@ class SharedDetections(Columns):
         return cls(none, none.astype(np.int32), none, np.empty(0))
 
     def after(
-        self, number: IntArray, owner: IntArray, lines: LinesOfSight, time_s: float, memory_s: FloatArray
+        self,
+        number: IntArray,
+        owner: IntArray,
+        lines: LinesOfSight,
+        time_s: float,
+        memory_s: FloatArray,
     ) -> "SharedDetections":
-        """Return the detections of a slice that ends at `time_s`, and earlier ones within `memory_s` (sensors,).
+        """Return the detections of a slice that ends at `time_s`, and earlier ones within
+        `memory_s` (sensors,).
 
         `owner` (m,) is the row, in `number`, of the track of each line, -1 for none.
         """
         mine = np.flatnonzero(owner >= 0)
-        fresh = SharedDetections(number[owner[mine]], lines.sensor[mine], lines.scan[mine], lines.time_s[mine])
+        fresh = SharedDetections(
+            number[owner[mine]], lines.sensor[mine], lines.scan[mine], lines.time_s[mine]
+        )
         old = np.flatnonzero(self.time_s > time_s - memory_s[self.sensor])
         return SharedDetections.concatenate([self.take(old), fresh]) if len(old) else fresh
 
 
 def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> FloatArray:
-    """Return how long (sensors,) detections are kept: for `scans` scans of sensors with few scans per slice."""
+    """Return how long (sensors,) detections are kept: for `scans` scans of sensors with few scans
+    per slice.
+    """
     long_s: FloatArray = np.where(ENOUGH_SCANS * period_s > slice_s, scans * period_s, 0.0)
     return long_s
 
 
-#: A track is lost once the probability of that many consecutive misses is below this, for the type with the lowest
-#: detection probability.
+#: A track is lost once the probability of that many consecutive misses is below this, for the type
+#: with the lowest detection probability.
 _LOST_CHANCE = 1e-4
 
 #: Stated detection probabilities are clipped to these; the last is for sensors that state none.
@@ -68,9 +78,10 @@ UNSTATED = 0.8
 class TrackTable(Columns):
     """Properties of tracks besides their estimates, one row each.
 
-    Number, start, first and last detection, and hit count. `outliers` (n, fractions) is the log likelihood of the
-    outlier fractions (`outliers`); `reports` (n, sensors) are the types that each sensor last reported,
-    codes into `REPORTED_TYPES`, -1 for none; `launch` (n, 3) and `launch_covariance` (n, 3, 3) are as in `Tracks`.
+    Number, start, first and last detection, and hit count. `outliers` (n, fractions) is the log
+    likelihood of the outlier fractions (`outliers`); `reports` (n, sensors) are the types that each
+    sensor last reported, codes into `REPORTED_TYPES`, -1 for none; `launch` (n, 3) and
+    `launch_covariance` (n, 3, 3) are as in `Tracks`.
     """
 
     number: IntArray
@@ -109,13 +120,22 @@ class TrackTable(Columns):
         """Return the table with other log likelihoods (n, fractions) of outlier fractions."""
         launches = self.launch, self.launch_covariance
         return TrackTable(
-            self.number, self.begun_s, self.first_s, self.seen_s, self.hits, outliers, self.reports, *launches
+            self.number,
+            self.begun_s,
+            self.first_s,
+            self.seen_s,
+            self.hits,
+            outliers,
+            self.reports,
+            *launches,
         )
 
     def with_launches(self, launch: FloatArray, covariance: FloatArray) -> "TrackTable":
         """Return the table with other launches (n, 3) and covariances (n, 3, 3)."""
         seen = self.begun_s, self.first_s, self.seen_s
-        return TrackTable(self.number, *seen, self.hits, self.outliers, self.reports, launch, covariance)
+        return TrackTable(
+            self.number, *seen, self.hits, self.outliers, self.reports, launch, covariance
+        )
 
     def with_detections(
         self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray
@@ -145,7 +165,9 @@ class TrackTable(Columns):
             reports = reports.copy()
             reports[owner, sensor] = reported
         launches = self.launch, self.launch_covariance
-        return TrackTable(self.number, self.begun_s, first_s, seen_s, hits, self.outliers, reports, *launches)
+        return TrackTable(
+            self.number, self.begun_s, first_s, seen_s, hits, self.outliers, reports, *launches
+        )
 
 
 def clipped(stated: ArrayLike) -> FloatArray:

@@ -31,19 +31,24 @@ class ImmTracker(Tracker):
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
         self._composition = Composition.of(context.hypotheses)
-        self._glides = np.array([one.group == "glide" for one in context.hypotheses], dtype=np.bool_)
+        self._glides = np.array(
+            [one.group == "glide" for one in context.hypotheses], dtype=np.bool_
+        )
         model = vehicle_model(tracking.config.boost_prior)
         every_s = tracking.config.regions_every_s
         self._forecaster = Forecaster(every_s, tracking.forces, context.hypotheses, model)
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
+        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
+        unchanged.
+        """
         return self._tracking.track_numbers(self._now, self._rays.of(detections))
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at this tick, after the detections since the last one and late ones.
 
-        With `late_s` above 0, detections may come in any order, repeatedly, and before the tick to which they belong.
+        With `late_s` above 0, detections may come in any order, repeatedly, and before the tick to
+        which they belong.
         """
         if self._tracking.config.late_s:
             detections = self._due(tick_s, detections)
@@ -54,12 +59,16 @@ class ImmTracker(Tracker):
         self._advance(tick_s, detections)
         reported = self._tracking.reported_tracks(self._now)
         launched = reported.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
-        found = self._forecaster.launch_forecasts(reported.tracks, reported.estimates, reported.reports, launched)
+        found = self._forecaster.launch_forecasts(
+            reported.tracks, reported.estimates, reported.reports, launched
+        )
         glides = reported.groups[:, LAUNCH] * found.given_launch[:, self._glides].sum(axis=1)
         tracks = with_glides(with_launches(reported, found, launched), reported.estimates, glides)
         if np.count_nonzero(found.end):
             # Nothing new can come of them.
-            self._now = self._now.without(np.isin(self._now.table.number, tracks.track[found.end > 0]))
+            self._now = self._now.without(
+                np.isin(self._now.table.number, tracks.track[found.end > 0])
+            )
         return self._composition.composed(tracks, reported.groups, found.given_launch)
 
     def is_idle(self) -> bool:
@@ -68,7 +77,9 @@ class ImmTracker(Tracker):
 
     def sensor_health(self) -> SensorHealth:
         """Return the sensors' biases, clocks and noise as far as their lines of sight show them."""
-        return sensor_health(self._now.registration, tuple(sensor.id for sensor in self._context.sensors))
+        return sensor_health(
+            self._now.registration, tuple(sensor.id for sensor in self._context.sensors)
+        )
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.
@@ -83,7 +94,9 @@ class ImmTracker(Tracker):
         self._now = evolve(self._now, estimates=evolve(self._now.estimates, detection_rate=pace))
 
     def _due(self, tick_s: float, detections: Detections) -> Detections:
-        """Return the detections before a tick, once each and in order, of these and the waiting ones."""
+        """Return the detections before a tick, once each and in order, of these and the waiting
+        ones.
+        """
         every = _once_in_order(Detections.concatenate([self._early, detections]))
         due = int(np.searchsorted(every.time_s, tick_s))
         self._early = every.take(slice(due, None))
@@ -98,7 +111,9 @@ class ImmTracker(Tracker):
         self._now = self._tracking.stepped(self._now, tick_s, detections, self._rays.of(detections))
 
     def _go_back(self, late: Detections) -> None:
-        """Step again from before the late detections; those older than the stored states are dropped."""
+        """Step again from before the late detections; those older than the stored states are
+        dropped.
+        """
         steps = [
             (before, tick_s, _with_late(before_late, late, before.time_s, tick_s))
             for before, tick_s, before_late in self._past
@@ -117,14 +132,21 @@ class ImmTracker(Tracker):
             self._advance(tick_s, whole)
 
 
-def _with_late(before_late: Detections, late: Detections, start_s: float, end_s: float) -> Detections:
+def _with_late(
+    before_late: Detections, late: Detections, start_s: float, end_s: float
+) -> Detections:
     """Return a tick's detections with the late ones of its time."""
     mine = np.flatnonzero((late.time_s >= start_s) & (late.time_s < end_s))
-    return _once_in_order(Detections.concatenate([before_late, late.take(mine)])) if len(mine) else before_late
+    return (
+        _once_in_order(Detections.concatenate([before_late, late.take(mine)]))
+        if len(mine)
+        else before_late
+    )
 
 
 def _once_in_order(detections: Detections) -> Detections:
-    """Return detections once each, ordered by time, sensor and measurement, independent of their arrival.
+    """Return detections once each, ordered by time, sensor and measurement, independent of their
+    arrival.
 
     Two detections of one sensor and instant in exactly the same direction are duplicates.
     """

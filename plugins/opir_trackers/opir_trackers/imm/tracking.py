@@ -1,7 +1,7 @@
 """The tracker `imm`: its tick, as steps from one frozen `TrackerState` to the next.
 
-Each slice makes a new state. Late detections are processed by returning to the state before them and stepping again, so
-the result is the same as if they had arrived in time.
+Each slice makes a new state. Late detections are processed by returning to the state before them
+and stepping again, so the result is the same as if they had arrived in time.
 """
 
 from bisect import bisect_right
@@ -65,9 +65,15 @@ class ImmTracking:
         return LinesOfSight.of(detections)
 
     def stepped(
-        self, now: TrackerState, tick_s: float, detections: Detections, cached: LinesOfSight | None = None
+        self,
+        now: TrackerState,
+        tick_s: float,
+        detections: Detections,
+        cached: LinesOfSight | None = None,
     ) -> TrackerState:
-        """Return the state at a tick, after the detections since the last one; `cached` are their lines of sight."""
+        """Return the state at a tick, after the detections since the last one; `cached` are their
+        lines of sight.
+        """
         lines = self.lines_of_sight(detections) if cached is None else cached
         now = now if now.ended is None else evolve(now, ended=None)
         is_idle = now.is_empty
@@ -75,19 +81,25 @@ class ImmTracking:
         if is_idle and not len(lines.time_s):
             return evolve(now, time_s=tick_s)
         reported = detections.reported_type.astype(np.int64)
-        ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
+        ends = list(
+            _slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s))
+        )
         if is_idle:
             idle = bisect_right(ends, lines.time_s.min())
             now = evolve(now, time_s=[now.time_s, *ends][idle])
             ends = ends[idle:]
         if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
-            return self._standing(self._assessed(self._after_slice(now, tick_s, lines, reported), step_s))
+            return self._standing(
+                self._assessed(self._after_slice(now, tick_s, lines, reported), step_s)
+            )
         cuts = np.searchsorted(lines.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
         for end, first, last in zip(ends, cuts[:-1], cuts[1:], strict=True):
             now = self._after_slice(now, end, lines.take(slice(first, last)), reported[first:last])
         return self._standing(self._assessed(now, step_s))
 
-    def _after_slice(self, now: TrackerState, end_s: float, raw: LinesOfSight, reported: IntArray) -> TrackerState:
+    def _after_slice(
+        self, now: TrackerState, end_s: float, raw: LinesOfSight, reported: IntArray
+    ) -> TrackerState:
         """Return the state after a slice with lines of sight and their reported types (m,).
 
         Crowds are paired anew every few seconds.
@@ -104,17 +116,22 @@ class ImmTracking:
         return renewed(then, models.view(then.registration), models.filter, models.config)
 
     def _assessed(self, now: TrackerState, step_s: float) -> TrackerState:
-        """Return the state with the probabilities of what each track is, a tick of a length after the last one."""
+        """Return the state with the probabilities of what each track is, a tick of a length after
+        the last one.
+        """
         table = now.table
         motion = now.motion
         if not len(motion) or motion.is_decided.all():
             return now
         pause_s = self.models.longest(self.models.period_s, table)
-        motion = self.models.groups.assessed(motion, now.time_s, table.first_s, table.seen_s, pause_s, step_s)
+        motion = self.models.groups.assessed(
+            motion, now.time_s, table.first_s, table.seen_s, pause_s, step_s
+        )
         return now.after(now.time_s, now.estimates, table, motion)
 
     def _standing(self, now: TrackerState) -> TrackerState:
-        """Return the state with the tracks that are ground sources for good where they stand, whatever the filter says.
+        """Return the state with the tracks that are ground sources for good where they stand,
+        whatever the filter says.
 
         Lines of what rises from there leave their gate and initiate a track of their own.
         """
@@ -126,8 +143,12 @@ class ImmTracking:
         still = standing_estimates(now.estimates.take(rows), *where, drift_m_s, self.config)
         return evolve(now, estimates=now.estimates.put(rows, still))
 
-    def _static_estimates(self, motion: MotionStatistics, time_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return inertial positions (n, 3) and covariances (n, 3, 3) of sources that stand on the ground."""
+    def _static_estimates(
+        self, motion: MotionStatistics, time_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return inertial positions (n, 3) and covariances (n, 3, 3) of sources that stand on the
+        ground.
+        """
         position, covariance = motion.static_estimates(GROUND_SIGMA_M, WIDE_M)
         turn = earth_rotated(np.eye(3), np.full(3, time_s)).T
         return position @ turn.T, turn @ covariance @ turn.T
@@ -141,7 +162,9 @@ class ImmTracking:
         return track_numbers(self.models, now, lines)
 
     def reported_tracks(self, now: TrackerState) -> ReportedTracks:
-        """Return the confirmed tracks, without impacts, and what their forecast and composition need."""
+        """Return the confirmed tracks, without impacts, and what their forecast and composition
+        need.
+        """
         confirmed = self.confirmed(now)
         table = now.table
         motion = now.motion

@@ -1,4 +1,6 @@
-"""Update: tracks after the lines of a slice, with doubt in outliers, and what they show of the sensors."""
+"""Update: tracks after the lines of a slice, with doubt in outliers, and what they show of the
+sensors.
+"""
 
 import numpy as np
 from attrs import evolve
@@ -29,7 +31,9 @@ from opir_trackers.registration.shared_errors import ERRORS
 def update(
     models: TrackingModels, now: TrackerState, ahead: Ahead, found: Associated, reported: IntArray
 ) -> TrackerState:
-    """Return the state after a slice's lines, of reported types (m,), as far as they have tracks."""
+    """Return the state after a slice's lines, of reported types (m,), as far as they have
+    tracks.
+    """
     if not now.table.number.size:
         return evolve(now, time_s=ahead.end_s)
     lines = ahead.lines
@@ -38,21 +42,29 @@ def update(
         after = models.filter.updated(ahead.estimates, ahead.end_s, no_measurements(), ahead.span_s)
         after = models.filter.with_open_coast(after, ahead.estimates, now.estimates, ahead.span_s)
         return now.after(ahead.end_s, after, table)
-    after, outliers = _with_outliers(models, _updated(models, ahead, found), ahead, found, table.outliers)
+    after, outliers = _with_outliers(
+        models, _updated(models, ahead, found), ahead, found, table.outliers
+    )
     after = models.filter.with_open_coast(after, ahead.estimates, now.estimates, ahead.span_s)
-    then = now.after(ahead.end_s, after, table if outliers is None else table.with_outliers(outliers))
+    then = now.after(
+        ahead.end_s, after, table if outliers is None else table.with_outliers(outliers)
+    )
     then = then if found.crowds is now.crowds else evolve(then, crowds=found.crowds)
     then = _registered(models, then, ahead, found)
     table = then.table.with_detections(found.owner, lines.time_s, lines.sensor, reported)
     motion = then.motion.with_lines(found.owner, lines, models.groups.log_clutter)
-    estimates = models.single.with_ascents(then.estimates, table, motion, then.table.seen_s, ahead.end_s)
+    estimates = models.single.with_ascents(
+        then.estimates, table, motion, then.table.seen_s, ahead.end_s
+    )
     return then.after(ahead.end_s, estimates, table, motion)
 
 
 def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEstimates:
-    """Return the estimates after pairs, many of which count as few; all their looks count as detections.
+    """Return the estimates after pairs, many of which count as few; all their looks count as
+    detections.
 
-    Tracks that were silent, whose burns may begin at the first look, are updated with each look, and few tracks too.
+    Tracks that were silent, whose burns may begin at the first look, are updated with each look,
+    and few tracks too.
     """
     estimates = ahead.estimates
     end_s = ahead.end_s
@@ -68,7 +80,9 @@ def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEst
     after = models.filter.updated(estimates, end_s, hard_measurements(pairs), span_s)
     count = len(estimates)
     owner = found.owner
-    more = np.bincount(owner[owner >= 0], minlength=count) - np.bincount(pairs.track, minlength=count)
+    more = np.bincount(owner[owner >= 0], minlength=count) - np.bincount(
+        pairs.track, minlength=count
+    )
     last_s = np.full(count, -np.inf)
     np.maximum.at(last_s, used.track, used.time_s)
     rate = after.detection_rate.copy()
@@ -80,9 +94,11 @@ def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEst
 def _with_outliers(
     models: TrackingModels, after: ModeEstimates, ahead: Ahead, found: Associated, log: FloatArray
 ) -> tuple[ModeEstimates, FloatArray | None]:
-    """Return estimates with outliers weighted down, but for tracks that share lines, and the log likelihoods.
+    """Return estimates with outliers weighted down, but for tracks that share lines, and the log
+    likelihoods.
 
-    `log` (n, fractions) are those of the outlier fractions before; after None where all tracks have next to none.
+    `log` (n, fractions) are those of the outlier fractions before; after None where all tracks have
+    next to none.
     """
     fractions = OutlierFractions(log)
     span = SliceSpan(ahead.end_s, ahead.span_s, models.config.gate_sigma)
@@ -100,13 +116,18 @@ def _with_outliers(
     mine = found.assigned.take(np.flatnonzero(place[found.assigned.track] >= 0))
     mine = evolve(mine, track=place[mine.track])
     before = ahead.estimates.take(suspects)
-    weighed = reweighted(models.filter, before, after.take(suspects), span, mine, fractions.take(suspects))
+    weighed = reweighted(
+        models.filter, before, after.take(suspects), span, mine, fractions.take(suspects)
+    )
     outliers[suspects] = weighed.outliers
     return after.put(suspects, weighed.estimates), fractions.after(outliers).log
 
 
-def _registered(models: TrackingModels, now: TrackerState, ahead: Ahead, found: Associated) -> TrackerState:
-    """Return the state with the registration after a slice's pairs, and its tracks and crowds shifted by the change.
+def _registered(
+    models: TrackingModels, now: TrackerState, ahead: Ahead, found: Associated
+) -> TrackerState:
+    """Return the state with the registration after a slice's pairs, and its tracks and crowds
+    shifted by the change.
 
     Tracks that share a line with others do not count, nor those of crowds.
     """
@@ -118,25 +139,37 @@ def _registered(models: TrackingModels, now: TrackerState, ahead: Ahead, found: 
         return now
     sensor = ahead.lines.sensor[assigned.line].astype(np.int64)
     if not is_due:
-        return evolve(now, registration=now.registration.counted(now.time_s, now.table.number, assigned.track, sensor))
+        return evolve(
+            now,
+            registration=now.registration.counted(
+                now.time_s, now.table.number, assigned.track, sensor
+            ),
+        )
     before = evolve(now.registration.at(now.time_s), compared_s=now.time_s)
     vantages = models.vantages(before, now.time_s)
     tracks = Followed.of(now.table.number, models.moments(now.estimates), now.table.reports >= 0)
     left = _with_residuals(assigned, models.path(now.estimates, now.time_s))
     after = registered(before, left, sensor, tracks, vantages)
     change = after.known.mean - before.known.mean
-    now = evolve(now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages))
+    now = evolve(
+        now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages)
+    )
     if not now.crowds.are_there or not change.any():
         return now
-    return evolve(now, crowds=corrected_crowds(now.crowds, change.reshape(-1, ERRORS), models.view(after)))
+    return evolve(
+        now, crowds=corrected_crowds(now.crowds, change.reshape(-1, ERRORS), models.view(after))
+    )
 
 
 def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedPairs:
     """Return pairs with residuals about the updated tracks in place of innovations.
 
-    A prediction may be tens of kilometres off along the line of the only sensor so far: misfits would not be linear.
+    A prediction may be tens of kilometres off along the line of the only sensor so far: misfits
+    would not be linear.
     """
-    local = matvec(assigned.axes, path.positions(assigned.track, assigned.time_s) - assigned.origin_m)
+    local = matvec(
+        assigned.axes, path.positions(assigned.track, assigned.time_s) - assigned.origin_m
+    )
     return evolve(assigned, measured=assigned.measured - local[:, :2] / local[:, 2:])
 
 

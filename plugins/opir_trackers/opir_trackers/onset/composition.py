@@ -1,4 +1,6 @@
-"""The probabilities of a scene's hypotheses, from those of the groups and of the target classes given a launch."""
+"""The probabilities of a scene's hypotheses, from those of the groups and of the target classes
+given a launch.
+"""
 
 from collections.abc import Sequence
 
@@ -18,10 +20,11 @@ _SUMMED = ("missile", "orbit")
 
 @frozen(eq=False)
 class Composition:
-    """Probabilities of hypotheses: P(h) = P(group) for what is no launch, P(launch) P(h | launch) for target classes.
+    """Probabilities of hypotheses: P(h) = P(group) for what is no launch, P(launch) P(h | launch)
+    for target classes.
 
-    `of_groups` (5, H) takes group probabilities to hypotheses; `sums` (H, types + 2) are the sums that tracks have:
-    reported types, missiles, orbits.
+    `of_groups` (5, H) takes group probabilities to hypotheses; `sums` (H, types + 2) are the sums
+    that tracks have: reported types, missiles, orbits.
     """
 
     of_groups: FloatArray
@@ -40,15 +43,17 @@ class Composition:
         return cls(of_groups, np.array(sums, dtype=np.float64).T)
 
     def probabilities(self, groups: FloatArray, given_launch: FloatArray) -> FloatArray:
-        """Return the probabilities (n, H) of hypotheses from those of groups (n, 5) and those given a launch (n, H).
+        """Return the probabilities (n, H) of hypotheses from those of groups (n, 5) and those given
+        a launch (n, H).
 
-        `given_launch` is over target classes and "none of these", whose probability is P(none) + P(launch)
-        P(none | launch).
+        `given_launch` is over target classes and "none of these", whose probability is P(none) +
+        P(launch) P(none | launch).
         """
         return _products(groups, self.of_groups) + groups[:, LAUNCH, None] * given_launch
 
     def composed(self, tracks: Tracks, groups: FloatArray, given_launch: FloatArray) -> Tracks:
-        """Return tracks with the probabilities of hypotheses, their sums, and the types that these are reported as.
+        """Return tracks with the probabilities of hypotheses, their sums, and the types that these
+        are reported as.
 
         That of a launch includes what was launched and is none of the known classes.
         """

@@ -1,8 +1,9 @@
 """Priors of how each kind of source moves, as Gaussian mixtures over the coefficients of a cubic.
 
-The coefficients are position, velocity, acceleration and jerk at the first detection, east, north and up over the
-ground, in SI units. Each mixture component is a mean m and a root S: coefficients are m + S z, with z standard normal.
-All components share the horizontal spread `WIDE_M` of the position, which stands for "anywhere in view".
+The coefficients are position, velocity, acceleration and jerk at the first detection, east, north
+and up over the ground, in SI units. Each mixture component is a mean m and a root S: coefficients
+are m + S z, with z standard normal. All components share the horizontal spread `WIDE_M` of the
+position, which stands for "anywhere in view".
 """
 
 from typing import NamedTuple
@@ -16,27 +17,32 @@ from opir_trackers.configs import HypothesesConfig
 from opir_trackers.launch_points import AT_ONCE, BEFORE_S
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NONE, ORDERS
 
-#: Horizontal standard deviation of positions about the reference point of a track, m, wider than its error.
+#: Horizontal standard deviation of positions about the reference point of a track, m, wider than
+#: its error.
 WIDE_M = 100e3
 
 #: The part of the Earth that a geostationary satellite sees, down to the horizon, m².
-_IN_VIEW_M2 = 2.0 * np.pi * EARTH_EQUATORIAL_RADIUS_M**2 * (1.0 - EARTH_EQUATORIAL_RADIUS_M / 42.164e6)
+_IN_VIEW_M2 = (
+    2.0 * np.pi * EARTH_EQUATORIAL_RADIUS_M**2 * (1.0 - EARTH_EQUATORIAL_RADIUS_M / 42.164e6)
+)
 
-#: Log of the probability density of a position in view over that at the centre of the horizontal spread.
+#: Log of the probability density of a position in view over that at the centre of the horizontal
+#: spread.
 LOG_IN_VIEW = float(np.log(2.0 * np.pi * WIDE_M**2 / _IN_VIEW_M2))
 
-#: Standard deviation of the height of the ground about the ellipsoid, m: that of the Earth's land is 0.8 km (ETOPO1).
+#: Standard deviation of the height of the ground about the ellipsoid, m: that of the Earth's land
+#: is 0.8 km (ETOPO1).
 GROUND_SIGMA_M = 1e3
 
-#: Net upward accelerations at lift-off, m/s², and their prior probabilities: a geometric grid over 2 to 40 m/s²;
-#: standard deviations along and across as shares of the mean; notional.
+#: Net upward accelerations at lift-off, m/s², and their prior probabilities: a geometric grid over
+#: 2 to 40 m/s²; standard deviations along and across as shares of the mean; notional.
 _LIFT_M_S2 = (3.0, 6.5, 14.0, 30.0)
 _LIFT_SHARE = (0.2, 0.3, 0.3, 0.2)
 _LIFT_SIGMA = 0.4
 _ASIDE_SIGMA = 0.2
 
-#: Growth of the acceleration, 1/s, and the standard deviation of the jerk as a rate of the specific force, 1/s: growth
-#: of 1 to 3 % a second, and a thrust that turns by 1 to 2 ° a second; notional.
+#: Growth of the acceleration, 1/s, and the standard deviation of the jerk as a rate of the specific
+#: force, 1/s: growth of 1 to 3 % a second, and a thrust that turns by 1 to 2 ° a second; notional.
 _GROWTH_PER_S = 0.02
 _TURN_PER_S = 0.03
 _GRAVITY_M_S2 = 9.8
@@ -44,8 +50,9 @@ _GRAVITY_M_S2 = 9.8
 #: Edges of the intervals of the time from lift-off to the first detection, s.
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
 
-#: Launches first seen in flight, some 12, 25, 50, 100, 200 and 400 s after lift-off: mean and standard deviation of
-#: height, m, upward velocity, m/s, and upward acceleration, m/s²; standard deviation of the velocity aside; notional.
+#: Launches first seen in flight, some 12, 25, 50, 100, 200 and 400 s after lift-off: mean and
+#: standard deviation of height, m, upward velocity, m/s, and upward acceleration, m/s²; standard
+#: deviation of the velocity aside; notional.
 _IN_FLIGHT = (
     ((600.0, 500.0), (100.0, 50.0), (8.0, 6.0), 60.0),
     ((2500.0, 2e3), (200.0, 100.0), (8.0, 6.0), 150.0),
@@ -55,17 +62,19 @@ _IN_FLIGHT = (
     ((200e3, 80e3), (500.0, 700.0), (0.0, 10.0), 4000.0),
 )
 
-#: Standard deviations of the acceleration aside, m/s², and of the jerk, m/s³, of launches in flight; notional.
+#: Standard deviations of the acceleration aside, m/s², and of the jerk, m/s³, of launches in
+#: flight; notional.
 _TILTED_M_S2 = 10.0
 _UNSTEADY_M_S3 = 0.5
 
-#: Mean and standard deviation of the height of bolides, m, and standard deviations aside and upwards of velocity, m/s,
-#: deceleration, m/s², and jerk, m/s³. CNEOS: brightest at 35.2 km [22-61], entered at 17.3 km/s [11.8-30.2], in any
-#: direction; the rest is notional.
+#: Mean and standard deviation of the height of bolides, m, and standard deviations aside and
+#: upwards of velocity, m/s, deceleration, m/s², and jerk, m/s³. CNEOS: brightest at 35.2 km
+#: [22-61], entered at 17.3 km/s [11.8-30.2], in any direction; the rest is notional.
 _BOLIDE = ((40e3, 20e3), (11e3, 11e3), (3e3, 3e3), (3e3, 3e3))
 
-#: Objects that are none of these, as bolides; notional. Most go straight on: what creeps over the ground, such as
-#: vehicles, ships, glints and edges of clouds, and what flies, such as aircraft and balloons. Others turn, or are fast.
+#: Objects that are none of these, as bolides; notional. Most go straight on: what creeps over the
+#: ground, such as vehicles, ships, glints and edges of clouds, and what flies, such as aircraft and
+#: balloons. Others turn, or are fast.
 _OTHERS = (
     ((0.0, GROUND_SIGMA_M), (20.0, 2.0), (0.05, 0.05), (0.003, 0.003)),
     ((8e3, 6e3), (250.0, 15.0), (0.2, 0.1), (0.01, 0.01)),
@@ -84,9 +93,11 @@ class _Component(NamedTuple):
 
 @frozen(eq=False)
 class MotionPriors:
-    """The components (c,) of all priors: group, log weight within the group, mean (c, 12) and root (c, 12, 12).
+    """The components (c,) of all priors: group, log weight within the group, mean (c, 12) and root
+    (c, 12, 12).
 
-    `interval` (c,) is that of `edges_s` for launches from rest, -1 for others; their weights need the scan period.
+    `interval` (c,) is that of `edges_s` for launches from rest, -1 for others; their weights need
+    the scan period.
     """
 
     group: IntArray
@@ -99,8 +110,15 @@ class MotionPriors:
     @classmethod
     def of(cls, config: HypothesesConfig) -> "MotionPriors":
         """Return the priors of a tracker's settings."""
-        parts = [*_standing(config), *_from_rest(1.0 - config.in_flight_share), *_in_flight(config.in_flight_share)]
-        parts += [_drawn(BOLIDE, 1.0, *_BOLIDE), *(_drawn(NONE, 1.0 / len(_OTHERS), *other) for other in _OTHERS)]
+        parts = [
+            *_standing(config),
+            *_from_rest(1.0 - config.in_flight_share),
+            *_in_flight(config.in_flight_share),
+        ]
+        parts += [
+            _drawn(BOLIDE, 1.0, *_BOLIDE),
+            *(_drawn(NONE, 1.0 / len(_OTHERS), *other) for other in _OTHERS),
+        ]
         parts = [part for part in parts if part.weight > 0.0]
         return cls(
             group=np.array([part.group for part in parts]),
@@ -112,10 +130,11 @@ class MotionPriors:
         )
 
     def log_weights(self, pause_s: FloatArray) -> FloatArray:
-        """Return the log weights (n, c) of the components for tracks whose sensors look every `pause_s` (n,).
+        """Return the log weights (n, c) of the components for tracks whose sensors look every
+        `pause_s` (n,).
 
-        Half of the launches are detected at once, after an exponential time of this mean; others after a uniform time,
-        as for the launch points.
+        Half of the launches are detected at once, after an exponential time of this mean; others
+        after a uniform time, as for the launch points.
         """
         soon = -np.diff(np.exp(-self.edges_s / pause_s[:, None]), axis=1)
         late = np.diff(self.edges_s) / BEFORE_S
@@ -126,7 +145,9 @@ class MotionPriors:
 
 def _standing(config: HypothesesConfig) -> list[_Component]:
     drift_m_s = config.ground_drift_m_s
-    return [_drawn(GROUND, 1.0, (0.0, GROUND_SIGMA_M), (drift_m_s, drift_m_s), (0.0, 0.0), (0.0, 0.0))]
+    return [
+        _drawn(GROUND, 1.0, (0.0, GROUND_SIGMA_M), (drift_m_s, drift_m_s), (0.0, 0.0), (0.0, 0.0))
+    ]
 
 
 def _from_rest(share: float) -> list[_Component]:
@@ -138,14 +159,17 @@ def _from_rest(share: float) -> list[_Component]:
 
 
 def _lifted(weight: float, lift_m_s2: float, interval: int) -> _Component:
-    """Return the prior of launches from rest on the ground in an interval of time before the first detection.
+    """Return the prior of launches from rest on the ground in an interval of time before the first
+    detection.
 
-    Their parameters are place, acceleration, jerk, and the time of lift-off within the interval, linearised.
+    Their parameters are place, acceleration, jerk, and the time of lift-off within the interval,
+    linearised.
     """
     first_s, last_s = _EDGES_S[interval : interval + 2].tolist()
     since_s = 0.5 * (first_s + last_s)
     spread_s = (last_s - first_s) / np.sqrt(12.0)
-    # Position, velocity, acceleration and jerk at the first detection from acceleration and jerk at lift-off.
+    # Position, velocity, acceleration and jerk at the first detection from acceleration and jerk at
+    # lift-off.
     of_lift = np.array([0.5 * since_s**2, since_s, 1.0, 0.0])
     of_jerk = np.array([since_s**3 / 6.0, 0.5 * since_s**2, since_s, 1.0])
     jerk = _GROWTH_PER_S * lift_m_s2
@@ -168,12 +192,16 @@ def _in_flight(share: float) -> list[_Component]:
         root = np.full((ORDERS, 3), _UNSTEADY_M_S3)
         root[:3, :2] = np.array([WIDE_M, aside_m_s, _TILTED_M_S2])[:, None]
         mean[:3, 2], root[:3, 2] = np.array(upwards).T
-        parts.append(_Component(LAUNCH, share / len(_IN_FLIGHT), mean.ravel(), np.diag(root.ravel())))
+        parts.append(
+            _Component(LAUNCH, share / len(_IN_FLIGHT), mean.ravel(), np.diag(root.ravel()))
+        )
     return parts
 
 
 def _drawn(group: int, weight: float, *spread: tuple[float, float]) -> _Component:
-    """Return a component of given height (mean, standard deviation) and rates (deviations aside and upwards)."""
+    """Return a component of given height (mean, standard deviation) and rates (deviations aside and
+    upwards).
+    """
     height, *rates = spread
     mean = np.zeros((ORDERS, 3))
     root = np.zeros((ORDERS, 3))

@@ -1,11 +1,12 @@
 """Sufficient statistics of the lines of sight of tracks, for the likelihood of any slow motion.
 
-A line of sight with the angular error σ bounds the position p of its source, relative to a reference point near it at
-the range R in the direction u, by the quadratic form (p - d)ᵀ W (p - d), with W = (I - u uᵀ) / (σ R)² and d where the
-line crosses the plane through the reference point across u. (With u along the line itself, p would gain by moving
-towards the sensor, where all its lines meet.) For p a polynomial of the time τ since the first detection, all lines of
-a track enter through the sums of W τᵏ, W d τᵏ and dᵀ W d. The frame is fixed to the Earth, where sources stand still;
-a constant pointing bias moves none.
+A line of sight with the angular error σ bounds the position p of its source, relative to a
+reference point near it at the range R in the direction u, by the quadratic form (p - d)ᵀ W (p - d),
+with W = (I - u uᵀ) / (σ R)² and d where the line crosses the plane through the reference point
+across u. (With u along the line itself, p would gain by moving towards the sensor, where all its
+lines meet.) For p a polynomial of the time τ since the first detection, all lines of a track enter
+through the sums of W τᵏ, W d τᵏ and dᵀ W d. The frame is fixed to the Earth, where sources stand
+still; a constant pointing bias moves none.
 """
 
 from collections.abc import Mapping
@@ -24,7 +25,8 @@ from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 #: Groups of hypotheses that motion distinguishes, columns of `MotionStatistics.probability`.
 NOISE, GROUND, BOLIDE, LAUNCH, NONE = range(5)
 
-#: Coefficients of a motion: position, velocity, acceleration, jerk. Sums of twice as many powers are needed but one.
+#: Coefficients of a motion: position, velocity, acceleration, jerk. Sums of twice as many powers
+#: are needed but one.
 ORDERS = 4
 _POWERS = 2 * ORDERS - 1
 
@@ -41,8 +43,9 @@ _LEFT_OUT = _SNAP_M_S4 / (24.0 * 128.0)
 #: Information of a prior of any motion: 1000 km, 100 km/s, 10 km/s², 10 km/s³.
 _ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
 
-#: Misfit a line, and in addition, above which lines are not of one motion. Chance gives 2 a line, and biases of two
-#: sensors less than the rest up to 3.5 standard deviations; 12 degrees of freedom exceed 30 in 0.3 % of cases.
+#: Misfit a line, and in addition, above which lines are not of one motion. Chance gives 2 a line,
+#: and biases of two sensors less than the rest up to 3.5 standard deviations; 12 degrees of freedom
+#: exceed 30 in 0.3 % of cases.
 _MISFIT_A_LINE = 6.0
 _MISFIT = 30.0
 
@@ -54,12 +57,12 @@ _SUMS = ("information", "pull", "misfit", "lines", "noise_log", "static_informat
 class MotionStatistics(Columns):
     """Statistics of tracks, one row each, and the latest probabilities of their groups.
 
-    `reference_m` (n, 3) in ECEF, its `height_m` (n,) and local `axes` (n, 3, 3), rows east, north and up;
-    `epoch_s` (n,) is the time of the first detection. Of lines with the weight that the horizon of a cubic leaves them:
-    `information` (n, 7, 3, 3), `pull` (n, 4, 3) and `misfit` (n,) in local axes, number of `lines`, and `noise_log`
-    (n,), the log likelihood of the lines as false alarms over that of lines without error. Of all lines:
-    `static_information` (n, 3, 3) and `static_pull` (n, 3). `probability` (n, 5) is over the groups;
-    `is_decided` rows keep theirs.
+    `reference_m` (n, 3) in ECEF, its `height_m` (n,) and local `axes` (n, 3, 3), rows east, north
+    and up; `epoch_s` (n,) is the time of the first detection. Of lines with the weight that the
+    horizon of a cubic leaves them: `information` (n, 7, 3, 3), `pull` (n, 4, 3) and `misfit` (n,)
+    in local axes, number of `lines`, and `noise_log` (n,), the log likelihood of the lines as false
+    alarms over that of lines without error. Of all lines: `static_information` (n, 3, 3) and
+    `static_pull` (n, 3). `probability` (n, 5) is over the groups; `is_decided` rows keep theirs.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType(
@@ -89,8 +92,11 @@ class MotionStatistics(Columns):
     is_decided: BoolArray
 
     @classmethod
-    def fresh(cls, position_m: FloatArray, time_s: float, epoch_s: FloatArray, prior: FloatArray) -> "MotionStatistics":
-        """Return the statistics of tracks without lines, at inertial positions (n, 3) then, with probabilities (5,).
+    def fresh(
+        cls, position_m: FloatArray, time_s: float, epoch_s: FloatArray, prior: FloatArray
+    ) -> "MotionStatistics":
+        """Return the statistics of tracks without lines, at inertial positions (n, 3) then, with
+        probabilities (5,).
 
         `epoch_s` (n,) are the times of their first detections.
         """
@@ -123,15 +129,19 @@ class MotionStatistics(Columns):
         return np.asarray(self.probability[:, NOISE] > 0.5)
 
     def horizon_s(self) -> FloatArray:
-        """Return the time (n,), s, up to which a cubic describes a boost to within the error of the lines' mean."""
+        """Return the time (n,), s, up to which a cubic describes a boost to within the error of the
+        lines' mean.
+        """
         sharp = 0.5 * np.trace(self.static_information, axis1=1, axis2=2)
         return np.asarray((_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25)
 
-    def with_lines(self, owner: IntArray, lines: LinesOfSight, log_clutter: FloatArray) -> "MotionStatistics":
+    def with_lines(
+        self, owner: IntArray, lines: LinesOfSight, log_clutter: FloatArray
+    ) -> "MotionStatistics":
         """Return the statistics with the lines (m,) of rows `owner`, -1 for none.
 
-        `log_clutter` (sensors,) is the log density of false alarms over the detection probability. Of what is decided
-        to move nothing more is taken in.
+        `log_clutter` (sensors,) is the log density of false alarms over the detection probability.
+        Of what is decided to move nothing more is taken in.
         """
         settled = np.append(self.is_decided & ~self.stands, True)
         mine = (~settled[owner]).nonzero()[0]
@@ -142,8 +152,11 @@ class MotionStatistics(Columns):
         used = lines.take(mine)
         starts = np.flatnonzero(np.diff(of, prepend=-1))
         since_s = used.time_s - self.epoch_s[of]
-        # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same at the horizon.
-        near = np.where(self.is_decided[of], 0.0, 1.0 / (1.0 + (since_s / self.horizon_s()[of]) ** 8))
+        # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same
+        # at the horizon.
+        near = np.where(
+            self.is_decided[of], 0.0, 1.0 / (1.0 + (since_s / self.horizon_s()[of]) ** 8)
+        )
         weight, foot, square = _line_terms(used, self.reference_m[of], self.axes[of])
         powers = near[:, None] * since_s[:, None] ** np.arange(_POWERS)
         pulled = np.sum(weight * foot[:, None, :], axis=2)
@@ -162,7 +175,9 @@ class MotionStatistics(Columns):
         for name, each in terms.items():
             column = getattr(self, name).copy()
             changed[name] = column
-            column[of[starts]] += np.add.reduceat(each, starts, axis=0).reshape(-1, *column.shape[1:])
+            column[of[starts]] += np.add.reduceat(each, starts, axis=0).reshape(
+                -1, *column.shape[1:]
+            )
         return evolve(self, **changed)
 
     def restarted(self, rows: IntArray, time_s: float) -> "MotionStatistics":
@@ -175,21 +190,28 @@ class MotionStatistics(Columns):
         return evolve(self, epoch_s=epoch_s, **changed)
 
     def are_unlike_any_motion(self) -> BoolArray:
-        """Return which tracks (n,) have lines that no cubic explains: some of them are of something else."""
+        """Return which tracks (n,) have lines that no cubic explains: some of them are of something
+        else.
+        """
         information, pull, misfit = self.of_motion()
         fitted = np.linalg.solve(information + _ANY_MOTION, pull[:, :, None])[:, :, 0]
         least = misfit - np.sum(pull * fitted, axis=1)
         return np.asarray(least > _MISFIT_A_LINE * self.lines + _MISFIT)
 
     def of_motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return information (n, 12, 12), pull (n, 12) and misfit (n,) of the coefficients of a cubic.
+        """Return information (n, 12, 12), pull (n, 12) and misfit (n,) of the coefficients of a
+        cubic.
 
-        These are position, velocity, acceleration and jerk in local axes about the point at height 0 below the
-        reference point.
+        These are position, velocity, acceleration and jerk in local axes about the point at height
+        0 below the reference point.
         """
         count = len(self.misfit)
         size = 3 * ORDERS
-        blocks = self.information[:, _SUM_OF_ORDERS] / _FACTORIALS[:, None, None, None] / _FACTORIALS[:, None, None]
+        blocks = (
+            self.information[:, _SUM_OF_ORDERS]
+            / _FACTORIALS[:, None, None, None]
+            / _FACTORIALS[:, None, None]
+        )
         information = blocks.transpose(0, 1, 3, 2, 4).reshape(count, size, size)
         pull = (self.pull / _FACTORIALS[:, None]).reshape(count, size)
         raised = self.height_m[:, None] * information[:, 2]
@@ -199,8 +221,8 @@ class MotionStatistics(Columns):
     def first_motion(self, axes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return how one track moves at its first detection, by the cubic that fits its lines best.
 
-        A point at height 0 (3,) in ECEF, position from there and velocity (4,) along axes (2, 3) in ECEF, and their
-        covariance (4, 4).
+        A point at height 0 (3,) in ECEF, position from there and velocity (4,) along axes (2, 3) in
+        ECEF, and their covariance (4, 4).
         """
         information, pull, _ = self.of_motion()
         covariance = np.linalg.inv(information[0] + _ANY_MOTION)
@@ -209,21 +231,29 @@ class MotionStatistics(Columns):
         point = self.reference_m[0] - self.height_m[0] * self.axes[0, 2]
         return point, rows @ covariance @ pull[0], rows @ covariance @ rows.T
 
-    def static_estimates(self, height_sigma_m: float, wide_m: float) -> tuple[FloatArray, FloatArray]:
-        """Return positions (n, 3) in ECEF of sources that stand still near the ground, and covariances (n, 3, 3)."""
+    def static_estimates(
+        self, height_sigma_m: float, wide_m: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return positions (n, 3) in ECEF of sources that stand still near the ground, and
+        covariances (n, 3, 3).
+        """
         prior = np.array([wide_m, wide_m, height_sigma_m]) ** -2.0
         covariance = np.linalg.inv(self.static_information + np.diag(prior))
         pull = self.static_pull.copy()
         pull[:, 2] -= prior[2] * self.height_m
         local = np.sum(covariance * pull[:, None, :], axis=2)
         turned = self.axes.transpose(0, 2, 1)
-        return self.reference_m + np.sum(turned * local[:, None, :], axis=2), turned @ covariance @ self.axes
+        return self.reference_m + np.sum(
+            turned * local[:, None, :], axis=2
+        ), turned @ covariance @ self.axes
 
 
 def _line_terms(
     lines: LinesOfSight, reference_m: FloatArray, axes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return W (m, 3, 3), 1/m², d (m, 3), m, and dᵀ W d (m,) of lines, in local axes about reference points (m, 3)."""
+    """Return W (m, 3, 3), 1/m², d (m, 3), m, and dᵀ W d (m,) of lines, in local axes about
+    reference points (m, 3).
+    """
     apart = reference_m - lines.origin_ecef_m
     square = dot(apart, apart)
     towards = apart / np.sqrt(square)[:, None]
@@ -238,5 +268,7 @@ def _line_terms(
 
 
 def _noise_log(lines: LinesOfSight, log_clutter: FloatArray) -> FloatArray:
-    """Return the log likelihood (m,) of lines as false alarms over that of detections without error."""
+    """Return the log likelihood (m,) of lines as false alarms over that of detections without
+    error.
+    """
     return np.asarray(log_clutter[lines.sensor] + np.log(2.0 * np.pi * np.square(lines.sigma_rad)))

@@ -1,9 +1,10 @@
-"""Probabilities of the groups of hypotheses of tracks, by marginal likelihoods of their lines of sight.
+"""Probabilities of the groups of hypotheses of tracks, by marginal likelihoods of their lines of
+sight.
 
-The likelihood of lines under a Gaussian prior of the motion is a closed form of the motion statistics; all groups are
-compared in one measurement space, the angles of the lines. False alarms are as dense as the sensors state, others as
-dense as their errors make them (track score after Blackman and Popoli, "Design and Analysis of Modern Tracking
-Systems", 1999, 6.2).
+The likelihood of lines under a Gaussian prior of the motion is a closed form of the motion
+statistics; all groups are compared in one measurement space, the angles of the lines. False alarms
+are as dense as the sensors state, others as dense as their errors make them (track score after
+Blackman and Popoli, "Design and Analysis of Modern Tracking Systems", 1999, 6.2).
 """
 
 import numpy as np
@@ -16,18 +17,21 @@ from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE,
 
 _DAY_S = 86400.0
 
-#: A track is decided once ground and noise together are less probable than the first and a launch more than the second.
+#: A track is decided once ground and noise together are less probable than the first and a launch
+#: more than the second.
 RARE = 1e-4
 _SURE = 0.999
 
-#: A ground source is decided after one horizon, once P(launch) is below this: 1/1000 of the prior. Of fires it is
-#: 1e-9 by then, of real space launches seen by scanners of 10 s it was at least 4e-5.
+#: A ground source is decided after one horizon, once P(launch) is below this: 1/1000 of the prior.
+#: Of fires it is 1e-9 by then, of real space launches seen by scanners of 10 s it was at least
+#: 4e-5.
 _NO_LAUNCH = 1e-6
 
 #: All else is decided after this number of horizons, where a line has 1/257 of its weight.
 _HORIZONS = 2.0
 
-#: Mean time of a burn, s, notional, and scan periods without a detection after which what shone has gone out.
+#: Mean time of a burn, s, notional, and scan periods without a detection after which what shone has
+#: gone out.
 _BURN_S = 100.0
 _GONE_SCANS = 5.0
 
@@ -36,8 +40,8 @@ _GONE_SCANS = 5.0
 class GroupPosterior:
     """The probabilities of groups under a tracker's settings.
 
-    `log_clutter` (sensors,) is the log density of false alarms, per scan and steradian, over the detection probability;
-    -inf for none.
+    `log_clutter` (sensors,) is the log density of false alarms, per scan and steradian, over the
+    detection probability; -inf for none.
     """
 
     priors: MotionPriors
@@ -49,7 +53,9 @@ class GroupPosterior:
     def of(
         cls, config: HypothesesConfig, clutter_per_sr: FloatArray, detection_probability: FloatArray
     ) -> "GroupPosterior":
-        """Return the posterior for clutter densities (sensors,), per scan, and detection probabilities (sensors,)."""
+        """Return the posterior for clutter densities (sensors,), per scan, and detection
+        probabilities (sensors,).
+        """
         per_day = [
             config.ground_sources_per_day,
             config.bolides_per_day,
@@ -79,16 +85,20 @@ class GroupPosterior:
         pause_s: FloatArray,
         step_s: float = 1.0,
     ) -> MotionStatistics:
-        """Return the statistics with new probabilities of the undecided tracks at a time, a step after the last one.
+        """Return the statistics with new probabilities of the undecided tracks at a time, a step
+        after the last one.
 
-        `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s` (n,) the longest scan
-        period of the sensors that see the track. What has been seen for long, still is, and is less probably a launch
-        than before the first line is assessed now and then. Lines that are not of one motion say nothing of it: these
-        statistics begin anew. So do those of a source that is still seen and likeliest stands, but may be a launch.
+        `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s`
+        (n,) the longest scan period of the sensors that see the track. What has been seen for long,
+        still is, and is less probably a launch than before the first line is assessed now and then.
+        Lines that are not of one motion say nothing of it: these statistics begin anew. So do those
+        of a source that is still seen and likeliest stands, but may be a launch.
         """
         steady = (time_s - first_s > _YOUNG_S) & (time_s - seen_s < pause_s + step_s)
         steady &= statistics.probability[:, LAUNCH] < self.prior[LAUNCH]
-        rests = np.floor((time_s - first_s) / _AGAIN_S) == np.floor((time_s - step_s - first_s) / _AGAIN_S)
+        rests = np.floor((time_s - first_s) / _AGAIN_S) == np.floor(
+            (time_s - step_s - first_s) / _AGAIN_S
+        )
         open_ = (~statistics.is_decided & ~(steady & rests)).nonzero()[0]
         if not len(open_):
             return statistics
@@ -104,7 +114,8 @@ class GroupPosterior:
         launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
         horizons = (time_s - mine.epoch_s) / mine.horizon_s()
         stands = found.argmax(axis=1) == GROUND
-        # The track of a ground source has a narrow gate: a launch that was decided to be one would leave it.
+        # The track of a ground source has a narrow gate: a launch that was decided to be one would
+        # leave it.
         no_launch = found[:, LAUNCH] < _NO_LAUNCH
         over = horizons > _HORIZONS
         decided[open_] = launched | np.where(stands, no_launch & (horizons > 1.0), over)
@@ -119,8 +130,9 @@ class GroupPosterior:
     ) -> FloatArray:
         """Return the probabilities (n, 5) of the groups; `gone` (n,) tracks are no longer seen.
 
-        Light that lasts for a mean time T goes out at an age t with the density exp(-t / T) / T. So a launch that goes
-        out as soon as it is seen is as much less probable than a bolide as its burn is longer.
+        Light that lasts for a mean time T goes out at an age t with the density exp(-t / T) / T. So
+        a launch that goes out as soon as it is seen is as much less probable than a bolide as its
+        burn is longer.
         """
         evidence = log_evidence(self.priors, statistics) + self.priors.log_weights(pause_s)
         log = np.empty((len(evidence), 1 + len(self.log_rate)))
@@ -134,8 +146,9 @@ class GroupPosterior:
         return np.asarray(share / share.sum(axis=1, keepdims=True))
 
 
-#: What was first seen longer ago than this, s, and is less probably a launch than before is assessed again after the
-#: second time, s: fires, which are many. Slow launches are by then more probable: they are recognised no later for it.
+#: What was first seen longer ago than this, s, and is less probably a launch than before is
+#: assessed again after the second time, s: fires, which are many. Slow launches are by then more
+#: probable: they are recognised no later for it.
 _YOUNG_S = 20.0
 _AGAIN_S = 5.0
 
@@ -143,10 +156,10 @@ _AGAIN_S = 5.0
 def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArray:
     """Return log marginal likelihoods (n, c) of the lines of tracks under each prior.
 
-    They are relative to the product of the likelihoods of lines without error. With information J, pull b and misfit s
-    of the lines and a prior m + S z: A = I + Sᵀ J S, v = Sᵀ (b - J m), and
-    -2 log L = log det A + s - 2 mᵀ b + mᵀ J m - vᵀ A⁻¹ v. Determinant and form come from one Cholesky factor, of A
-    bordered by v.
+    They are relative to the product of the likelihoods of lines without error. With information J,
+    pull b and misfit s of the lines and a prior m + S z: A = I + Sᵀ J S, v = Sᵀ (b - J m), and -2
+    log L = log det A + s - 2 mᵀ b + mᵀ J m - vᵀ A⁻¹ v. Determinant and form come from one Cholesky
+    factor, of A bordered by v.
     """
     information, pull, misfit = statistics.of_motion()
     mean = priors.mean
@@ -158,8 +171,12 @@ def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArr
     bordered = np.empty((count, kinds, size + 1, size + 1))
     turned = root.transpose(0, 2, 1)
     bordered[:, :, :size, :size] = (turned @ information[:, None]) @ root + np.eye(size)
-    bordered[:, :, size, :size] = bordered[:, :, :size, size] = (turned @ off.transpose(0, 2, 1)[..., None])[..., 0]
+    bordered[:, :, size, :size] = bordered[:, :, :size, size] = (
+        turned @ off.transpose(0, 2, 1)[..., None]
+    )[..., 0]
     bordered[:, :, size, size] = least + 1.0
     factor = np.linalg.cholesky(bordered)
     pivots = np.diagonal(factor, axis1=2, axis2=3)
-    return np.asarray(-np.log(pivots[:, :, :size]).sum(axis=2) - 0.5 * (np.square(pivots[:, :, size]) - 1.0))
+    return np.asarray(
+        -np.log(pivots[:, :, :size]).sum(axis=2) - 0.5 * (np.square(pivots[:, :, size]) - 1.0)
+    )

@@ -1,10 +1,11 @@
 """One Kalman filter of all sensors' shared errors, for each of several scales of unstated biases.
 
-Each angle of a sensor is a Gauss–Markov process about 0 with the variance b² + s²: b is its stated bias, s a scale that
-all sensors share and no sensor states. It is 0 with a prior probability of 0.96, or one of a few values, evenly
-spaced in the logarithm; the misfits decide between them by their marginal likelihood (type II: Good, 1965; MacKay,
-1992). So sensors that are as stated pay nothing, and a bias that is not stated is found. The offset of a clock is
-constant, with a stated standard deviation; 0 if it is assumed to be right.
+Each angle of a sensor is a Gauss–Markov process about 0 with the variance b² + s²: b is its stated
+bias, s a scale that all sensors share and no sensor states. It is 0 with a prior probability of
+0.96, or one of a few values, evenly spaced in the logarithm; the misfits decide between them by
+their marginal likelihood (type II: Good, 1965; MacKay, 1992). So sensors that are as stated pay
+nothing, and a bias that is not stated is found. The offset of a clock is constant, with a stated
+standard deviation; 0 if it is assumed to be right.
 """
 
 from typing import NamedTuple
@@ -17,16 +18,18 @@ from opir_core.estimation import matvec
 from opir_trackers.registration.misfits import Misfits
 from opir_trackers.registration.shared_errors import ERRORS
 
-#: Scales of unstated biases, rad: from half of a look's error of the finest sensors to what moves a target by
-#: 10 km from geostationary height; and the prior probability of all but the first together: one constellation in
-#: twenty-five is not as stated. Notional.
+#: Scales of unstated biases, rad: from half of a look's error of the finest sensors to what moves a
+#: target by 10 km from geostationary height; and the prior probability of all but the first
+#: together: one constellation in twenty-five is not as stated. Notional.
 SCALES_RAD = np.append(0.0, np.geomspace(10e-6, 320e-6, 6))
 _UNSTATED = 0.04
 
-#: That sensors are not as stated counts if it is more probable than this, as what 95 % regions leave out.
+#: That sensors are not as stated counts if it is more probable than this, as what 95 % regions
+#: leave out.
 _NEGLECTED = 0.05
 
-#: Squared misfit of a target, in variances for each degree of freedom and one more, above which it is not believed.
+#: Squared misfit of a target, in variances for each degree of freedom and one more, above which it
+#: is not believed.
 _GATE = 13.8
 
 
@@ -39,11 +42,12 @@ class Moments(NamedTuple):
 
 @frozen(eq=False)
 class ErrorFilter:
-    """Means (g, q) and covariances (g, q, q) of the errors for each scale, and the scales' log weights (g,).
+    """Means (g, q) and covariances (g, q, q) of the errors for each scale, and the scales' log
+    weights (g,).
 
-    `prior` (g, q) are the variances of the errors where nothing is known, `correlation_s` is that of the angles.
-    `used` is the number of targets and slices whose misfits were used, `refused` the running mean of the share that
-    was rejected as outliers.
+    `prior` (g, q) are the variances of the errors where nothing is known, `correlation_s` is that
+    of the angles. `used` is the number of targets and slices whose misfits were used, `refused` the
+    running mean of the share that was rejected as outliers.
     """
 
     prior: FloatArray
@@ -55,7 +59,9 @@ class ErrorFilter:
     refused: float = 0.0
 
     @classmethod
-    def of(cls, bias_sigma_rad: FloatArray, clock_sigma_s: float, correlation_s: float) -> "ErrorFilter":
+    def of(
+        cls, bias_sigma_rad: FloatArray, clock_sigma_s: float, correlation_s: float
+    ) -> "ErrorFilter":
         """Return the filter of sensors with stated biases (s,) before the first look."""
         scales = len(SCALES_RAD)
         prior = np.empty((scales, len(bias_sigma_rad), ERRORS))
@@ -102,17 +108,27 @@ class ErrorFilter:
         return np.asarray(self.weight @ self.prior)
 
     def reported(self) -> Moments:
-        """Return the moments that count: those of sensors as stated, if anything else is improbable."""
-        return self.moments() if self.weight[0] < 1.0 - _NEGLECTED else Moments(self.mean[0], self.covariance[0])
+        """Return the moments that count: those of sensors as stated, if anything else is
+        improbable.
+        """
+        return (
+            self.moments()
+            if self.weight[0] < 1.0 - _NEGLECTED
+            else Moments(self.mean[0], self.covariance[0])
+        )
 
     def updated(self, misfits: Misfits) -> "ErrorFilter":
-        """Return the filter after the misfits of targets (k,), those left out that are not believed."""
+        """Return the filter after the misfits of targets (k,), those left out that are not
+        believed.
+        """
         if not len(misfits.track):
             return self
         good = np.flatnonzero(distances(misfits, self.moments()) <= _GATE * (1.0 + misfits.degrees))
         share = len(good) / len(misfits.track)
         after = (
-            self if not len(good) else self._taken(misfits.matrix[good].sum(axis=0), misfits.vector[good].sum(axis=0))
+            self
+            if not len(good)
+            else self._taken(misfits.matrix[good].sum(axis=0), misfits.vector[good].sum(axis=0))
         )
         refused = self.refused + _FORGETTING * (1.0 - share - self.refused)
         if refused > _MOST_REFUSED:
@@ -120,7 +136,9 @@ class ErrorFilter:
         return evolve(after, used=self.used + len(good), refused=refused)
 
     def _anew(self) -> "ErrorFilter":
-        """Return the filter before the first look: most targets say that what it believes is wrong."""
+        """Return the filter before the first look: most targets say that what it believes is
+        wrong.
+        """
         return ErrorFilter.of_prior(self.prior, self.correlation_s)
 
     def _taken(self, matrix: FloatArray, vector: FloatArray) -> "ErrorFilter":
@@ -138,16 +156,24 @@ class ErrorFilter:
         log = np.sum(self.mean * (vector - 0.5 * turned) + 0.5 * off * step, axis=1)
         log -= 0.5 * np.linalg.slogdet(gain)[1]
         log_weight = self.log_weight + log
-        return evolve(self, mean=self.mean + step, covariance=covariance, log_weight=log_weight - log_weight.max())
+        return evolve(
+            self,
+            mean=self.mean + step,
+            covariance=covariance,
+            log_weight=log_weight - log_weight.max(),
+        )
 
 
-#: Share of the last slice in the running mean of what is not believed, and the mean at which all begins anew.
+#: Share of the last slice in the running mean of what is not believed, and the mean at which all
+#: begins anew.
 _FORGETTING = 0.1
 _MOST_REFUSED = 0.5
 
 
 def distances(misfits: Misfits, known: Moments) -> FloatArray:
-    """Return the squared misfits (k,) of targets, in variances, given what is known of the errors."""
+    """Return the squared misfits (k,) of targets, in variances, given what is known of the
+    errors.
+    """
     vector = misfits.vector - misfits.matrix @ known.mean
     square = misfits.square - (misfits.vector + vector) @ known.mean
     inner = np.eye(len(known.mean)) + misfits.matrix @ known.covariance

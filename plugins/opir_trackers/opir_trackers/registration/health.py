@@ -1,4 +1,6 @@
-"""What is reported of the sensors: estimates with standard deviations, a sentence each, and what is not observable."""
+"""What is reported of the sensors: estimates with standard deviations, a sentence each, and what is
+not observable.
+"""
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -17,8 +19,8 @@ _UNOBSERVED = 0.5
 #: Least weight of an error in a combination that is named with it.
 _PART = 0.3
 
-#: Mean square of normalised innovations, and number of looks, from which a sensor is said not to be as stated. Outliers
-#: of fewer looks have no share: the looks of tracks that ended are forgotten.
+#: Mean square of normalised innovations, and number of looks, from which a sensor is said not to be
+#: as stated. Outliers of fewer looks have no share: the looks of tracks that ended are forgotten.
 _WRONG = 2.0
 _ENOUGH = 50.0
 
@@ -29,7 +31,8 @@ _NAMES = ("east", "north", "clock")
 def sensor_health(now: Registration, names: tuple[str, ...]) -> SensorHealth:
     """Return what is known of sensors with names (s,).
 
-    The last result is kept: a live run asks every cycle, and the registration changes with a tick only.
+    The last result is kept: a live run asks every cycle, and the registration changes with a tick
+    only.
     """
     sums = now.innovations
     known = now.reported
@@ -46,7 +49,10 @@ def sensor_health(now: Registration, names: tuple[str, ...]) -> SensorHealth:
         "noise_scale_sigma": sums.noise_scale_sigma,
         "innovations": sums.mean_square,
         "outlier_share": np.divide(
-            now.tracks.explained.sum(axis=0), looks, out=np.full(len(looks), np.nan), where=looks > _ENOUGH
+            now.tracks.explained.sum(axis=0),
+            looks,
+            out=np.full(len(looks), np.nan),
+            where=looks > _ENOUGH,
         ),
     }
     text = tuple("; ".join(_sentence(now, found, hidden, row, names)) for row in range(len(names)))
@@ -54,16 +60,19 @@ def sensor_health(now: Registration, names: tuple[str, ...]) -> SensorHealth:
 
 
 def unobservable(known: Moments, prior: FloatArray) -> FloatArray:
-    """Return the combinations (k, q) of errors, in units of their prior deviations, that the looks have not shown.
+    """Return the combinations (k, q) of errors, in units of their prior deviations, that the looks
+    have not shown.
 
-    They span the eigenvectors of the covariance in units of the prior variances (q,) of which more than half is left,
-    each with as few errors as the elimination of others leaves.
+    They span the eigenvectors of the covariance in units of the prior variances (q,) of which more
+    than half is left, each with as few errors as the elimination of others leaves.
     """
     scale = np.sqrt(prior)
     some = np.flatnonzero(scale)
     out = np.zeros((0, len(prior)))
     if len(some):
-        left, vector = np.linalg.eigh(known.covariance[np.ix_(some, some)] / (scale[some][:, None] * scale[some]))
+        left, vector = np.linalg.eigh(
+            known.covariance[np.ix_(some, some)] / (scale[some][:, None] * scale[some])
+        )
         rows = _eliminated(vector.T[left > _UNOBSERVED])
         out = np.zeros((len(rows), len(prior)))
         out[:, some] = rows
@@ -82,7 +91,11 @@ def _eliminated(rows: FloatArray) -> FloatArray:
 
 
 def _sentence(
-    now: Registration, found: dict[str, FloatArray], hidden: FloatArray, row: int, names: Sequence[str]
+    now: Registration,
+    found: dict[str, FloatArray],
+    hidden: FloatArray,
+    row: int,
+    names: Sequence[str],
 ) -> Iterator[str]:
     """Yield what is known of a sensor, part by part."""
     is_compared = now.errors.used > 0
@@ -90,7 +103,11 @@ def _sentence(
     if is_small and is_compared and now.innovations.looks[row] == 0.0:
         yield "not judged: no look of it was compared with a track"
     elif is_small:
-        yield "no sign of a bias" if is_compared else "bias assumed to be 0: no target is seen by two sensors"
+        yield (
+            "no sign of a bias"
+            if is_compared
+            else "bias assumed to be 0: no target is seen by two sensors"
+        )
     else:
         yield _bias(found, row) + _unseen(hidden, row, names, is_compared, _NAMES[:2])
     sigma_s = found["clock_sigma_s"][row]
@@ -109,7 +126,9 @@ def _sentence(
     square = found["innovations"][row]
     if np.isfinite(square):
         is_wrong = square > _WRONG and now.innovations.looks[row] > _ENOUGH
-        yield f"innovations {square:.2f} × their stated variance" + (": not as stated" if is_wrong else "")
+        yield f"innovations {square:.2f} × their stated variance" + (
+            ": not as stated" if is_wrong else ""
+        )
 
 
 #: Biases below this, rad, are 0 in the figures: what of them is not observed is not worth a word.
@@ -130,7 +149,9 @@ def _bias(found: dict[str, FloatArray], row: int) -> str:
     return ", ".join(parts)
 
 
-def _unseen(hidden: FloatArray, row: int, names: Sequence[str], is_compared: bool, errors: tuple[str, ...]) -> str:
+def _unseen(
+    hidden: FloatArray, row: int, names: Sequence[str], is_compared: bool, errors: tuple[str, ...]
+) -> str:
     """Return what of a sensor's errors cannot be observed, in brackets."""
     mine = [ERRORS * row + _NAMES.index(error) for error in errors]
     parts = hidden[np.any(np.abs(hidden[:, mine]) > _PART, axis=1)]
@@ -148,5 +169,9 @@ def _combination(part: FloatArray, row: int, names: Sequence[str]) -> str:
     words = ""
     for each in large:
         join = "" if not words else " + " if part[each] * part[large[0]] > 0.0 else " - "
-        words += join + _NAMES[each % ERRORS] + ("" if each // ERRORS == row else f" of {names[each // ERRORS]}")
+        words += (
+            join
+            + _NAMES[each % ERRORS]
+            + ("" if each // ERRORS == row else f" of {names[each // ERRORS]}")
+        )
     return words

@@ -1,16 +1,20 @@
-"""Normalised innovations by sensor, the scale of each sensor's noise, and looks that a track explains.
+"""Normalised innovations by sensor, the scale of each sensor's noise, and looks that a track
+explains.
 
-**Innovations.** Of each assigned look the squared distance from its prediction, in units of its *stated* variance, is 1
-in the mean for each of its two angles. Where the mean is far above 1, the sensor is not as stated.
+**Innovations.** Of each assigned look the squared distance from its prediction, in units of its
+*stated* variance, is 1 in the mean for each of its two angles. Where the mean is far above 1, the
+sensor is not as stated.
 
-**Noise.** The looks of one sensor on one track within a slice scatter about a straight line by its noise alone,
-whatever track and bias are. Their mean square, over some time, gives the scale of the noise; once it is significantly
-above 1, lines of sight get the larger error. A sensor that is better than stated gains nothing.
+**Noise.** The looks of one sensor on one track within a slice scatter about a straight line by its
+noise alone, whatever track and bias are. Their mean square, over some time, gives the scale of the
+noise; once it is significantly above 1, lines of sight get the larger error. A sensor that is
+better than stated gains nothing.
 
-**Explained looks.** A target gives at most one look a scan. So outliers of a track's target lie near it in scans in
-which it has no look of its own, while a second target is seen in both kinds of scans, more often in those with one if
-the first is seen more often than not. Looks near a track that has none in their scan initiate no track while there are
-more of them than beside its own looks.
+**Explained looks.** A target gives at most one look a scan. So outliers of a track's target lie
+near it in scans in which it has no look of its own, while a second target is seen in both kinds of
+scans, more often in those with one if the first is seen more often than not. Looks near a track
+that has none in their scan initiate no track while there are more of them than beside its own
+looks.
 """
 
 import numpy as np
@@ -23,8 +27,8 @@ from opir_trackers.gating import GatedPairs
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.misfits import MeanResiduals
 
-#: Time, s, over which innovations and noise are averaged: long enough for 2 % of the noise of one target at 10 Hz,
-#: short enough to follow a sensor that changes; notional.
+#: Time, s, over which innovations and noise are averaged: long enough for 2 % of the noise of one
+#: target at 10 Hz, short enough to follow a sensor that changes; notional.
 MEMORY_S = 60.0
 
 #: Degrees of freedom for which the stated noise counts.
@@ -33,8 +37,9 @@ _BELIEVED = 20.0
 #: Number of standard deviations by which noise must exceed what is stated before it is believed.
 _SURE = 2.0
 
-#: An outlier may be this far from its track, standard deviations of a look, beyond the gate of the track: 44 km at
-#: 20 µrad from geostationary height. Farther ones seldom form the clusters that tracks begin with. Notional.
+#: An outlier may be this far from its track, standard deviations of a look, beyond the gate of the
+#: track: 44 km at 20 µrad from geostationary height. Farther ones seldom form the clusters that
+#: tracks begin with. Notional.
 OUTLIER_SIGMAS = 60.0
 
 
@@ -42,8 +47,8 @@ OUTLIER_SIGMAS = 60.0
 class SensorInnovations:
     """Sums over looks of each sensor (s,), with exponential forgetting.
 
-    `square` of the normalised innovations and `looks`; `scatter` of looks about their line, in stated variances, and
-    its `degrees` of freedom.
+    `square` of the normalised innovations and `looks`; `scatter` of looks about their line, in
+    stated variances, and its `degrees` of freedom.
     """
 
     square: FloatArray
@@ -83,12 +88,18 @@ class SensorInnovations:
     @property
     def mean_square(self) -> FloatArray:
         """The mean square (s,) of normalised innovations, an angle each; nan without looks."""
-        return np.divide(self.square, 2.0 * self.looks, out=np.full_like(self.square, np.nan), where=self.looks > 0.0)
+        return np.divide(
+            self.square,
+            2.0 * self.looks,
+            out=np.full_like(self.square, np.nan),
+            where=self.looks > 0.0,
+        )
 
     def after(
         self, square: FloatArray, sensor: IntArray, means: MeanResiduals, stated_rad: FloatArray
     ) -> "SensorInnovations":
-        """Return the sums after looks (m,) with normalised squares by `sensor`, and their means (k,).
+        """Return the sums after looks (m,) with normalised squares by `sensor`, and their means
+        (k,).
 
         `stated_rad` (k,) is the stated error of the looks of each mean.
         """
@@ -97,7 +108,8 @@ class SensorInnovations:
             self,
             square=self.square + np.bincount(sensor, square, count),
             looks=self.looks + np.bincount(sensor, minlength=count),
-            scatter=self.scatter + np.bincount(means.sensor, means.scatter_rad2 / np.square(stated_rad), count),
+            scatter=self.scatter
+            + np.bincount(means.sensor, means.scatter_rad2 / np.square(stated_rad), count),
             degrees=self.degrees + np.bincount(means.sensor, means.degrees, count),
         )
 
@@ -106,9 +118,10 @@ class SensorInnovations:
 class TrackInnovations(Columns):
     """Sums over the looks of tracks, by number: `looks`, with those `explained` as outliers.
 
-    `looks`, `explained`, `owned`, `instead` and `beside` are (n, s), by sensor, and fade with its scans. `owned` are
-    its own looks in slices with unassigned ones, also those that were not compared: looks of crowds. The last two count
-    the unassigned looks of the last scans near the track, in scans without and with a look of its own.
+    `looks`, `explained`, `owned`, `instead` and `beside` are (n, s), by sensor, and fade with its
+    scans. `owned` are its own looks in slices with unassigned ones, also those that were not
+    compared: looks of crowds. The last two count the unassigned looks of the last scans near the
+    track, in scans without and with a look of its own.
     """
 
     number: IntArray
@@ -150,8 +163,8 @@ class TrackInnovations(Columns):
         return evolve(self, looks=looks)
 
 
-#: Scans of slow sensors over which a track's looks are counted, and those over which outliers and a second target
-#: are discriminated.
+#: Scans of slow sensors over which a track's looks are counted, and those over which outliers and a
+#: second target are discriminated.
 _SCANS = 10.0
 _RECENT_SCANS = 20.0
 
@@ -161,17 +174,24 @@ _FIRST = 4.0
 
 
 def explained_looks(
-    pairs: GatedPairs, free: LinesOfSight, owned: tuple[IntArray, LinesOfSight], tracks: TrackInnovations, gate: float
+    pairs: GatedPairs,
+    free: LinesOfSight,
+    owned: tuple[IntArray, LinesOfSight],
+    tracks: TrackInnovations,
+    gate: float,
 ) -> tuple[BoolArray, TrackInnovations]:
     """Return which unassigned lines (f,) tracks (n,) explain, and the tracks' sums with these.
 
-    `pairs` are those of tracks and lines `free` within a wide gate; `owned` are the rows of the tracks of the slice's
-    other lines, and these lines; `gate` is that of tracks, in standard deviations.
+    `pairs` are those of tracks and lines `free` within a wide gate; `owned` are the rows of the
+    tracks of the slice's other lines, and these lines; `gate` is that of tracks, in standard
+    deviations.
     """
     reach = gate * np.exp(0.25 * pairs.log_volume) + OUTLIER_SIGMAS * pairs.sigma_rad
     near = np.sum(pairs.measured * pairs.measured, axis=1) <= reach * reach
     owner, lines = owned
-    scan = scan_numbers(np.concatenate([lines.sensor, free.sensor]), np.concatenate([lines.scan, free.scan]))
+    scan = scan_numbers(
+        np.concatenate([lines.sensor, free.sensor]), np.concatenate([lines.scan, free.scan])
+    )
     scans = int(scan.max(initial=0)) + 1
     has_own = np.zeros((len(tracks), scans), dtype=np.bool_)
     has_own[owner, scan[: len(owner)]] = True
@@ -193,7 +213,9 @@ def explained_looks(
     of_target &= (explained <= np.maximum(tracks.looks, own_looks) + _FIRST)[track, sensor]
     which = np.zeros(len(free.time_s), dtype=np.bool_)
     which[line[of_target]] = True
-    return which, evolve(tracks, explained=explained, owned=own_looks, instead=instead, beside=beside)
+    return which, evolve(
+        tracks, explained=explained, owned=own_looks, instead=instead, beside=beside
+    )
 
 
 def _nearest(pairs: GatedPairs, rows: IntArray) -> IntArray:
@@ -203,10 +225,13 @@ def _nearest(pairs: GatedPairs, rows: IntArray) -> IntArray:
 
 
 def stated_squares(assigned: GatedPairs, stated_rad: FloatArray) -> FloatArray:
-    """Return the squared innovations (m,) of pairs in units of their variances with stated errors (m,), two angles.
+    """Return the squared innovations (m,) of pairs in units of their variances with stated errors
+    (m,), two angles.
 
     The variance is that of a circle with the area of the innovation's ellipse.
     """
     spread = np.exp(0.5 * assigned.log_volume)
-    stated = np.maximum(spread - np.square(assigned.sigma_rad) + np.square(stated_rad), np.square(stated_rad))
+    stated = np.maximum(
+        spread - np.square(assigned.sigma_rad) + np.square(stated_rad), np.square(stated_rad)
+    )
     return np.asarray(assigned.distance * spread / stated)

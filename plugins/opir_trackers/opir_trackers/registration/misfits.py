@@ -1,9 +1,10 @@
 """What the lines of sight of a slice say of the sensors' shared errors, whatever their targets do.
 
-Of each target that several sensors see in a slice, the mean residuals of the sensors determine its position and, beyond
-it, how far the rays miss each other: two residuals a sensor less three coordinates, which for two sensors is the misfit
-of the epipolar planes. The position is eliminated with no prior to speak of, so neither the target's motion nor the
-errors of its track enter, each look counts once, and slices are independent but for the errors themselves.
+Of each target that several sensors see in a slice, the mean residuals of the sensors determine its
+position and, beyond it, how far the rays miss each other: two residuals a sensor less three
+coordinates, which for two sensors is the misfit of the epipolar planes. The position is eliminated
+with no prior to speak of, so neither the target's motion nor the errors of its track enter, each
+look counts once, and slices are independent but for the errors themselves.
 """
 
 from typing import NamedTuple
@@ -18,17 +19,18 @@ from opir_trackers.registration.shared_errors import ERRORS, Vantages
 #: Prior standard deviation of a position about its prediction, m: none to speak of.
 _ANYWHERE_M = 1e6
 
-#: Squared distance from the median of a sensor's residuals, in variances, beyond which a look counts as an outlier: two
-#: degrees of freedom exceed it with a probability of 10⁻³, as for tracks.
+#: Squared distance from the median of a sensor's residuals, in variances, beyond which a look
+#: counts as an outlier: two degrees of freedom exceed it with a probability of 10⁻³, as for tracks.
 _IMPROBABLE = 13.8
 
 
 class MeanResiduals(NamedTuple):
-    """Mean residuals (k, 2), rad, of rows `track` and `sensor` (k,), in the tangent planes of `axes` (k, 2, 3).
+    """Mean residuals (k, 2), rad, of rows `track` and `sensor` (k,), in the tangent planes of
+    `axes` (k, 2, 3).
 
-    `variance` (k,) is that of each of the two, `look_rad` (k,) the error of a look, `time_s` (k,) the mean time;
-    `scatter_rad2` (k,) is the sum of squared deviations of the looks from a line over time, with `degrees` (k,) of
-    freedom.
+    `variance` (k,) is that of each of the two, `look_rad` (k,) the error of a look, `time_s` (k,)
+    the mean time; `scatter_rad2` (k,) is the sum of squared deviations of the looks from a line
+    over time, with `degrees` (k,) of freedom.
     """
 
     track: IntArray
@@ -43,19 +45,25 @@ class MeanResiduals(NamedTuple):
 
 
 def mean_residuals(assigned: GatedPairs, sensor: IntArray, sensors: int) -> MeanResiduals:
-    """Return the means of assigned pairs (m,) by track and `sensor` (m,), of a number of sensors, without outliers."""
+    """Return the means of assigned pairs (m,) by track and `sensor` (m,), of a number of sensors,
+    without outliers.
+    """
     key, group = np.unique(assigned.track * sensors + sensor, return_inverse=True)
     count = len(key)
     residual = assigned.measured
     middle = np.stack([_medians(group, count, residual[:, axis]) for axis in (0, 1)], axis=1)
     apart = residual - middle[group]
-    good = np.flatnonzero(np.sum(apart * apart, axis=1) <= _IMPROBABLE * np.square(assigned.sigma_rad))
+    good = np.flatnonzero(
+        np.sum(apart * apart, axis=1) <= _IMPROBABLE * np.square(assigned.sigma_rad)
+    )
     # The median of each axis may be another look's, so that no look is near both.
     some, whose = np.unique(group[good], return_inverse=True)
     mean = _means(whose, len(some), np.column_stack([residual, assigned.time_s])[good])
     looks = np.bincount(whose, minlength=len(some)).astype(np.float64)
     look_rad = np.sqrt(_means(whose, len(some), np.square(assigned.sigma_rad[good])[:, None])[:, 0])
-    scatter, degrees = _scatter(whose, looks, residual[good] - mean[whose, :2], assigned.time_s[good] - mean[whose, 2])
+    scatter, degrees = _scatter(
+        whose, looks, residual[good] - mean[whose, :2], assigned.time_s[good] - mean[whose, 2]
+    )
     return MeanResiduals(
         key[some] // sensors,
         key[some] % sensors,
@@ -78,14 +86,18 @@ def _means(group: IntArray, count: int, values: FloatArray) -> FloatArray:
 def _scatter(
     group: IntArray, looks: FloatArray, residual: FloatArray, since_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the sums (k,) of squared deviations of residuals (m, 2) from lines over time, and degrees of freedom.
+    """Return the sums (k,) of squared deviations of residuals (m, 2) from lines over time, and
+    degrees of freedom.
 
-    Both are about the means of their groups. What is not known of a velocity shows as a slope, which is no noise.
+    Both are about the means of their groups. What is not known of a velocity shows as a slope,
+    which is no noise.
     """
     count = len(looks)
     long = np.bincount(group, since_s * since_s, count)
     total = np.bincount(group, np.sum(residual * residual, axis=1), count)
-    pulled = np.stack([np.bincount(group, since_s * residual[:, axis], count) for axis in (0, 1)], axis=1)
+    pulled = np.stack(
+        [np.bincount(group, since_s * residual[:, axis], count) for axis in (0, 1)], axis=1
+    )
     sloped = np.divide(np.sum(pulled * pulled, axis=1), long, out=np.zeros(count), where=long > 0.0)
     enough = looks > 2.0
     return np.where(enough, total - sloped, 0.0), np.where(enough, 2.0 * looks - 4.0, 0.0)
@@ -99,10 +111,11 @@ def _medians(group: IntArray, count: int, values: FloatArray) -> FloatArray:
 
 
 class Misfits(NamedTuple):
-    """The information of targets (k,) on all sensors' errors: matrix (k, q, q), vector (k, q) and square (k,).
+    """The information of targets (k,) on all sensors' errors: matrix (k, q, q), vector (k, q) and
+    square (k,).
 
-    Minus twice the log likelihood of errors e (q,) is square - 2 vector · e + e · matrix e, of `degrees` (k,) of
-    freedom. `track` (k,) is the row of each target.
+    Minus twice the log likelihood of errors e (q,) is square - 2 vector · e + e · matrix e, of
+    `degrees` (k,) of freedom. `track` (k,) is the row of each target.
     """
 
     track: IntArray
@@ -112,19 +125,25 @@ class Misfits(NamedTuple):
     degrees: FloatArray
 
     def about(self, error: FloatArray) -> "Misfits":
-        """Return the information on errors of which `error` (q,) were taken off the lines before."""
+        """Return the information on errors of which `error` (q,) were taken off the lines
+        before.
+        """
         turned = matvec(self.matrix, np.broadcast_to(error, self.vector.shape))
         square = self.square + (2.0 * self.vector + turned) @ error
         return self._replace(vector=self.vector + turned, square=square)
 
 
 def misfits(
-    means: MeanResiduals, position_m: FloatArray, velocity_m_s: FloatArray, speed_m_s: FloatArray, vantages: Vantages
+    means: MeanResiduals,
+    position_m: FloatArray,
+    velocity_m_s: FloatArray,
+    speed_m_s: FloatArray,
+    vantages: Vantages,
 ) -> Misfits:
     """Return the information of mean residuals about predictions of tracks (n,).
 
-    `position_m` and `velocity_m_s` (n, 3) are inertial, `speed_m_s` (n,) is the standard deviation of the velocity,
-    which counts where the sensors looked at different times.
+    `position_m` and `velocity_m_s` (n, 3) are inertial, `speed_m_s` (n,) is the standard deviation
+    of the velocity, which counts where the sensors looked at different times.
     """
     sensors = len(vantages.origin_m)
     seen = np.bincount(means.track, minlength=len(position_m)).astype(np.float64)
@@ -148,11 +167,15 @@ def misfits(
     stack[at[0][:, None], at[1][:, None], :, columns] = (slope @ own).transpose(0, 2, 1)
     stack[*at, :, -1] = means.residual[mine]
     stack[at] *= sharp[:, None, None]
-    return _without_position(rows, stack.reshape(len(rows), 2 * sensors, stack.shape[-1]), seen[rows] * 2.0 - 3.0)
+    return _without_position(
+        rows, stack.reshape(len(rows), 2 * sensors, stack.shape[-1]), seen[rows] * 2.0 - 3.0
+    )
 
 
 def _without_position(track: IntArray, stack: FloatArray, degrees: FloatArray) -> Misfits:
-    """Return the information of whitened rows (k, 2 s, 3 + q + 1) of position, errors and residuals, position free."""
+    """Return the information of whitened rows (k, 2 s, 3 + q + 1) of position, errors and
+    residuals, position free.
+    """
     gram = stack.transpose(0, 2, 1) @ stack
     inner = gram[:, :3, :3] + np.eye(3) / _ANYWHERE_M**2
     left = gram[:, 3:, 3:] - gram[:, 3:, :3] @ np.linalg.solve(inner, gram[:, :3, 3:])

@@ -1,4 +1,6 @@
-"""What a tracker knows of its sensors at a time: it corrects lines of sight, shifts states and widens covariances."""
+"""What a tracker knows of its sensors at a time: it corrects lines of sight, shifts states and
+widens covariances.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,26 +16,31 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.gating import GatedPairs
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.error_filter import ErrorFilter, Moments
-from opir_trackers.registration.innovations import SensorInnovations, TrackInnovations, stated_squares
+from opir_trackers.registration.innovations import (
+    SensorInnovations,
+    TrackInnovations,
+    stated_squares,
+)
 from opir_trackers.registration.misfits import MeanResiduals, mean_residuals, misfits
 from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
 
 #: Comparisons of a target's looks before gates rely on what is found.
 _FEW = 15
 
-#: Up to this number of tracks, sensors that are as stated are compared now and then; with more, each track shows
-#: another combination.
+#: Up to this number of tracks, sensors that are as stated are compared now and then; with more,
+#: each track shows another combination.
 _LONE = 3
 
-#: Comparisons of targets after which they are made less often, and the least number of them a second. Errors and
-#: noise change over a minute.
+#: Comparisons of targets after which they are made less often, and the least number of them a
+#: second. Errors and noise change over a minute.
 _OFTEN = 600
 _MANY = 20
 
 #: Looks that tracks explain as outliers, from which all looks are counted.
 _SOME = 0.5
 
-#: Sensors that are as stated are compared again after this time, s: innovations and noise have a memory of 60 s.
+#: Sensors that are as stated are compared again after this time, s: innovations and noise have a
+#: memory of 60 s.
 _AGAIN_S = 5.0
 
 
@@ -41,9 +48,10 @@ _AGAIN_S = 5.0
 class Registration:
     """The filter of the sensors' shared errors, and what of it is taken off lines of sight.
 
-    `known` is what is reported and taken off, `wide` includes improbable scales; `apart_rad` (s,) is the standard
-    deviation of what the errors leave between the sensors that see a target, `noise` (s,) the scale of their noise.
-    `period_s` (s,) are their scan periods; `compared_s` is the time of the last comparison.
+    `known` is what is reported and taken off, `wide` includes improbable scales; `apart_rad` (s,)
+    is the standard deviation of what the errors leave between the sensors that see a target,
+    `noise` (s,) the scale of their noise. `period_s` (s,) are their scan periods; `compared_s` is
+    the time of the last comparison.
     """
 
     errors: ErrorFilter
@@ -56,21 +64,30 @@ class Registration:
     period_s: FloatArray
     time_s: float = 0.0
     compared_s: float = -np.inf
-    #: Whether what is not known of the errors counts in gates, and whether anything is taken off lines of sight.
+    #: Whether what is not known of the errors counts in gates, and whether anything is taken off
+    #: lines of sight.
     widens_gates: bool = field(
-        default=Factory(lambda own: own.several and bool(own._of_gates.covariance.any()), takes_self=True), init=False
+        default=Factory(
+            lambda own: own.several and bool(own._of_gates.covariance.any()), takes_self=True
+        ),
+        init=False,
     )
     corrects: bool = field(
         default=Factory(
-            lambda own: bool(own.known.mean.any() or own.apart_rad.any() or own.noise.max(initial=1.0) > 1.0),
+            lambda own: bool(
+                own.known.mean.any() or own.apart_rad.any() or own.noise.max(initial=1.0) > 1.0
+            ),
             takes_self=True,
         ),
         init=False,
     )
     has_outliers: bool = field(
-        default=Factory(lambda own: bool(own.tracks.explained.sum() > _SOME), takes_self=True), init=False
+        default=Factory(lambda own: bool(own.tracks.explained.sum() > _SOME), takes_self=True),
+        init=False,
     )
-    has_errors: bool = field(default=Factory(lambda own: bool(own.known.covariance.any()), takes_self=True), init=False)
+    has_errors: bool = field(
+        default=Factory(lambda own: bool(own.known.covariance.any()), takes_self=True), init=False
+    )
 
     @classmethod
     def of(cls, errors: ErrorFilter, period_s: FloatArray) -> "Registration":
@@ -100,21 +117,29 @@ class Registration:
 
     @property
     def loose_rad(self) -> FloatArray:
-        """Standard deviations (s,) of the errors at the initiation of tracks, which large errors must not stop."""
+        """Standard deviations (s,) of the errors at the initiation of tracks, which large errors
+        must not stop.
+        """
         return _LOOSE * _angle_sigmas(self.wide) if self.several else _angle_sigmas(self.known)
 
     def corrected(self, lines: LinesOfSight) -> LinesOfSight:
-        """Return lines of sight without the errors that are known, and with the deviation of what is not."""
+        """Return lines of sight without the errors that are known, and with the deviation of what
+        is not.
+        """
         if not self.corrects:
             return lines
         if self.known.mean.any():
             lines = corrected(lines, self.error)
-        sigma_rad = np.hypot(self.noise[lines.sensor] * lines.sigma_rad, self.apart_rad[lines.sensor])
+        sigma_rad = np.hypot(
+            self.noise[lines.sensor] * lines.sigma_rad, self.apart_rad[lines.sensor]
+        )
         return evolve(lines, sigma_rad=sigma_rad)
 
     def stated_rad(self, sigma_rad: FloatArray, sensor: IntArray) -> FloatArray:
         """Return the stated errors (m,) of lines that `corrected` gave errors (m,), by sensor."""
-        stated: FloatArray = np.sqrt(np.square(sigma_rad) - np.square(self.apart_rad[sensor])) / self.noise[sensor]
+        stated: FloatArray = (
+            np.sqrt(np.square(sigma_rad) - np.square(self.apart_rad[sensor])) / self.noise[sensor]
+        )
         return stated
 
     @property
@@ -124,7 +149,8 @@ class Registration:
     def is_due(self, time_s: float, tracks: int) -> bool:
         """Whether looks are compared at a time.
 
-        Those of few tracks are now and then, once sensors are as stated, and those of many once they have been often.
+        Those of few tracks are now and then, once sensors are as stated, and those of many once
+        they have been often.
         """
         since_s = time_s - self.compared_s
         if self.errors.used >= _OFTEN and tracks > _MANY:
@@ -132,15 +158,21 @@ class Registration:
         always = tracks > _LONE or self.widens_gates or self.corrects or self.has_outliers
         return always or since_s >= _AGAIN_S
 
-    def counted(self, time_s: float, number: IntArray, track: IntArray, sensor: IntArray) -> "Registration":
-        """Return the registration after looks (m,) of rows of tracks `number` (n,) that are not compared."""
+    def counted(
+        self, time_s: float, number: IntArray, track: IntArray, sensor: IntArray
+    ) -> "Registration":
+        """Return the registration after looks (m,) of rows of tracks `number` (n,) that are not
+        compared.
+        """
         now = self.at(time_s)
         return evolve(now, tracks=now.tracks.of(number).after(track, sensor))
 
     def gate_covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
-        """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is, due to all errors.
+        """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is,
+        due to all errors.
 
-        `state` (n, 6) is inertial; `seen` (n, s) marks the sensors whose looks the track is made of.
+        `state` (n, 6) is inertial; `seen` (n, s) marks the sensors whose looks the track is made
+        of.
         """
         own = _own_less_shift(state, seen, vantages)
         return np.asarray(own @ self._of_gates.covariance @ own.transpose(0, 1, 3, 2))
@@ -154,7 +186,13 @@ class Registration:
         """Return the registration at a later time."""
         step_s = time_s - self.time_s
         later = self.innovations.faded(step_s), self.tracks.faded(step_s, self.period_s)
-        return evolve(self, errors=self.errors.predicted(step_s), innovations=later[0], tracks=later[1], time_s=time_s)
+        return evolve(
+            self,
+            errors=self.errors.predicted(step_s),
+            innovations=later[0],
+            tracks=later[1],
+            time_s=time_s,
+        )
 
 
 _LOOSE = 2.0
@@ -177,7 +215,9 @@ def state_shifts(state: FloatArray, seen: BoolArray, vantages: Vantages) -> Floa
 
 
 def _own_less_shift(state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
-    """Return what each sensor sees less where the track is (n, s, 3, q), by all errors of 1 rad and 1 s."""
+    """Return what each sensor sees less where the track is (n, s, 3, q), by all errors of 1 rad and
+    1 s.
+    """
     count, sensors = seen.shape
     own = vantages.displacements(state[:, :3], state[:, 3:])
     shift = vantages.shifts(state[:, :3], state[:, 3:], seen)
@@ -196,9 +236,11 @@ def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registratio
 
 
 class Followed(NamedTuple):
-    """Tracks (n,) whose looks are compared: numbers, inertial states (n, 6), deviations of speeds, and visibility.
+    """Tracks (n,) whose looks are compared: numbers, inertial states (n, 6), deviations of speeds,
+    and visibility.
 
-    `speed_m_s` (n,) is the standard deviation of the speed, `seen` (n, s) marks the sensors that saw them.
+    `speed_m_s` (n,) is the standard deviation of the speed, `seen` (n, s) marks the sensors that
+    saw them.
     """
 
     number: IntArray
@@ -207,16 +249,24 @@ class Followed(NamedTuple):
     seen: BoolArray
 
     @classmethod
-    def of(cls, number: IntArray, moments: tuple[FloatArray, FloatArray], seen: BoolArray) -> "Followed":
+    def of(
+        cls, number: IntArray, moments: tuple[FloatArray, FloatArray], seen: BoolArray
+    ) -> "Followed":
         """Return tracks with moments (n, 6) and (n, 6, 6)."""
         state, covariance = moments
         return cls(number, state, np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)), seen)
 
 
 def registered(
-    before: Registration, assigned: GatedPairs, sensor: IntArray, tracks: Followed, vantages: Vantages
+    before: Registration,
+    assigned: GatedPairs,
+    sensor: IntArray,
+    tracks: Followed,
+    vantages: Vantages,
 ) -> Registration:
-    """Return the registration after a slice's assigned pairs (m,), by `sensor` (m,), of tracks (n,)."""
+    """Return the registration after a slice's assigned pairs (m,), by `sensor` (m,), of tracks
+    (n,).
+    """
     if not len(assigned):
         return before
     means = mean_residuals(assigned, sensor, len(before.apart_rad))
@@ -232,7 +282,11 @@ def registered(
 
 
 def _with_innovations(
-    before: Registration, assigned: GatedPairs, sensor: IntArray, tracks: Followed, means: MeanResiduals
+    before: Registration,
+    assigned: GatedPairs,
+    sensor: IntArray,
+    tracks: Followed,
+    means: MeanResiduals,
 ) -> Registration:
     """Return the registration with the innovations and the scatter of pairs (m,)."""
     square = stated_squares(assigned, before.stated_rad(assigned.sigma_rad, sensor))
@@ -243,7 +297,9 @@ def _with_innovations(
 
 
 def _apart(now: Registration, tracks: Followed, vantages: Vantages) -> FloatArray:
-    """Return the largest deviations (s,), rad, that the errors leave between a sensor and the others, over tracks."""
+    """Return the largest deviations (s,), rad, that the errors leave between a sensor and the
+    others, over tracks.
+    """
     rows = np.flatnonzero(tracks.seen.sum(axis=1) > 1)
     if not now.known.covariance.any():
         return np.zeros_like(now.apart_rad)
@@ -253,11 +309,19 @@ def _apart(now: Registration, tracks: Followed, vantages: Vantages) -> FloatArra
     square = np.sum(off * off, axis=2)
     along = np.sum(off * (left @ off[..., None])[..., 0], axis=2) / square
     across = np.trace(left, axis1=2, axis2=3) - along
-    return np.asarray(np.sqrt(np.max(np.where(tracks.seen[rows], 0.5 * across / square, 0.0), axis=0, initial=0.0)))
+    return np.asarray(
+        np.sqrt(
+            np.max(np.where(tracks.seen[rows], 0.5 * across / square, 0.0), axis=0, initial=0.0)
+        )
+    )
 
 
-def shifted(estimates: ModeEstimates, change: FloatArray, tracks: Followed, vantages: Vantages) -> ModeEstimates:
-    """Return estimates (n,) after a change (q,) of the errors that are taken off the lines that they were made of."""
+def shifted(
+    estimates: ModeEstimates, change: FloatArray, tracks: Followed, vantages: Vantages
+) -> ModeEstimates:
+    """Return estimates (n,) after a change (q,) of the errors that are taken off the lines that
+    they were made of.
+    """
     if not len(estimates) or not change.any():
         return estimates
     moved = state_shifts(tracks.state, tracks.seen, vantages) @ change

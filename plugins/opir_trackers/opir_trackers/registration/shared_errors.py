@@ -1,7 +1,9 @@
-"""Errors that all lines of sight of a sensor share, and what they do to directions and to positions.
+"""Errors that all lines of sight of a sensor share, and what they do to directions and to
+positions.
 
-Each sensor has three: the angles by which it is turned, so that a line of sight to nadir moves east and north, rad, and
-the offset of its clock, s: what it stamps less what is right. They are small: all is linear in them.
+Each sensor has three: the angles by which it is turned, so that a line of sight to nadir moves east
+and north, rad, and the offset of its clock, s: what it stamps less what is right. They are small:
+all is linear in them.
 """
 
 from collections.abc import Sequence
@@ -26,7 +28,8 @@ _HALF_S = 0.5
 
 
 class Vantages(NamedTuple):
-    """Sensors (s,) at a time: inertial positions (s, 3), axes (s, 3, 3) east, north, up, and velocities over the Earth.
+    """Sensors (s,) at a time: inertial positions (s, 3), axes (s, 3, 3) east, north, up, and
+    velocities over the Earth.
 
     `weight` (s,) is that of their angles, 1/rad² per second.
     """
@@ -52,7 +55,8 @@ class Vantages(NamedTuple):
         )
 
     def displacements(self, position_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
-        """Return how far (n, s, 3, 3), m, each sensor's errors of 1 rad and 1 s move what it sees of targets (n, 3).
+        """Return how far (n, s, 3, 3), m, each sensor's errors of 1 rad and 1 s move what it sees
+        of targets (n, 3).
 
         Positions and velocities are inertial; the last axis is the error.
         """
@@ -65,14 +69,19 @@ class Vantages(NamedTuple):
         clock = self.velocity_m_s - over_ground[:, None]
         return np.stack([np.cross(apart, north), np.cross(east, apart), clock], axis=3)
 
-    def shifts(self, position_m: FloatArray, velocity_m_s: FloatArray, seen: BoolArray) -> FloatArray:
-        """Return the shifts (n, 3, 3 s), m, of triangulated positions (n, 3) by all errors of 1 rad and 1 s.
+    def shifts(
+        self, position_m: FloatArray, velocity_m_s: FloatArray, seen: BoolArray
+    ) -> FloatArray:
+        """Return the shifts (n, 3, 3 s), m, of triangulated positions (n, 3) by all errors of 1 rad
+        and 1 s.
 
         `seen` (n, s) marks the sensors that see each target.
         """
         turn = shifts_of_positions(position_m, self.origin_m, seen, self.weight)
         moved = turn @ self.displacements(position_m, velocity_m_s)
-        return np.asarray(moved.transpose(0, 2, 1, 3).reshape(*position_m.shape, ERRORS * seen.shape[1]))
+        return np.asarray(
+            moved.transpose(0, 2, 1, 3).reshape(*position_m.shape, ERRORS * seen.shape[1])
+        )
 
 
 def corrected(lines: LinesOfSight, error: FloatArray) -> LinesOfSight:
@@ -83,7 +92,9 @@ def corrected(lines: LinesOfSight, error: FloatArray) -> LinesOfSight:
 
 
 def turned_back(direction: FloatArray, origin_m: FloatArray, error: FloatArray) -> FloatArray:
-    """Return unit vectors (n, 3) from sensors at positions (n, 3), all in ECEF, less angles of errors (n, 3)."""
+    """Return unit vectors (n, 3) from sensors at positions (n, 3), all in ECEF, less angles of
+    errors (n, 3).
+    """
     axes = local_axes(origin_m)
     turn = error[:, 1:2] * axes[:, 0] - error[:, :1] * axes[:, 1]
     moved = direction - np.cross(turn, direction)

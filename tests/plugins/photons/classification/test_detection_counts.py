@@ -17,7 +17,8 @@ CHANCES = {
     "late": np.repeat([0.0, 0.8], MOMENTS // 2),
 }
 
-#: Confidence of all comparisons of one test together, and the standard normal quantile of one of them.
+#: Confidence of all comparisons of one test together, and the standard normal quantile of one of
+#: them.
 CONFIDENCE = 0.999
 QUANTILE = float(norm.isf(0.5 * (1.0 - CONFIDENCE) / (2 * MOMENTS)))
 
@@ -25,7 +26,9 @@ BURNS = 20_000
 
 
 def counts_so_far(chance: Array, looks: int) -> list[Array]:
-    """Return the counts (n,) at a detection in each step of a burn, from one look at random in the step per burn."""
+    """Return the counts (n,) at a detection in each step of a burn, from one look at random in the
+    step per burn.
+    """
     rng = np.random.default_rng([7, looks])
     hits = rng.random((BURNS, MOMENTS * looks)) < np.repeat(chance, looks)
     counts = np.cumsum(hits, axis=1)
@@ -45,7 +48,10 @@ def test_counts_have_the_mean_and_variance_of_bernoulli_looks(name: str, looks: 
     period_s = 2.5
     launches = np.stack([np.zeros(MOMENTS), chance])
     step_s = np.full(launches.size, looks * period_s)
-    mean, variance = (column.reshape(2, -1)[1] for column in type_densities._counts(launches.ravel(), step_s, period_s))
+    mean, variance = (
+        column.reshape(2, -1)[1]
+        for column in type_densities._counts(launches.ravel(), step_s, period_s)
+    )
     for step, counts in enumerate(counts_so_far(chance, looks)):
         if chance[step] == 0.0:
             continue
@@ -61,7 +67,8 @@ def test_looks_farther_apart_than_steps_are_counted_by_the_burns_length() -> Non
     mean, variance = type_densities._counts(np.ones(MOMENTS), np.full(MOMENTS, 1.0), 4.0)
     steps = np.arange(MOMENTS)
     assert abs(np.mean(mean - (1.0 + steps // 4))) < 1e-12
-    # The rounding of the time in periods has a variance of 1/12, the place in a step one of 1/16 of that.
+    # The rounding of the time in periods has a variance of 1/12, the place in a step one of 1/16 of
+    # that.
     assert np.allclose(variance, (1.0 + 1.0 / 16.0) / 12.0, rtol=1e-12)
 
 

@@ -9,10 +9,13 @@ from opir_photons.classification.type_densities import elevation_bin, log_noise_
 @pytest.mark.parametrize("radius_m", [7.0e6, 4.2164e7])
 def test_false_alarms_lie_at_elevations_as_directions_drawn_over_the_disc(radius_m):
     rng = np.random.default_rng(3)
-    # Directions over the sphere that meet the Earth, from their closest approach and the distance along them.
+    # Directions over the sphere that meet the Earth, from their closest approach and the distance
+    # along them.
     down = rng.uniform(np.sqrt(1.0 - (EARTH_RADIUS_M / radius_m) ** 2), 1.0, 400_000)
     nearest_m = radius_m * np.sqrt(1.0 - down**2)
     sine = np.sqrt(1.0 - (nearest_m / EARTH_RADIUS_M) ** 2)
     counts = np.bincount(elevation_bin(sine), minlength=4) / len(sine)
-    ground = np.bincount(elevation_bin(rng.uniform(LOWEST_SINE, 1.0, 400_000)), minlength=4) / 400_000
+    ground = (
+        np.bincount(elevation_bin(rng.uniform(LOWEST_SINE, 1.0, 400_000)), minlength=4) / 400_000
+    )
     np.testing.assert_allclose(np.exp(log_noise_shares(radius_m)), counts / ground, rtol=0.05)

@@ -1,4 +1,6 @@
-"""The classifier `spectral`: densities and Bayes' rule against closed forms, extremes, thresholds, tracks."""
+"""The classifier `spectral`: densities and Bayes' rule against closed forms, extremes, thresholds,
+tracks.
+"""
 
 import json
 import math
@@ -11,7 +13,10 @@ from hypothesis import given, strategies as st
 from numpy.typing import NDArray
 from opir_photons.classification.configs import PosteriorConfig, SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture
-from opir_photons.classification.posterior_confidence import PosteriorConfidence, posterior_confidence
+from opir_photons.classification.posterior_confidence import (
+    PosteriorConfidence,
+    posterior_confidence,
+)
 from opir_photons.classification.priors import GROUP_SHARES, launch_shares
 from opir_photons.classification.spectral import SpectralClassifier
 from opir_photons.classification.synthetic_looks import low_discrepancy_points
@@ -44,12 +49,14 @@ def one(log_weight: float, mean: list[float], sigma: list[float]) -> Components:
     return Components(np.array([log_weight]), np.array([mean]), np.diag(np.square(sigma))[None])
 
 
-#: Hypotheses of three missile types and a launch into space; their numbers, and those of the others.
+#: Hypotheses of three missile types and a launch into space; their numbers, and those of the
+#: others.
 HYPOTHESES = hypotheses_of(core_target_class(name) for name in ("SRBM", "IRBM", "ICBM", "SLV"))
 NAMES = [each.name for each in HYPOTHESES]
 NOISE, GROUND, BOLIDE, SRBM, IRBM, ICBM, SLV, NONE = range(len(HYPOTHESES))
 
-#: Reported events, 1/s: of flights (SRBM, IRBM, ICBM, SLV), and of a source detected 200 times on average.
+#: Reported events, 1/s: of flights (SRBM, IRBM, ICBM, SLV), and of a source detected 200 times on
+#: average.
 FLIGHT_RATES = np.array([0.2, 0.3, 0.4, 0.1])
 OTHER_RATE = 0.1
 MEAN_COUNT = 200.0
@@ -58,7 +65,9 @@ NEVER = -1e9
 
 
 def rates(*, noise: float = NEVER, unknown: float = NEVER) -> EventRates:
-    """Return rates of flights, of the one kind of sources, of noise, and of what is none of these."""
+    """Return rates of flights, of the one kind of sources, of noise, and of what is none of
+    these.
+    """
     log_rates = np.full((len(HYPOTHESES), 7), -np.inf)
     log_rates[[SRBM, IRBM, ICBM, SLV], range(4)] = np.log(FLIGHT_RATES)
     log_rates[[GROUND, NOISE, NONE], [4, 5, 6]] = np.log(OTHER_RATE), noise, unknown
@@ -66,11 +75,17 @@ def rates(*, noise: float = NEVER, unknown: float = NEVER) -> EventRates:
 
 
 def known_bank(**changes: Any) -> TypeDensities:
-    """Return a bank of one component a flight, seen equally long, and one of anything else, in one band and a count."""
+    """Return a bank of one component a flight, seen equally long, and one of anything else, in one
+    band and a count.
+    """
     flights = [[one(0.0, [mean, 50.0], [3.0, 40.0])] for mean in (30.0, 60.0, 100.0, 140.0)]
     plumes = Mixture.of([[part for (part,) in flights]] * PLACES)
-    others = Mixture.of([[one(0.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(0.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES)
-    return evolve(TypeDensities(1, plumes, np.zeros((PLACES, 4)), others, 1000.0, rates()), **changes)
+    others = Mixture.of(
+        [[one(0.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(0.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES
+    )
+    return evolve(
+        TypeDensities(1, plumes, np.zeros((PLACES, 4)), others, 1000.0, rates()), **changes
+    )
 
 
 def known_classifier(**changes: Any) -> SpectralClassifier:
@@ -111,7 +126,9 @@ def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
         detection_count=np.broadcast_to(np.asarray(count, dtype=np.int32), (rows,)),
         snr=zeros,
         band_irradiance_w_m2=signal / RANGE_M**2,
-        band_noise_w_m2=np.broadcast_to(np.atleast_2d(np.asarray(noise, dtype=np.float64).T).T, signal.shape)
+        band_noise_w_m2=np.broadcast_to(
+            np.atleast_2d(np.asarray(noise, dtype=np.float64).T).T, signal.shape
+        )
         / RANGE_M**2,
     )
 
@@ -125,10 +142,17 @@ def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None
     counted = norm.pdf(count, 50.0, 40.0) + norm.pdf(1 - count, 50.0, 40.0)
     like = norm.pdf(measured[:, None], [30.0, 60.0, 100.0, 140.0], np.hypot(3.0, noise)) * counted
     launched = FLIGHT_RATES * like
-    other = OTHER_RATE * norm.pdf(measured, 45.0, np.hypot(30.0, noise)) * np.exp(-count / MEAN_COUNT) / MEAN_COUNT
+    other = (
+        OTHER_RATE
+        * norm.pdf(measured, 45.0, np.hypot(30.0, noise))
+        * np.exp(-count / MEAN_COUNT)
+        / MEAN_COUNT
+    )
     every = np.column_stack([other, launched])
     of_these = [GROUND, SRBM, IRBM, ICBM, SLV]
-    assert np.allclose(np.exp(log[:, of_these]), every / every.sum(axis=1, keepdims=True), rtol=1e-12)
+    assert np.allclose(
+        np.exp(log[:, of_these]), every / every.sum(axis=1, keepdims=True), rtol=1e-12
+    )
     types = known_classifier().over_types(log, REPORTED_TYPES)
     odds = launched[:, :3].sum(axis=1) / (launched[:, 3] + other)
     assert np.allclose(known_classifier().log_odds(types), np.log(odds), rtol=1e-10)
@@ -146,7 +170,9 @@ def test_noise_consists_of_as_many_detections_as_the_sensor_needs() -> None:
 def test_a_count_tells_types_apart_that_bands_do_not() -> None:
     flights = [[one(0.0, [50.0, mean], [3.0, 20.0])] for mean in (60.0, 150.0, 300.0, 600.0)]
     bank = known_bank(plumes=Mixture.of([[part for (part,) in flights]] * PLACES))
-    log = known_classifier(banks=(bank,)).log_posterior(sightings([50.0] * 4, 1.0, [60, 150, 300, 600]))
+    log = known_classifier(banks=(bank,)).log_posterior(
+        sightings([50.0] * 4, 1.0, [60, 150, 300, 600])
+    )
     assert [NAMES[row] for row in np.argmax(log, axis=1)] == ["SRBM", "IRBM", "ICBM", "SLV"]
 
 
@@ -162,14 +188,17 @@ def test_an_intensity_unlike_everything_known_raises_none_of_these() -> None:
 def test_the_density_of_none_is_a_log_uniform_intensity_in_noise(sigma: float) -> None:
     log_s = np.linspace(np.log(LEAST_W_SR), np.log(MOST_W_SR), 400_001)
     measured = np.array([-2.0, 0.5, 3.0, 7.0, 20.0]) * sigma + np.array([0.0, 0.0, 0.0, 0.0, 30.0])
-    # Where neither limit is near: below and above it the density goes on, while intensities end there.
+    # Where neither limit is near: below and above it the density goes on, while intensities end
+    # there.
     for y in measured[((measured > 10.0) | (sigma > 100.0)) & (measured < 1e8)]:
         exact = np.trapezoid(norm.pdf(y, np.exp(log_s), sigma), log_s) / (log_s[-1] - log_s[0])
         found = np.exp(log_uniform_in_noise(np.array([y]), np.array([sigma**2])))[0]
         assert found == pytest.approx(exact, rel=0.03)
 
 
-def test_missiles_are_summed_by_the_type_that_they_report_as_and_space_launches_are_no_missile() -> None:
+def test_missiles_are_summed_by_the_type_that_they_report_as_and_space_launches_are_no_missile() -> (
+    None
+):
     hypotheses = core_hypotheses()
     chance = np.arange(1.0, 1.0 + len(hypotheses))
     log = np.log(chance / chance.sum())[None]
@@ -179,7 +208,8 @@ def test_missiles_are_summed_by_the_type_that_they_report_as_and_space_launches_
     assert paper[1] == pytest.approx(by_name["IRBM"] + by_name["MRBM"] + by_name["HGV"])
     assert paper[2] == pytest.approx(by_name["SRBM"])
     assert paper[3] == pytest.approx(
-        by_name["SLV"] + sum(by_name[name] for name in ("noise", "ground source", "bolide", "none of these"))
+        by_name["SLV"]
+        + sum(by_name[name] for name in ("noise", "ground source", "bolide", "none of these"))
     )
     types = (*REPORTED_TYPES, "HGV", "MRBM", "SLBM", "SLV")
     classes = np.exp(known_classifier(hypotheses=hypotheses).over_types(log, types))[0]
@@ -192,7 +222,9 @@ def test_classes_are_reported_where_the_scene_reports_classes() -> None:
     assert known_classifier().reported(log).tolist() == [UNKNOWN_TYPE]
     finer = known_classifier(reported_types=classes)
     assert [classes[code] for code in finer.reported(log)] == ["SLV"]
-    assert PosteriorConfidence(finer, classes).of_types(finer.reported(log), log) == pytest.approx([0.9])
+    assert PosteriorConfidence(finer, classes).of_types(finer.reported(log), log) == pytest.approx(
+        [0.9]
+    )
 
 
 @pytest.mark.parametrize("bands", [1, 2, 3, 8])
@@ -202,13 +234,19 @@ def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
     rows = 5
     for _ in range(3):
         root = rng.standard_normal((4, bands + 1, bands + 1))
-        parts.append(Components(rng.standard_normal(4), rng.standard_normal((4, bands + 1)) * 3.0, root @ root.mT))
+        parts.append(
+            Components(
+                rng.standard_normal(4), rng.standard_normal((4, bands + 1)) * 3.0, root @ root.mT
+            )
+        )
     mixture = Mixture.of([parts])
     signal = rng.standard_normal((rows, bands))
     variance = rng.random((rows, bands))
     count = rng.standard_normal(rows)
     seen, counted = mixture.log_densities(np.zeros(rows, dtype=np.int64), signal, variance, count)
-    every = [(w, m, c) for p in parts for w, m, c in zip(p.log_weight, p.mean, p.covariance, strict=True)]
+    every = [
+        (w, m, c) for p in parts for w, m, c in zip(p.log_weight, p.mean, p.covariance, strict=True)
+    ]
     for row in range(rows):
         for column, (weight, mean, covariance) in enumerate(every):
             whole = covariance + np.diag([*variance[row], 0.0])
@@ -236,8 +274,15 @@ def test_ratios_are_exact_where_probabilities_are_no_doubles() -> None:
     assert np.isfinite(log[:, [GROUND, SRBM, IRBM, ICBM, SLV]]).all()
     for row, y in enumerate((3000.0, -3000.0)):
         count = np.logaddexp(norm.logpdf(50.0, 50.0, 40.0), norm.logpdf(-49.0, 50.0, 40.0))
-        launched = logsumexp(norm.logpdf(y, [30.0, 60.0, 100.0, 140.0], 3.0), b=FLIGHT_RATES) + count
-        expected = launched - norm.logpdf(y, 45.0, 30.0) - np.log(OTHER_RATE / MEAN_COUNT) + 50.0 / MEAN_COUNT
+        launched = (
+            logsumexp(norm.logpdf(y, [30.0, 60.0, 100.0, 140.0], 3.0), b=FLIGHT_RATES) + count
+        )
+        expected = (
+            launched
+            - norm.logpdf(y, 45.0, 30.0)
+            - np.log(OTHER_RATE / MEAN_COUNT)
+            + 50.0 / MEAN_COUNT
+        )
         assert expected < -1e5
         found = logsumexp(log[row, SRBM : SLV + 1]) - log[row, GROUND]
         assert found == pytest.approx(expected, rel=1e-9)
@@ -248,7 +293,9 @@ def test_ratios_are_exact_where_probabilities_are_no_doubles() -> None:
     st.sampled_from([0.0, 1e-12, 1e-6, 1.0, 1e6, 1e12]),
     st.integers(1, 2**31 - 1),
 )
-def test_posteriors_are_probabilities_whatever_is_measured(snr: list[float], noise: float, count: int) -> None:
+def test_posteriors_are_probabilities_whatever_is_measured(
+    snr: list[float], noise: float, count: int
+) -> None:
     seen = sightings(np.array(snr) * (noise or 1.0), noise, count)
     classifier = known_classifier()
     log = classifier.log_posterior(seen)
@@ -264,7 +311,11 @@ def test_an_unlikely_type_is_unknown() -> None:
     chances = [(0.89, 0.05, 0.05, 0.01), (0.91, 0.04, 0.04, 0.01), (0.02, 0.02, 0.02, 0.94)]
     names = ("ICBM", "IRBM", "SRBM", "none of these")
     log = np.concatenate([posterior(**dict(zip(names, row, strict=True))) for row in chances])
-    assert [REPORTED_TYPES[code] for code in classifier.reported(log)] == ["UNKNOWN", "ICBM", "UNKNOWN"]
+    assert [REPORTED_TYPES[code] for code in classifier.reported(log)] == [
+        "UNKNOWN",
+        "ICBM",
+        "UNKNOWN",
+    ]
 
 
 def test_odds_below_the_threshold_are_unknown() -> None:
@@ -282,7 +333,9 @@ def test_the_motion_of_a_track_takes_the_place_of_the_prior() -> None:
     revised = classifier.revised(log, of_track)
     missiles = [ICBM, IRBM, SRBM]
     like = np.exp(log[0, missiles]) / np.array([0.4, 0.3, 0.2]) * of_track[0, :3]
-    assert np.allclose(np.exp(revised[0, missiles]), like / like.sum() * np.exp(log[0, missiles]).sum())
+    assert np.allclose(
+        np.exp(revised[0, missiles]), like / like.sum() * np.exp(log[0, missiles]).sum()
+    )
     # Whether it is a missile is for its light to say, and a track that knows nothing says nothing.
     rest = [NOISE, GROUND, BOLIDE, SLV, NONE]
     assert np.array_equal(revised[0, rest], log[0, rest])
@@ -317,7 +370,9 @@ def test_confidence_is_the_probability_of_what_is_reported() -> None:
     reported = classifier.reported(log)
     assert {0, UNKNOWN_TYPE} <= set(reported.tolist())
     expected = np.exp(classifier.over_types(log, REPORTED_TYPES))[np.arange(4), reported]
-    assert np.array_equal(PosteriorConfidence(classifier).confidence(seen), np.minimum(expected, 1.0))
+    assert np.array_equal(
+        PosteriorConfidence(classifier).confidence(seen), np.minimum(expected, 1.0)
+    )
 
 
 #: A detection of a track and one of none, alike.
@@ -326,9 +381,13 @@ ALIKE = np.repeat(posterior(ICBM=0.8, IRBM=0.1, SRBM=0.05, SLV=0.05), 2, axis=0)
 
 def judged(**changes: Any) -> Any:
     """Return two detections with the posteriors `ALIKE`, the first of a track."""
-    detections = stub_window(2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8)).detections
+    detections = stub_window(
+        2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8)
+    ).detections
     types = known_classifier().over_types(ALIKE, REPORTED_TYPES)
-    return evolve(detections, type_log_probability=types, hypothesis_log_probability=ALIKE, **changes)
+    return evolve(
+        detections, type_log_probability=types, hypothesis_log_probability=ALIKE, **changes
+    )
 
 
 def test_confidence_follows_when_motion_revises_types() -> None:
@@ -348,7 +407,8 @@ def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burn
     assert found.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
     assert np.array_equal(found.hypothesis_log_probability[1], ALIKE[1])
     assert np.array_equal(
-        classifier.over_types(found.hypothesis_log_probability, REPORTED_TYPES), found.type_log_probability
+        classifier.over_types(found.hypothesis_log_probability, REPORTED_TYPES),
+        found.type_log_probability,
     )
     assert np.allclose(found.type_probability.sum(axis=1), 1.0)
 
@@ -356,7 +416,9 @@ def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burn
 def test_points_fill_the_cube_evenly() -> None:
     points = low_discrepancy_points(2000, 5)
     assert np.all((points > 0.0) & (points < 1.0))
-    shares: NDArray[np.float64] = np.array([np.histogram(column, 10, (0.0, 1.0))[0] for column in points.T]) / 2000
+    shares: NDArray[np.float64] = (
+        np.array([np.histogram(column, 10, (0.0, 1.0))[0] for column in points.T]) / 2000
+    )
     assert np.all(np.abs(shares - 0.1) < 0.005)
 
 
@@ -370,24 +432,41 @@ def test_a_prior_is_checked_when_it_is_read() -> None:
 
 
 def test_a_prior_for_a_class_that_does_not_exist_names_those_that_do() -> None:
-    scene = bench_scene(detection="snr", classification={"model": "spectral", "prior": {"ICBM": 0.5, "MRBN": 0.5}})
-    with pytest.raises(ModelError, match=r"prior: 'MRBN' is no target class; the nearest is 'MRBM'; these are .*SLV"):
+    scene = bench_scene(
+        detection="snr", classification={"model": "spectral", "prior": {"ICBM": 0.5, "MRBN": 0.5}}
+    )
+    with pytest.raises(
+        ModelError,
+        match=r"prior: 'MRBN' is no target class; the nearest is 'MRBM'; these are .*SLV",
+    ):
         compile_plan(opir.scene_from_mapping(scene))
 
 
 def test_shares_of_launches_are_equal_over_the_missile_types() -> None:
     hypotheses = core_hypotheses()
-    share = dict(zip([each.name for each in hypotheses], launch_shares({}, hypotheses), strict=True))
+    share = dict(
+        zip([each.name for each in hypotheses], launch_shares({}, hypotheses), strict=True)
+    )
     assert math.fsum(share.values()) == pytest.approx(1.0)
     third = GROUP_SHARES["missile"] / 3.0
-    assert [share["ICBM"] + share["SLBM"], share["IRBM"] + share["MRBM"], share["SRBM"]] == pytest.approx([third] * 3)
-    assert [share["SLV"], share["HGV"], share["noise"]] == [GROUP_SHARES["orbit"], GROUP_SHARES["glide"], 0.0]
+    assert [
+        share["ICBM"] + share["SLBM"],
+        share["IRBM"] + share["MRBM"],
+        share["SRBM"],
+    ] == pytest.approx([third] * 3)
+    assert [share["SLV"], share["HGV"], share["noise"]] == [
+        GROUP_SHARES["orbit"],
+        GROUP_SHARES["glide"],
+        0.0,
+    ]
 
 
 @pytest.mark.slow
 def test_a_class_without_a_share_is_not_expected() -> None:
     prior = {"ICBM": 0.5, "SRBM": 0.5}
-    scene = bench_scene(detection="snr", classification={"model": "spectral", "prior": prior, "launches": 8})
+    scene = bench_scene(
+        detection="snr", classification={"model": "spectral", "prior": prior, "launches": 8}
+    )
     run = opir.simulate(opir.scene_from_mapping(scene))
     chance = np.exp(run.detections.hypothesis_log_probability).max(axis=0)
     names = [each.name for each in compile_plan(opir.scene_from_mapping(scene)).hypotheses]
@@ -396,16 +475,24 @@ def test_a_class_without_a_share_is_not_expected() -> None:
     assert not {"IRBM", "MRBM", "SLBM", "HGV", "SLV"} & possible
 
 
-@pytest.mark.parametrize(("detection", "name"), [("constant", "paper"), ("snr", "spectral"), ("always", "paper")])
-def test_a_detection_model_that_measures_irradiance_brings_its_classifier(detection: str, name: str) -> None:
+@pytest.mark.parametrize(
+    ("detection", "name"), [("constant", "paper"), ("snr", "spectral"), ("always", "paper")]
+)
+def test_a_detection_model_that_measures_irradiance_brings_its_classifier(
+    detection: str, name: str
+) -> None:
     mapping = bench_scene(detection=detection)
     del mapping["classification"]
     scene = opir.scene_from_mapping(mapping)
     assert scene.classification.name == name
-    plain = opir.scene_from_mapping({**mapping, "detection": "constant"}, overrides=[f"detection={detection}"])
+    plain = opir.scene_from_mapping(
+        {**mapping, "detection": "constant"}, overrides=[f"detection={detection}"]
+    )
     assert plain.classification.name == name
     assert opir.scene_from_mapping(scene_mapping(scene)) == scene
-    assert opir.scene_from_mapping({**mapping, "classification": "none"}).classification.name == "none"
+    assert (
+        opir.scene_from_mapping({**mapping, "classification": "none"}).classification.name == "none"
+    )
 
 
 def test_a_setting_of_the_default_classifier_is_overridden() -> None:
@@ -434,14 +521,24 @@ def test_events_carry_the_probabilities_and_others_are_as_they_were() -> None:
     order = [name for name in detection_schema()["properties"] if name in after]
     assert list(after) == order
     assert set(after) - set(before) == {"type_probability"}
-    assert after.pop("type_probability") == {"ICBM": 0.8, "IRBM": 0.1, "SRBM": 0.05, "UNKNOWN": 0.05}
+    assert after.pop("type_probability") == {
+        "ICBM": 0.8,
+        "IRBM": 0.1,
+        "SRBM": 0.05,
+        "UNKNOWN": 0.05,
+    }
     assert after == before
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("nei_w_m2", [0.0, 1e-30, 1e6])
 def test_no_noise_and_enormous_noise_are_judged(nei_w_m2: float) -> None:
-    sensor = {"model": "generic-scanner", "id": "S", "orbital_slot_deg": -100.0, "nei_w_m2": nei_w_m2}
+    sensor = {
+        "model": "generic-scanner",
+        "id": "S",
+        "orbital_slot_deg": -100.0,
+        "nei_w_m2": nei_w_m2,
+    }
     scene = bench_scene(
         sensors=[{**sensor, "scan_period_ms": 5000.0}],
         detection={"model": "snr", "exact": True},
@@ -457,7 +554,9 @@ def test_no_noise_and_enormous_noise_are_judged(nei_w_m2: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, 0.01])
 def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: float) -> None:
-    """Sources of the classifier's own prior, through the engine: at most the share, within 99.9 %, by kind."""
+    """Sources of the classifier's own prior, through the engine: at most the share, within 99.9 %,
+    by kind.
+    """
     rng = np.random.default_rng(5)
     rows = [
         {
@@ -466,7 +565,9 @@ def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: floa
             "temperature_k": float(rng.uniform(800.0, 1200.0)),
             "area_m2": float(1800.0 * np.exp(1.5 * rng.standard_normal())),
         }
-        for latitude, longitude in zip(rng.uniform(-60.0, 60.0, 600), rng.uniform(-60.0, 60.0, 600), strict=True)
+        for latitude, longitude in zip(
+            rng.uniform(-60.0, 60.0, 600), rng.uniform(-60.0, 60.0, 600), strict=True
+        )
     ]
     sensor = {
         "model": "generic-scanner",
@@ -483,7 +584,11 @@ def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: floa
             "targets": [],
             "sources": [{"id": "F", "model": "fires", "emissivity": 1.0, "at": rows}],
             "detection": "snr",
-            "classification": {"model": "spectral", "confidence": 0.0, "false_source_probability": share},
+            "classification": {
+                "model": "spectral",
+                "confidence": 0.0,
+                "false_source_probability": share,
+            },
             "atmosphere": "lowtran",
             "outputs": [],
         }
@@ -497,5 +602,7 @@ def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: floa
 
 def test_posteriors_need_a_classifier_with_probabilities() -> None:
     context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
-    with pytest.raises(ModelError, match="choose classification: spectral, or confidence: weighted"):
+    with pytest.raises(
+        ModelError, match="choose classification: spectral, or confidence: weighted"
+    ):
         posterior_confidence(PosteriorConfig(), context)

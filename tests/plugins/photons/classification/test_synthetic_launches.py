@@ -1,6 +1,8 @@
-"""Synthetic launches: ground points and aim points against rotations and geodesics on a sphere, and how even they are.
+"""Synthetic launches: ground points and aim points against rotations and geodesics on a sphere, and
+how even they are.
 
-The low-discrepancy points are required to be evener than 99.9 % of all samples of independent points.
+The low-discrepancy points are required to be evener than 99.9 % of all samples of independent
+points.
 """
 
 from typing import Any
@@ -38,7 +40,9 @@ Array = NDArray[np.float64]
 
 
 def kolmogorov_distance(values: Array) -> float:
-    """Return the largest difference between the empirical distribution of values (n,) and the uniform one on [0, 1]."""
+    """Return the largest difference between the empirical distribution of values (n,) and the
+    uniform one on [0, 1].
+    """
     ordered = uniform.cdf(np.sort(values))
     count = len(values)
     above = np.arange(1, count + 1) / count - ordered
@@ -51,12 +55,20 @@ def assert_even(values: Array) -> None:
 
 
 def on_the_sphere_m(site: Geodetic) -> Array:
-    """Return the points (n, 3) of the sphere above or below sites on the ellipsoid, along the ellipsoid's normals."""
+    """Return the points (n, 3) of the sphere above or below sites on the ellipsoid, along the
+    ellipsoid's normals.
+    """
     sine = np.sin(site.latitude_rad)
     cosine = np.cos(site.latitude_rad)
-    normal = np.stack([cosine * np.cos(site.longitude_rad), cosine * np.sin(site.longitude_rad), sine], axis=1)
+    normal = np.stack(
+        [cosine * np.cos(site.longitude_rad), cosine * np.sin(site.longitude_rad), sine], axis=1
+    )
     squared = FLATTENING * (2.0 - FLATTENING)
-    foot = normal * (MAJOR_AXIS_M / np.sqrt(1.0 - squared * sine**2))[:, None] * [1.0, 1.0, 1.0 - squared]
+    foot = (
+        normal
+        * (MAJOR_AXIS_M / np.sqrt(1.0 - squared * sine**2))[:, None]
+        * [1.0, 1.0, 1.0 - squared]
+    )
     # |foot + h normal| is the sphere's radius.
     along = np.sum(foot * normal, axis=1)
     length = np.sum(foot * foot, axis=1)
@@ -66,22 +78,33 @@ def on_the_sphere_m(site: Geodetic) -> Array:
 
 @pytest.fixture(scope="module", params=[GEOSTATIONARY_M, LOW_M], ids=["geostationary", "low"])
 def placed(request: pytest.FixtureRequest) -> tuple[float, Array, Array, Geodetic]:
-    """Return a satellite radius, the drawn points, and the satellites and ground points made of them."""
+    """Return a satellite radius, the drawn points, and the satellites and ground points made of
+    them.
+    """
     drawn = low_discrepancy_points(POINTS, 3)
     return request.param, drawn, *synthetic_looks._sites(request.param, drawn)
 
 
-def test_ground_points_are_satellites_turned_by_rotations(placed: tuple[float, Array, Array, Geodetic]) -> None:
+def test_ground_points_are_satellites_turned_by_rotations(
+    placed: tuple[float, Array, Array, Geodetic],
+) -> None:
     radius_m, drawn, sensor_m, site = placed
     ground_m = on_the_sphere_m(site)
     turns = 2.0 * np.pi * drawn[:, 0]
     assert np.allclose(
-        sensor_m, Rotation.from_euler("z", turns[:, None]).apply([radius_m, 0.0, 0.0]), rtol=0.0, atol=1e-6
+        sensor_m,
+        Rotation.from_euler("z", turns[:, None]).apply([radius_m, 0.0, 0.0]),
+        rtol=0.0,
+        atol=1e-6,
     )
     # Above longitude 0 a point moves north by a turn about -y, and then clockwise by one about -x.
     away = sensor_m - ground_m
-    angle = np.arctan2(np.linalg.norm(np.cross(sensor_m, ground_m), axis=1), np.sum(sensor_m * ground_m, axis=1))
-    turned = Rotation.from_euler("yxz", np.stack([-angle, -2.0 * np.pi * drawn[:, 2], turns], axis=1))
+    angle = np.arctan2(
+        np.linalg.norm(np.cross(sensor_m, ground_m), axis=1), np.sum(sensor_m * ground_m, axis=1)
+    )
+    turned = Rotation.from_euler(
+        "yxz", np.stack([-angle, -2.0 * np.pi * drawn[:, 2], turns], axis=1)
+    )
     assert np.allclose(ground_m, turned.apply([RADIUS_M, 0.0, 0.0]), rtol=0.0, atol=1e-3)
     sine = np.sum(away * ground_m, axis=1) / (RADIUS_M * np.linalg.norm(away, axis=1))
     assert np.allclose(sine, 0.02 + 0.98 * drawn[:, 1], rtol=0.0, atol=1e-9)
@@ -108,7 +131,9 @@ def aims_of(drawn: Array) -> tuple[Geodetic, Geodetic, list[str]]:
     """Return sites at all latitudes, with the aim points of every class profile in turn."""
     rng = np.random.default_rng(21)
     count = len(drawn)
-    site = Geodetic(np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count), np.zeros(count))
+    site = Geodetic(
+        np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count), np.zeros(count)
+    )
     names = [PROFILES[row % len(PROFILES)] for row in range(count)]
     return site, synthetic_looks._aims(site, [boost_profile(name) for name in names], drawn), names
 
@@ -129,7 +154,8 @@ def test_aim_points_are_geodesics_of_the_drawn_direction_and_range_on_a_sphere()
         north = aim.latitude_rad[row] - other[0]
         east = aim.longitude_rad[row] - other[1]
         haversine = (
-            np.sin(0.5 * north) ** 2 + np.cos(aim.latitude_rad[row]) * np.cos(other[0]) * np.sin(0.5 * east) ** 2
+            np.sin(0.5 * north) ** 2
+            + np.cos(aim.latitude_rad[row]) * np.cos(other[0]) * np.sin(0.5 * east) ** 2
         )
         assert 2.0 * RADIUS_M * np.arcsin(np.sqrt(haversine)) < 1.0
     assert np.all(aim.height_m == 0.0)
@@ -141,7 +167,11 @@ def test_aim_points_lie_in_all_directions_and_ranges_more_evenly_than_by_chance(
     turned = Rotation.from_euler("zy", np.stack([-site.longitude_rad, site.latitude_rad], axis=1))
     cosine = np.cos(aim.latitude_rad)
     toward = np.stack(
-        [cosine * np.cos(aim.longitude_rad), cosine * np.sin(aim.longitude_rad), np.sin(aim.latitude_rad)]
+        [
+            cosine * np.cos(aim.longitude_rad),
+            cosine * np.sin(aim.longitude_rad),
+            np.sin(aim.latitude_rad),
+        ]
     )
     up, east, north = turned.apply(toward.T).T
     range_m = RADIUS_M * np.arctan2(np.hypot(east, north), up)
@@ -166,7 +196,9 @@ def test_launches_into_orbit_burn_out_near_the_orbit_of_their_class() -> None:
     radius_m = np.linalg.norm(position, axis=1)
     assert np.all(np.abs(radius_m - 6.371e6 - 200e3) < 30e3)
     assert np.all(np.abs(np.sum(position * velocity, axis=1) / radius_m) < 150.0)
-    assert path.burnout_s == pytest.approx(np.full(50, core_target_class("SLV").profiles[0].burn_time_s))
+    assert path.burnout_s == pytest.approx(
+        np.full(50, core_target_class("SLV").profiles[0].burn_time_s)
+    )
 
 
 def test_gliders_have_the_speeds_that_their_glides_take() -> None:
@@ -180,17 +212,25 @@ def test_gliders_have_the_speeds_that_their_glides_take() -> None:
     east = Geodesic.WGS84
     ends = [
         east.Direct(*np.degrees([latitude, longitude]), 90.0, distance)
-        for latitude, longitude, distance in zip(site.latitude_rad, site.longitude_rad, range_m, strict=True)
+        for latitude, longitude, distance in zip(
+            site.latitude_rad, site.longitude_rad, range_m, strict=True
+        )
     ]
-    aim = Geodetic(*(np.radians([end[name] for end in ends]) for name in ("lat2", "lon2")), np.zeros(40))
+    aim = Geodetic(
+        *(np.radians([end[name] for end in ends]) for name in ("lat2", "lon2")), np.zeros(40)
+    )
     flight = glide_flight(site, aim, np.zeros(40), [kind.profiles[0]] * 40, shape)
     flown = np.array([not words for words in flight.complaints])
     assert flown.sum() > 20
     # The range of the boost and of the fall is not that of the glide.
-    assert np.all(np.abs(path.burnout_speed_m_s / flight.path.burnout_speed_m_s - 1.0)[flown] < 0.15)
+    assert np.all(
+        np.abs(path.burnout_speed_m_s / flight.path.burnout_speed_m_s - 1.0)[flown] < 0.15
+    )
 
 
 def test_classes_share_flights_that_are_the_same() -> None:
-    flights, numbers = synthetic_looks.flights_of([core_target_class("IRBM"), core_target_class("MRBM")])
+    flights, numbers = synthetic_looks.flights_of(
+        [core_target_class("IRBM"), core_target_class("MRBM")]
+    )
     assert [flight.profile.name for flight in flights] == ["MRBM", "IRBM"]
     assert numbers == [[0, 1], [0]]

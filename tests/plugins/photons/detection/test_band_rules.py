@@ -1,4 +1,6 @@
-"""Rules over bands: exact probabilities, measurements as they are conditional on a detection, and all of it far out."""
+"""Rules over bands: exact probabilities, measurements as they are conditional on a detection, and
+all of it far out.
+"""
 
 import mpmath
 import numpy as np
@@ -34,7 +36,11 @@ def integral(rule: RatioGates, snr: list[float], noise: list[float]) -> mpmath.m
             off = [rule.tolerance * mpmath.sqrt(1 + slope**2) for slope in slopes]
             low = max(rule.coincidence, slopes[0] * y - off[0])
             high = slopes[1] * y + off[1]
-            value *= max(tail(low - snr[band]) - tail(high - snr[band]), mpmath.mpf(0)) if high > low else 0
+            value *= (
+                max(tail(low - snr[band]) - tail(high - snr[band]), mpmath.mpf(0))
+                if high > low
+                else 0
+            )
         return value
 
     cuts = {5.0, *np.arange(6.0, 40.0, 2.0).tolist()}
@@ -42,7 +48,11 @@ def integral(rule: RatioGates, snr: list[float], noise: list[float]) -> mpmath.m
         for bound in (rule.lower[band], rule.upper[band]):
             steep = bound * noise[0] / noise[band]
             off = rule.tolerance * np.hypot(1.0, steep)
-            places = [(level + sign * off) / steep for level in (rule.coincidence, snr[band]) for sign in (-1, 1)]
+            places = [
+                (level + sign * off) / steep
+                for level in (rule.coincidence, snr[band])
+                for sign in (-1, 1)
+            ]
             cuts |= {float(cut) for cut in places if 5.0 < cut < 40.0}
     return mpmath.quad(density, sorted(cuts))
 
@@ -59,7 +69,9 @@ def integral(rule: RatioGates, snr: list[float], noise: list[float]) -> mpmath.m
         ([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]),
     ],
 )
-def test_the_integral_is_that_of_mpmath_far_down_too(snr: list[float], noise: list[float], tolerance: float) -> None:
+def test_the_integral_is_that_of_mpmath_far_down_too(
+    snr: list[float], noise: list[float], tolerance: float
+) -> None:
     rule = evolve(TRIPLE, tolerance=tolerance)
     log_hit, log_miss = rule.log_chances(np.array([snr]), rule.slopes(np.array([noise])))
     exact = integral(rule, snr, noise)
@@ -70,7 +82,10 @@ def test_the_integral_is_that_of_mpmath_far_down_too(snr: list[float], noise: li
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("snr", "noise"),
-    [([21.80359598, 7.7067904], [0.25643526, 1.80133238]), ([8.83413222, 7.73050943], [0.72099044, 2.22613923])],
+    [
+        ([21.80359598, 7.7067904], [0.25643526, 1.80133238]),
+        ([8.83413222, 7.73050943], [0.72099044, 2.22613923]),
+    ],
 )
 def test_a_wide_gate_keeps_its_far_side(snr: list[float], noise: list[float]) -> None:
     exact = integral(PAIR, snr, noise)
@@ -88,29 +103,42 @@ def test_the_quick_way_is_as_near_as_it_says(rule: RatioGates, scale: float) -> 
     snr = rng.uniform(0.0, 14.0, (1500, bands)) * np.array([1.0, 1.0, 0.4])[:bands]
     snr *= rng.choice([1.0, scale], (1500, 1))
     noise = 10.0 ** rng.uniform(-0.7, 0.7, (1500, bands))
-    exact, quick = (np.exp(rule.log_chances(snr, rule.slopes(noise), slack)[0]) for slack in (0.0, 1e-9))
+    exact, quick = (
+        np.exp(rule.log_chances(snr, rule.slopes(noise), slack)[0]) for slack in (0.0, 1e-9)
+    )
     assert 0.0 < np.abs(exact - quick).max() <= 1.5e-9
 
 
 def test_a_slack_leaves_probabilities_within_it() -> None:
     snr = np.random.default_rng(3).uniform(0.0, 14.0, (400, 2))
-    exact, near = (np.exp(PAIR.log_chances(snr, PAIR.slopes(np.ones((400, 2))), slack)[0]) for slack in (0.0, 1e-5))
+    exact, near = (
+        np.exp(PAIR.log_chances(snr, PAIR.slopes(np.ones((400, 2))), slack)[0])
+        for slack in (0.0, 1e-5)
+    )
     assert 0.0 < np.abs(exact - near).max() <= 1e-5
 
 
-@pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"])
+@pytest.mark.parametrize(
+    "rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"]
+)
 def test_free_draws_pass_as_often_as_the_probability_says(rule: AnyBand | RatioGates) -> None:
     rng = np.random.default_rng(4)
     rows = 40_000
     for snr in ([6.0, 9.0, 1.5], [4.0, 4.5, 3.0], [9.0, 14.0, 3.5]):
-        passed = rule.passes(np.array(snr) + rng.normal(size=(rows, 3)), rule.slopes(np.ones((rows, 3)))).sum()
-        chance = float(np.exp(rule.log_chances(np.array([snr]), rule.slopes(np.ones((1, 3))))[0][0]))
+        passed = rule.passes(
+            np.array(snr) + rng.normal(size=(rows, 3)), rule.slopes(np.ones((rows, 3)))
+        ).sum()
+        chance = float(
+            np.exp(rule.log_chances(np.array([snr]), rule.slopes(np.ones((1, 3))))[0][0])
+        )
         # 99.9 % of the normal law that the binomial one is near to.
         assert abs(passed - rows * chance) < 3.29 * np.sqrt(rows * chance * (1.0 - chance)) + 1.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"])
+@pytest.mark.parametrize(
+    "rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"]
+)
 def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_pass(
     rule: AnyBand | RatioGates,
 ) -> None:
@@ -119,11 +147,17 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
     ones = np.ones((60_000, 3))
     free = snr + rng.normal(size=ones.shape)
     kept = free[rule.passes(free, rule.slopes(ones))]
-    drawn = rule.conditional(np.tile(snr, (len(kept), 1)), rule.slopes(ones[: len(kept)]), rng.random((len(kept), 4)))
+    drawn = rule.conditional(
+        np.tile(snr, (len(kept), 1)), rule.slopes(ones[: len(kept)]), rng.random((len(kept), 4))
+    )
     assert rule.passes(drawn, rule.slopes(ones[: len(drawn)])).all()
     for band in range(3):
         ordered = np.sort(kept[:, band])
-        distance = np.max(np.abs(np.searchsorted(ordered, np.sort(drawn[:, band])) / len(kept) - _shares(len(drawn))))
+        distance = np.max(
+            np.abs(
+                np.searchsorted(ordered, np.sort(drawn[:, band])) / len(kept) - _shares(len(drawn))
+            )
+        )
         # Two samples of n: Kolmogorov's 1.95 at 99.9 % times sqrt(2 / n).
         assert distance < 1.95 * np.sqrt(2.0 / len(kept))
 
@@ -131,27 +165,43 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("snr", "least", "most"),
-    [([6.0, 8.0, 2.5], 0.1, 1.0), ([2.0, 18.0, 2.0], LEAST_PASSING, 0.01), ([2.0, 28.0, 2.0], 0.0, LEAST_PASSING)],
+    [
+        ([6.0, 8.0, 2.5], 0.1, 1.0),
+        ([2.0, 18.0, 2.0], LEAST_PASSING, 0.01),
+        ([2.0, 28.0, 2.0], 0.0, LEAST_PASSING),
+    ],
     ids=["many pass", "hardly any passes", "inverted"],
 )
-def test_proposals_until_one_passes_follow_the_law_of_the_inverse(snr: list[float], least: float, most: float) -> None:
+def test_proposals_until_one_passes_follow_the_law_of_the_inverse(
+    snr: list[float], least: float, most: float
+) -> None:
     rng = np.random.default_rng(6)
     ones = np.ones((6_000, 3))
     rows = np.tile(snr, (len(ones), 1))
     chance = np.full(len(ones), np.exp(TRIPLE.log_chances(rows[:1], TRIPLE.slopes(ones[:1]))[0][0]))
     assert least < TRIPLE.passing(rows[:1], chance[:1])[0] < most
     drawn = accepted_draws(
-        TRIPLE, rows, TRIPLE.slopes(ones), chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64)
+        TRIPLE,
+        rows,
+        TRIPLE.slopes(ones),
+        chance,
+        rng.integers(0, 2**64, len(ones), dtype=np.uint64),
     )
     inverse = TRIPLE.conditional(rows, TRIPLE.slopes(ones), rng.random((len(ones), 4)))
     assert TRIPLE.passes(drawn, TRIPLE.slopes(ones)).all()
     for band in range(3):
         ordered = np.sort(inverse[:, band])
-        distance = np.max(np.abs(np.searchsorted(ordered, np.sort(drawn[:, band])) / len(ones) - _shares(len(ones))))
+        distance = np.max(
+            np.abs(
+                np.searchsorted(ordered, np.sort(drawn[:, band])) / len(ones) - _shares(len(ones))
+            )
+        )
         assert distance < 1.95 * np.sqrt(2.0 / len(ones))
 
 
-@pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"])
+@pytest.mark.parametrize(
+    "rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"]
+)
 def test_proposals_pass_as_often_as_is_said_of_them(rule: AnyBand | RatioGates) -> None:
     rng = np.random.default_rng(8)
     rows = 40_000
@@ -160,7 +210,9 @@ def test_proposals_pass_as_often_as_is_said_of_them(rule: AnyBand | RatioGates) 
         ones = np.ones((rows, 3))
         chance = np.exp(rule.log_chances(signal[:1], rule.slopes(ones[:1]))[0])
         share = float(rule.passing(signal[:1], chance)[0])
-        passed = rule.passes(rule.proposed(signal, rule.slopes(ones), rng.random((rows, 4))), rule.slopes(ones)).sum()
+        passed = rule.passes(
+            rule.proposed(signal, rule.slopes(ones), rng.random((rows, 4))), rule.slopes(ones)
+        ).sum()
         assert abs(passed - rows * share) <= 3.29 * np.sqrt(rows * share * (1.0 - share)) + 1.0
 
 
@@ -178,7 +230,9 @@ def test_few_proposals_are_made_for_a_row_where_thresholds_are_the_hurdle() -> N
     # A faint source of the right colour: free draws would take thousands of tries each.
     snr = np.array([1.6, 2.4]) * rng.uniform(0.9, 1.1, (len(ones), 1))
     chance = np.exp(rule.log_chances(snr, rule.slopes(ones))[0])
-    drawn = accepted_draws(rule, snr, rule.slopes(ones), chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64))
+    drawn = accepted_draws(
+        rule, snr, rule.slopes(ones), chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64)
+    )
     assert rule.passes(drawn, rule.slopes(ones)).all()
     assert np.mean(1.0 / chance) > 3_000
     assert sum(proposed) < 2 * len(ones)
@@ -192,7 +246,10 @@ def test_a_row_is_drawn_alike_whoever_is_drawn_with_it() -> None:
     whole = accepted_draws(TRIPLE, snr, TRIPLE.slopes(np.ones((500, 3))), chance, seeds)
     part = slice(100, 137)
     assert np.array_equal(
-        accepted_draws(TRIPLE, snr[part], TRIPLE.slopes(np.ones((37, 3))), chance[part], seeds[part]), whole[part]
+        accepted_draws(
+            TRIPLE, snr[part], TRIPLE.slopes(np.ones((37, 3))), chance[part], seeds[part]
+        ),
+        whole[part],
     )
 
 
@@ -209,10 +266,16 @@ def test_nothing_is_lost_from_1e_minus_12_to_1e12() -> None:
         assert not np.isnan(log_miss).any()
         assert np.all(np.diff(log_hit) >= -1e-9)
         assert np.exp(log_hit[-1]) == 1.0
-    assert AnyBand(37.0).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(norm.logsf(37.0))
+    assert AnyBand(37.0).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(
+        norm.logsf(37.0)
+    )
     # P_fa of 1e-300 and far below what a double holds.
-    assert AnyBand(37.0471).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(-690.776, abs=1e-2)
-    assert AnyBand(1e4).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(-5.0000010e7, rel=1e-7)
+    assert AnyBand(37.0471).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(
+        -690.776, abs=1e-2
+    )
+    assert AnyBand(1e4).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(
+        -5.0000010e7, rel=1e-7
+    )
 
 
 @pytest.mark.parametrize(
@@ -225,7 +288,10 @@ def test_truncated_numbers_follow_their_law_in_every_tail(low: float, high: floa
     if high <= 0.0:
         low, high, drawn = -high, -low, -drawn
     whole = np.expm1(norm.logsf(high) - norm.logsf(low))
-    assert kstest(np.expm1(norm.logsf(drawn) - norm.logsf(low)) / whole, "uniform").statistic < 1.0 / count
+    assert (
+        kstest(np.expm1(norm.logsf(drawn) - norm.logsf(low)) / whole, "uniform").statistic
+        < 1.0 / count
+    )
 
 
 @pytest.mark.parametrize("low", [-INF, -50.0, -3.0, 0.0, 3.0, 30.0, 36.0, 36.5, 1e5])

@@ -1,4 +1,6 @@
-"""CFAR against draws of reference cells, its loss against the noncentral t, and looks of correlated noise."""
+"""CFAR against draws of reference cells, its loss against the noncentral t, and looks of correlated
+noise.
+"""
 
 import numpy as np
 import pytest
@@ -26,7 +28,9 @@ def test_draws_of_reference_cells_cross_as_often_as_student_says(cells: int, snr
     threshold = float(cfar_threshold(1e-3, cells))
     crossed = float(np.mean((tested - reference.mean(axis=1)) / spread >= threshold))
     expected = float(cfar_probability_of_detection(snr, threshold, cells))
-    assert crossed == pytest.approx(expected, abs=4.0 * np.sqrt(expected * (1.0 - expected) / looks))
+    assert crossed == pytest.approx(
+        expected, abs=4.0 * np.sqrt(expected * (1.0 - expected) / looks)
+    )
     assert float(cfar_false_alarm_probability(threshold, cells)) == pytest.approx(1e-3, rel=1e-9)
 
 
@@ -36,9 +40,13 @@ def test_a_loss_of_snr_stands_for_the_estimated_noise(probability: float, cells:
     loss = float(cfar_loss(probability, cells))
     threshold = float(threshold_sigma(probability))
     limit = float(cfar_threshold(probability, cells))
-    assert float(cfar_probability_of_detection(loss * threshold, limit, cells)) == pytest.approx(0.5, abs=1e-6)
+    assert float(cfar_probability_of_detection(loss * threshold, limit, cells)) == pytest.approx(
+        0.5, abs=1e-6
+    )
     snr = np.linspace(0.0, 3.0 * threshold, 100)
-    off = cfar_probability_of_detection(loss * snr, limit, cells) - probability_of_detection(snr, threshold)
+    off = cfar_probability_of_detection(loss * snr, limit, cells) - probability_of_detection(
+        snr, threshold
+    )
     assert np.abs(off).max() < 0.031
 
 
@@ -55,7 +63,9 @@ def test_effective_looks_are_those_of_the_variance_of_a_mean() -> None:
     series = np.empty((200_000, looks))
     series[:, 0] = rng.normal(size=len(series))
     for look in range(1, looks):
-        series[:, look] = rho * series[:, look - 1] + np.sqrt(1 - rho**2) * rng.normal(size=len(series))
+        series[:, look] = rho * series[:, look - 1] + np.sqrt(1 - rho**2) * rng.normal(
+            size=len(series)
+        )
     found = float(effective_looks(rho ** np.arange(looks)))
     assert 1.0 / series.mean(axis=1).var() == pytest.approx(found, rel=0.015)
     assert float(effective_looks(np.eye(1, 9)[0])) == 9.0
@@ -76,7 +86,9 @@ def test_losses_of_any_number_of_cells_give_half(cells: int, probability: float)
 @pytest.mark.parametrize("cells", [2, 8, 64, 1_000_000])
 @pytest.mark.parametrize("threshold", [-5.0, 0.0, 1.0, 10.0, 1e4, 1e9])
 def test_detection_only_grows_with_signals_up_to_the_largest(cells: int, threshold: float) -> None:
-    snr = np.array([0.0, 1e-300, 1.0, 1e2, 1e4, 3e4, 1e5, 3e5, 1e6, 1e8, 1e10, 1e12, 1e15, 1e300, np.inf])
+    snr = np.array(
+        [0.0, 1e-300, 1.0, 1e2, 1e4, 3e4, 1e5, 3e5, 1e6, 1e8, 1e10, 1e12, 1e15, 1e300, np.inf]
+    )
     found = cfar_probability_of_detection(snr, threshold, cells)
     assert np.all(np.diff(found) >= -1e-9)
     assert np.all((found >= 0.0) & (found <= 1.0))

@@ -13,7 +13,9 @@ from scipy.stats import binom, norm
 
 
 def drawn_share(chance: float, needed: int, radius: np.ndarray, seed: int) -> tuple[int, int]:
-    """Return how many false alarms are confirmed, of how many: points drawn in a plane, scan by scan."""
+    """Return how many false alarms are confirmed, of how many: points drawn in a plane, scan by
+    scan.
+    """
     rng = np.random.default_rng(seed)
     side = 300.0
     scans = 400
@@ -34,7 +36,9 @@ def drawn_share(chance: float, needed: int, radius: np.ndarray, seed: int) -> tu
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("needed", "scans"), [(1, 1), (2, 2), (2, 3), (3, 4), (4, 6)])
-def test_false_alarms_are_confirmed_as_often_as_the_closed_form_says(needed: int, scans: int) -> None:
+def test_false_alarms_are_confirmed_as_often_as_the_closed_form_says(
+    needed: int, scans: int
+) -> None:
     radius = gate_radius_cells(np.arange(1, scans), 0.2, 5.6e-5, 3.6e7, 8000.0)
     chance = 2e-3
     confirmed, total = drawn_share(chance, needed, radius, seed=needed + 10 * scans)
@@ -46,7 +50,9 @@ def test_false_alarms_are_confirmed_as_often_as_the_closed_form_says(needed: int
 
 def test_gates_grow_by_the_way_of_the_fastest_source() -> None:
     # 8 km/s for 10 s are 80 km, 40 cells of 2 km.
-    assert gate_radius_cells([0, 1, 2], 10.0, 2e3 / 3.6e7, 3.6e7, 8000.0) == pytest.approx([1.0, 41.0, 81.0])
+    assert gate_radius_cells([0, 1, 2], 10.0, 2e3 / 3.6e7, 3.6e7, 8000.0) == pytest.approx(
+        [1.0, 41.0, 81.0]
+    )
 
 
 def test_small_chances_are_not_lost() -> None:
@@ -59,7 +65,9 @@ def test_small_chances_are_not_lost() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("chance", [0.1, 1e-3, 2.867e-7, 1e-12])
 @pytest.mark.parametrize("correlation", [-0.1, 0.05, 0.3, 0.8, 0.99])
-def test_a_crossing_repeats_as_the_integral_over_the_first_says(chance: float, correlation: float) -> None:
+def test_a_crossing_repeats_as_the_integral_over_the_first_says(
+    chance: float, correlation: float
+) -> None:
     limit = norm.isf(chance)
     spread = np.sqrt(1.0 - correlation**2)
 
@@ -67,11 +75,15 @@ def test_a_crossing_repeats_as_the_integral_over_the_first_says(chance: float, c
         return float(norm.pdf(first) * norm.sf((limit - correlation * first) / spread))
 
     expected = quad(both, limit, limit + 12.0, epsabs=0.0, epsrel=1e-10, limit=500)[0] / chance
-    assert float(repeated_crossing_probability(chance, correlation)) == pytest.approx(expected, rel=1e-8)
+    assert float(repeated_crossing_probability(chance, correlation)) == pytest.approx(
+        expected, rel=1e-8
+    )
 
 
 def test_noise_without_correlation_forgets_and_noise_that_stays_crosses_again() -> None:
-    assert repeated_crossing_probability(1e-6, [0.0, 1.0]).tolist() == pytest.approx([1e-6, 1.0], rel=1e-12)
+    assert repeated_crossing_probability(1e-6, [0.0, 1.0]).tolist() == pytest.approx(
+        [1e-6, 1.0], rel=1e-12
+    )
     assert float(repeated_crossing_probability(1e-6, -0.5)) < 1e-12
     assert float(repeated_crossing_probability(0.0, 0.5)) == 0.0
     radius = np.array([1.5, 2.5])
@@ -92,7 +104,9 @@ def test_confirmations_of_correlated_noise_are_those_of_series_of_cells() -> Non
     before = np.empty((2, looks))
     now = rng.normal(size=looks)
     for scan in range(2):
-        before[scan] = rho ** (scan + 1) * now + np.sqrt(1.0 - rho ** (2 * scan + 2)) * rng.normal(size=looks)
+        before[scan] = rho ** (scan + 1) * now + np.sqrt(1.0 - rho ** (2 * scan + 2)) * rng.normal(
+            size=looks
+        )
     near = rng.random((2, looks)) < -np.expm1(-chance * (np.pi * radius**2 - 1.0))[:, None]
     crossed = now > limit
     confirmed = ((before > limit) | near).any(axis=0)[crossed]

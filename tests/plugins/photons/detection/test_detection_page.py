@@ -1,4 +1,6 @@
-"""The tables of docs/explanation/detection.md: rates of noise by threshold, chances of classes when calibrated."""
+"""The tables of docs/explanation/detection.md: rates of noise by threshold, chances of classes when
+calibrated.
+"""
 
 import re
 from typing import Any
@@ -14,7 +16,12 @@ from opir_core.interfaces.radiometric_models import SignatureContext
 
 PAGE = (ROOT / "docs" / "explanation" / "detection.md").read_text(encoding="utf-8")
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
-PROFILES = {"SRBM": "SRBM", "IRBM": "IRBM", "ICBM, solid": "ICBM_solid", "ICBM, liquid": "ICBM_liquid"}
+PROFILES = {
+    "SRBM": "SRBM",
+    "IRBM": "IRBM",
+    "ICBM, solid": "ICBM_solid",
+    "ICBM, liquid": "ICBM_liquid",
+}
 
 
 def shown(row: str) -> list[float]:
@@ -25,9 +32,19 @@ def shown(row: str) -> list[float]:
 
 
 def assembled(detection: dict[str, Any], **settings: Any) -> Any:
-    sensors = [{"model": model, "id": model, "orbital_slot_deg": 0.0, **settings} for model in SENSORS]
-    scene = {"scene": "page", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "sensors": sensors, "targets": []}
-    return opir.compile_plan(opir.scene_from_mapping({**scene, "detection": detection, "outputs": []}))
+    sensors = [
+        {"model": model, "id": model, "orbital_slot_deg": 0.0, **settings} for model in SENSORS
+    ]
+    scene = {
+        "scene": "page",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 1.0,
+        "sensors": sensors,
+        "targets": [],
+    }
+    return opir.compile_plan(
+        opir.scene_from_mapping({**scene, "detection": detection, "outputs": []})
+    )
 
 
 @pytest.mark.parametrize("row", ["4", "5", "6", "5, M = 1"])
@@ -35,7 +52,9 @@ def test_noise_is_as_often_as_the_page_says(row: str) -> None:
     settings = {"confirmation_detections": 1} if "M = 1" in row else {}
     plan = assembled({"model": "snr"}, threshold_sigma=float(row[0]), **settings)
     periods_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in plan.sensors])
-    assert shown(row) == pytest.approx(plan.detection.rate_per_scan * 86_400.0 / periods_s, rel=0.03)
+    assert shown(row) == pytest.approx(
+        plan.detection.rate_per_scan * 86_400.0 / periods_s, rel=0.03
+    )
 
 
 @pytest.mark.slow
@@ -53,10 +72,16 @@ def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
             profiles=(PROFILES[kind],),
             burn_time_s=np.array([REFERENCE_BURN_S]),
         )
-        place = np.array([REFERENCE_TIME_S]), np.array([REFERENCE_ALTITUDE_M]), np.array([0.5 * np.pi])
+        place = (
+            np.array([REFERENCE_TIME_S]),
+            np.array([REFERENCE_ALTITUDE_M]),
+            np.array([0.5 * np.pi]),
+        )
         signatures = plume.build([plume.config()], context)
         rows = np.zeros(1, dtype=np.int32)
-        intensity = np.array([signatures.intensity_w_sr(band, rows, *place)[0] for band in range(len(sensor.bands))])
+        intensity = np.array(
+            [signatures.intensity_w_sr(band, rows, *place)[0] for band in range(len(sensor.bands))]
+        )
         noise = receiver.nei_w_m2
         snr = (intensity / 3.6e7**2 / noise)[None, :]
         log_hit, _ = receiver.rule.log_chances(snr, receiver.slopes(snr, noise[None, :], None))

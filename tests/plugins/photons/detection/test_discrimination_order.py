@@ -1,4 +1,5 @@
-"""Discrimination and classification through the whole engine: the order of sensors, and probabilities that hold.
+"""Discrimination and classification through the whole engine: the order of sensors, and
+probabilities that hold.
 
 The objects and looks are those of benchmarks/discrimination.py, fewer of them.
 """
@@ -31,8 +32,12 @@ FLOATS = NDArray[np.float64]
 def benchmark_() -> Iterator[SimpleNamespace]:
     """Yield the names of the benchmark's modules."""
     sys.path.insert(0, str(BENCHMARKS))
-    modules = [importlib.import_module(f"discrimination{part}") for part in ("_objects", "_statistics", "")]
-    yield SimpleNamespace(**{name: value for module in modules for name, value in vars(module).items()})
+    modules = [
+        importlib.import_module(f"discrimination{part}") for part in ("_objects", "_statistics", "")
+    ]
+    yield SimpleNamespace(
+        **{name: value for module in modules for name, value in vars(module).items()}
+    )
     sys.path.remove(str(BENCHMARKS))
 
 
@@ -53,8 +58,12 @@ def burning(benchmark_: SimpleNamespace, people: Any, simulated: Any) -> tuple[A
 
 
 @pytest.fixture(scope="module")
-def streamed(benchmark_: SimpleNamespace, people: Any, simulated: Any) -> tuple[Any, dict[str, Any]]:
-    """Return what is looked at within one span for all: types are seen as often as in a stream of detections."""
+def streamed(
+    benchmark_: SimpleNamespace, people: Any, simulated: Any
+) -> tuple[Any, dict[str, Any]]:
+    """Return what is looked at within one span for all: types are seen as often as in a stream of
+    detections.
+    """
     span_s = np.full(len(people.kind), boost_profile("ICBM_liquid").burn_time_s)
     moment_s = benchmark_.moments_s(np.random.default_rng(3), span_s)
     other = people._replace(moment_s=moment_s)
@@ -68,8 +77,8 @@ def test_sensors_tell_plumes_from_other_hot_things_in_the_order_of_their_bands(
     orders = benchmark_.area_orders(*burning, of_looks=of_looks)
     assert [order[:2] for order in orders] == [("DSP", "SBIRS-GEO"), ("SBIRS-GEO", "NEXTGEN-GEO")]
     assert min(gain for _, _, gain, _, _ in orders) > 0.0
-    # Soot and alumina have colours in two bands that fires have not; the third adds less, which 80 launches a type show
-    # at 5 %.
+    # Soot and alumina have colours in two bands that fires have not; the third adds less, which 80
+    # launches a type show at 5 %.
     assert max(p for _, _, _, _, p in orders) < 0.1
 
 
@@ -81,7 +90,9 @@ def test_sensors_tell_types_in_the_order_of_their_bands(
     assert max(p for _, _, _, p in orders) < 0.01
 
 
-@pytest.mark.parametrize("sensor", ["DSP-ANY", "SBIRS-GEO", "SBIRS-GEO-ANY", "NEXTGEN-GEO", "NEXTGEN-GEO-ANY"])
+@pytest.mark.parametrize(
+    "sensor", ["DSP-ANY", "SBIRS-GEO", "SBIRS-GEO-ANY", "NEXTGEN-GEO", "NEXTGEN-GEO-ANY"]
+)
 def test_a_type_of_probability_p_is_right_in_a_share_p_of_cases(
     streamed: tuple[Any, dict[str, Any]], sensor: str
 ) -> None:
@@ -101,13 +112,20 @@ def test_a_type_of_probability_p_is_right_in_a_share_p_of_cases(
 
 
 def surprise(chance: FLOATS, happened: NDArray[np.bool_]) -> float:
-    """Return by how many standard deviations events happen more often than their chances say, less half an event."""
+    """Return by how many standard deviations events happen more often than their chances say, less
+    half an event.
+    """
     off = float(happened.sum() - chance.sum())
-    return float(np.sign(off) * max(abs(off) - 0.5, 0.0) / np.sqrt(np.sum(chance * (1.0 - chance)) + 1e-12))
+    return float(
+        np.sign(off) * max(abs(off) - 0.5, 0.0) / np.sqrt(np.sum(chance * (1.0 - chance)) + 1e-12)
+    )
 
 
-def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(benchmark_: SimpleNamespace) -> None:
-    # Scores N(1, 1) against N(0, 1): the area is Phi(1/sqrt 2); deviations are held to those of many repetitions.
+def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(
+    benchmark_: SimpleNamespace,
+) -> None:
+    # Scores N(1, 1) against N(0, 1): the area is Phi(1/sqrt 2); deviations are held to those of
+    # many repetitions.
     rng = np.random.default_rng(9)
     found = []
     for _ in range(400):
@@ -126,7 +144,8 @@ def test_a_gain_of_nothing_is_seldom_significant(benchmark_: SimpleNamespace) ->
     for _ in range(400):
         shared = rng.normal(0.0, 1.0, (2, 60))
         worse, better = (
-            [row + rng.normal(0.0, 1.0, 60) + (side == 0) for side, row in enumerate(shared)] for _ in "ab"
+            [row + rng.normal(0.0, 1.0, 60) + (side == 0) for side, row in enumerate(shared)]
+            for _ in "ab"
         )
         hidden = rng.random(60) < 0.2
         worse[0][hidden] = -np.inf
@@ -139,6 +158,10 @@ def test_the_heo_sensor_measures_light_as_sbirs_geo_does() -> None:
     """Why the benchmark has no row of its own for it."""
     host = Host.discover(["sbirs", "heo"])
     geo, heo = (host.component("opir_sensor_models", name).config for name in ("SBIRS-GEO", "HEO"))
-    names = [*(field.name for field in fields(RadiometerConfig)), "bands", "spectral_discrimination"]
+    names = [
+        *(field.name for field in fields(RadiometerConfig)),
+        "bands",
+        "spectral_discrimination",
+    ]
     for name in names:
         assert getattr(fields(geo), name).default == getattr(fields(heo), name).default, name

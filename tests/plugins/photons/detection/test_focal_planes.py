@@ -1,4 +1,6 @@
-"""Sensors with a focal plane: noise, clutter, saturation and lines of sight worked out anew from the settings."""
+"""Sensors with a focal plane: noise, clutter, saturation and lines of sight worked out anew from
+the settings.
+"""
 
 import math
 from typing import Any
@@ -31,13 +33,21 @@ from opir_core.simulation.interpolation import ProbabilityInterpolant
 
 CLOUD = {"atmosphere": {"model": "lowtran", "cloud": {"top_km": 8.0}}, "background": "earth"}
 BY_DAY = {"epoch": "2026-04-01T22:00:00Z"}
-SKIES = {"cloud by day": {**CLOUD, **BY_DAY}, "clear by night": {"atmosphere": "lowtran", "background": "earth"}}
+SKIES = {
+    "cloud by day": {**CLOUD, **BY_DAY},
+    "clear by night": {"atmosphere": "lowtran", "background": "earth"},
+}
 
 
 def with_plane(sensor: dict[str, Any], plane: Any = "notional", **changes: Any) -> dict[str, Any]:
     computed = {name: value for name, value in sensor.items() if name != "nei_w_m2"}
     # A block is one plane for all bands.
-    return {**computed, "focal_plane": plane, **({} if plane == "notional" else {"band_focal_plane": {}}), **changes}
+    return {
+        **computed,
+        "focal_plane": plane,
+        **({} if plane == "notional" else {"band_focal_plane": {}}),
+        **changes,
+    }
 
 
 def looks_of(plan: Any, step: int = 7) -> Exposures:
@@ -49,7 +59,9 @@ def looks_of(plan: Any, step: int = 7) -> Exposures:
 def spot_rad(plane: Any, middle_um: float) -> float:
     airy = math.sqrt(2.0) / math.pi * middle_um * 1e-6 / plane.aperture_m
     smear = plane.drift_urad_s * plane.integration_time_ms * 1e-3
-    return math.sqrt(airy**2 + 1e-12 * (plane.blur_urad**2 + plane.jitter_urad**2 + smear**2 / 24.0))
+    return math.sqrt(
+        airy**2 + 1e-12 * (plane.blur_urad**2 + plane.jitter_urad**2 + smear**2 / 24.0)
+    )
 
 
 def spread_of(plane: Any, middle_um: float, pixel_rad: float) -> PointSpread:
@@ -68,14 +80,35 @@ def spread_of(plane: Any, middle_um: float, pixel_rad: float) -> PointSpread:
         pytest.param({"spatial_filter": "sum", "core_pixels": 2}, marks=pytest.mark.slow),
     ],
 )
-def test_noise_is_that_of_electrons_photons_and_leaking_structure(sky: str, changes: dict[str, Any]) -> None:
-    """σ² = (electrons without light + photons of the background) / gain² + structure left by the filters."""
-    planes = {"D": {"aperture_m": 0.9, "blur_urad": 18.0}, "B": {}, "N": {"aperture_m": 1.0, "blur_urad": 4.0}}
+def test_noise_is_that_of_electrons_photons_and_leaking_structure(
+    sky: str, changes: dict[str, Any]
+) -> None:
+    """σ² = (electrons without light + photons of the background) / gain² + structure left by the
+    filters.
+    """
+    planes = {
+        "D": {"aperture_m": 0.9, "blur_urad": 18.0},
+        "B": {},
+        "N": {"aperture_m": 1.0, "blur_urad": 4.0},
+    }
     # Cold optics and a given dark current: detectors have tests of their own.
-    cold = {"dark_current_e_s": 5e9, "optics_temperature_k": 0.0, "bits": 12, "subframes": 16, "read_noise_e": 100.0}
-    cold |= {"optics_transmission": 0.7, "quantum_efficiency": 0.7, "registration_urad": 0.5, "drift_urad_s": 0.02}
+    cold = {
+        "dark_current_e_s": 5e9,
+        "optics_temperature_k": 0.0,
+        "bits": 12,
+        "subframes": 16,
+        "read_noise_e": 100.0,
+    }
+    cold |= {
+        "optics_transmission": 0.7,
+        "quantum_efficiency": 0.7,
+        "registration_urad": 0.5,
+        "drift_urad_s": 0.02,
+    }
     cold |= {"integration_time_ms": 10.0, "jitter_urad": 2.5}
-    sensors = [with_plane(one, {**cold, **planes[one["id"]], **changes}) for one in (DSP, SBIRS, NEXTGEN)]
+    sensors = [
+        with_plane(one, {**cold, **planes[one["id"]], **changes}) for one in (DSP, SBIRS, NEXTGEN)
+    ]
     plan = opir.compile_plan(scene(sensors, "IS", **SKIES[sky]))
     exposed = looks_of(plan, 97)
     found = plan.detection.response(exposed)
@@ -100,12 +133,18 @@ def test_noise_is_that_of_electrons_photons_and_leaking_structure(sky: str, chan
             area = math.pi / 4 * plane.aperture_m**2 * 0.49 * 0.9
             per_unit = area * plane.integration_time_ms * 1e-3 * middle_um * 1e-6 / (h * c)
             electrons = plane.dark_current_e_s * plane.integration_time_ms * 1e-3
-            electrons = electrons + 16 * (100.0**2 + (plane.well_capacity_e / 2.0**plane.bits) ** 2 / 12.0)
+            electrons = electrons + 16 * (
+                100.0**2 + (plane.well_capacity_e / 2.0**plane.bits) ** 2 / 12.0
+            )
             electrons = electrons + radiance[place] * pixel**2 * per_unit
             clutter = np.empty(len(rows))
             for row in range(len(rows)):
                 structure = chain.background.structures[part[row]]
-                lag = FrameDifference(plane.lag_s, 0.5e-6 / pixel, 0.02e-6 / pixel) if frames == 2 else None
+                lag = (
+                    FrameDifference(plane.lag_s, 0.5e-6 / pixel, 0.02e-6 / pixel)
+                    if frames == 2
+                    else None
+                )
                 scale = structure.scale_m / range_m[row] / pixel
                 left = SpatialTransfer.of(weights, spread).variance(scale, structure.exponent, lag)
                 clutter[row] = rms[place, row] * pixel**2 * math.sqrt(float(left)) / gain
@@ -132,19 +171,29 @@ def test_notional_focal_planes_have_clutter_above_the_noise_of_their_detectors()
 def test_structure_costs_detections_before_sunlit_cloud_and_none_in_the_night() -> None:
     seen = {}
     for sky, changes in SKIES.items():
-        for name, plane in (("still", {"registration_urad": 0.0, "drift_urad_s": 0.0}), ("notional", "notional")):
+        for name, plane in (
+            ("still", {"registration_urad": 0.0, "drift_urad_s": 0.0}),
+            ("notional", "notional"),
+        ):
             # A threshold near the signals of faint plumes.
             sensor = with_plane(SBIRS, plane, threshold_sigma=60.0)
             plan = opir.compile_plan(scene([sensor], "IRS", duration_s=150, **changes))
             seen[sky, name] = float(plan.detection.probability(looks_of(plan)).mean())
     assert seen["cloud by day", "notional"] < 0.97 * seen["cloud by day", "still"]
-    assert seen["clear by night", "notional"] == pytest.approx(seen["clear by night", "still"], rel=0.03)
+    assert seen["clear by night", "notional"] == pytest.approx(
+        seen["clear by night", "still"], rel=0.03
+    )
 
 
 @pytest.mark.slow
 def test_a_well_limits_the_signal_and_a_full_one_leaves_none() -> None:
     def signals(well_e: float, **sky: Any) -> np.ndarray:
-        plane = {"well_capacity_e": well_e, "dark_current_e_s": 0.0, "optics_temperature_k": 0.0, "fill_factor": 1.0}
+        plane = {
+            "well_capacity_e": well_e,
+            "dark_current_e_s": 0.0,
+            "optics_temperature_k": 0.0,
+            "fill_factor": 1.0,
+        }
         plane["temporal_filter"] = "none"
         plan = opir.compile_plan(scene([with_plane(SBIRS, plane)], "I", **sky))
         response = plan.detection.response(looks_of(plan))
@@ -152,8 +201,9 @@ def test_a_well_limits_the_signal_and_a_full_one_leaves_none() -> None:
 
     whole = signals(1e9)
     limited = signals(2e3)
-    # 16 subframes; the brightest pixel has the mean shares 0.4985 and 0.4730 of Airy patterns blurred by 0.33 pixels:
-    # tests/against/test_against_displaced_spots.py holds such shares against images.
+    # 16 subframes; the brightest pixel has the mean shares 0.4985 and 0.4730 of Airy patterns
+    # blurred by 0.33 pixels: tests/against/test_against_displaced_spots.py holds such shares
+    # against images.
     per_unit = math.pi / 4 * 0.36 * 0.49 * 0.01 * np.array([2.75e-6, 4.5e-6]) / (h * c)
     most = 16 * 2e3 / per_unit / [0.4985, 0.4730]
     np.testing.assert_allclose(limited, np.minimum(whole, most), rtol=5e-3)
@@ -187,7 +237,8 @@ def test_lines_of_sight_have_the_bound_of_their_centroids(temporal: str) -> None
 
 def test_reference_cells_divide_the_signal_over_noise_by_the_loss() -> None:
     known, estimated = (
-        opir.compile_plan(scene([with_plane(DSP, {"reference_cells": cells})], "I")) for cells in (None, 24)
+        opir.compile_plan(scene([with_plane(DSP, {"reference_cells": cells})], "I"))
+        for cells in (None, 24)
     )
     snr = [plan.detection.response(looks_of(plan)).snr for plan in (known, estimated)]
     np.testing.assert_allclose(snr[0], snr[1] * float(cfar_loss(ndtr(-5.0), 24)), rtol=1e-9)
@@ -197,14 +248,21 @@ def test_reference_cells_divide_the_signal_over_noise_by_the_loss() -> None:
 
 @pytest.mark.slow
 def test_clutter_that_stays_is_confirmed_over_scans() -> None:
-    """Registration errors are new in every frame; what drift leaves is there again in the next scan."""
+    """Registration errors are new in every frame; what drift leaves is there again in the next
+    scan.
+    """
     confirmed = {}
     for name, plane in {
         "none": None,
         "registration": {"registration_urad": 1.0, "drift_urad_s": 0.0},
         "drift": {"registration_urad": 0.0, "drift_urad_s": 1.0},
     }.items():
-        sensor = {**SBIRS, "focal_plane": plane, "confirmation_detections": 2, "confirmation_scans": 3}
+        sensor = {
+            **SBIRS,
+            "focal_plane": plane,
+            "confirmation_detections": 2,
+            "confirmation_scans": 3,
+        }
         plan = opir.compile_plan(scene([sensor], "I", **SKIES["cloud by day"]))
         confirmed[name] = float(plan.detection.rate_per_scan[0] / plan.detection.noise_chance[0])
     assert confirmed["registration"] == pytest.approx(confirmed["none"], rel=0.05)
@@ -216,7 +274,9 @@ def test_worst_phase_and_given_noise() -> None:
         opir.compile_plan(scene([with_plane(SBIRS, plane)], "I")).detection.receivers[0]
         for plane in ({}, {"phase": "worst"})
     )
-    given = opir.compile_plan(scene([with_plane(SBIRS, nei_w_m2=1e-12)], "I")).detection.receivers[0]
+    given = opir.compile_plan(scene([with_plane(SBIRS, nei_w_m2=1e-12)], "I")).detection.receivers[
+        0
+    ]
     share = {"mean": 0.4985, "worst": 0.2394}
     assert mean.plane.peak_share[0] == pytest.approx(share["mean"], abs=2e-3)
     assert worst.plane.peak_share[0] == pytest.approx(share["worst"], abs=2e-3)
@@ -236,10 +296,18 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance() -> None:
 
 
 def test_windows_do_not_change_results() -> None:
-    plan = opir.compile_plan(scene([with_plane(SBIRS), with_plane(NEXTGEN)], **SKIES["cloud by day"]))
+    plan = opir.compile_plan(
+        scene([with_plane(SBIRS), with_plane(NEXTGEN)], **SKIES["cloud by day"])
+    )
     whole, parts = (joined(windows_of(plan, edges)) for edges in ([60.0], [7.3, 7.4, 31.0, 60.0]))
     for one, other in zip(whole, parts, strict=True):
-        for name in ("time_ns", "detection_id", "line_of_sight_ecef", "line_of_sight_sigma_rad", "probability"):
+        for name in (
+            "time_ns",
+            "detection_id",
+            "line_of_sight_ecef",
+            "line_of_sight_sigma_rad",
+            "probability",
+        ):
             if hasattr(one, name):
                 assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
     assert len(whole[0]) > 100
@@ -249,7 +317,8 @@ def test_a_scene_that_names_none_has_the_same_noise_as_ever() -> None:
     """A background of any structure is clutter by its residual to sensors without a focal plane."""
     rough = {"model": "earth", "structure": {"cloud": {"thermal_rms": 5.0, "solar_rms": 5.0}}}
     plain, structured = (
-        opir.compile_plan(scene(**{**SKIES["cloud by day"], "background": one})) for one in ("earth", rough)
+        opir.compile_plan(scene(**{**SKIES["cloud by day"], "background": one}))
+        for one in ("earth", rough)
     )
     noise = [plan.detection.response(looks_of(plan)).noise_w_m2 for plan in (plain, structured)]
     assert np.array_equal(*noise)
@@ -266,7 +335,10 @@ def test_notional_stands_for_the_values_of_the_sensor_model() -> None:
 
     assert DspConfig(orbital_slot_deg=0.0, focal_plane="notional").focal_plane == planes[0]
     assert DspConfig(orbital_slot_deg=0.0).focal_plane == planes[0]
-    assert DspConfig(orbital_slot_deg=0.0, focal_plane=FocalPlaneConfig()).focal_plane.aperture_m == 0.6
+    assert (
+        DspConfig(orbital_slot_deg=0.0, focal_plane=FocalPlaneConfig()).focal_plane.aperture_m
+        == 0.6
+    )
 
 
 @pytest.mark.parametrize(
@@ -286,11 +358,19 @@ def test_a_focal_plane_that_is_wrong_is_refused_with_its_place(plane: Any, messa
 
 
 def test_a_loss_that_is_not_worked_out_is_refused() -> None:
-    for changes in ({"threshold_sigma": 12.0}, {"false_alarm_probability": 1e-30}, {"threshold_sigma": 0.5}):
+    for changes in (
+        {"threshold_sigma": 12.0},
+        {"false_alarm_probability": 1e-30},
+        {"threshold_sigma": 0.5},
+    ):
         refused = scene([with_plane(SBIRS, {"reference_cells": 16}, **changes)])
-        with pytest.raises(opir.ModelError, match="reference_cells: the loss of a threshold above 10 or below 1"):
+        with pytest.raises(
+            opir.ModelError, match="reference_cells: the loss of a threshold above 10 or below 1"
+        ):
             opir.compile_plan(refused)
-    opir.compile_plan(scene([with_plane(SBIRS, {"reference_cells": 16}, false_alarm_probability=1e-7)]))
+    opir.compile_plan(
+        scene([with_plane(SBIRS, {"reference_cells": 16}, false_alarm_probability=1e-7)])
+    )
 
 
 def test_times_fit_the_scan_period_and_bands_may_differ() -> None:
@@ -304,8 +384,14 @@ def test_times_fit_the_scan_period_and_bands_may_differ() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"band_focal_plane": {"LWIR": {"bits": 8}}}, "band_focal_plane: LWIR is not one of the sensor's bands"),
-        ({"band_focal_plane": {"MWIR": {"lag_s": 8.0}}}, "lag_s is no setting of focal_plane; known: aperture_m, "),
+        (
+            {"band_focal_plane": {"LWIR": {"bits": 8}}},
+            "band_focal_plane: LWIR is not one of the sensor's bands",
+        ),
+        (
+            {"band_focal_plane": {"MWIR": {"lag_s": 8.0}}},
+            "lag_s is no setting of focal_plane; known: aperture_m, ",
+        ),
         ({"focal_plane": None}, "focal_plane: without one set the noise, nei_w_m2"),
     ],
 )
@@ -319,8 +405,13 @@ def test_a_fleet_works_its_focal_plane_out_once(monkeypatch: pytest.MonkeyPatch)
 
     built = []
     own = focal_planes.SpatialTransfer.of
-    monkeypatch.setattr(focal_planes.SpatialTransfer, "of", lambda *arguments: built.append(1) or own(*arguments))
-    slots = [with_plane({**SBIRS, "id": f"S{slot}", "orbital_slot_deg": slot}) for slot in (-150.0, -140.0, -120.0)]
+    monkeypatch.setattr(
+        focal_planes.SpatialTransfer, "of", lambda *arguments: built.append(1) or own(*arguments)
+    )
+    slots = [
+        with_plane({**SBIRS, "id": f"S{slot}", "orbital_slot_deg": slot})
+        for slot in (-150.0, -140.0, -120.0)
+    ]
     plane = [{**sensor, "focal_plane": {"aperture_m": 0.61}} for sensor in slots]
     Engine(opir.compile_plan(scene(plane, "I", **SKIES["cloud by day"])))
     assert len(built) == 2
@@ -340,14 +431,20 @@ def test_explain_shows_what_focal_planes_come_to() -> None:
         assert row["largest_noise_over_nei"] == pytest.approx(noise.max(), rel=0.01)
         assert row["share_in_pixel"] == pytest.approx(0.485, abs=0.02)
     assert explained(opir.compile_plan(scene([SBIRS], "I", **sky)))["focal_planes"] == []
-    assert explained(opir.compile_plan(scene([SBIRS], "I", detection="constant")))["focal_planes"] == []
+    assert (
+        explained(opir.compile_plan(scene([SBIRS], "I", detection="constant")))["focal_planes"]
+        == []
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("plane", "sees"),
     [
-        ({"aperture_m": 100.0, "blur_urad": 0.0, "jitter_urad": 0.0, "well_capacity_e": 1e12}, True),
+        (
+            {"aperture_m": 100.0, "blur_urad": 0.0, "jitter_urad": 0.0, "well_capacity_e": 1e12},
+            True,
+        ),
         ({"read_noise_e": 0.0, "dark_current_e_s": 0.0}, True),
         ({"registration_urad": 0.0, "drift_urad_s": 0.0}, True),
         ({"core_pixels": 9}, True),
@@ -356,7 +453,9 @@ def test_explain_shows_what_focal_planes_come_to() -> None:
     ],
 )
 def test_extreme_focal_planes_stay_in_bounds(plane: dict[str, Any], sees: bool) -> None:
-    plan = opir.compile_plan(scene([with_plane(SBIRS, plane)], "I", atmosphere="lowtran", background="earth"))
+    plan = opir.compile_plan(
+        scene([with_plane(SBIRS, plane)], "I", atmosphere="lowtran", background="earth")
+    )
     found, truth = joined(windows_of(plan, [60.0]))
     assert np.any(truth.target >= 0) == sees
     assert np.all(np.isfinite(found.snr))
@@ -368,4 +467,7 @@ def test_a_model_s_notional_values_are_described() -> None:
     from opir_dsp.plugin import DspConfig
 
     described = named_values(DspConfig)["focal_plane: notional"]
-    assert FocalPlaneConfig(**described) == DspConfig(orbital_slot_deg=0.0, focal_plane="notional").focal_plane
+    assert (
+        FocalPlaneConfig(**described)
+        == DspConfig(orbital_slot_deg=0.0, focal_plane="notional").focal_plane
+    )

@@ -1,4 +1,6 @@
-"""The rule `likelihood`: its chances, its draws, and that another band never lowers the probability of detection."""
+"""The rule `likelihood`: its chances, its draws, and that another band never lowers the probability
+of detection.
+"""
 
 import numpy as np
 import pytest
@@ -61,7 +63,9 @@ def test_free_draws_pass_as_often_as_the_probability_says(snr: list[float]) -> N
 
 
 @pytest.mark.parametrize("snr", [[4.0, 3.0, 0.0], [1.0, 0.2, 0.5]])
-def test_draws_of_detections_have_the_distribution_of_free_draws_that_pass(snr: list[float]) -> None:
+def test_draws_of_detections_have_the_distribution_of_free_draws_that_pass(
+    snr: list[float],
+) -> None:
     rule = rule_of(3, 3.0)
     rng = np.random.default_rng(2)
     rows = 400_000
@@ -92,14 +96,20 @@ def test_a_draw_detects_however_bright_or_faint_the_source() -> None:
 def without(sensor: dict, band: str) -> dict:
     """Return a sensor's block without one of its bands."""
     model = opir.Host.discover().component("opir_sensor_models", sensor["model"]).config
-    bands = {name: edges for name, edges in model.__attrs_attrs__.bands.default.items() if name != band}
+    bands = {
+        name: edges for name, edges in model.__attrs_attrs__.bands.default.items() if name != band
+    }
     return {**sensor, "bands": bands}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("sensor", "band"), [(NEXTGEN, "LWIR"), (NEXTGEN, "SWIR"), (SBIRS, "SWIR"), (SBIRS, "MWIR")])
+@pytest.mark.parametrize(
+    ("sensor", "band"), [(NEXTGEN, "LWIR"), (NEXTGEN, "SWIR"), (SBIRS, "SWIR"), (SBIRS, "MWIR")]
+)
 @pytest.mark.parametrize("plane", [None, "notional"])
-def test_a_sensor_without_one_of_its_bands_never_detects_more(sensor: dict, band: str, plane: str | None) -> None:
+def test_a_sensor_without_one_of_its_bands_never_detects_more(
+    sensor: dict, band: str, plane: str | None
+) -> None:
     chosen = {"spectral_discrimination": "likelihood", "focal_plane": plane, "threshold_sigma": 7.0}
     sensor = {**sensor, **chosen, "orbital_slot_deg": -120.0}
     if plane:
@@ -108,7 +118,9 @@ def test_a_sensor_without_one_of_its_bands_never_detects_more(sensor: dict, band
     for block in (sensor, without(sensor, band)):
         plan = opir.compile_plan(scene((block,), background="earth", duration_s=120))
         found.append(joined(windows_of(plan, [120.0]))[1].target)
-    assert plan.detection.noise_chance[0] == pytest.approx(norm.sf(plan.sensors[0].radiometer.threshold))
+    assert plan.detection.noise_chance[0] == pytest.approx(
+        norm.sf(plan.sensors[0].radiometer.threshold)
+    )
     counts = [np.bincount(targets[targets >= 0], minlength=3) for targets in found]
     assert (counts[0] >= counts[1]).all()
     assert counts[0].sum() > 0

@@ -1,4 +1,6 @@
-"""The quick way to the chance of a rule of ratio gates: as near as it says, however steep gates are, with few nodes."""
+"""The quick way to the chance of a rule of ratio gates: as near as it says, however steep gates
+are, with few nodes.
+"""
 
 from typing import Any
 
@@ -6,15 +8,25 @@ import numpy as np
 import pytest
 from opir_photons.detection import gate_integrals
 from opir_photons.detection.band_rules import RatioGates
-from opir_photons.detection.gate_integrals import NODES, WIDTHS, fast_probability, looks_of, panels_of
+from opir_photons.detection.gate_integrals import (
+    NODES,
+    WIDTHS,
+    fast_probability,
+    looks_of,
+    panels_of,
+)
 
 from opir_core.arrays import FloatArray
 
 PAPER = RatioGates(5.0, 2.0, np.array([0.0, 0.8, 0.01]), np.array([np.inf, 4.0, 0.5]))
 
 
-def on_edges(rng: np.random.Generator, rule: RatioGates, rows: int) -> tuple[FloatArray, FloatArray]:
-    """Return signals within a few standard deviations of an edge of their gates, and noise of all sizes."""
+def on_edges(
+    rng: np.random.Generator, rule: RatioGates, rows: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return signals within a few standard deviations of an edge of their gates, and noise of all
+    sizes.
+    """
     reference = np.maximum(rule.threshold + rng.normal(2.0, 4.0, rows), 0.0)
     noise = 10.0 ** rng.uniform(-0.5, 0.5, (rows, len(rule.lower)))
     snr = np.repeat(reference[:, None], len(rule.lower), axis=1)
@@ -31,12 +43,20 @@ def test_steep_or_flat_it_is_within_what_it_says(others: int) -> None:
     rng = np.random.default_rng(others)
     for _ in range(12):
         lower = 10.0 ** rng.uniform(-2.0, 1.0, others) * (rng.random(others) < 0.8)
-        upper = np.where(rng.random(others) < 0.8, 1.5 * lower + 10.0 ** rng.uniform(-0.5, 1.5, others), np.inf)
+        upper = np.where(
+            rng.random(others) < 0.8, 1.5 * lower + 10.0 ** rng.uniform(-0.5, 1.5, others), np.inf
+        )
         rule = RatioGates(
-            rng.uniform(3.0, 7.0), 2.5, np.array([0.0, *lower]), np.array([np.inf, *upper]), float(rng.integers(0, 4))
+            rng.uniform(3.0, 7.0),
+            2.5,
+            np.array([0.0, *lower]),
+            np.array([np.inf, *upper]),
+            float(rng.integers(0, 4)),
         )
         snr, noise = on_edges(rng, rule, 150)
-        quick = fast_probability(rule, snr, rule.slopes(noise), rule.margins(snr, rule.slopes(noise)))
+        quick = fast_probability(
+            rule, snr, rule.slopes(noise), rule.margins(snr, rule.slopes(noise))
+        )
         assert np.abs(quick - np.exp(rule.log_chances(snr, rule.slopes(noise))[0])).max() <= 1e-10
 
 
@@ -46,7 +66,8 @@ def test_the_same_look_has_the_same_chance_in_any_company() -> None:
     together = fast_probability(PAPER, snr, PAPER.slopes(noise), margins)
     for rows in (slice(0, 1), slice(7, 8), slice(100, 350)):
         assert np.array_equal(
-            fast_probability(PAPER, snr[rows], PAPER.slopes(noise[rows]), margins[rows]), together[rows]
+            fast_probability(PAPER, snr[rows], PAPER.slopes(noise[rows]), margins[rows]),
+            together[rows],
         )
 
 
@@ -82,6 +103,10 @@ def test_what_no_gate_touches_costs_none(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_no_panel_is_wider_than_what_nodes_are_known_for() -> None:
     rng = np.random.default_rng(7)
     snr, noise = on_edges(rng, PAPER, 3000)
-    panels = panels_of(looks_of(PAPER, snr, PAPER.slopes(noise), PAPER.margins(snr, PAPER.slopes(noise))[:, 1:] < 6.8))
+    panels = panels_of(
+        looks_of(
+            PAPER, snr, PAPER.slopes(noise), PAPER.margins(snr, PAPER.slopes(noise))[:, 1:] < 6.8
+        )
+    )
     assert panels.width.max() < 24.0
     assert len(NODES) == len(WIDTHS) + 1

@@ -1,4 +1,6 @@
-"""A DSP of the paper, which by day sees no launch before the Earth, is warned of; that of the record is not."""
+"""A DSP of the paper, which by day sees no launch before the Earth, is warned of; that of the
+record is not.
+"""
 
 from typing import Any
 
@@ -19,7 +21,11 @@ def warned(plan: opir.Plan) -> list[str]:
 
 @pytest.mark.parametrize(
     ("changes", "is_warned", "sees"),
-    [({}, True, False), ({"preset": "heritage"}, False, True), ({"bands": {"MWIR": [4.2, 4.45]}}, False, True)],
+    [
+        ({}, True, False),
+        ({"preset": "heritage"}, False, True),
+        ({"bands": {"MWIR": [4.2, 4.45]}}, False, True),
+    ],
     ids=["paper", "heritage", "own band"],
 )
 def test_the_sensor_that_is_warned_of_sees_no_launch_of_three_and_the_others_do(
@@ -40,7 +46,12 @@ def test_one_line_names_the_sensors_and_the_remedy_and_explain_has_it() -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", [{"background": "none"}, {"detection": "constant", "background": "none", "atmosphere": "clear"}], ids=str
+    "changes",
+    [
+        {"background": "none"},
+        {"detection": "constant", "background": "none", "atmosphere": "clear"},
+    ],
+    ids=str,
 )
 def test_without_a_background_nothing_hides_a_launch(changes: Any) -> None:
     assert not warned(opir.compile_plan(scene([DSP], "I", **{**SKY, **changes})))

@@ -1,4 +1,6 @@
-"""What a frame difference subtracts of a target: nothing before one lag, much of a slow one, all of a steady source."""
+"""What a frame difference subtracts of a target: nothing before one lag, much of a slow one, all of
+a steady source.
+"""
 
 from typing import Any
 
@@ -21,8 +23,15 @@ def looks_of(plan: Any, step: int = 5) -> Exposures:
 
 
 def signals(temporal: str, **changes: Any) -> tuple[Any, Exposures, np.ndarray]:
-    """Return the plan, the looks and the signals (n, B) of a sensor with or without a frame difference."""
-    plane = {"temporal_filter": temporal, "lag_s": LAG_S, "registration_urad": 0.0, "drift_urad_s": 0.0}
+    """Return the plan, the looks and the signals (n, B) of a sensor with or without a frame
+    difference.
+    """
+    plane = {
+        "temporal_filter": temporal,
+        "lag_s": LAG_S,
+        "registration_urad": 0.0,
+        "drift_urad_s": 0.0,
+    }
     sensor = {name: value for name, value in SBIRS.items() if name != "nei_w_m2"}
     plan = opir.compile_plan(scene([{**sensor, "focal_plane": plane}], "IS", **changes))
     looks = looks_of(plan)
@@ -48,7 +57,9 @@ def test_what_is_left_is_the_light_now_less_that_of_a_displaced_spot_a_lag_earli
             (looks.target == looks.target[row])
             & (np.abs(looks.emission_time_s - looks.emission_time_s[row] + LAG_S) < 0.3)
         )
-        near = then[np.argmin(np.abs(looks.emission_time_s[then] - looks.emission_time_s[row] + LAG_S))]
+        near = then[
+            np.argmin(np.abs(looks.emission_time_s[then] - looks.emission_time_s[row] + LAG_S))
+        ]
         rays = [looks.target_ecef_m[each] - looks.sensor_ecef_m[each] for each in (row, near)]
         rays = [ray / np.linalg.norm(ray) for ray in rays]
         moved = np.linalg.norm(rays[0] - rays[1]) / pixel_rad
@@ -57,7 +68,9 @@ def test_what_is_left_is_the_light_now_less_that_of_a_displaced_spot_a_lag_earli
             blur = np.hypot(config.blur_urad, config.jitter_urad) * 1e-6
             sigma = np.hypot(np.sqrt(2.0) / np.pi * middle_um * 1e-6 / config.aperture_m, blur)
             weights = filter_weights("matched", 1, float(sigma), pixel_rad)
-            spot = FilteredSpot.of(weights, PointSpread.of(middle_um, config.aperture_m, float(blur), pixel_rad))
+            spot = FilteredSpot.of(
+                weights, PointSpread.of(middle_um, config.aperture_m, float(blur), pixel_rad)
+            )
             share = float(spot.response(moved, FrameDifference(LAG_S, 0.0, 0.0)) / spot.response())
             expected = max(whole[row, place] - share * whole[near, place], 0.0)
             # Looks a lag apart are up to 0.25 s from a lag.

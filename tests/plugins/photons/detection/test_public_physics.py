@@ -1,4 +1,6 @@
-"""The public functions of radiometry and detection: closed forms, Monte Carlo, and the domains of their arguments."""
+"""The public functions of radiometry and detection: closed forms, Monte Carlo, and the domains of
+their arguments.
+"""
 
 import math
 
@@ -49,7 +51,9 @@ def test_cumulative_probability_of_the_paper_and_of_small_chances() -> None:
 
 @pytest.mark.parametrize("probability", [0.05, 0.6, 0.95])
 def test_latency_of_aligned_scans_is_geometric(probability: float) -> None:
-    """Times that are whole periods count the look at that time, though 0.2 * 3 is not 0.6 in binary."""
+    """Times that are whole periods count the look at that time, though 0.2 * 3 is not 0.6 in
+    binary.
+    """
     scans = np.arange(60)
     steps = latency_cdf(0.2 * scans, 0.2, probability)
     assert steps == pytest.approx(geom.cdf(scans, probability), rel=1e-12, abs=0.0)
@@ -95,17 +99,24 @@ def test_the_papers_95th_percentiles() -> None:
 def test_domains_of_latency() -> None:
     assert latency_cdf([-1.0, 0.0, np.inf], 0.2, 0.5).tolist() == [0.0, 0.0, 1.0]
     assert latency_cdf([-1.0, 0.0, np.inf], 0.2, 0.5, "random").tolist() == [0.0, 0.0, 1.0]
-    assert np.isnan(latency_cdf([np.nan, 1.0, 1.0, 1.0], [1.0, 0.0, -1.0, 1.0], [0.5, 0.5, 0.5, 1.5])).all()
+    assert np.isnan(
+        latency_cdf([np.nan, 1.0, 1.0, 1.0], [1.0, 0.0, -1.0, 1.0], [0.5, 0.5, 0.5, 1.5])
+    ).all()
     assert latency_mean(0.2, 0.0) == np.inf
     assert latency_quantile([0.0, 0.5], 0.2, 0.0).tolist() == [0.0, np.inf]
     assert np.isnan(latency_quantile([-0.1, 1.0], 0.2, 0.5)).all()
-    for law in (lambda: latency_cdf(1.0, 0.2, 0.5, "swept"), lambda: latency_mean(0.2, 0.5, "spin")):
+    for law in (
+        lambda: latency_cdf(1.0, 0.2, 0.5, "swept"),
+        lambda: latency_mean(0.2, 0.5, "spin"),
+    ):
         with pytest.raises(ValueError, match="scan_phase must be aligned or random"):
             law()
 
 
 def test_band_transmittance_is_that_of_the_table() -> None:
-    """Nodes of the table, the top of the atmosphere, paths through the Earth, and rising with height."""
+    """Nodes of the table, the top of the atmosphere, paths through the Earth, and rising with
+    height.
+    """
     assert band_transmittance(2.5, 3.0, 100e3, 0.3) == 1.0
     assert band_transmittance(2.5, 3.0, 10e3, -0.5) == 0.0
     heights = np.linspace(0.0, 99e3, 50)
@@ -133,7 +144,9 @@ def test_the_chain_from_source_to_probability_of_detection() -> None:
     assert probability_of_detection(snr, threshold) == pytest.approx(0.5, abs=1e-12)
     wavelengths = np.linspace(4.0, 5.0, 2001)
     spectrum = planck_radiance(1500.0, wavelengths)
-    assert np.trapezoid(spectrum, wavelengths) == pytest.approx(band_radiance(1500.0, 4.0, 5.0), rel=1e-7)
+    assert np.trapezoid(spectrum, wavelengths) == pytest.approx(
+        band_radiance(1500.0, 4.0, 5.0), rel=1e-7
+    )
 
 
 def test_a_whole_flight_from_launch_to_aim_point() -> None:
@@ -144,4 +157,6 @@ def test_a_whole_flight_from_launch_to_aim_point() -> None:
     flight = aim(launch, target, 0.0, [boost_profile("ICBM_solid")])
     whole = flight_ephemeris(flight)
     assert whole.position_m(0, whole.end_s[0]) == pytest.approx(flight.impact_ecef_m[0], abs=0.01)
-    assert whole.position_m(0, whole.start_s[0]) == pytest.approx(flight.path.plane.launch_m[0], abs=0.01)
+    assert whole.position_m(0, whole.start_s[0]) == pytest.approx(
+        flight.path.plane.launch_m[0], abs=0.01
+    )

@@ -1,4 +1,6 @@
-"""Signal and noise of a look, worked out anew from the parts of the chain: source, air, range, background, sensor."""
+"""Signal and noise of a look, worked out anew from the parts of the chain: source, air, range,
+background, sensor.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,13 @@ GIVEN = [
         "nei_w_m2": 1e-12,
         "band_nei_w_m2": {"MWIR": 3e-12},
     },
-    {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -105.0, "collection_m2_s": 1e-6, "nei_w_cm2": 2e-17},
+    {
+        "model": "NEXTGEN-GEO",
+        "id": "N",
+        "orbital_slot_deg": -105.0,
+        "collection_m2_s": 1e-6,
+        "nei_w_cm2": 2e-17,
+    },
 ]
 SENSORS = [{**one, "focal_plane": None} for one in GIVEN]
 SKIES = {
@@ -32,10 +40,18 @@ SKIES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("sky", SKIES)
 def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
-    """SNR = I τ / R² / σ with σ² = NEI² + L ω hc/λ / (A η t) + (c ω)²: docs/explanation/detection.md."""
+    """SNR = I τ / R² / σ with σ² = NEI² + L ω hc/λ / (A η t) + (c ω)²:
+    docs/explanation/detection.md.
+    """
     scene = opir.load_scene(
         "examples/photons.yaml",
-        overrides=["atmosphere=clear", "background=none", "classification=paper", "duration_s=60", "outputs=[]"],
+        overrides=[
+            "atmosphere=clear",
+            "background=none",
+            "classification=paper",
+            "duration_s=60",
+            "outputs=[]",
+        ],
     )
     mapping = {**scene_mapping(scene), "sensors": SENSORS, **SKIES[sky]}
     plan = opir.compile_plan(opir.scene_from_mapping(mapping))
@@ -63,11 +79,14 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
             counts = behind * photon_j / light.collection_m2_s
             sigma = np.sqrt(light.nei_w_m2[place] ** 2 + counts + clutter**2)
             np.testing.assert_allclose(found.noise_w_m2[rows, place], sigma, rtol=1e-12)
-            np.testing.assert_allclose(found.snr[rows, place], irradiance / sigma, rtol=1e-11, atol=1e-300)
+            np.testing.assert_allclose(
+                found.snr[rows, place], irradiance / sigma, rtol=1e-11, atol=1e-300
+            )
             compared += int((irradiance > 0.0).sum())
             noisy += int((counts > 0.1 * sigma**2).any()) + int((clutter > 0.1 * sigma).any())
     assert compared > 500
-    # Photons and clutter are each more than a tenth of some band's noise, where there is a background.
+    # Photons and clutter are each more than a tenth of some band's noise, where there is a
+    # background.
     assert (noisy >= 2) == ("background" in SKIES[sky])
 
 

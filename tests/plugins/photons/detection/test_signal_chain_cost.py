@@ -26,30 +26,45 @@ SCENE: dict[str, Any] = {
         }
     ],
     "sensors": [
-        {"model": model, "id": f"{model}-{slot:g}", "orbital_slot_deg": slot, "confirmation_detections": 1}
+        {
+            "model": model,
+            "id": f"{model}-{slot:g}",
+            "orbital_slot_deg": slot,
+            "confirmation_detections": 1,
+        }
         for model in ("SBIRS-GEO", "NEXTGEN-GEO")
         for slot in (-150.0, -140.0, -120.0, -110.0)
     ],
 }
 
 
-def test_what_noise_alone_does_is_worked_out_once_a_kind_of_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is an integral of the sensor's rule, dearer than all else that a satellite's receiver is compiled from."""
+def test_what_noise_alone_does_is_worked_out_once_a_kind_of_sensor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It is an integral of the sensor's rule, dearer than all else that a satellite's receiver is
+    compiled from.
+    """
     asked = []
     own = snr.noise_chance
-    monkeypatch.setattr(snr, "noise_chance", lambda receiver: asked.append(receiver) or own(receiver))
+    monkeypatch.setattr(
+        snr, "noise_chance", lambda receiver: asked.append(receiver) or own(receiver)
+    )
     opir.compile_plan(opir.scene_from_mapping(SCENE))
     assert len(asked) == 2
 
 
-def test_a_window_with_noise_is_summed_up_without_a_copy_of_its_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_with_noise_is_summed_up_without_a_copy_of_its_columns(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A window has two dozen columns, of which five are counted."""
     plan = opir.compile_plan(opir.scene_from_mapping(SCENE))
     (window,) = plan_windows(plan)
     assert (window.truth.target < 0).any()
     assert (window.truth.target >= 0).any()
     tally = Tally(plan)
-    monkeypatch.setattr(Columns, "take", lambda *_: pytest.fail("columns that are not counted were copied"))
+    monkeypatch.setattr(
+        Columns, "take", lambda *_: pytest.fail("columns that are not counted were copied")
+    )
     tally.count(window)
     counts = tally.counts()
     assert counts["detections"] == len(window.detections)
@@ -58,11 +73,16 @@ def test_a_window_with_noise_is_summed_up_without_a_copy_of_its_columns(monkeypa
 
 @pytest.mark.slow
 def test_a_focal_plane_adds_few_evaluations_to_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Noise with structure is nearly as smooth along a track as without: at most twice as many looks are evaluated."""
+    """Noise with structure is nearly as smooth along a track as without: at most twice as many
+    looks are evaluated.
+    """
     evaluated: dict[str, int] = {}
     own = snr.SnrDetection.response
     for name in ("without", "notional"):
-        sensors = [{**sensor, **({} if name == "without" else {"focal_plane": name})} for sensor in SCENE["sensors"]]
+        sensors = [
+            {**sensor, **({} if name == "without" else {"focal_plane": name})}
+            for sensor in SCENE["sensors"]
+        ]
         rows: list[int] = []
 
         def counted(model: Any, exposures: Any, rows: list[int] = rows, **changes: Any) -> Any:

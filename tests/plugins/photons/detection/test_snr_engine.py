@@ -1,4 +1,6 @@
-"""The model `snr` in the engine: noise at its rate, what a window costs, calibration, and no dependence."""
+"""The model `snr` in the engine: noise at its rate, what a window costs, calibration, and no
+dependence.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -23,7 +25,9 @@ from opir_core.simulation.engine import Engine
 def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = ()) -> None:
     for attribute in fields(Detections):
         if attribute.name not in leave_out:
-            assert getattr(one, attribute.name).tobytes() == getattr(other, attribute.name).tobytes(), attribute.name
+            assert (
+                getattr(one, attribute.name).tobytes() == getattr(other, attribute.name).tobytes()
+            ), attribute.name
 
 
 @pytest.fixture(scope="module")
@@ -80,12 +84,19 @@ def test_noise_is_spread_uniformly_over_the_field_of_regard(
     half = 1.0 - np.cos(np.radians(10.0))
     shares = np.sort((1.0 - (noise.line_of_sight_ecef * down).sum(axis=1)) / half)
     assert shares[-1] <= 1.0 + 1e-9
-    assert np.max(np.abs(shares - (np.arange(len(shares)) + 0.5) / len(shares))) < 1.95 / np.sqrt(len(shares))
+    assert np.max(np.abs(shares - (np.arange(len(shares)) + 0.5) / len(shares))) < 1.95 / np.sqrt(
+        len(shares)
+    )
     turns = np.sort(
-        np.arctan2(noise.line_of_sight_ecef[:, 2], noise.line_of_sight_ecef @ np.cross(down[0], [0, 0, 1.0]))
+        np.arctan2(
+            noise.line_of_sight_ecef[:, 2],
+            noise.line_of_sight_ecef @ np.cross(down[0], [0, 0, 1.0]),
+        )
     )
     turns = (turns + np.pi) / (2.0 * np.pi)
-    assert np.max(np.abs(turns - (np.arange(len(turns)) + 0.5) / len(turns))) < 1.95 / np.sqrt(len(turns))
+    assert np.max(np.abs(turns - (np.arange(len(turns)) + 0.5) / len(turns))) < 1.95 / np.sqrt(
+        len(turns)
+    )
 
 
 @pytest.mark.slow
@@ -100,7 +111,8 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
     monkeypatch.setattr(np.random, "Philox", lambda **place: made.append(place) or philox(**place))
     monkeypatch.setattr(Reader, "words", lambda *place: reads.append(place) or words(*place))
     engine = Engine(plan)
-    # One for all pairs; of each sensor three for its noise: how often, which, and the phase of its scan.
+    # One for all pairs; of each sensor three for its noise: how often, which, and the phase of its
+    # scan.
     assert len(made) <= 1 + 3 * len(plan.sensors)
     monkeypatch.setattr(GateDensity, "panels", None)
     reads.clear()
@@ -117,11 +129,17 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
 
 
 @pytest.mark.slow
-def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD))
     asked = []
     inner = type(plan.detection).measure_noise
-    monkeypatch.setattr(type(plan.detection), "measure_noise", lambda *given: asked.append(given[1]) or inner(*given))
+    monkeypatch.setattr(
+        type(plan.detection),
+        "measure_noise",
+        lambda *given: asked.append(given[1]) or inner(*given),
+    )
     window = Engine(plan).advance(plan.end_ns)
     assert len(asked) == 1
     assert len(asked[0]) > 1000
@@ -145,9 +163,17 @@ def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geomet
     inner = type(plan.detection).measure_response
     to_pass = snr.accepted_draws
     directions = false_alarms._directions
-    monkeypatch.setattr(type(plan.detection), "measure_response", lambda *g: measured.append(len(g[2])) or inner(*g))
-    monkeypatch.setattr(snr, "accepted_draws", lambda *given: again.append(len(given[1])) or to_pass(*given))
-    monkeypatch.setattr(false_alarms, "_directions", lambda *given: placed.append(len(given[0])) or directions(*given))
+    monkeypatch.setattr(
+        type(plan.detection), "measure_response", lambda *g: measured.append(len(g[2])) or inner(*g)
+    )
+    monkeypatch.setattr(
+        snr, "accepted_draws", lambda *given: again.append(len(given[1])) or to_pass(*given)
+    )
+    monkeypatch.setattr(
+        false_alarms,
+        "_directions",
+        lambda *given: placed.append(len(given[0])) or directions(*given),
+    )
     monkeypatch.setattr("opir_core.planning.looks.BLOCK_ROWS", 100)
     parted = Engine(plan).advance(plan.end_ns)
     seen = int((whole.truth.target >= 0).sum())
@@ -182,8 +208,12 @@ class _Given:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("signal", [pytest.param(4.0, marks=pytest.mark.slow), 6.0, 9.0])
-def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_that_did_not(signal: float) -> None:
-    """Two samples, 40 cells a band, chi-squared; and no rank correlation with what failed: 99.9 %, Bonferroni of 24."""
+def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_that_did_not(
+    signal: float,
+) -> None:
+    """Two samples, 40 cells a band, chi-squared; and no rank correlation with what failed: 99.9 %,
+    Bonferroni of 24.
+    """
     gates = {**NEXTGEN, "spectral_discrimination": "triple-coincidence", "threshold_sigma": 5.0}
     model = opir.compile_plan(scene((DSP, SBIRS, gates))).detection
     rows = 60_000
@@ -199,13 +229,20 @@ def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_t
     measured = model.measure_response(response, np.full(rows, 2, dtype=np.int32), _Given(normal))
     drawn = measured.band_irradiance_w_m2 / noise
     free = snr[:1] + rng.normal(size=(int(rows / np.exp(log_chance[0])), 3))
-    kept = free[receiver.rule.passes(free, receiver.rule.slopes(noise[:1].repeat(len(free), axis=0)))]
+    kept = free[
+        receiver.rule.passes(free, receiver.rule.slopes(noise[:1].repeat(len(free), axis=0)))
+    ]
     failed = ~receiver.rule.passes(snr + normal, receiver.rule.slopes(noise))
     assert receiver.rule.passes(drawn, receiver.rule.slopes(noise)).all()
     for band in range(3):
         edges = np.quantile(kept[:, band], np.linspace(0.0, 1.0, 41)[1:-1])
-        one, other = (np.bincount(np.searchsorted(edges, each[:, band]), minlength=40) for each in (kept, drawn))
-        spread = (one * np.sqrt(rows / len(kept)) - other * np.sqrt(len(kept) / rows)) ** 2 / (one + other)
+        one, other = (
+            np.bincount(np.searchsorted(edges, each[:, band]), minlength=40)
+            for each in (kept, drawn)
+        )
+        spread = (one * np.sqrt(rows / len(kept)) - other * np.sqrt(len(kept) / rows)) ** 2 / (
+            one + other
+        )
         assert spread.sum() < chi2.isf(0.001 / 24, 39)
         for other_band in range(3):
             ranks = spearmanr(normal[failed, other_band], drawn[failed, band]).statistic
@@ -220,7 +257,9 @@ def test_calibrated_sensors_see_the_reference_as_the_paper_says() -> None:
         signal = model.environment.reference_intensity_w_sr[receiver.bands] / 3.6e7**2
         noise = receiver.nei_w_m2
         chance = np.exp(
-            receiver.rule.log_chances((signal / noise)[None, :], receiver.rule.slopes(noise[None, :]))[0][0]
+            receiver.rule.log_chances(
+                (signal / noise)[None, :], receiver.rule.slopes(noise[None, :])
+            )[0][0]
         )
         assert chance == pytest.approx(wanted, abs=1e-12)
 
@@ -232,10 +271,14 @@ def test_residuals_are_as_wide_as_they_say(plan: Any) -> None:
     truth = truth.take(truth.target >= 0)
     true = wide.targets.position_ecef_m(truth.target, truth.emission_time_s) - found.sensor_ecef_m
     true /= np.linalg.norm(true, axis=1)[:, None]
-    squared = np.sum(((found.line_of_sight_ecef - true) / found.line_of_sight_sigma_rad[:, None]) ** 2, axis=1)
+    squared = np.sum(
+        ((found.line_of_sight_ecef - true) / found.line_of_sight_sigma_rad[:, None]) ** 2, axis=1
+    )
     ordered = np.sort(1.0 - np.exp(-squared / 2.0))
     count = len(ordered)
     assert count > 200
     assert np.ptp(found.line_of_sight_sigma_rad) > 1e-7
     assert np.max(np.abs(ordered - (np.arange(count) + 0.5) / count)) < 1.95 / np.sqrt(count)
-    assert np.allclose(found.line_of_sight_sigma_rad, np.hypot(50e-6, 56e-6 / found.snr), rtol=1e-12, atol=0.0)
+    assert np.allclose(
+        found.line_of_sight_sigma_rad, np.hypot(50e-6, 56e-6 / found.snr), rtol=1e-12, atol=0.0
+    )

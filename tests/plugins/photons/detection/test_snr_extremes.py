@@ -1,7 +1,8 @@
-"""The model `snr` at its extremes, asked as a scene assembles it: finite, in [0, 1], monotone, exact in the tails.
+"""The model `snr` at its extremes, asked as a scene assembles it: finite, in [0, 1], monotone,
+exact in the tails.
 
-Looks are laid by hand: at a gas flare, whose brightness does not change, from under the ground to 1000 km, from
-straight below the sensor to beyond its limb.
+Looks are laid by hand: at a gas flare, whose brightness does not change, from under the ground to
+1000 km, from straight below the sensor to beyond its limb.
 """
 
 from typing import Any
@@ -23,7 +24,9 @@ SENSORS = {
     "SBIRS-GEO": {"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": 0.0},
     "NEXTGEN-GEO": {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": 0.0},
 }
-HEIGHTS_M = np.array([0.0, 1.0, 500.0, 2e3, 5e3, 8e3, 9_999.0, 10_001.0, 20e3, 50e3, 99_999.9, 100e3, 400e3, 1000e3])
+HEIGHTS_M = np.array(
+    [0.0, 1.0, 500.0, 2e3, 5e3, 8e3, 9_999.0, 10_001.0, 20e3, 50e3, 99_999.9, 100e3, 400e3, 1000e3]
+)
 LONGITUDES_DEG = (0.0, 40.0, 75.0, 81.2, 81.3, 82.0, 90.0)
 
 
@@ -63,7 +66,9 @@ def looks_at(height_m: np.ndarray, longitude_deg: float, sensor: int = 0) -> Exp
 
 
 def chances(plan: Any, looks: Exposures) -> np.ndarray:
-    """Return probabilities of detection, held to be probabilities, with signals and noise that are numbers."""
+    """Return probabilities of detection, held to be probabilities, with signals and noise that are
+    numbers.
+    """
     response = plan.detection.response(looks)
     assert not np.isnan(response.probit).any()
     assert np.isfinite(response.snr).all()
@@ -77,7 +82,9 @@ def chances(plan: Any, looks: Exposures) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def flare_w_m2() -> float:
-    """Return what the flare, on the ground at 10 degrees of longitude, shines with in DSP's band through no air."""
+    """Return what the flare, on the ground at 10 degrees of longitude, shines with in DSP's band
+    through no air.
+    """
     plan = assembled([{**SENSORS["DSP"], "nei_w_m2": 1.0}])
     return float(plan.detection.response(looks_at(np.array([0.0]), 10.0)).snr[0, 0])
 
@@ -101,14 +108,16 @@ def test_probabilities_everywhere(name: str, sky: str, nei: float) -> None:
             # Nothing is between, and the range falls with height.
             assert (np.diff(chance) >= -1e-12).all()
         if nei == 1e6:
-            # The air widens gates towards the horizon, by which noise passes them hardly more often.
+            # The air widens gates towards the horizon, by which noise passes them hardly more
+            # often.
             near = 1e-9 if name == "DSP" or sky == "empty" else 0.01
             assert chance == pytest.approx(plan.detection.noise_chance[0], rel=near)
 
 
 @pytest.mark.parametrize("longitude_deg", LONGITUDES_DEG[:3])
 def test_higher_is_surer_through_the_air(longitude_deg: float) -> None:
-    # Lines of sight end elsewhere on the ground for each height, where the background hardly differs.
+    # Lines of sight end elsewhere on the ground for each height, where the background hardly
+    # differs.
     plan = assembled([SENSORS["DSP"]], atmosphere="lowtran", background="earth")
     assert (np.diff(chances(plan, looks_at(HEIGHTS_M, longitude_deg))[:11]) >= 0.0).all()
 
@@ -125,16 +134,21 @@ def test_inside_cloud_there_is_noise_alone(name: str) -> None:
     if name == "DSP":
         assert below == pytest.approx(alone, rel=1e-9)
     else:
-        # Before a bright cloud the bands' noises have other ratios than in the dark; all chances are small.
+        # Before a bright cloud the bands' noises have other ratios than in the dark; all chances
+        # are small.
         assert (below < 1e-6).all()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("threshold", [-1.0, 0.0, 5.0, 37.047096])
 @pytest.mark.parametrize("decade", range(-12, 13, 3))
-def test_from_1e_minus_12_to_1e12_the_tails_are_mpmaths(flare_w_m2: float, decade: int, threshold: float) -> None:
+def test_from_1e_minus_12_to_1e12_the_tails_are_mpmaths(
+    flare_w_m2: float, decade: int, threshold: float
+) -> None:
     mpmath.mp.dps = 40
-    chosen = {"threshold_sigma": threshold} if threshold >= 0.0 else {"false_alarm_probability": 1e-300}
+    chosen = (
+        {"threshold_sigma": threshold} if threshold >= 0.0 else {"false_alarm_probability": 1e-300}
+    )
     plan = assembled([{**SENSORS["DSP"], "nei_w_m2": flare_w_m2 / 10.0**decade, **chosen}])
     response = plan.detection.response(looks_at(np.array([0.0]), 10.0))
     snr = float(response.snr[0, 0])
@@ -143,34 +157,53 @@ def test_from_1e_minus_12_to_1e12_the_tails_are_mpmaths(flare_w_m2: float, decad
     smaller = mpmath.erfc(abs(margin) / mpmath.sqrt(2)) / 2
     side = -1.0 if margin > 0 else 1.0
     # Up to 1e12 deviations below and above, the logarithms of both sides.
-    assert log_ndtr(side * response.probit[0]) == pytest.approx(float(mpmath.log(smaller)), rel=3e-11)
-    assert log_ndtr(-side * response.probit[0]) == pytest.approx(float(mpmath.log1p(-smaller)), rel=1e-8, abs=0.0)
+    assert log_ndtr(side * response.probit[0]) == pytest.approx(
+        float(mpmath.log(smaller)), rel=3e-11
+    )
+    assert log_ndtr(-side * response.probit[0]) == pytest.approx(
+        float(mpmath.log1p(-smaller)), rel=1e-8, abs=0.0
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("decade", range(-12, 13, 4))
 def test_two_bands_of_which_any_will_do_miss_together(decade: int) -> None:
     mpmath.mp.dps = 40
-    sensor = {**SENSORS["SBIRS-GEO"], "spectral_discrimination": "none", "threshold_sigma": 5.0, "nei_w_m2": 1.0}
+    sensor = {
+        **SENSORS["SBIRS-GEO"],
+        "spectral_discrimination": "none",
+        "threshold_sigma": 5.0,
+        "nei_w_m2": 1.0,
+    }
     unit = assembled([{**sensor, "band_nei_w_m2": {}}])
     signals = unit.detection.response(looks_at(np.array([0.0]), 10.0)).snr[0]
-    plan = assembled([{**sensor, "band_nei_w_m2": {}, "nei_w_m2": float(signals[0]) / 10.0**decade}])
+    plan = assembled(
+        [{**sensor, "band_nei_w_m2": {}, "nei_w_m2": float(signals[0]) / 10.0**decade}]
+    )
     response = plan.detection.response(looks_at(np.array([0.0]), 10.0))
     margins = [mpmath.mpf(float(one)) - 5 for one in response.snr[0]]
     missed = mpmath.fprod(mpmath.erfc(margin / mpmath.sqrt(2)) / 2 for margin in margins)
     assert log_ndtr(-response.probit[0]) == pytest.approx(float(mpmath.log(missed)), rel=1e-9)
-    assert log_ndtr(response.probit[0]) == pytest.approx(float(mpmath.log1p(-missed)), rel=1e-9, abs=1e-300)
+    assert log_ndtr(response.probit[0]) == pytest.approx(
+        float(mpmath.log1p(-missed)), rel=1e-9, abs=1e-300
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["SBIRS-GEO", "NEXTGEN-GEO"])
 def test_less_noise_is_surer_where_ratios_are_plausible(name: str) -> None:
-    # Any positive irradiance will do: what is left are thresholds, and these are passed the surer the less the noise.
+    # Any positive irradiance will do: what is left are thresholds, and these are passed the surer
+    # the less the noise.
     bands = list(assembled([SENSORS[name]]).sensors[0].bands)
     wide = {band.name: [0.0, 1e6] for band in bands[1:]}
     found = []
     for decade in range(-12, 13, 3):
-        sensor = {**SENSORS[name], "plausible_ratios": wide, "nei_w_m2": 1e-12 * 10.0**-decade, "band_nei_w_m2": {}}
+        sensor = {
+            **SENSORS[name],
+            "plausible_ratios": wide,
+            "nei_w_m2": 1e-12 * 10.0**-decade,
+            "band_nei_w_m2": {},
+        }
         found.append(chances(assembled([sensor]), looks_at(np.array([30e3]), 10.0))[0])
     assert (np.diff(found) >= 0.0).all()
     assert found[0] < 1e-6
@@ -188,13 +221,20 @@ def test_in_a_whole_run_nothing_is_looked_up_above_100_km(monkeypatch: pytest.Mo
     asked: list[float] = []
     inner = LowtranAtmosphere._looked_up
 
-    def counting(self: Any, band: int, height_m: np.ndarray, elevation_sine: np.ndarray) -> np.ndarray:
+    def counting(
+        self: Any, band: int, height_m: np.ndarray, elevation_sine: np.ndarray
+    ) -> np.ndarray:
         asked.extend(height_m.tolist())
         return inner(self, band, height_m, elevation_sine)
 
     monkeypatch.setattr(LowtranAtmosphere, "_looked_up", counting)
     launch = {"lat_deg": 0.0, "lon_deg": 10.0, "time_s": 0.0}
-    target = {"id": "T", "type": "ICBM", "launch": launch, "aim": {"lat_deg": 60.0, "lon_deg": 60.0}}
+    target = {
+        "id": "T",
+        "type": "ICBM",
+        "launch": launch,
+        "aim": {"lat_deg": 60.0, "lon_deg": 60.0},
+    }
     scene = {"sources": [], "targets": [target], "duration_s": 170.0, "atmosphere": "lowtran"}
     plan = assembled(list(SENSORS.values()), **scene)
     window = Engine(plan).advance(plan.end_ns)

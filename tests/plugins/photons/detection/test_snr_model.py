@@ -1,4 +1,6 @@
-"""The model `snr` and its formulae: probabilities between knots, detections by signal, extremes of noise."""
+"""The model `snr` and its formulae: probabilities between knots, detections by signal, extremes of
+noise.
+"""
 
 from typing import Any
 
@@ -19,15 +21,27 @@ from opir_core.simulation.refinement import SIGNAL_SHARE, SIGNAL_SIGMA
 SKIES = {
     "empty space": {},
     "air": {"atmosphere": "lowtran", "background": "earth"},
-    "cloud": {"atmosphere": {"model": "lowtran", "climate": "tropical", "cloud": {"top_km": 9.0, "cover": 0.5}}},
+    "cloud": {
+        "atmosphere": {
+            "model": "lowtran",
+            "climate": "tropical",
+            "cloud": {"top_km": 9.0, "cover": 0.5},
+        }
+    },
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sky", SKIES)
-@pytest.mark.parametrize("sensors", [(DSP, SBIRS, NEXTGEN), NEAR_THRESHOLD], ids=["bright", "near the threshold"])
-@pytest.mark.parametrize("tolerance", [1e-4, *(pytest.param(each, marks=pytest.mark.slow) for each in (1e-2, 1e-6))])
-def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, sensors: Any, tolerance: float) -> None:
+@pytest.mark.parametrize(
+    "sensors", [(DSP, SBIRS, NEXTGEN), NEAR_THRESHOLD], ids=["bright", "near the threshold"]
+)
+@pytest.mark.parametrize(
+    "tolerance", [1e-4, *(pytest.param(each, marks=pytest.mark.slow) for each in (1e-2, 1e-6))]
+)
+def test_between_knots_no_look_is_off_by_more_than_the_tolerance(
+    sky: str, sensors: Any, tolerance: float
+) -> None:
     chosen = {"model": "snr", "probability_tolerance": tolerance}
     near = opir.compile_plan(scene(sensors, detection=chosen, duration_s=220, **SKIES[sky]))
     interpolant = interpolant_of(near, near.look_geometry())
@@ -37,13 +51,18 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, senso
     exposed = near.look_geometry().exposures(looks.pair, looks.scan)
     exact = near.detection.response(exposed)
     probability = spans.probability()
-    # From 1e-6 downwards changes of slope in the table of the atmosphere add up (docs/explanation/detection.md).
+    # From 1e-6 downwards changes of slope in the table of the atmosphere add up
+    # (docs/explanation/detection.md).
     most = 2.0 * tolerance if tolerance <= 1e-6 else tolerance
     assert np.abs(probability - ndtr(exact.probit)).max() <= most
-    # Signals are held midway between knots: where something is seen, hardly any is off by more than is said.
+    # Signals are held midway between knots: where something is seen, hardly any is off by more than
+    # is said.
     shared = spans.response(np.arange(len(looks.scan)))
     seen = probability > 1e-7
-    off = np.abs(shared.snr - exact.snr)[seen] / np.maximum(SIGNAL_SHARE * exact.snr, SIGNAL_SIGMA)[seen]
+    off = (
+        np.abs(shared.snr - exact.snr)[seen]
+        / np.maximum(SIGNAL_SHARE * exact.snr, SIGNAL_SIGMA)[seen]
+    )
     assert np.mean(off <= 1.0) > 0.998
     assert off.max() < 3.0
     assert len(interpolant.at[0]) < {1e-2: 0.25, 1e-4: 0.4, 1e-6: 0.8}[tolerance] * len(looks.pair)
@@ -53,16 +72,22 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, senso
 @pytest.mark.parametrize("calibrate", ["paper", "none"])
 def test_without_word_of_its_kinks_a_model_is_held_to_the_tolerance_too(calibrate: str) -> None:
     chosen = {"model": "snr", "calibrate": calibrate}
-    near = opir.compile_plan(scene(detection=chosen, duration_s=220, atmosphere="lowtran", background="earth"))
+    near = opir.compile_plan(
+        scene(detection=chosen, duration_s=220, atmosphere="lowtran", background="earth")
+    )
     mute = evolve(near, detection=_Mute(near.detection))
     looks = Looks.between(near.pairs, 0, near.end_ns)
     exposed = near.look_geometry().exposures(looks.pair, looks.scan)
     exact = ndtr(near.detection.response(exposed).probit)
-    knots = [ProbabilityInterpolant.of(plan.look_geometry(), plan.detection, 1e-4) for plan in (near, mute)]
+    knots = [
+        ProbabilityInterpolant.of(plan.look_geometry(), plan.detection, 1e-4)
+        for plan in (near, mute)
+    ]
     for each in knots:
         assert np.abs(each.over(looks).probability() - exact).max() <= 1e-4
     assert len(knots[0].certain) < len(knots[1].certain)
-    # Signals of the paper hardly bend where plumes do: known breakpoints save pieces there, but no lines.
+    # Signals of the paper hardly bend where plumes do: known breakpoints save pieces there, but no
+    # lines.
     assert calibrate == "paper" or len(knots[0].at[0]) < 0.9 * len(knots[1].at[0])
 
 
@@ -78,7 +103,9 @@ class _Mute:
 
 @pytest.mark.slow
 def test_detections_follow_the_formula_in_bins_of_signal() -> None:
-    plan = opir.compile_plan(scene([DSP], "IR", detection={"model": "snr", "exact": True}, duration_s=200))
+    plan = opir.compile_plan(
+        scene([DSP], "IR", detection={"model": "snr", "exact": True}, duration_s=200)
+    )
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair, looks.scan)
     chance = plan.detection.probability(exposed)
@@ -112,10 +139,12 @@ def test_no_noise_and_enormous_noise_stay_in_bounds(nei: float) -> None:
 
 def test_a_nei_in_w_cm2_is_converted_once() -> None:
     per_m2, per_cm2 = (
-        {**DSP, "nei_w_m2": None, "id": "D", key: value} for key, value in (("nei_w_m2", 2e-12), ("nei_w_cm2", 2e-16))
+        {**DSP, "nei_w_m2": None, "id": "D", key: value}
+        for key, value in (("nei_w_m2", 2e-12), ("nei_w_cm2", 2e-16))
     )
     one, other = (
-        joined(windows_of(opir.compile_plan(scene([sensor], "I")), [60.0]))[0] for sensor in (per_m2, per_cm2)
+        joined(windows_of(opir.compile_plan(scene([sensor], "I")), [60.0]))[0]
+        for sensor in (per_m2, per_cm2)
     )
     assert np.array_equal(one.time_ns, other.time_ns)
 
@@ -129,7 +158,9 @@ def test_a_sensor_that_says_nothing_of_light_is_refused() -> None:
     from opir_core.interfaces.contexts import ModelContext
 
     context = ModelContext(
-        sensors=(mute,), target_type_code=plan.targets.type_code, surroundings=evolve(plan, sensors=(mute,))
+        sensors=(mute,),
+        target_type_code=plan.targets.type_code,
+        surroundings=evolve(plan, sensors=(mute,)),
     )
     with pytest.raises(ModelError, match="does not say how it measures light"):
         snr_detection(SnrConfig(), context)

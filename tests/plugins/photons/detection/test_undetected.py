@@ -1,4 +1,6 @@
-"""Why a run detects a target never: the words name the cause, and the factor is the ratio of threshold to signal."""
+"""Why a run detects a target never: the words name the cause, and the factor is the ratio of
+threshold to signal.
+"""
 
 import re
 from typing import Any
@@ -22,7 +24,14 @@ def plan_of(scale: float = 1.0, slot_deg: float = -105.0, **changes: Any) -> Any
         "epoch": "2026-04-01T20:00:00Z",
         "duration_s": 60.0,
         "seed": 1,
-        "sensors": [{"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": slot_deg, **changes.pop("sensor", {})}],
+        "sensors": [
+            {
+                "model": "SBIRS-GEO",
+                "id": "S",
+                "orbital_slot_deg": slot_deg,
+                **changes.pop("sensor", {}),
+            }
+        ],
         "targets": [target | changes.pop("target", {})],
         "detection": "snr",
         **changes,
@@ -32,7 +41,8 @@ def plan_of(scale: float = 1.0, slot_deg: float = -105.0, **changes: Any) -> Any
 
 def factor(scale: float) -> float:
     found = re.search(
-        r"at best ([\d.]+) times below the threshold of 5.5 sigma, by S at", undetected_text(plan_of(scale), 0)
+        r"at best ([\d.]+) times below the threshold of 5.5 sigma, by S at",
+        undetected_text(plan_of(scale), 0),
     )
     assert found is not None
     return float(found[1])
@@ -43,15 +53,21 @@ def test_a_plume_of_half_the_light_is_twice_as_far_below_the_threshold() -> None
 
 
 def test_the_factor_is_what_the_light_is_to_be_multiplied_by() -> None:
-    """Times the stated factor the best look is at the threshold: P_d is a half there, and next to it seldom more."""
+    """Times the stated factor the best look is at the threshold: P_d is a half there, and next to
+    it seldom more.
+    """
     scale = 1e-3
     at_threshold = plan_of(scale * factor(scale))
     assert "by chance" in undetected_text(at_threshold, 0)
-    assert 0.3 < float(re.findall(r"P_d at most ([\d.]+)", undetected_text(at_threshold, 0))[0]) < 0.7
+    assert (
+        0.3 < float(re.findall(r"P_d at most ([\d.]+)", undetected_text(at_threshold, 0))[0]) < 0.7
+    )
 
 
 def test_where_nothing_looks_the_obstacle_is_named() -> None:
-    assert undetected_text(plan_of(slot_deg=70.0), 0) == "the Earth is in the way throughout the burn"
+    assert (
+        undetected_text(plan_of(slot_deg=70.0), 0) == "the Earth is in the way throughout the burn"
+    )
     late = plan_of(target={"launch": {"lat_deg": 35.0, "lon_deg": -110.0, "time_s": 59.99}})
     assert undetected_text(late, 0) == "no scan falls into the burn before the scene ends"
     narrow = plan_of(sensor={"field_of_regard_half_angle_deg": 2.0})
@@ -59,14 +75,28 @@ def test_where_nothing_looks_the_obstacle_is_named() -> None:
 
 
 def test_a_probability_without_signals_is_given_as_it_is() -> None:
-    plan = plan_of(detection="constant", classification="paper", sensor={"detection_probability": {"SRBM": 0.25}})
-    assert re.fullmatch(r"by chance, in 5\d\d looks: P_d at most 0.25, by S at [\d.]+ s", undetected_text(plan, 0))
+    plan = plan_of(
+        detection="constant",
+        classification="paper",
+        sensor={"detection_probability": {"SRBM": 0.25}},
+    )
+    assert re.fullmatch(
+        r"by chance, in 5\d\d looks: P_d at most 0.25, by S at [\d.]+ s", undetected_text(plan, 0)
+    )
 
 
 def test_no_chance_at_all_is_not_called_chance() -> None:
-    never = plan_of(detection="constant", classification="paper", sensor={"detection_probability": {"SRBM": 0.0}})
-    assert re.fullmatch(r"in 5\d\d looks: P_d at most 0, by S at [\d.]+ s", undetected_text(never, 0))
-    assert undetected_text(plan_of(1e-9), 0).startswith("more than 110 times below the threshold of 5.5 sigma, by S at")
+    never = plan_of(
+        detection="constant",
+        classification="paper",
+        sensor={"detection_probability": {"SRBM": 0.0}},
+    )
+    assert re.fullmatch(
+        r"in 5\d\d looks: P_d at most 0, by S at [\d.]+ s", undetected_text(never, 0)
+    )
+    assert undetected_text(plan_of(1e-9), 0).startswith(
+        "more than 110 times below the threshold of 5.5 sigma, by S at"
+    )
 
 
 def test_a_veto_of_the_rule_over_bands_is_named() -> None:

@@ -1,11 +1,18 @@
-"""The atmospheres: monotone and bounded everywhere, nothing evaluated above 100 km, bands, clouds, and their cover."""
+"""The atmospheres: monotone and bounded everywhere, nothing evaluated above 100 km, bands, clouds,
+and their cover.
+"""
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from opir_photons.radiometry.clouds import CloudField, FullDeck, is_hidden
 from opir_photons.radiometry.configs import CloudConfig, LowtranConfig
-from opir_photons.radiometry.lowtran import LowtranAtmosphere, lowtran_atmosphere, parts_of, shell_air_mass
+from opir_photons.radiometry.lowtran import (
+    LowtranAtmosphere,
+    lowtran_atmosphere,
+    parts_of,
+    shell_air_mass,
+)
 
 from opir_core.errors import ModelError
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
@@ -23,22 +30,36 @@ SENSOR_M = geodetic_to_ecef(0.0, 0.0, 35_786e3)
 
 
 def paths(height_m, elevation_sine):
-    height, sine = np.broadcast_arrays(np.asarray(height_m, float), np.asarray(elevation_sine, float))
+    height, sine = np.broadcast_arrays(
+        np.asarray(height_m, float), np.asarray(elevation_sine, float)
+    )
     nowhere = np.zeros((height.size, 3))
     return Paths(height.ravel(), sine.ravel(), nowhere, nowhere, np.zeros(height.size))
 
 
 def real_paths(latitude_deg, longitude_deg, height_m):
     """Return paths to a geostationary sensor at longitude 0."""
-    columns = np.broadcast_arrays(np.radians(latitude_deg), np.radians(longitude_deg), np.asarray(height_m, float))
+    columns = np.broadcast_arrays(
+        np.radians(latitude_deg), np.radians(longitude_deg), np.asarray(height_m, float)
+    )
     latitude, longitude, height = (column.ravel() for column in columns)
     target = geodetic_to_ecef(latitude, longitude, height)
     sensor = np.broadcast_to(SENSOR_M, target.shape)
-    return Paths(height, np.sin(elevation_rad(target, sensor)), target, sensor, np.zeros(len(height)))
+    return Paths(
+        height, np.sin(elevation_rad(target, sensor)), target, sensor, np.zeros(len(height))
+    )
 
 
-@given(st.integers(0, 1), st.floats(-500.0, 1e6), st.floats(-1.0, 1.0), st.floats(0.0, 1e5), st.floats(0.0, 1.0))
-def test_transmittance_is_a_share_that_rises_with_height_and_elevation(band, height, sine, more, steeper):
+@given(
+    st.integers(0, 1),
+    st.floats(-500.0, 1e6),
+    st.floats(-1.0, 1.0),
+    st.floats(0.0, 1e5),
+    st.floats(0.0, 1.0),
+)
+def test_transmittance_is_a_share_that_rises_with_height_and_elevation(
+    band, height, sine, more, steeper
+):
     here, higher, up = MODEL.transmittance(
         band, paths([height, height + more, height], [sine, sine, min(sine + steeper, 1.0)])
     )
@@ -62,7 +83,10 @@ def test_nothing_is_evaluated_above_100_km(monkeypatch):
     MODEL.transmittance(0, paths([50e3, 99_999.0, 100e3, 3e5], 0.5))
     assert looked_up == [2]
     cloudy = lowtran_atmosphere(LowtranConfig(cloud=CloudConfig()), CONTEXT)
-    monkeypatch.setattr("opir_photons.radiometry.lowtran.is_hidden", lambda deck, path: pytest.fail("asked for clouds"))
+    monkeypatch.setattr(
+        "opir_photons.radiometry.lowtran.is_hidden",
+        lambda deck, path: pytest.fail("asked for clouds"),
+    )
     cloudy.transmittance(0, paths([1e5, 2e5], 0.5))
 
 
@@ -79,7 +103,9 @@ def test_the_earth_is_opaque():
 
 def test_rows_do_not_depend_on_their_company():
     rng = np.random.default_rng(3)
-    some = real_paths(rng.uniform(-60, 60, 400), rng.uniform(-60, 60, 400), rng.uniform(0, 120e3, 400))
+    some = real_paths(
+        rng.uniform(-60, 60, 400), rng.uniform(-60, 60, 400), rng.uniform(0, 120e3, 400)
+    )
     model = lowtran_atmosphere(LowtranConfig(cloud=CloudConfig(cover=0.5)), CONTEXT)
     together = model.transmittance(1, some)
     alone = [float(model.transmittance(1, some.take(slice(row, row + 1)))[0]) for row in range(400)]
@@ -87,7 +113,9 @@ def test_rows_do_not_depend_on_their_company():
 
 
 def test_air_mass_of_a_shell():
-    """The way out of a shell of even air 8 km thick, by the intersection of a line with its outer sphere."""
+    """The way out of a shell of even air 8 km thick, by the intersection of a line with its outer
+    sphere.
+    """
     for zenith_deg in (0.0, 60.0, 85.0, 89.0, 90.0):
         sine = np.cos(np.radians(zenith_deg))
         way_km = np.sqrt(6_379.0**2 - 6_371.0**2 * (1.0 - sine**2)) - 6_371.0 * sine
@@ -115,19 +143,28 @@ def test_a_band_of_parts_is_their_mean_by_width():
 
 def test_other_bands_are_refused_in_words():
     context = AtmosphereContext(bands=(Band("VIS", 0.4, 0.7),), path="atmosphere", seed=0)
-    with pytest.raises(ModelError, match=r"atmosphere: the band VIS, 0.4 to 0.7 um, is not one of LOWTRAN's table"):
+    with pytest.raises(
+        ModelError, match=r"atmosphere: the band VIS, 0.4 to 0.7 um, is not one of LOWTRAN's table"
+    ):
         lowtran_atmosphere(LowtranConfig(), context)
     assert lowtran_atmosphere(LowtranConfig(bands={"VIS": "STG_2.0_2.4"}), context) is not None
-    with pytest.raises(ModelError, match=r"atmosphere.bands: no sensor of the scene has a band VSI, .*; they have VIS"):
+    with pytest.raises(
+        ModelError,
+        match=r"atmosphere.bands: no sensor of the scene has a band VSI, .*; they have VIS",
+    ):
         lowtran_atmosphere(LowtranConfig(bands={"VIS": "SWIR", "VSI": "SWIR"}), context)
-    with pytest.raises(ValueError, match="aerosol: none goes with the climate us1976 alone, not with tropical"):
+    with pytest.raises(
+        ValueError, match="aerosol: none goes with the climate us1976 alone, not with tropical"
+    ):
         LowtranConfig(climate="tropical", aerosol="none")
     with pytest.raises(ValueError, match="'XIR' is not one of SWIR"):
         LowtranConfig(bands={"VIS": "XIR"})
 
 
 def test_a_deck_hides_what_is_below_its_top_and_nothing_else():
-    clear, cloudy = (lowtran_atmosphere(LowtranConfig(cloud=cloud), CONTEXT) for cloud in (None, CloudConfig()))
+    clear, cloudy = (
+        lowtran_atmosphere(LowtranConfig(cloud=cloud), CONTEXT) for cloud in (None, CloudConfig())
+    )
     heights = np.array([0.0, 9_999.0, 10_001.0, 50e3])
     some = real_paths(30.0, 20.0, heights)
     assert (cloudy.transmittance(1, some)[:2] == 0.0).all()
@@ -137,7 +174,9 @@ def test_a_deck_hides_what_is_below_its_top_and_nothing_else():
 
 
 def test_a_deck_hides_what_is_seen_across_the_limb_below_its_top():
-    """Targets beyond the limb, whose light first descends: hidden where the line comes below the deck."""
+    """Targets beyond the limb, whose light first descends: hidden where the line comes below the
+    deck.
+    """
     longitudes = np.linspace(81.5, 89.0, 200)
     some = real_paths(0.0, longitudes, 60e3)
     lowest = grazing_height_m(some.sensor_ecef_m, some.target_ecef_m)
@@ -149,7 +188,9 @@ def test_a_deck_hides_what_is_seen_across_the_limb_below_its_top():
 
 
 def test_light_leaves_through_the_cell_above_its_way():
-    """One cloudy cell hides a low target whose line of sight passes through the deck there, not one straight below."""
+    """One cloudy cell hides a low target whose line of sight passes through the deck there, not one
+    straight below.
+    """
     field = CloudField.drawn(10e3, 0.0, 100e3, 1)
     towards = real_paths(0.0, 79.0, 0.0)
     steps = np.linspace(0.0, 400e3, 4001)[:, None]
@@ -162,7 +203,9 @@ def test_light_leaves_through_the_cell_above_its_way():
     cells = CloudField(field.top_m, field.first, np.arange(len(field.cloudy)))
     for place, expected in ((crossing, True), (towards.target_ecef_m, False)):
         cloudy = np.arange(len(field.cloudy)) == cells.is_cloudy(place)[0]
-        assert is_hidden(CloudField(field.top_m, field.first, cloudy), towards).tolist() == [expected]
+        assert is_hidden(CloudField(field.top_m, field.first, cloudy), towards).tolist() == [
+            expected
+        ]
 
 
 @pytest.mark.parametrize("cover", [0.1, 0.5, 0.9])
@@ -171,7 +214,9 @@ def test_a_field_covers_its_share(cover):
     count = len(field.cloudy)
     assert count == pytest.approx(4.0 * np.pi * 6_371.0**2 / 100.0**2, rel=0.02)
     # 99.9 % of a binomial share.
-    assert field.cloudy.mean() == pytest.approx(cover, abs=3.29 * np.sqrt(cover * (1.0 - cover) / count))
+    assert field.cloudy.mean() == pytest.approx(
+        cover, abs=3.29 * np.sqrt(cover * (1.0 - cover) / count)
+    )
     rng = np.random.default_rng(4)
     points = rng.normal(size=(20_000, 3))
     points *= 6.4e6 / np.linalg.norm(points, axis=1)[:, None]
@@ -188,7 +233,9 @@ def test_a_field_hangs_on_its_seed_alone():
 def test_poles_and_the_date_line_belong_to_cells():
     field = CloudField.drawn(8e3, 1.0, 100e3, 1)
     places = [(90.0, 0.0), (-90.0, 0.0), (0.0, 180.0), (0.0, -180.0), (12.0, -1e-14)]
-    points = np.array([geodetic_to_ecef(np.radians(lat), np.radians(lon), 0.0) for lat, lon in places])
+    points = np.array(
+        [geodetic_to_ecef(np.radians(lat), np.radians(lon), 0.0) for lat, lon in places]
+    )
     assert field.is_cloudy(points).all()
 
 

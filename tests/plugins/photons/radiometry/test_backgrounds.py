@@ -1,4 +1,6 @@
-"""Views and backgrounds: the table's points, sun, cloud, limb and space, clutter, and bands of other edges."""
+"""Views and backgrounds: the table's points, sun, cloud, limb and space, clutter, and bands of
+other edges.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +25,12 @@ from opir_core.geometry.sun import sun_ecef_m
 from opir_core.host.components import NoConfig
 from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import AtmosphereContext, BackgroundContext, Structure, Views
+from opir_core.interfaces.radiometric_models import (
+    AtmosphereContext,
+    BackgroundContext,
+    Structure,
+    Views,
+)
 
 BANDS = tuple(table.band for table in sky_tables("us1976", "clear"))
 NAMES = [band.name for band in BANDS]
@@ -33,7 +40,9 @@ SENSOR_M = geodetic_to_ecef(0.0, 0.0, 35_786e3)
 
 
 def sky(cloud=None, bands=BANDS):
-    return lowtran_atmosphere(LowtranConfig(cloud=cloud), AtmosphereContext(bands=bands, path="atmosphere", seed=0))
+    return lowtran_atmosphere(
+        LowtranConfig(cloud=cloud), AtmosphereContext(bands=bands, path="atmosphere", seed=0)
+    )
 
 
 def background(cloud=None, bands=BANDS, **settings):
@@ -48,7 +57,9 @@ CLOUDY = background(CloudConfig(top_km=10.0))
 
 
 def looks(elevation_sine, sun_elevation_sine, height_m=0.0):
-    columns = np.broadcast_arrays(*(np.asarray(one, float) for one in (height_m, elevation_sine, sun_elevation_sine)))
+    columns = np.broadcast_arrays(
+        *(np.asarray(one, float) for one in (height_m, elevation_sine, sun_elevation_sine))
+    )
     height, elevation, sun = (np.ravel(column) for column in columns)
     point = np.broadcast_to(geodetic_to_ecef(0.3, 0.1, 0.0), (len(height), 3))
     return Views(height, elevation, sun, point, np.zeros(len(height)))
@@ -56,15 +67,22 @@ def looks(elevation_sine, sun_elevation_sine, height_m=0.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("climate", ["us1976", "tropical", "midlat_summer", "subarctic_winter"])
-@pytest.mark.parametrize("name", ["clear", "std_cirrus", "cumulus_top2.7km", "altostratus_top3.0km"])
+@pytest.mark.parametrize(
+    "name", ["clear", "std_cirrus", "cumulus_top2.7km", "altostratus_top3.0km"]
+)
 def test_every_point_of_the_table_is_met(climate, name):
-    # The imagers' bands have clear skies alone; of these and of none other is a row below what LOWTRAN itself gives:
-    # where its surface emits less by day than by night (8 to 12 µm), opir keeps that of the night.
+    # The imagers' bands have clear skies alone; of these and of none other is a row below what
+    # LOWTRAN itself gives: where its surface emits less by day than by night (8 to 12 µm), opir
+    # keeps that of the night.
     bands = BANDS if name == "clear" else LOWTRAN_BANDS
     model = background(climate=climate, sky=name, bands=bands)
     rows = [row for row in table_rows() if (row["atmosphere"], row["sky"]) == (climate, name)]
     assert len(rows) == 11 * len(bands)
-    dark = {(row["look_deg"], row["band"]): float(row["L_W_m2_sr"]) for row in rows if row["day_night"] == "night"}
+    dark = {
+        (row["look_deg"], row["band"]): float(row["L_W_m2_sr"])
+        for row in rows
+        if row["day_night"] == "night"
+    }
     for row in rows:
         sun = np.cos(np.radians(float(row["sza_deg"]))) if row["sza_deg"] else -0.2
         view = looks(LOOK_SINES[float(row["look_deg"])], sun)
@@ -95,7 +113,9 @@ def test_sunlit_cloud_outshines_the_clear_night_in_swir():
     assert night == pytest.approx(0.001571)
 
 
-@given(st.integers(0, len(BANDS) - 1), st.floats(0.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 1.0))
+@given(
+    st.integers(0, len(BANDS) - 1), st.floats(0.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 1.0)
+)
 def test_radiance_is_finite_positive_and_in_swir_rises_with_the_sun(band, look, sun, more):
     for model in (CLEAR, CLOUDY):
         low, high = model.radiance_w_m2_sr(band, looks([look, look], [sun, min(sun + more, 1.0)]))
@@ -128,13 +148,17 @@ def test_clutter_is_the_stated_share():
 def test_bands_side_by_side_add_up_and_stand_ins_count_by_width():
     wide = Band("WIDE", 3.5, 5.0)
     odd = Band("ODD", 4.0, 4.5)
-    context = BackgroundContext(bands=(wide, odd), path="background", epoch_us=0, make_atmosphere=sky)
+    context = BackgroundContext(
+        bands=(wide, odd), path="background", epoch_us=0, make_atmosphere=sky
+    )
     model = earth_background(EarthConfig(bands={"ODD": "MWIR"}), context)
     view = looks(0.8, 0.5)
     parts = [CLEAR.radiance_w_m2_sr(NAMES.index(name), view) for name in ("MWIRW_3.5_4.0", "MWIR")]
     assert model.radiance_w_m2_sr(0, view) == pytest.approx(sum(parts), rel=1e-12)
     assert model.radiance_w_m2_sr(1, view) == pytest.approx(0.5 * parts[1], rel=1e-12)
-    with pytest.raises(ModelError, match=r"background: the band ODD, 4 to 4.5 um, is not one of the table's"):
+    with pytest.raises(
+        ModelError, match=r"background: the band ODD, 4 to 4.5 um, is not one of the table's"
+    ):
         earth_background(EarthConfig(), context)
 
 
@@ -154,7 +178,9 @@ def sight(latitude_deg, longitude_deg, height_m):
 
 
 def test_a_view_ends_where_the_line_meets_the_earth():
-    sensor, direction = sight(np.array([0.0, 40.0, -60.0]), np.array([0.0, 30.0, -20.0]), np.zeros(3))
+    sensor, direction = sight(
+        np.array([0.0, 40.0, -60.0]), np.array([0.0, 30.0, -20.0]), np.zeros(3)
+    )
     found = views(sensor, direction, np.zeros(3), EPOCH_US)
     np.testing.assert_allclose(found.point_ecef_m, sensor + direction, atol=1e-6)
     assert found.height_m.tolist() == [0.0] * 3
@@ -164,7 +190,9 @@ def test_a_view_ends_where_the_line_meets_the_earth():
 
 
 def test_each_view_has_the_sun_of_its_own_place():
-    """At six in the evening one sensor sees day in the west, night in the east, and no step at the terminator."""
+    """At six in the evening one sensor sees day in the west, night in the east, and no step at the
+    terminator.
+    """
     longitude = np.linspace(-70.0, 70.0, 281)
     sensor, direction = sight(np.zeros(281), longitude, np.zeros(281))
     evening_s = np.full(281, 6.0 * 3600.0)
@@ -174,7 +202,9 @@ def test_each_view_has_the_sun_of_its_own_place():
     sines = np.sum(up * sun, axis=1) / np.linalg.norm(sun, axis=1)
     np.testing.assert_allclose(view.sun_elevation_sine, sines, atol=1e-6)
     swir = CLEAR.radiance_w_m2_sr(NAMES.index("SWIR"), view)
-    night = CLEAR.radiance_w_m2_sr(NAMES.index("SWIR"), evolve(view, sun_elevation_sine=np.full(281, -0.5)))
+    night = CLEAR.radiance_w_m2_sr(
+        NAMES.index("SWIR"), evolve(view, sun_elevation_sine=np.full(281, -0.5))
+    )
     assert np.array_equal(swir > night, sines > 0.0)
     assert 100 < np.count_nonzero(sines > 0.0) < 181
     assert np.abs(np.diff(swir)).max() < 0.05 * swir.max()
@@ -201,7 +231,11 @@ def test_no_background_is_dark():
     context = BackgroundContext(bands=BANDS, path="background", epoch_us=0, make_atmosphere=sky)
     dark = Host.of().component("opir_background_models", "none").build(NoConfig(), context)
     view = looks([0.1, 0.9], 0.5)
-    assert dark.radiance_w_m2_sr(0, view).tolist() == dark.clutter_w_m2_sr(0, view).tolist() == [0.0, 0.0]
+    assert (
+        dark.radiance_w_m2_sr(0, view).tolist()
+        == dark.clutter_w_m2_sr(0, view).tolist()
+        == [0.0, 0.0]
+    )
 
 
 def test_the_sun_is_where_geometry_has_it():
@@ -215,7 +249,9 @@ def test_the_sun_is_where_geometry_has_it():
 
 def test_views_do_not_depend_on_their_company():
     rng = np.random.default_rng(5)
-    target = geodetic_to_ecef(rng.uniform(-1.5, 1.5, 200), rng.uniform(-2.0, 2.0, 200), rng.uniform(0.0, 1e6, 200))
+    target = geodetic_to_ecef(
+        rng.uniform(-1.5, 1.5, 200), rng.uniform(-2.0, 2.0, 200), rng.uniform(0.0, 1e6, 200)
+    )
     sensor = np.broadcast_to(SENSOR_M, target.shape)
     time_s = rng.uniform(0.0, 9e3, 200)
     together = views(sensor, target - sensor, time_s, EPOCH_US)
@@ -228,18 +264,26 @@ def test_views_do_not_depend_on_their_company():
 
 def test_structure_is_shares_of_emission_and_of_sunlight():
     part = {"thermal_rms": 0.2, "solar_rms": 0.5, "scale_km": 12.0, "exponent": 2.8}
-    settings = StructuresConfig(terrain=StructureConfig(**part), cloud=StructureConfig(thermal_rms=0.0, solar_rms=0.4))
+    settings = StructuresConfig(
+        terrain=StructureConfig(**part), cloud=StructureConfig(thermal_rms=0.0, solar_rms=0.4)
+    )
     swir = NAMES.index("SWIR")
     view = looks([0.4, 0.9], [0.6, 0.6])
     night = looks([0.4, 0.9], [-0.3, -0.3])
-    clear, cloudy = (background(cloud, structure=settings) for cloud in (None, CloudConfig(top_km=10.0)))
+    clear, cloudy = (
+        background(cloud, structure=settings) for cloud in (None, CloudConfig(top_km=10.0))
+    )
     radiance, rms, number = clear.structured_radiances_w_m2_sr([swir], view)
     emitted = clear.radiance_w_m2_sr(swir, night)
     np.testing.assert_allclose(radiance[0], clear.radiance_w_m2_sr(swir, view), rtol=1e-14)
-    np.testing.assert_allclose(rms[0], np.hypot(0.2 * emitted, 0.5 * (radiance[0] - emitted)), rtol=1e-12)
+    np.testing.assert_allclose(
+        rms[0], np.hypot(0.2 * emitted, 0.5 * (radiance[0] - emitted)), rtol=1e-12
+    )
     assert [clear.structures[one] for one in number] == [Structure(12e3, 2.8)] * 2
     radiance, rms, number = cloudy.structured_radiances_w_m2_sr([swir], view)
-    np.testing.assert_allclose(rms[0], 0.4 * (radiance[0] - cloudy.radiance_w_m2_sr(swir, night)), rtol=1e-12)
+    np.testing.assert_allclose(
+        rms[0], 0.4 * (radiance[0] - cloudy.radiance_w_m2_sr(swir, night)), rtol=1e-12
+    )
     assert number.tolist() == [0, 0]
     assert cloudy.structured_radiances_w_m2_sr([swir], night)[1].tolist() == [[0.0, 0.0]]
 
@@ -249,8 +293,12 @@ def test_structure_beyond_the_limb_falls_with_height_over_dark_space():
     model = background(structure=StructuresConfig(limb=limb))
     view = looks(0.0, -0.5, [0.0, 1.0, 10e3, 20e3, np.inf])
     radiance, rms, number = model.structured_radiances_w_m2_sr([0, 2], view)
-    horizon = np.array([float(model.radiance_w_m2_sr(band, looks(0.0, -0.5))[0]) for band in (0, 2)])
-    np.testing.assert_allclose(rms[:, 1:4], 0.1 * horizon[:, None] * np.exp([-1e-4, -1.0, -2.0]), rtol=1e-12)
+    horizon = np.array(
+        [float(model.radiance_w_m2_sr(band, looks(0.0, -0.5))[0]) for band in (0, 2)]
+    )
+    np.testing.assert_allclose(
+        rms[:, 1:4], 0.1 * horizon[:, None] * np.exp([-1e-4, -1.0, -2.0]), rtol=1e-12
+    )
     assert radiance[:, 1:].tolist() == [[0.0] * 4] * 2
     assert rms[:, 4].tolist() == [0.0, 0.0]
     assert number.tolist() == [1, 2, 2, 2, 2]
@@ -263,5 +311,9 @@ def test_sea_and_cloudy_skies_have_structures_of_their_own():
     numbers = [model.structured_radiances_w_m2_sr([0], view)[2][0] for model in (sea, cumulus)]
     of_sea = sea.structures[numbers[0]]
     of_cloud = cumulus.structures[numbers[1]]
-    assert of_sea == Structure(1e3 * StructuresConfig().sea.scale_km, StructuresConfig().sea.exponent)
-    assert of_cloud == Structure(1e3 * StructuresConfig().cloud.scale_km, StructuresConfig().cloud.exponent)
+    assert of_sea == Structure(
+        1e3 * StructuresConfig().sea.scale_km, StructuresConfig().sea.exponent
+    )
+    assert of_cloud == Structure(
+        1e3 * StructuresConfig().cloud.scale_km, StructuresConfig().cloud.exponent
+    )

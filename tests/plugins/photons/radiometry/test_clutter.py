@@ -1,4 +1,6 @@
-"""Clutter behind filters: spectra against correlations, and variances against sums over pairs of pixels."""
+"""Clutter behind filters: spectra against correlations, and variances against sums over pairs of
+pixels.
+"""
 
 import math
 
@@ -26,21 +28,32 @@ def test_the_spectrum_is_the_transform_of_the_correlation(exponent: float) -> No
     distance = (middle + half * nodes).ravel()
     step = (half * weights).ravel()
     for wavenumber in (0.02, 0.3, 2.0):
-        hankel = 2 * np.pi * distance * j0(wavenumber * distance) * structure_correlation(distance, scale, exponent)
+        hankel = (
+            2
+            * np.pi
+            * distance
+            * j0(wavenumber * distance)
+            * structure_correlation(distance, scale, exponent)
+        )
         expected = float((hankel * step).sum())
         # The correlation of rough fields bends without end at distance 0.
-        assert float(structure_spectrum(wavenumber, scale, exponent)) == pytest.approx(expected, rel=2e-3)
+        assert float(structure_spectrum(wavenumber, scale, exponent)) == pytest.approx(
+            expected, rel=2e-3
+        )
 
 
 def test_the_field_has_unit_variance_and_the_correlation_of_broken_cloud() -> None:
     wave = np.geomspace(1e-9, 1e9, 20001)
     power = structure_spectrum(wave, 3.0, 3.0) * wave**2 / (2 * np.pi)
     assert float(power.sum() * math.log(wave[1] / wave[0])) == pytest.approx(1.0, rel=1e-4)
-    np.testing.assert_allclose(structure_correlation([0.0, 3.0, 9.0], 3.0, 3.0), np.exp([0.0, -1.0, -3.0]), rtol=1e-12)
+    np.testing.assert_allclose(
+        structure_correlation([0.0, 3.0, 9.0], 3.0, 3.0), np.exp([0.0, -1.0, -3.0]), rtol=1e-12
+    )
 
 
 def smoothed_correlation(off: np.ndarray, sigma: float, scale: float) -> np.ndarray:
-    """Correlations (n,) of pixels apart by (n, 2), by a sum over the plane, of a field of correlation exp(-r/scale).
+    """Correlations (n,) of pixels apart by (n, 2), by a sum over the plane, of a field of
+    correlation exp(-r/scale).
 
     Two pixels and two spots make a triangle and a Gaussian of √2 σ along each axis.
     """
@@ -52,17 +65,25 @@ def smoothed_correlation(off: np.ndarray, sigma: float, scale: float) -> np.ndar
     kernel = (np.exp(-np.square(shift) / (4 * sigma**2)) * triangle).sum(axis=1)
     kernel /= kernel.sum()
     both = kernel[:, None] * kernel
-    return np.array([(both * np.exp(-np.hypot(grid[:, None] + x, grid + y) / scale)).sum() for x, y in off])
+    return np.array(
+        [(both * np.exp(-np.hypot(grid[:, None] + x, grid + y) / scale)).sum() for x, y in off]
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "pixels"), [("sum", 1), ("sum", 2), ("surround", 1), ("matched", 1)])
+@pytest.mark.parametrize(
+    ("kind", "pixels"), [("sum", 1), ("sum", 2), ("surround", 1), ("matched", 1)]
+)
 @pytest.mark.parametrize("scale", [2.0, 12.0])
-def test_the_variance_is_that_of_a_sum_over_pairs_of_pixels(kind: str, pixels: int, scale: float) -> None:
+def test_the_variance_is_that_of_a_sum_over_pairs_of_pixels(
+    kind: str, pixels: int, scale: float
+) -> None:
     sigma = 0.4
     weights = filter_weights(kind, pixels, sigma, 1.0)
     place = np.argwhere(np.ones_like(weights))
-    apart, which = np.unique((place[:, None] - place[None]).reshape(-1, 2), axis=0, return_inverse=True)
+    apart, which = np.unique(
+        (place[:, None] - place[None]).reshape(-1, 2), axis=0, return_inverse=True
+    )
     pairs = (weights.ravel()[:, None] * weights.ravel()).ravel()
     expected = float((pairs * smoothed_correlation(apart, sigma, scale)[which.ravel()]).sum())
     found = float(SpatialTransfer.of(weights, PointSpread(math.inf, sigma)).variance(scale, 3.0))
@@ -76,7 +97,9 @@ def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation
     drift = 1.3
     transfer = SpatialTransfer.of(np.ones((1, 1)), PointSpread(math.inf, sigma), drift)
     turn = 2 * np.pi * (np.arange(64) + 0.5) / 64
-    apart = smoothed_correlation(drift * np.stack([np.cos(turn), np.sin(turn)], axis=1), sigma, scale).mean()
+    apart = smoothed_correlation(
+        drift * np.stack([np.cos(turn), np.sin(turn)], axis=1), sigma, scale
+    ).mean()
     here = smoothed_correlation(np.zeros((1, 2)), sigma, scale)[0]
     left = float(transfer.variance(scale, 3.0, FrameDifference(1.0, 0.0, drift)))
     assert left == pytest.approx(2.0 * (here - apart), rel=5e-3)
@@ -87,20 +110,31 @@ def test_small_displacements_leave_gradient_times_displacement_and_large_ones_bo
     transfer = SpatialTransfer.of(weights, PointSpread(math.inf, 0.4), 100.0)
     alone = float(transfer.variance(8.0, 3.0))
     gradient = float(
-        (structure_spectrum(transfer.wavenumber, 8.0, 3.0) * transfer.weight * transfer.wavenumber**2).sum()
+        (
+            structure_spectrum(transfer.wavenumber, 8.0, 3.0)
+            * transfer.weight
+            * transfer.wavenumber**2
+        ).sum()
     )
     for registration, drift in ((1e-4, 0.0), (0.0, 1e-4), (2e-4, 3e-4)):
         left = float(transfer.variance(8.0, 3.0, FrameDifference(1.0, registration, drift)))
-        # Half of a squared gradient lies along each axis; the registration error is of both frames and both axes.
+        # Half of a squared gradient lies along each axis; the registration error is of both frames
+        # and both axes.
         assert left == pytest.approx(gradient * (2.0 * registration**2 + 0.5 * drift**2), rel=1e-5)
-    assert float(transfer.variance(8.0, 3.0, FrameDifference(1.0, 0.0, 90.0))) == pytest.approx(2.0 * alone, rel=0.02)
-    assert float(transfer.variance(8.0, 3.0, FrameDifference(1.0, 9.0, 0.0))) == pytest.approx(2.0 * alone, rel=1e-3)
+    assert float(transfer.variance(8.0, 3.0, FrameDifference(1.0, 0.0, 90.0))) == pytest.approx(
+        2.0 * alone, rel=0.02
+    )
+    assert float(transfer.variance(8.0, 3.0, FrameDifference(1.0, 9.0, 0.0))) == pytest.approx(
+        2.0 * alone, rel=1e-3
+    )
 
 
 def test_structure_far_larger_than_the_filter_leaves_less_by_the_power_law() -> None:
     """High-pass filters see k^-α alone: variance goes as ℓ^(2 - α)."""
     for exponent in (8 / 3, 3.0, 3.5):
-        transfer = SpatialTransfer.of(filter_weights("surround", 1, 0.35, 1.0), PointSpread(math.inf, 0.35))
+        transfer = SpatialTransfer.of(
+            filter_weights("surround", 1, 0.35, 1.0), PointSpread(math.inf, 0.35)
+        )
         near, far = transfer.variance([1e3, 1e4], exponent)
         assert far / near == pytest.approx(10.0 ** (2.0 - exponent), rel=0.02)
 

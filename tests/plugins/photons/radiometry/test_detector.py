@@ -1,4 +1,6 @@
-"""Electrons of detectors without light: Rule 07, warm optics by quadrature, conversion by drawing."""
+"""Electrons of detectors without light: Rule 07, warm optics by quadrature, conversion by
+drawing.
+"""
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ from scipy.integrate import quad
 
 
 def test_dark_current_is_a_straight_line_in_one_over_cutoff_and_temperature() -> None:
-    """Rule 07 above 4.635 um: ln J against 1 / (λ T) has the slope -1.16239 · 1.24 eV um over Boltzmann's constant."""
+    """Rule 07 above 4.635 um: ln J against 1 / (λ T) has the slope -1.16239 · 1.24 eV um over
+    Boltzmann's constant.
+    """
     cutoff = np.array([5.0, 9.0, 12.0])
     temperature = np.array([80.0, 77.0, 60.0])
     inverse = 1.0 / (cutoff * temperature)
@@ -26,9 +30,15 @@ def test_dark_current_is_a_straight_line_in_one_over_cutoff_and_temperature() ->
     ("cutoff_um", "temperature_k", "density"),
     [(10.0, 77.0, 3.047e-6), (5.0, 120.0, 6.450e-9), (2.5, 200.0, 6.384e-9)],
 )
-def test_dark_current_is_that_of_good_arrays(cutoff_um: float, temperature_k: float, density: float) -> None:
-    """By the other constants in use, with -1.162972237 in the exponent; 2.5 um is in the range of the correction."""
-    assert float(dark_current_density_a_cm2(cutoff_um, temperature_k)) == pytest.approx(density, rel=0.02)
+def test_dark_current_is_that_of_good_arrays(
+    cutoff_um: float, temperature_k: float, density: float
+) -> None:
+    """By the other constants in use, with -1.162972237 in the exponent; 2.5 um is in the range of
+    the correction.
+    """
+    assert float(dark_current_density_a_cm2(cutoff_um, temperature_k)) == pytest.approx(
+        density, rel=0.02
+    )
 
 
 def test_dark_current_rises_with_temperature_and_cutoff_without_a_step_at_the_threshold() -> None:

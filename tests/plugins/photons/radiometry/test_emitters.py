@@ -25,8 +25,16 @@ class TestField:
 
     @pytest.mark.slow
     def test_counts_are_poissons_with_the_stated_density(self):
-        mean = 0.5 * 6.371007181**2 * np.radians(30.0) * (np.sin(np.radians(20.0)) + np.sin(np.radians(10.0)))
-        counts = [len(fire_sources(FireConfig(field=field(0.5)), context(seed)).ids) for seed in range(400)]
+        mean = (
+            0.5
+            * 6.371007181**2
+            * np.radians(30.0)
+            * (np.sin(np.radians(20.0)) + np.sin(np.radians(10.0)))
+        )
+        counts = [
+            len(fire_sources(FireConfig(field=field(0.5)), context(seed)).ids)
+            for seed in range(400)
+        ]
         # 99.9 % of the mean of 400 counts, and of their variance over their mean.
         assert np.mean(counts) == pytest.approx(mean, abs=3.29 * np.sqrt(mean / 400))
         low, high = stats.chi2.ppf([0.0005, 0.9995], 399) / 399
@@ -44,7 +52,9 @@ class TestField:
         assert stats.kstest(starts, stats.uniform(0.0, 360.0).cdf).pvalue > 1e-3
 
     def test_a_region_may_cross_the_date_line(self):
-        sources = fire_sources(FireConfig(field=field(20.0, region(-5.0, 5.0, 170.0, -170.0))), context())
+        sources = fire_sources(
+            FireConfig(field=field(20.0, region(-5.0, 5.0, 170.0, -170.0))), context()
+        )
         longitudes = np.array([row["lon_deg"] for row in sources.trajectories.truth()])
         assert len(longitudes) > 20
         assert (np.abs(longitudes) >= 170.0).all()
@@ -53,7 +63,8 @@ class TestField:
 
     def test_a_field_hangs_on_seed_and_id_alone(self):
         places = [
-            fire_sources(FireConfig(field=field(1.0)), context(seed)).trajectories.start_ecef_m for seed in (1, 1, 2)
+            fire_sources(FireConfig(field=field(1.0)), context(seed)).trajectories.start_ecef_m
+            for seed in (1, 1, 2)
         ]
         assert places[0].tolist() == places[1].tolist()
         assert places[0].tolist() != places[2].tolist()
@@ -62,7 +73,9 @@ class TestField:
         assert fire_sources(FireConfig(field=field(0.0)), context()).ids == ()
 
     def test_too_many_are_refused(self):
-        with pytest.raises(ModelError, match=r"sources\[0\]: .* emitters are expected; a block has at most 20000"):
+        with pytest.raises(
+            ModelError, match=r"sources\[0\]: .* emitters are expected; a block has at most 20000"
+        ):
             fire_sources(FireConfig(field=field(1e6)), context())
 
 
@@ -108,18 +121,30 @@ class TestCsv:
             ("lat_deg,lon_deg\n1,2,3\n", "line 2: 3 cells under a header of 2"),
             ("lat_deg,lon_deg\n91,2\n", "line 2: lat_deg: 91.0 is outside [-90, 90] deg"),
             ("lat_deg,lon_deg\n1,\n", "line 2: lon_deg is missing"),
-            ("lat_deg,lon_deg,area_m2\n1,2,nan\n", "line 2: area_m2: nan is outside (0, 1000000000000] m2"),
+            (
+                "lat_deg,lon_deg,area_m2\n1,2,nan\n",
+                "line 2: area_m2: nan is outside (0, 1000000000000] m2",
+            ),
             (
                 "lat_deg,lon_deg,colour\n1,2,3\n",
-                "line 1: in the header colour is not one of lat_deg, lon_deg, height_m, start_s, end_s, temperature_k,",
+                (
+                    "line 1: in the header colour is not one of lat_deg, lon_deg, height_m, start_s,"
+                    " end_s, temperature_k,"
+                ),
             ),
             ("lat_deg,lat_deg\n1,2\n", "line 1: a name stands twice in the header"),
             ("lat_deg,lon\n", "line 1: in the header lon: unknown; did you mean lon_deg?"),
             ("lat_deg,area_m2\n1,2\n", "line 1: in the header lon_deg is missing"),
-            ("lat_deg lon_deg\n1 2\n", "line 1: the header is one cell; commas, semicolons or tabs separate"),
+            (
+                "lat_deg lon_deg\n1 2\n",
+                "line 1: the header is one cell; commas, semicolons or tabs separate",
+            ),
             ("lat_deg;lon_deg\n1,5;2,x\n", "line 2: lon_deg: '2.x' is not a number"),
             ("lat_deg,lon_deg,area_m2\n1,2,1_000\n", "line 2: area_m2: '1_000' is not a number"),
-            ("lat_deg,lon_deg,start_s,end_s\n1,2,50,10\n", "line 2: end_s 10 is not after start_s 50"),
+            (
+                "lat_deg,lon_deg,start_s,end_s\n1,2,50,10\n",
+                "line 2: end_s 10 is not after start_s 50",
+            ),
             ("lat_deg,lon_deg,\n1,2,3\n", "line 2: '' is not one of lat_deg, lon_deg"),
         ],
     )
@@ -132,7 +157,9 @@ class TestCsv:
         assert "\n" not in problem.message
 
     def test_files_that_are_not_there_or_not_text(self, tmp_path):
-        with pytest.raises(SceneError, match=r"sources\[0\].csv: .*none.csv cannot be read: no such file"):
+        with pytest.raises(
+            SceneError, match=r"sources\[0\].csv: .*none.csv cannot be read: no such file"
+        ):
             fire_sources(FireConfig(csv=str(tmp_path / "none.csv")), context())
         path = tmp_path / "bytes.csv"
         path.write_bytes(b"lat_deg,lon_deg\n\xff\xfe,1\n")

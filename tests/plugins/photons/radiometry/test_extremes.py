@@ -1,4 +1,6 @@
-"""The whole chain at its edges: zero and swapped bands, coldest and hottest, ground, limb and 1000 km: all finite."""
+"""The whole chain at its edges: zero and swapped bands, coldest and hottest, ground, limb and 1000
+km: all finite.
+"""
 
 import numpy as np
 import pytest
@@ -37,14 +39,21 @@ def place(longitude_deg):
 def test_plumes(bands):
     component = HOST.component("opir_signature_models", "plume")
     context = SignatureContext(
-        bands=bands, ids=("T",), paths=("",), types=("ICBM",), profiles=("",), burn_time_s=np.array([1e-3])
+        bands=bands,
+        ids=("T",),
+        paths=("",),
+        types=("ICBM",),
+        profiles=("",),
+        burn_time_s=np.array([1e-3]),
     )
     signatures = component.build([component.config()], context)
     for time_s in (-1e9, -1e-9, 0.0, 5e-4, 1e-3, 1e9):
         for aspect in (0.0, 1e-300, np.pi / 2, np.pi):
             columns = (np.full(len(HEIGHTS_M), time_s), HEIGHTS_M, np.full(len(HEIGHTS_M), aspect))
             for band in range(len(bands)):
-                found = signatures.intensity_w_sr(band, np.zeros(len(HEIGHTS_M), np.int32), *columns)
+                found = signatures.intensity_w_sr(
+                    band, np.zeros(len(HEIGHTS_M), np.int32), *columns
+                )
                 assert np.isfinite(found).all()
                 assert (found >= 0.0).all()
                 if bands is ODD and band < 2:
@@ -55,13 +64,23 @@ def test_plumes(bands):
 @pytest.mark.parametrize("temperature_k", [1e-3, 20_000.0])
 def test_sources(name, temperature_k):
     component = HOST.component("opir_source_models", name)
-    places = tuple({"lat_deg": lat, "lon_deg": lon} for lat in (-90.0, 0.0, 90.0) for lon in (-180.0, 0.0, 180.0))
-    context = SourceContext(bands=ODD, id="s", path="sources[0]", epoch_us=0, duration_s=60.0, seed=0)
-    made = component.build(component.config(at=places, temperature_k=temperature_k, area_m2=1e12), context)
+    places = tuple(
+        {"lat_deg": lat, "lon_deg": lon}
+        for lat in (-90.0, 0.0, 90.0)
+        for lon in (-180.0, 0.0, 180.0)
+    )
+    context = SourceContext(
+        bands=ODD, id="s", path="sources[0]", epoch_us=0, duration_s=60.0, seed=0
+    )
+    made = component.build(
+        component.config(at=places, temperature_k=temperature_k, area_m2=1e12), context
+    )
     rows = np.arange(len(made.ids), dtype=np.int32)
     for to_sensor in np.vstack([np.eye(3), -np.eye(3)]):
         time_s = np.zeros(len(rows))
-        aspect = made.signatures.aspect_rad(rows, time_s, np.broadcast_to(to_sensor, (len(rows), 3)))
+        aspect = made.signatures.aspect_rad(
+            rows, time_s, np.broadcast_to(to_sensor, (len(rows), 3))
+        )
         for band in range(len(ODD)):
             found = made.signatures.intensity_w_sr(band, rows, time_s, np.zeros(len(rows)), aspect)
             assert np.isfinite(found).all()
@@ -73,9 +92,12 @@ def test_path_background_and_aperture(longitude_deg):
     target, sensor = place(longitude_deg)
     atmosphere = HOST.component("opir_atmosphere_models", "lowtran")
     earth = HOST.component("opir_background_models", "earth")
-    sky = atmosphere.build(atmosphere.config(), AtmosphereContext(bands=EVEN, path="atmosphere", seed=0))
+    sky = atmosphere.build(
+        atmosphere.config(), AtmosphereContext(bands=EVEN, path="atmosphere", seed=0)
+    )
     behind = earth.build(
-        earth.config(), BackgroundContext(bands=EVEN, path="background", epoch_us=0, make_atmosphere=lambda: sky)
+        earth.config(),
+        BackgroundContext(bands=EVEN, path="background", epoch_us=0, make_atmosphere=lambda: sky),
     )
     time_s = np.zeros(len(HEIGHTS_M))
     path = Paths(HEIGHTS_M, np.sin(elevation_rad(target, sensor)), target, sensor, time_s)
@@ -83,7 +105,9 @@ def test_path_background_and_aperture(longitude_deg):
     for band in range(len(EVEN)):
         passed = sky.transmittance(band, path)
         assert ((passed >= 0.0) & (passed <= 1.0)).all()
-        level = Paths(HEIGHTS_M, np.full(len(HEIGHTS_M), path.elevation_sine[0]), target, sensor, time_s)
+        level = Paths(
+            HEIGHTS_M, np.full(len(HEIGHTS_M), path.elevation_sine[0]), target, sensor, time_s
+        )
         assert (np.diff(sky.transmittance(band, level)) >= 0.0).all()
         assert (passed[-4:] == 1.0).all()
         shining = behind.radiance_w_m2_sr(band, view)

@@ -1,4 +1,6 @@
-"""Spots, pixels, electrons and centroids against integrals, photons thrown one by one, and sums over pixels."""
+"""Spots, pixels, electrons and centroids against integrals, photons thrown one by one, and sums
+over pixels.
+"""
 
 import math
 
@@ -29,7 +31,9 @@ from scipy.special import j1, ndtr
 
 
 def airy(angle_rad: float, wavelength_m: float, aperture_m: float) -> float:
-    """The Airy pattern, power per solid angle, normalised to unit power (Goodman, equation 4-31)."""
+    """The Airy pattern, power per solid angle, normalised to unit power (Goodman, equation
+    4-31).
+    """
     peak = 0.25 * math.pi * (aperture_m / wavelength_m) ** 2
     x = math.pi * aperture_m * angle_rad / wavelength_m
     return peak if x == 0.0 else peak * (2.0 * j1(x) / x) ** 2
@@ -48,19 +52,29 @@ def test_the_gaussian_has_the_peak_the_curvature_and_the_power_of_the_airy_patte
 @pytest.mark.parametrize("phase", ["mean", "best", "worst"])
 @pytest.mark.parametrize("pixels", [1, 2, 3])
 @pytest.mark.parametrize("width", [0.1, 0.35, 1.2])
-def test_ensquared_energy_is_the_integral_over_the_square(phase: str, pixels: int, width: float) -> None:
+def test_ensquared_energy_is_the_integral_over_the_square(
+    phase: str, pixels: int, width: float
+) -> None:
     pixel = 28e-6
 
     def along(off: float) -> float:
         return float(ndtr((0.5 * pixels - off) / width) - ndtr((-0.5 * pixels - off) / width))
 
-    expected = {"best": along(0.0), "worst": along(0.5), "mean": quad(along, -0.5, 0.5, epsabs=1e-13, limit=400)[0]}
+    expected = {
+        "best": along(0.0),
+        "worst": along(0.5),
+        "mean": quad(along, -0.5, 0.5, epsabs=1e-13, limit=400)[0],
+    }
     found = ensquared_energy(width * pixel, pixel, pixels, phase)
     assert float(found) == pytest.approx(expected[phase] ** 2, rel=1e-9)
 
 
 def test_a_point_on_a_corner_shares_its_light_among_four_pixels() -> None:
-    assert [float(ensquared_energy(0.0, 1.0, 1, phase)) for phase in ("best", "mean", "worst")] == [1.0, 1.0, 0.25]
+    assert [float(ensquared_energy(0.0, 1.0, 1, phase)) for phase in ("best", "mean", "worst")] == [
+        1.0,
+        1.0,
+        0.25,
+    ]
     assert float(ensquared_energy(0.0, 1.0, 2, "worst")) == 1.0
     with pytest.raises(ValueError, match="'middle' is not one of mean, best, worst"):
         ensquared_energy(0.3, 1.0, 1, "middle")
@@ -75,7 +89,10 @@ def test_mean_shares_are_those_of_photons_thrown_one_by_one(pixels: int) -> None
     spot = rng.uniform(-0.5, 0.5, (thrown, 2)) + sigma * rng.normal(size=(thrown, 2))
     place = np.floor(spot + 0.5 * pixels).astype(int)
     inside = np.all((place >= 0) & (place < pixels), axis=1)
-    found = np.bincount(place[inside] @ [pixels, 1], minlength=pixels**2).reshape(pixels, pixels) / thrown
+    found = (
+        np.bincount(place[inside] @ [pixels, 1], minlength=pixels**2).reshape(pixels, pixels)
+        / thrown
+    )
     expected = mean_shares(pixels, sigma, 1.0)
     assert np.all(np.abs(found - expected) < 4.5 * np.sqrt(expected * (1.0 - expected) / thrown))
     assert expected.sum() == pytest.approx(float(ensquared_energy(sigma, 1.0, pixels)), rel=1e-12)
@@ -121,7 +138,9 @@ def test_electrons_noise_and_nei_of_a_sensor_worked_out_by_hand() -> None:
     share = float(ensquared_energy(0.35, 1.0))
     nei = float(noise_equivalent_irradiance(noise, per_unit, share))
     assert nei * per_unit * share == pytest.approx(noise)
-    assert float(noise_equivalent_irradiance(noise, per_unit, share, 2.0)) == pytest.approx(nei * math.sqrt(2.0))
+    assert float(noise_equivalent_irradiance(noise, per_unit, share, 2.0)) == pytest.approx(
+        nei * math.sqrt(2.0)
+    )
     full = float(saturation_irradiance(1e6, per_unit, 1e5, 0.7))
     assert 1e5 + full * per_unit * 0.7 == pytest.approx(1e6)
     assert float(saturation_irradiance(1e6, per_unit, 2e6)) == 0.0
@@ -139,7 +158,9 @@ def test_sampling_and_blur() -> None:
 
 
 def lattice_sigma(snr: float, width: float, signal: float, phases: int) -> float:
-    """The bound by a plain sum of derivatives taken by differences, at phases over the whole pixel."""
+    """The bound by a plain sum of derivatives taken by differences, at phases over the whole
+    pixel.
+    """
     reach = math.ceil(6 * width) + 2
     step = 1e-5
     total = 0.0
@@ -159,13 +180,17 @@ def lattice_sigma(snr: float, width: float, signal: float, phases: int) -> float
 
 @pytest.mark.parametrize("width", [0.3, 0.5, 1.0, 1.8])
 @pytest.mark.parametrize(("snr", "signal"), [(20.0, math.inf), (20.0, 400.0), (1e6, 400.0)])
-def test_the_centroid_bound_is_that_of_a_sum_over_pixels(width: float, snr: float, signal: float) -> None:
+def test_the_centroid_bound_is_that_of_a_sum_over_pixels(
+    width: float, snr: float, signal: float
+) -> None:
     expected = lattice_sigma(snr, width, signal, 16)
     found = float(centroid_sigma_rad(snr, 28e-6 * width, 28e-6, signal))
     assert found == pytest.approx(28e-6 * expected, rel=1e-3)
     white = float(centroid_factor_rad(width, 1.0)) / snr
     photons = float(photon_centroid_variance(width, 1.0)) / signal
-    assert math.sqrt(float(joined_centroid_variance(white**2, photons))) == pytest.approx(expected, rel=0.05)
+    assert math.sqrt(float(joined_centroid_variance(white**2, photons))) == pytest.approx(
+        expected, rel=0.05
+    )
 
 
 def test_wide_spots_have_the_bounds_of_finely_sampled_ones() -> None:
@@ -173,9 +198,14 @@ def test_wide_spots_have_the_bounds_of_finely_sampled_ones() -> None:
         factor = math.sqrt(8 * math.pi) * width**2
         assert float(centroid_factor_rad(width, 1.0)) == pytest.approx(factor, rel=0.02)
         assert float(centroid_sigma_rad(50.0, width, 1.0)) == pytest.approx(factor / 50.0, rel=0.02)
-        assert float(centroid_sigma_rad(1e9, width, 1.0, 900.0)) == pytest.approx(width / 30.0, rel=0.01)
+        assert float(centroid_sigma_rad(1e9, width, 1.0, 900.0)) == pytest.approx(
+            width / 30.0, rel=0.01
+        )
 
 
 def test_arrays_broadcast() -> None:
-    assert centroid_sigma_rad(np.array([[10.0], [20.0]]), np.array([0.4, 0.5, 0.6]), 1.0).shape == (2, 3)
+    assert centroid_sigma_rad(np.array([[10.0], [20.0]]), np.array([0.4, 0.5, 0.6]), 1.0).shape == (
+        2,
+        3,
+    )
     assert ensquared_energy(np.array([0.3, 0.4]), 1.0, np.array([[1], [2]])).shape == (2, 2)

@@ -15,7 +15,13 @@ from scipy import integrate
 
 from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
 from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import AtmosphereContext, BackgroundContext, Paths, Transmittance, Views
+from opir_core.interfaces.radiometric_models import (
+    AtmosphereContext,
+    BackgroundContext,
+    Paths,
+    Transmittance,
+    Views,
+)
 
 
 class TestGlint:
@@ -36,13 +42,18 @@ class TestGlint:
         peak = float(intensity(sources, to_sensor=mirrored)[0])
         aside = np.cross(mirrored, up) / np.linalg.norm(np.cross(mirrored, up))
         shown = [
-            float(intensity(sources, to_sensor=np.cos(a) * mirrored + np.sin(a) * aside)[0]) for a in (0.1, 0.3, 0.6)
+            float(intensity(sources, to_sensor=np.cos(a) * mirrored + np.sin(a) * aside)[0])
+            for a in (0.1, 0.3, 0.6)
         ]
         assert peak > shown[0] > shown[1] > shown[2]
         assert self.tilt(sources, mirrored) == pytest.approx(0.0, abs=1e-7)
 
     def tilt(self, sources, to_sensor):
-        return float(sources.signatures.aspect_rad(np.zeros(1, np.int32), np.array([100.0]), to_sensor[None])[0])
+        return float(
+            sources.signatures.aspect_rad(
+                np.zeros(1, np.int32), np.array([100.0]), to_sensor[None]
+            )[0]
+        )
 
     def test_its_peak_is_cox_and_munks(self):
         sources = self.sources(wind_m_s=5.0, area_m2=1e4)
@@ -65,15 +76,21 @@ class TestGlint:
     def test_sunlight_comes_down_through_the_scenes_air(self):
         bands = AtmosphereContext(bands=(SWIR, MWIR), path="atmosphere", seed=0)
         through = glint_sources(
-            GlintConfig(at=HERE), context(make_atmosphere=lambda: lowtran_atmosphere(LowtranConfig(), bands))
+            GlintConfig(at=HERE),
+            context(make_atmosphere=lambda: lowtran_atmosphere(LowtranConfig(), bands)),
         )
-        shares = [float(intensity(through, band)[0] / intensity(self.sources(), band)[0]) for band in (0, 1)]
+        shares = [
+            float(intensity(through, band)[0] / intensity(self.sources(), band)[0])
+            for band in (0, 1)
+        ]
         assert 0.01 < shares[0] < 0.1
         assert 0.2 < shares[1] < 0.4
 
     @pytest.mark.parametrize("variance", [0.003, 0.03])
     def test_the_slopes_are_a_distribution(self, variance):
-        """Facets of all tilts have the surface's own area between them: the density is one over the plane of slopes."""
+        """Facets of all tilts have the surface's own area between them: the density is one over the
+        plane of slopes.
+        """
 
         def ring(slope):
             tilt = np.arctan(slope)
@@ -110,12 +127,18 @@ def glint_of(wind_m_s=5.0, bands=(WINDOW,), sky=None):
 
 def seen(latitude_deg, longitude_deg, to_sensor):
     """Views of points on the Earth from unit vectors (n, 3), at noon."""
-    point = geodetic_to_ecef(np.radians(latitude_deg), np.radians(longitude_deg), np.zeros(len(to_sensor)))
+    point = geodetic_to_ecef(
+        np.radians(latitude_deg), np.radians(longitude_deg), np.zeros(len(to_sensor))
+    )
     up = local_axes(point)[:, 2]
     sun = sun_position_ecef_m(EPOCH, np.zeros(len(to_sensor))) - point
     sun /= np.linalg.norm(sun, axis=1)[:, None]
     sines = np.sum(up * to_sensor, axis=1), np.sum(up * sun, axis=1)
-    return Views(np.zeros(len(to_sensor)), *sines, point, np.zeros(len(to_sensor)), -to_sensor), up, sun
+    return (
+        Views(np.zeros(len(to_sensor)), *sines, point, np.zeros(len(to_sensor)), -to_sensor),
+        up,
+        sun,
+    )
 
 
 class TestSeaGlint:
@@ -124,7 +147,9 @@ class TestSeaGlint:
         return 2.0 * np.sum(up * sun) * up - sun, up, sun
 
     def test_in_the_mirror_direction_it_is_that_of_a_glint_source(self):
-        """Radiance times area as the sensor sees it is the intensity of the same water as a source."""
+        """Radiance times area as the sensor sees it is the intensity of the same water as a
+        source.
+        """
         mirror, up, _ = self.mirrored()
         view, _, _ = seen(np.array([10.0]), np.array([20.0]), mirror)
         sources = glint_sources(GlintConfig(at=HERE, wind_m_s=5.0, area_m2=1e4), context())
@@ -135,7 +160,9 @@ class TestSeaGlint:
     @pytest.mark.slow
     @pytest.mark.parametrize("away", [0.0, 0.15, 0.4])
     def test_it_is_what_random_facets_mirror(self, away):
-        """Monte Carlo: facets of normal slopes, the light each mirrors, counted in a cone about the sensor."""
+        """Monte Carlo: facets of normal slopes, the light each mirrors, counted in a cone about the
+        sensor.
+        """
         mirror, up, sun = (column[0] for column in self.mirrored())
         side = np.cross(mirror, up) / np.linalg.norm(np.cross(mirror, up))
         to_sensor = np.cos(away) * mirror + np.sin(away) * side
@@ -146,7 +173,8 @@ class TestSeaGlint:
         slopes = rng.normal(size=(count, 2)) * np.sqrt(variance / 2.0)
         east, north, _ = local_axes(geodetic_to_ecef(np.radians(10.0), np.radians(20.0), 0.0))
         facet = up - slopes[:, :1] * east - slopes[:, 1:] * north
-        # A facet's own area over its area on the map is its length here; the light on it goes by its tilt to the Sun.
+        # A facet's own area over its area on the map is its length here; the light on it goes by
+        # its tilt to the Sun.
         met = facet @ sun
         normal = facet / np.linalg.norm(facet, axis=1)[:, None]
         cosine = normal @ sun
@@ -173,7 +201,9 @@ class TestSeaGlint:
         assert np.count_nonzero(found) > 500
 
     def test_there_is_none_by_night_nor_below_the_horizon(self):
-        view, _, _ = seen(np.array([10.0, 10.0]), np.array([-170.0, 20.0]), np.array([[-1.0, 0.0, 0.0]] * 2))
+        view, _, _ = seen(
+            np.array([10.0, 10.0]), np.array([-170.0, 20.0]), np.array([[-1.0, 0.0, 0.0]] * 2)
+        )
         assert view.sun_elevation_sine[0] < 0.0 < view.sun_elevation_sine[1]
         assert view.elevation_sine[1] < 0.0 < view.elevation_sine[0]
         assert glint_of().radiances_w_m2_sr((0,), view).tolist() == [[0.0, 0.0]]
@@ -184,13 +214,21 @@ class TestSeaGlint:
         bands = AtmosphereContext(bands=(WINDOW, SWIR), path="atmosphere", seed=0)
         sky = lowtran_atmosphere(LowtranConfig(), bands)
         ways = [
-            Paths(np.zeros(1), sine, view.point_ecef_m, view.point_ecef_m + 1e8 * mirror, np.zeros(1))
+            Paths(
+                np.zeros(1), sine, view.point_ecef_m, view.point_ecef_m + 1e8 * mirror, np.zeros(1)
+            )
             for sine in (view.sun_elevation_sine, view.elevation_sine)
         ]
         for band, least, most in ((0, 0.3, 0.9), (1, 1e-5, 0.1)):
             plain = glint_of(bands=(WINDOW, SWIR)).radiances_w_m2_sr((band,), view)
-            share = float((glint_of(bands=(WINDOW, SWIR), sky=sky).radiances_w_m2_sr((band,), view) / plain)[0, 0])
-            assert share == pytest.approx(float(np.prod([sky.transmittance(band, way) for way in ways])), rel=1e-9)
+            share = float(
+                (glint_of(bands=(WINDOW, SWIR), sky=sky).radiances_w_m2_sr((band,), view) / plain)[
+                    0, 0
+                ]
+            )
+            assert share == pytest.approx(
+                float(np.prod([sky.transmittance(band, way) for way in ways])), rel=1e-9
+            )
             assert least < share < most
 
     def test_wind_spreads_it(self):
@@ -213,7 +251,9 @@ def fresnel(cosine, index=1.33):
 
 
 def test_a_sea_in_the_background_adds_its_glint_to_the_sky_and_to_nothing_else():
-    context_ = BackgroundContext(bands=(WINDOW,), path="background", epoch_us=NOON_US, make_atmosphere=ClearSky)
+    context_ = BackgroundContext(
+        bands=(WINDOW,), path="background", epoch_us=NOON_US, make_atmosphere=ClearSky
+    )
     dry, wet = (earth_background(EarthConfig(sea_wind_m_s=wind), context_) for wind in (None, 5.0))
     sensor = geodetic_to_ecef(np.zeros(400), np.zeros(400), np.full(400, 35_786e3))
     rng = np.random.default_rng(7)

@@ -30,7 +30,9 @@ def test_what_no_black_body_radiates_has_none():
 
 
 def test_a_pixel_half_filled_by_fire_is_between_ground_and_fire():
-    """A grey body that fills half of a pixel adds half of its radiance; the other half stays ground."""
+    """A grey body that fills half of a pixel adds half of its radiance; the other half stays
+    ground.
+    """
     ground, fire = (float(band_radiance(kelvin, 3.8, 4.0)) for kelvin in (290.0, 900.0))
     pixel = 56e-6
     found = pixel_temperature_k(0.5 * (fire - ground) * pixel**2, ground, pixel, ABI_7)
@@ -39,16 +41,22 @@ def test_a_pixel_half_filled_by_fire_is_between_ground_and_fire():
 
 
 def test_noise_is_the_published_nedt():
-    """0.1 K at 300 K (0.16 K in band 7 of AHI), by a difference of Planck's integrals, over a pixel of 56 µrad."""
+    """0.1 K at 300 K (0.16 K in band 7 of AHI), by a difference of Planck's integrals, over a pixel
+    of 56 µrad.
+    """
     for given, nedt in ((ABI_NEI_W_M2, {}), (AHI_NEI_W_M2, {"B07": 0.16})):
         for name, edges in BANDS.items():
             step = float(band_radiance(300.05, *edges) - band_radiance(299.95, *edges)) / 0.1
-            assert given[name] == pytest.approx(nedt.get(name, 0.1) * step * (PIXEL_URAD * 1e-6) ** 2, rel=1e-3)
+            assert given[name] == pytest.approx(
+                nedt.get(name, 0.1) * step * (PIXEL_URAD * 1e-6) ** 2, rel=1e-3
+            )
             assert step == pytest.approx(float(band_radiance_slope(300.0, *edges)), rel=1e-6)
 
 
 def test_a_plume_at_height_is_shifted_away_from_the_satellite():
-    """On a flat Earth the shift is height times the tangent of the zenith angle; the curve adds a few per cent."""
+    """On a flat Earth the shift is height times the tangent of the zenith angle; the curve adds a
+    few per cent.
+    """
     sensor = geodetic_to_ecef(np.zeros(2), np.zeros(2), np.full(2, 35_786e3))
     latitude = np.full(2, np.radians(30.0))
     target = geodetic_to_ecef(latitude, np.zeros(2), np.array([0.0, 50e3]))
@@ -60,7 +68,11 @@ def test_a_plume_at_height_is_shifted_away_from_the_satellite():
     assert found.shift_m[0] == pytest.approx(0.0, abs=1e-3)
     assert found.shift_m[1] == pytest.approx(50e3 * np.tan(zenith), rel=0.03)
     assert found.latitude_rad[1] > latitude[1]
-    assert np.isnan(parallax(sensor[:1], geodetic_to_ecef(np.radians([89.0]), np.zeros(1), np.full(1, 5e6))).shift_m[0])
+    assert np.isnan(
+        parallax(
+            sensor[:1], geodetic_to_ecef(np.radians([89.0]), np.zeros(1), np.full(1, 5e6))
+        ).shift_m[0]
+    )
 
 
 @pytest.mark.parametrize(("name", "scans"), [("GOES-ABI", 4), ("AHI", 3)])

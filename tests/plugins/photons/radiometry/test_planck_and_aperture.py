@@ -1,4 +1,6 @@
-"""Radiometry's own properties: extremes, narrow and swapped bands, irradiance, and temperatures from two bands."""
+"""Radiometry's own properties: extremes, narrow and swapped bands, irradiance, and temperatures
+from two bands.
+"""
 
 import numpy as np
 import pytest
@@ -49,7 +51,9 @@ def test_radiance_rises_with_temperature_and_adds_up_over_bands(temperature, low
 def test_a_band_without_width_is_dark_and_a_narrow_one_is_the_spectrum():
     assert band_radiance(1500.0, 4.3, 4.3) == 0.0
     width = 2.0**-40
-    assert band_radiance(1500.0, 4.0, 4.0 + width) / width == pytest.approx(planck_radiance(1500.0, 4.0), rel=1e-11)
+    assert band_radiance(1500.0, 4.0, 4.0 + width) / width == pytest.approx(
+        planck_radiance(1500.0, 4.0), rel=1e-11
+    )
 
 
 def test_cold_and_senseless_arguments():
@@ -70,15 +74,21 @@ def test_a_sphere_shows_a_quarter_of_its_surface():
     radiance = 1e4
     distance = 3.6e7
     by_surface = irradiance_of_sphere(radiance, 4.0 * np.pi * radius**2, distance)
-    assert by_surface == pytest.approx(irradiance_of_projected_area(radiance, np.pi * radius**2, distance), rel=1e-15)
+    assert by_surface == pytest.approx(
+        irradiance_of_projected_area(radiance, np.pi * radius**2, distance), rel=1e-15
+    )
     intensity = grey_body_intensity(1500.0, np.pi * radius**2, 0.3, 2.5, 3.0)
-    assert intensity == pytest.approx(0.3 * np.pi * radius**2 * band_radiance(1500.0, 2.5, 3.0), rel=1e-15)
+    assert intensity == pytest.approx(
+        0.3 * np.pi * radius**2 * band_radiance(1500.0, 2.5, 3.0), rel=1e-15
+    )
 
 
 @given(st.floats(1e-20, 1e-3), st.floats(1e3, 1e9), st.floats(1e-6, 1.0), st.floats(0.1, 100.0))
 def test_the_least_intensity_has_the_asked_signal_to_noise(nei, distance, transmittance, snr):
     least = minimum_detectable_intensity(nei, distance, transmittance, snr)
-    assert irradiance_at_aperture(least, distance, transmittance) / nei == pytest.approx(snr, rel=1e-12)
+    assert irradiance_at_aperture(least, distance, transmittance) / nei == pytest.approx(
+        snr, rel=1e-12
+    )
 
 
 def test_nothing_is_detected_through_an_opaque_sky():
@@ -102,12 +112,16 @@ def test_the_variance_of_a_temperature_is_what_noise_makes_of_it():
     noise = 0.01
     draws = 5_000
     rng = np.random.default_rng(7)
-    first, second = (float(band_radiance(truth, band.lower_um, band.upper_um)) for band in (SWIR, MWIR))
+    first, second = (
+        float(band_radiance(truth, band.lower_um, band.upper_um)) for band in (SWIR, MWIR)
+    )
     noisy = rng.normal(1.0, noise, (2, draws))
     found = two_colour_temperature(
         first * noisy[0], second * noisy[1], (noise * first) ** 2, (noise * second) ** 2, SWIR, MWIR
     )
-    predicted = two_colour_temperature(first, second, (noise * first) ** 2, (noise * second) ** 2, SWIR, MWIR)
+    predicted = two_colour_temperature(
+        first, second, (noise * first) ** 2, (noise * second) ** 2, SWIR, MWIR
+    )
     # The sample variance of 5 000 draws is within 6.6 % of the truth with 99.9 %.
     assert found.temperature_k.var() == pytest.approx(float(predicted.variance_k2), rel=0.066)
 
@@ -125,6 +139,8 @@ def test_bands_in_the_wrong_order_are_refused():
 
 def test_the_command_says_which_unit_gives_which(capsys):
     assert main(["physics", "min-intensity"]) == 0
-    assert capsys.readouterr().out == ("NEI 5e-14 W/m2: 324 W/sr\nNEI 5e-14 W/cm2 = 5e-10 W/m2: 3.24e+06 W/sr\n")
+    assert capsys.readouterr().out == (
+        "NEI 5e-14 W/m2: 324 W/sr\nNEI 5e-14 W/cm2 = 5e-10 W/m2: 3.24e+06 W/sr\n"
+    )
     with pytest.raises(SystemExit):
         main(["physics", "min-intensity", "--transmittance", "1.5"])

@@ -1,4 +1,6 @@
-"""Plumes: the table's bands, other bands by the stated spectrum, thrust phases, altitude, aspect, and bad settings."""
+"""Plumes: the table's bands, other bands by the stated spectrum, thrust phases, altitude, aspect,
+and bad settings.
+"""
 
 import json
 from itertools import pairwise
@@ -21,7 +23,9 @@ from opir_core.interfaces.radiometric_models import SignatureContext
 from opir_core.scene.fields import info_of
 from opir_core.scene.target_classes import core_profiles
 
-TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "plumes.json").read_text(encoding="utf-8"))
+TABLE = json.loads(
+    (Path(opir_core.__file__).parent / "data" / "plumes.json").read_text(encoding="utf-8")
+)
 BANDS = tuple(Band(name, *edges) for name, edges in TABLE["bands_um"].items())
 CLASSES = tuple(TABLE["peak_w_sr"])
 BEST_M = 25_000.0
@@ -42,7 +46,9 @@ def context(count=1, bands=BANDS, profiles=None, types=None, burn_time_s=120.0):
 def intensity(signatures, band=0, time_s=LATE_S, altitude_m=BEST_M, aspect_rad=np.pi / 2, target=0):
     columns = np.broadcast_arrays(np.asarray(time_s, float), altitude_m, aspect_rad)
     rows = np.full(columns[0].size, target, dtype=np.int32)
-    return signatures.intensity_w_sr(band, rows, *(np.ravel(column).astype(float) for column in columns))
+    return signatures.intensity_w_sr(
+        band, rows, *(np.ravel(column).astype(float) for column in columns)
+    )
 
 
 def plume(**settings):
@@ -52,7 +58,9 @@ def plume(**settings):
 def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
     made = []
     exact = planck.band_radiance
-    monkeypatch.setattr(plume_module, "band_radiance", lambda *place: made.append(place) or exact(*place))
+    monkeypatch.setattr(
+        plume_module, "band_radiance", lambda *place: made.append(place) or exact(*place)
+    )
 
     def integrals(count):
         plume_module._known_radiance.cache_clear()
@@ -72,7 +80,9 @@ def test_the_tables_bands_have_the_tables_intensities(name):
     clean = PlumeConfig(stages=1, rise_time_s=0.0, propellant="storable")
     signatures = plume_signatures([clean], context(profiles=(name,)))
     for number, band in enumerate(BANDS):
-        assert intensity(signatures, number) == pytest.approx(TABLE["peak_w_sr"][name][band.name], rel=1e-12)
+        assert intensity(signatures, number) == pytest.approx(
+            TABLE["peak_w_sr"][name][band.name], rel=1e-12
+        )
 
 
 @pytest.mark.parametrize("name", CLASSES)
@@ -80,7 +90,8 @@ def test_a_band_has_what_its_parts_have(name):
     edges = np.array([1.5, 2.2, 2.6, 2.9, 3.3, 4.1, 4.3, 4.5, 5.0, 9.0, 14.0])
     peaks = TABLE["peak_w_sr"][name]
     parts = [
-        plume_intensity_w_sr(peaks, Band("part", low, high), 1500.0, 2000.0) for low, high in pairwise(edges.tolist())
+        plume_intensity_w_sr(peaks, Band("part", low, high), 1500.0, 2000.0)
+        for low, high in pairwise(edges.tolist())
     ]
     whole = plume_intensity_w_sr(peaks, Band("whole", edges[0], edges[-1]), 1500.0, 2000.0)
     assert sum(parts) == pytest.approx(whole, rel=1e-12)
@@ -89,13 +100,17 @@ def test_a_band_has_what_its_parts_have(name):
 
 def test_intensity_follows_the_stages():
     signatures = plume(rise_time_s=0.0, body_area_m2=0.0)
-    first, second, third = (float(intensity(signatures, time_s=at)[0]) for at in (20.0, 60.0, 100.0))
+    first, second, third = (
+        float(intensity(signatures, time_s=at)[0]) for at in (20.0, 60.0, 100.0)
+    )
     assert (second / first, third / first) == (pytest.approx(0.3), pytest.approx(0.1))
     assert intensity(signatures, time_s=[-1e-9, 120.0 + 1e-9, -50.0, 1e9]).tolist() == [0.0] * 4
 
 
 def test_intensity_rises_at_ignition():
-    found = intensity(plume(rise_time_s=2.0, stages=1, propellant="storable"), time_s=np.linspace(0.0, 30.0, 200))
+    found = intensity(
+        plume(rise_time_s=2.0, stages=1, propellant="storable"), time_s=np.linspace(0.0, 30.0, 200)
+    )
     assert found[0] == 0.0
     assert (np.diff(found) >= 0.0).all()
     assert found[-1] == pytest.approx(TABLE["peak_w_sr"]["ICBM_solid"]["SWIR"], rel=1e-6)
@@ -123,26 +138,42 @@ def test_broadside_is_brightest_and_end_on_dimmest(aspect):
 
 
 def test_rows_do_not_depend_on_their_company():
-    configs = [PlumeConfig(), PlumeConfig(scale=2.0, altitude_km=(0.0, 50.0), altitude_scale=(1.0, 0.1), stages=2)]
-    both = plume_signatures(configs, context(2, profiles=("SRBM", "ICBM_liquid"), types=("SRBM", "ICBM")))
+    configs = [
+        PlumeConfig(),
+        PlumeConfig(scale=2.0, altitude_km=(0.0, 50.0), altitude_scale=(1.0, 0.1), stages=2),
+    ]
+    both = plume_signatures(
+        configs, context(2, profiles=("SRBM", "ICBM_liquid"), types=("SRBM", "ICBM"))
+    )
     alone = plume_signatures(configs[1:], context(profiles=("ICBM_liquid",)))
     times = np.linspace(0.0, 119.0, 50)
     heights = np.linspace(0.0, 300e3, 50)
-    assert intensity(both, 1, times, heights, target=1).tolist() == intensity(alone, 1, times, heights).tolist()
-    one_by_one = [float(intensity(both, 1, t, h, target=1)[0]) for t, h in zip(times, heights, strict=True)]
+    assert (
+        intensity(both, 1, times, heights, target=1).tolist()
+        == intensity(alone, 1, times, heights).tolist()
+    )
+    one_by_one = [
+        float(intensity(both, 1, t, h, target=1)[0]) for t, h in zip(times, heights, strict=True)
+    ]
     assert intensity(both, 1, times, heights, target=1).tolist() == one_by_one
 
 
 def test_a_target_without_a_known_profile_has_the_plume_of_its_type():
     unknown = plume_signatures([PlumeConfig()], context(types=("IRBM",), profiles=("",)))
-    named = plume_signatures([PlumeConfig(profile="MRBM")], context(types=("ICBM",), profiles=("ICBM_solid",)))
+    named = plume_signatures(
+        [PlumeConfig(profile="MRBM")], context(types=("ICBM",), profiles=("ICBM_solid",))
+    )
     assert intensity(unknown).tolist() == intensity(named).tolist()
 
 
 def test_settings_that_contradict_themselves():
-    with pytest.raises(ModelError, match=r"targets\[0\].signature.profile: 'X' is not one of SRBM, MRBM"):
+    with pytest.raises(
+        ModelError, match=r"targets\[0\].signature.profile: 'X' is not one of SRBM, MRBM"
+    ):
         plume(profile="X")
-    with pytest.raises(ModelError, match=r"targets\[0\].signature: the continuum that LWIR 1e\+06 W/sr implies"):
+    with pytest.raises(
+        ModelError, match=r"targets\[0\].signature: the continuum that LWIR 1e\+06 W/sr implies"
+    ):
         plume(peak_w_sr={"LWIR": 1e6})
     with pytest.raises(ValueError, match="each is to be above the one before it"):
         PlumeConfig(altitude_km=(0.0, 0.0), altitude_scale=(1.0, 1.0))
@@ -157,7 +188,9 @@ def test_defaults_of_the_configuration_are_the_tables():
     assert list(config.altitude_km) == plume_table()["altitude_km"]
     assert list(config.altitude_scale) == plume_table()["altitude_scale"]
     assert list(config.stage_scale) == plume_table()["stage_scale"]
-    assert all(info_of(attribute).help and info_of(attribute).source for attribute in fields(PlumeConfig))
+    assert all(
+        info_of(attribute).help and info_of(attribute).source for attribute in fields(PlumeConfig)
+    )
 
 
 def test_the_host_finds_it():
@@ -169,7 +202,12 @@ def test_after_burnout_the_warm_body_alone_is_seen():
     bands = (Band("MWIR", 4.0, 5.0), Band("LWIR", 8.0, 12.0))
     config = PlumeConfig(body_temperature_k=320.0, body_area_m2=3.0, body_emissivity=0.8)
     context = SignatureContext(
-        bands=bands, ids=("T",), paths=("t",), types=("ICBM",), profiles=("",), burn_time_s=np.array([180.0])
+        bands=bands,
+        ids=("T",),
+        paths=("t",),
+        types=("ICBM",),
+        profiles=("",),
+        burn_time_s=np.array([180.0]),
     )
     plume = plume_signatures([config], context)
     everyone = np.zeros(2, dtype=np.int32)
@@ -183,7 +221,9 @@ def test_after_burnout_the_warm_body_alone_is_seen():
         c1 = 1.191042972e8
         c2 = 1.438776877e4
         radiance = c1 / wavelength_um**5 / np.expm1(c2 / (wavelength_um * 320.0))
-        assert reported == pytest.approx(0.8 * 3.0 * np.trapezoid(radiance, wavelength_um), rel=1e-7)
+        assert reported == pytest.approx(
+            0.8 * 3.0 * np.trapezoid(radiance, wavelength_um), rel=1e-7
+        )
 
 
 WINDOW = Band("window", 3.8, 4.0)
@@ -191,7 +231,9 @@ WIDE = (*BANDS, WINDOW, Band("water", 5.77, 6.6))
 
 
 def spectrum_of(signatures, **place):
-    return np.array([float(intensity(signatures, number, **place)[0]) for number in range(len(WIDE))])
+    return np.array(
+        [float(intensity(signatures, number, **place)[0]) for number in range(len(WIDE))]
+    )
 
 
 def of_propellant(name, profile="SLV"):
@@ -202,27 +244,48 @@ def of_propellant(name, profile="SLV"):
 def test_soot_dies_with_height_and_leaves_the_gases():
     sooty = of_propellant("kerosene")
     clean = of_propellant("storable")
-    low, high = (spectrum_of(sooty, altitude_m=at) / spectrum_of(clean, altitude_m=at) for at in (5e3, 100e3))
+    low, high = (
+        spectrum_of(sooty, altitude_m=at) / spectrum_of(clean, altitude_m=at) for at in (5e3, 100e3)
+    )
     assert low[3] > 10.0  # between the gases' bands soot is nearly all
     assert high == pytest.approx(np.ones(len(WIDE)), abs=0.25)
     window, swir = (
-        float(intensity(sooty, number, altitude_m=5e3)[0] / intensity(sooty, number, altitude_m=60e3)[0])
+        float(
+            intensity(sooty, number, altitude_m=5e3)[0]
+            / intensity(sooty, number, altitude_m=60e3)[0]
+        )
         for number in (3, 0)
     )
     assert window > 1.5 * swir  # so the ratio of the two tells the height
 
 
 def test_alumina_outlives_afterburning():
-    share = [spectrum_of(of_propellant(fuel), altitude_m=100e3)[3] for fuel in ("solid", "kerosene", "storable")]
+    share = [
+        spectrum_of(of_propellant(fuel), altitude_m=100e3)[3]
+        for fuel in ("solid", "kerosene", "storable")
+    ]
     assert share[0] > 3.0 * share[1] > 3.0 * share[2] * 0.9
 
 
 def test_the_continuum_has_the_share_of_jet_power_that_its_table_states():
-    """Broadside is 4/π of the mean, which all wavelengths together and 4π sr make the radiated power."""
-    table = json.loads((Path(propellants_module.__file__).parents[1] / "data" / "propellants.json").read_text("utf-8"))
+    """Broadside is 4/π of the mean, which all wavelengths together and 4π sr make the radiated
+    power.
+    """
+    table = json.loads(
+        (Path(propellants_module.__file__).parents[1] / "data" / "propellants.json").read_text(
+            "utf-8"
+        )
+    )
     power_w = 3e9
     for name, row in table["propellants"].items():
-        found = continuum_w_sr(propellants()[name], power_w, 0.4, 60.0) * np.pi / 4.0 * 4.0 * np.pi / power_w
+        found = (
+            continuum_w_sr(propellants()[name], power_w, 0.4, 60.0)
+            * np.pi
+            / 4.0
+            * 4.0
+            * np.pi
+            / power_w
+        )
         assert found == pytest.approx(row.get("radiated_share_of_jet_power", 0.0), rel=0.01)
         assert row["source"]
         assert row["spread"] > 1.0
@@ -236,7 +299,9 @@ def test_the_continuums_colour_is_that_of_its_particles(name):
     def summed(lower, upper):
         wavelength = np.linspace(lower, upper, 20_001)
         black = wavelength**-5 / np.expm1(14_387.768775 / (wavelength * fuel.temperature_k))
-        return np.trapezoid(black * (1.0 - np.exp(-4.0 / wavelength) if name == "kerosene" else 1.0), wavelength)
+        return np.trapezoid(
+            black * (1.0 - np.exp(-4.0 / wavelength) if name == "kerosene" else 1.0), wavelength
+        )
 
     ours = continuum_w_sr(fuel, 1e9, 3.8, 4.0) / continuum_w_sr(fuel, 1e9, 8.0, 12.0)
     assert ours == pytest.approx(summed(3.8, 4.0) / summed(8.0, 12.0), rel=1e-6)
@@ -247,7 +312,10 @@ def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():
     assert (
         spectrum_of(of_class).tolist()
         == spectrum_of(
-            plume_signatures([PlumeConfig(stages=1, propellant="kerosene")], context(profiles=("SLV",), bands=WIDE))
+            plume_signatures(
+                [PlumeConfig(stages=1, propellant="kerosene")],
+                context(profiles=("SLV",), bands=WIDE),
+            )
         ).tolist()
     )
     doubled = {band: 2.0 * peak for band, peak in TABLE["peak_w_sr"]["SLV"].items()}
@@ -257,12 +325,14 @@ def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():
 
 
 def test_hot_water_near_6_um_is_that_of_thin_gas_and_outlives_the_other_bands():
-    """By hand, at 2000 K: 41.2 · 1600³ / (e^1.151 - 1) over 35.66 · 3760³ / (e^2.705 - 1) is 0.574 of near 2.7 µm, at
-    1000 K 2.20."""
+    """By hand, at 2000 K: 41.2 · 1600³ / (e^1.151 - 1) over 35.66 · 3760³ / (e^2.705 - 1) is 0.574
+    of near 2.7 µm, at 1000 K 2.20."""
     bands = (Band("near 2.7", 2.45, 3.15), Band("near 6.3", 4.9, 7.8))
     peaks = {"SWIR": 1e5, "MWIR": 0.0, "LWIR": 0.0}
     config = PlumeConfig(stages=1, rise_time_s=0.0, peak_w_sr=peaks, propellant="storable")
     signatures = plume_signatures([config], context(bands=bands))
     for altitude_m, ratio in ((20e3, 0.574), (40e3, 0.574), (100e3, 2.203)):
-        near_3, near_6 = (float(intensity(signatures, number, altitude_m=altitude_m)[0]) for number in (0, 1))
+        near_3, near_6 = (
+            float(intensity(signatures, number, altitude_m=altitude_m)[0]) for number in (0, 1)
+        )
         assert near_6 / near_3 == pytest.approx(ratio, rel=0.005)

@@ -1,4 +1,6 @@
-"""Sources: from lists; fires, flares and bolides; what does not go together; and scenes that name them."""
+"""Sources: from lists; fires, flares and bolides; what does not go together; and scenes that name
+them.
+"""
 
 import numpy as np
 import opir_dsp.plugin
@@ -19,7 +21,8 @@ HOST = Host.of(opir_dsp.plugin, light)
 
 def test_emitters_of_a_list_have_their_own_values_or_the_blocks():
     config = FireConfig(
-        at=({"lat_deg": 1.0, "lon_deg": 2.0}, {"lat_deg": 3.0, "lon_deg": 4.0, "area_m2": 1.0}), area_m2=5.0
+        at=({"lat_deg": 1.0, "lon_deg": 2.0}, {"lat_deg": 3.0, "lon_deg": 4.0, "area_m2": 1.0}),
+        area_m2=5.0,
     )
     sources = fire_sources(config, context())
     assert sources.ids == ("fires-1", "fires-2")
@@ -27,12 +30,16 @@ def test_emitters_of_a_list_have_their_own_values_or_the_blocks():
     assert [row["area_m2"] for row in reported] == [5.0, 1.0]
     assert reported[0]["type"] == "fire"
     assert sources.trajectories.type_code.tolist() == [EMITTER_TYPES.index("fire")] * 2
-    where = ecef_to_geodetic(sources.trajectories.position_ecef_m(np.array([1], np.int32), np.zeros(1)))
+    where = ecef_to_geodetic(
+        sources.trajectories.position_ecef_m(np.array([1], np.int32), np.zeros(1))
+    )
     assert np.degrees([where.latitude_rad[0], where.longitude_rad[0]]) == pytest.approx([3.0, 4.0])
 
 
 def test_a_fire_is_a_flat_grey_body():
-    sources = fire_sources(FireConfig(at=HERE, temperature_k=900.0, emissivity=0.5, area_m2=200.0), context())
+    sources = fire_sources(
+        FireConfig(at=HERE, temperature_k=900.0, emissivity=0.5, area_m2=200.0), context()
+    )
     up = local_axes(sources.trajectories.start_ecef_m)[0, 2]
     (_, north, _) = local_axes(sources.trajectories.start_ecef_m)[0]
     whole = 0.5 * 200.0 * band_radiance(900.0, 4.0, 5.0)
@@ -47,21 +54,30 @@ def test_a_flare_shines_to_all_sides():
     sources = flare_sources(FlareConfig(at=HERE), context())
     east = local_axes(sources.trajectories.start_ecef_m)[0, 0]
     assert intensity(sources, to_sensor=east).tolist() == intensity(sources).tolist()
-    assert intensity(sources)[0] == pytest.approx(0.3 * 30.0 * band_radiance(1800.0, 2.5, 3.0), rel=1e-12)
+    assert intensity(sources)[0] == pytest.approx(
+        0.3 * 30.0 * band_radiance(1800.0, 2.5, 3.0), rel=1e-12
+    )
 
 
 def test_sources_shine_from_start_to_end():
     sources = flare_sources(FlareConfig(at=HERE, start_s=50.0, end_s=70.0), context())
     row = np.zeros(4, np.int32)
     times = np.array([49.9, 50.0, 70.0, 70.1])
-    assert np.isfinite(sources.trajectories.position_ecef_m(row, times)[:, 0]).tolist() == [False, True, True, False]
+    assert np.isfinite(sources.trajectories.position_ecef_m(row, times)[:, 0]).tolist() == [
+        False,
+        True,
+        True,
+        False,
+    ]
     always = flare_sources(FlareConfig(at=HERE), context(duration_s=600.0)).trajectories
     assert always.ignition_s[0] < 0.0
     assert always.burnout_s[0] > 600.0
 
 
 def test_a_bolide_flashes_on_its_way_down():
-    config = BolideConfig(at=HERE, start_s=100.0, speed_m_s=18_000.0, descent_deg=30.0, heading_deg=90.0)
+    config = BolideConfig(
+        at=HERE, start_s=100.0, speed_m_s=18_000.0, descent_deg=30.0, heading_deg=90.0
+    )
     sources = bolide_sources(config, context())
     times = np.array([100.0, 101.0, 102.0])
     place = ecef_to_geodetic(sources.trajectories.position_ecef_m(np.zeros(3, np.int32), times))
@@ -75,7 +91,9 @@ def test_a_bolide_flashes_on_its_way_down():
 
 
 def test_settings_that_do_not_go_together():
-    with pytest.raises(ValueError, match="none of them is given; exactly one of at, csv and field is needed"):
+    with pytest.raises(
+        ValueError, match="none of them is given; exactly one of at, csv and field is needed"
+    ):
         FireConfig()
     with pytest.raises(ValueError, match="at and csv are given"):
         FireConfig(at=HERE, csv="fires.csv")
@@ -84,7 +102,10 @@ def test_settings_that_do_not_go_together():
     with pytest.raises(ValueError, match=r"at\[0\]: lat: unknown; did you mean lat_deg\?"):
         FireConfig(at=({"lat": 1.0, "lon_deg": 2.0},))
     with pytest.raises(ValueError, match=r"at\[1\]: end_s 5 is not after start_s 9"):
-        FireConfig(at=({"lat_deg": 1.0, "lon_deg": 2.0}, {"lat_deg": 1.0, "lon_deg": 2.0, "end_s": 5.0}), start_s=9.0)
+        FireConfig(
+            at=({"lat_deg": 1.0, "lon_deg": 2.0}, {"lat_deg": 1.0, "lon_deg": 2.0, "end_s": 5.0}),
+            start_s=9.0,
+        )
     with pytest.raises(ValueError, match="end_s 5 is not after start_s 9"):
         FireConfig(field=field(1.0), start_s=9.0, end_s=5.0)
     with pytest.raises(ValueError, match="south_deg 5 is not below north_deg 5"):

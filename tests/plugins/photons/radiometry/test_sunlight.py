@@ -1,8 +1,15 @@
-"""Sunlight: the solar constant, and the phase law of a diffuse sphere against facets that are summed one by one."""
+"""Sunlight: the solar constant, and the phase law of a diffuse sphere against facets that are
+summed one by one.
+"""
 
 import numpy as np
 import pytest
-from opir_photons.radiometry import lambert_phase, lambert_sphere_intensity, planck_radiance, solar_irradiance
+from opir_photons.radiometry import (
+    lambert_phase,
+    lambert_sphere_intensity,
+    planck_radiance,
+    solar_irradiance,
+)
 from scipy import integrate
 
 
@@ -15,25 +22,37 @@ def test_the_solar_constant_is_that_of_the_iau():
 def test_sunlight_in_a_band_is_the_discs_radiance_times_its_solid_angle(lower_um, upper_um):
     radiance = integrate.quad(lambda at: float(planck_radiance(5772.0, at)), lower_um, upper_um)[0]
     solid_angle = 2.0 * np.pi * (1.0 - np.sqrt(1.0 - (6.957e8 / 149597870700.0) ** 2))
-    assert float(solar_irradiance(lower_um, upper_um)) == pytest.approx(radiance * solid_angle, rel=2e-5)
+    assert float(solar_irradiance(lower_um, upper_um)) == pytest.approx(
+        radiance * solid_angle, rel=2e-5
+    )
 
 
 def test_the_phase_law_at_full_half_and_new():
-    assert lambert_phase([0.0, np.pi / 2.0, np.pi]) == pytest.approx([1.0, 1.0 / np.pi, 0.0], abs=1e-15)
+    assert lambert_phase([0.0, np.pi / 2.0, np.pi]) == pytest.approx(
+        [1.0, 1.0 / np.pi, 0.0], abs=1e-15
+    )
 
 
 def test_all_that_a_sphere_reflects_is_albedo_times_what_it_meets():
     intensity = integrate.quad(
-        lambda phase: 2.0 * np.pi * np.sin(phase) * float(lambert_sphere_intensity(3.0, 0.4 * 5.0, phase)), 0.0, np.pi
+        lambda phase: (
+            2.0 * np.pi * np.sin(phase) * float(lambert_sphere_intensity(3.0, 0.4 * 5.0, phase))
+        ),
+        0.0,
+        np.pi,
     )[0]
     assert intensity == pytest.approx(3.0 * 0.4 * 5.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.4, np.pi / 2.0, 2.2, 3.0])
 def test_a_sphere_of_facets_reflects_as_much(phase):
-    """Each facet reflects albedo/π times the light that falls on it, as wide as the sensor sees it."""
+    """Each facet reflects albedo/π times the light that falls on it, as wide as the sensor sees
+    it.
+    """
     cosine, turn = np.meshgrid(
-        (np.arange(1200) + 0.5) / 600.0 - 1.0, (np.arange(1200) + 0.5) / 1200.0 * 2.0 * np.pi, indexing="ij"
+        (np.arange(1200) + 0.5) / 600.0 - 1.0,
+        (np.arange(1200) + 0.5) / 1200.0 * 2.0 * np.pi,
+        indexing="ij",
     )
     sine = np.sqrt(1.0 - cosine**2)
     normal = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=-1)

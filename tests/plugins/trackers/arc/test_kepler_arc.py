@@ -1,4 +1,6 @@
-"""The tracker `kepler-arc`: its arcs against closed forms and SciPy, and the paper's law of its sigma."""
+"""The tracker `kepler-arc`: its arcs against closed forms and SciPy, and the paper's law of its
+sigma.
+"""
 
 import numpy as np
 import pytest
@@ -37,23 +39,31 @@ def true_position(time_s):
 
 
 def rays_at(time_s, sensor, noise=None, light_time=True):
-    """Return rays of sensors (n,) at times (n,) at the arc, free of noise unless stated otherwise."""
+    """Return rays of sensors (n,) at times (n,) at the arc, free of noise unless stated
+    otherwise.
+    """
     longitude = np.radians(SLOTS_DEG)[sensor]
     origin = 4.2164e7 * np.stack([np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1)
     left_s = time_s
     for _ in range(4 if light_time else 0):
-        left_s = time_s - np.linalg.norm(true_position(left_s) - origin, axis=1) / SPEED_OF_LIGHT_M_S
+        left_s = (
+            time_s - np.linalg.norm(true_position(left_s) - origin, axis=1) / SPEED_OF_LIGHT_M_S
+        )
     line = true_position(left_s) - origin
     unit = line / np.linalg.norm(line, axis=1)[:, None]
     if noise is not None:
         unit = unit + SIGMA_RAD * noise.normal(size=unit.shape)
         unit /= np.linalg.norm(unit, axis=1)[:, None]
     scan = np.arange(len(time_s), dtype=np.int64)
-    return LinesOfSight(time_s, sensor.astype(np.int32), scan, origin, unit, np.full(len(time_s), SIGMA_RAD))
+    return LinesOfSight(
+        time_s, sensor.astype(np.int32), scan, origin, unit, np.full(len(time_s), SIGMA_RAD)
+    )
 
 
 def both(times):
-    """Return the times of two sensors' looks, a tenth of a second apart, and which sensor's they are."""
+    """Return the times of two sensors' looks, a tenth of a second apart, and which sensor's they
+    are.
+    """
     return np.stack([times, times + 0.1], axis=1).ravel(), np.tile([0, 1], len(times))
 
 
@@ -74,7 +84,9 @@ def assert_hits(arcs):
     """The impact is the true one to 1e-6 of the 3700 km flown and of the 700 s of flight."""
     found = impacts(arcs)[0]
     true = true_impact()
-    range_m = float(great_circle_m(np.array([[np.radians(35.0), np.radians(-120.0), 0.0]]), true[None])[0])
+    range_m = float(
+        great_circle_m(np.array([[np.radians(35.0), np.radians(-120.0), 0.0]]), true[None])[0]
+    )
     assert range_m > 3e6
     assert great_circle_m(found[None], true[None])[0] < 1e-6 * range_m
     assert abs(found[2] - true[2]) < 1e-6 * (true[2] - START_S)
@@ -107,11 +119,14 @@ def test_an_arc_that_is_followed_is_the_arc_of_all_its_rays():
     arcs = begun(rays.take(slice(0, 20)))
     for first in range(20, len(rays), 10):
         part = rays.take(slice(first, first + 10))
-        arcs = arc_fit.updated(arcs, part, np.zeros(len(part), dtype=np.int64), np.zeros(1), 15.0, True)
+        arcs = arc_fit.updated(
+            arcs, part, np.zeros(len(part), dtype=np.int64), np.zeros(1), 15.0, True
+        )
     at = np.array([91.0])
     apart = states_at(arcs, at)[0] - states_at(whole, at)[0]
     sigma = np.sqrt(np.diagonal(states_at(whole, at)[1], axis1=1, axis2=2))
-    # Each ray is linearised once, where the arc then stood: that costs less than a hundredth of a sigma.
+    # Each ray is linearised once, where the arc then stood: that costs less than a hundredth of a
+    # sigma.
     assert np.abs(apart / sigma).max() < 0.01
     assert arcs.looks[0] == len(rays)
 
@@ -126,11 +141,16 @@ def test_errors_of_an_arc_are_as_its_covariance_says():
     sight = rays_at(time_s, sensor)
     rays = LinesOfSight.concatenate([rays_at(time_s, sensor, rng) for _ in range(count)])
     owner = np.repeat(np.arange(count), len(sight))
-    arcs = arc_fit.initialised(ArcFits.unfitted(np.arange(count), 2), rays, owner, np.zeros(count), 15.0, True)
+    arcs = arc_fit.initialised(
+        ArcFits.unfitted(np.arange(count), 2), rays, owner, np.zeros(count), 15.0, True
+    )
     state, covariance = states_at(arcs, np.repeat(at, count))
     error = state[:, :3] - truth
-    squares = np.sum(error * np.linalg.solve(covariance[:, :3, :3], error[:, :, None])[:, :, 0], axis=1)
-    # χ² of 600 degrees, 99.9 %: 494 to 721. The covariance grows with a misfit above 1, so it errs on the large side.
+    squares = np.sum(
+        error * np.linalg.solve(covariance[:, :3, :3], error[:, :, None])[:, :, 0], axis=1
+    )
+    # χ² of 600 degrees, 99.9 %: 494 to 721. The covariance grows with a misfit above 1, so it errs
+    # on the large side.
     assert 494.0 / 200 * 0.9 < np.mean(squares) < 721.0 / 200
 
 
@@ -148,7 +168,8 @@ def test_one_sensors_arc_is_the_least_squares_arc_through_the_heights_assumed():
 
     guess = np.concatenate([points[0] / 1e6, (points[1] - points[0]) / 1e3])
     best = least_squares(residuals, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac").x
-    # The weights hold the distance along the ray to the arc here, to the point there: parts in ten thousand.
+    # The weights hold the distance along the ray to the arc here, to the point there: parts in ten
+    # thousand.
     assert arcs.state[0, :3] == pytest.approx(best[:3] * 1e6, abs=20.0)
     assert arcs.state[0, 3:] == pytest.approx(best[3:] * 1e3, abs=1.0)
 
@@ -160,9 +181,14 @@ def test_a_second_sensor_ends_the_assumption_of_heights():
     rays = rays_at(later, sensor)
     arcs = alone
     for _ in range(3):
-        arcs = arc_fit.updated(arcs, rays, np.zeros(len(rays), dtype=np.int64), np.zeros(1), 15.0, True)
-    # What was linearised about the assumed heights stays so: no longer to the metre, but the heights are gone.
-    before, after = (great_circle_m(impacts(each)[:1], true_impact()[None])[0] for each in (alone, arcs))
+        arcs = arc_fit.updated(
+            arcs, rays, np.zeros(len(rays), dtype=np.int64), np.zeros(1), 15.0, True
+        )
+    # What was linearised about the assumed heights stays so: no longer to the metre, but the
+    # heights are gone.
+    before, after = (
+        great_circle_m(impacts(each)[:1], true_impact()[None])[0] for each in (alone, arcs)
+    )
     assert after < 1e-3 * before
 
 
@@ -198,7 +224,9 @@ def test_launches_are_where_first_rays_meet_the_ground():
         np.full(4, SIGMA_RAD),
     )
     found = launches(rays, owner, 2, watch, True, 100.0)
-    assert np.degrees(found.place[:, :2]) == pytest.approx(np.array([[35.0, -120.0], [-10.0, -100.0]]), abs=1e-9)
+    assert np.degrees(found.place[:, :2]) == pytest.approx(
+        np.array([[35.0, -120.0], [-10.0, -100.0]]), abs=1e-9
+    )
     period_s = sensors[0].scan.period_ns * 1e-9
     # The paper's mean latency: T/P, 2 periods at 0.5.
     assert found.place[:, 2] == pytest.approx(np.array([10.0, 20.0]) - 2.0 * period_s, abs=1e-6)
@@ -218,9 +246,16 @@ def test_launches_err_as_their_covariance_says():
     noisy = unit + SIGMA_RAD * rng.normal(size=(2 * count, 3))
     noisy /= np.linalg.norm(noisy, axis=1)[:, None]
     sensor = np.tile([0, 1], count).astype(np.int32)
-    watch = SensorSchedule.of((stub_sensor("A", -150.0), stub_sensor("B", -90.0)), least=0.01, most=1.0)
+    watch = SensorSchedule.of(
+        (stub_sensor("A", -150.0), stub_sensor("B", -90.0)), least=0.01, most=1.0
+    )
     rays = LinesOfSight(
-        np.full(2 * count, 5.0), sensor, np.arange(2 * count), origins[sensor], noisy, np.full(2 * count, SIGMA_RAD)
+        np.full(2 * count, 5.0),
+        sensor,
+        np.arange(2 * count),
+        origins[sensor],
+        noisy,
+        np.full(2 * count, SIGMA_RAD),
     )
     found = launches(rays, np.repeat(np.arange(count), 2), count, watch, True, site_m)
     north = 6.378e6 * (found.place[:, 0] - np.radians(50.0))
@@ -228,7 +263,8 @@ def test_launches_err_as_their_covariance_says():
     error = np.stack([east, north], axis=1)
     plane = found.covariance[:, :2, :2]
     squares = np.sum(error * np.linalg.solve(plane, error[:, :, None])[:, :, 0], axis=1)
-    # χ² of 4000 degrees over 2000, 99.9 %: 1.855 to 2.151; the sphere taken for the ellipsoid is good to 1 %.
+    # χ² of 4000 degrees over 2000, 99.9 %: 1.855 to 2.151; the sphere taken for the ellipsoid is
+    # good to 1 %.
     assert 1.83 < squares.mean() < 2.18
 
 
@@ -239,7 +275,9 @@ def test_parameters_of_a_shot_are_those_it_was_made_of():
     azimuth = np.radians(300.0)
     angle = np.radians(25.0)
     speed = 6500.0
-    local = speed * np.array([np.sin(azimuth) * np.cos(angle), np.cos(azimuth) * np.cos(angle), np.sin(angle)])
+    local = speed * np.array(
+        [np.sin(azimuth) * np.cos(angle), np.cos(azimuth) * np.cos(angle), np.sin(angle)]
+    )
     state = np.concatenate([place, local @ local_axes(place)])
     found = trajectory_parameters(state[None])
     assert [float(part[0]) for part in found] == pytest.approx([azimuth, angle, speed], rel=1e-9)
@@ -250,7 +288,8 @@ def test_types_follow_from_the_range():
     assert class_codes(range_m).tolist() == [2, 1, 0]
     sure = type_probabilities(range_m, np.full(3, 1.0))
     assert sure == pytest.approx(np.eye(4)[[2, 1, 0]])
-    # On the edge between two classes each is as likely; an error of the range of 1000 km reaches the next class.
+    # On the edge between two classes each is as likely; an error of the range of 1000 km reaches
+    # the next class.
     edge = type_probabilities(np.array([5500e3, 4500e3]), np.array([100e3, 1000e3]))
     assert edge[0] == pytest.approx([0.5, 0.5, 0.0, 0.0], abs=1e-9)
     assert edge[1] == pytest.approx([0.15866, 0.84111, 0.00023, 0.0], abs=1e-5)

@@ -1,4 +1,6 @@
-"""The tracker `kepler-arc` in whole scenes: the paper's law of sigma, thrust, and what events carry."""
+"""The tracker `kepler-arc` in whole scenes: the paper's law of sigma, thrust, and what events
+carry.
+"""
 
 import numpy as np
 import pytest
@@ -39,7 +41,8 @@ def scene(**settings):
 
 
 def sigmas_and_looks(kind, **settings):
-    """Return ticks, stated sigmas, m, and numbers of detections before the ticks of a boost seen by two sensors.
+    """Return ticks, stated sigmas, m, and numbers of detections before the ticks of a boost seen by
+    two sensors.
 
     Of the ticks at which it is probably a launch: before, no impact is predicted.
     """
@@ -58,11 +61,25 @@ LAUNCH = {"lat_deg": 36.73, "lon_deg": -120.57, "time_s": 2.0}
 LONGER = {
     "SRBM": {
         "duration_s": 90.0,
-        "targets": [{"id": "T1", "type": "SRBM", "launch": LAUNCH, "aim": {"lat_deg": 33.0, "lon_deg": -121.0}}],
+        "targets": [
+            {
+                "id": "T1",
+                "type": "SRBM",
+                "launch": LAUNCH,
+                "aim": {"lat_deg": 33.0, "lon_deg": -121.0},
+            }
+        ],
     },
     "ICBM": {
         "duration_s": 120.0,
-        "targets": [{"id": "T1", "type": "ICBM", "launch": LAUNCH, "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}],
+        "targets": [
+            {
+                "id": "T1",
+                "type": "ICBM",
+                "launch": LAUNCH,
+                "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+            }
+        ],
     },
 }
 
@@ -70,7 +87,9 @@ LONGER = {
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", list(LONGER))
 def test_sigma_is_the_papers_law(kind):
-    """At half of the boost the law says sigma_0 exp(-k / 2): tens of kilometres, whatever the range of the arc."""
+    """At half of the boost the law says sigma_0 exp(-k / 2): tens of kilometres, whatever the range
+    of the arc.
+    """
     tick_s, sigma, looks, plan = sigmas_and_looks(kind, sigma_0_m=2e5, convergence=3.0)
     chance = plan.sensors[0].detection_probability[kind]
     burn_s = {"SRBM": 65.0, "ICBM": 210.0}[kind]
@@ -89,7 +108,9 @@ def test_after_the_boost_all_detections_are_in():
 
 
 def test_expected_detections_are_those_of_the_boost_so_far_and_the_reported_types():
-    """Ten detections a second: a boost of 130 s is no short-range one, one of 250 s lasts as long as any."""
+    """Ten detections a second: a boost of 130 s is no short-range one, one of 250 s lasts as long
+    as any.
+    """
     schedule = SensorSchedule(np.array([0.1]), np.ones((1, 3)))
     seen = np.ones((4, 1), dtype=bool)
     elapsed = np.array([1.0, 130.0, 250.0, 30.0])
@@ -103,7 +124,9 @@ def test_expected_detections_are_those_of_the_boost_so_far_and_the_reported_type
 
 @pytest.mark.slow
 def test_a_thrusting_target_is_on_no_arc():
-    """The paper's arc through a boost falls far short of where the target goes; what is recent falls less short."""
+    """The paper's arc through a boost falls far short of where the target goes; what is recent
+    falls less short.
+    """
     found = {}
     for name, memory_s in (("paper", None), ("recent", 5.0)):
         run = simulate(scene(tracker={"model": "kepler-arc", "memory_s": memory_s}))
@@ -119,9 +142,13 @@ def test_a_thrusting_target_is_on_no_arc():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("apart_deg", [0.0, *(pytest.param(each, marks=pytest.mark.slow) for each in (1e-3, 0.1))])
+@pytest.mark.parametrize(
+    "apart_deg", [0.0, *(pytest.param(each, marks=pytest.mark.slow) for each in (1e-3, 0.1))]
+)
 def test_sensors_at_one_place_tell_no_distance(apart_deg):
-    """Their lines meet anywhere: without the heights of one sensor's arc the target was thousands of kilometres off."""
+    """Their lines meet anywhere: without the heights of one sensor's arc the target was thousands
+    of kilometres off.
+    """
     pair = [
         {"model": "SBIRS-GEO", "id": name, "orbital_slot_deg": slot}
         for name, slot in (("A", -135.0), ("B", apart_deg - 135.0))
@@ -129,7 +156,9 @@ def test_sensors_at_one_place_tell_no_distance(apart_deg):
     plan = compile_plan(scene(sensors=pair))
     tracks = run_of_plan(plan).tracks
     assert len(tracks) > 30
-    off = tracks.state[:, :3] - plan.targets.position_ecef_m(np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
+    off = tracks.state[:, :3] - plan.targets.position_ecef_m(
+        np.zeros(len(tracks), dtype=np.int32), tracks.tick_s
+    )
     assert np.linalg.norm(off, axis=1).max() < 20e3
     assert np.isfinite(tracks.state_covariance).all()
 
@@ -145,14 +174,21 @@ def test_events_carry_the_launch_and_the_impact():
 @pytest.mark.slow
 def test_a_track_is_reported_after_eight_detections():
     slow = {"model": "SBIRS-GEO", "orbital_slot_deg": -150.0, "scan_period_ms": 500.0}
-    run = simulate(scene(sensors=[{**slow, "id": "A"}, {**slow, "id": "B", "orbital_slot_deg": -90.0}]))
-    counts = [np.count_nonzero(run.detections.time_s < run.tracks.tick_s[0] - early_s) for early_s in (0.0, 1.0)]
+    run = simulate(
+        scene(sensors=[{**slow, "id": "A"}, {**slow, "id": "B", "orbital_slot_deg": -90.0}])
+    )
+    counts = [
+        np.count_nonzero(run.detections.time_s < run.tracks.tick_s[0] - early_s)
+        for early_s in (0.0, 1.0)
+    ]
     assert counts[0] >= 8 > counts[1]
 
 
 @pytest.mark.slow
 def test_an_unstated_bias_takes_no_detections_from_the_arcs() -> None:
-    """Three launches before two sensors, one of which is turned by 200 µrad, ten times a look's error."""
+    """Three launches before two sensors, one of which is turned by 200 µrad, ten times a look's
+    error.
+    """
     three = [
         {
             "id": f"T{row}",
@@ -166,7 +202,10 @@ def test_an_unstated_bias_takes_no_detections_from_the_arcs() -> None:
     right = run_of_plan(plan).detections
     moved = right.line_of_sight_ecef + 2e-4 * np.cross([0.6, 0.0, 0.8], right.line_of_sight_ecef)
     moved /= np.linalg.norm(moved, axis=1)[:, None]
-    biased = evolve(right, line_of_sight_ecef=np.where((right.sensor == 1)[:, None], moved, right.line_of_sight_ecef))
+    biased = evolve(
+        right,
+        line_of_sight_ecef=np.where((right.sensor == 1)[:, None], moved, right.line_of_sight_ecef),
+    )
     sigma_m = []
     for detections in (right, biased):
         tracker = plan.make_tracker()

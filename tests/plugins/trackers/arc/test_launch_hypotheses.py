@@ -1,4 +1,6 @@
-"""What `kepler-arc` says of a track: whether it is a launch by its motion, what was launched by its arc."""
+"""What `kepler-arc` says of a track: whether it is a launch by its motion, what was launched by its
+arc.
+"""
 
 import numpy as np
 import pytest
@@ -10,13 +12,16 @@ from opir_core.scene import core_hypotheses
 
 HYPOTHESES = core_hypotheses()
 LAUNCHES = LaunchHypotheses.of(HYPOTHESES)
-#: The rates of launches do not say which: without an arc, and of what an arc cannot tell, this is all that is known.
+#: The rates of launches do not say which: without an arc, and of what an arc cannot tell, this is
+#: all that is known.
 (PRIOR,) = LAUNCHES.given_launch(np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([False]))
 
 
 def mass(chances, **wanted):
     """Return the sum of the probabilities (H,) of hypotheses with these attributes."""
-    mine = [all(getattr(one, name) == value for name, value in wanted.items()) for one in HYPOTHESES]
+    mine = [
+        all(getattr(one, name) == value for name, value in wanted.items()) for one in HYPOTHESES
+    ]
     return chances[np.array(mine)].sum()
 
 
@@ -36,7 +41,9 @@ def test_a_range_tells_missiles_apart_and_nothing_else(code):
 
 
 def test_a_range_between_two_types_is_shared_by_both():
-    assert given(0.25, 0.75, 0.0, 0.0) == pytest.approx(0.25 * given(1, 0, 0, 0) + 0.75 * given(0, 1, 0, 0))
+    assert given(0.25, 0.75, 0.0, 0.0) == pytest.approx(
+        0.25 * given(1, 0, 0, 0) + 0.75 * given(0, 1, 0, 0)
+    )
 
 
 def test_what_does_not_come_down_is_no_missile():
@@ -60,7 +67,14 @@ def test_a_fire_is_no_launch_and_a_launch_among_fires_is_found():
             {"model": "SBIRS-GEO", "id": "S1", "orbital_slot_deg": 40.0},
             {"model": "SBIRS-GEO", "id": "S2", "orbital_slot_deg": 90.0},
         ],
-        "targets": [{"id": "T1", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 36.5, "lon_deg": 55.0}}],
+        "targets": [
+            {
+                "id": "T1",
+                "type": "SRBM",
+                "launch": launch,
+                "aim": {"lat_deg": 36.5, "lon_deg": 55.0},
+            }
+        ],
         "detection": "snr",
         "background": "earth",
         "tracker": "kepler-arc",
@@ -68,7 +82,11 @@ def test_a_fire_is_no_launch_and_a_launch_among_fires_is_found():
     }
     run = opir.simulate(opir.scene_from_mapping(blocks))
     rows = run.summary["tracks"]
-    assert sorted(row["likeliest_hypothesis"] for row in rows) == ["SRBM", "ground source", "ground source"]
+    assert sorted(row["likeliest_hypothesis"] for row in rows) == [
+        "SRBM",
+        "ground source",
+        "ground source",
+    ]
     for row in rows:
         mine = run.tracks.take(np.flatnonzero(run.tracks.track == row["track_id"]))
         np.testing.assert_allclose(mine.hypothesis_probability.sum(axis=1), 1.0)

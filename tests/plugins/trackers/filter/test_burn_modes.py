@@ -37,7 +37,9 @@ def test_a_new_stage_has_the_prior_of_force_and_growth_and_the_position_and_velo
     assert np.linalg.norm(after[0, 6:9]) == pytest.approx(20.0, rel=2e-3)
     assert after[0, 6:9] @ [1.0, 1.0, 0.0] == pytest.approx(20.0 * np.sqrt(2.0), rel=2e-3)
     spread = covariance(begun)[0]
-    assert np.sqrt(np.diag(spread)[[0, 1, 2, 3, 4, 5, 9]]) == pytest.approx([*SIGMA[:6], 0.01], rel=1e-9)
+    assert np.sqrt(np.diag(spread)[[0, 1, 2, 3, 4, 5, 9]]) == pytest.approx(
+        [*SIGMA[:6], 0.01], rel=1e-9
+    )
     assert np.sqrt(ALONG @ spread[6:9, 6:9] @ ALONG) == pytest.approx(10.0, rel=2e-2)
 
 
@@ -84,7 +86,9 @@ def test_a_decided_stage_is_the_steady_burn_with_the_moments_of_both():
 
 @pytest.mark.parametrize("force", [60.0, 20.0])
 def test_positions_of_eight_seconds_show_whether_a_stage_began(force):
-    """Looks of 300 m a second: a stage of 20 m/s² instead of 60 is 1.3 km behind after eight seconds."""
+    """Looks of 300 m a second: a stage of 20 m/s² instead of 60 is 1.3 km behind after eight
+    seconds.
+    """
     truth = STATE[None].copy()
     known = burns()
     truth[0, 6:9] *= force / 60.0
@@ -93,7 +97,9 @@ def test_positions_of_eight_seconds_show_whether_a_stage_began(force):
         known = predicted(known, 1.0)
         modes = MODES.modes(burn_modes.moments(known), known)
         after = [_seen(mode, truth[0, :3], 300.0) for mode in modes]
-        _, known, _ = MODES.joined(known, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)])
+        _, known, _ = MODES.joined(
+            known, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)]
+        )
     assert known[2][0].max() > 0.9
     mean, root = burn_modes.moments(known)
     assert np.linalg.norm(mean[0, 6:9]) == pytest.approx(np.linalg.norm(truth[0, 6:9]), abs=8.0)
@@ -132,6 +138,8 @@ def test_the_boost_of_a_burn_is_the_moments_of_its_parts(count):
         assert np.array_equal(reported, own)
     modes = MODES.modes(boost, parts)
     after = [_seen(mode, parts[0][:, 0, :3] + 50.0, 300.0) for mode in modes]
-    boost, parts, _ = MODES.joined(parts, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)])
+    boost, parts, _ = MODES.joined(
+        parts, after, [log_likelihoods(*pair) for pair in zip(modes, after, strict=True)]
+    )
     for reported, own in zip(boost, burn_modes.moments(parts), strict=True):
         assert np.array_equal(reported, own)

@@ -1,4 +1,6 @@
-"""Where a target is that burnt out after its last detection: when that was, and what its force has not done since."""
+"""Where a target is that burnt out after its last detection: when that was, and what its force has
+not done since.
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ EXACT = 1e-3
 
 
 def boosts(silent_s, pause_s, force_sigma, copies=1):
-    """Return estimates of burns detected every `pause_s`, that went on burning for `silent_s` since the last look.
+    """Return estimates of burns detected every `pause_s`, that went on burning for `silent_s` since
+    the last look.
 
     State and force at the last look are known but for the size of the force.
     """
@@ -31,7 +34,9 @@ def boosts(silent_s, pause_s, force_sigma, copies=1):
 
 
 def drawn_burnouts(period_s, chance, seed):
-    """Return times from the last detection to burnout, of scans that detect by chance, until four are missed."""
+    """Return times from the last detection to burnout, of scans that detect by chance, until four
+    are missed.
+    """
     rng = np.random.default_rng(seed)
     burnout = rng.uniform(0.0, 60.0 * period_s, 400_000)
     return burnout[rng.random(len(burnout)) < (1.0 - chance) ** np.floor(burnout / period_s)]
@@ -57,9 +62,13 @@ def test_fast_scans_that_rarely_detect_leave_the_time_between_detections(copies)
 
 @pytest.mark.parametrize("copies", [1, 2])
 def test_a_force_that_is_not_known_has_not_acted_since_burnout(copies):
-    """For 6 of the 30 s it may have acted; propagated as a burn, its error would be that of 30 s."""
+    """For 6 of the 30 s it may have acted; propagated as a burn, its error would be that of 30
+    s.
+    """
     sigmas = []
     for force_sigma in (EXACT, 10.0):
         _, root = coast_from_boost(boosts(30.0, 10.0 / 0.9, force_sigma, copies), 10.0)
         sigmas.append(np.sqrt(covariance(root)[:, 3, 3]))
-    assert np.sqrt(sigmas[1] ** 2 - sigmas[0] ** 2) == pytest.approx(10.0 * (10.0 / 0.9 - 5.0), rel=1e-3)
+    assert np.sqrt(sigmas[1] ** 2 - sigmas[0] ** 2) == pytest.approx(
+        10.0 * (10.0 / 0.9 - 5.0), rel=1e-3
+    )

@@ -1,4 +1,6 @@
-"""Thrust in any direction: its motion against closed forms, when it is computed, and what it finds."""
+"""Thrust in any direction: its motion against closed forms, when it is computed, and what it
+finds.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,11 @@ from opir_core.flight.forces import Forces, ZonalField
 NOWHERE = Forces(zonal=(), gravity=ZonalField(mu_m3_s2=1.0))
 STAGE = NewStage(20.0, 10.0, 0.01, 0.01, every_s=40.0, tilt=0.05)
 FREE = FreeBurn(
-    FreeThrust(2.5, 0.001, Forces(zonal=())), force_sigma_m_s2=22.0, relit=0.1, lasts_s=300.0, surprise=10.0
+    FreeThrust(2.5, 0.001, Forces(zonal=())),
+    force_sigma_m_s2=22.0,
+    relit=0.1,
+    lasts_s=300.0,
+    surprise=10.0,
 )
 MODES = BurnModes(Thrust(np.radians(3.0), 30.0, 0.5, 0.001, Forces(zonal=())), STAGE, FREE)
 #: A coast at 1.5 km/s, 90 km high, known as after a minute of looks of two sensors.
@@ -53,12 +59,16 @@ def test_the_transition_is_the_slope_of_the_motion():
     for k, size in enumerate(sizes):
         moved = np.zeros(10)
         moved[k] = size
-        slopes[:, k] = (motion.propagated(state + moved, step) - motion.propagated(state - moved, step))[0] / (2 * size)
+        slopes[:, k] = (
+            motion.propagated(state + moved, step) - motion.propagated(state - moved, step)
+        )[0] / (2 * size)
     assert motion.transition(state, step)[0] == pytest.approx(slopes, rel=1e-3, abs=1e-6)
 
 
 def test_the_process_noise_is_that_of_an_integrated_random_walk():
-    """After t the force has the variance q² t, the velocity q² t³ / 3, the position q² t⁵ / 20 on each axis."""
+    """After t the force has the variance q² t, the velocity q² t³ / 3, the position q² t⁵ / 20 on
+    each axis.
+    """
     q = 2.5
     t = 1.7
     root = FreeThrust(q, 0.002, Forces()).noise_root(np.array([t, t]), np.zeros((2, 10)))
@@ -89,13 +99,17 @@ def test_a_burn_after_the_dark_is_old_new_or_free(count):
     assert mean[0, 0, 6:] == pytest.approx([19.0, 35.0, 0.0, 0.01])
     assert np.linalg.norm(mean[0, 1, 6:9]) == pytest.approx(20.0, rel=0.01)
     assert mean[0, 2, 6:9] == pytest.approx(0.0)
-    sigma = np.sqrt(np.diagonal(covariance(root.reshape(-1, 10, 10)), axis1=1, axis2=2)).reshape(count, 3, 10)
+    sigma = np.sqrt(np.diagonal(covariance(root.reshape(-1, 10, 10)), axis1=1, axis2=2)).reshape(
+        count, 3, 10
+    )
     assert sigma[0, :, :6] == pytest.approx(np.tile(COAST_SIGMA, (3, 1)))
     assert sigma[0, :, 6] == pytest.approx([2.0, 10.0, 22.0])
 
 
 def followed(force_of, seconds, looks_m=200.0, modes=MODES, first=None, seed=2):
-    """Return burns after positions of `looks_m` each second of a target with a force, and its last state."""
+    """Return burns after positions of `looks_m` each second of a target with a force, and its last
+    state.
+    """
     rng = np.random.default_rng(seed)
     truth = np.concatenate([COAST, np.zeros(4)])[None]
     motion = FreeThrust(1.0, 0.0, Forces(zonal=()))
@@ -125,7 +139,9 @@ def _seen(mode, place_m, sigma_m):
 
 
 def along(size):
-    return lambda _, state: size * (state[3:6] - [0.0, 472.0, 0.0]) / np.linalg.norm(state[3:6] - [0.0, 472.0, 0.0])
+    return lambda _, state: (
+        size * (state[3:6] - [0.0, 472.0, 0.0]) / np.linalg.norm(state[3:6] - [0.0, 472.0, 0.0])
+    )
 
 
 def test_a_burn_against_the_motion_is_found_and_followed():

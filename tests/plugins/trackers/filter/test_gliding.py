@@ -36,7 +36,9 @@ SCENE = {
 
 
 def flown(until_s, lift, drag, start=START):
-    """Return the ECEF state of a flight whose lift and drag are shares of the weight less the centrifugal force."""
+    """Return the ECEF state of a flight whose lift and drag are shares of the weight less the
+    centrifugal force.
+    """
 
     def rates(_time_s, state):
         place = state[:3]
@@ -68,12 +70,18 @@ def test_an_equilibrium_glide_is_the_mean_of_gliders(since_s):
 def test_gliders_are_held_and_falls_are_not():
     """Ellipsoids of 95 %, of what pulls up, sinks and brakes."""
     since_s = 20.0
-    state, covariance = glided(flown(since_s, 0.0, 0.0)[None], 25.0 * np.eye(6)[None], np.array([since_s]))
+    state, covariance = glided(
+        flown(since_s, 0.0, 0.0)[None], 25.0 * np.eye(6)[None], np.array([since_s])
+    )
 
     def distance(true):
         return (true - state[0]) @ np.linalg.solve(covariance[0], true - state[0])
 
-    assert all(distance(flown(since_s, lift, drag)) < 12.6 for lift in (0.4, 1.0, 1.6) for drag in (0.25, 0.65))
+    assert all(
+        distance(flown(since_s, lift, drag)) < 12.6
+        for lift in (0.4, 1.0, 1.6)
+        for drag in (0.25, 0.65)
+    )
     assert distance(flown(since_s, 3.0, 0.45)) > 12.6
 
 
@@ -82,7 +90,9 @@ def test_the_state_of_a_glider_is_held_after_its_burn():
     run = opir.simulate(opir.scene_from_mapping(SCENE))
     tracks = run.tracks
     burnout_s = run.plan.targets.burnout_s[0]
-    late = tracks.take(np.flatnonzero((tracks.tick_s > burnout_s + 15.0) & (tracks.tick_s < burnout_s + 30.0)))
+    late = tracks.take(
+        np.flatnonzero((tracks.tick_s > burnout_s + 15.0) & (tracks.tick_s < burnout_s + 30.0))
+    )
     assert len(late) > 10
     start = true_states_ecef(run.plan, np.zeros(1, dtype=np.int32), np.array([burnout_s - 1e-3]))[0]
     truth = np.array([flown(when_s - burnout_s, 1.0, 0.4, start) for when_s in late.tick_s])

@@ -1,4 +1,6 @@
-"""Estimates whose motion along an axis is replaced: that has the given moments, and the rest follows."""
+"""Estimates whose motion along an axis is replaced: that has the given moments, and the rest
+follows.
+"""
 
 import numpy as np
 import pytest
@@ -11,9 +13,14 @@ SIZE = 10
 
 
 def estimate(seed):
-    """Return mean and root of a burn with correlations of all kinds, an axis, and the rows along it."""
+    """Return mean and root of a burn with correlations of all kinds, an axis, and the rows along
+    it.
+    """
     rng = np.random.default_rng(seed)
-    side = rng.normal(size=(1, SIZE, SIZE)) * np.array([1e4] * 3 + [100.0] * 3 + [5.0] * 3 + [0.01])[:, None]
+    side = (
+        rng.normal(size=(1, SIZE, SIZE))
+        * np.array([1e4] * 3 + [100.0] * 3 + [5.0] * 3 + [0.01])[:, None]
+    )
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
     rows = np.zeros((3, SIZE))
@@ -45,7 +52,9 @@ def test_the_rest_is_as_likely_as_before_given_what_is_along_the_axis():
         left.append(each - gain @ rows @ each)
     assert gains[1] == pytest.approx(gains[0], rel=1e-5, abs=1e-9)
     scale = np.sqrt(np.diag(covariance(root)[0]))
-    assert left[1] / np.outer(scale, scale) == pytest.approx(left[0] / np.outer(scale, scale), abs=1e-6)
+    assert left[1] / np.outer(scale, scale) == pytest.approx(
+        left[0] / np.outer(scale, scale), abs=1e-6
+    )
     moved = after[0] - mean[0]
     assert moved == pytest.approx(gains[0] @ (MEAN[0] - rows @ mean[0]), rel=1e-6)
 

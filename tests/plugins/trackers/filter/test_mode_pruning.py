@@ -16,17 +16,25 @@ FORCES = Forces()
 COUNT = 12
 END_S = 40.0
 FILTER = ImmFilter(
-    Thrust(0.1, 30.0, 3.0, 0.002, FORCES), Motion(COAST, 0.01, FORCES), 150.0, 1000.0, coast_detection=0.01
+    Thrust(0.1, 30.0, 3.0, 0.002, FORCES),
+    Motion(COAST, 0.01, FORCES),
+    150.0,
+    1000.0,
+    coast_detection=0.01,
 )
 SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def burning(coasts: float) -> ModeEstimates:
-    """Return boosts known as well as after a minute of looks, whose coasts are believed in this much."""
+    """Return boosts known as well as after a minute of looks, whose coasts are believed in this
+    much.
+    """
     rng = np.random.default_rng(3)
     sigma = np.repeat([150.0, 15.0, 1.0, 0.001], [3, 3, 3, 1])
     up = np.array([0.6, 0.64, 0.48])
-    mean = np.concatenate([6.45e6 * up, 2000.0 * up, 30.0 * up, [0.01]]) + sigma * rng.normal(size=(COUNT, THRUST))
+    mean = np.concatenate([6.45e6 * up, 2000.0 * up, 30.0 * up, [0.01]]) + sigma * rng.normal(
+        size=(COUNT, THRUST)
+    )
     root = np.tile(np.diag(1.0 / sigma), (COUNT, 1, 1))
     weight = np.tile([1.0 - coasts, coasts], (COUNT, 1))
     pace = np.tile([200.0, 15.0, 0.05], (COUNT, 1))
@@ -35,7 +43,9 @@ def burning(coasts: float) -> ModeEstimates:
 
 
 def looks_at(bank: ModeEstimates, tracks: np.ndarray) -> AngleMeasurements:
-    """Return a second's looks of two sensors at the boosts of tracks, one every tenth of a second."""
+    """Return a second's looks of two sensors at the boosts of tracks, one every tenth of a
+    second.
+    """
     rng = np.random.default_rng(4)
     track = np.repeat(tracks, 20)
     time_s = END_S - np.tile(np.repeat(np.linspace(0.9, 0.0, 10), 2), len(tracks))
@@ -55,7 +65,9 @@ def looks_at(bank: ModeEstimates, tracks: np.ndarray) -> AngleMeasurements:
 
 def rows_alike(one: ModeEstimates, other: ModeEstimates, rows: np.ndarray) -> None:
     for name in names_of(ModeEstimates):
-        assert np.allclose(getattr(one, name)[rows], getattr(other, name)[rows], rtol=1e-12, atol=1e-300), name
+        assert np.allclose(
+            getattr(one, name)[rows], getattr(other, name)[rows], rtol=1e-12, atol=1e-300
+        ), name
 
 
 def test_silence_finds_the_coast_as_if_no_look_had_been_expected() -> None:
@@ -91,7 +103,9 @@ def test_of_many_tracks_those_unseen_alone_get_a_coast() -> None:
 
 
 def test_looks_of_a_second_do_not_tell_a_boost_from_one_just_ended() -> None:
-    """What the coast is shut out for: that a target is seen tells, and where it is seen does not."""
+    """What the coast is shut out for: that a target is seen tells, and where it is seen does
+    not.
+    """
     whole = FILTER.predicted(burning(1e-4), 1.0)
     looks = looks_at(whole, np.arange(COUNT))
     log = [

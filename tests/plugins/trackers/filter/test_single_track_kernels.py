@@ -1,4 +1,6 @@
-"""What is worked out for one track, number by number or by LAPACK itself, is what is worked out for many."""
+"""What is worked out for one track, number by number or by LAPACK itself, is what is worked out for
+many.
+"""
 
 import numpy as np
 import pytest
@@ -28,7 +30,9 @@ FALL = Motion(COAST, 0.01, FORCES)
 THRUSTING = Thrust(0.1, 30.0, 3.0, 0.002, FORCES)
 STAGE = NewStage(20.0, 10.0, 0.01, 0.01, 40.0, 0.05)
 FILTERS = {
-    "thrust": ImmFilter(THRUSTING, FALL, 150.0, 1000.0, coast_detection=0.01, pause_s=2.0, stage=STAGE),
+    "thrust": ImmFilter(
+        THRUSTING, FALL, 150.0, 1000.0, coast_detection=0.01, pause_s=2.0, stage=STAGE
+    ),
     "jerk": ImmFilter(Motion(BOOST, 0.3, FORCES), FALL, 150.0, 1000.0),
 }
 SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -97,7 +101,9 @@ def test_a_track_alone_is_followed_as_among_others(model: str) -> None:
         alone = filter_.predicted(bank.take([row]), 1.0)
         same(alone, moved, row)
         mine = sights.take(np.flatnonzero(sights.track == row))
-        reported = filter_.updated(alone, END_S, evolve(mine, track=np.zeros(len(mine), dtype=np.int64)), 1.0)
+        reported = filter_.updated(
+            alone, END_S, evolve(mine, track=np.zeros(len(mine), dtype=np.int64)), 1.0
+        )
         same(reported, after, row)
         ahead = filter_.predicted_measurements(reported, END_S)
         known = filter_.moments(reported)

@@ -1,11 +1,17 @@
-"""Velocities that nothing measures stay as certain as those of all targets; what looks tell is left alone."""
+"""Velocities that nothing measures stay as certain as those of all targets; what looks tell is left
+alone.
+"""
 
 import numpy as np
 import pytest
 from opir_scoring.containments import nees
 from opir_scoring.evidence import true_states_ecef
 from opir_trackers.filter.measurement_updates import information_root
-from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, have_uncertain_velocity, with_velocity_prior
+from opir_trackers.filter.mode_mixing import (
+    SPEED_SIGMA_M_S,
+    have_uncertain_velocity,
+    with_velocity_prior,
+)
 
 import opir_core as opir
 from opir_core.constants import EARTH_ROTATION_RAD_S
@@ -15,7 +21,9 @@ from opir_core.simulation.run import run_of_plan
 
 
 def test_only_what_is_too_long_of_a_velocity_shrinks() -> None:
-    """Against Bayes' rule for one component: variances 5000² and, of what is measured, such that 2000² comes out."""
+    """Against Bayes' rule for one component: variances 5000² and, of what is measured, such that
+    2000² comes out.
+    """
     sigma = np.array([3e3, 2e3, 1e3, 5000.0, 1000.0, 10.0, 20.0, 20.0, 20.0, 0.01])
     mean = np.array([6.4e6, 1e5, 2e5, 8000.0, 3000.0, -20.0, 30.0, 0.0, 5.0, 0.01])
     after, root = with_velocity_prior(mean[None], np.diag(1.0 / sigma)[None])
@@ -25,7 +33,9 @@ def test_only_what_is_too_long_of_a_velocity_shrinks() -> None:
     expected[3] = ground + share * (mean[3] - ground)
     np.testing.assert_allclose(after[0], expected, rtol=1e-12, atol=1e-9)
     sigma[3] = SPEED_SIGMA_M_S
-    np.testing.assert_allclose(square_root.covariance(root)[0], np.diag(sigma**2), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        square_root.covariance(root)[0], np.diag(sigma**2), rtol=1e-9, atol=1e-9
+    )
 
 
 def test_what_goes_with_a_velocity_goes_with_it() -> None:
@@ -54,8 +64,12 @@ def test_a_velocity_that_is_known_in_every_direction_is_not_loose() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("altitude_km", "node_deg"), [(1000.0, -130.0), (600.0, -125.0), (1500.0, -95.0)])
-def test_what_a_low_sensor_sees_come_towards_it_does_not_run_off(altitude_km: float, node_deg: float) -> None:
+@pytest.mark.parametrize(
+    ("altitude_km", "node_deg"), [(1000.0, -130.0), (600.0, -125.0), (1500.0, -95.0)]
+)
+def test_what_a_low_sensor_sees_come_towards_it_does_not_run_off(
+    altitude_km: float, node_deg: float
+) -> None:
     circular = {"altitude_km": altitude_km, "inclination_deg": 0.0, "lon_asc_node_deg": node_deg}
     scene = {
         "scene": "along the course",
@@ -86,6 +100,8 @@ def test_what_a_low_sensor_sees_come_towards_it_does_not_run_off(altitude_km: fl
     tracks = tracks.take(tracks.probability_launch > 0.5)
     # An ICBM burns out at about 6.8 km/s; without restraint 9 to 73 km/s are reported here.
     assert np.linalg.norm(tracks.state[:, 3:], axis=1).max() < 7000.0
-    away = tracks.state - true_states_ecef(plan, np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
+    away = tracks.state - true_states_ecef(
+        plan, np.zeros(len(tracks), dtype=np.int32), tracks.tick_s
+    )
     half = len(tracks) // 2
     assert nees(away[:half], tracks.state_covariance[:half]).mean() / 6.0 < 1.5

@@ -1,9 +1,19 @@
-"""What the law of boosts says of the range that one sensor does not see, on boosts that share no code with it."""
+"""What the law of boosts says of the range that one sensor does not see, on boosts that share no
+code with it.
+"""
 
 import numpy as np
 import pytest
 from opir_trackers.forecast.along_sight import Sighting, along_sight
-from opir_trackers.forecast.ascents import CLIMB, HEIGHT, LAUNCHERS, LEVEL, MISSILES, NUMBERS, ascents_of
+from opir_trackers.forecast.ascents import (
+    CLIMB,
+    HEIGHT,
+    LAUNCHERS,
+    LEVEL,
+    MISSILES,
+    NUMBERS,
+    ascents_of,
+)
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.vehicles import vehicle_model
 from plain_boosts import RADIUS_M, flown
@@ -24,7 +34,18 @@ def sighting(start, state, since_s):
     axes = np.stack([across, np.cross(across, line)])
     noise = np.diag(np.square(np.repeat([200.0, 40.0, 5.0, 40.0], 2)))
     return line, Sighting(
-        SENSOR, start, 200.0, RADIUS_M, since_s, SENSOR, np.zeros(3), state, axes, axes, np.zeros(2), noise
+        SENSOR,
+        start,
+        200.0,
+        RADIUS_M,
+        since_s,
+        SENSOR,
+        np.zeros(3),
+        state,
+        axes,
+        axes,
+        np.zeros(2),
+        noise,
     )
 
 
@@ -33,7 +54,9 @@ def hidden(line, state):
 
 
 def test_boosts_of_many_kinds_are_where_the_law_says():
-    """Those that climb: what a strong kick leads down again flies into the ground, and is no boost."""
+    """Those that climb: what a strong kick leads down again flies into the ground, and is no
+    boost.
+    """
     rng = np.random.default_rng(4)
     squared = []
     while len(squared) < 24:
@@ -54,7 +77,11 @@ def test_the_longer_a_boost_lasts_the_less_is_known():
     widths = []
     for since_s in (30.0, 60.0, 90.0):
         start, state = flown(1.0, np.radians(12.0), 20.0, 0.006, since_s)
-        widths.append(np.sqrt(along_sight(ASCENTS, sighting(start, state, since_s)[1], AT_ONCE).covariance[0, 0]))
+        widths.append(
+            np.sqrt(
+                along_sight(ASCENTS, sighting(start, state, since_s)[1], AT_ONCE).covariance[0, 0]
+            )
+        )
     assert 300.0 < widths[0] < 4e3 < widths[2] < 60e3
     assert widths == sorted(widths)
 
@@ -63,15 +90,20 @@ def test_the_filters_own_range_is_not_used():
     start, state = flown(2.0, np.radians(12.0), 20.0, 0.006, 60.0)
     line, seen = sighting(start, state, 60.0)
     off = state + np.concatenate([60e3 * line, -900.0 * line, 15.0 * line])
-    first, other = (along_sight(ASCENTS, each, AT_ONCE) for each in (seen, seen._replace(state=off)))
-    assert np.abs(first.mean - other.mean)[:2] == pytest.approx([0.0, 0.0], abs=0.2 * np.sqrt(first.covariance[0, 0]))
+    first, other = (
+        along_sight(ASCENTS, each, AT_ONCE) for each in (seen, seen._replace(state=off))
+    )
+    assert np.abs(first.mean - other.mean)[:2] == pytest.approx(
+        [0.0, 0.0], abs=0.2 * np.sqrt(first.covariance[0, 0])
+    )
 
 
 def test_an_uncertain_first_line_makes_the_range_uncertain():
     start, state = flown(2.0, np.radians(12.0), 20.0, 0.006, 40.0)
     _, seen = sighting(start, state, 40.0)
     sure, unsure = (
-        along_sight(ASCENTS, seen._replace(first_sigma_m=sigma_m), AT_ONCE).covariance[0, 0] for sigma_m in (0.0, 5e3)
+        along_sight(ASCENTS, seen._replace(first_sigma_m=sigma_m), AT_ONCE).covariance[0, 0]
+        for sigma_m in (0.0, 5e3)
     )
     assert unsure > sure + 5e3**2
 
@@ -91,7 +123,9 @@ def test_launchers_are_steered_to_heights_of_orbits():
 
 
 def test_missiles_end_their_boosts_climbing_and_above_the_ground():
-    """Those whose program leads into the ground look, until then, like boosts that climb less than any."""
+    """Those whose program leads into the ground look, until then, like boosts that climb less than
+    any.
+    """
     own = slice(0, NUMBERS[MISSILES])
     lit = ASCENTS.burns[:, own]
     path = ASCENTS.path[:, :, own]

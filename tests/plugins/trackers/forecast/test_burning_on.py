@@ -1,4 +1,6 @@
-"""Burns flown on against SciPy's integrator, and what the thrust gains against the rocket equation."""
+"""Burns flown on against SciPy's integrator, and what the thrust gains against the rocket
+equation.
+"""
 
 import numpy as np
 import pytest
@@ -27,7 +29,9 @@ def states(rng: np.random.Generator) -> np.ndarray:
 
 
 def burns_and_steering(rng: np.random.Generator) -> tuple[RemainingBurns, Steering]:
-    """Return one or two burns that remain, 50 s after the first ignition, with a dark gap between them."""
+    """Return one or two burns that remain, 50 s after the first ignition, with a dark gap between
+    them.
+    """
     burn = np.zeros((COUNT, STAGES))
     burn[:, 0] = rng.uniform(5.0, 60.0, COUNT)
     burn[::2, 1] = rng.uniform(30.0, 90.0, COUNT // 2)
@@ -39,10 +43,15 @@ def burns_and_steering(rng: np.random.Generator) -> tuple[RemainingBurns, Steeri
     return burns, drawn_steering(COUNT, vehicle_model().data, 9)
 
 
-def rates(time_s: float, state: np.ndarray, burns: RemainingBurns, steering: Steering, k: int) -> np.ndarray:
-    """Return the rates of an inertial state, from the definition of the burns and of the steering."""
+def rates(
+    time_s: float, state: np.ndarray, burns: RemainingBurns, steering: Steering, k: int
+) -> np.ndarray:
+    """Return the rates of an inertial state, from the definition of the burns and of the
+    steering.
+    """
     size = sum(
-        burns.acceleration_m_s2[k, s] / (1.0 - burns.growth_per_s[k, s] * (time_s - burns.start_s[k, s]))
+        burns.acceleration_m_s2[k, s]
+        / (1.0 - burns.growth_per_s[k, s] * (time_s - burns.start_s[k, s]))
         for s in range(STAGES)
         if burns.start_s[k, s] <= time_s < burns.start_s[k, s] + burns.burn_s[k, s]
     )
@@ -65,12 +74,22 @@ def test_burns_flown_on_are_those_of_another_integrator() -> None:
     errors = []
     for k in range(COUNT):
         used = burns.burn_s[k] > 0.0
-        edges = np.sort(np.concatenate([burns.start_s[k, used], (burns.start_s + burns.burn_s)[k, used]]))
+        edges = np.sort(
+            np.concatenate([burns.start_s[k, used], (burns.start_s + burns.burn_s)[k, used]])
+        )
         now = 0.0
         state = start[k]
         low = np.inf
         for edge in edges[edges > 0.0].tolist():
-            leg = solve_ivp(rates, (now, edge), state, args=(burns, steering, k), rtol=1e-8, atol=1e-3, max_step=5.0)
+            leg = solve_ivp(
+                rates,
+                (now, edge),
+                state,
+                args=(burns, steering, k),
+                rtol=1e-8,
+                atol=1e-3,
+                max_step=5.0,
+            )
             state = leg.y[:, -1]
             now = edge
             low = min(low, np.linalg.norm(leg.y[:3], axis=0).min())
@@ -86,7 +105,9 @@ def test_what_has_burnt_out_stays() -> None:
     nothing = np.zeros((COUNT, STAGES))
     burns = RemainingBurns(nothing, nothing, nothing, nothing, np.full(COUNT, 1e4))
     state = states(np.random.default_rng(1))
-    after, later, _ = burning_on.flown_on(state, burns, drawn_steering(COUNT, vehicle_model().data, 9), STILL)
+    after, later, _ = burning_on.flown_on(
+        state, burns, drawn_steering(COUNT, vehicle_model().data, 9), STILL
+    )
     assert np.array_equal(after, state)
     assert not later.any()
 
@@ -97,7 +118,9 @@ def test_the_thrust_gains_what_the_rocket_equation_says() -> None:
         total = 0.0
         for s in np.flatnonzero(burns.burn_s[k]):
             times = np.linspace(0.0, burns.burn_s[k, s], 20001)
-            total += np.trapezoid(burns.acceleration_m_s2[k, s] / (1.0 - burns.growth_per_s[k, s] * times), times)
+            total += np.trapezoid(
+                burns.acceleration_m_s2[k, s] / (1.0 - burns.growth_per_s[k, s] * times), times
+            )
         assert burns.ideal_speed_m_s[k] == pytest.approx(total, rel=1e-6)
 
 

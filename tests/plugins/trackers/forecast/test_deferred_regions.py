@@ -1,4 +1,6 @@
-"""Regions of `imm` are made when they are read, once for all containments, and are then plain regions."""
+"""Regions of `imm` are made when they are read, once for all containments, and are then plain
+regions.
+"""
 
 import pickle
 
@@ -31,7 +33,9 @@ def made(monkeypatch):
 
 def some_regions():
     rng = np.random.default_rng(2)
-    return regions(rng.normal(0.3, 0.002, (64, 2)), np.full(64, 1.0 / 64.0), probability=0.5, samples=64.0)
+    return regions(
+        rng.normal(0.3, 0.002, (64, 2)), np.full(64, 1.0 / 64.0), probability=0.5, samples=64.0
+    )
 
 
 def test_figures_of_a_condition_make_no_outline(made):
@@ -53,7 +57,12 @@ def test_outlines_are_made_once_for_all_containments(made):
 
 def test_a_region_of_an_outline_is_a_plain_region():
     plain = ImpactRegion(0.9, 7.0, ((RING,),), (0.1, 0.2), "burn over", 0.4, 12.0)
-    figures = {"containment": 0.9, "centre": (0.1, 0.2), "condition": "burn over", "probability": 0.4}
+    figures = {
+        "containment": 0.9,
+        "centre": (0.1, 0.2),
+        "condition": "burn over",
+        "probability": 0.4,
+    }
 
     def deferred():
         outlines = Outlines(lambda: [Outline(7.0, ((RING,),))])

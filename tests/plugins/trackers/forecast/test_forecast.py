@@ -32,14 +32,20 @@ SIGMA = np.array([100.0] * 3 + [15.0] * 3 + [0.5] * 3 + [0.001])
 
 def states(height_m: Any, speed_m_s: Any, angle_rad: Any) -> np.ndarray:
     """Return inertial states (n, 6) over the equator, flying east relative to the ground."""
-    height, speed, angle = np.broadcast_arrays(*map(np.atleast_1d, (height_m, speed_m_s, angle_rad)))
+    height, speed, angle = np.broadcast_arrays(
+        *map(np.atleast_1d, (height_m, speed_m_s, angle_rad))
+    )
     place = np.zeros((len(height), 3))
     place[:, 0] = RADIUS_M + height
-    velocity = np.stack([speed * np.sin(angle), speed * np.cos(angle), np.zeros(len(height))], axis=1)
+    velocity = np.stack(
+        [speed * np.sin(angle), speed * np.cos(angle), np.zeros(len(height))], axis=1
+    )
     return np.concatenate([place, velocity + np.cross(SPIN, place)], axis=1)
 
 
-def estimated(state: np.ndarray, force: Any, growth: Any, burning: float, rng: np.random.Generator) -> ModeEstimates:
+def estimated(
+    state: np.ndarray, force: Any, growth: Any, burning: float, rng: np.random.Generator
+) -> ModeEstimates:
     """Return estimates of states with forces along the velocity, with errors of `SIGMA`."""
     count = len(state)
     air = state[:, 3:] - np.cross(SPIN, state[:, :3])
@@ -65,18 +71,26 @@ def no_stages(count: int) -> np.ndarray:
 
 
 def forecast(
-    estimates: ModeEstimates, history: StageHistory, dark_s: float = 0.0, away_m: Any = 1e5, log: Any = None
+    estimates: ModeEstimates,
+    history: StageHistory,
+    dark_s: float = 0.0,
+    away_m: Any = 1e5,
+    log: Any = None,
 ) -> Forecasts:
     """Return the forecasts of tracks launched so far west, m, without reports of types."""
     count = len(estimates)
     east = -np.broadcast_to(away_m, count) / RADIUS_M
     launch = np.stack([np.zeros(count), east, -history.ignition_s], axis=1)
     log = np.zeros((count, len(HYPOTHESES))) if log is None else log
-    return forecasts(OUTCOMES, estimates, history, np.full(count, dark_s), launch, log, 0.0, POINT_MASS)
+    return forecasts(
+        OUTCOMES, estimates, history, np.full(count, dark_s), launch, log, 0.0, POINT_MASS
+    )
 
 
 def impacts_of(state: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-    """Return latitudes and longitudes (n, 2) of impacts on the equator of a round Earth, by SciPy; nan without one."""
+    """Return latitudes and longitudes (n, 2) of impacts on the equator of a round Earth, by SciPy;
+    nan without one.
+    """
 
     def rates(_time_s: float, state: np.ndarray) -> np.ndarray:
         return np.concatenate([state[3:], -MU / np.linalg.norm(state[:3]) ** 3 * state[:3]])
@@ -97,7 +111,9 @@ def impacts_of(state: np.ndarray, time_s: np.ndarray) -> np.ndarray:
 
 
 class Flights:
-    """Flights of the law of missiles at random instants of their burns, as often as the classes say."""
+    """Flights of the law of missiles at random instants of their burns, as often as the classes
+    say.
+    """
 
     def __init__(self, count: int, seed: int) -> None:
         model = vehicle_model()
@@ -117,7 +133,9 @@ class Flights:
         self.since = rng.uniform(0.3, 0.95, count) * stages["burn"][each, self.stage]
         now = starts[each, self.stage] + self.since
         until = {**stages, "burn": np.clip(now[:, None] - starts, 0.0, stages["burn"])}
-        x, y, u, v = marginals.flown({**until, "gap": np.where(until["burn"] > 0.0, stages["gap"], 0.0)}, steering)
+        x, y, u, v = marginals.flown(
+            {**until, "gap": np.where(until["burn"] > 0.0, stages["gap"], 0.0)}, steering
+        )
         radius = np.hypot(x, y)
         speed = np.hypot(u, v)
         self.state = states(radius - RADIUS_M, speed, np.arcsin((x * u + y * v) / (radius * speed)))
@@ -135,7 +153,9 @@ class Flights:
         ratio = -np.log(1.0 - stages["growth"] * stages["burn"])
         after = np.concatenate([stages["gap"][:, 1:], np.zeros((count, 1))], axis=1)
         with np.errstate(divide="ignore"):
-            self.logs = np.stack([np.log(stages["burn"]), np.log(stages["first"]), ratio, np.log(after)], axis=2)
+            self.logs = np.stack(
+                [np.log(stages["burn"]), np.log(stages["first"]), ratio, np.log(after)], axis=2
+            )
         self.logs[np.arange(STAGES) >= self.stage[:, None]] = np.nan
 
 
@@ -145,11 +165,19 @@ def test_flights_of_the_own_law_fall_into_the_stated_shares_of_regions() -> None
     rng = np.random.default_rng(13)
     seen = estimated(flights.state, flights.force, flights.growth, 1.0, rng)
     found = forecast(seen, burning_since(flights.since, flights.logs), away_m=flights.away_m)
-    known = [row for row in range(150) if found.regions[row] and np.isfinite(flights.impact[row, 0])]
+    known = [
+        row for row in range(150) if found.regions[row] and np.isfinite(flights.impact[row, 0])
+    ]
     assert len(known) > 110
-    inside = np.array([[region.contains(*flights.impact[row]) for region in found.regions[row][:3]] for row in known])
+    inside = np.array(
+        [
+            [region.contains(*flights.impact[row]) for region in found.regions[row][:3]]
+            for row in known
+        ]
+    )
     share = inside.mean(axis=0)
-    # Three standard deviations of a share of 120: 14, 8 and 6 %; kernels and tilts make regions somewhat wide.
+    # Three standard deviations of a share of 120: 14, 8 and 6 %; kernels and tilts make regions
+    # somewhat wide.
     assert 0.36 < share[0] < 0.75
     assert share[1] > 0.82
     assert share[2] > 0.89
@@ -157,7 +185,9 @@ def test_flights_of_the_own_law_fall_into_the_stated_shares_of_regions() -> None
 
 def test_what_is_said_of_a_track_agrees() -> None:
     rng = np.random.default_rng(3)
-    seen = estimated(states([2e4, 4e4, 6e4], [900.0, 1800.0, 3000.0], 0.8), [30.0, 35.0, 40.0], 0.012, 0.7, rng)
+    seen = estimated(
+        states([2e4, 4e4, 6e4], [900.0, 1800.0, 3000.0], 0.8), [30.0, 35.0, 40.0], 0.012, 0.7, rng
+    )
     found = forecast(seen, burning_since([50.0, 60.0, 70.0], no_stages(3)))
     assert found.given_launch.sum(axis=1) == pytest.approx(np.ones(3))
     able = np.array([one.is_launch or one.group == "none" for one in HYPOTHESES])
@@ -181,7 +211,11 @@ def test_a_dark_target_has_a_region_for_each_condition_and_relights_fade() -> No
         history = evolve(burning_since(70.0 + dark_s, logs), dark_since_s=np.array([-dark_s]))
         found = forecast(seen, history, dark_s)
         assert found.regions[0][0].condition == "burn over" or dark_s < 5.0
-        areas = {region.condition: region.area_km2 for region in found.regions[0] if region.containment == 0.95}
+        areas = {
+            region.condition: region.area_km2
+            for region in found.regions[0]
+            if region.containment == 0.95
+        }
         if "relights" in areas:
             assert areas["relights"] > 10.0 * areas["burn over"]
         chances.append(found.probability_relights[0])
@@ -206,10 +240,11 @@ def test_a_slow_long_burn_near_the_speed_of_an_orbit_goes_there_without_a_small_
 
 @pytest.mark.parametrize("since_s", [200.0, 400.0, 800.0, 1600.0])
 def test_a_boost_unlike_any_raises_none_of_these(since_s: float) -> None:
-    """Whether the burn is four or thirty times as long as a usual one at this force, it does not sharpen a class.
+    """Whether the burn is four or thirty times as long as a usual one at this force, it does not
+    sharpen a class.
 
-    The bound is ten times the prior. By the declared priors it cannot be more than a half: as many vehicles of known
-    classes have odd stages as are none of these.
+    The bound is ten times the prior. By the declared priors it cannot be more than a half: as many
+    vehicles of known classes have odd stages as are none of these.
     """
     rng = np.random.default_rng(6)
     none = NAMES.index("none of these")
@@ -219,12 +254,16 @@ def test_a_boost_unlike_any_raises_none_of_these(since_s: float) -> None:
     assert OUTCOMES.odd == pytest.approx(OUTCOMES.prior[none], rel=0.05)
 
 
-def test_a_track_that_has_burnt_in_another_direction_may_be_none_of_these_and_comes_down_all_the_same() -> None:
+def test_a_track_that_has_burnt_in_another_direction_may_be_none_of_these_and_comes_down_all_the_same() -> (
+    None
+):
     seen = estimated(states(6e4, 2000.0, 0.7), 0.0, 0.0, 0.0, np.random.default_rng(11))
     logs = no_stages(1)
     logs[0, 0, :3] = np.log([60.0, 20.0, 2.0])
     over = evolve(burning_since(90.0, logs), dark_since_s=np.array([-30.0]))
-    plain, turned = (forecast(seen, evolve(over, free_odds=np.array([odds])), 30.0) for odds in (1.0, 500.0))
+    plain, turned = (
+        forecast(seen, evolve(over, free_odds=np.array([odds])), 30.0) for odds in (1.0, 500.0)
+    )
     column = NAMES.index("none of these")
     assert plain.given_launch[0, column] < 0.05
     assert turned.given_launch[0, column] > 5.0 * plain.given_launch[0, column]
@@ -246,7 +285,9 @@ def test_reported_types_move_classes_and_regions() -> None:
     seen = estimated(states(3e4, 1500.0, 0.8), 35.0, 0.012, 1.0, rng)
     log = np.zeros((1, len(HYPOTHESES)))
     log[0, NAMES.index("SRBM")] = 5.0
-    plain, reported = (forecast(seen, burning_since(55.0, no_stages(1)), log=one) for one in (None, log))
+    plain, reported = (
+        forecast(seen, burning_since(55.0, no_stages(1)), log=one) for one in (None, log)
+    )
     column = NAMES.index("SRBM")
     assert reported.given_launch[0, column] > plain.given_launch[0, column]
     assert reported.regions[0][2].area_km2 < plain.regions[0][2].area_km2
@@ -257,18 +298,24 @@ def test_a_level_end_of_the_burn_is_that_of_a_glider_whose_region_is_its_reach()
     seen = estimated(states(5e4, 5300.0, 0.0), 0.0, 0.0, 0.0, rng)
     logs = no_stages(1)
     logs[0, 0, :3] = np.log([150.0, 20.0, 3.5])
-    found = forecast(seen, evolve(burning_since(160.0, logs), dark_since_s=np.array([-10.0])), 10.0, away_m=4e5)
+    found = forecast(
+        seen, evolve(burning_since(160.0, logs), dark_since_s=np.array([-10.0])), 10.0, away_m=4e5
+    )
     assert found.given_launch[0, NAMES.index("HGV")] > 0.3
     # At L/D of 2.5 some 4 600 km: R/2 · 2.5 · ln((1 - (1.5/7.9)²) / (1 - (5.3/7.9)²)).
     assert found.regions[0][2].contains(0.0, 4.6e6 / RADIUS_M)
 
 
-def test_what_is_precisely_in_orbit_is_a_space_launch_whatever_its_stages_and_none_where_none_is_known() -> None:
+def test_what_is_precisely_in_orbit_is_a_space_launch_whatever_its_stages_and_none_where_none_is_known() -> (
+    None
+):
     logs = no_stages(1)
     logs[0, 0, :3] = np.log([500.0, 12.0, 5.0])
     state = states(2.0e5, 7400.0, 0.0)
     over = evolve(burning_since(620.0, logs), dark_since_s=np.array([-120.0]))
-    found = forecast(estimated(state, 0.0, 0.0, 0.0, np.random.default_rng(9)), over, 120.0, away_m=2e6)
+    found = forecast(
+        estimated(state, 0.0, 0.0, 0.0, np.random.default_rng(9)), over, 120.0, away_m=2e6
+    )
     assert found.given_launch[0, NAMES.index("SLV")] > 0.95
     assert found.given_launch[0, NAMES.index("none of these")] < 0.02
     rest = tuple(one for one in HYPOTHESES if one.group != "orbit")

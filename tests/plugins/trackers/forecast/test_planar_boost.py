@@ -16,7 +16,9 @@ def boost() -> PlanarBoost:
     return PlanarBoost(stages, drawn_steering(40, model.data, 3), np.full(40, np.nan))
 
 
-def test_only_vehicles_that_burn_or_will_are_steered(boost: PlanarBoost, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_vehicles_that_burn_or_will_are_steered(
+    boost: PlanarBoost, monkeypatch: pytest.MonkeyPatch
+) -> None:
     steered: list[int] = []
     leads = Steering.leads
 

@@ -1,4 +1,6 @@
-"""Highest-density regions: areas of normal laws, shares of fresh points, several peaks, and places on the globe."""
+"""Highest-density regions: areas of normal laws, shares of fresh points, several peaks, and places
+on the globe.
+"""
 
 import numpy as np
 import pytest
@@ -26,13 +28,18 @@ def normal(count: int, sigmas_m: tuple[float, float], seed: int = 1) -> np.ndarr
 def test_areas_of_a_normal_law_are_those_of_its_ellipses(sigmas_m: tuple[float, float]) -> None:
     points = points_about((0.5, 1.0), normal(4000, sigmas_m))
     for region, square in zip(regions(points, np.full(4000, 1 / 4000)), SQUARES, strict=True):
-        # Kernels of 4000 points are a quarter of the standard deviation wide: variances larger by a sixteenth.
-        assert region.area_km2 == pytest.approx(np.pi * square * sigmas_m[0] * sigmas_m[1] * 1e-6, rel=0.15)
+        # Kernels of 4000 points are a quarter of the standard deviation wide: variances larger by a
+        # sixteenth.
+        assert region.area_km2 == pytest.approx(
+            np.pi * square * sigmas_m[0] * sigmas_m[1] * 1e-6, rel=0.15
+        )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [(0.0, 0.0), (0.3, np.pi), (1.57, 0.5), (-1.2, -3.0)])
-def test_fresh_points_are_inside_in_the_stated_shares_everywhere(place: tuple[float, float]) -> None:
+def test_fresh_points_are_inside_in_the_stated_shares_everywhere(
+    place: tuple[float, float],
+) -> None:
     given = regions(points_about(place, normal(2000, (3e5, 1e5))), np.full(2000, 1 / 2000))
     fresh = points_about(place, normal(2000, (3e5, 1e5), seed=2))
     for region in given:
@@ -89,7 +96,9 @@ def test_regions_wider_than_a_hemisphere_are_nested() -> None:
 
 @pytest.mark.slow
 def test_areas_of_wide_regions_are_those_of_caps() -> None:
-    """Points spread evenly over a cap of 80°: the region of nearly all has its area, 2 π R² (1 - cos 80°)."""
+    """Points spread evenly over a cap of 80°: the region of nearly all has its area, 2 π R² (1 -
+    cos 80°).
+    """
     rng = np.random.default_rng(9)
     far = RADIUS_M * np.arccos(1.0 - rng.uniform(0.0, 1.0, 3000) * (1.0 - np.cos(np.radians(80.0))))
     angle = rng.uniform(0.0, 2.0 * np.pi, 3000)
@@ -100,7 +109,9 @@ def test_areas_of_wide_regions_are_those_of_caps() -> None:
 
 
 def test_regions_end_where_the_earth_does() -> None:
-    """Points all round the Earth: no area beyond that of the Earth, and each region holds its share of them."""
+    """Points all round the Earth: no area beyond that of the Earth, and each region holds its share
+    of them.
+    """
     rng = np.random.default_rng(11)
     far = RADIUS_M * np.arccos(rng.uniform(-1.0, 1.0, 400))
     angle = rng.uniform(0.0, 2.0 * np.pi, 400)
@@ -108,7 +119,10 @@ def test_regions_end_where_the_earth_does() -> None:
     earth_km2 = 4.0 * np.pi * RADIUS_M**2 * 1e-6
     for region in regions(place, np.full(400, 1 / 400)):
         assert region.area_km2 <= 1.001 * earth_km2
-        assert sum(region.contains(*point) for point in place.tolist()) >= (region.containment - 0.03) * 400
+        assert (
+            sum(region.contains(*point) for point in place.tolist())
+            >= (region.containment - 0.03) * 400
+        )
 
 
 def test_regions_of_few_points_hold_what_is_none_of_them() -> None:
@@ -119,7 +133,8 @@ def test_regions_of_few_points_hold_what_is_none_of_them() -> None:
         found = regions(points, np.full(30, 1.0 / 30.0))
         held.append([[region.contains(*truth) for region in found] for truth in truths])
     share = np.mean(held, axis=(0, 1))
-    # Three standard errors of 60 sets of points. With points in their own kernels it would be 0.35, 0.81 and 0.86.
+    # Three standard errors of 60 sets of points. With points in their own kernels it would be 0.35,
+    # 0.81 and 0.86.
     assert share == pytest.approx([0.5, 0.9, 0.95], abs=0.05)
 
 
@@ -135,19 +150,27 @@ def test_areas_of_circles_are_those_of_caps(radius_deg: float) -> None:
 @pytest.mark.parametrize("spread_m", [0.0, 1e-6, 1.0, 30.0])
 def test_points_closer_than_the_least_spread_have_regions_of_it(spread_m: float) -> None:
     plane = normal(256, (spread_m, spread_m))
-    for region, square in zip(regions(points_about((0.5, 1.0), plane), np.full(256, 1 / 256)), SQUARES, strict=True):
-        assert region.area_km2 == pytest.approx(np.pi * square * (LEAST_M**2 + spread_m**2) * 1e-6, rel=0.3)
+    for region, square in zip(
+        regions(points_about((0.5, 1.0), plane), np.full(256, 1 / 256)), SQUARES, strict=True
+    ):
+        assert region.area_km2 == pytest.approx(
+            np.pi * square * (LEAST_M**2 + spread_m**2) * 1e-6, rel=0.3
+        )
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("weight", [1e-7, 1e-44, 1e-50, 5e-324, 0.0])
 @pytest.mark.parametrize("origin", [None, (0.45, 0.9)])
-def test_a_far_point_of_no_weight_changes_nothing(weight: float, origin: tuple[float, float] | None) -> None:
+def test_a_far_point_of_no_weight_changes_nothing(
+    weight: float, origin: tuple[float, float] | None
+) -> None:
     place = points_about((0.5, 1.0), normal(256, (1e4, 1e4)))
     far = np.concatenate([place, [[0.1, -1.0]]])
     shares = np.append(np.full(256, 1 / 256), weight)
     start = None if origin is None else np.array(origin)
-    for region, same in zip(regions(far, shares, origin=start), regions(place, shares[:-1], origin=start), strict=True):
+    for region, same in zip(
+        regions(far, shares, origin=start), regions(place, shares[:-1], origin=start), strict=True
+    ):
         assert region.area_km2 == pytest.approx(same.area_km2, rel=1e-6)
 
 
@@ -164,6 +187,11 @@ def test_a_point_of_nearly_all_weight_has_a_region(rest: float) -> None:
 
 @pytest.mark.parametrize("beyond_m", [19.2e6, 19.9e6, np.pi * RADIUS_M])
 def test_points_along_a_flight_that_come_down_beyond_its_end_have_regions(beyond_m: float) -> None:
-    plane = np.stack([beyond_m + normal(64, (1e4, 1e4))[:, 0] - 1e4, normal(64, (1e4, 1e4), seed=3)[:, 1]], axis=1)
-    for region in regions(points_about((0.2, 0.1), plane), np.full(64, 1 / 64), origin=np.array([0.2, 0.1])):
+    plane = np.stack(
+        [beyond_m + normal(64, (1e4, 1e4))[:, 0] - 1e4, normal(64, (1e4, 1e4), seed=3)[:, 1]],
+        axis=1,
+    )
+    for region in regions(
+        points_about((0.2, 0.1), plane), np.full(64, 1 / 64), origin=np.array([0.2, 0.1])
+    ):
         assert 0.0 < region.area_km2 < 1e6

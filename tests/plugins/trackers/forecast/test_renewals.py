@@ -14,7 +14,9 @@ def renewals(tracks, number):
     rows = np.flatnonzero(tracks.track == number)
     regions = tracks.impact_regions[rows]
     return {
-        float(tracks.tick_s[rows[place]]) for place in range(1, len(rows)) if regions[place] is not regions[place - 1]
+        float(tracks.tick_s[rows[place]])
+        for place in range(1, len(rows))
+        if regions[place] is not regions[place - 1]
     }
 
 

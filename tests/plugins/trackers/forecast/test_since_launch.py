@@ -1,4 +1,6 @@
-"""When and where the law of boosts says that a target in flight was launched, on boosts that share no code with it."""
+"""When and where the law of boosts says that a target in flight was launched, on boosts that share
+no code with it.
+"""
 
 import numpy as np
 import pytest
@@ -14,13 +16,17 @@ from opir_core.geometry import geodetic_to_ecef
 from opir_core.scene import core_hypotheses
 
 ASCENTS = ascents_of(Outcomes(vehicle_model(), core_hypotheses()))
-SOON = delays_at_once(np.array([0.1, 0.1]), np.array([0.6, 0.7]), np.ones((1, 2), dtype=np.bool_))[0]
+SOON = delays_at_once(np.array([0.1, 0.1]), np.array([0.6, 0.7]), np.ones((1, 2), dtype=np.bool_))[
+    0
+]
 SIGMA = np.repeat([150.0, 40.0], 3)
 LATITUDE = 0.7
 
 
 def in_flight(boost, since_s, seen_s=5.0, rng=None, height_m=0.0):
-    """Return where a boost began, on the ellipsoid, and the target as two sensors see it after a time."""
+    """Return where a boost began, on the ellipsoid, and the target as two sensors see it after a
+    time.
+    """
     start, state = flown(*boost, since_s, LATITUDE)
     site = geodetic_to_ecef(LATITUDE, 0.0, height_m)
     place = site + state[:3] - start
@@ -31,13 +37,20 @@ def in_flight(boost, since_s, seen_s=5.0, rng=None, height_m=0.0):
 
 
 def test_launches_of_many_kinds_were_when_and_where_the_law_says():
-    """Their forces, pitch-overs and headings are none of its draws; the time is unknown to a fifth of itself."""
+    """Their forces, pitch-overs and headings are none of its draws; the time is unknown to a fifth
+    of itself.
+    """
     rng = np.random.default_rng(5)
     squared = []
     late = []
     while len(late) < 40:
         since_s = float(rng.uniform(25.0, 70.0))
-        boost = rng.uniform(0.0, 6.28), np.radians(rng.uniform(4.0, 14.0)), rng.uniform(14.0, 26.0), 0.006
+        boost = (
+            rng.uniform(0.0, 6.28),
+            np.radians(rng.uniform(4.0, 14.0)),
+            rng.uniform(14.0, 26.0),
+            0.006,
+        )
         site, target = in_flight(boost, since_s, rng=rng)
         if target.state[:3] @ target.state[3:] <= 0.0:
             continue
@@ -64,7 +77,9 @@ def test_the_place_is_known_across_the_heading_better_than_along_it():
 
 @pytest.mark.parametrize("azimuth", [0.0, 2.0, 4.0])
 def test_the_earth_turns_below_a_flight(azimuth):
-    """A minute after the launch, 28 km away: unless the turn of the heading counts, the place is off by over 30 m."""
+    """A minute after the launch, 28 km away: unless the turn of the heading counts, the place is
+    off by over 30 m.
+    """
     site, target = in_flight((azimuth, np.radians(12.0), 22.0, 0.006), 60.0)
     mean, _ = launch_of(ASCENTS, target._replace(covariance=np.diag(np.repeat([1.0, 1.0], 3))))
     north = np.array([-np.sin(LATITUDE), 0.0, np.cos(LATITUDE)])
@@ -72,7 +87,9 @@ def test_the_earth_turns_below_a_flight(azimuth):
     assert abs((mean[:3] - site) @ across) < 30.0
 
 
-@pytest.mark.parametrize(("inland", "low_m", "high_m"), [(0.0, -120.0, 120.0), (1.0, 300.0, 1600.0)])
+@pytest.mark.parametrize(
+    ("inland", "low_m", "high_m"), [(0.0, -120.0, 120.0), (1.0, 300.0, 1600.0)]
+)
 def test_sites_are_as_high_as_they_are_said_to_be(inland, low_m, high_m):
     site, target = in_flight((0.9, np.radians(9.0), 20.0, 0.006), 35.0)
     mean, covariance = launch_of(ASCENTS, target._replace(inland=inland))
@@ -83,10 +100,14 @@ def test_sites_are_as_high_as_they_are_said_to_be(inland, low_m, high_m):
 
 def test_a_launch_was_before_its_first_detection():
     """What scanners of 10 s have seen for 38 s was not launched 35 s ago, however fast it is."""
-    looks = delays_at_once(np.array([10.0, 10.0]), np.array([0.9, 0.9]), np.ones((1, 2), dtype=np.bool_))[0]
+    looks = delays_at_once(
+        np.array([10.0, 10.0]), np.array([0.9, 0.9]), np.ones((1, 2), dtype=np.bool_)
+    )[0]
     _, target = in_flight((0.9, np.radians(9.0), 24.0, 0.006), 40.0)
     target = target._replace(at_once=looks)
-    first, late = (launch_of(ASCENTS, target._replace(since_s=seen_s))[0][3] for seen_s in (2.0, 38.0))
+    first, late = (
+        launch_of(ASCENTS, target._replace(since_s=seen_s))[0][3] for seen_s in (2.0, 38.0)
+    )
     assert late > max(first, 38.0)
 
 
@@ -111,7 +132,9 @@ def test_ascents_reach_a_height_when_they_are_there():
 
 
 def test_a_kernel_and_a_regression_leave_the_moments_of_normal_variables():
-    """What is hidden is twice what is seen, plus noise of 1: a closed form. 20 000 draws leave 2 %."""
+    """What is hidden is twice what is seen, plus noise of 1: a closed form. 20 000 draws leave 2
+    %.
+    """
     rng = np.random.default_rng(3)
     truth = rng.normal(size=20_000)
     hidden = (2.0 * truth + rng.normal(size=20_000))[:, None]

@@ -1,4 +1,6 @@
-"""Stages of tracks from tick to tick: gaps, false silence, hot staging and throttled engines, in made-up estimates."""
+"""Stages of tracks from tick to tick: gaps, false silence, hot staging and throttled engines, in
+made-up estimates.
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ RADIUS_M = 6378137.0
 def estimates(
     burning: float, force: float, silent_s: float = 0.05, staging: float = 0.0, free: float = 0.0
 ) -> ModeEstimates:
-    """Return the estimate of one track that flies upwards, with an acceleration and 20 detections a second."""
+    """Return the estimate of one track that flies upwards, with an acceleration and 20 detections a
+    second.
+    """
     mean = np.array([[RADIUS_M + 5e4, 0.0, 0.0, 2000.0, 465.0, 0.0, force, 0.0, 0.0, 0.01]])
     root = np.eye(10)[None]
     share = np.array([[1.0 - staging - free, staging, free]])
@@ -20,7 +24,15 @@ def estimates(
     rate = np.array([[400.0, 20.0, silent_s]])
     weight = np.array([[burning, 1.0 - burning]])
     return ModeEstimates(
-        weight, mean, root, mean[:, :6], root[:, :6, :6], rate, parts, np.tile(np.eye(10), (1, 3, 1, 1)), share
+        weight,
+        mean,
+        root,
+        mean[:, :6],
+        root[:, :6, :6],
+        rate,
+        parts,
+        np.tile(np.eye(10), (1, 3, 1, 1)),
+        share,
     )
 
 
@@ -28,7 +40,9 @@ def after(ticks: list[tuple[float, ModeEstimates]]) -> StageHistory:
     """Return the history of a track that was launched at 0 s."""
     history = StageHistory.begun(np.array([7]), 1.0)
     for tick_s, one in ticks:
-        history = history.of(np.array([7]), tick_s).updated(one, np.array([0.0]), np.array([0.3]), tick_s)
+        history = history.of(np.array([7]), tick_s).updated(
+            one, np.array([0.0]), np.array([0.3]), tick_s
+        )
     return history
 
 

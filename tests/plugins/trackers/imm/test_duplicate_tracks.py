@@ -12,7 +12,9 @@ OLD = np.zeros(2, dtype=bool)
 
 
 def states(apart_m: float, sigma_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return two states that are so far apart along the third axis, each off by `sigma_m` there, and covariances."""
+    """Return two states that are so far apart along the third axis, each off by `sigma_m` there,
+    and covariances.
+    """
     state = np.tile([6.4e6, 0.0, 0.0, 0.0, 100.0, 0.0], (2, 1))
     state[1, 2] += apart_m
     covariance = np.tile(np.diag([1e3, 1e3, sigma_m, 50.0, 50.0, 50.0]) ** 2, (2, 1, 1))
@@ -33,12 +35,16 @@ def test_two_that_are_alike_and_never_seen_in_one_scan_are_one() -> None:
 
 
 def test_of_three_alike_those_that_no_sensor_sees_both_of_are_left_to_their_pairing() -> None:
-    """With a third beside them, one of the first sensor alone and one of the second may be of different targets."""
+    """With a third beside them, one of the first sensor alone and one of the second may be of
+    different targets.
+    """
     number = np.array([3, 7, 9])
     hits = np.array([40, 12, 30])
     old = np.zeros(3, dtype=bool)
     state, covariance = (np.concatenate([each, each[:1]]) for each in states(3e3, 2e3))
-    seen = SharedDetections(np.repeat(number, 2), np.zeros(6, dtype=np.int32), np.arange(6), np.zeros(6))
+    seen = SharedDetections(
+        np.repeat(number, 2), np.zeros(6, dtype=np.int32), np.arange(6), np.zeros(6)
+    )
     reported = {
         name: duplicates(number, state, covariance, seen, hits, sensors, fresh).tolist()
         for name, sensors, fresh in (
@@ -55,9 +61,13 @@ def test_of_three_alike_those_that_no_sensor_sees_both_of_are_left_to_their_pair
 
 
 def test_one_scan_that_sees_both_or_too_few_scans_leave_two() -> None:
-    assert not duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2, 3], [3, 4]), HITS, SEEN, OLD).any()
+    assert not duplicates(
+        NUMBER, *states(3e3, 2e3), sightings([1, 2, 3], [3, 4]), HITS, SEEN, OLD
+    ).any()
     assert not duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3]), HITS, SEEN, OLD).any()
-    assert not duplicates(NUMBER, *states(3e4, 2e3), sightings([1, 2], [3, 4]), HITS, SEEN, OLD).any()
+    assert not duplicates(
+        NUMBER, *states(3e4, 2e3), sightings([1, 2], [3, 4]), HITS, SEEN, OLD
+    ).any()
 
 
 def test_one_sensors_tracks_are_one_as_far_apart_as_their_covariances_reach() -> None:
@@ -66,12 +76,17 @@ def test_one_sensors_tracks_are_one_as_far_apart_as_their_covariances_reach() ->
 
 
 def test_scans_are_remembered_as_long_as_slices_are_too_short_for_four_of_them() -> None:
-    """Of a sensor with 2 s between scans the last four, of one with 0.2 s those of a slice of 1 s."""
+    """Of a sensor with 2 s between scans the last four, of one with 0.2 s those of a slice of 1
+    s.
+    """
     memory_s = sighting_memory_s(np.array([2.0, 0.2]), 1.0, 4)
     assert memory_s.tolist() == [8.0, 0.0]
-    before = SharedDetections(NUMBER, np.array([0, 1], dtype=np.int32), np.array([5, 50]), np.array([10.0, 10.0]))
+    before = SharedDetections(
+        NUMBER, np.array([0, 1], dtype=np.int32), np.array([5, 50]), np.array([10.0, 10.0])
+    )
     nothing = np.empty(0, dtype=np.int64)
     later = [
-        before.after(NUMBER, nothing, no_lines_of_sight(), time_s, memory_s).number.tolist() for time_s in (11.0, 18.5)
+        before.after(NUMBER, nothing, no_lines_of_sight(), time_s, memory_s).number.tolist()
+        for time_s in (11.0, 18.5)
     ]
     assert later == [[3], []]

@@ -22,10 +22,18 @@ def begun(place_m: np.ndarray, speed_m_s: np.ndarray) -> FocalPlaneTracks:
     for order, sigma in enumerate((300.0, 30.0, 10.0)):
         roots[:, order, :, 3 * order : 3 * order + 3] = sigma * np.eye(3)
     number = np.arange(count)
-    return focal_plane.begun(number, np.zeros(count, dtype=np.int64), 0.0, motion, roots, np.zeros(count))
+    return focal_plane.begun(
+        number, np.zeros(count, dtype=np.int64), 0.0, motion, roots, np.zeros(count)
+    )
 
 
-def looks(place_m: np.ndarray, speed_m_s: np.ndarray, chance: float, rng: np.random.Generator, start_s: float):
+def looks(
+    place_m: np.ndarray,
+    speed_m_s: np.ndarray,
+    chance: float,
+    rng: np.random.Generator,
+    start_s: float,
+):
     """Return a second of lines of targets (n, 2), and the target of each."""
     parts = []
     whose = []
@@ -38,7 +46,11 @@ def looks(place_m: np.ndarray, speed_m_s: np.ndarray, chance: float, rng: np.ran
         number = np.full(len(seen), round(10 * start_s) + scan)
         sensor = np.zeros(len(seen), dtype=np.int32)
         sigma = np.full(len(seen), SIGMA_RAD)
-        parts.append(LinesOfSight(np.full(len(seen), when), sensor, number, np.zeros((len(seen), 3)), unit, sigma))
+        parts.append(
+            LinesOfSight(
+                np.full(len(seen), when), sensor, number, np.zeros((len(seen), 3)), unit, sigma
+            )
+        )
         whose.append(seen)
     return LinesOfSight.concatenate(parts), np.concatenate(whose)
 
@@ -49,7 +61,9 @@ def places_m(tracks: FocalPlaneTracks) -> np.ndarray:
 
 
 def followed(place_m, speed_m_s, chance: float, seconds: int, seed: int):
-    """Return tracks after some seconds, their equivalent lines, and the looks and the share that is right by second."""
+    """Return tracks after some seconds, their equivalent lines, and the looks and the share that is
+    right by second.
+    """
     rng = np.random.default_rng(seed)
     tracks = begun(place_m, speed_m_s)
     right = []
@@ -93,7 +107,9 @@ def test_two_that_part_keep_their_lines_and_equivalent_lines_are_no_surer_than_l
 
 
 def test_a_look_that_may_be_of_either_is_a_vague_line_of_both() -> None:
-    """Ten seconds after the last look both predictions hold both lines: without a line a motor seems burnt out."""
+    """Ten seconds after the last look both predictions hold both lines: without a line a motor
+    seems burnt out.
+    """
     place = np.array([[0.0, 0.0], [2e4, 0.0]])
     speed = np.array([[900.0, 0.0], [900.0, 0.0]])
     tracks = begun(place, speed).predicted(60.0)

@@ -26,7 +26,8 @@ KEPLER = Forces(zonal=())
 def launches(
     starts: Sequence[tuple[float, float, float]], until_s: float, seed: int = 1
 ) -> tuple[Detections, np.ndarray]:
-    """Return what three sensors see of targets that start at (latitude, longitude, time) and climb, and which is which.
+    """Return what three sensors see of targets that start at (latitude, longitude, time) and climb,
+    and which is which.
 
     Each rises with 15 m/s² and leans over, in its own direction.
     """
@@ -44,12 +45,16 @@ def launches(
             scans = scans[rng.random(len(scans)) < 0.8]
             since = (scans * 0.1 - start_s)[:, None]
             place = site + 7.5 * since**2 * up + 0.04 * since**3 * lean
-            rows.append((scans, np.full(len(scans), sensor), place, seer.orbit.position_ecef_m(scans * 0.1)))
+            rows.append(
+                (scans, np.full(len(scans), sensor), place, seer.orbit.position_ecef_m(scans * 0.1))
+            )
             which.append(np.full(len(scans), number))
     scan, sensor, place, origin = (np.concatenate([row[k] for row in rows]) for k in range(4))
     direction = (place - origin) / np.linalg.norm(place - origin, axis=1)[:, None]
     axes = tangent_axes(direction)
-    direction = direction + np.einsum("nk,nkc->nc", 2e-5 * rng.normal(size=(len(scan), 2)), axes[:, :2])
+    direction = direction + np.einsum(
+        "nk,nkc->nc", 2e-5 * rng.normal(size=(len(scan), 2)), axes[:, :2]
+    )
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     order = np.lexsort((sensor, scan))
     blank = stub_window(len(scan)).detections
@@ -111,7 +116,8 @@ def test_detections_that_come_late_are_as_if_they_had_come_in_time() -> None:
 
 
 def reported_at_random(parts: list[Detections], settings: dict[str, Any], seed: int) -> Tracks:
-    """Return the reports at the end where detections come up to 4 s late, a tenth of them a second early, shuffled.
+    """Return the reports at the end where detections come up to 4 s late, a tenth of them a second
+    early, shuffled.
 
     A third come twice. Those of the last ticks come in time.
     """
@@ -132,7 +138,9 @@ def reported_at_random(parts: list[Detections], settings: dict[str, Any], seed: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("step_s", [1.0, 5.0])
-def test_detections_in_any_order_and_more_than_once_are_as_if_they_had_come_once_and_in_time(step_s: float) -> None:
+def test_detections_in_any_order_and_more_than_once_are_as_if_they_had_come_once_and_in_time(
+    step_s: float,
+) -> None:
     """Two launches that some scans see at one instant: then what was measured orders them."""
     parts = by_second(launches([(5.0, 5.0, 2.0), (5.1, 5.0, 4.0)], 30.0)[0], 30)
     settings = {"late_s": 10.0, "cadence_s": step_s}
@@ -151,7 +159,9 @@ def test_detections_in_any_order_and_more_than_once_are_as_if_they_had_come_once
 
 @pytest.mark.slow
 def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_distinguished() -> None:
-    """Three from a patch of 300 m, whose directions differ by 8 µrad where one look is off by 20 µrad."""
+    """Three from a patch of 300 m, whose directions differ by 8 µrad where one look is off by 20
+    µrad.
+    """
     detections, which = launches([(5.0, 5.0, 2.0), (5.002, 5.001, 6.0), (5.001, 5.002, 10.0)], 60.0)
     one = tracker()
     parts = by_second(detections, 61)
@@ -165,7 +175,9 @@ def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_distingu
     label = np.concatenate(labels)[late]
     truth = which[late]
     for number in np.unique(label[label >= 0]):
-        assert np.mean(truth[label == number] == np.bincount(truth[label == number]).argmax()) > 0.99
+        assert (
+            np.mean(truth[label == number] == np.bincount(truth[label == number]).argmax()) > 0.99
+        )
 
 
 @pytest.mark.slow
@@ -186,7 +198,9 @@ def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_i
 
 @pytest.mark.slow
 def test_biased_sensors_stay_honest() -> None:
-    """Six times three sensors with a bias of three times their noise each: one track, and the truth within it."""
+    """Six times three sensors with a bias of three times their noise each: one track, and the truth
+    within it.
+    """
     bias_rad = 6e-5
     reported_square = []
     sensors = tuple(evolve(sensor, line_of_sight_bias_sigma_rad=bias_rad) for sensor in SENSORS)
@@ -195,21 +209,28 @@ def test_biased_sensors_stay_honest() -> None:
         detections, _ = launches([(5.0, 5.0, 2.0)], 30.0, seed=seed)
         shift = bias_rad * np.random.default_rng(100 + seed).normal(size=(3, 2))
         axes = tangent_axes(detections.line_of_sight_ecef)
-        turned = detections.line_of_sight_ecef + np.einsum("nk,nkc->nc", shift[detections.sensor], axes[:, :2])
-        detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
+        turned = detections.line_of_sight_ecef + np.einsum(
+            "nk,nkc->nc", shift[detections.sensor], axes[:, :2]
+        )
+        detections = evolve(
+            detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None]
+        )
         reported = stepped(imm_tracker(ImmConfig(), context), by_second(detections, 30))
         assert len(reported) == 1
         place = risen((5.0, 5.0, 2.0), 30.0)
         covariance = reported.state_covariance[0, :3, :3]
         error = reported.state[0, :3] - place
         reported_square.append(error @ np.linalg.solve(covariance, error))
-    # The mean of six χ² of three degrees of freedom, 99.9 %; taken for unbiased, they give 500 and two tracks each.
+    # The mean of six χ² of three degrees of freedom, 99.9 %; taken for unbiased, they give 500 and
+    # two tracks each.
     assert 0.74 < np.mean(reported_square) < 7.4
 
 
 @pytest.mark.slow
 def test_rays_of_sensors_with_unlucky_biases_still_begin_one_track() -> None:
-    """Two standard deviations of the bias up in one sensor, down in the other: averaging scans does not lessen it."""
+    """Two standard deviations of the bias up in one sensor, down in the other: averaging scans does
+    not lessen it.
+    """
     bias_rad = 6e-5
     sensors = tuple(evolve(sensor, line_of_sight_bias_sigma_rad=bias_rad) for sensor in SENSORS[:2])
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=100.0, light_time=False)
@@ -217,7 +238,9 @@ def test_rays_of_sensors_with_unlucky_biases_still_begin_one_track() -> None:
     detections = detections.take(np.flatnonzero(detections.sensor < 2))
     north = 2.0 * bias_rad * np.where(detections.sensor == 0, 1.0, -1.0)
     turned = detections.line_of_sight_ecef + north[:, None] * np.array([0.0, 0.0, 1.0])
-    detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
+    detections = evolve(
+        detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None]
+    )
     one = imm_tracker(ImmConfig(), context)
     reported = stepped(one, by_second(detections, 20))
     assert len(reported) == 1
@@ -232,12 +255,16 @@ def test_noise_alone_begins_no_track() -> None:
     stray = nadir + 0.08 * rng.uniform(-1.0, 1.0, nadir.shape)
     noise = evolve(detections, line_of_sight_ecef=stray / np.linalg.norm(stray, axis=1)[:, None])
     one = tracker()
-    assert not any(len(one.step(float(k), part)) for k, part in enumerate(by_second(noise, 30), start=1))
+    assert not any(
+        len(one.step(float(k), part)) for k, part in enumerate(by_second(noise, 30), start=1)
+    )
 
 
 @pytest.mark.parametrize("step_s", [0.1, 1.0, 30.0, -5.0])
 def test_coasting_is_keplers(step_s: float) -> None:
-    state = np.array([[6.9e6, 1e5, 2e5, -500.0, 5000.0, 4000.0], [-3e6, 5e6, 4e6, 1000.0, 2000.0, -6500.0]])
+    state = np.array(
+        [[6.9e6, 1e5, 2e5, -500.0, 5000.0, 4000.0], [-3e6, 5e6, 4e6, 1000.0, 2000.0, -6500.0]]
+    )
     after = Motion(COAST, 0.0, KEPLER).propagated(state, np.full(2, step_s))
     position, velocity = propagate_kepler(state[:, :3], state[:, 3:], np.full(2, step_s))
     assert np.allclose(after[:, :3], position, atol=2e-3, rtol=0.0)
@@ -264,13 +291,19 @@ def test_a_state_moves_the_same_to_the_last_bit_alone_and_among_others(size: int
 
 
 def test_the_path_is_the_taylor_series_of_the_motion() -> None:
-    """The fourth derivative closes the gap that the first three leave, and leaves one of the fifth order."""
+    """The fourth derivative closes the gap that the first three leave, and leaves one of the fifth
+    order.
+    """
     motion = Motion(BOOST, 1.0, KEPLER)
     state = np.array([[6.6e6, 1e5, 2e5, 500.0, 2000.0, 1000.0, 10.0, 20.0, 5.0, 0.1, -0.2, 0.3]])
     off = []
     for step in (8.0, 4.0):
         end = motion.propagated(state, np.array([step]))[:, :3]
-        off.append(np.abs(taylor_positions(motion.taylor(state), taylor_weights(np.array([step]))) - end).max())
+        off.append(
+            np.abs(
+                taylor_positions(motion.taylor(state), taylor_weights(np.array([step]))) - end
+            ).max()
+        )
     assert off[0] < 2e-3
     assert off[0] / off[1] > 25.0
 
@@ -279,7 +312,9 @@ def test_the_path_is_the_taylor_series_of_the_motion() -> None:
 def test_transition_is_the_slope_of_the_motion(size: int) -> None:
     motion = Motion(size, 1.0, KEPLER)
     step = np.array([2.0])
-    state = np.array([[6.6e6, 1e5, 2e5, 500.0, 2000.0, 1000.0, 10.0, 20.0, 5.0, 0.1, -0.2, 0.3]])[:, :size]
+    state = np.array([[6.6e6, 1e5, 2e5, 500.0, 2000.0, 1000.0, 10.0, 20.0, 5.0, 0.1, -0.2, 0.3]])[
+        :, :size
+    ]
     middle = 0.5 * (state + motion.propagated(state, step))[:, :3]
     matrix = motion.transition(middle, step)[0]
     scale = np.repeat([1e3, 1e1, 1e0, 1e-1], 3)[:size]
@@ -287,7 +322,9 @@ def test_transition_is_the_slope_of_the_motion(size: int) -> None:
         shift = np.zeros((1, size))
         shift[0, column] = scale[column]
         slope = motion.propagated(state + shift, step) - motion.propagated(state - shift, step)
-        assert np.allclose(slope[0] / (2.0 * scale[column]), matrix[:, column], rtol=2e-5, atol=1e-7)
+        assert np.allclose(
+            slope[0] / (2.0 * scale[column]), matrix[:, column], rtol=2e-5, atol=1e-7
+        )
     assert np.allclose(matrix @ motion.transition(middle, -step)[0], np.eye(size), atol=1e-9)
 
 

@@ -12,7 +12,12 @@ def estimates(count: int) -> ModeEstimates:
     root = np.tile(np.diag(1.0 / sigma), (count, 1, 1))
     mean = np.zeros((count, 10))
     return ModeEstimates(
-        np.tile([0.9, 0.1], (count, 1)), mean, root, mean[:, :6], root[:, :6, :6].copy(), np.ones((count, 3))
+        np.tile([0.9, 0.1], (count, 1)),
+        mean,
+        root,
+        mean[:, :6],
+        root[:, :6, :6].copy(),
+        np.ones((count, 3)),
     )
 
 
@@ -31,7 +36,9 @@ def test_mean_and_covariance_are_those_of_all_states_by_their_probabilities() ->
     mean = weight @ states
     spread = (states - mean).T @ np.diag(weight) @ (states - mean)
     assert reported.boost_mean[1, :6] == pytest.approx(mean)
-    assert covariance(reported)[1, :6, :6] == pytest.approx(np.diag([1e4] * 3 + [1e2] * 3) + spread, rel=1e-9, abs=1e-6)
+    assert covariance(reported)[1, :6, :6] == pytest.approx(
+        np.diag([1e4] * 3 + [1e2] * 3) + spread, rel=1e-9, abs=1e-6
+    )
     assert np.array_equal(reported.boost_mean[[0, 2]], np.zeros((2, 10)))
     assert mixed.probability == pytest.approx([0.5])
 
@@ -46,5 +53,7 @@ def test_parts_keep_their_velocities_until_the_next_pairing() -> None:
 def test_tracks_that_are_gone_and_none_at_all_change_nothing() -> None:
     known = estimates(2)
     assert Mixtures.empty().mixed(known, np.arange(2), 1.0) is known
-    gone = Mixtures.of(np.array([7]), 0.0, np.zeros(1, dtype=np.int64), np.array([0.5]), np.ones((1, 6)))
+    gone = Mixtures.of(
+        np.array([7]), 0.0, np.zeros(1, dtype=np.int64), np.array([0.5]), np.ones((1, 6))
+    )
     assert np.array_equal(gone.mixed(known, np.arange(2), 1.0).boost_mean, known.boost_mean)

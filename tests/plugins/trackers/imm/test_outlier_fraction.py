@@ -1,4 +1,6 @@
-"""Rays within a track's gate that are none of it: what they do to the filter, and how they are reported."""
+"""Rays within a track's gate that are none of it: what they do to the filter, and how they are
+reported.
+"""
 
 import numpy as np
 import pytest
@@ -38,10 +40,14 @@ def test_only_tracks_with_an_improbable_ray_or_strays_before_are_looked_at():
 
 
 def squares_of(outliers, tracks, rays, seed):
-    """Return how far off (tracks, rays) rays are, squared: with unit errors, or evenly within the gate."""
+    """Return how far off (tracks, rays) rays are, squared: with unit errors, or evenly within the
+    gate.
+    """
     rng = np.random.default_rng(seed)
     square = rng.chisquare(2, (tracks, rays))
-    return np.where(rng.random((tracks, rays)) < outliers, GATE**2 * rng.random((tracks, rays)), square)
+    return np.where(
+        rng.random((tracks, rays)) < outliers, GATE**2 * rng.random((tracks, rays)), square
+    )
 
 
 def nothing_of(tracks):
@@ -55,12 +61,17 @@ def reported_by(square):
     return fraction_log_likelihood(square.ravel(), GATE, track, len(square))
 
 
-@pytest.mark.parametrize(("outliers", "rays"), [(0.0, 40), (0.1, 200), (0.3, 60), (0.3, 400), (0.6, 60)])
+@pytest.mark.parametrize(
+    ("outliers", "rays"), [(0.0, 40), (0.1, 200), (0.3, 60), (0.3, 400), (0.6, 60)]
+)
 def test_the_share_of_strays_is_found_from_few_rays_on(outliers, rays):
     share = nothing_of(400).after(reported_by(squares_of(outliers, 400, rays, 1))).share
-    # What is believed beforehand is three rays without strays, and shares below one in a hundred are on no grid.
+    # What is believed beforehand is three rays without strays, and shares below one in a hundred
+    # are on no grid.
     drawn = outliers * 3.0 / rays + 0.01
-    assert share.mean() == pytest.approx(outliers, abs=drawn + 3.3 * share.std() / np.sqrt(len(share)))
+    assert share.mean() == pytest.approx(
+        outliers, abs=drawn + 3.3 * share.std() / np.sqrt(len(share))
+    )
 
 
 def test_rays_beyond_the_gate_say_nothing_of_the_share_within():
@@ -77,7 +88,9 @@ def test_a_share_is_a_share_and_the_same_in_one_go_or_two_and_in_any_order(seed,
     assert np.all((whole.share >= 0.0) & (whole.share <= FRACTIONS[-1]))
     parts = nothing_of(3).after(reported_by(square[:, :cut])).after(reported_by(square[:, cut:]))
     assert parts.log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
-    assert nothing_of(3).after(reported_by(square[:, ::-1])).log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
+    assert nothing_of(3).after(reported_by(square[:, ::-1])).log == pytest.approx(
+        whole.log, rel=1e-9, abs=1e-9
+    )
     assert whole.take(np.array([2])).share == pytest.approx(whole.share[2:])
 
 
@@ -89,11 +102,15 @@ def test_before_any_ray_one_in_a_hundred_strays_and_rays_without_any_make_it_few
     assert clean < 0.5 * nothing.share
     # In a gate four times as wide a stray ray would have passed for one of the track's.
     vague = evolve(pairs, log_volume=np.full(30, np.log(4.0) * 2.0))
-    assert nothing.after(clean_log_likelihood(vague, nothing, GATE)).share == pytest.approx(nothing.share)
+    assert nothing.after(clean_log_likelihood(vague, nothing, GATE)).share == pytest.approx(
+        nothing.share
+    )
 
 
 def values_of(outliers, count=24, seed=31):
-    """Return the NEES (count,) of the filter's states at six tenths of burns, and whether the state is reported."""
+    """Return the NEES (count,) of the filter's states at six tenths of burns, and whether the state
+    is reported.
+    """
     truth = flown("SRBM", count, seed, "smooth")
     values = np.full(count, np.nan)
     seeing = usual("SRBM")._replace(outliers=outliers, astray_rad=9e-5)
@@ -112,5 +129,6 @@ def values_of(outliers, count=24, seed=31):
 def test_three_rays_in_ten_astray_within_the_gate_leave_a_filter_that_knows_how_good_it_is():
     values = values_of(0.3)
     assert np.isfinite(values).all()
-    # The mean of 24 χ² of six degrees of freedom is below its bound with 99.9 %; unweighed, it is twice its mean.
+    # The mean of 24 χ² of six degrees of freedom is below its bound with 99.9 %; unweighed, it is
+    # twice its mean.
     assert values.mean() / 6.0 < 1.0 + 3.1 * np.sqrt(2.0 / (6.0 * 24))

@@ -25,15 +25,21 @@ def sensors_m(count: int) -> np.ndarray:
     return ORBIT_M * np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
 
 
-def targets_m(count: int, spread_m: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def targets_m(
+    count: int, spread_m: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Return places and velocities (n, 3) of targets that fan out from a field."""
     up = np.array([np.cos(0.6), 0.0, np.sin(0.6)])
     place = EARTH_M * up + rng.uniform(-spread_m, spread_m, (count, 3))
     return place, 300.0 * up + rng.normal(0.0, 20.0, (count, 3))
 
 
-def looked_at(place_m: np.ndarray, velocity: np.ndarray, sensors: int, instants: int, rng: np.random.Generator):
-    """Return directions, the row of each, and each row's sensor and target; rows are in random order."""
+def looked_at(
+    place_m: np.ndarray, velocity: np.ndarray, sensors: int, instants: int, rng: np.random.Generator
+):
+    """Return directions, the row of each, and each row's sensor and target; rows are in random
+    order.
+    """
     origin = sensors_m(sensors)
     parts = []
     rows = []
@@ -48,7 +54,9 @@ def looked_at(place_m: np.ndarray, velocity: np.ndarray, sensors: int, instants:
         unit /= np.linalg.norm(unit, axis=1)[:, None]
         when = np.full(len(order), float(instant))
         sigma = np.full(len(order), SIGMA_RAD)
-        parts.append(Directions(np.arange(len(order)), sensor_of, when, origin[sensor_of], unit, sigma))
+        parts.append(
+            Directions(np.arange(len(order)), sensor_of, when, origin[sensor_of], unit, sigma)
+        )
         rows.append(np.arange(len(order)))
     return Directions.concatenate(parts), np.concatenate(rows), sensor_of, target_of
 
@@ -63,7 +71,10 @@ def test_twenty_launches_are_paired_right(sensors: int) -> None:
     directions, row, sensor, target = looked_at(*targets_m(20, 5000.0, rng), sensors, 40, rng)
     table, centre = equations(directions, row, len(sensor))
     group = cheapest_pairing(table, sensor, SetModel(centre))
-    right = [len(set(target[group == one])) == 1 and np.count_nonzero(group == one) == sensors for one in set(group)]
+    right = [
+        len(set(target[group == one])) == 1 and np.count_nonzero(group == one) == sensors
+        for one in set(group)
+    ]
     assert np.mean(right) >= 0.95
 
 
@@ -92,7 +103,9 @@ def test_lines_cross_at_the_target_with_the_misfit_of_their_noise() -> None:
 
 
 def test_two_lines_of_metres_may_be_of_one_target_whichever_is_asked() -> None:
-    """The least squares of one line alone are 0, and no rounding error of sums that cancel: those were some 60."""
+    """The least squares of one line alone are 0, and no rounding error of sums that cancel: those
+    were some 60.
+    """
     rng = np.random.default_rng(12)
     place, velocity = targets_m(40, 3e6, rng)
     for row in range(len(place)):
@@ -108,7 +121,9 @@ def test_two_lines_of_metres_may_be_of_one_target_whichever_is_asked() -> None:
 
 
 def test_what_geometry_cannot_tell_is_a_rival_and_what_it_can_is_none() -> None:
-    """Two targets in one plane with both sensors have ghosts that fit as well; two out of it have none."""
+    """Two targets in one plane with both sensors have ghosts that fit as well; two out of it have
+    none.
+    """
     origin = sensors_m(2)
     up = np.array([np.cos(0.6), 0.0, np.sin(0.6)])
     across = np.cross(origin[0] - EARTH_M * up, origin[1] - EARTH_M * up)
@@ -132,10 +147,14 @@ def test_a_set_is_one_since_its_focal_plane_tracks_changed_targets() -> None:
     directions, row, sensor, target = looked_at(*targets_m(2, 6000.0, rng), 2, 20, rng)
     # For the first eight instants the first sensor's tracks follow the other target.
     other = {
-        int(one): int(np.flatnonzero((sensor == 0) & (target != target[one]))[0]) for one in np.flatnonzero(sensor == 0)
+        int(one): int(np.flatnonzero((sensor == 0) & (target != target[one]))[0])
+        for one in np.flatnonzero(sensor == 0)
     }
     swapped = np.array(
-        [other.get(one, one) if when < 8.0 else one for one, when in zip(row, directions.time_s, strict=True)]
+        [
+            other.get(one, one) if when < 8.0 else one
+            for one, when in zip(row, directions.time_s, strict=True)
+        ]
     )
     table, centre = equations(directions, swapped, 4)
     group = cheapest_pairing(table, sensor, SetModel(centre))

@@ -20,7 +20,11 @@ def test_each_sensor_counts_once_for_the_type() -> None:
         "SRBM": {"ICBM": 0.03, "IRBM": 0.1, "SRBM": 0.77, "UNKNOWN": 0.1},
     }
     evidence = type_log_likelihoods(
-        [stub_sensor("A", confusion=confusion), stub_sensor("B", confusion=confusion), stub_sensor()]
+        [
+            stub_sensor("A", confusion=confusion),
+            stub_sensor("B", confusion=confusion),
+            stub_sensor(),
+        ]
     )
     unknown = REPORTED_TYPES.index("UNKNOWN")
     reported = type_posterior(np.array([[0, -1, -1], [0, 0, 2], [-1, unknown, -1]]), evidence)

@@ -19,6 +19,13 @@ def test_a_launch_shares_its_probability_and_none_has_two_sources():
     groups = np.array([[0.1, 0.2, 0.05, 0.6, 0.05]])
     found = COMPOSITION.probabilities(groups, row(SRBM=0.7, SLV=0.2, none_of_these=0.1))[0]
     assert found.sum() == pytest.approx(1.0)
-    expected = {"noise": 0.1, "ground source": 0.2, "bolide": 0.05, "SRBM": 0.42, "SLV": 0.12, "none of these": 0.11}
+    expected = {
+        "noise": 0.1,
+        "ground source": 0.2,
+        "bolide": 0.05,
+        "SRBM": 0.42,
+        "SLV": 0.12,
+        "none of these": 0.11,
+    }
     for name, chance in expected.items():
         assert found[NAMES.index(name)] == pytest.approx(chance)

@@ -1,4 +1,6 @@
-"""The marginal likelihoods of lines of sight, against multivariate normals written out line by line."""
+"""The marginal likelihoods of lines of sight, against multivariate normals written out line by
+line.
+"""
 
 import numpy as np
 import pytest
@@ -6,13 +8,22 @@ from attrs import evolve
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.motion_priors import MotionPriors
-from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, NONE, MotionStatistics
+from opir_trackers.onset.motion_statistics import (
+    BOLIDE,
+    GROUND,
+    LAUNCH,
+    NOISE,
+    NONE,
+    MotionStatistics,
+)
 from opir_trackers.onset.posterior import GroupPosterior, log_evidence
 from scipy.stats import multivariate_normal
 
 from opir_core.geometry import geodetic_to_ecef, local_axes
 
-PLACE = geodetic_to_ecef(np.array([np.radians(33.0)]), np.array([np.radians(55.0)]), np.array([0.0]))[0]
+PLACE = geodetic_to_ecef(
+    np.array([np.radians(33.0)]), np.array([np.radians(55.0)]), np.array([0.0])
+)[0]
 SENSORS = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians([40.0, 90.0])])
 SIGMA_RAD = 20e-6
 
@@ -24,7 +35,9 @@ def lines_to(points, time_s, sensor, rng, sigma_rad=SIGMA_RAD):
     direction = along / range_m + sigma_rad * rng.standard_normal(along.shape)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     sigma = np.full(len(time_s), sigma_rad)
-    return LinesOfSight(time_s, sensor.astype(np.int32), np.arange(len(time_s)), SENSORS[sensor], direction, sigma)
+    return LinesOfSight(
+        time_s, sensor.astype(np.int32), np.arange(len(time_s)), SENSORS[sensor], direction, sigma
+    )
 
 
 def statistics_of(lines, reference_m, clutter=-np.inf):
@@ -33,11 +46,15 @@ def statistics_of(lines, reference_m, clutter=-np.inf):
 
 
 def normal_log_likelihoods(lines, reference_m, priors):
-    """Return log densities of the angles of all lines at once, less those of lines without error."""
+    """Return log densities of the angles of all lines at once, less those of lines without
+    error.
+    """
     axes = local_axes(PLACE[None])[0]
     rows = []
     measured = []
-    for time_s, origin, direction in zip(lines.time_s, lines.origin_ecef_m, lines.direction_ecef, strict=True):
+    for time_s, origin, direction in zip(
+        lines.time_s, lines.origin_ecef_m, lines.direction_ecef, strict=True
+    ):
         ahead = reference_m - origin
         range_m = np.linalg.norm(ahead)
         towards = ahead / range_m
@@ -66,7 +83,9 @@ def test_evidence_is_that_of_normals_in_the_space_of_angles():
     priors = MotionPriors.of(HypothesesConfig())
     evidence = log_evidence(priors, statistics_of(lines, reference_m))[0]
     # Above the reference point "up" is the same; the axes of its foot are those of the place.
-    assert evidence == pytest.approx(normal_log_likelihoods(lines, reference_m, priors), abs=1e-3, rel=1e-6)
+    assert evidence == pytest.approx(
+        normal_log_likelihoods(lines, reference_m, priors), abs=1e-3, rel=1e-6
+    )
 
 
 def test_lines_add_up_in_any_portions():
@@ -112,7 +131,9 @@ MOTIONS = {
 def test_two_sensors_tell_what_moves_how(name):
     height_m, velocity, acceleration, until_s, group = MOTIONS[name]
     time_s = np.repeat(TIME_S[until_s > TIME_S], 2)
-    path = PLACE + height_m * UP + np.outer(time_s, velocity) + np.outer(0.5 * time_s**2, acceleration)
+    path = (
+        PLACE + height_m * UP + np.outer(time_s, velocity) + np.outer(0.5 * time_s**2, acceleration)
+    )
     sensor = np.tile([0, 1], len(time_s) // 2)
     probability = groups_of(path, time_s, sensor, np.random.default_rng(5))
     assert probability[group] > 0.9
@@ -134,7 +155,10 @@ def test_light_that_goes_out_at_once_is_less_probably_a_launch():
     time_s = np.arange(0.0, 1.5, 0.1)
     path = PLACE + 45e3 * UP + np.outer(time_s, 2e3 * NORTH - 3e3 * UP)
     sensor = np.zeros(len(time_s), dtype=np.int64)
-    lit, out = (groups_of(path, time_s, sensor, np.random.default_rng(9), gone=gone) for gone in (False, True))
+    lit, out = (
+        groups_of(path, time_s, sensor, np.random.default_rng(9), gone=gone)
+        for gone in (False, True)
+    )
     # Mean times of 5 and 100 s.
     assert out[LAUNCH] / out[BOLIDE] == pytest.approx(lit[LAUNCH] / lit[BOLIDE] / 20.0)
     assert out[LAUNCH] < lit[LAUNCH]
@@ -144,7 +168,9 @@ def test_false_alarms_scattered_over_a_gate_are_noise():
     rng = np.random.default_rng(6)
     time_s = 10.0 * np.arange(6)
     clutter = np.log(100.0)
-    scattered = PLACE + 15e3 * (rng.standard_normal((6, 1)) * EAST + rng.standard_normal((6, 1)) * NORTH)
+    scattered = PLACE + 15e3 * (
+        rng.standard_normal((6, 1)) * EAST + rng.standard_normal((6, 1)) * NORTH
+    )
     sensor = np.zeros(6, dtype=np.int64)
     assert groups_of(scattered, time_s, sensor, rng, clutter=clutter, pause_s=10.0)[NOISE] > 0.95
     together = np.tile(PLACE, (6, 1))
@@ -175,7 +201,9 @@ def test_a_fire_that_is_seen_for_long_is_assessed_every_five_seconds_or_every_st
     assessed = []
     for tick_s in np.arange(25.3, 65.0, step_s):
         stale = evolve(known, probability=np.full((1, 5), 0.2) * [[1.0, 4.0, 0.0, 0.0, 0.0]])
-        now = posterior.assessed(stale, tick_s, np.zeros(1), np.full(1, tick_s - 0.05), np.array([0.1]), step_s)
+        now = posterior.assessed(
+            stale, tick_s, np.zeros(1), np.full(1, tick_s - 0.05), np.array([0.1]), step_s
+        )
         if now.probability is not stale.probability:
             assessed.append(tick_s)
     assert len(assessed) > 2

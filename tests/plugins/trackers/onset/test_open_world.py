@@ -1,4 +1,6 @@
-"""Fires and launches before the whole tracker: a fire is a source that stands, a launch is found among fires."""
+"""Fires and launches before the whole tracker: a fire is a source that stands, a launch is found
+among fires.
+"""
 
 import numpy as np
 import pytest
@@ -30,7 +32,11 @@ SCENE = {
     "background": "earth",
     "tracker": "imm",
     "sources": [
-        {"id": "fires", "model": "fires", "at": [{"lat_deg": lat, "lon_deg": lon} for lat, lon in FIRES]},
+        {
+            "id": "fires",
+            "model": "fires",
+            "at": [{"lat_deg": lat, "lon_deg": lon} for lat, lon in FIRES],
+        },
     ],
 }
 
@@ -41,7 +47,9 @@ def tracks():
 
 
 def by_track(tracks):
-    return [tracks.take(np.flatnonzero(tracks.track == number)) for number in np.unique(tracks.track)]
+    return [
+        tracks.take(np.flatnonzero(tracks.track == number)) for number in np.unique(tracks.track)
+    ]
 
 
 @pytest.mark.slow
@@ -67,10 +75,17 @@ def test_fires_are_sources_that_stand_and_the_launch_is_found(tracks):
 
 @pytest.mark.slow
 def test_false_alarms_make_no_tracks():
-    """Two scanners with 17 false alarms a scan: some repeat within a gate, and what they make is noise."""
+    """Two scanners with 17 false alarms a scan: some repeat within a gate, and what they make is
+    noise.
+    """
     more = {"preset": "heritage", "confirmation_detections": 1, "confirmation_scans": 1}
-    sensors = [{"model": "DSP", "id": f"D{slot}", "orbital_slot_deg": slot, **more} for slot in (20.0, 70.0)]
-    fire = [{"id": "fires", "model": "fires", "at": [{"lat_deg": FIRES[0][0], "lon_deg": FIRES[0][1]}]}]
+    sensors = [
+        {"model": "DSP", "id": f"D{slot}", "orbital_slot_deg": slot, **more}
+        for slot in (20.0, 70.0)
+    ]
+    fire = [
+        {"id": "fires", "model": "fires", "at": [{"lat_deg": FIRES[0][0], "lon_deg": FIRES[0][1]}]}
+    ]
     changes = {"sensors": sensors, "targets": [], "sources": fire, "duration_s": 300}
     found = opir.simulate(opir.scene_from_mapping({**SCENE, **changes})).tracks
     assert len(np.unique(found.track)) == 1
@@ -80,9 +95,14 @@ def test_false_alarms_make_no_tracks():
 @pytest.mark.slow
 def test_every_report_has_the_whole_table(tracks):
     table = tracks.hypothesis_probability
-    assert table.shape == (len(tracks), len(opir.compile_plan(opir.scene_from_mapping(SCENE)).hypotheses))
+    assert table.shape == (
+        len(tracks),
+        len(opir.compile_plan(opir.scene_from_mapping(SCENE)).hypotheses),
+    )
     assert table.sum(axis=1) == pytest.approx(np.ones(len(tracks)))
-    assert np.all(tracks.probability_missile + tracks.probability_orbit <= tracks.probability_launch + 1e-12)
+    assert np.all(
+        tracks.probability_missile + tracks.probability_orbit <= tracks.probability_launch + 1e-12
+    )
     assert tracks.type_probability.sum(axis=1) == pytest.approx(np.ones(len(tracks)))
 
 
@@ -99,5 +119,6 @@ def test_fires_are_where_they_are(tracks):
         off = np.concatenate([away[nearest], source.state[:, 3:]], axis=1)
         squares.append(nees(off[-1:], source.state_covariance[-1:])[0])
         assert np.linalg.norm(source.state[-1, 3:]) < 1.0
-    # Three positions of three degrees of freedom each; the velocities are next to nothing. χ²₉ exceeds 28 once in 1000.
+    # Three positions of three degrees of freedom each; the velocities are next to nothing. χ²₉
+    # exceeds 28 once in 1000.
     assert sum(squares) < 28.0

@@ -23,7 +23,13 @@ def misfits_of(rows: np.ndarray, seen: np.ndarray) -> Misfits:
     """Return the information of one target."""
     matrix = rows.T @ rows
     vector = rows.T @ seen
-    return Misfits(np.zeros(1, dtype=np.int64), matrix[None], vector[None], np.array([seen @ seen]), np.array([2.0]))
+    return Misfits(
+        np.zeros(1, dtype=np.int64),
+        matrix[None],
+        vector[None],
+        np.array([seen @ seen]),
+        np.array([2.0]),
+    )
 
 
 def after(filter_: ErrorFilter, made: list[tuple[np.ndarray, np.ndarray]]) -> ErrorFilter:
@@ -45,7 +51,9 @@ def test_against_a_batch_solution_of_each_scale() -> None:
         variance = np.repeat(np.square(stated) + scale_rad**2, 3)
         variance[2::3] = 0.1**2
         covariance = np.linalg.inv(rows.T @ rows + np.diag(1.0 / variance))
-        assert filter_.covariance[scale] == pytest.approx(covariance, rel=1e-6, abs=1e-9 * covariance.max())
+        assert filter_.covariance[scale] == pytest.approx(
+            covariance, rel=1e-6, abs=1e-9 * covariance.max()
+        )
         mean = covariance @ rows.T @ seen
         assert filter_.mean[scale] == pytest.approx(mean, rel=1e-6, abs=1e-6 * np.abs(mean).max())
         spread = rows @ np.diag(variance) @ rows.T + np.eye(len(rows))
@@ -56,7 +64,10 @@ def test_against_a_batch_solution_of_each_scale() -> None:
 
 
 def test_sensors_that_are_as_stated_pay_nothing() -> None:
-    filter_ = after(ErrorFilter.of(np.zeros(2), 0.0, NEVER_S), [(r * 1e6, s) for r, s in slices(np.zeros(6), 40, 3.0)])
+    filter_ = after(
+        ErrorFilter.of(np.zeros(2), 0.0, NEVER_S),
+        [(r * 1e6, s) for r, s in slices(np.zeros(6), 40, 3.0)],
+    )
     known = filter_.reported()
     assert not known.mean.any()
     assert not known.covariance.any()

@@ -1,4 +1,6 @@
-"""Innovations, noise and explained looks in whole runs of `imm`, with what the report says of them."""
+"""Innovations, noise and explained looks in whole runs of `imm`, with what the report says of
+them.
+"""
 
 from functools import cache
 from typing import Any
@@ -57,7 +59,9 @@ def spread(detections: Detections, extra_rad: np.ndarray, seed: int = 8) -> Dete
     return evolve(detections, line_of_sight_ecef=moved / np.linalg.norm(moved, axis=1)[:, None])
 
 
-def followed(detections: Detections, sensors: int = 2, clock_sigma_s: float = 0.0) -> tuple[int, SensorHealth]:
+def followed(
+    detections: Detections, sensors: int = 2, clock_sigma_s: float = 0.0
+) -> tuple[int, SensorHealth]:
     """Return the number of tracks that were reported, and the health of the sensors."""
     tracker = plan(sensors, clock_sigma_s).make_tracker()
     cut = 0
@@ -88,9 +92,12 @@ def test_sensors_as_stated() -> None:
 
 def test_a_wrong_sensor_is_named() -> None:
     detections = looks()
-    tracks, health = followed(spread(detections, np.where(detections.sensor == 1, np.sqrt(8.0) * SIGMA_RAD, 0.0)))
+    tracks, health = followed(
+        spread(detections, np.where(detections.sensor == 1, np.sqrt(8.0) * SIGMA_RAD, 0.0))
+    )
     assert tracks == len(LAUNCHES)
-    # Looks beyond the first gate are missed until the noise is known: for a minute the figure is some 7 % low.
+    # Looks beyond the first gate are missed until the noise is known: for a minute the figure is
+    # some 7 % low.
     assert health.noise_scale == pytest.approx([1.0, 3.0], rel=0.1)
     assert health.innovations[1] > 5.0
     assert "not as stated" not in health.text[0]

@@ -25,17 +25,25 @@ def pairs(
     apart = predicted - VANTAGES.origin_m[sensor]
     axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
     moved = VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0][sensor]
-    seen = PLACE + np.einsum("nij,nj->ni", moved, error.reshape(-1, 3)[sensor]) - VANTAGES.origin_m[sensor]
+    seen = (
+        PLACE
+        + np.einsum("nij,nj->ni", moved, error.reshape(-1, 3)[sensor])
+        - VANTAGES.origin_m[sensor]
+    )
     local = np.einsum("nij,nj->ni", axes, seen)
     measured = local[:, :2] / local[:, 2:] + noise
     count = len(sensor)
     time_s = np.tile(np.arange(10) * 0.1 - 1.0, sensors)
     whole = np.zeros(count, dtype=np.int64)
     rest = np.zeros(count), np.zeros(count), np.full(count, SIGMA_RAD)
-    return GatedPairs(whole, np.arange(count), time_s, VANTAGES.origin_m[sensor], axes, measured, *rest), sensor
+    return GatedPairs(
+        whole, np.arange(count), time_s, VANTAGES.origin_m[sensor], axes, measured, *rest
+    ), sensor
 
 
-def found(made: tuple[GatedPairs, np.ndarray], place: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def found(
+    made: tuple[GatedPairs, np.ndarray], place: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
     means = mean_residuals(*made, 3)
     one = misfits(means, place[None], np.zeros((1, 3)), np.zeros(1), VANTAGES)
     return one.matrix[0], one.vector[0], float(one.square[0])
@@ -45,8 +53,11 @@ def found(made: tuple[GatedPairs, np.ndarray], place: np.ndarray) -> tuple[np.nd
 def test_errors_are_found_wherever_the_track_is(off_m: tuple[float, float, float]) -> None:
     place = PLACE + off_m
     matrix, vector, square = found(pairs(place, ERROR, np.zeros((30, 2))), place)
-    # Three sensors have three misfits: of six angles three combinations are seen, and these to within a nanoradian.
-    assert np.linalg.matrix_rank(matrix[np.ix_([0, 1, 3, 4, 6, 7], [0, 1, 3, 4, 6, 7])], tol=1e6) == 3
+    # Three sensors have three misfits: of six angles three combinations are seen, and these to
+    # within a nanoradian.
+    assert (
+        np.linalg.matrix_rank(matrix[np.ix_([0, 1, 3, 4, 6, 7], [0, 1, 3, 4, 6, 7])], tol=1e6) == 3
+    )
     sharp = np.sqrt(np.diagonal(matrix)).max()
     assert np.abs(vector - matrix @ ERROR).max() < 2e-3 * sharp * np.sqrt(square)
     assert square == pytest.approx(ERROR @ matrix @ ERROR, rel=5e-3)
@@ -57,19 +68,22 @@ def test_two_sensors_see_the_misfit_of_their_epipolar_planes() -> None:
     matrix, vector, square = found(made, PLACE)
     base = VANTAGES.origin_m[1] - VANTAGES.origin_m[0]
     seen = [
-        PLACE + VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0][row] @ ERROR.reshape(3, 3)[row]
+        PLACE
+        + VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0][row] @ ERROR.reshape(3, 3)[row]
         for row in range(2)
     ]
     rays = [place - VANTAGES.origin_m[row] for row, place in enumerate(seen)]
     units = [ray / np.linalg.norm(ray) for ray in rays]
     misfit = base @ np.cross(*units)
     assert np.linalg.matrix_rank(matrix[:6, :6], tol=1e6) == 1
-    # Each ray off its plane by the noise of a mean: the misfit is linear in both, by the triple products.
+    # Each ray off its plane by the noise of a mean: the misfit is linear in both, by the triple
+    # products.
     spread = (
         SIGMA_RAD
         / np.sqrt(10.0)
         * np.hypot(
-            np.linalg.norm(base @ _across(units[0], units[1])), np.linalg.norm(base @ _across(units[1], units[0]))
+            np.linalg.norm(base @ _across(units[0], units[1])),
+            np.linalg.norm(base @ _across(units[1], units[0])),
         )
     )
     assert np.sqrt(square) == pytest.approx(abs(misfit) / spread, rel=5e-3)
@@ -77,7 +91,9 @@ def test_two_sensors_see_the_misfit_of_their_epipolar_planes() -> None:
 
 
 def _across(moved: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the derivatives (3, 2) of the cross product of two directions by angles across the first."""
+    """Return the derivatives (3, 2) of the cross product of two directions by angles across the
+    first.
+    """
     axes = tangent_axes(moved[None])[0]
     return np.stack([np.cross(axes[0], other), np.cross(axes[1], other)], axis=1)
 

@@ -1,4 +1,6 @@
-"""What `imm` finds of its sensors: summary, manifest, saved run, `explain`, `score`, status and metrics."""
+"""What `imm` finds of its sensors: summary, manifest, saved run, `explain`, `score`, status and
+metrics.
+"""
 
 import json
 from pathlib import Path
@@ -45,7 +47,10 @@ SCENE: dict[str, Any] = {
 
 
 def test_unknown_is_none_and_known_is_plain() -> None:
-    known = {"noise_scale": np.array([1.5, np.nan]), "bias_rad": np.array([[1e-6, np.nan], [0.0, 2e-6]])}
+    known = {
+        "noise_scale": np.array([1.5, np.nan]),
+        "bias_rad": np.array([[1e-6, np.nan], [0.0, 2e-6]]),
+    }
     first, second = SensorHealth.of(known, ("one", "other")).documents()
     assert first["noise_scale"] == 1.5
     assert first["bias_rad"] == [1e-6, None]
@@ -59,12 +64,14 @@ def test_a_combination_that_is_not_seen_is_found_as_a_difference() -> None:
     """Two sensors, whose north angles are seen as a sum alone, and whose east angles are known."""
     covariance = np.zeros((6, 6))
     for pair, known in (((0, 3), 1e-3), ((1, 4), 1.0)):
-        covariance[np.ix_(pair, pair)] = known * np.array([[0.5, -0.5], [-0.5, 0.5]]) + 1e-4 * np.eye(2)
+        covariance[np.ix_(pair, pair)] = known * np.array(
+            [[0.5, -0.5], [-0.5, 0.5]]
+        ) + 1e-4 * np.eye(2)
     prior = np.array([1.0, 1.0, 0.0, 1.0, 1.0, 0.0])
     parts = unobservable(Moments(np.zeros(6), covariance), prior)
-    assert parts == pytest.approx(np.array([[0.0, 1.0, 0.0, 0.0, -1.0, 0.0]]), abs=1e-9) or parts == pytest.approx(
-        np.array([[0.0, -1.0, 0.0, 0.0, 1.0, 0.0]]), abs=1e-9
-    )
+    assert parts == pytest.approx(
+        np.array([[0.0, 1.0, 0.0, 0.0, -1.0, 0.0]]), abs=1e-9
+    ) or parts == pytest.approx(np.array([[0.0, -1.0, 0.0, 0.0, 1.0, 0.0]]), abs=1e-9)
 
 
 def test_a_sensor_without_compared_looks_is_not_judged() -> None:
@@ -72,15 +79,27 @@ def test_a_sensor_without_compared_looks_is_not_judged() -> None:
     before = Registration.of(ErrorFilter.of(np.zeros(3), 0.0, 600.0), np.full(3, 0.1))
     weight = np.append(1.0, np.zeros(len(before.errors.log_weight) - 1))
     errors = evolve(before.errors, used=400, log_weight=np.log(np.maximum(weight, 1e-300)))
-    innovations = evolve(before.innovations, looks=np.array([400.0, 400.0, 0.0]), square=np.array([800.0, 800.0, 0.0]))
-    after = evolve(before, errors=errors, known=errors.reported(), wide=errors.moments(), innovations=innovations)
+    innovations = evolve(
+        before.innovations,
+        looks=np.array([400.0, 400.0, 0.0]),
+        square=np.array([800.0, 800.0, 0.0]),
+    )
+    after = evolve(
+        before,
+        errors=errors,
+        known=errors.reported(),
+        wide=errors.moments(),
+        innovations=innovations,
+    )
     texts = sensor_health(after, ("WEST", "EAST", "IDLE")).text
     assert ["no sign of a bias" in text for text in texts] == [True, True, False]
     assert texts[2].startswith("not judged: no look of it was compared with a track")
 
 
 @pytest.mark.slow
-def test_summary_manifest_saved_run_explain_and_score(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_summary_manifest_saved_run_explain_and_score(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "scene.yaml"
     events = tmp_path / "run.jsonl"
     path.write_text(yaml.safe_dump(SCENE), encoding="utf-8")
@@ -104,7 +123,11 @@ def test_summary_manifest_saved_run_explain_and_score(tmp_path: Path, capsys: py
 @pytest.mark.slow
 def test_status_and_metrics_of_a_service(tmp_path: Path) -> None:
     with serving(tmp_path, "--speed", "6", scene=yaml.safe_dump(SCENE)) as stand:
-        until(lambda: (stand.ask("GET", "/status").json["sensors"][0]["health"] or {}).get("noise_scale"))
+        until(
+            lambda: (stand.ask("GET", "/status").json["sensors"][0]["health"] or {}).get(
+                "noise_scale"
+            )
+        )
         row = stand.ask("GET", "/status").json["sensors"][0]
         page = stand.ask("GET", "/metrics").body.decode()
     assert len(row["health"]["bias_rad"]) == 2

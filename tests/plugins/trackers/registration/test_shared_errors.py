@@ -1,4 +1,6 @@
-"""What shared errors do to directions and positions, beside the simulator's rotation and a triangulation."""
+"""What shared errors do to directions and positions, beside the simulator's rotation and a
+triangulation.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ TURN_RAD_S = 7.292115e-5
 
 
 def lines(direction: np.ndarray) -> LinesOfSight:
-    return LinesOfSight(np.zeros(2), EACH.astype(np.int32), EACH, ORIGIN, direction, np.full(2, 2e-5))
+    return LinesOfSight(
+        np.zeros(2), EACH.astype(np.int32), EACH, ORIGIN, direction, np.full(2, 2e-5)
+    )
 
 
 def directions(apart: np.ndarray) -> np.ndarray:
@@ -49,7 +53,10 @@ def test_against_triangulation_of_lines_with_an_error(sensor: int, error: int) -
         angles = np.where(sensor == EACH, size, 0.0)
         bias = PointingBias(*((angles, 0.0 * angles) if error == 0 else (0.0 * angles, angles)))
         wrong = np.stack(bias.applied(*true.T, EACH, ORIGIN), axis=1)
-    both = [triangulated(np.zeros(2, dtype=np.int64), 1, ORIGIN, one, np.full(2, 2e-5)) for one in (true, wrong)]
+    both = [
+        triangulated(np.zeros(2, dtype=np.int64), 1, ORIGIN, one, np.full(2, 2e-5))
+        for one in (true, wrong)
+    ]
     expected = (both[1].position_m - both[0].position_m)[0]
     vantages = Vantages.of(SENSORS, 0.0)._replace(weight=np.full(2, 1e9))
     shift = vantages.shifts(PLACE[None], VELOCITY[None], np.ones((1, 2), dtype=np.bool_))
