@@ -1,4 +1,5 @@
-"""The base class of conformance tests, the error that a failed one raises, and checks that they share.
+"""The base class of conformance tests, the error that a failed one raises, and checks that they
+share.
 
 The checks are independence of rows, equal events, pickling, and statistical bounds of 99.9 %.
 """
@@ -23,7 +24,9 @@ from opir_testing.execution_monitor import LOOP_STEPS, outside_inputs, steps_per
 
 
 class ConformanceError(AssertionError):
-    """A requirement that a component does not meet: `seen` is the observation, `change` the remedy."""
+    """A requirement that a component does not meet: `seen` is the observation, `change` the
+    remedy.
+    """
 
     def __init__(self, seen: str, change: str) -> None:
         self.seen = seen
@@ -47,9 +50,9 @@ class Contract:
             settings = {"scan_period_ms": 50.0}
 
     `settings` is its block in a scene. `plugins` are the modules of plugins that are not installed.
-    `expected_failures` maps tests that it fails to reasons; such a test must fail. The docstring of a test is the
-    requirement; a component that does not meet it raises `ConformanceError`. `opir check` runs the same methods
-    without pytest.
+    `expected_failures` maps tests that it fails to reasons; such a test must fail. The docstring of
+    a test is the requirement; a component that does not meet it raises `ConformanceError`. `opir
+    check` runs the same methods without pytest.
     """
 
     kind: ClassVar[type[Component]]
@@ -81,7 +84,9 @@ class Contract:
 
     @classmethod
     def built(cls, base: type, config: Any, *context: Any) -> Any:
-        """Return what the component builds, as a part of a class; raises `ConformanceError` if a member is missing."""
+        """Return what the component builds, as a part of a class; raises `ConformanceError` if a
+        member is missing.
+        """
         return complete_part(base, cls.component().build(config, *context))
 
     @classmethod
@@ -111,15 +116,20 @@ class Contract:
 
 
 def undefined(contract: type[Contract], method: str, returned: str) -> NotImplementedError:
-    """Return the error of a contract that lacks a method: which class must define what, returning what."""
+    """Return the error of a contract that lacks a method: which class must define what, returning
+    what.
+    """
     return NotImplementedError(
         f"{contract.__name__} must define {method}, which returns {returned}."
-        " The contract of each kind of component defines it: inherit that of your kind from opir_testing."
+        " The contract of each kind of component defines it: inherit that of your kind from"
+        " opir_testing."
     )
 
 
 def complete_part(base: Any, part: Any) -> Any:
-    """Return a built part as one of a class; raises `ConformanceError` if it is None or lacks a member."""
+    """Return a built part as one of a class; raises `ConformanceError` if it is None or lacks a
+    member.
+    """
     change = f"Return it from build; opir_core.plugin.{base.__name__} says what is required."
     require(part is not None, "build returned None", change)
     if hasattr(base, "adopt"):
@@ -130,7 +140,9 @@ def complete_part(base: Any, part: Any) -> Any:
     members = [name for name in vars(base) if not name.startswith("_")] if is_protocol(base) else []
     missing = [name for name in members if not hasattr(part, name)]
     require(not missing, f"build made {kind_of(part)} without {', '.join(missing)}", change)
-    require(members or isinstance(part, base), f"build made {kind_of(part)}, no {base.__name__}", change)
+    require(
+        members or isinstance(part, base), f"build made {kind_of(part)}, no {base.__name__}", change
+    )
     return part
 
 
@@ -140,7 +152,9 @@ def is_protocol(base: type) -> bool:
 
 
 def read_config(component: Any, settings: Mapping[str, Any]) -> Any:
-    """Return a component's configuration, read as from a scene; raises `ConformanceError` if invalid."""
+    """Return a component's configuration, read as from a scene; raises `ConformanceError` if
+    invalid.
+    """
     try:
         preset = component.presets.get(settings.get("preset"), {})
         written = {key: value for key, value in settings.items() if key != "preset"}
@@ -148,11 +162,13 @@ def read_config(component: Any, settings: Mapping[str, Any]) -> Any:
         return class_reader(component.config)(node)
     except InvalidNode as refused:
         problems = "; ".join(
-            f"{complaint.path.lstrip('.')}: {complaint.message}".removeprefix(": ") for complaint in refused.complaints
+            f"{complaint.path.lstrip('.')}: {complaint.message}".removeprefix(": ")
+            for complaint in refused.complaints
         )
         raise ConformanceError(
             f"{component.kind} {component.name} rejects its settings: {problems}",
-            "Give the contract settings = {...} (opir check: --set key=value), or the fields valid defaults.",
+            "Give the contract settings = {...} (opir check: --set key=value), or the fields valid"
+            " defaults.",
         ) from refused
 
 
@@ -163,7 +179,8 @@ def require_documented(component: Any) -> None:
     require(
         not bare,
         f"{config.__name__} has fields without help: {', '.join(bare)}",
-        "Make each field with number, text, flag or nested of opir_core.plugin, with help=, unit= and a range.",
+        "Make each field with number, text, flag or nested of opir_core.plugin, with help=, unit="
+        " and a range.",
     )
 
 
@@ -177,7 +194,8 @@ def test_names(contract: type[Contract]) -> list[str]:
 
 def requirement(contract: type[Contract], test: str) -> str:
     """Return the requirement that a test checks, in one line."""
-    return (getattr(contract, test).__doc__ or test).strip().splitlines()[0]
+    paragraph = (getattr(contract, test).__doc__ or test).strip().partition("\n\n")[0]
+    return " ".join(paragraph.split())
 
 
 # pytest collects functions by this prefix, also where they are imported.
@@ -191,7 +209,9 @@ Z_999 = 3.2905267314919255
 
 
 def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
-    """Require that `compute(chosen)` returns for each row the same bits as `compute` of all rows."""
+    """Require that `compute(chosen)` returns for each row the same bits as `compute` of all
+    rows.
+    """
     everyone = np.arange(rows)
     whole = np.asarray(compute(everyone))
     require_rows(what, whole, rows)
@@ -210,9 +230,11 @@ def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
         if differs.any():
             row = int(np.flatnonzero(differs)[0])
             raise ConformanceError(
-                f"{what} of row {int(chosen[row])} is {whole[chosen][row]} among all rows and {part[row]}"
+                f"{what} of row {int(chosen[row])} is {whole[chosen][row]} among all rows and"
+                f" {part[row]}"
                 f" in a selection ({selection})",
-                "Compute each row from its own columns: no sums, means, sorting or running state over rows. Draw random"
+                "Compute each row from its own columns: no sums, means, sorting or running state"
+                " over rows. Draw random"
                 " numbers for all rows of the call.",
             )
 
@@ -222,11 +244,14 @@ def require_rows(what: str, values: Any, rows: int) -> None:
     require(
         np.ndim(values) >= 1 and len(values) == rows,
         f"{what} has shape {np.shape(values)} for {rows} rows",
-        f"Return an array with one row for each row of the input, here ({rows}, ...), and an empty one for none.",
+        f"Return an array with one row for each row of the input, here ({rows}, ...), and an empty"
+        f" one for none.",
     )
 
 
-def require_array_computation(what: str, compute: Callable[[int], object], few: int, many: int) -> None:
+def require_array_computation(
+    what: str, compute: Callable[[int], object], few: int, many: int
+) -> None:
     """Require that `compute(rows)` takes about as many steps of Python for many rows as for few."""
     steps = steps_per_row(compute, few, many)
     require(
@@ -242,28 +267,40 @@ def require_no_outside_inputs(act: Callable[[], object], change: str) -> None:
     require(not inputs, f"it uses {'; '.join(inputs[:3])}", change)
 
 
-def require_same_events(expected: Sequence[bytes], lines: Sequence[bytes], where: str, change: str) -> None:
+def require_same_events(
+    expected: Sequence[bytes], lines: Sequence[bytes], where: str, change: str
+) -> None:
     """Require that two runs have the same events, line by line."""
     if list(expected) == list(lines):
         return
     pairs = zip(expected, lines, strict=False)
-    first = next((row for row, (one, other) in enumerate(pairs) if one != other), min(len(expected), len(lines)))
+    first = next(
+        (row for row, (one, other) in enumerate(pairs) if one != other),
+        min(len(expected), len(lines)),
+    )
     differing = " and ".join(
-        (each[first].decode(errors="replace")[:300] if first < len(each) else "nothing") for each in (expected, lines)
+        (each[first].decode(errors="replace")[:300] if first < len(each) else "nothing")
+        for each in (expected, lines)
     )
     raise ConformanceError(
-        f"{where} there are {len(lines)} events instead of {len(expected)}, or different ones: {differing}", change
+        f"{where} there are {len(lines)} events instead of {len(expected)}, or different ones:"
+        f" {differing}",
+        change,
     )
 
 
 def require_complete_abilities(base: type, part: Any, abilities: Sequence[Sequence[str]]) -> None:
-    """Require that a built part defines all members of an optional ability of its base class, or none of them."""
+    """Require that a built part defines all members of an optional ability of its base class, or
+    none of them.
+    """
     for members in abilities:
         missing = [name for name in members if not has_own(base, part, name)]
         if missing and len(missing) < len(members):
             raise ConformanceError(
-                f"it defines {', '.join(name for name in members if name not in missing)} and not {', '.join(missing)}",
-                f"Define all of {', '.join(members)} of opir_core.plugin.{base.__name__}, or none of them.",
+                f"it defines {', '.join(name for name in members if name not in missing)} and not"
+                f" {', '.join(missing)}",
+                f"Define all of {', '.join(members)} of opir_core.plugin.{base.__name__}, or none"
+                f" of them.",
             )
 
 
@@ -274,7 +311,8 @@ def require_pickling(part: Any) -> Any:
     except Exception as error:
         raise ConformanceError(
             f"{type(part).__name__} cannot be pickled: {error}",
-            "Keep no open files, locks, lambdas or local functions in the object that build returns. Define classes and"
+            "Keep no open files, locks, lambdas or local functions in the object that build"
+            " returns. Define classes and"
             " functions at module level.",
         ) from error
 
@@ -286,24 +324,29 @@ def require_same_copy(part: Any, results: Callable[[Any], Any]) -> None:
 
 
 def count_excess(count: float, chances: FloatArray) -> float:
-    """Return the distance of a count from its expectation, in half widths of its 99.9 % interval; inside up to 1.
+    """Return the distance of a count from its expectation, in half widths of its 99.9 % interval;
+    inside up to 1.
 
-    `chances` (n,) are those of independent trials. The half width is that of the normal with the count's variance
-    (Poisson binomial); half a count is the continuity correction.
+    `chances` (n,) are those of independent trials. The half width is that of the normal with the
+    count's variance (Poisson binomial); half a count is the continuity correction.
     """
     spread = math.sqrt(float(np.sum(chances * (1.0 - chances))))
     return max(abs(count - float(np.sum(chances))) - 0.5, 0.0) / max(Z_999 * spread, 1e-9)
 
 
 def rate_excess(count: float, expected: float) -> float:
-    """Return the distance of a Poisson count from its mean, in half widths of its 99.9 % interval (normal)."""
+    """Return the distance of a Poisson count from its mean, in half widths of its 99.9 % interval
+    (normal).
+    """
     return max(abs(count - expected) - 0.5, 0.0) / max(Z_999 * math.sqrt(expected), 1e-9)
 
 
 def uniformity_excess(values: FloatArray) -> float:
-    """Return the Kolmogorov-Smirnov distance of values (n,) from uniform on [0, 1], in units of its 99.9 % point.
+    """Return the Kolmogorov-Smirnov distance of values (n,) from uniform on [0, 1], in units of its
+    99.9 % point.
 
-    Stephens' form of the point for finite n (J. R. Stat. Soc. B 32, 1970): D (sqrt n + 0.12 + 0.11 / sqrt n) <= 1.950.
+    Stephens' form of the point for finite n (J. R. Stat. Soc. B 32, 1970): D (sqrt n + 0.12 + 0.11
+    / sqrt n) <= 1.950.
     """
     count = len(values)
     if count == 0:
