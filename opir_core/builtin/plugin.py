@@ -31,6 +31,7 @@ from opir_core.host.components import (
 )
 from opir_core.host.hookspecs import hookimpl
 from opir_core.output.events import schema_text
+from opir_core.scene.fields import CONFUSION, DETECTION_PROBABILITY, SOURCES
 
 
 def built_by(module: str, function: str) -> Callable[..., Any]:
@@ -117,12 +118,19 @@ def opir_detection_models() -> Iterable[DetectionModel]:
         summary="a probability of detection per sensor and target type (the paper's)",
         config=ConstantConfig,
         build=built_by("detection", "constant_detection"),
+        reads=(DETECTION_PROBABILITY,),
     )
     yield DetectionModel(
-        name="always", summary="every look detects", build=built_by("detection", "always_detection")
+        name="always",
+        summary="every look detects",
+        build=built_by("detection", "always_detection"),
+        reads=(SOURCES,),
     )
     yield DetectionModel(
-        name="never", summary="no look detects", build=built_by("detection", "never_detection")
+        name="never",
+        summary="no look detects",
+        build=built_by("detection", "never_detection"),
+        reads=(SOURCES,),
     )
 
 
@@ -134,21 +142,25 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
         summary="drawn from a confusion matrix, once per sensor and launch; knows the true type",
         config=ConfusionConfig,
         build=built_by("classification", "confusion_classifier"),
+        reads=(CONFUSION,),
     )
     yield ClassifierModel(
         name="none",
         summary="every target is UNKNOWN",
         build=built_by("classification", "no_answer"),
+        reads=(),
     )
     yield ClassifierModel(
         name="always",
         summary="the true type, each time",
         build=built_by("classification", "true_type"),
+        reads=(),
     )
     yield ClassifierModel(
         name="never",
         summary="every target is UNKNOWN, like none",
         build=built_by("classification", "no_answer"),
+        reads=(),
     )
 
 
@@ -161,19 +173,28 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
         " paper's)",
         config=WeightedConfig,
         build=built_by("classification", "weighted_confidence"),
+        reads=(),
     )
     yield ConfidenceModel(
-        name="always", summary="confidence 1", build=built_by("classification", "full_confidence")
+        name="always",
+        summary="confidence 1",
+        build=built_by("classification", "full_confidence"),
+        reads=(),
     )
     yield ConfidenceModel(
-        name="never", summary="confidence 0", build=built_by("classification", "no_confidence")
+        name="never",
+        summary="confidence 0",
+        build=built_by("classification", "no_confidence"),
+        reads=(),
     )
 
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `none`."""
-    yield TrackerModel(name="none", summary="no tracks", build=built_by("no_tracker", "no_tracker"))
+    yield TrackerModel(
+        name="none", summary="no tracks", build=built_by("no_tracker", "no_tracker"), reads=()
+    )
 
 
 @hookimpl

@@ -28,7 +28,8 @@ def validate(arguments: argparse.Namespace) -> int:
     for warning in plan_warnings(checked):
         warn(warning)
     size = f"{len(checked.sensors)} sensors, {len(checked.targets.ids)} targets"
-    sys.stdout.write(f"{arguments.scene}: valid ({size})\n")
+    lines = [f"{arguments.scene}: valid ({size})", *checked.scene.automatic]
+    sys.stdout.write("\n".join(lines) + "\n")
     return 0
 
 
@@ -60,10 +61,7 @@ def _as_text(plan: Mapping[str, Any]) -> str:
     pairs = [_pair_cells(row) for row in plan["pairs"]]
     skipped = [(row["sensor_id"], row["target_id"], row["reason"]) for row in plan["skipped"]]
     parts = [
-        (
-            f"{plan['scene']}: {grouped(plan['looks'])} looks of {len(pairs)} pairs; forces"
-            f" {', '.join(plan['forces'])}"
-        ),
+        _head(plan),
         table(("kind", "name", "from"), components),
         table(
             ("sensor", "target", "looks", "from s", "to s", "visible", "P_d"),
@@ -136,6 +134,13 @@ def _as_text(plan: Mapping[str, Any]) -> str:
     ]
     parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
     return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
+
+
+def _head(plan: Mapping[str, Any]) -> str:
+    size = f"{grouped(plan['looks'])} looks of {len(plan['pairs'])} pairs"
+    return "\n".join(
+        [f"{plan['scene']}: {size}; forces {', '.join(plan['forces'])}", *plan["automatic"]]
+    )
 
 
 def _assumed(sensors: Sequence[str]) -> list[str]:

@@ -282,7 +282,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         f"{scene.duration_s:g} s, seed {scene.seed}"
     )
     parts = [
-        head,
+        "\n".join([head, *scene.automatic]),
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
         _health(outcome.summary),

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from attrs import field, frozen
 
+from opir_core.scene.fields import LIGHT, SOURCES
 from opir_core.scene.target_classes import TargetClass
 
 
@@ -60,6 +61,12 @@ class Component:
     names. `presets` are named sets of configuration values: a block with `preset: NAME` starts from
     them instead of the defaults.
 
+    `reads` are the subjects of other components' settings that this one reads (`light`,
+    `detection_probability`, `confusion`), None if it does not say; a setting of a subject that
+    nothing reads is warned of. A component of a `subject` has an effect only where another reads
+    it. `presets_for` names, by subject, the preset from which a block without one starts where the
+    detection model reads the subject.
+
     >>> @frozen
     ... class MistConfig:
     ...     height_m: float = 50.0
@@ -76,12 +83,22 @@ class Component:
     hook: ClassVar[str] = ""
     #: The kind in words.
     kind: ClassVar[str] = "component"
+    #: The subject of every component of this kind.
+    subject_of_kind: ClassVar[str] = ""
 
     name: str
     summary: str
     config: type = NoConfig
     build: Callable[..., Any]
     presets: Mapping[str, Mapping[str, Any]] = field(factory=dict)
+    reads: Sequence[str] | None = None
+    subject: str = ""
+    presets_for: Mapping[str, str] = field(factory=dict)
+
+    @property
+    def described(self) -> str:
+        """Return the component's subject, "" for none."""
+        return self.subject or self.subject_of_kind
 
 
 class SensorModel(Component):
@@ -142,6 +159,7 @@ class SignatureModel(Component):
 
     hook = "opir_signature_models"
     kind = "signature model"
+    subject_of_kind = LIGHT
 
 
 class SourceModel(Component):
@@ -151,6 +169,7 @@ class SourceModel(Component):
 
     hook = "opir_source_models"
     kind = "source model"
+    subject_of_kind = SOURCES
 
 
 class AtmosphereModel(Component):
@@ -158,6 +177,7 @@ class AtmosphereModel(Component):
 
     hook = "opir_atmosphere_models"
     kind = "atmosphere model"
+    subject_of_kind = LIGHT
 
 
 class BackgroundModel(Component):
@@ -165,6 +185,7 @@ class BackgroundModel(Component):
 
     hook = "opir_background_models"
     kind = "background model"
+    subject_of_kind = LIGHT
 
 
 @frozen(kw_only=True)

@@ -12,6 +12,7 @@ from attrs import frozen
 from opir_core.errors import nearest, nearest_names, with_article
 from opir_core.host.components import CATALOGUE, PluginFailure, Provenance, plural
 from opir_core.host.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
+from opir_core.scene.fields import LIGHT
 
 _LONGEST_WORDS = 300
 _CORE = PurePath(__file__).parent.parent
@@ -101,6 +102,10 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-trackers": ("commands.prior", "trackers.imm", "trackers.kepler-arc"),
 }
 
+#: What of the packages above reads a subject, by subject. A test compares it with what the
+#: components declare.
+READERS: Mapping[str, str] = {LIGHT: "detection_models.snr"}
+
 #: Every name that is claimed under a hook, with its owners.
 Claims = Mapping[Offer, Sequence[Provenance]]
 
@@ -166,6 +171,15 @@ def installable(search: Search) -> Iterable[str]:
     for package, entries in PACKAGES.items():
         if entry in entries:
             yield way_to_install(package)
+
+
+def way_to_read(subject: str) -> str:
+    """Return how to install the package of this project that reads a subject."""
+    return next(
+        way_to_install(package)
+        for package, entries in PACKAGES.items()
+        if READERS[subject] in entries
+    )
 
 
 def way_to_install(package: str) -> str:

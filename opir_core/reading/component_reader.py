@@ -1,7 +1,8 @@
 """Blocks to components: the host looks up the name, the configuration class reads the settings."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from contextlib import suppress
+from functools import cache, partial
 from typing import Any
 
 from attrs import NOTHING, Factory, fields, frozen
@@ -22,7 +23,7 @@ from opir_core.reading.nodes import (
     shown_text,
     under,
 )
-from opir_core.reading.plain_data import node_of_data
+from opir_core.reading.plain_data import data_of_node, node_of_data
 from opir_core.reading.structuring import (
     ClassReader,
     Home,
@@ -33,6 +34,7 @@ from opir_core.reading.structuring import (
     refusal,
     required,
 )
+from opir_core.scene.field_rows import field_rows
 from opir_core.scene.fields import Alternatives, alternatives, error_of_both, field_infos
 from opir_core.scene.scene import Choice
 
@@ -71,6 +73,8 @@ class ComponentReader:
         self._names: dict[str, list[str]] = {}
         self.failures: list[PluginError] = []
         self.preset: str | None = None
+        #: The subjects that the scene's detection model reads.
+        self.subjects: Sequence[str] = ()
 
     def component(self, hook: str, name: str, path: str) -> Any:
         """Return a component; if it is missing, record the failure and raise an empty
@@ -87,11 +91,28 @@ class ComponentReader:
             raise InvalidNode
         return component
 
+    def offered(self, hook: str, name: str) -> Any:
+        """Return a component, None if it cannot be used; the failure is not recorded."""
+        if (hook, name) in self._found:
+            return self._found[hook, name]
+        with suppress(PluginError):
+            return self._host.component(hook, name)
+        return None
+
     def names(self, hook: str) -> list[str]:
         """Return the names offered under a hook, sorted."""
         if hook not in self._names:
             self._names[hook] = self._host.names(hook)
         return self._names[hook]
+
+    def readers_of(self, subject: str, hook: str) -> list[str]:
+        """Return the names of the usable components of a hook that read a subject, sorted."""
+        return [name for name in self.names(hook) if subject in self.subjects_of(hook, name)]
+
+    def subjects_of(self, hook: str, name: str) -> Sequence[str]:
+        """Return the subjects that a component reads; none of one that cannot be used."""
+        component = self.offered(hook, name)
+        return () if component is None else component.reads or ()
 
     def satellites(self, node: Node, epoch_us: int | None) -> list[Node]:
         """Return the settings of each satellite of the file that a `fleet` block names; None is a
@@ -121,11 +142,18 @@ class ComponentReader:
             name = component_name(required(block, "model", node))
         return self.choice(hook, name, path, Settings(node, block))
 
-    def choice(self, hook: str, name: str, path: str, settings: Settings) -> Choice:
-        """Return a component's choice, its settings read."""
+    def choice(
+        self, hook: str, name: str, path: str, settings: Settings, *, is_named: bool = True
+    ) -> Choice:
+        """Return a component's choice, its settings read; `is_named` is whether the scene names
+        it.
+        """
         component = self.component(hook, name, path)
         try:
-            return Choice(hook, name, self._config(component, path, settings), path)
+            config = self._config(component, path, settings)
+            return Choice(
+                hook, name, config, path, written=_written(component, settings), is_written=is_named
+            )
         except InvalidNode:
             raise
         except BaseException as error:  # whatever a configuration class of a plugin may raise
@@ -147,13 +175,18 @@ class ComponentReader:
         reader = self._reader(component, path, settings)
         pairs = alternatives(component.config)
         written = dict(settings.written)
-        of_scene = component.presets.get(self.preset, {})
-        preset = _preset(component, written.pop("preset")) if "preset" in written else of_scene
+        preset = (
+            _preset(component, written.pop("preset"))
+            if "preset" in written
+            else self._preset_of_scene(component)
+        )
         givers = {
             **dict.fromkeys(preset, component),
             **dict.fromkeys(settings.given, settings.giver),
         }
-        supplied = node_of_data(_laid_over(pairs, preset, settings.given))
+        supplied = node_of_data(
+            _fitting(component.config, _laid_over(pairs, preset, settings.given), written)
+        )
         for complaint in supplied.complaints:
             raise self.blamed(settings.giver or component, path, complaint.message)
         beside = [key for key in settings.other_keys if key != "preset" or component.presets]
@@ -173,6 +206,17 @@ class ComponentReader:
             raise InvalidNode(
                 self._own_complaints(complaints, theirs, component, path)
             ) from refused
+
+    def _preset_of_scene(self, component: Any) -> Mapping[str, Any]:
+        """Return the preset of a component whose block names none: the scene's, or that for what is
+        read.
+        """
+        if self.preset in component.presets:
+            return component.presets[self.preset]
+        names = (
+            name for subject, name in component.presets_for.items() if subject in self.subjects
+        )
+        return component.presets.get(next(names, ""), {})
 
     def _require_names(self, config_class: type, block: Mapping[str, Node], path: str) -> None:
         """Raise the errors of fields that hold names of components, where no plugin offers one."""
@@ -266,6 +310,58 @@ def _fault_of_default(config_class: type, block: Mapping[str, Any]) -> str:
     return ""
 
 
+#: A block of at least so many fields that sets each of them was written by opir, as manifests are,
+#: not by a person.
+_FEW_FIELDS = 3
+
+
+def is_written_out(config_class: type, block: Mapping[str, Any]) -> bool:
+    """Return whether a block sets every field of a configuration class, or the alternative of
+    it.
+    """
+    pairs = alternatives(config_class)
+    other = {pair.plain: pair.other for pair in pairs} | {pair.other: pair.plain for pair in pairs}
+    names = [attribute.name for attribute in fields(config_class) if attribute.init]
+    return len(names) >= _FEW_FIELDS and all(
+        name in block or other.get(name) in block for name in names
+    )
+
+
+def _written(component: Any, settings: Settings) -> tuple[str, ...]:
+    """Return the settings of a component that a scene's block sets, dotted inside nested blocks.
+
+    Of a block that opir has written out, only those that are neither a default nor a preset's
+    count.
+    """
+    config_class = component.config
+    known = {
+        key: node for key, node in settings.written.items() if key in field_infos(config_class)
+    }
+    if is_written_out(config_class, settings.written):
+        usual = [_defaults(config_class), *component.presets.values()]
+        known = {
+            key: node
+            for key, node in known.items()
+            if data_of_node(node) not in [each.get(key) for each in usual]
+        }
+    return tuple(path for key, node in known.items() for path in _paths(key, node))
+
+
+@cache
+def _defaults(config_class: type) -> Mapping[str, Any]:
+    """Return the defaults of a configuration class, as plain values."""
+    return {row.key: row.default for row in field_rows(config_class) if not row.is_required}
+
+
+def _paths(path: str, node: Node) -> Iterator[str]:
+    """Yield the dotted paths of the values in a node that are no blocks."""
+    if isinstance(node.value, dict) and node.value:
+        for key, inner in node.value.items():
+            yield from _paths(f"{path}.{key}", inner)
+    else:
+        yield path
+
+
 def component_name(node: Node) -> str:
     """Return the name of a component; raises `InvalidNode` if the node is empty or not text."""
     name = read_text(node)
@@ -334,6 +430,20 @@ def _laid_over(
     """
     gone = {name for pair in pairs if _set_names(pair, upper) for name in (pair.plain, pair.other)}
     return {**{key: value for key, value in lower.items() if key not in gone}, **upper}
+
+
+def _fitting(
+    config_class: type, supplied: Mapping[str, Any], written: Mapping[str, Node]
+) -> dict[str, Any]:
+    """Return supplied settings without keys that name nothing in the field that they refer to, as a
+    block writes it.
+    """
+    fitting = dict(supplied)
+    for name, info in field_infos(config_class).items():
+        known = written[info.keys_of].value if info.keys_of in written else None
+        if isinstance(known, dict) and name in supplied:
+            fitting[name] = {key: value for key, value in supplied[name].items() if key in known}
+    return fitting
 
 
 def _set_names(pair: Alternatives, block: Mapping[str, Any]) -> list[str]:

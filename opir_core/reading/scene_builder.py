@@ -4,13 +4,16 @@ Sensors stand alone, in constellations by name, or in constellations with their 
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
-from attrs import evolve
+from attrs import evolve, frozen
 
 from opir_core.host.components import Constellation
+from opir_core.host.error_messages import way_to_read
 from opir_core.host.host import Host
 from opir_core.reading.component_reader import ComponentReader, Settings, component_name
+from opir_core.reading.described_light import LightFinder
 from opir_core.reading.nodes import (
     MAXIMUM_SENSORS,
     ErrorCollector,
@@ -20,7 +23,14 @@ from opir_core.reading.nodes import (
     key_step,
     under,
 )
-from opir_core.reading.scene_schema import CHOICES, PAPER, SceneFile, epoch_us_of_text
+from opir_core.reading.scene_schema import (
+    AUTO,
+    CHOICES,
+    PAPER,
+    WITHOUT_LIGHT,
+    SceneFile,
+    epoch_us_of_text,
+)
 from opir_core.reading.structuring import (
     block_of,
     class_reader,
@@ -37,6 +47,7 @@ from opir_core.reading.targets import (
     is_id,
     read_forces,
 )
+from opir_core.scene.fields import LIGHT
 from opir_core.scene.scene import Choice, Scene, SceneSensor, SpoolConfig
 
 _MODELS = "opir_sensor_models"
@@ -175,6 +186,19 @@ _FEW_KEYS = 8
 _OUTPUT_NEEDED = "a sink's name, or one name with its settings indented below it, is needed"
 
 
+@frozen
+class ChosenDetection:
+    """The detection model of a scene: its name, and why `auto` chose it, "" if the scene names it.
+
+    `problem` is why `auto` cannot choose, at `steps` from the scene.
+    """
+
+    name: str
+    reason: str = ""
+    steps: tuple[str, ...] = ()
+    problem: InvalidNode | None = None
+
+
 class SceneBuilder:
     """Reads one scene; `collector` has what is wrong with it, `components.failures` what is wrong
     with plugins.
@@ -192,7 +216,11 @@ class SceneBuilder:
                 root, self.collector, home=self.components.home_elsewhere
             )
         self.components.preset = values.get("preset")
-        parts = self._parts(values)
+        chosen = self._chosen_detection(block_of(root))
+        parts = self._parts(values, chosen)
+        if chosen.problem is not None and not self.components.failures:
+            with self.collector.at(*chosen.steps):
+                raise chosen.problem
         if not self.collector.is_whole or self.components.failures:
             return None
         file = SceneFile(**values)
@@ -211,9 +239,37 @@ class SceneBuilder:
             **parts,
         )
 
-    def _parts(self, values: dict[str, Any]) -> dict[str, Any]:
+    def _chosen_detection(self, nodes: Mapping[str, Any]) -> ChosenDetection:
+        """Return the detection model of a scene: the one it names, or what `auto` comes to."""
+        if "detection" in nodes:
+            given = nodes["detection"]
+            named = given.value.get("model") if isinstance(given.value, dict) else given
+            name = named.value if isinstance(named, Node) else None
+            if name != AUTO:
+                # What names no model is refused when it is read.
+                return ChosenDetection(name if isinstance(name, str) and name else WITHOUT_LIGHT)
+        found = LightFinder(self.components, nodes).first()
+        if found is None:
+            return ChosenDetection(WITHOUT_LIGHT, "the scene describes no light")
+        models = self.components.readers_of(LIGHT, CHOICES["detection"][0])
+        if len(models) == 1:
+            return ChosenDetection(models[0], f"the scene describes light: {found.path}")
+        remedy = (
+            f"choose one of {', '.join(models)}"
+            if models
+            else f"none is installed; {way_to_read(LIGHT)}"
+        )
+        words = f"describes light, which needs a detection model that reads it: {remedy}"
+        return ChosenDetection(
+            WITHOUT_LIGHT, "", found.steps, found.node.refused(words, at_key=True)
+        )
+
+    def _parts(self, values: dict[str, Any], chosen: ChosenDetection) -> dict[str, Any]:
         """Return the parts of the scene, read from its blocks."""
         parts: dict[str, Any] = {"targets": (), "sources": (), "outputs": ()}
+        if chosen.reason or chosen.problem is not None:
+            values["detection"] = _renamed(values.get("detection"), chosen.name)
+        self.components.subjects = self.components.subjects_of(CHOICES["detection"][0], chosen.name)
         if values.get("forces") is not None:
             with self.collector.at(key_step("forces")):
                 parts["forces"] = read_forces(values["forces"])
@@ -230,6 +286,8 @@ class SceneBuilder:
         for key, (hook, _) in CHOICES.items():
             with self.collector.at(key_step(key)):
                 parts[key] = self._model(hook, values.get(key), key, self.default_name(key, values))
+        if chosen.reason and "detection" in parts:
+            parts["detection"] = evolve(parts["detection"], reason=chosen.reason, is_written=False)
         return parts
 
     def default_name(self, key: str, nodes: Mapping[str, Any]) -> str:
@@ -237,24 +295,19 @@ class SceneBuilder:
         classifier.
         """
         default = CHOICES[key][1]
-        chosen = nodes.get("detection") if key == "classification" else None
-        if isinstance(chosen, Node) and isinstance(chosen.value, dict):
-            chosen = chosen.value.get("model")
-        if not isinstance(chosen, Node) or not isinstance(chosen.value, str):
+        if key != "classification":
             return default
-        try:
+        with suppress(InvalidNode):
+            name = self._chosen_detection(nodes).name
             return (
-                self.components.component(
-                    CHOICES["detection"][0], chosen.value, "detection"
-                ).classifier
+                self.components.component(CHOICES["detection"][0], name, "detection").classifier
                 or default
             )
-        except InvalidNode:
-            return default
+        return default
 
     def _model(self, hook: str, node: Node | None, key: str, default: str) -> Choice:
         if node is None:
-            return self.components.choice(hook, default, key, Settings(Node({})))
+            return self.components.choice(hook, default, key, Settings(Node({})), is_named=False)
         return self.components.named(hook, node, key)
 
     def _outputs(self, node: Node) -> tuple[Choice, ...]:
@@ -304,6 +357,13 @@ class SceneBuilder:
                 spool = {key: _spool_settings(block) for key, block in spooled.items()}
             collector.require_whole()
             return evolve(choice, **spool)
+
+
+def _renamed(node: Node | None, model: str) -> Node:
+    """Return the node of a component, a name or a block of settings, with another model."""
+    if node is None or not isinstance(node.value, dict):
+        return Node(model, None if node is None else node.place)
+    return evolve(node, value={**node.value, "model": Node(model, node.place)})
 
 
 def _spool_settings(node: Node) -> Any:

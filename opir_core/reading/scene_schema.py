@@ -19,10 +19,15 @@ from opir_core.scene.scene import (
     WorkLimits,
 )
 
+#: The detection model that the scene itself decides: the one that reads light, or the one without
+#: light.
+AUTO = "auto"
+WITHOUT_LIGHT = "constant"
+
 #: The keys that choose one component: the hook it comes through, and the name chosen where the
 #: scene has none.
 CHOICES = {
-    "detection": ("opir_detection_models", "constant"),
+    "detection": ("opir_detection_models", AUTO),
     "classification": ("opir_classifiers", "paper"),
     "confidence": ("opir_confidence_models", "weighted"),
     "tracker": ("opir_trackers", "none"),
@@ -58,11 +63,15 @@ def _epoch_complaint(epoch: str) -> str | None:
 
 def _chosen(kind: str, key: str) -> dict[str, Any]:
     words = f"{kind}: its name, or a block of model and settings"
-    with_model = ", or that of the detection model" if key == "classification" else ""
+    more = {
+        "classification": ", or that of the detection model",
+        "detection": f": the model that reads light if the scene describes light, else"
+        f" `{WITHOUT_LIGHT}`",
+    }
     return {
         "help": words,
         "default": None,
-        "source": f"`{CHOICES[key][1]}` if none is named{with_model}",
+        "source": f"`{CHOICES[key][1]}` if none is named{more.get(key, '')}",
     }
 
 

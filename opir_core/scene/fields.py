@@ -36,6 +36,21 @@ PLAUSIBLE_BY_UNIT: Mapping[str, tuple[float, float]] = {
 }
 
 
+#: What settings describe that only some models read. A component `reads` subjects; a field of a
+#: `subject` has an effect only in scenes with a component that reads it.
+LIGHT = "light"
+SOURCES = "sources"
+DETECTION_PROBABILITY = "detection_probability"
+CONFUSION = "confusion"
+#: The subject of settings that no model reads: they are printed only.
+DESCRIPTION = "description"
+
+
+#: A condition on the other settings of a block under which a setting is read: in words, and as a
+#: test of the block.
+ReadIf = tuple[str, Callable[[Any], bool]]
+
+
 @frozen
 class FieldInfo:
     """The description of a configuration field: meaning, unit, source of the default, allowed
@@ -53,6 +68,11 @@ class FieldInfo:
     `named_values` are the whole values of a nested field that texts stand for. `plausible` is the
     range of values that real equipment and studies have; without one `plausible_range` follows from
     the unit.
+
+    The keys of a mapping with `keys_of` are those of this other field.
+
+    A field with a `subject` is read only by components that read this subject, one with `read_if`
+    only under this condition. A scene that sets a field which nothing reads is warned of it.
     """
 
     help: str
@@ -69,6 +89,9 @@ class FieldInfo:
     inner_names: tuple[str, ...] = ()
     named_values: Mapping[str, Any] = Factory(dict)
     plausible: tuple[float, float] | None = None
+    keys_of: str = ""
+    subject: str = ""
+    read_if: ReadIf | None = None
 
     @property
     def plausible_range(self) -> tuple[float, float] | None:
@@ -143,11 +166,13 @@ def number(
     below: float | None = None,
     instead_of: str = "",
     plausible: tuple[float, float] | None = None,
+    subject: str = "",
+    read_if: ReadIf | None = None,
 ) -> Any:
     """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`).
 
     Values outside `plausible`, by default a range that follows from the unit, are allowed and
-    warned of.
+    warned of. `subject` and `read_if` are as in `FieldInfo`.
     """
     info = FieldInfo(
         help,
@@ -159,6 +184,8 @@ def number(
         below,
         instead_of=instead_of,
         plausible=plausible,
+        subject=subject,
+        read_if=read_if,
     )
     once = Converter(_set_once, takes_self=True, takes_field=True) if instead_of else None
     return field(
@@ -177,21 +204,31 @@ def text(
     choices: tuple[str, ...] = (),
     names_of: str = "",
     source: str = "notional",
+    subject: str = "",
+    read_if: ReadIf | None = None,
 ) -> Any:
     """Return an attrs field for a string, one of `choices` or a name of a component of the hook
     `names_of` if given.
     """
-    info = FieldInfo(help, source=source, choices=choices, names_of=names_of)
+    info = FieldInfo(
+        help, source=source, choices=choices, names_of=names_of, subject=subject, read_if=read_if
+    )
     return field(
         default=default, validator=_validate_text, metadata={METADATA_KEY: info}, kw_only=True
     )
 
 
-def flag(*, help: str, default: Any = NOTHING, source: str = "notional") -> Any:  # noqa: A002
+def flag(
+    *,
+    help: str,  # noqa: A002
+    default: Any = NOTHING,
+    source: str = "notional",
+    subject: str = "",
+    read_if: ReadIf | None = None,
+) -> Any:
     """Return an attrs field for a truth value (annotate it `bool`)."""
-    return field(
-        default=default, metadata={METADATA_KEY: FieldInfo(help, source=source)}, kw_only=True
-    )
+    info = FieldInfo(help, source=source, subject=subject, read_if=read_if)
+    return field(default=default, metadata={METADATA_KEY: info}, kw_only=True)
 
 
 def nested(
@@ -207,12 +244,15 @@ def nested(
     names_depth: int = 0,
     inner_names: tuple[str, ...] = (),
     named_values: Mapping[str, Any] | None = None,
+    keys_of: str = "",
+    subject: str = "",
+    read_if: ReadIf | None = None,
 ) -> Any:
     """Return an attrs field for another configuration class, a tuple or a mapping.
 
     `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns the error of
-    the whole value, or None; `names_of`, `names_depth` and `inner_names` as in `FieldInfo`.
-    `named_values` are texts that a scene, or Python, may give instead of a whole value.
+    the whole value, or None; the others are as in `FieldInfo`. `named_values` are texts that a
+    scene, or Python, may give instead of a whole value.
     """
     info = FieldInfo(
         help,
@@ -224,6 +264,9 @@ def nested(
         names_depth=names_depth,
         inner_names=inner_names,
         named_values=named_values or {},
+        keys_of=keys_of,
+        subject=subject,
+        read_if=read_if,
     )
     by_name = Converter(_named_value, takes_field=True) if named_values else None
     validators = [_validate_numbers_inside, *([_from_check(check)] if check else [])]

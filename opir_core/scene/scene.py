@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from attrs import frozen
+from attrs import field, frozen
 
 from opir_core.errors import number_of
 from opir_core.scene.fields import flag, nested, number, text
@@ -41,6 +41,10 @@ class Choice:
 
     `hook` is its catalogue hook, `path` its path in the scene (`sensors[2]`, `detection`). `spool`
     is the `SpoolConfig` of an output, or None.
+
+    `reason` is why `auto` chose it, "" if the scene names it; `written` are the settings that the
+    scene's block sets, dotted inside nested blocks, and `is_written` is whether the scene names the
+    component. They have no part in equality.
     """
 
     hook: str
@@ -48,6 +52,9 @@ class Choice:
     config: Any
     path: str
     spool: Any = None
+    reason: str = field(default="", eq=False, repr=False)
+    written: tuple[str, ...] = field(default=(), eq=False, repr=False)
+    is_written: bool = field(default=False, eq=False, repr=False)
 
 
 @frozen
@@ -252,6 +259,17 @@ class Scene:
             self.background,
             *self.outputs,
         )
+
+    @property
+    def automatic(self) -> list[str]:
+        """Return the components that `auto` chose, each with the reason: `detection: snr, since
+        ...`.
+        """
+        return [
+            f"{choice.path}: {choice.name}, since {choice.reason}"
+            for choice in self.choices
+            if choice.reason
+        ]
 
 
 #: What a spool does when it is full.

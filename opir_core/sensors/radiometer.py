@@ -6,7 +6,7 @@ from typing import Any
 from attrs import Factory, evolve, fields, fields_dict, frozen
 
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.scene.fields import nested, number, text
+from opir_core.scene.fields import LIGHT, nested, number, text
 
 #: Bounds come in twos.
 _PAIR = 2
@@ -34,6 +34,7 @@ class RadiometerConfig:
         help="noise-equivalent irradiance of a look without background, in each band, in place of"
         " what dark current,"
         " warm optics, reading and conversion come to",
+        subject=LIGHT,
     )
     nei_w_cm2: float | None = number(
         default=None,
@@ -43,6 +44,7 @@ class RadiometerConfig:
         source="no default: nei_w_m2",
         help="the same in W/cm²; a scene sets one of the two",
         instead_of="nei_w_m2",
+        subject=LIGHT,
     )
     band_nei_w_m2: Mapping[str, float] = nested(
         default=Factory(dict),
@@ -51,6 +53,8 @@ class RadiometerConfig:
         maximum=1e6,
         source="no default: nei_w_m2",
         help="by band the noise-equivalent irradiance of bands that have their own",
+        keys_of="bands",
+        subject=LIGHT,
     )
     ifov_urad: float = number(
         default=28.0,
@@ -58,6 +62,7 @@ class RadiometerConfig:
         above=0.0,
         maximum=1e5,
         help="angle across a pixel; 28 are 1 km from 36 000 km",
+        subject=LIGHT,
     )
     collection_m2_s: float = number(
         default=0.007,
@@ -65,6 +70,7 @@ class RadiometerConfig:
         above=0.0,
         maximum=1e6,
         help="aperture times efficiency times integration time, for focal_plane: null",
+        subject=LIGHT,
     )
     threshold_sigma: float = number(
         default=5.0,
@@ -72,6 +78,7 @@ class RadiometerConfig:
         maximum=1e3,
         source="opir-simulator paper (2026), section 2.4",
         help="signal over noise above which a look detects",
+        subject=LIGHT,
     )
     false_alarm_probability: float | None = number(
         default=None,
@@ -83,12 +90,14 @@ class RadiometerConfig:
         " sets this or the"
         " threshold",
         instead_of="threshold_sigma",
+        subject=LIGHT,
     )
     coincidence_sigma: float = number(
         default=3.0,
         minimum=0.0,
         maximum=1e3,
         help="signal over noise that the other bands need where bands are compared",
+        subject=LIGHT,
     )
     reference_band: str = text(
         default="",
@@ -96,6 +105,7 @@ class RadiometerConfig:
         help="the band that has to cross the threshold where bands are compared, and to which the"
         " plausible ratios"
         " refer",
+        subject=LIGHT,
     )
     plausible_ratios: Mapping[str, tuple[float, float]] = nested(
         default=Factory(dict),
@@ -105,6 +115,8 @@ class RadiometerConfig:
         " bands are compared;"
         " the sensor widens these bounds by what the air does to the ratio at any height of the"
         " source",
+        keys_of="bands",
+        subject=LIGHT,
     )
     ratio_tolerance_sigma: float = number(
         default=3.0,
@@ -113,6 +125,7 @@ class RadiometerConfig:
         source="a plume on a bound is refused with probability Q(3) = 0.0013",
         help="how far noise may carry a measurement beyond the plausible ratios, in standard"
         " deviations",
+        subject=LIGHT,
     )
     confirmation_detections: int = number(
         default=2,
@@ -120,12 +133,14 @@ class RadiometerConfig:
         maximum=8,
         help="detections that the sensor needs before it reports the last of them, for detection:"
         " snr; 1 reports all",
+        subject=LIGHT,
     )
     confirmation_scans: int = number(
         default=3,
         minimum=1,
         maximum=64,
         help="successive scans among which these detections must be, the last one included",
+        subject=LIGHT,
     )
     confirmation_speed_m_s: float = number(
         default=8000.0,
@@ -135,6 +150,7 @@ class RadiometerConfig:
         source="above the circular speed at a height of 200 km, 7784 m/s",
         help="speed that a source may have for detections of several scans to be taken for one"
         " source",
+        subject=LIGHT,
     )
     focal_plane: FocalPlaneConfig | None = nested(
         default=FocalPlaneConfig(),
@@ -144,11 +160,14 @@ class RadiometerConfig:
         " sight follow; notional: the sensor model's own made-up values; null: nei_w_m2 and"
         " collection_m2_s alone, and"
         " the background's clutter_residual",
+        subject=LIGHT,
     )
     band_focal_plane: Mapping[str, Mapping[str, float]] = nested(
         default=Factory(dict),
         source="no default: focal_plane",
         help="by band, numbers of focal_plane that differ in it",
+        keys_of="bands",
+        subject=LIGHT,
     )
 
 

@@ -8,7 +8,16 @@ from typing import Any
 from attrs import Factory, frozen
 
 from opir_core.orbits.configs import OrbitConfig
-from opir_core.scene.fields import flag, nested, number, text
+from opir_core.scene.fields import (
+    CONFUSION,
+    DESCRIPTION,
+    DETECTION_PROBABILITY,
+    LIGHT,
+    flag,
+    nested,
+    number,
+    text,
+)
 from opir_core.scene.scene import MAXIMUM_BANDS
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
@@ -121,6 +130,7 @@ class ScanningSensorConfig(RadiometerConfig):
         help="probability of detection per look by target class, for detection: constant; a class"
         " without one has that"
         " of the type it resembles",
+        subject=DETECTION_PROBABILITY,
     )
     field_of_regard_half_angle_deg: float | None = number(
         default=None,
@@ -181,13 +191,15 @@ class ScanningSensorConfig(RadiometerConfig):
     false_alarm_susceptibility: str = text(
         default="moderate",
         choices=SUSCEPTIBILITIES,
-        help="how readily clutter is taken for a target",
+        help="how readily clutter is taken for a target: a description, which no model reads",
+        subject=DESCRIPTION,
     )
     spectral_discrimination: str = text(
         default="none",
         choices=tuple(DISCRIMINATION_BANDS),
         help="which bands detect: the sum of all, weighed by likelihood; any (none); or all, in"
         " plausible ratios",
+        subject=LIGHT,
     )
     follows_bodies: bool = flag(
         default=False,
@@ -203,6 +215,7 @@ class ScanningSensorConfig(RadiometerConfig):
         inner_names=("UNKNOWN",),
         help="by true target class the probabilities of each reported type, UNKNOWN among them, for"
         " classification: paper; a class without a row has that of the type it resembles",
+        subject=CONFUSION,
     )
 
     def __attrs_post_init__(self) -> None:

@@ -31,10 +31,18 @@ def scanning_sensor(
 
 
 def scanning_model(
-    name: str, summary: str, config: type[ScanningSensorConfig], presets: Presets | None = None
+    name: str,
+    summary: str,
+    config: type[ScanningSensorConfig],
+    presets: Presets | None = None,
+    *,
+    presets_for: Mapping[str, str] | None = None,
+    subject: str = "",
 ) -> SensorModel:
     """Return the sensor model of a configuration class; `name` is also the `type` of its sensors in
     events.
+
+    `presets`, `presets_for` and `subject` are as in `Component`.
     """
     return SensorModel(
         name=name,
@@ -42,6 +50,8 @@ def scanning_model(
         config=config,
         build=partial(scanning_sensor, type=name),
         presets=presets or {},
+        presets_for=presets_for or {},
+        subject=subject,
     )
 
 

@@ -35,6 +35,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "scene": plan.scene.name,
         "forces": list(plan.scene.forces.names),
         "components": components_used(plan),
+        "automatic": plan.scene.automatic,
         "looks": int(plan.pairs.looks.sum()),
         "work": planned_work(plan.pairs),
         "windows": len(window_edges_ns(plan)),

@@ -50,6 +50,7 @@ class Tally:
         self._sensors = sensors
         self._targets = targets
         self._types = plan.reported_types
+        self._automatic = plan.scene.automatic
         self._is_source = targets.type_code >= len(TARGET_TYPES)
         self._work = planned_work(pairs)
         self._looks_of_sensor = np.bincount(pairs.sensor, pairs.looks, minlength=len(sensors))
@@ -186,6 +187,7 @@ class Tally:
         return {
             "counts": self.counts(),
             "work": self._work,
+            "automatic": self._automatic,
             "sensors": [
                 {
                     "sensor_id": sensor.id,

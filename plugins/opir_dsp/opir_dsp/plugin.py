@@ -109,7 +109,11 @@ def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `DSP`."""
     summary = "spinning long-wave scanner with one band (preset heritage: 2.7 and 4.3 um, 10 s)"
     yield scanning_model(
-        "DSP", summary, DspConfig, presets={"heritage": HERITAGE, "paper": PAPER_PRESET}
+        "DSP",
+        summary,
+        DspConfig,
+        presets={"heritage": HERITAGE, "paper": PAPER_PRESET},
+        presets_for={"light": "heritage"},
     )
 
 

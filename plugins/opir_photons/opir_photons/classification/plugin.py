@@ -32,6 +32,8 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
         summary="the probability that the reported type is right, for classification: spectral",
         config=PosteriorConfig,
         build=_posterior,
+        reads=(),
+        subject="light",
     )
 
 
@@ -44,4 +46,6 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
         " detection: snr",
         config=SpectralConfig,
         build=_spectral,
+        reads=(),
+        subject="light",
     )

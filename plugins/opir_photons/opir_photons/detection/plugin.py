@@ -26,4 +26,5 @@ def opir_detection_models() -> Iterable[DetectionModel]:
         config=SnrConfig,
         build=_snr,
         classifier="spectral",
+        reads=("light", "sources"),
     )

@@ -442,9 +442,9 @@ def _blind_sensors(
     listed = ids[0] if len(ids) == 1 else f"{ids[0]} and {len(ids) - 1} more"
     words = (
         f"{listed}: this DSP is the paper's ({', '.join(band.name for band in first.bands)},"
-        f" {first.scan.period_ns * 1e-9:g} s), which by day sees no launch before the Earth; that"
-        f" of the public record"
-        " (2.7 and 4.3 um, 10 s) is preset: heritage"
+        f" {first.scan.period_ns * 1e-9:g} s), which sees no launch before the Earth, by day or by"
+        f" night; that of the"
+        " public record (2.7 and 4.3 um, 10 s) is preset: heritage"
     )
     return (Problem("detection", words),)
 

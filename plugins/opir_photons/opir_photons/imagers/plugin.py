@@ -91,8 +91,16 @@ def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield `GOES-ABI` and `AHI`."""
     summary = "civil imager, 3.9, 6.2, 6.9 and 7.3 um, 2 km at nadir"
     yield scanning_model(
-        "GOES-ABI", f"{summary}, every minute (presets by scan)", AbiConfig, presets=ABI_SCANS
+        "GOES-ABI",
+        f"{summary}, every minute (presets by scan)",
+        AbiConfig,
+        presets=ABI_SCANS,
+        subject="light",
     )
     yield scanning_model(
-        "AHI", f"{summary}, every ten minutes (presets by scan)", AhiConfig, presets=AHI_SCANS
+        "AHI",
+        f"{summary}, every ten minutes (presets by scan)",
+        AhiConfig,
+        presets=AHI_SCANS,
+        subject="light",
     )

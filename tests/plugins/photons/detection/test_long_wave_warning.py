@@ -1,5 +1,5 @@
-"""A DSP of the paper, which by day sees no launch before the Earth, is warned of; that of the
-record is not.
+"""A DSP of the paper, which sees no launch before the Earth, is warned of; that of the record, the
+default, is not.
 """
 
 from typing import Any
@@ -11,7 +11,9 @@ import opir_core as opir
 from opir_core.simulation.explanation import explained
 from opir_core.simulation.plan_checks import plan_warnings
 
-SKY = {"atmosphere": "lowtran", "background": "earth", "epoch": "2026-04-01T22:00:00Z"}
+DAY = "2026-04-01T22:00:00Z"
+NIGHT = "2026-04-01T10:00:00Z"
+SKY = {"atmosphere": "lowtran", "background": "earth", "epoch": DAY}
 DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0}
 
 
@@ -19,29 +21,33 @@ def warned(plan: opir.Plan) -> list[str]:
     return [words for words in plan_warnings(plan) if "preset: heritage" in words]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "is_warned", "sees"),
     [
-        ({}, True, False),
+        ({"preset": "paper"}, True, False),
+        ({}, False, True),
         ({"preset": "heritage"}, False, True),
-        ({"bands": {"MWIR": [4.2, 4.45]}}, False, True),
+        ({"preset": "paper", "bands": {"MWIR": [4.2, 4.45]}}, False, True),
     ],
-    ids=["paper", "heritage", "own band"],
+    ids=["paper", "default", "heritage", "own band"],
 )
+@pytest.mark.parametrize("epoch", [DAY, NIGHT], ids=["day", "night"])
 def test_the_sensor_that_is_warned_of_sees_no_launch_of_three_and_the_others_do(
-    changes: Any, is_warned: bool, sees: bool
+    epoch: str, changes: Any, is_warned: bool, sees: bool
 ) -> None:
-    plan = opir.compile_plan(scene([{**DSP, **changes}], duration_s=100, **SKY))
+    plan = opir.compile_plan(scene([{**DSP, **changes}], duration_s=100, **{**SKY, "epoch": epoch}))
     assert len(warned(plan)) == is_warned
     truth = joined(windows_of(plan, [100.0]))[1]
     assert (truth.target >= 0).any() == sees
 
 
 def test_one_line_names_the_sensors_and_the_remedy_and_explain_has_it() -> None:
-    plan = opir.compile_plan(scene([{"constellation": "DSP"}], "I", **SKY))
+    plan = opir.compile_plan(scene([{"constellation": "DSP", "preset": "paper"}], "I", **SKY))
     (line,) = warned(plan)
     assert line.startswith("detection: DSP-1 and 3 more: this DSP is the paper's (LWIR, 0.2 s)")
     assert "\n" not in line
+    assert "by day or by night" in line
     assert line in explained(plan)["warnings"]
 
 
@@ -54,9 +60,11 @@ def test_one_line_names_the_sensors_and_the_remedy_and_explain_has_it() -> None:
     ids=str,
 )
 def test_without_a_background_nothing_hides_a_launch(changes: Any) -> None:
-    assert not warned(opir.compile_plan(scene([DSP], "I", **{**SKY, **changes})))
+    assert not warned(
+        opir.compile_plan(scene([{**DSP, "preset": "paper"}], "I", **{**SKY, **changes}))
+    )
 
 
 def test_nobody_is_warned_of_noise_that_is_given() -> None:
-    given = {**DSP, "focal_plane": None, "nei_w_m2": 1e-14}
+    given = {**DSP, "preset": "paper", "focal_plane": None, "nei_w_m2": 1e-14}
     assert not warned(opir.compile_plan(scene([given], **SKY)))
