@@ -6,7 +6,7 @@ from typing import Any
 
 from attrs import Factory, frozen
 
-from opir_core.scene.fields import nested, number, text
+from opir_core.scene.fields import DRAG, nested, number, text
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
@@ -93,7 +93,7 @@ class WeightedConfig:
 def drag(where: str) -> Any:
     """Return the field of a target's ballistic coefficient, used `where` it flies freely."""
     meaning = f"m/(C_d A) {where} with drag; default: the scene's"
-    return number(default=None, unit="kg/m²", minimum=1.0, maximum=1e6, help=meaning)
+    return number(default=None, unit="kg/m²", minimum=1.0, maximum=1e6, help=meaning, subject=DRAG)
 
 
 def _scene_time(meaning: str, default: float | None = None) -> Any:

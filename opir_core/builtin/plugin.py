@@ -31,7 +31,7 @@ from opir_core.host.components import (
 )
 from opir_core.host.hookspecs import hookimpl
 from opir_core.output.events import schema_text
-from opir_core.scene.fields import CONFUSION, DETECTION_PROBABILITY, SOURCES
+from opir_core.scene.fields import CONFUSION, DETECTION_PROBABILITY, SKY, SOURCES
 
 
 def built_by(module: str, function: str) -> Callable[..., Any]:
@@ -216,6 +216,7 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
         name="clear",
         summary="transmittance 1, no clouds",
         build=built_by("empty_space", "clear_atmosphere"),
+        reads=(SKY,),
     )
 
 

@@ -11,7 +11,7 @@ from opir_core.builtin.configs import TYPE_HELP, AimConfig, BallisticConfig, Lau
 from opir_core.builtin.plugin import built_by
 from opir_core.host.components import TargetModel
 from opir_core.host.hookspecs import hookimpl
-from opir_core.scene.fields import nested, number, text
+from opir_core.scene.fields import BODIES, nested, number, text
 from opir_core.scene.target_classes import TargetClass
 
 #: The most burns of a target, as many as plumes have factors for.
@@ -52,6 +52,7 @@ class InsertionConfig:
         maximum=86_400.0,
         source="a revolution of a low orbit takes about 5400 s",
         help="time after burnout in which sensors that follow bodies observe the target",
+        subject=BODIES,
     )
     ballistic_coefficient_kg_m2: float | None = drag("in orbit")
 

@@ -62,10 +62,11 @@ class Component:
     them instead of the defaults.
 
     `reads` are the subjects of other components' settings that this one reads (`light`,
-    `detection_probability`, `confusion`), None if it does not say; a setting of a subject that
-    nothing reads is warned of. A component of a `subject` has an effect only where another reads
-    it. `presets_for` names, by subject, the preset from which a block without one starts where the
-    detection model reads the subject.
+    `detection_probability`, `confusion`), or a function of its configuration that returns them;
+    None if it does not say, and may read any. A setting of a subject that nothing reads is warned
+    of. A component of a `subject` has an effect only where another reads it. `presets_for` names,
+    by subject, the preset from which a block without one starts where the detection model reads the
+    subject.
 
     >>> @frozen
     ... class MistConfig:
@@ -91,9 +92,13 @@ class Component:
     config: type = NoConfig
     build: Callable[..., Any]
     presets: Mapping[str, Mapping[str, Any]] = field(factory=dict)
-    reads: Sequence[str] | None = None
+    reads: Sequence[str] | Callable[[Any], Sequence[str]] | None = None
     subject: str = ""
     presets_for: Mapping[str, str] = field(factory=dict)
+
+    def subjects_read(self, config: Any) -> Sequence[str] | None:
+        """Return the subjects that the component reads with a configuration; None for any."""
+        return self.reads(config) if callable(self.reads) else self.reads
 
     @property
     def described(self) -> str:

@@ -12,6 +12,11 @@ from opir_core.scene.fields import number, text
 SPATIAL_FILTERS = ("sum", "surround", "matched")
 TEMPORAL_FILTERS = ("difference", "none")
 
+_DIFFERENCE = (
+    "with temporal_filter: difference",
+    lambda plane: plane.temporal_filter == "difference",
+)
+
 
 @frozen(kw_only=True)
 class FocalPlaneConfig:
@@ -68,6 +73,7 @@ class FocalPlaneConfig:
         maximum=1e4,
         plausible=(3.0, 350.0),
         help="temperature of the detectors",
+        read_if=("without dark_current_e_s", lambda plane: plane.dark_current_e_s is None),
     )
     dark_current_e_s: float | None = number(
         default=None,
@@ -113,6 +119,7 @@ class FocalPlaneConfig:
         help="standard deviation per axis with which a frame is registered, new from frame to"
         " frame: it lets clutter"
         " through the frame difference",
+        read_if=_DIFFERENCE,
     )
     drift_urad_s: float = number(
         default=0.02,
@@ -147,6 +154,7 @@ class FocalPlaneConfig:
         above=0.0,
         maximum=1e5,
         help="age of the earlier frame, at least a scan period",
+        read_if=_DIFFERENCE,
     )
     reference_cells: int | None = number(
         default=None,

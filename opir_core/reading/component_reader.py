@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, partial
-from typing import Any
+from typing import Any, get_type_hints
 
 from attrs import NOTHING, Factory, fields, frozen
 
@@ -20,6 +20,7 @@ from opir_core.reading.nodes import (
     Node,
     complaints_inside,
     key_step,
+    place_text,
     shown_text,
     under,
 )
@@ -34,8 +35,8 @@ from opir_core.reading.structuring import (
     refusal,
     required,
 )
-from opir_core.scene.field_rows import field_rows
-from opir_core.scene.fields import Alternatives, alternatives, error_of_both, field_infos
+from opir_core.scene.field_rows import field_rows, nested_config
+from opir_core.scene.fields import Alternatives, alternatives, error_of_both, field_infos, info_of
 from opir_core.scene.scene import Choice
 
 #: Keys reserved by scenes, besides those of the block.
@@ -112,7 +113,7 @@ class ComponentReader:
     def subjects_of(self, hook: str, name: str) -> Sequence[str]:
         """Return the subjects that a component reads; none of one that cannot be used."""
         component = self.offered(hook, name)
-        return () if component is None else component.reads or ()
+        return () if component is None else component.subjects_read(component.config()) or ()
 
     def satellites(self, node: Node, epoch_us: int | None) -> list[Node]:
         """Return the settings of each satellite of the file that a `fleet` block names; None is a
@@ -152,7 +153,7 @@ class ComponentReader:
         try:
             config = self._config(component, path, settings)
             return Choice(
-                hook, name, config, path, written=_written(component, settings), is_written=is_named
+                hook, name, config, path, written=_written(component, settings) if is_named else {}
             )
         except InvalidNode:
             raise
@@ -327,15 +328,18 @@ def is_written_out(config_class: type, block: Mapping[str, Any]) -> bool:
     )
 
 
-def _written(component: Any, settings: Settings) -> tuple[str, ...]:
-    """Return the settings of a component that a scene's block sets, dotted inside nested blocks.
+def _written(component: Any, settings: Settings) -> dict[str, str]:
+    """Return the places of a component's block and of its settings that are read under a condition,
+    by their keys.
 
     Of a block that opir has written out, only those that are neither a default nor a preset's
     count.
     """
     config_class = component.config
     known = {
-        key: node for key, node in settings.written.items() if key in field_infos(config_class)
+        key: node
+        for key, node in settings.written.items()
+        if key in conditional_fields(config_class)
     }
     if is_written_out(config_class, settings.written):
         usual = [_defaults(config_class), *component.presets.values()]
@@ -344,7 +348,24 @@ def _written(component: Any, settings: Settings) -> tuple[str, ...]:
             for key, node in known.items()
             if data_of_node(node) not in [each.get(key) for each in usual]
         }
-    return tuple(path for key, node in known.items() for path in _paths(key, node))
+    return {"": _place_text(settings.block)} | {
+        path: place for key, node in known.items() for path, place in _places(key, node)
+    }
+
+
+@cache
+def conditional_fields(config_class: type) -> frozenset[str]:
+    """Return the fields of a configuration class that are not always read, or hold settings that
+    are not.
+    """
+    hints = get_type_hints(config_class)
+    found = set[str]()
+    for attribute in fields(config_class):
+        info = info_of(attribute)
+        inner = nested_config(hints[attribute.name])
+        if info.subject or info.read_if or (inner is not None and conditional_fields(inner)):
+            found.add(attribute.name)
+    return frozenset(found)
 
 
 @cache
@@ -353,13 +374,18 @@ def _defaults(config_class: type) -> Mapping[str, Any]:
     return {row.key: row.default for row in field_rows(config_class) if not row.is_required}
 
 
-def _paths(path: str, node: Node) -> Iterator[str]:
-    """Yield the dotted paths of the values in a node that are no blocks."""
+def _places(path: str, node: Node) -> Iterator[tuple[str, str]]:
+    """Yield the dotted paths of the values in a node that are no blocks, with their places."""
     if isinstance(node.value, dict) and node.value:
         for key, inner in node.value.items():
-            yield from _paths(f"{path}.{key}", inner)
+            yield from _places(f"{path}.{key}", inner)
     else:
-        yield path
+        yield path, _place_text(node)
+
+
+def _place_text(node: Node) -> str:
+    place = node.key_place or node.place
+    return "" if place is None else place_text(place)
 
 
 def component_name(node: Node) -> str:

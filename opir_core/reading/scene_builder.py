@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from attrs import evolve, frozen
+from attrs import evolve, fields, frozen
 
 from opir_core.host.components import Constellation
 from opir_core.host.error_messages import way_to_read
@@ -199,6 +199,9 @@ class ChosenDetection:
     problem: InvalidNode | None = None
 
 
+_DEFAULTS = {attribute.name: attribute.default for attribute in fields(SceneFile)}
+
+
 class SceneBuilder:
     """Reads one scene; `collector` has what is wrong with it, `components.failures` what is wrong
     with plugins.
@@ -236,6 +239,7 @@ class SceneBuilder:
             reported_types=file.reported_types,
             limits=file.limits,
             allow_implausible=file.allow_implausible,
+            written={name: value for name, value in values.items() if value != _DEFAULTS[name]},
             **parts,
         )
 
@@ -287,7 +291,7 @@ class SceneBuilder:
             with self.collector.at(key_step(key)):
                 parts[key] = self._model(hook, values.get(key), key, self.default_name(key, values))
         if chosen.reason and "detection" in parts:
-            parts["detection"] = evolve(parts["detection"], reason=chosen.reason, is_written=False)
+            parts["detection"] = evolve(parts["detection"], reason=chosen.reason, written={})
         return parts
 
     def default_name(self, key: str, nodes: Mapping[str, Any]) -> str:
@@ -308,7 +312,10 @@ class SceneBuilder:
     def _model(self, hook: str, node: Node | None, key: str, default: str) -> Choice:
         if node is None:
             return self.components.choice(hook, default, key, Settings(Node({})), is_named=False)
-        return self.components.named(hook, node, key)
+        choice = self.components.named(hook, node, key)
+        # A default that is named, as manifests do, is what the scene has anyway.
+        is_usual = choice.name == CHOICES[key][1] and len(choice.written) <= 1
+        return evolve(choice, written={}) if is_usual else choice
 
     def _outputs(self, node: Node) -> tuple[Choice, ...]:
         collector = ErrorCollector()

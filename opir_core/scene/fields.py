@@ -36,15 +36,35 @@ PLAUSIBLE_BY_UNIT: Mapping[str, tuple[float, float]] = {
 }
 
 
-#: What settings describe that only some models read. A component `reads` subjects; a field of a
-#: `subject` has an effect only in scenes with a component that reads it.
+#: Subjects: what settings describe that only some components read. A component `reads` subjects; a
+#: field of a `subject` has an effect only in scenes with a component that reads it.
 LIGHT = "light"
 SOURCES = "sources"
+BODIES = "bodies"
+DRAG = "drag"
 DETECTION_PROBABILITY = "detection_probability"
 CONFUSION = "confusion"
+STRUCTURE = "structure"
+RESIDUAL = "residual"
+SKY = "sky"
+CLOUD = "cloud"
 #: The subject of settings that no model reads: they are printed only.
 DESCRIPTION = "description"
 
+#: What reads each subject, in words.
+READ_BY: Mapping[str, str] = {
+    LIGHT: "a detection model that reads light does; constant reads detection_probability alone",
+    SOURCES: "the detection model has none for sources",
+    BODIES: "sensors with follows_bodies: true do",
+    DRAG: "it is read with drag among the scene's forces",
+    DETECTION_PROBABILITY: "detection: constant does",
+    CONFUSION: "classification: paper does, and a tracker that weighs reported types",
+    STRUCTURE: "sensors with a focal plane do",
+    RESIDUAL: "sensors without a focal plane (focal_plane: null) do",
+    SKY: "it is hidden below the atmosphere's opaque cloud",
+    CLOUD: "it is read with an opaque cloud of the atmosphere",
+    DESCRIPTION: "it is a description, which no model reads",
+}
 
 #: A condition on the other settings of a block under which a setting is read: in words, and as a
 #: test of the block.

@@ -1,5 +1,6 @@
 """The scene: what is simulated, as frozen values. No file is read and nothing is computed here."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from attrs import field, frozen
@@ -42,9 +43,10 @@ class Choice:
     `hook` is its catalogue hook, `path` its path in the scene (`sensors[2]`, `detection`). `spool`
     is the `SpoolConfig` of an output, or None.
 
-    `reason` is why `auto` chose it, "" if the scene names it; `written` are the settings that the
-    scene's block sets, dotted inside nested blocks, and `is_written` is whether the scene names the
-    component. They have no part in equality.
+    `reason` is why `auto` chose it, "" if the scene names it. `written` has the places in the file
+    of what the scene sets and not every scene reads: of its settings by their keys, dotted inside
+    nested blocks, and of the component itself by ""; nothing if the scene does not name it. They
+    have no part in equality.
     """
 
     hook: str
@@ -53,8 +55,7 @@ class Choice:
     path: str
     spool: Any = None
     reason: str = field(default="", eq=False, repr=False)
-    written: tuple[str, ...] = field(default=(), eq=False, repr=False)
-    is_written: bool = field(default=False, eq=False, repr=False)
+    written: Mapping[str, str] = field(factory=dict, eq=False, repr=False)
 
 
 @frozen
@@ -233,6 +234,8 @@ class Scene:
     reported_types: str = PAPER_TYPES
     limits: WorkLimits = WorkLimits()
     allow_implausible: bool = False
+    #: The keys of the file that are set to other values than their defaults.
+    written: Mapping[str, Any] = field(factory=dict, eq=False)
 
     def __repr__(self) -> str:
         """Return the scene in one line."""

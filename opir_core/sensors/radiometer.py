@@ -19,6 +19,13 @@ def _ratios_complaint(ratios: Any) -> str | None:
     return None
 
 
+#: The condition of settings of rules that compare bands.
+_COMPARED = (
+    "with spectral_discrimination: dual-band-ratio or triple-coincidence",
+    lambda config: config.spectral_discrimination in ("dual-band-ratio", "triple-coincidence"),
+)
+
+
 @frozen(kw_only=True)
 class RadiometerConfig:
     """What a scene may set of how a sensor measures light, for models that reckon with it
@@ -71,6 +78,7 @@ class RadiometerConfig:
         maximum=1e6,
         help="aperture times efficiency times integration time, for focal_plane: null",
         subject=LIGHT,
+        read_if=("with focal_plane: null", lambda config: config.focal_plane is None),
     )
     threshold_sigma: float = number(
         default=5.0,
@@ -98,6 +106,7 @@ class RadiometerConfig:
         maximum=1e3,
         help="signal over noise that the other bands need where bands are compared",
         subject=LIGHT,
+        read_if=_COMPARED,
     )
     reference_band: str = text(
         default="",
@@ -106,6 +115,7 @@ class RadiometerConfig:
         " plausible ratios"
         " refer",
         subject=LIGHT,
+        read_if=_COMPARED,
     )
     plausible_ratios: Mapping[str, tuple[float, float]] = nested(
         default=Factory(dict),
@@ -117,6 +127,7 @@ class RadiometerConfig:
         " source",
         keys_of="bands",
         subject=LIGHT,
+        read_if=_COMPARED,
     )
     ratio_tolerance_sigma: float = number(
         default=3.0,
@@ -126,6 +137,7 @@ class RadiometerConfig:
         help="how far noise may carry a measurement beyond the plausible ratios, in standard"
         " deviations",
         subject=LIGHT,
+        read_if=_COMPARED,
     )
     confirmation_detections: int = number(
         default=2,

@@ -63,6 +63,13 @@ def _probabilities_complaint(probabilities: Any) -> str | None:
     return None
 
 
+_SWEPT = ("unless scan_phase: aligned", lambda config: config.scan_phase != "aligned")
+_RASTER = (
+    "with scan_pattern: step-stare or staring, unless scan_phase: aligned",
+    lambda config: config.scan_pattern != "spin" and config.scan_phase != "aligned",
+)
+
+
 @frozen(kw_only=True)
 class ScanningSensorConfig(RadiometerConfig):
     """What a scene may set of a scanning sensor: in a geostationary slot, or in any orbit.
@@ -96,7 +103,10 @@ class ScanningSensorConfig(RadiometerConfig):
         help="time between two looks at one target, in whole nanoseconds",
     )
     scan_pattern: str = text(
-        default="staring", choices=SCAN_PATTERNS, help="how the field of regard is covered"
+        default="staring",
+        choices=SCAN_PATTERNS,
+        help="how the field of regard is covered",
+        read_if=_SWEPT,
     )
     scan_phase: str = text(
         default="random",
@@ -115,12 +125,14 @@ class ScanningSensorConfig(RadiometerConfig):
         minimum=1,
         maximum=100,
         help="rows of stares, or of arrays that stare side by side",
+        read_if=_RASTER,
     )
     raster_columns: int = number(
         default=8,
         minimum=1,
         maximum=100,
         help="columns of stares, or of arrays that stare side by side",
+        read_if=_RASTER,
     )
     detection_probability: Mapping[str, float] = nested(
         minimum=0.0,

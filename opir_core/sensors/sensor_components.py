@@ -4,11 +4,12 @@ A package declares its configuration classes (`with_defaults`) and yields what t
 return. The sensor itself is imported when it is built.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from opir_core.host.components import Constellation, SensorModel
+from opir_core.scene.fields import BODIES, RESIDUAL, STRUCTURE
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 if TYPE_CHECKING:
@@ -52,7 +53,15 @@ def scanning_model(
         presets=presets or {},
         presets_for=presets_for or {},
         subject=subject,
+        reads=_subjects_read,
     )
+
+
+def _subjects_read(config: ScanningSensorConfig) -> Sequence[str]:
+    """Return the subjects that a scanning sensor reads."""
+    return ([BODIES] if config.follows_bodies else []) + [
+        RESIDUAL if config.focal_plane is None else STRUCTURE
+    ]
 
 
 def geostationary_fleet(model: str, summary: str, slots_deg: Iterable[float]) -> Constellation:

@@ -19,6 +19,7 @@ from opir_core.planning.sightlines import Pairs
 from opir_core.planning.targets import Targets
 from opir_core.scene.plausibility import REMEDY, implausible_values
 from opir_core.sensors.scan_patterns import AlignedScan
+from opir_core.simulation.unread_settings import unread_settings, unread_texts
 
 #: How far an event may be from a scan instant, in scan periods.
 TOLERANCE = 1e-6
@@ -46,10 +47,10 @@ class CheckedScene(PlanParts):
 
 
 def plan_warnings(plan: Plan | CheckedScene) -> list[str]:
-    """Return the warnings: coinciding scan instants, implausible values, more or fewer launches
-    than expected.
-    """
-    return [*alignment_warnings(plan), *_implausible(plan), *_unexpected(plan)]
+    """Return the warnings: settings that nothing reads, coinciding scan instants, implausible
+    values, more or fewer launches than expected."""
+    unread = unread_texts(unread_settings(plan.scene, plan.host))
+    return [*unread, *alignment_warnings(plan), *_implausible(plan), *_unexpected(plan)]
 
 
 def launch_expectations(plan: Plan | CheckedScene) -> list[Mapping[str, Any]]:

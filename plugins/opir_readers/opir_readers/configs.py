@@ -55,6 +55,9 @@ class TableConfig:
     )
 
 
+_TO_ORBIT = ("with flight: orbit", lambda config: config.flight == "orbit")
+
+
 @frozen(kw_only=True)
 class AscentConfig:
     """What a scene may set of a target of the model `ascent`."""
@@ -99,10 +102,20 @@ class AscentConfig:
         help="first burn, of a launcher that weighs 1/1.3 of it",
     )
     gap_s: float = number(
-        default=11.0, unit="s", minimum=2.0, maximum=60.0, help="dark time after the first burn"
+        default=11.0,
+        unit="s",
+        minimum=2.0,
+        maximum=60.0,
+        help="dark time after the first burn",
+        read_if=_TO_ORBIT,
     )
     second_burn_s: float = number(
-        default=360.0, unit="s", minimum=250.0, maximum=600.0, help="second burn, to orbit"
+        default=360.0,
+        unit="s",
+        minimum=250.0,
+        maximum=600.0,
+        help="second burn, to orbit",
+        read_if=_TO_ORBIT,
     )
     orbit_altitude_km: float = number(
         default=200.0,
@@ -110,6 +123,7 @@ class AscentConfig:
         minimum=150.0,
         maximum=400.0,
         help="altitude of the orbit above the equatorial radius",
+        read_if=_TO_ORBIT,
     )
     followed_s: float = number(
         default=1500.0,
@@ -117,7 +131,11 @@ class AscentConfig:
         minimum=60.0,
         maximum=86_400.0,
         help="how long it is followed in orbit, by sensors that follow bodies",
+        read_if=_TO_ORBIT,
+        subject="bodies",
     )
     flies_back: bool = flag(
-        default=True, help="whether a booster lands at the launch site, not down the range"
+        default=True,
+        help="whether a booster lands at the launch site, not down the range",
+        read_if=("with flight: booster", lambda config: config.flight == "booster"),
     )

@@ -25,4 +25,5 @@ def opir_trackers() -> Iterable[TrackerModel]:
         " measurement models",
         config=StoneSoupConfig,
         build=_stonesoup,
+        reads=(),
     )

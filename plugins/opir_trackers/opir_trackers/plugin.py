@@ -31,6 +31,7 @@ def opir_trackers() -> Iterable[TrackerModel]:
         " impact sigma",
         config=KeplerArcConfig,
         build=_kepler_arc,
+        reads=("confusion",),
     )
     yield TrackerModel(
         name="imm",
@@ -38,4 +39,5 @@ def opir_trackers() -> Iterable[TrackerModel]:
         " the first track on",
         config=ImmConfig,
         build=_imm,
+        reads=("confusion",),
     )

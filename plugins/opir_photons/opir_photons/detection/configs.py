@@ -28,6 +28,7 @@ class SnrConfig:
         maximum=0.1,
         help="how far probabilities of detection may be off between the moments at which they are"
         " evaluated",
+        read_if=("with exact: false", lambda config: not config.exact),
     )
     exact: bool = flag(
         default=False, source="cost", help="evaluate every look, and interpolate nothing"

@@ -1,6 +1,6 @@
 """The detection model `snr`, imported for scenes that name it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from opir_core.plugin import DetectionModel, hookimpl
@@ -16,6 +16,10 @@ def _snr(config: SnrConfig, context: "ModelContext") -> "DetectionProbability":
     return snr_detection(config, context)
 
 
+def _subjects_read(config: SnrConfig) -> Sequence[str]:
+    return ["light", "sources", *(["detection_probability"] if config.calibrate == "paper" else [])]
+
+
 @hookimpl
 def opir_detection_models() -> Iterable[DetectionModel]:
     """Yield `snr`."""
@@ -26,5 +30,5 @@ def opir_detection_models() -> Iterable[DetectionModel]:
         config=SnrConfig,
         build=_snr,
         classifier="spectral",
-        reads=("light", "sources"),
+        reads=_subjects_read,
     )

@@ -143,6 +143,7 @@ class PlumeConfig:
         " class's, 300 K for"
         " ballistic flight",
         source=_TABLE,
+        subject="bodies",
     )
     body_area_m2: float = number(
         default=4.0,
@@ -150,9 +151,14 @@ class PlumeConfig:
         minimum=0.0,
         maximum=1e4,
         help="area that the body shows after burnout, projected, the mean over aspects",
+        subject="bodies",
     )
     body_emissivity: float = number(
-        default=0.9, minimum=0.0, maximum=1.0, help="emissivity of the body after burnout"
+        default=0.9,
+        minimum=0.0,
+        maximum=1.0,
+        help="emissivity of the body after burnout",
+        subject="bodies",
     )
     body_albedo: float = number(
         default=0.1,
@@ -161,6 +167,7 @@ class PlumeConfig:
         source="notional: 1 - 0.9, what is not absorbed by a grey body of the default emissivity"
         " (Kirchhoff)",
         help="share of the sunlight that the body reflects after burnout, diffusely, in every band",
+        subject="bodies",
     )
     continuum_temperature_k: float = number(
         default=1500.0,
@@ -205,7 +212,12 @@ class CloudConfig:
     """A thin opaque deck of cloud that hides what is below its top."""
 
     top_km: float = number(
-        default=10.0, unit="km", above=0.0, maximum=20.0, help="height of the top"
+        default=10.0,
+        unit="km",
+        above=0.0,
+        maximum=20.0,
+        help="height of the top",
+        read_if=("with a cover above 0", lambda cloud: cloud.cover > 0.0),
     )
     cover: float = number(
         default=1.0,
@@ -214,7 +226,12 @@ class CloudConfig:
         help="share of the Earth that is covered: cells are drawn independently, once a run",
     )
     cell_km: float = number(
-        default=100.0, unit="km", minimum=10.0, maximum=5000.0, help="size of a cell"
+        default=100.0,
+        unit="km",
+        minimum=10.0,
+        maximum=5000.0,
+        help="size of a cell",
+        read_if=("with a cover below 1", lambda cloud: 0.0 < cloud.cover < 1.0),
     )
 
 
@@ -309,6 +326,7 @@ class StructuresConfig:
         default="terrain",
         choices=("terrain", "sea"),
         help="what is below a sky without opaque cloud",
+        subject="sky",
     )
     cloud: StructureConfig = nested(
         default=StructureConfig(thermal_rms=0.1, solar_rms=0.3, scale_km=10.0, exponent=3.0),
@@ -319,12 +337,16 @@ class StructuresConfig:
     terrain: StructureConfig = nested(
         default=StructureConfig(thermal_rms=0.03, solar_rms=0.15, scale_km=10.0, exponent=3.0),
         help="land below a clear sky",
+        subject="sky",
+        read_if=("with surface: terrain", lambda structure: structure.surface == "terrain"),
     )
     sea: StructureConfig = nested(
         default=StructureConfig(
             thermal_rms=0.01, solar_rms=0.05, scale_km=30.0, exponent=8.0 / 3.0
         ),
         help="sea below a clear sky",
+        subject="sky",
+        read_if=("with surface: sea", lambda structure: structure.surface == "sea"),
     )
     limb: LimbStructureConfig = nested(
         default=LimbStructureConfig(thermal_rms=0.02, solar_rms=0.05, scale_km=30.0, exponent=3.0),
@@ -347,6 +369,7 @@ class EarthConfig:
         choices=("clear", "std_cirrus", "cumulus_top2.7km", "altostratus_top3.0km"),
         help="sky where the atmosphere has no opaque deck; the ground's albedo is 0.1",
         source=LOWTRAN,
+        subject="sky",
     )
     cloud_albedo: float = number(
         default=0.3,
@@ -354,6 +377,7 @@ class EarthConfig:
         maximum=1.0,
         help="albedo of the atmosphere's opaque cloud",
         source="the upper of the two in LOWTRAN's table here",
+        subject="cloud",
     )
     sea_wind_m_s: float | None = number(
         default=None,
@@ -364,6 +388,7 @@ class EarthConfig:
         " for its structure set"
         " structure.surface",
         source="none: no sun glint",
+        subject="sky",
     )
     clutter_residual: float = number(
         default=5e-6,
@@ -374,6 +399,7 @@ class EarthConfig:
         " for sensors without a focal plane",
         source="notional: leaves in long waves, in the sensors' default footprints, about the noise"
         " of a look",
+        subject="residual",
     )
     bands: Mapping[str, str] = nested(
         default=Factory(dict),
@@ -383,7 +409,9 @@ class EarthConfig:
         source="no default: bands are found by their edges",
     )
     structure: StructuresConfig = nested(
-        default=StructuresConfig(), help="structure of radiance, for sensors with a focal plane"
+        default=StructuresConfig(),
+        help="structure of radiance, for sensors with a focal plane",
+        subject="structure",
     )
 
     def __attrs_post_init__(self) -> None:

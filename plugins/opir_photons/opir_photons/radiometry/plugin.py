@@ -2,7 +2,7 @@
 imports.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -39,6 +39,12 @@ def opir_signature_models() -> Iterable[SignatureModel]:
     )
 
 
+def _skies(config: LowtranConfig) -> Sequence[str]:
+    """Return what an atmosphere lets a background show: the sky below it, its opaque cloud."""
+    cover = 0.0 if config.cloud is None else config.cloud.cover
+    return (["sky"] if cover < 1.0 else []) + (["cloud"] if cover > 0.0 else [])
+
+
 @hookimpl
 def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     """Yield `lowtran`."""
@@ -48,6 +54,7 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
         " is set",
         config=LowtranConfig,
         build=_built_by("lowtran", "lowtran_atmosphere"),
+        reads=_skies,
     )
 
 
