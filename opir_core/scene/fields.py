@@ -41,6 +41,7 @@ PLAUSIBLE_BY_UNIT: Mapping[str, tuple[float, float]] = {
 LIGHT = "light"
 SOURCES = "sources"
 BODIES = "bodies"
+BIAS = "bias"
 DRAG = "drag"
 DETECTION_PROBABILITY = "detection_probability"
 CONFUSION = "confusion"
@@ -56,6 +57,7 @@ READ_BY: Mapping[str, str] = {
     LIGHT: "a detection model that reads light does; constant reads detection_probability alone",
     SOURCES: "the detection model has none for sources",
     BODIES: "sensors with follows_bodies: true do",
+    BIAS: "a tracker does, of sensors with a bias or with clocks that are off",
     DRAG: "it is read with drag among the scene's forces",
     DETECTION_PROBABILITY: "detection: constant does",
     CONFUSION: "classification: paper does, and a tracker that weighs reported types",

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from opir_core.host.components import Constellation, SensorModel
-from opir_core.scene.fields import BODIES, RESIDUAL, STRUCTURE
+from opir_core.scene.fields import BIAS, BODIES, RESIDUAL, STRUCTURE
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 if TYPE_CHECKING:
@@ -59,9 +59,10 @@ def scanning_model(
 
 def _subjects_read(config: ScanningSensorConfig) -> Sequence[str]:
     """Return the subjects that a scanning sensor reads."""
-    return ([BODIES] if config.follows_bodies else []) + [
-        RESIDUAL if config.focal_plane is None else STRUCTURE
-    ]
+    subjects = [RESIDUAL if config.focal_plane is None else STRUCTURE]
+    subjects += [BODIES] if config.follows_bodies else []
+    subjects += [BIAS] if config.line_of_sight_bias_sigma_urad else []
+    return subjects
 
 
 def geostationary_fleet(model: str, summary: str, slots_deg: Iterable[float]) -> Constellation:

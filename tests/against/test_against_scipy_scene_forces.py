@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pyproj
 import pytest
-from repository import EXAMPLES
+from repository import TEST_SCENES
 from scipy.integrate import solve_ivp
 from scipy.special import legendre
 
@@ -21,7 +21,7 @@ from opir_core.geometry import Geodetic, geodetic_to_ecef
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 
-EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
+EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 FIELD = ZonalField()
 AIR = "exponential: {density_kg_m3: 1.225, scale_height_m: 7200.0}"
 BETA = {"usual": 2000.0, "own": 400.0}

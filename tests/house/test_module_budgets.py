@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from repository import EXAMPLES
+from repository import EXAMPLES, TEST_SCENES
 
-PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")
+PACIFIC = str(TEST_SCENES / "pacific_test_range.yaml")
 
 #: How many modules more than bare Python `opir --version` may import.
 VERSION_BUDGET = 30
@@ -131,7 +131,9 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_
 @pytest.mark.slow
 def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
     loaded = modules_of(
-        command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"),
+        command(
+            "run", str(TEST_SCENES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"
+        ),
         tmp_path,
     )
     assert not {name for name in loaded if name.startswith("opir_photons.radiometry")}
@@ -140,7 +142,9 @@ def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None:
     loaded = modules_of(
-        command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"),
+        command(
+            "run", str(TEST_SCENES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"
+        ),
         tmp_path,
     )
     heavier = {"forces", "propagation", "integration", "gravity_and_drag", "dop853"}

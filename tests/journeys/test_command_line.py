@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
-from repository import EXAMPLES
+from repository import EXAMPLES, TEST_SCENES
 
 import opir_core
 from opir_core.cli.main import main
 
 FIRST_LIGHT = str(EXAMPLES / "first_light.yaml")
-PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")
+PACIFIC = str(TEST_SCENES / "pacific_test_range.yaml")
 #: All its three targets burn by then.
 SHORT = (PACIFIC, "--set", "duration_s=80")
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import kafka_broker
 import pytest
 from kafka_broker import dead_address, messages
-from repository import EXAMPLES
+from repository import TEST_SCENES
 
-SCENE = str(EXAMPLES / "pacific_test_range.yaml")
+SCENE = str(TEST_SCENES / "pacific_test_range.yaml")
 SIZE = "4000k"
 
 #: In a name space of its own: a disk of that size, the command, and what is left on the disk copied

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from repository import EXAMPLES
+from repository import TEST_SCENES
 
 import opir_core as opir
 from opir_core.interfaces.contexts import EncoderContext
@@ -16,7 +16,7 @@ from opir_core.output.events.forge import ForgeEncoder
 from opir_core.planning.plan import compile_plan
 from opir_core.simulation.run import plan_windows
 
-EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
+EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 #: Without a tracker: an estimate depends on all sensors and targets, and events carry it.
 SCENE: Mapping[str, Any] = {
     **yaml.safe_load(EXAMPLE.read_text(encoding="utf-8")),

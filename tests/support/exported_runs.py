@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from opir_export.command import exporter_of
-from repository import EXAMPLES
+from repository import TEST_SCENES
 
 import opir_core
 from opir_core.plugin import Host
 
-SCENE = EXAMPLES / "pacific_test_range.yaml"
+SCENE = TEST_SCENES / "pacific_test_range.yaml"
 
 
 @cache

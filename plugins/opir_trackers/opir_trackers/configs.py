@@ -332,6 +332,7 @@ class ImmConfig:
         " Gauss–Markov process of 1.4e6 s does; slower, as most of it is not thermal; notional",
         help="Gauss–Markov correlation time of sensors' line-of-sight biases: how slowly they"
         " drift",
+        subject="bias",
     )
     late_s: float = number(
         default=0.0,

@@ -1,6 +1,6 @@
 """The trackers `kepler-arc` and `imm`; each is imported when it is built."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from opir_core.plugin import TrackerModel, hookimpl
@@ -22,6 +22,10 @@ def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker"
     return kepler_arc_tracker(config, context)
 
 
+def _subjects_read(config: ImmConfig) -> Sequence[str]:
+    return ["confusion", *(["bias"] if config.clock_sigma_s else [])]
+
+
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `kepler-arc` and `imm`."""
@@ -39,5 +43,5 @@ def opir_trackers() -> Iterable[TrackerModel]:
         " the first track on",
         config=ImmConfig,
         build=_imm,
-        reads=("confusion",),
+        reads=_subjects_read,
     )

@@ -20,7 +20,7 @@ from opir_core.output.saved_runs import read_run
 from opir_core.plugin import Host, RunView, hookimpl
 from opir_core.simulation.run import run_of_plan
 
-SCENE = Path(__file__).parents[3] / "examples" / "pacific_test_range.yaml"
+SCENE = Path(__file__).parents[3] / "tests" / "scenes" / "pacific_test_range.yaml"
 #: The files of a run beside its events.
 BESIDE = ("truth", "tracks", "manifest")
 #: All its three targets burn by then.

@@ -123,7 +123,7 @@ def test_the_bytes_of_an_event_are_no_less_than_those_of_any_encoder() -> None:
     from opir_core.output.events.forge import ForgeEncoder
     from opir_core.simulation.run import plan_windows
 
-    plan = compile_plan(opir.load_scene("examples/pacific_test_range.yaml"))
+    plan = compile_plan(opir.load_scene("tests/scenes/pacific_test_range.yaml"))
     encoder = ForgeEncoder(
         EncoderContext(sensors=plan.sensors, epoch_us=0, reported_types=plan.reported_types)
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fake_components import fake_host, good_mapping
 from opir_testing import SilentTracker
-from repository import EXAMPLES
+from repository import EXAMPLES, TEST_SCENES
 
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
 from opir_core.host.host import Host
@@ -19,7 +19,7 @@ from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import simulate
 
 ONE_TARGET = EXAMPLES / "first_light.yaml"
-THREE_TARGETS = EXAMPLES / "pacific_test_range.yaml"
+THREE_TARGETS = TEST_SCENES / "pacific_test_range.yaml"
 AIR = {"density_kg_m3": 1.2, "scale_height_m": 7000.0}
 
 

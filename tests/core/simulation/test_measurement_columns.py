@@ -11,7 +11,7 @@ import pytest
 from attrs import evolve, frozen
 from opir_testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 from opir_testing.doubles import stub_window
-from repository import EXAMPLES
+from repository import TEST_SCENES
 
 import opir_core as opir
 from opir_core.errors import ModelError
@@ -27,7 +27,7 @@ from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
 
 BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0))
-EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
+EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 
 
 @frozen

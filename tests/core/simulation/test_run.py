@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from repository import EXAMPLES
+from repository import TEST_SCENES
 
 import opir_core as opir
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.run import Run
 
-EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
+EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 from opir_readers import csv_table as csv_table_module
 from opir_readers.configs import TableConfig
 from opir_readers.table_targets import table_targets
-from repository import EXAMPLES
+from repository import TEST_SCENES
 
 from opir_core.errors import SceneError
 from opir_core.flight.kepler import propagate_kepler
@@ -22,7 +22,7 @@ from opir_core.plugin import BadFileError
 from opir_core.reading import load_scene, scene_from_mapping
 from opir_core.simulation.run import simulate
 
-EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
+EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 
 OEM = """CCSDS_OEM_VERS = 2.0
 COMMENT made up

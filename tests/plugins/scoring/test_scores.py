@@ -147,7 +147,7 @@ def test_the_true_velocity_at_burnout_is_that_of_the_burnout() -> None:
     by 9 m/s there.
     """
     plan = opir.compile_plan(
-        opir.load_scene("examples/pacific_test_range.yaml", overrides=["outputs=[]"])
+        opir.load_scene("tests/scenes/pacific_test_range.yaml", overrides=["outputs=[]"])
     )
     everyone = np.arange(3, dtype=np.int32)
     states = true_states_ecef(plan, everyone, plan.targets.burnout_s[everyone])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from opir_scoring import evidence_of_run
 from opir_scoring.evidence import ownership
-from repository import EXAMPLES
+from repository import TEST_SCENES
 
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 from opir_core.simulation.run import run_of_plan
 
-SCENE = EXAMPLES / "pacific_test_range.yaml"
+SCENE = TEST_SCENES / "pacific_test_range.yaml"
 #: All launches within 10 s, so that a short scene has all burns.
 SOON = ("targets[1].launch.time_s=15", "targets[2].launch.time_s=20")
 

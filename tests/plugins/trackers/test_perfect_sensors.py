@@ -12,7 +12,7 @@ import opir_core as opir
 def run_of(sensors: str, duration_s: float) -> opir.Run:
     changes = [f"sensors=[{{{sensors}, line_of_sight_sigma_urad: 0}}]", "tracker=imm", "outputs=[]"]
     scene = opir.load_scene(
-        "examples/pacific_test_range.yaml", overrides=[*changes, f"duration_s={duration_s}"]
+        "tests/scenes/pacific_test_range.yaml", overrides=[*changes, f"duration_s={duration_s}"]
     )
     return opir.run_of_plan(opir.compile_plan(scene))
 

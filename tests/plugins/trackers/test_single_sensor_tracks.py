@@ -8,13 +8,13 @@ from opir_scoring import evidence_of_run
 from opir_scoring.containments import nees
 from opir_scoring.evidence import ownership, true_states_ecef
 from opir_trackers.imm.prune import are_below_ground, are_uncertain, have_come_down
-from repository import EXAMPLES
+from repository import EXAMPLES, TEST_SCENES
 
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 from opir_core.simulation.run import run_of_plan
 
-SCENE = EXAMPLES / "pacific_test_range.yaml"
+SCENE = TEST_SCENES / "pacific_test_range.yaml"
 ALONE = "sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: -150}]"
 
 #: χ² of six degrees of freedom that is exceeded once in 100 000.

@@ -1,11 +1,11 @@
 """Forecasts of tracks that began at different times are renewed at the same ticks."""
 
 import numpy as np
-from repository import EXAMPLES
+from repository import TEST_SCENES
 
 import opir_core as opir
 
-EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
+EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 EVERY_S = 5.0
 
 

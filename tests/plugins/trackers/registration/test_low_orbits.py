@@ -16,7 +16,7 @@ def test_perfect_low_sensors_have_no_bias() -> None:
         "outputs=[]",
     ]
     scene = opir.load_scene(
-        "examples/pacific_test_range.yaml", overrides=[*changes, "duration_s=100"]
+        "tests/scenes/pacific_test_range.yaml", overrides=[*changes, "duration_s=100"]
     )
     rows = [row for row in opir.simulate(scene).summary["sensors"] if row["detections"]]
     assert len(rows) > 2

@@ -1,0 +1,77 @@
+"""Another legal value of each setting of a configuration class, in the layout of a scene's
+block.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from opir_core.scene.field_rows import FieldRow, field_rows
+
+
+def other_values(config_class: type) -> Iterator[tuple[str, Any]]:
+    """Yield the dotted key of each setting with a plain value, and another legal value."""
+    for row in field_rows(config_class):
+        value = _other(row)
+        if value is not None:
+            yield row.key, value
+
+
+def nested(key: str, value: Any) -> dict[str, Any]:
+    """Return the block that sets a dotted key."""
+    first, _, rest = key.partition(".")
+    return {first: nested(rest, value) if rest else value}
+
+
+def _other(row: FieldRow) -> Any:
+    if isinstance(row.default, bool):
+        return not row.default
+    if row.choices:
+        return next((choice for choice in reversed(row.choices) if choice != row.default), None)
+    if isinstance(row.default, int | float):
+        return _number(row, row.default)
+    if row.default is None and row.kind.startswith(("number", "whole number")):
+        return _number(row, _plausible_middle(row))
+    if isinstance(row.default, Mapping) and row.default and "block" not in row.kind:
+        numbers = {key: value for key, value in row.default.items() if isinstance(value, float)}
+        return (
+            {key: 0.9 * value for key, value in numbers.items()}
+            if len(numbers) == len(row.default)
+            else None
+        )
+    return None
+
+
+def _number(row: FieldRow, default: float) -> float | None:
+    """Return a number near the default, in the allowed interval."""
+    whole = row.kind.startswith("whole")
+    for value in (
+        default * 1.5 + (1 if whole else 0.0),
+        default * 0.5,
+        default + 1.0,
+        default - 1.0,
+        0.5,
+        1.0,
+    ):
+        number = int(value) if whole else float(value)
+        if number != default and _inside(row.interval, number):
+            return number
+    return None
+
+
+def _plausible_middle(row: FieldRow) -> float:
+    """Return the geometric mean of the plausible range of a setting without a default, 10 without
+    one.
+    """
+    if not row.plausible:
+        return 10.0
+    low, high = (float(part) for part in row.plausible.removeprefix("plausible ").split(" to "))
+    return math.sqrt(low * high)
+
+
+def _inside(interval: str, value: float) -> bool:
+    if not interval:
+        return True
+    low, high = (float(part) for part in interval[1:-1].split(", "))
+    above = value >= low if interval[0] == "[" else value > low
+    return above and (value <= high if interval[-1] == "]" else value < high)
