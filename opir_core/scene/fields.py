@@ -49,6 +49,7 @@ STRUCTURE = "structure"
 RESIDUAL = "residual"
 SKY = "sky"
 CLOUD = "cloud"
+ANY_CLOUD = "any cloud"
 #: The subject of settings that no model reads: they are printed only.
 DESCRIPTION = "description"
 
@@ -65,6 +66,7 @@ READ_BY: Mapping[str, str] = {
     RESIDUAL: "sensors without a focal plane (focal_plane: null) do",
     SKY: "it is hidden below the atmosphere's opaque cloud",
     CLOUD: "it is read with an opaque cloud of the atmosphere",
+    ANY_CLOUD: "it is read with a cloudy sky, or with a cloud of the atmosphere",
     DESCRIPTION: "it is a description, which no model reads",
 }
 

@@ -76,13 +76,12 @@ def _subjects_read(
 ) -> frozenset[str] | None:
     """Return the subjects that the scene's components read; None if one of them may read any."""
     hooks = {kind.hook for kind in _READERS}
-    found = {DRAG} if scene.forces.drag is not None else set[str]()
+    found: set[str] = {DRAG} if scene.forces.drag is not None else set[str]()
     for choice in scene.choices:
-        if choice.hook in hooks:
-            subjects = components[choice.hook, choice.name].subjects_read(choice.config)
-            if subjects is None:
-                return None
-            found.update(subjects)
+        subjects = components[choice.hook, choice.name].subjects_read(choice.config)
+        if subjects is None and choice.hook in hooks:
+            return None
+        found.update(subjects or ())
     return frozenset(found)
 
 

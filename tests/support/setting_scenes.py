@@ -11,6 +11,7 @@ from other_values import nested, other_values
 import opir_core as opir
 from opir_core.errors import OpirError
 from opir_core.host.host import Host
+from opir_core.reading.component_reader import conditional_fields
 from opir_core.simulation.unread_settings import unread_settings
 
 SENSOR: dict[str, Any] = {
@@ -88,15 +89,26 @@ def scene_of(name: str) -> dict[str, Any]:
 
 
 def changed_scenes(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the path of each setting of the components of a scene, and the scene with another value
-    there.
-    """
+    """Yield the path of each setting of the components of a scene that is read under a condition,
+    and the scene with another value there. Settings of blocks that the scene does not have are left
+    out: they bring the block."""
     scene = scene_of(name)
     made = opir.scene_from_mapping(scene, host=HOST)
     for choice in made.choices:
         config_class = HOST.component(choice.hook, choice.name).config
         for key, value in other_values(config_class):
+            if key.partition(".")[0] not in conditional_fields(config_class) or _is_absent(
+                choice.config, key
+            ):
+                continue
             yield f"{choice.path}.{key}", _with(scene, choice.path, choice.name, nested(key, value))
+
+
+def _is_absent(config: Any, key: str) -> bool:
+    """Return whether a setting stands in a block that is not there."""
+    for part in key.split(".")[:-1]:
+        config = getattr(config, part)
+    return config is None
 
 
 def _with(

@@ -15,7 +15,15 @@ LAUNCHES = (
 #: Each detection is reported: confirmation over scans has tests of its own. Noise is given, without
 #: a focal plane.
 PLAIN = {"confirmation_detections": 1, "focal_plane": None}
-DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0, **PLAIN, "nei_w_m2": 5e-13}
+DSP = {
+    "model": "DSP",
+    "preset": "paper",
+    "scan_phase": "random",
+    "id": "D",
+    "orbital_slot_deg": -140.0,
+    **PLAIN,
+    "nei_w_m2": 5e-13,
+}
 SBIRS = {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0, **PLAIN, "nei_w_m2": 1e-12}
 NEXTGEN = {
     "model": "NEXTGEN-GEO",

@@ -185,7 +185,8 @@ def test_the_model_of_the_message_is_the_one_that_declares_to_read_light() -> No
 
 
 def _reads(host: Host, hook: str, name: str) -> Any:
-    return host.component(hook, name).reads or ()
+    component = host.component(hook, name)
+    return component.subjects_read(component.config()) or ()
 
 
 def test_explanation_summary_and_manifest_tell_the_model() -> None:

@@ -46,7 +46,16 @@ def scene(**sensor: object) -> opir.Scene:
             "epoch": "2026-04-01T19:00:00Z",
             "duration_s": 90,
             "seed": 3,
-            "sensors": [{"model": "DSP", "id": "D", "orbital_slot_deg": -95.0, **sensor}],
+            "sensors": [
+                {
+                    "model": "DSP",
+                    "preset": "paper",
+                    "scan_phase": "random",
+                    "id": "D",
+                    "orbital_slot_deg": -95.0,
+                    **sensor,
+                }
+            ],
             "targets": [
                 {
                     "id": "T",

@@ -43,7 +43,14 @@ def planned(
         )
     ]
     sensors = [
-        {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0, **every_sensor},
+        {
+            "model": "DSP",
+            "preset": "paper",
+            "scan_phase": "random",
+            "id": "D",
+            "orbital_slot_deg": -140.0,
+            **every_sensor,
+        },
         {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0, **every_sensor},
         {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -120.0, **every_sensor},
     ]
@@ -119,7 +126,14 @@ def test_a_pair_is_asked_for_few_looks_in_few_calls(
 @pytest.mark.parametrize("others", [0, 1])
 def test_a_slow_scanner_is_asked_for_few_more_than_its_looks(others: int) -> None:
     # Few looks in a burn: curves between all breakpoints would need four times as many.
-    slow = {"model": "DSP", "id": "SLOW", "orbital_slot_deg": -135, "scan_period_ms": 10_000}
+    slow = {
+        "model": "DSP",
+        "preset": "paper",
+        "scan_phase": "random",
+        "id": "SLOW",
+        "orbital_slot_deg": -135,
+        "scan_period_ms": 10_000,
+    }
     fast = {"model": "SBIRS-GEO", "id": "FAST", "orbital_slot_deg": -90}
     plan = opir.compile_plan(
         opir.scene_from_mapping(

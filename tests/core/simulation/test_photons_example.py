@@ -105,7 +105,14 @@ def mapping(**changes: Any) -> dict[str, Any]:
         "epoch": "2026-04-01T20:00:00Z",
         "duration_s": 2,
         "sensors": [
-            {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0, "confirmation_detections": 1}
+            {
+                "model": "DSP",
+                "preset": "paper",
+                "scan_phase": "random",
+                "id": "D",
+                "orbital_slot_deg": -135.0,
+                "confirmation_detections": 1,
+            }
         ],
         "targets": [],
         "detection": "snr",

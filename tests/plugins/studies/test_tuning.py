@@ -30,6 +30,8 @@ from opir_core.scene.scene import Scene
 #: With a stated noise: by default the light of the Earth hides plumes from DSP's long waves.
 DSP = {
     "model": "DSP",
+    "preset": "paper",
+    "scan_phase": "random",
     "id": "D",
     "orbital_slot_deg": -135.0,
     "focal_plane": None,

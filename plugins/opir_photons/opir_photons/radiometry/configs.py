@@ -333,6 +333,7 @@ class StructuresConfig:
         source="notional; exponent 3: sharp edges (Debye, Anderson and Brumberger, J. Appl. Phys."
         " 28 (1957) 679)",
         help="opaque cloud and the other cloudy skies, with their edges",
+        subject="any cloud",
     )
     terrain: StructureConfig = nested(
         default=StructureConfig(thermal_rms=0.03, solar_rms=0.15, scale_km=10.0, exponent=3.0),

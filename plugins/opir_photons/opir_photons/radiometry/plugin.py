@@ -42,7 +42,7 @@ def opir_signature_models() -> Iterable[SignatureModel]:
 def _skies(config: LowtranConfig) -> Sequence[str]:
     """Return what an atmosphere lets a background show: the sky below it, its opaque cloud."""
     cover = 0.0 if config.cloud is None else config.cloud.cover
-    return (["sky"] if cover < 1.0 else []) + (["cloud"] if cover > 0.0 else [])
+    return (["sky"] if cover < 1.0 else []) + (["cloud", "any cloud"] if cover > 0.0 else [])
 
 
 @hookimpl
@@ -58,6 +58,10 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     )
 
 
+def _clouds(config: EarthConfig) -> Sequence[str]:
+    return [] if config.sky == "clear" else ["any cloud"]
+
+
 @hookimpl
 def opir_background_models() -> Iterable[BackgroundModel]:
     """Yield `earth`."""
@@ -67,6 +71,7 @@ def opir_background_models() -> Iterable[BackgroundModel]:
         " clutter it leaves",
         config=EarthConfig,
         build=_built_by("earth", "earth_background"),
+        reads=_clouds,
     )
 
 

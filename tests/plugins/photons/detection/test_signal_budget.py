@@ -12,7 +12,14 @@ from opir_core.reading.canonical import scene_mapping
 
 #: Noise is given: that of focal planes has tests of its own.
 GIVEN = [
-    {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0, "nei_w_m2": 5e-13},
+    {
+        "model": "DSP",
+        "preset": "paper",
+        "scan_phase": "random",
+        "id": "D",
+        "orbital_slot_deg": -135.0,
+        "nei_w_m2": 5e-13,
+    },
     {
         "model": "SBIRS-GEO",
         "id": "S",

@@ -20,7 +20,13 @@ from opir_core.interfaces.records import Exposures
 from opir_core.simulation.engine import Engine
 
 SENSORS = {
-    "DSP": {"model": "DSP", "id": "D", "orbital_slot_deg": 0.0},
+    "DSP": {
+        "model": "DSP",
+        "preset": "paper",
+        "scan_phase": "random",
+        "id": "D",
+        "orbital_slot_deg": 0.0,
+    },
     "SBIRS-GEO": {"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": 0.0},
     "NEXTGEN-GEO": {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": 0.0},
 }
