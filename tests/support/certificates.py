@@ -8,16 +8,24 @@ from pathlib import Path
 WHY_ABSENT = "" if shutil.which("openssl") else "there is no openssl to make a certificate with"
 
 
-class Authority:
-    """An authority of its own, in a folder: `certificate` is what those who trust it need."""
+#: The extensions of an authority that Python 3.13 and later ask for, as RFC 5280, section 4.2.1,
+#: does.
+EXTENSIONS = ("basicConstraints=critical,CA:TRUE", "keyUsage=critical,keyCertSign,cRLSign")
 
-    def __init__(self, folder: Path, name: str) -> None:
+
+class Authority:
+    """An authority of its own, in a folder: `certificate` is what those who trust it need, `key`
+    its private key.
+    """
+
+    def __init__(self, folder: Path, name: str, extensions: tuple[str, ...] = EXTENSIONS) -> None:
         self.certificate = folder / f"{name}.pem"
-        self._key = folder / f"{name}.key"
+        self.key = folder / f"{name}.key"
         self._folder = folder
         self._name = name
-        made = ("-keyout", str(self._key), "-out", str(self.certificate), "-subj", f"/CN={name}")
-        _openssl("req", "-x509", "-newkey", "rsa:2048", "-noenc", "-days", "2", *made)
+        made = ("-keyout", str(self.key), "-out", str(self.certificate), "-subj", f"/CN={name}")
+        added = (word for extension in extensions for word in ("-addext", extension))
+        _openssl("req", "-x509", "-newkey", "rsa:2048", "-noenc", "-days", "2", *made, *added)
 
     def signed(self, name: str, alternative: str = "", *, days: int = 2) -> tuple[Path, Path]:
         """Return the files of a certificate and its key; `alternative` is its subjectAltName, as
@@ -35,7 +43,7 @@ class Authority:
             "-CA",
             str(self.certificate),
             "-CAkey",
-            str(self._key),
+            str(self.key),
             "-copy_extensions",
             "copy",
         )

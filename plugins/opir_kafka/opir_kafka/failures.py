@@ -79,6 +79,16 @@ _REMEDIES = {
 }
 
 
+#: What mends an authority without an extension that RFC 5280, section 4.2.1, asks for; what it has
+#: signed stays valid.
+_NEW_AUTHORITY = (
+    "make the certificate of security.ca_file anew, with its key and name: openssl req -x509 -key"
+    " CA.key"
+    " -subj /CN=NAME -days 3650 -out CA.pem -addext basicConstraints=critical,CA:TRUE"
+    " -addext keyUsage=critical,keyCertSign,cRLSign (Python 3.13 and later ask for these"
+    " extensions)"
+)
+
 #: By OpenSSL's code of why a certificate is refused; else `ca_file` is not that of the broker's
 #: certificate.
 _CERTIFICATE_REMEDIES = {
@@ -86,6 +96,11 @@ _CERTIFICATE_REMEDIES = {
     10: "renew the broker's certificate",
     62: "write a name of the certificate in bootstrap_servers",
     64: "write a name of the certificate in bootstrap_servers",
+    79: _NEW_AUTHORITY,
+    85: "sign the broker's certificate anew with authorityKeyIdentifier=keyid",
+    86: _NEW_AUTHORITY,
+    89: _NEW_AUTHORITY,
+    92: _NEW_AUTHORITY,
 }
 #: First byte of what a listener with TLS answers to plain text (RFC 8446, section 5.1: an alert).
 _TLS_ALERT = 21

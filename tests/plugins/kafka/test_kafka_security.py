@@ -243,6 +243,57 @@ def test_what_is_wrong_with_a_certificate_is_in_the_message(
         )
 
 
+@pytest.mark.parametrize(
+    ("extensions", "lacking"),
+    [
+        pytest.param((), "CA cert does not include key usage extension", id="no key usage"),
+        pytest.param(
+            ("keyUsage=critical,keyCertSign", "basicConstraints=CA:TRUE"),
+            "Basic Constraints of CA cert not marked critical",
+            id="constraints not critical",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            ("basicConstraints=critical,CA:FALSE",),
+            "invalid CA certificate",
+            id="no authority",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_the_command_in_the_message_mends_an_authority_that_lacks_an_extension(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, extensions: tuple[str, ...], lacking: str
+) -> None:
+    if WHY_ABSENT:
+        pytest.skip(WHY_ABSENT)
+    usual = ssl.create_default_context
+    monkeypatch.setattr(
+        ssl, "create_default_context", lambda **words: verifying_strictly(usual(**words))
+    )
+    own = Authority(tmp_path, "own", extensions)
+    for source, target in zip(own.signed("broker", "DNS:localhost"), ("cert", "key"), strict=True):
+        (tmp_path / target).write_bytes(source.read_bytes())
+    security = SecurityConfig(protocol="SSL", ca_file=str(own.certificate))
+    with door(29, tmp_path) as address:
+        address = address.replace("127.0.0.1", "localhost")
+        reported = refusal(address, security)
+        assert lacking in reported
+        files = {"CA.key": str(own.key), "CA.pem": str(own.certificate), "/CN=NAME": "/CN=own"}
+        command = reported.partition("openssl ")[2].split(" (")[0].split()
+        subprocess.run(
+            ["openssl", *(files.get(word, word) for word in command)],
+            check=True,
+            capture_output=True,
+        )
+        assert "answers TopicAuthorizationFailed" in refusal(address, security)
+
+
+def verifying_strictly(context: ssl.SSLContext) -> ssl.SSLContext:
+    """Return a context that verifies as the default one of Python 3.13 and later does."""
+    context.verify_flags |= ssl.VERIFY_X509_STRICT
+    return context
+
+
 def test_a_broker_that_asks_for_a_certificate_of_the_client_is_in_the_message(
     certificate: Path,
 ) -> None:
