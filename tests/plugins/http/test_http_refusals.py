@@ -43,6 +43,8 @@ BAD_BODIES = {
     ),
     "huge whole number": (b'{"type":"ICBM","launch":{"lat_deg":' + b"9" * 5000 + b"}}", 400),
     "deep": (b'{"a":' * 9000 + b"1" + b"}" * 9000, 400),
+    "deep, as far as it is read": (b'{"a":' * 500 + b"1" + b"}" * 500, 422),
+    "deeper by one": (b'{"a":' * 501 + b"1" + b"}" * 501, 400),
     "deep list": (b"[" * 60000, 400),
     "key twice": (b'{"type":"ICBM","type":"SRBM"}', 400),
     "not UTF-8": (b'{"type":"\xff"}', 400),
