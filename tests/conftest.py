@@ -35,14 +35,17 @@ LEFT_OUT_NAME = "slow_tests_left_out"
 #: libraries, each in the configuration and in a worker's answer.
 FILES = pytest.StashKey[list[str]]()
 ABSENT = pytest.StashKey[list[str]]()
-#: Key of the predicate that is true for the slow tests to be run, by their ids.
+#: Keys of the predicates that are true for the slow tests and for the quick ones to be run, by
+#: their ids.
 IS_CHOSEN = pytest.StashKey[Callable[[str], bool]]()
+IS_CHOSEN_QUICK = pytest.StashKey[Callable[[str], bool]]()
 PEERS_REQUIRED = os.environ.get("OPIR_PEERS") == "required"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Read which third of the slow tests is to be run."""
-    config.stash[IS_CHOSEN] = thirds.chooser(os.environ.get("OPIR_THIRD", ""))
+    """Read which third of the slow tests is to be run, and which of the quick ones."""
+    config.stash[IS_CHOSEN] = thirds.chooser(os.environ.get(thirds.SLOW, ""), thirds.SLOW)
+    config.stash[IS_CHOSEN_QUICK] = thirds.chooser(os.environ.get(thirds.QUICK, ""), thirds.QUICK)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -73,6 +76,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     # Properties with all examples are slow too.
     slow = {"slow", "hypothesis"} if settings().max_examples >= FULL_EXAMPLES else {"slow"}
     is_chosen = config.stash[IS_CHOSEN]
+    is_chosen_quick = config.stash[IS_CHOSEN_QUICK]
     chosen = []
     elsewhere = []
     for item in items:
@@ -81,7 +85,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         markers = {marker.name for marker in item.iter_markers()}
         if markers & slow and "timeout" not in markers:
             item.add_marker(pytest.mark.timeout(SLOW_TIME_LIMIT_S))
-        (chosen if not markers & slow or is_chosen(item.nodeid) else elsewhere).append(item)
+        is_due = (is_chosen if markers & slow else is_chosen_quick)(item.nodeid)
+        (chosen if is_due else elsewhere).append(item)
     if elsewhere:
         config.hook.pytest_deselected(items=elsewhere)
         items[:] = chosen

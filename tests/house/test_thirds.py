@@ -1,9 +1,14 @@
-"""Slow tests in thirds: three runs of CI run each of them once."""
+"""Tests in thirds: three runs of CI run each of them once."""
 
+import os
+import subprocess
+import sys
 from collections import Counter
+from collections.abc import Collection
 
 import pytest
-from thirds import chooser
+from repository import ROOT
+from thirds import QUICK, SLOW, chooser
 
 IDS = [f"tests/core/test_{number}.py::test_it[{case}]" for number in range(100) for case in "abc"]
 
@@ -26,3 +31,33 @@ def test_all_tests_are_run_unless_a_third_is_named(everything: str) -> None:
 def test_what_is_no_third_is_refused(third: str) -> None:
     with pytest.raises(pytest.UsageError, match="OPIR_THIRD must be all, 1/3, 2/3 or 3/3"):
         chooser(third)
+
+
+@pytest.mark.slow
+def test_each_quick_test_of_a_file_is_run_in_one_third() -> None:
+    parts = [collected({QUICK: f"{number}/3"}) for number in (1, 2, 3)]
+    assert Counter(test for part in parts for test in part) == Counter(collected({}))
+    assert collected({SLOW: "1/3"}) == collected({})
+
+
+def collected(variables: dict[str, str]) -> Collection[str]:
+    """Return the quick tests that pytest would run of this file under some variables."""
+    clean = {key: value for key, value in os.environ.items() if key not in (QUICK, SLOW)}
+    listed = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "--collect-only",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            __file__,
+        ],
+        cwd=ROOT,
+        env=clean | variables,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return {line for line in listed.stdout.splitlines() if "::" in line}
