@@ -24,6 +24,7 @@ from opir_readers.reading import FileText, content_of, file_text, reader_of
 #: The files beside the events.
 _BESIDE = ("truth", "tracks", "manifest")
 
+_MS = 1_000_000
 _NS = 1_000_000_000
 
 
@@ -140,6 +141,21 @@ def tracked_windows(plan: Plan, columns: RunColumns) -> Iterator[Window]:
         yield rest
 
 
+def _darkness(plan: Plan, columns: RunColumns) -> Iterator[str]:
+    """Yield how long the scene goes on after the last detection, if longer than a scan of any
+    sensor takes.
+    """
+    last_ns = int(columns.detections.time_ns[-1])
+    silent_ns = plan.end_ns - last_ns
+    if silent_ns > max(sensor.scan.period_ns for sensor in plan.sensors):
+        end_s = -(-last_ns // _MS) * _MS / _NS
+        yield (
+            f"nothing is detected in the last {silent_ns / _NS:.1f} s of the scene, as after a"
+            f" burn;"
+            f" if the file is an excerpt, end the scene with it: --set duration_s={end_s:.3f}"
+        )
+
+
 def _text(
     arguments: argparse.Namespace,
     plan: Plan,
@@ -156,7 +172,7 @@ def _text(
         f"{arguments.file}: {grouped(len(found))} detections ({reader.name}),"
         f" {found.time_ns[0] / _NS:.3f} to"
         f" {found.time_ns[-1] / _NS:.3f} s of a scene of {scene.duration_s:g} s from {epoch},"
-        f" tracker {scene.tracker.name}"
+        f" tracker {scene.tracker.name}, as of {scene.duration_s:.1f} s"
     )
     count = np.bincount(found.sensor, minlength=len(plan.sensors))
     rows = [
@@ -164,7 +180,7 @@ def _text(
         for sensor, number in zip(plan.sensors, count, strict=True)
     ]
     parts = [
-        head,
+        "\n".join([head, *_darkness(plan, columns)]),
         table(("sensor", "type", "detections"), rows, numbers=(2,)),
         "\n".join(answers(outcome.summary)),
         *reported_tables(outcome.summary),

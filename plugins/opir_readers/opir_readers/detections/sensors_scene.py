@@ -21,10 +21,9 @@ from opir_readers.detections.columns_of_run import Row, times_ns
 
 _DEFAULT_TRACKER = "imm"
 
-#: How long before the first detection a scene starts that names no epoch, and after the last one it
-#: ends, s: launches may be earlier, and a burnout shows by the silence after it.
+#: How long before the first detection a scene starts that names no epoch, s: the launch may be
+#: earlier.
 _LEAD_S = 60
-_TAIL_S = 60
 
 _NS = 1_000_000_000
 
@@ -98,12 +97,14 @@ def _epoch(path: str, rows: Sequence[Row]) -> str:
 
 
 def _duration_s(path: str, rows: Sequence[Row], epoch: str) -> float:
-    """Return how long a scene from an epoch must be for all detections; 1 s where its epoch is
+    """Return the time of the last detection since an epoch; 1 s where the epoch or all times are
     refused elsewhere.
+
+    Looks after it would have seen nothing, and the end of a file is not the end of a burn.
     """
     with suppress(ValueError):
         last_ns = int(_times(path, rows, epoch_us_of_text(epoch)).max())
-        return float(max(-(-last_ns // _NS) + _TAIL_S, 1))
+        return last_ns / _NS if last_ns > 0 else 1.0
     return 1.0
 
 
