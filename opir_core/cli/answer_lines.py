@@ -48,7 +48,11 @@ def answers(summary: Row, most: int = _ANSWERED) -> list[str]:
 
 def _is_taken(track: Row | None) -> bool:
     """Return whether a source's track is probably a launch, to its tracker."""
-    return track is not None and (track["probability_launch"] or 0.0) >= _PROBABLE
+    return (
+        track is not None
+        and not track["is_brief"]
+        and (track["probability_launch"] or 0.0) >= _PROBABLE
+    )
 
 
 def _sentence(row: Row, kind: str, seen: str, tracks: Mapping[int, Row]) -> str:
@@ -90,7 +94,11 @@ def says_text(seen: Row, track: Row | None) -> str:
 def likeliest_text(track: Row) -> str | None:
     """Return what a track is most probably, `ICBM 0.97`: its hypothesis, else its type; None
     without either.
+
+    Of one that was seen too briefly to tell, that.
     """
+    if track["is_brief"]:
+        return f"seen for {track['seen_s']:.1f} s, too short to tell"
     for name, chance in (
         ("likeliest_hypothesis", "hypothesis_probability"),
         ("reported_type", "type_probability"),
@@ -104,7 +112,8 @@ def _is_probable(track: Row) -> bool:
     """Return whether a track is probably a launch; without hypotheses its tracker knows launches
     alone.
     """
-    return track["probability_launch"] is None or track["probability_launch"] >= _PROBABLE
+    chance = track["probability_launch"]
+    return not track["is_brief"] and (chance is None or chance >= _PROBABLE)
 
 
 def _flight(track: Row | None) -> Iterator[str]:
@@ -189,8 +198,14 @@ def _region_text(region: Row) -> str:
 
 
 _SOURCE_HEAD = ("source", "type", "first detected by", "detections", "track", "reported")
-_WHERE = ("from s", "to s", "launch point (95 % semi-major axis)", "predicted impact point")
-_NUMBERS = {"detections", "track", "from s", "to s"}
+_WHERE = (
+    "from s",
+    "to s",
+    "seen s",
+    "launch point (95 % semi-major axis)",
+    "predicted impact point",
+)
+_NUMBERS = {"detections", "track", "from s", "to s", "seen s"}
 
 #: The head of a table and the cells of its rows.
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
@@ -236,12 +251,14 @@ def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:
     Only a probable launch has a launch point and an impact.
     """
     launch, impact = (row["launch"], row["impact"]) if _is_probable(row) else (None, None)
-    times = f"{row['first_s']:.1f}", f"{row['last_s']:.1f}"
+    times = tuple(
+        "-" if row[name] is None else f"{row[name]:.1f}" for name in ("first_s", "last_s", "seen_s")
+    )
     head = (str(row["track_id"]), likeliest_text(row) or "-")
     where = (*times, point_text(launch), point_text(impact))
     if not weighs:
         return (*head, *where)
-    chance = row["probability_launch"]
+    chance = None if row["is_brief"] else row["probability_launch"]
     return (*head, "-" if chance is None else probability_text(chance), *where, row["end"] or "-")
 
 

@@ -10,7 +10,15 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray, ObjectArray, WordArray
+from opir_core.arrays import (
+    BoolArray,
+    ByteArray,
+    FloatArray,
+    IndexArray,
+    IntArray,
+    ObjectArray,
+    WordArray,
+)
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.sensor_health import SensorHealth
 
@@ -235,6 +243,10 @@ class Tracks(Columns):
     and `probability_orbit`, of what stays in orbit. `probability_launch` is that of anything that
     was launched: of the target classes, and of what none of these is but was launched. `end` (n,)
     are codes into `TRACK_ENDS`.
+
+    `seen_s` (n,) is the time from the first to the last detection. `is_brief` (n,) are tracks whose
+    source went out before its detections could tell a launch from a light that stands still: they
+    have no launch and no impact.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
@@ -298,6 +310,10 @@ class Tracks(Columns):
     )
     end: ByteArray = field(
         default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True)
+    )
+    seen_s: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
+    is_brief: BoolArray = field(
+        default=Factory(lambda rows: np.full(len(rows.track), False), takes_self=True)
     )
 
 

@@ -95,6 +95,8 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     probability_burning: float | None = None
     probability_relights: float | None = None
     end: Literal["impact", "orbit", "lost"] | None = None
+    seen_s: float | None = None
+    is_brief: bool = False
 
 
 def track_records(
@@ -130,6 +132,8 @@ def track_records(
         "impact_regions": map(msgspec.Raw, region_texts(tracks.impact_regions)),
         "probability_burning": _known(tracks.probability_burning),
         "probability_relights": _known(tracks.probability_relights),
+        "seen_s": _known(tracks.seen_s),
+        "is_brief": tracks.is_brief.tolist(),
     }
     names = tuple(columns)
     return [

@@ -162,6 +162,8 @@ def _tracks(
         probability_missile=_column([row.probability_missile for row in rows]),
         probability_orbit=_column([row.probability_orbit for row in rows]),
         end=np.array([TRACK_ENDS.index(row.end or "") for row in rows], dtype=np.uint8),
+        seen_s=_column([row.seen_s for row in rows]),
+        is_brief=np.array([row.is_brief for row in rows], dtype=np.bool_),
     )
 
 

@@ -58,6 +58,8 @@ class LatestTracks:
             "track_id": track,
             "first_s": self._first_s[track],
             "last_s": float(latest.tick_s[place]),
+            "seen_s": _number(float(latest.seen_s[place])),
+            "is_brief": bool(latest.is_brief[place]),
             "reported_type": REPORTED_TYPES[int(np.nanargmax(chance))] if is_typed else None,
             "type_probability": float(np.nanmax(chance)) if is_typed else None,
             "launch": _point(latest.launch[place], launch_km),

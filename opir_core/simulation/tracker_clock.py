@@ -434,9 +434,10 @@ _PROBABILITIES = (
 _COVARIANCES = ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance")
 
 #: Kinds of the columns that are not of any numbers, and what a row of them is.
-_KINDS = {"impact_regions": "O", "impact_method": "iu", "end": "iu"}
+_KINDS = {"impact_regions": "O", "impact_method": "iu", "end": "iu", "is_brief": "b"}
 _CONTENTS = dict.fromkeys(_KINDS, "whole numbers") | {
-    "impact_regions": "tuples of opir_core.ImpactRegion"
+    "impact_regions": "tuples of opir_core.ImpactRegion",
+    "is_brief": "truth values",
 }
 #: The shape of a row of each column.
 _SHAPES = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}

@@ -193,6 +193,8 @@ def tracks(draw: st.DrawFn, count: int = 3) -> Tracks:
         probability_burning=np.abs(known()),
         probability_relights=np.abs(known()),
         end=rng.integers(0, 4, count),
+        seen_s=np.abs(known()),
+        is_brief=rng.random(count) < 0.5,
     )
 
 

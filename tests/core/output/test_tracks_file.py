@@ -57,6 +57,8 @@ def tracks_of(count: int, **changes: Any) -> Tracks:
         "probability_burning": 0.25,
         "probability_relights": 0.125,
         "end": 1,
+        "seen_s": 2.5,
+        "is_brief": True,
     }
     return stub_estimates(count, **(columns | changes))
 
@@ -74,7 +76,7 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
         "time_s", "track_id", "available_s", "target_type", "type_probability", "hypotheses", "probability_launch",
         "probability_missile", "probability_orbit", "probability_comes_down", "position_ecef_m",
         "velocity_ecef_m_s", "covariance", "ellipsoid_sigmas", "launch", "burnout", "impact", "impact_regions",
-        "probability_burning", "probability_relights", "end",
+        "probability_burning", "probability_relights", "end", "seen_s", "is_brief",
     ]  # fmt: skip
     assert (line["time_s"], line["track_id"], line["available_s"]) == (61.0, 0, 61.5)
     assert line["target_type"] == "ICBM"
@@ -112,12 +114,19 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
     ]
     sums = [line[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
     assert (sums, line["end"]) == ([0.75, 0.5, 0.25, 0.875], "impact")
+    assert (line["seen_s"], line["is_brief"]) == (2.5, True)
 
 
 def test_unknown_values_are_null_and_read_as_nan(tmp_path: Path) -> None:
     tracks = stub_estimates(2)
     line, _ = written(tmp_path, tracks)
-    known = {"time_s": 0.0, "track_id": 0, "available_s": 0.0, "impact_regions": []}
+    known = {
+        "time_s": 0.0,
+        "track_id": 0,
+        "available_s": 0.0,
+        "impact_regions": [],
+        "is_brief": False,
+    }
     assert line == dict.fromkeys(line) | known
     assert_equal(read_tracks(tmp_path / "t.jsonl"), tracks)
 

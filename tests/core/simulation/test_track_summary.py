@@ -9,7 +9,7 @@ import pytest
 from attrs import evolve
 from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 
-from opir_core.cli.answer_lines import track_cells
+from opir_core.cli.answer_lines import answers, track_cells
 from opir_core.interfaces.records import Tracks
 from opir_core.scene.hypotheses import core_hypotheses
 from opir_core.simulation.latest_tracks import LatestTracks
@@ -156,4 +156,35 @@ def test_what_is_probably_no_launch_has_no_launch_point_and_no_impact() -> None:
         "-",
         "-",
         "-",
+        "-",
     )
+
+
+def test_what_was_seen_too_briefly_says_so_whatever_it_most_probably_is() -> None:
+    latest = LatestTracks([each.name for each in core_hypotheses()])
+    flash = {"seen_s": 0.42, "is_brief": True, "end": 3}
+    latest.take(
+        stub_estimates(1, tick_s=60.0, hypothesis_probability=stub_hypotheses(SRBM=0.75), **flash)
+    )
+    (row,) = latest.rows()
+    assert (row["seen_s"], row["is_brief"]) == (0.42, True)
+    words = "seen for 0.4 s, too short to tell"
+    assert track_cells(row, weighs=True)[1:] == (
+        words,
+        "-",
+        "60.0",
+        "60.0",
+        "0.4",
+        "-",
+        "-",
+        "lost",
+    )
+    source = {
+        "source_id": "S",
+        "source_type": "flare",
+        "track_id": 0,
+        "first_sensor_id": "W",
+        "detections": 4,
+    }
+    source |= {"reported_type": "UNKNOWN", "highest_confidence": 0.5}
+    assert not list(answers({"tracks": [row], "targets": [], "sources": [source]}))

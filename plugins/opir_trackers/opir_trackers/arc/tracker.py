@@ -65,6 +65,8 @@ class ArcTracker(Tracker):
         self._tracking = tracking
         self._context = context
         self._now = tracking.start()
+        #: The tracks of the last tick, and those that ended since the one before.
+        self._last = tracking.confirmed_and_ended(self._now)
         self._watch = SensorSchedule.of(context.sensors, least=_LEAST_CHANCE, most=1.0)
         self._light_time = context.light_time
         self._rays = LineOfSightCache(LinesOfSight.of)
@@ -100,8 +102,8 @@ class ArcTracker(Tracker):
         before_s = self._now.time_s
         lines = self._rays.of(detections)
         self._now = self._tracking.stepped(self._now, tick_s, detections, lines)
-        confirmed = self._tracking.confirmed(self._now)
-        self._update_arcs(np.sort(self._now.table.number[confirmed]))
+        self._last = self._tracking.confirmed_and_ended(self._now)
+        self._update_arcs(self._last.table.number)
         if self._config.memory_s is not None:
             self._arcs = self._arcs.discounted(
                 float(np.exp((before_s - tick_s) / self._config.memory_s))
@@ -209,6 +211,9 @@ class ArcTracker(Tracker):
             burnout=unknown[:, 0].copy(),
             burnout_covariance=unknown,
             impact_method=np.full(count, IMPACT_METHODS.index("paper"), dtype=np.uint8),
+            end=self._last.end,
+            seen_s=self._last.table.seen_s - self._last.table.first_s,
+            is_brief=self._tracking.are_brief(self._last, tick_s),
         )
         begun = np.flatnonzero(arcs.is_fitted)
         if len(begun):
@@ -222,8 +227,8 @@ class ArcTracker(Tracker):
         Whether it is a launch follows from its motion, as in `imm`; what was launched, from its
         arc.
         """
-        groups = self._now.motion.probability[np.searchsorted(self._now.table.number, tracks.track)]
-        others = groups[:, LAUNCH] < self._config.least_launch_probability
+        groups = self._last.motion.probability
+        others = tracks.is_brief | (groups[:, LAUNCH] < self._config.least_launch_probability)
         in_orbit = self._arcs.is_fitted & np.isnan(tracks.impact[:, 2])
         given_launch = self._launches.given_launch(tracks.type_probability, in_orbit)
         for column in (
@@ -264,13 +269,13 @@ class ArcTracker(Tracker):
         N is that of the boost by its time since launch and the reported types, not by the range of
         the arc: an arc through a boost falls short.
         """
-        rows = np.searchsorted(self._now.table.number, arcs.number)
+        rows = np.searchsorted(self._last.table.number, arcs.number)
         launch_s = np.where(np.isfinite(arcs.launch[:, 2]), arcs.launch[:, 2], arcs.epoch_s)
-        types = type_posterior(self._now.table.reports[rows], self._tracking.type_log_likelihood)
+        types = type_posterior(self._last.table.reports[rows], self._tracking.type_log_likelihood)
         known = types[:, : len(TARGET_TYPES)] + types[:, len(TARGET_TYPES) :]
         expected = expected_looks(self._watch, arcs.seen, arcs.last_s - launch_s, known)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
-        share = np.where(self._now.estimates.weight[rows, 1] > 0.5, 1.0, share)
+        share = np.where(self._last.estimates.weight[rows, 1] > 0.5, 1.0, share)
         sigma_m: FloatArray = self._config.sigma_0_m * np.exp(-self._config.convergence * share)
         return sigma_m
 

@@ -123,6 +123,7 @@ def tracks_of(
         type_probability=_unknown(count, len(REPORTED_TYPES)),
         burnout=burnout[:, 7],
         burnout_covariance=burnout[:, :7],
+        seen_s=table.seen_s - table.first_s,
     )
 
 

@@ -59,6 +59,7 @@ class ImmTracker(Tracker):
         self._advance(tick_s, detections)
         reported = self._tracking.reported_tracks(self._now)
         launched = reported.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
+        launched &= ~reported.tracks.is_brief
         found = self._forecaster.launch_forecasts(
             reported.tracks, reported.estimates, reported.reports, launched
         )

@@ -27,6 +27,7 @@ from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, t
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
+from opir_trackers.onset.brevity import are_brief
 from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.registration.registration import Registration, registration_of
@@ -165,6 +166,32 @@ class ImmTracking:
         """Return the confirmed tracks, without impacts, and what their forecast and composition
         need.
         """
+        last = self.confirmed_and_ended(now)
+        estimates = last.estimates
+        table = last.table
+        motion = last.motion
+        state, covariance = self.models.moments(estimates)
+        added = self.models.shared_covariance(now, estimates, table)
+        if added is not None:
+            covariance = covariance + added
+        tracks = tracks_of(state, covariance, table, now.time_s)
+        tracks = evolve(tracks, is_brief=self.are_brief(last, now.time_s))
+        types = type_evidence(table.reports, self.type_log_likelihood)
+        reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
+        return ReportedTracks(tracks, estimates, reports, motion.probability, last.end)
+
+    def are_brief(self, last: EndedTracks, time_s: float) -> BoolArray:
+        """Return which tracks (n,) went out, or are silent for too long, before their looks could
+        tell a launch.
+        """
+        table = last.table
+        silent = time_s - table.seen_s > self.models.longest(self.models.silence_limit_s, table)
+        return ((last.end > 0) | silent) & are_brief(last.motion, table.first_s, table.seen_s)
+
+    def confirmed_and_ended(self, now: TrackerState) -> EndedTracks:
+        """Return the confirmed tracks and those that ended since the last tick, by number; `end` is
+        0 if not yet.
+        """
         confirmed = self.confirmed(now)
         table = now.table
         motion = now.motion
@@ -183,14 +210,7 @@ class ImmTracking:
             table = last.table.take(order)
             motion = last.motion.take(order)
             last = EndedTracks(estimates, table, motion, last.end[order])
-        state, covariance = self.models.moments(estimates)
-        added = self.models.shared_covariance(now, estimates, table)
-        if added is not None:
-            covariance = covariance + added
-        tracks = tracks_of(state, covariance, table, now.time_s)
-        types = type_evidence(table.reports, self.type_log_likelihood)
-        reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
-        return ReportedTracks(tracks, estimates, reports, motion.probability, last.end)
+        return last
 
 
 def _slice_ends(start_s: float, end_s: float, slice_s: float) -> Iterator[float]:

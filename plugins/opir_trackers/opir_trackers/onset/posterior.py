@@ -20,7 +20,7 @@ _DAY_S = 86400.0
 #: A track is decided once ground and noise together are less probable than the first and a launch
 #: more than the second.
 RARE = 1e-4
-_SURE = 0.999
+SURE = 0.999
 
 #: A ground source is decided after one horizon, once P(launch) is below this: 1/1000 of the prior.
 #: Of fires it is 1e-9 by then, of real space launches seen by scanners of 10 s it was at least
@@ -111,7 +111,7 @@ class GroupPosterior:
         found = self.probabilities(mine, age_s, pause_s, gone)
         probability[open_] = found
         still = found[:, GROUND] + found[:, NOISE]
-        launched = (still < RARE) & (found[:, LAUNCH] > _SURE)
+        launched = (still < RARE) & (found[:, LAUNCH] > SURE)
         horizons = (time_s - mine.epoch_s) / mine.horizon_s()
         stands = found.argmax(axis=1) == GROUND
         # The track of a ground source has a narrow gate: a launch that was decided to be one would

@@ -1,0 +1,121 @@
+"""Sources that went out before their looks could tell a launch from a light that stands still."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from opir_trackers.onset.brevity import are_brief
+from opir_trackers.onset.motion_statistics import MotionStatistics
+
+import opir_core as opir
+from opir_core.cli.main import main
+
+SOUND_M_S = 340.3
+
+
+def statistics_of(count: int, sigma_m: float, share: float = 0.5) -> MotionStatistics:
+    """Return the statistics of `count` looks that place a source to a standard deviation on two
+    axes.
+    """
+    prior = np.array([0.0, 0.0, 0.0, share, 1.0 - share])
+    fresh = MotionStatistics.fresh(np.array([[6.4e6, 0.0, 0.0]]), 0.0, np.zeros(1), prior)
+    fresh.static_information[0] = np.diag([1.0, 1.0, 0.0]) * count / sigma_m**2
+    return fresh
+
+
+@pytest.mark.parametrize(("count", "sigma_m"), [(8, 700.0), (40, 700.0), (200, 150.0)])
+def test_looks_are_too_few_until_a_regression_would_tell_sound_from_rest(
+    count: int, sigma_m: float
+) -> None:
+    spans_s = np.geomspace(0.1, 30.0, 200)
+    brief = [
+        are_brief(statistics_of(count, sigma_m), np.zeros(1), np.array([span_s]))[0]
+        for span_s in spans_s
+    ]
+    # A line of regression through evenly spaced looks: by how much they are likelier, in the mean,
+    # if it moves.
+    log_odds = [
+        0.5 * SOUND_M_S**2 * np.sum(np.square(np.linspace(-0.5, 0.5, count) * span_s)) / sigma_m**2
+        for span_s in spans_s
+    ]
+    first = int(np.argmax(~np.array(brief)))
+    assert all(brief[:first])
+    assert not any(brief[first:])
+    # Looks at both ends of the span spread by (n + 1) / (n - 1) more than looks all over it; spans
+    # grow by 3 %.
+    assert log_odds[first] == pytest.approx(np.log(20.0) * (count + 1) / (count - 1), rel=0.06)
+
+
+def test_a_launch_for_sure_is_not_brief_and_neither_is_what_began_anew() -> None:
+    span_s = np.array([0.4])
+    assert are_brief(statistics_of(8, 700.0), np.zeros(1), span_s)
+    assert not are_brief(statistics_of(8, 700.0, 0.9995), np.zeros(1), span_s)
+    anew = statistics_of(8, 700.0).restarted(np.array([0]), 1.0)
+    assert not are_brief(anew, np.zeros(1), span_s)
+
+
+#: Latitude and longitude, deg, start and duration, s.
+FLASHES = [
+    (9.0, 20.0, 8.3, 0.6),
+    (-12.0, 33.0, 12.2, 0.7),
+    (16.0, 52.0, 20.1, 0.55),
+    (-3.0, 47.0, 27.4, 0.65),
+]
+
+
+def scene(tracker: str) -> dict[str, Any]:
+    """Return flashes at 11 km, and a launch that burns to the end."""
+    at = [
+        {"lat_deg": lat, "lon_deg": lon, "start_s": start, "end_s": start + lasts, "height_m": 11e3}
+        | {"temperature_k": 15000.0, "area_m2": 20.0}
+        for lat, lon, start, lasts in FLASHES
+    ]
+    return {
+        "scene": "short-lights",
+        "epoch": "2026-04-01T20:00:00Z",
+        "duration_s": 40,
+        "seed": 77,
+        "sensors": [
+            {"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": 12.0},
+            {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": 77.0},
+        ],
+        "targets": [
+            {
+                "id": "T1",
+                "type": "SRBM",
+                "launch": {"lat_deg": 30.0, "lon_deg": 40.0, "time_s": 4.0},
+                "aim": {"lat_deg": 33.0, "lon_deg": 41.0},
+            }
+        ],
+        "detection": "snr",
+        "background": "earth",
+        "tracker": tracker,
+        "sources": [{"id": "flashes", "model": "flares", "at": at}],
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
+def test_a_flash_that_is_gone_has_no_launch_and_no_impact_in_summary_file_and_table(
+    tracker: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(json.dumps(scene(tracker)))
+    assert main(["run", str(path), "--out", str(tmp_path / "e.jsonl")]) == 0
+    table = [line for line in capsys.readouterr().out.splitlines() if "too short to tell" in line]
+    run = opir.load_run(tmp_path / "e.jsonl")
+    launch, *flashes = sorted(run.summary["tracks"], key=lambda row: -row["seen_s"])
+    assert launch["launch"] is not None
+    assert not launch["is_brief"]
+    assert len(flashes) >= 3
+    for row in flashes:
+        assert row["seen_s"] < 0.7
+        assert (row["is_brief"], row["launch"], row["impact"]) == (True, None, None)
+        assert any(f"seen for {row['seen_s']:.1f} s, too short to tell" in line for line in table)
+    lines = [json.loads(line) for line in (tmp_path / "e.tracks.jsonl").read_text().splitlines()]
+    last = {line["track_id"]: line for line in lines}
+    for row in flashes:
+        record = last[row["track_id"]]
+        assert (record["launch"], record["impact"], record["impact_regions"]) == (None, None, [])
