@@ -105,6 +105,32 @@ def test_a_table_gives_the_same_tracks_as_events(track, folder, tmp_path):
     )
 
 
+@pytest.mark.parametrize("ending", ["jsonl", "csv"])
+def test_the_order_of_lines_changes_no_track(track, folder, tmp_path, ending):
+    """A log may be of several sensors, one after the other, or of late reports."""
+    lines = (folder / "events.jsonl").read_text().splitlines(True)
+    if ending == "csv":
+        names = [
+            "timestamp",
+            "sensor_id",
+            "azimuth_deg",
+            "elevation_deg",
+            "line_of_sight_sigma_urad",
+        ]
+        lines = table_of(
+            [[json.loads(line)[name] for name in names] for line in lines], names
+        ).splitlines(True)
+    head, rows = (lines[:1], lines[1:]) if ending == "csv" else ([], lines)
+    order = np.random.default_rng(3).permutation(len(rows))
+    (tmp_path / f"ordered.{ending}").write_text("".join([*head, *rows]))
+    (tmp_path / f"shuffled.{ending}").write_text("".join([*head, *(rows[row] for row in order)]))
+    ordered, shuffled = (
+        track(tmp_path / f"{name}.{ending}", folder / "scene.yaml")
+        for name in ("ordered", "shuffled")
+    )
+    same(shuffled, ordered, metres=0.0)
+
+
 def test_other_units_names_and_delimiters_give_the_same_tracks(track, folder, tmp_path):
     cells = []
     for row in events_of(folder):
