@@ -18,9 +18,9 @@ def test_states_of_boosts_unlike_any_model_are_as_sure_as_they_say(course, kind)
     reported = last_reported(truth, usual(kind), 1, 6.0)
     tick_s = float(reported.tick_s[0])
     # The velocity at burnout is what an impact hangs on. ANEES of 60 draws: 99.9 % of χ² with 180
-    # degrees are below.
+    # degrees are within.
     error = reported.state - truth.states(tick_s)
-    assert nees(error[:, 3:], reported.state_covariance[:, 3:, 3:]).mean() / 3.0 < 1.36
+    assert 0.69 < nees(error[:, 3:], reported.state_covariance[:, 3:, 3:]).mean() / 3.0 < 1.36
 
 
 class ReportedRegions(NamedTuple):

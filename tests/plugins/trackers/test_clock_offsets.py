@@ -66,6 +66,7 @@ def test_states_are_held_with_a_clock_that_is_off_if_the_tracker_is_reported() -
                 errors.append(off @ np.linalg.solve(tracks.state_covariance[0, :3, :3], off) / 3.0)
         nees[sigma_s] = np.mean(errors)
     assert nees[0.0] > 2.0
-    assert nees[SIGMA_S] < 1.0
+    # Both have the noise of the same looks, so that the difference is less than either error.
+    assert 0.1 < nees[SIGMA_S] < 1.0
     clocks = tracker.sensor_health().clock_s
     assert clocks[0] - clocks[1] == pytest.approx(0.3, abs=0.08)

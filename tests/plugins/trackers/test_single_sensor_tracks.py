@@ -112,4 +112,6 @@ def test_the_state_of_a_launch_is_as_sure_as_it_says_before_it_is_recognised() -
         squares += nees(away, reported.state_covariance).tolist()
     assert len(squares) > 30
     assert np.mean(np.array(squares) < 12.59) >= 0.9
-    assert np.mean(squares) / 6.0 < 1.5
+    # Few tracks, whose ticks are correlated: four times the covariance is a quarter of one, and
+    # below both.
+    assert 0.26 < np.mean(squares) / 6.0 < 1.5
