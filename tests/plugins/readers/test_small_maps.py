@@ -44,3 +44,23 @@ def test_a_map_goes_on_across_the_180th_meridian():
 def test_points_and_poles_are_drawn(latitude):
     lines = drawn(np.array(latitude), np.array([0.0, 0.0]))
     assert len(places_of(lines, "o")) == 1
+
+
+def test_states_are_in_the_rows_and_columns_of_their_places():
+    """Twelve rows and 60 columns; a flight along the diagonal of a map that is as wide as the
+    ground.
+    """
+    rows = np.arange(12)
+    latitude = 10.0 + 0.5 * rows
+    # As high as the map; in the middle of it, since it is narrower.
+    lines = drawn(latitude, np.full(12, 30.0))
+    marks = sorted((row, column) for mark in ".ox" for row, column in places_of(lines, mark))
+    assert [row for row, _ in marks] == list(range(12))
+    assert len({column for _, column in marks}) == 1
+    assert places_of(lines, "o")[0][0] == 11
+    assert places_of(lines, "x")[0][0] == 0
+    columns = np.arange(60)
+    lines = drawn(np.full(60, 0.0), 5.0 + 0.5 * columns)
+    (middle,) = {row for row, line in enumerate(lines[1:-2]) if line.strip("|+- ")}
+    assert lines[1 + middle] == f"|o{58 * '.'}x|"
+    assert middle in (5, 6)

@@ -4,10 +4,13 @@ requirement.
 
 import json
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
 from opir_studies import Study, optimise
+from opir_studies.axes import axis_of
+from opir_studies.optimising import _is_ordered
 from opir_studies.search import DesignSearch, Outcome
 from study_scene import PERIOD, SCENE
 
@@ -59,6 +62,25 @@ def test_all_of_few_designs_are_evaluated_once() -> None:
     search.run(50, outcomes)
     assert sorted(asked) == [(a, b) for a in range(3) for b in range(2)]
     assert search.best == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("values", "is_ordered"),
+    [
+        ([2, 1, 3], True),
+        ([0.5, 2], True),
+        ([True, False], False),
+        ([1, "many"], False),
+        (["few", "many"], False),
+        ([None, 2], False),
+        ([0, True], False),
+    ],
+)
+def test_numbers_alone_have_neighbours(values: list[Any], is_ordered: bool) -> None:
+    """The search steps to the next level of what is ordered; truth values and names have no next
+    one.
+    """
+    assert _is_ordered(axis_of("p", values)) is is_ordered
 
 
 @pytest.mark.slow

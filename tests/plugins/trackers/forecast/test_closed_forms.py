@@ -103,7 +103,8 @@ def test_moments_of_impacts_are_east_north_and_time() -> None:
         expected[0] / (6371.0088e3 * np.cos(latitude)), abs=5e-6
     )
     assert mean[2] == pytest.approx(expected[2])
-    assert covariance == pytest.approx(spread, rel=2e-3, abs=30.0)
+    # On a sphere of another radius, by geodetic latitudes: 0.3 %.
+    assert covariance == pytest.approx(spread, rel=3e-3, abs=3e-4 * 6.56e6)
     assert (np.diff(radii) >= 0.0).all()
 
 

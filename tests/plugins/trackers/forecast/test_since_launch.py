@@ -7,9 +7,9 @@ import pytest
 from opir_trackers.forecast.ascents import HEIGHT, LONGEST_S, ascents_of
 from opir_trackers.forecast.kernel_regression import hidden_moments
 from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.since_launch import InFlight, launch_of
+from opir_trackers.forecast.since_launch import InFlight, _log_prior, launch_of
 from opir_trackers.forecast.vehicles import vehicle_model
-from opir_trackers.launch_points import EDGES_S, delays_at_once
+from opir_trackers.launch_points import AT_ONCE, EDGES_S, delays_at_once
 from plain_boosts import RADIUS_M, flown
 
 from opir_core.geometry import geodetic_to_ecef
@@ -109,6 +109,32 @@ def test_a_launch_was_before_its_first_detection():
         launch_of(ASCENTS, target._replace(since_s=seen_s))[0][3] for seen_s in (2.0, 38.0)
     )
     assert late > max(first, 38.0)
+
+
+def test_the_prior_of_a_first_detection_is_a_density_over_its_intervals():
+    """What is not hidden counts with a share, as a histogram over the intervals; beyond the last
+    edge it counts not.
+    """
+    _, target = in_flight((0.9, np.radians(9.0), 24.0, 0.006), 40.0)
+    count = len(ASCENTS.log_weight)
+    middle_s = 0.5 * (EDGES_S[1:] + EDGES_S[:-1])
+    width_s = np.diff(EDGES_S)
+    chance = np.random.default_rng(5).dirichlet(np.ones(len(width_s)))
+    for first_s, density in [
+        *zip(middle_s, chance / width_s, strict=True),
+        (EDGES_S[-1] + 1.0, 0.0),
+    ]:
+        densities = []
+        for at_once in (chance, 1e-12 * chance):
+            log = _log_prior(
+                ASCENTS, np.full(count, first_s), np.zeros(count), target._replace(at_once=at_once)
+            )
+            densities.append(np.exp(log))
+        assert densities[0] - densities[1] == pytest.approx(
+            np.full(count, AT_ONCE * density), rel=1e-9, abs=1e-12
+        )
+    never = _log_prior(ASCENTS, np.full(count, -1.0), np.zeros(count), target)
+    assert (never == -np.inf).all()
 
 
 def test_of_what_no_boost_is_like_nothing_is_said():
