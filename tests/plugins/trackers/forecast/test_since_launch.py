@@ -120,10 +120,8 @@ def test_the_prior_of_a_first_detection_is_a_density_over_its_intervals():
     middle_s = 0.5 * (EDGES_S[1:] + EDGES_S[:-1])
     width_s = np.diff(EDGES_S)
     chance = np.random.default_rng(5).dirichlet(np.ones(len(width_s)))
-    for first_s, density in [
-        *zip(middle_s, chance / width_s, strict=True),
-        (EDGES_S[-1] + 1.0, 0.0),
-    ]:
+    beyond = [(EDGES_S[-1], 0.0), (EDGES_S[-1] + 1.0, 0.0)]
+    for first_s, density in [*zip(middle_s, chance / width_s, strict=True), *beyond]:
         densities = []
         for at_once in (chance, 1e-12 * chance):
             log = _log_prior(
