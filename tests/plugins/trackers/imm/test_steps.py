@@ -2,8 +2,7 @@
 between.
 """
 
-from collections.abc import Callable, Sequence
-from itertools import pairwise
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,21 +11,28 @@ from attrs import evolve
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.tracker import imm_tracker
 from opir_trackers.imm.tracking import ImmTracking
+from stepped_trackers import context_of, last, portions, stepped
 from symmetric_scenes import scene, simulated
 from tracks_alike import DRAWN, assert_alike, assert_states_alike, moved
 
 import opir_core as opir
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.plugin import REPORTED_TYPES, Detections, Sensor, Tracker, TrackerContext, Tracks
+from opir_core.plugin import REPORTED_TYPES, Detections, Sensor, Tracker, Tracks
 
 UNTIL_S = 28
-RUN = simulated(scene("none", duration_s=UNTIL_S))
-SEEN: Detections = RUN.detections
-#: Exactly at detections: each belongs to the tick after.
-EDGES_S = [*SEEN.time_s[4::9].tolist(), float(UNTIL_S)]
 ITERATED_SIGMAS = 0.02
 
-Change = Callable[[Sensor], Sensor]
+
+@cache
+def seen() -> Detections:
+    """Return the detections of the scene, in order."""
+    return simulated(scene("none", duration_s=UNTIL_S)).detections
+
+
+@cache
+def edges_s() -> tuple[float, ...]:
+    """Return ticks exactly at detections: each belongs to the tick after."""
+    return (*seen().time_s[4::9].tolist(), float(UNTIL_S))
 
 
 def plan(**settings: Any) -> Plan:
@@ -40,32 +46,16 @@ def tracker(**settings: Any) -> Tracker:
     return plan(**settings).make_tracker()
 
 
-def portions(detections: Detections, ticks_s: Sequence[float]) -> list[Detections]:
-    """Return detections (ordered) before each tick, since the last one."""
-    cuts = [0, *np.searchsorted(detections.time_s, ticks_s).tolist()]
-    return [detections.take(slice(*each)) for each in pairwise(cuts)]
-
-
-def stepped(one: Tracker, ticks_s: Sequence[float], parts: Sequence[Detections]) -> Tracks:
-    """Return the tracks of all ticks."""
-    return Tracks.concatenate(
-        [one.step(tick_s, part) for tick_s, part in zip(ticks_s, parts, strict=True)]
-    )
-
-
-def last(tracks: Tracks, count: int = 1) -> Tracks:
-    """Return the tracks of the last ticks."""
-    return tracks.take(np.flatnonzero(tracks.tick_s >= np.unique(tracks.tick_s)[-count]))
-
-
-def in_time(detections: Detections = SEEN, **settings: Any) -> Tracks:
-    return stepped(tracker(**settings), EDGES_S, portions(detections, EDGES_S))
+@cache
+def in_time(**settings: Any) -> Tracks:
+    """Return the tracks of all ticks, after detections in order and in time."""
+    return stepped(tracker(**settings), edges_s(), portions(seen(), edges_s()))
 
 
 def test_detections_at_the_edge_of_a_tick_are_those_of_the_next() -> None:
     """Given a tick early, they wait for theirs."""
-    until = [min(np.nextafter(tick_s, np.inf), UNTIL_S) for tick_s in EDGES_S]
-    early = stepped(tracker(late_s=5.0), EDGES_S, portions(SEEN, until))
+    until = [min(np.nextafter(tick_s, np.inf), UNTIL_S) for tick_s in edges_s()]
+    early = stepped(tracker(late_s=5.0), edges_s(), portions(seen(), until))
     assert_alike(in_time(), early, 0.0)
 
 
@@ -79,15 +69,15 @@ def test_late_and_shuffled_detections_are_as_if_ordered(seed: int) -> None:
     once.
     """
     rng = np.random.default_rng(seed)
-    parts = portions(SEEN, EDGES_S)
+    parts = portions(seen(), edges_s())
     of = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     arrives = np.minimum(of + rng.integers(0, 4, len(of)), len(parts) - 1)
     again = np.minimum(arrives + 1, len(parts) - 1)
     rows = np.concatenate([np.arange(len(of)), np.flatnonzero(rng.random(len(of)) < 0.3)])
     when = np.concatenate([arrives, again[rows[len(of) :]]])
-    late = [SEEN.take(rng.permutation(rows[when == tick])) for tick in range(len(parts))]
+    late = [seen().take(rng.permutation(rows[when == tick])) for tick in range(len(parts))]
     expected = last(in_time())
-    tracks = last(stepped(tracker(late_s=UNTIL_S), EDGES_S, late))
+    tracks = last(stepped(tracker(late_s=UNTIL_S), edges_s(), late))
     # Forecasts are renewed every few seconds by what had come by then, and the dark track's gliders
     # are theirs.
     burning = [
@@ -102,17 +92,18 @@ def test_a_tick_may_have_many_slices() -> None:
     """Ticks of 4 s in slices of 1 s leave the tracks, and the types that sensors report, of ticks
     of 1 s.
     """
-    seen = evolve(
-        SEEN, reported_type=(7 * np.arange(len(SEEN)) % len(REPORTED_TYPES)).astype(np.uint8)
+    detections = evolve(
+        seen(), reported_type=(7 * np.arange(len(seen())) % len(REPORTED_TYPES)).astype(np.uint8)
     )
     states = []
     for cadence_s in (1.0, 4.0):
         tracking = ImmTracking.of(
-            ImmConfig(cadence_s=cadence_s, slice_s=1.0), context(plan().tracker_sensors())
+            ImmConfig(cadence_s=cadence_s, slice_s=1.0),
+            context_of(plan(), plan().tracker_sensors()),
         )
         ticks_s = np.arange(cadence_s, UNTIL_S + 1.0, cadence_s).tolist()
         state = tracking.start()
-        for tick_s, part in zip(ticks_s, portions(seen, ticks_s), strict=True):
+        for tick_s, part in zip(ticks_s, portions(detections, ticks_s), strict=True):
             state = tracking.stepped(state, tick_s, part)
         states.append(state)
     short, long = states
@@ -128,8 +119,8 @@ def test_a_tick_may_have_many_slices() -> None:
 @pytest.mark.parametrize("later_s", [600.0])
 def test_a_scene_that_begins_later_has_the_same_tracks_later(later_s: float) -> None:
     """Inertial axes are those of scene time 0, so forecasts are of other draws."""
-    later = evolve(SEEN, time_ns=SEEN.time_ns + round(later_s * 1e9), scan=SEEN.scan + 7)
-    ticks_s = [tick_s + later_s for tick_s in EDGES_S]
+    later = evolve(seen(), time_ns=seen().time_ns + round(later_s * 1e9), scan=seen().scan + 7)
+    ticks_s = [tick_s + later_s for tick_s in edges_s()]
     tracks = stepped(tracker(), ticks_s, portions(later, ticks_s))
     expected = moved(in_time(), later_s=later_s)
     assert_alike(expected, tracks, 1e-6, apart=(*DRAWN, "state", "state_covariance"))
@@ -139,9 +130,9 @@ def test_a_scene_that_begins_later_has_the_same_tracks_later(later_s: float) -> 
 def test_asking_which_track_a_detection_has_changes_nothing() -> None:
     """Not even if it is asked of others, seen at the same instants in other directions."""
     one = tracker()
-    parts = portions(SEEN, EDGES_S)
+    parts = portions(seen(), edges_s())
     tracks = []
-    for tick_s, part in zip(EDGES_S, parts, strict=True):
+    for tick_s, part in zip(edges_s(), parts, strict=True):
         away = part.line_of_sight_ecef + np.array([0.0, 0.0, 1e-3])
         other = evolve(part, line_of_sight_ecef=away / np.linalg.norm(away, axis=1)[:, None])
         one.associate(other)
@@ -157,7 +148,7 @@ def test_settings_changed_and_changed_back_change_nothing() -> None:
     sensors = plan().tracker_sensors()
     other = tuple(evolve(sensor, **CHANGES) for sensor in sensors)
     tracks = []
-    for tick_s, part in zip(EDGES_S, portions(SEEN, EDGES_S), strict=True):
+    for tick_s, part in zip(edges_s(), portions(seen(), edges_s()), strict=True):
         one.set_sensors(other)
         one.set_sensors(sensors)
         tracks.append(one.step(tick_s, part))
@@ -180,27 +171,15 @@ def test_settings_changed_before_the_first_detection_are_those_of_a_scene_that_h
     )
     one = tracker()
     one.set_sensors(changed)
-    tracks = stepped(one, EDGES_S, portions(SEEN, EDGES_S))
-    assert_alike(stepped(built_with(changed), EDGES_S, portions(SEEN, EDGES_S)), tracks, 0.0)
+    tracks = stepped(one, edges_s(), portions(seen(), edges_s()))
+    assert_alike(stepped(built_with(changed), edges_s(), portions(seen(), edges_s())), tracks, 0.0)
     with pytest.raises(AssertionError):
         assert_alike(in_time(), tracks, 1e-6)
 
 
 def built_with(sensors: tuple[Sensor, ...]) -> Tracker:
     """Return the tracker of a scene whose sensors have other settings."""
-    return imm_tracker(ImmConfig(), context(sensors))
-
-
-def context(sensors: tuple[Sensor, ...]) -> TrackerContext:
-    """Return what a tracker of the scene is built from, with other sensors."""
-    made = plan()
-    return TrackerContext(
-        sensors=sensors,
-        epoch_us=made.scene.epoch_us,
-        duration_s=made.scene.duration_s,
-        hypotheses=made.hypotheses,
-        false_alarms_per_scan=(0.0,) * len(sensors),
-    )
+    return imm_tracker(ImmConfig(), context_of(plan(), sensors))
 
 
 def test_silence_says_less_of_sensors_that_scan_more_seldom() -> None:
@@ -210,9 +189,9 @@ def test_silence_says_less_of_sensors_that_scan_more_seldom() -> None:
     shares = []
     for factor in (1, 3):
         one = tracker()
-        stepped(one, EDGES_S, portions(SEEN, EDGES_S))
+        stepped(one, edges_s(), portions(seen(), edges_s()))
         one.set_sensors(tuple(slower(sensor, factor) for sensor in plan().tracker_sensors()))
-        tracks = one.step(UNTIL_S + 2.0, SEEN.take(slice(0, 0)))
+        tracks = one.step(UNTIL_S + 2.0, seen().take(slice(0, 0)))
         shares.append(
             dict(zip(tracks.track.tolist(), tracks.probability_burning.tolist(), strict=True))
         )
