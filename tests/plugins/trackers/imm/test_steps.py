@@ -203,3 +203,28 @@ def test_silence_says_less_of_sensors_that_scan_more_seldom() -> None:
 def slower(sensor: Sensor, factor: int) -> Sensor:
     """Return a sensor whose scans take several times as long."""
     return evolve(sensor, scan=evolve(sensor.scan, period_ns=factor * sensor.scan.period_ns))
+
+
+def test_each_line_of_a_track_counts_once_for_what_it_is() -> None:
+    """As many lines as detections, each with the clutter and the noise of its sensor."""
+    sensors = plan().tracker_sensors()
+    config = ImmConfig()
+    assumed = evolve(context_of(plan(), sensors), false_alarms_per_scan=None)
+    tracking = ImmTracking.of(config, assumed)
+    ticks_s = [float(number) for number in range(1, 19)]
+    state = tracking.start()
+    for tick_s, part in zip(ticks_s, portions(seen(), ticks_s), strict=True):
+        state = tracking.stepped(state, tick_s, part)
+    hits = state.table.hits
+    motion = state.motion
+    # The lines of a track weigh less the longer it is seen: no cubic describes a boost for long.
+    assert (motion.lines <= hits + 1e-9).all()
+    assert (motion.lines > 0.9 * hits).all()
+    (alone,) = np.flatnonzero((state.table.reports >= 0).sum(axis=1) == 1)
+    (east,) = np.flatnonzero(state.table.reports[alone] >= 0)
+    sensor = sensors[east]
+    chance = np.mean(list(sensor.detection_probability.values()))
+    each = np.log(
+        config.false_alarms_per_sr / chance * 2.0 * np.pi * sensor.line_of_sight_sigma_rad**2
+    )
+    assert motion.noise_log[alone] == pytest.approx(motion.lines[alone] * each, rel=1e-6)
