@@ -115,6 +115,8 @@ class LiveRun:
         self._lap_plans = LapPlans(scene, host, self.plan.end_ns) if settings.loop else None
         self._counts = Counts.of(len(scene.sensors))
         self._launch_count = len(scene.targets)
+        #: The last number that named a launch without an id: refused launches use numbers up, too.
+        self._name_number = self._launch_count
         self._tracks = 0
         self._sinks: tuple[SinkThread, ...] = ()
         self._stopping = threading.Event()
@@ -231,7 +233,7 @@ class LiveRun:
             cycle_age_s=self._cycle_age_s(),
             looks=counts.looks,
             detections=counts.detections,
-            targets=int(is_active(plan, position.engine.time_ns).sum()),
+            targets=int((is_active(plan, position.engine.time_ns) & plan.targets.is_launch).sum()),
             targets_launched=self._launch_count,
             sensors=counts.sensors(plan),
             sinks=tuple(sink.status() for sink in self._sinks),
@@ -311,14 +313,14 @@ class LiveRun:
                     f"the run has {self.settings.maximum_targets} targets, its maximum; try again"
                     f" later"
                 )
-            self._launch_count += 1
+            self._name_number += 1
             lead_ns = 3 * self._pace.step_ns(self.time_ns)
             while time.monotonic() < give_up_s:
                 position = self._position
                 asked_ns = self.time_ns
                 earliest_ns = position.engine.time_ns + lead_ns
                 whole, is_chosen = launch_in_lap(
-                    block, f"live-{self._launch_count}", position, earliest_ns
+                    block, f"live-{self._name_number}", position, earliest_ns
                 )
                 duration_s = position.engine.plan.scene.duration_s
                 if is_chosen and whole["launch"]["time_s"] >= duration_s:
@@ -337,6 +339,7 @@ class LiveRun:
                         2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * _NS) // 2
                     )
                 else:
+                    self._launch_count += 1
                     return Launched(
                         whole["id"],
                         whole["launch"]["time_s"] + position.offset.time_ns / _NS,
@@ -485,7 +488,7 @@ class LiveRun:
         self._position = RunPosition(
             Engine(plan), lap, LapOffset(lap * lap_plans.lap_ns, self._tracks)
         )
-        self._launch_count += len(plan.targets.ids)
+        self._launch_count += len(plan.scene.targets)
         self._reports.use(plan)
         lap_plans.prepare(lap + 1)
 

@@ -11,6 +11,7 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray
 from opir_core.errors import ModelError, kind_of
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
 from opir_core.interfaces.protocols import Trajectories
+from opir_core.scene.scene import TARGET_TYPES
 
 
 @frozen(eq=False)
@@ -38,6 +39,11 @@ class Targets:
     dark_gaps_s: FloatArray = field(
         init=False, default=Factory(lambda rows: dark_gaps_s(rows.burns_s), takes_self=True)
     )
+
+    @property
+    def is_launch(self) -> BoolArray:
+        """Which of them (n,) are launches; the others are hot sources."""
+        return self.type_code < len(TARGET_TYPES)
 
     def is_dark(self, target: IndexArray, time_s: FloatArray) -> BoolArray:
         """Return whether targets (n,) are in a dark gap between two burns at scene times (n,)."""

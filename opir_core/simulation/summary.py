@@ -12,7 +12,6 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.records import Window
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked, Pairs
-from opir_core.scene.scene import TARGET_TYPES
 
 if TYPE_CHECKING:
     from opir_core.simulation.latest_tracks import LatestTracks
@@ -51,7 +50,7 @@ class Tally:
         self._targets = targets
         self._types = plan.reported_types
         self._automatic = plan.scene.automatic
-        self._is_source = targets.type_code >= len(TARGET_TYPES)
+        self._is_source = ~targets.is_launch
         self._work = planned_work(pairs)
         self._looks_of_sensor = np.bincount(pairs.sensor, pairs.looks, minlength=len(sensors))
         shape = len(sensors), len(targets.ids)

@@ -175,3 +175,38 @@ def test_a_launch_that_the_scene_has_no_time_for_is_refused_with_the_way_out(hos
     with pytest.raises(RefusedError, match="--loop"):
         run.launch(UNTIMED)
     run.stop()
+
+
+def test_refused_launches_are_not_counted(scene: Scene, host: Host) -> None:
+    run = LiveRun(scene, host, LiveSettings(speed=5.0, cycle_ns=10_000_000))
+    run.start()
+    before = run.status().targets_launched
+    for launch in ({"lat_deg": 95.0}, {"time_s": -1.0}):
+        with pytest.raises((SceneError, PastError)):
+            run.launch(UNTIMED | {"launch": UNTIMED["launch"] | launch})
+    assert run.status().targets_launched == before == 2
+    late = UNTIMED | {"launch": UNTIMED["launch"] | {"time_s": 80.0}}
+    names = {run.launch(late).target_id for _ in range(2)}
+    assert len(names) == 2
+    assert run.status().targets_launched == 4
+    run.stop()
+
+
+#: Ten places that burn; a launch is none of them.
+FIRES = {
+    "id": "fires",
+    "model": "fires",
+    "at": [{"lat_deg": 35.0 + row, "lon_deg": -115.0} for row in range(10)],
+}
+
+
+def test_hot_sources_are_no_launches(host: Host) -> None:
+    lit = {"duration_s": 6, "sources": [FIRES], "detection": "snr", "classification": "none"}
+    run = LiveRun(
+        scene_from_mapping(mapping(**lit), host=host), host, LiveSettings(speed=None, loop=True)
+    )
+    assert run.status().targets == 2
+    run.start()
+    until(lambda: run.status().lap >= 2)
+    status = run.stop()
+    assert status.targets_launched == 2 * (status.lap + 1)
