@@ -3,13 +3,12 @@ imported when named.
 """
 
 from collections.abc import Iterable
-from functools import partial
 
 from opir_core.host.components import SensorModel
 from opir_core.host.hookspecs import hookimpl
 from opir_core.scene.fields import with_defaults
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
-from opir_core.sensors.sensor_components import scanning_sensor
+from opir_core.sensors.sensor_components import scanning_model
 
 #: Notional: some right, some wrong, some unknown.
 CONFUSION = {
@@ -33,9 +32,5 @@ class ScannerConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield `generic-scanner`."""
-    yield SensorModel(
-        name="generic-scanner",
-        summary="a plain two-band scanner of no constellation, for first scenes and tests",
-        config=ScannerConfig,
-        build=partial(scanning_sensor, type="GENERIC"),
-    )
+    summary = "a plain sensor of no constellation, for first scenes and tests"
+    yield scanning_model("generic-scanner", summary, ScannerConfig, label="GENERIC")

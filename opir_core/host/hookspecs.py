@@ -64,9 +64,9 @@ class CatalogueHooks:
         >>> class Plugin:
         ...     @hookimpl
         ...     def opir_sensor_models(self):
-        ...         yield scanning_model("LOOKOUT", "one band, a look every 5 s", LookoutConfig)
-        >>> Host.of(Plugin()).component(SensorModel, "LOOKOUT").config(orbital_slot_deg=10.0).scan_period_ns
-        5000000000
+        ...         yield scanning_model("LOOKOUT", "a lookout", LookoutConfig)
+        >>> Host.of(Plugin()).component(SensorModel, "LOOKOUT").summary
+        'a lookout: staring, 5 s; SWIR 2.5-3 um'
         """
 
     @hookspec

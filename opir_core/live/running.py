@@ -115,7 +115,6 @@ class LiveRun:
         self._lap_plans = LapPlans(scene, host, self.plan.end_ns) if settings.loop else None
         self._counts = Counts.of(len(scene.sensors))
         self._launch_count = len(scene.targets)
-        #: The last number that named a launch without an id: refused launches use numbers up, too.
         self._name_number = self._launch_count
         self._tracks = 0
         self._sinks: tuple[SinkThread, ...] = ()

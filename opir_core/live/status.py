@@ -34,9 +34,9 @@ class SensorStatus:
 class LiveStatus:
     """State and counts of a live run. States: starting, running, ended, stopped, failed.
 
-    `tracker_error` is why the tracker has ended, if the run goes on without it. `targets` counts
-    the launches that are to come or still looked at, `targets_launched` those that the scene had at
-    the start of each lap, and those that the run has accepted since; hot sources are neither.
+    `tracker_error` is why the tracker has ended, if the run goes on without it. `targets` are
+    launches to come or still looked at, `targets_launched` those of the scene, lap by lap, and
+    those accepted since; hot sources are neither.
     """
 
     state: str

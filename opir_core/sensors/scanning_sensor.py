@@ -34,6 +34,13 @@ SCAN_PHASES = ("aligned", "random", "swept")
 SUSCEPTIBILITIES = ("high", "moderate", "low")
 #: How many bands each kind of spectral discrimination compares.
 DISCRIMINATION_BANDS = {"likelihood": 1, "none": 1, "dual-band-ratio": 2, "triple-coincidence": 3}
+#: Each of them in the description of a sensor.
+DISCRIMINATION_WORDS = {
+    "likelihood": "weighed by likelihood",
+    "none": "any band detects",
+    "dual-band-ratio": "dual-band ratio test",
+    "triple-coincidence": "triple-coincidence test",
+}
 
 
 def _bands_complaint(bands: Any) -> str | None:
@@ -153,8 +160,8 @@ class ScanningSensorConfig(RadiometerConfig):
         source="the Earth's disk from the least height of half a day, from a geostationary slot"
         " asin(6378.137 / 42164.17) = 8.70 deg, and a notional margin of 1.3 deg for targets beyond"
         " the limb",
-        help="half angle, from nadir, of the cone that the sensor covers; default: the Earth and"
-        " its limb from the"
+        help="half angle, from nadir, of the cone that the sensor covers; none: the Earth and its"
+        " limb from the"
         " orbit, 10 deg in a geosynchronous slot",
     )
     minimum_elevation_deg: float = number(

@@ -8,9 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from attrs import fields
+
 from opir_core.host.components import Constellation, SensorModel
 from opir_core.scene.fields import BIAS, BODIES, RESIDUAL, STRUCTURE
-from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+from opir_core.sensors.scanning_sensor import DISCRIMINATION_WORDS, ScanningSensorConfig
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import SensorContext
@@ -36,25 +38,41 @@ def scanning_model(
     summary: str,
     config: type[ScanningSensorConfig],
     presets: Presets | None = None,
+    label: str = "",
     *,
     presets_for: Mapping[str, str] | None = None,
     subject: str = "",
 ) -> SensorModel:
-    """Return the sensor model of a configuration class; `name` is also the `type` of its sensors in
-    events.
+    """Return the sensor model of a configuration class; `label` (`name`) is the `type` of its
+    sensors in events.
 
-    `presets`, `presets_for` and `subject` are as in `Component`.
+    `summary` says what no setting says; the description goes on with the defaults. `presets`,
+    `presets_for` and `subject` are as in `Component`.
     """
     return SensorModel(
         name=name,
-        summary=summary,
+        summary=f"{summary}: {scanning_words(config)}",
         config=config,
-        build=partial(scanning_sensor, type=name),
+        build=partial(scanning_sensor, type=label or name),
         presets=presets or {},
         presets_for=presets_for or {},
         subject=subject,
         reads=_subjects_read,
     )
+
+
+def scanning_words(config: type[ScanningSensorConfig]) -> str:
+    """Return a sensor's defaults in words: `staring, 0.1 s; SWIR 2.5-3, MWIR 4-5 um; weighed by
+    likelihood`.
+    """
+    defaults = {each.name: each.default for each in fields(config)}
+    bands = [
+        f"{name} {low_um:g}-{high_um:g}" for name, (low_um, high_um) in defaults["bands"].items()
+    ]
+    rule = DISCRIMINATION_WORDS[defaults["spectral_discrimination"]]
+    period_s = 1e-3 * defaults["scan_period_ms"]
+    words = f"{defaults['scan_pattern']}, {period_s:g} s; {', '.join(bands)} um"
+    return f"{words}; {rule}" if len(bands) > 1 else words
 
 
 def _subjects_read(config: ScanningSensorConfig) -> Sequence[str]:

@@ -1,1 +1,1 @@
-"""The `DSP` sensor model and its default constellation: a spinning long-wave scanner."""
+"""The `DSP` sensor model and its default constellation."""

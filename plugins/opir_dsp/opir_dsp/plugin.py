@@ -107,7 +107,7 @@ class DspConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `DSP`."""
-    summary = "spinning long-wave scanner with one band (preset heritage: 2.7 and 4.3 um, 10 s)"
+    summary = "Defense Support Program, geostationary"
     yield scanning_model(
         "DSP",
         summary,
@@ -120,6 +120,5 @@ def opir_sensor_models() -> Iterable[SensorModel]:
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellation `DSP`."""
-    yield geostationary_fleet(
-        "DSP", "four DSP satellites in notional, evenly spread slots", NOTIONAL_SLOTS_DEG
-    )
+    summary = f"{len(NOTIONAL_SLOTS_DEG)} DSP satellites in notional, evenly spread slots"
+    yield geostationary_fleet("DSP", summary, NOTIONAL_SLOTS_DEG)

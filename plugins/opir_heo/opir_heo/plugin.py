@@ -55,9 +55,7 @@ class HeoConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `HEO`."""
-    yield scanning_model(
-        "HEO", "step-stare scanner of two bands in a highly elliptical orbit", HeoConfig
-    )
+    yield scanning_model("HEO", "sensor in a highly elliptical orbit", HeoConfig)
 
 
 def _one_track_fleet(
@@ -67,7 +65,7 @@ def _one_track_fleet(
     after another.
 
     `kind` is an orbit of a scene with an apogee (molniya, tundra); the passes are evenly spread
-    over the period.
+    over the period. `summary` goes on after the number of satellites.
     """
     name = f"{model}-{kind.upper()}"
     satellites = [
@@ -82,22 +80,23 @@ def _one_track_fleet(
         }
         for number in range(count)
     ]
-    return Constellation(name=name, summary=summary, model=model, satellites=satellites)
+    return Constellation(
+        name=name, summary=f"{count} {summary}", model=model, satellites=satellites
+    )
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellations `HEO-MOLNIYA` and `HEO-TUNDRA`."""
     summary = (
-        "three HEO satellites that take turns about the apogee of one Molniya-class ground track;"
+        "HEO satellites that take turns about the apogee of one Molniya-class ground track;"
         " notional"
     )
     yield _one_track_fleet(
         "HEO", summary, "molniya", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S / 2.0, count=3
     )
     summary = (
-        "two HEO satellites that take turns about the apogee of one Tundra-class ground track;"
-        " notional"
+        "HEO satellites that take turns about the apogee of one Tundra-class ground track; notional"
     )
     yield _one_track_fleet(
         "HEO", summary, "tundra", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S, count=2

@@ -125,16 +125,13 @@ class MediumConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor models `LEO-WIDE` and `LEO-MEDIUM`."""
-    summary = "wide-field stare at the disk and the limb below a low orbit, for plumes"
+    summary = "wide field over the disk and the limb below a low orbit, for plumes"
     yield scanning_model("LEO-WIDE", summary, WideConfig)
-    summary = (
-        "medium-field, finer stare of mid and long waves from a low orbit, for plumes and warm"
-        " bodies"
-    )
+    summary = "narrower, finer field from a low orbit, for plumes and warm bodies"
     yield scanning_model("LEO-MEDIUM", summary, MediumConfig)
 
 
-def _walker_fleet(model: str, summary: str, pattern: Mapping[str, Any]) -> Constellation:
+def _walker_fleet(model: str, pattern: Mapping[str, Any]) -> Constellation:
     """Return the constellation with the name of its sensor model: satellites MODEL-01, ... of a
     Walker pattern.
 
@@ -148,13 +145,15 @@ def _walker_fleet(model: str, summary: str, pattern: Mapping[str, Any]) -> Const
         }
         for number in range(1, pattern["total"] + 1)
     ]
+    walker = "{inclination_deg:g} deg: {total}/{planes}/{phasing} at {altitude_km:g} km".format(
+        **pattern
+    )
+    summary = f"{len(satellites)} {model} satellites in a notional Walker pattern {walker}"
     return Constellation(name=model, summary=summary, model=model, satellites=satellites)
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellations `LEO-WIDE` and `LEO-MEDIUM`."""
-    summary = "24 LEO-WIDE satellites in a notional Walker pattern 60 deg: 24/6/1 at 1200 km"
-    yield _walker_fleet("LEO-WIDE", summary, NOTIONAL_WIDE_PATTERN)
-    summary = "12 LEO-MEDIUM satellites in a notional Walker pattern 60 deg: 12/3/1 at 1200 km"
-    yield _walker_fleet("LEO-MEDIUM", summary, NOTIONAL_MEDIUM_PATTERN)
+    yield _walker_fleet("LEO-WIDE", NOTIONAL_WIDE_PATTERN)
+    yield _walker_fleet("LEO-MEDIUM", NOTIONAL_MEDIUM_PATTERN)

@@ -1,1 +1,1 @@
-"""The `NEXTGEN-GEO` sensor model and its default constellation: a three-band staring array."""
+"""The `NEXTGEN-GEO` sensor model and its default constellation."""

@@ -87,12 +87,12 @@ class NextGenConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `NEXTGEN-GEO`."""
-    summary = "staring three-band array with a triple-coincidence test"
+    summary = "projected array, geostationary"
     yield scanning_model("NEXTGEN-GEO", summary, NextGenConfig, presets={"paper": PAPER_PRESET})
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellation `NEXTGEN-GEO`."""
-    summary = "four NEXTGEN-GEO satellites in notional, evenly spread slots"
+    summary = f"{len(NOTIONAL_SLOTS_DEG)} NEXTGEN-GEO satellites in notional, evenly spread slots"
     yield geostationary_fleet("NEXTGEN-GEO", summary, NOTIONAL_SLOTS_DEG)

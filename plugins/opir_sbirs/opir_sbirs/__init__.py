@@ -1,1 +1,1 @@
-"""The `SBIRS-GEO` sensor model and its default constellation: a two-band step-starer."""
+"""The `SBIRS-GEO` sensor model and its default constellation."""

@@ -82,12 +82,12 @@ class SbirsConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `SBIRS-GEO`."""
-    summary = "step-staring two-band sensor with a dual-band ratio test"
+    summary = "Space-Based Infrared System, geostationary"
     yield scanning_model("SBIRS-GEO", summary, SbirsConfig, presets={"paper": PAPER_PRESET})
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellation `SBIRS-GEO`."""
-    summary = "four SBIRS-GEO satellites in notional, evenly spread slots"
+    summary = f"{len(NOTIONAL_SLOTS_DEG)} SBIRS-GEO satellites in notional, evenly spread slots"
     yield geostationary_fleet("SBIRS-GEO", summary, NOTIONAL_SLOTS_DEG)

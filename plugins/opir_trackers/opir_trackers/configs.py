@@ -318,8 +318,7 @@ class ImmConfig:
         maximum=10.0,
         help="standard deviation of the constant offset of each sensor's clock, which is estimated"
         " as far as lines of"
-        " sight show it; what they do not show widens positions along the motion; by default clocks"
-        " are assumed to be"
+        " sight show it; what they do not show widens positions along the motion; 0: clocks are"
         " right",
     )
     bias_correlation_s: float = number(

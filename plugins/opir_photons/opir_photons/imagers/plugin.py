@@ -89,18 +89,6 @@ class AhiConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield `GOES-ABI` and `AHI`."""
-    summary = "civil imager, 3.9, 6.2, 6.9 and 7.3 um, 2 km at nadir"
-    yield scanning_model(
-        "GOES-ABI",
-        f"{summary}, every minute (presets by scan)",
-        AbiConfig,
-        presets=ABI_SCANS,
-        subject="light",
-    )
-    yield scanning_model(
-        "AHI",
-        f"{summary}, every ten minutes (presets by scan)",
-        AhiConfig,
-        presets=AHI_SCANS,
-        subject="light",
-    )
+    summary = "civil imager, 2 km at nadir (presets by scan)"
+    yield scanning_model("GOES-ABI", summary, AbiConfig, presets=ABI_SCANS, subject="light")
+    yield scanning_model("AHI", summary, AhiConfig, presets=AHI_SCANS, subject="light")
