@@ -22,7 +22,7 @@ from opir_scoring import (
 )
 
 from opir_core import Run
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.planning import Looks
 from opir_core.plugin import Detections
 from opir_core.simulation import ProbabilityInterpolant
@@ -49,7 +49,7 @@ MEASURES: Mapping[str, str] = {
 #: Those of estimates: a scene without a tracker has none.
 OF_TRACKS = {"position_km", "launch_km", "impact_km", "region_contains", "impact_area"}
 
-#: Those whose truth is known: they are compared with it, too.
+#: Those whose truth is known: the error is that from the truth where this is less (`Trial.error`).
 OF_TRUTH = ("position_km", "launch_km", "impact_km")
 
 #: Those that are averaged as root mean squares over runs; the others are the largest, or the mean
@@ -82,6 +82,9 @@ class RunAnswers:
     contained: FloatArray
     #: Root mean square errors from the truth, by the names of `OF_TRUTH`; nan without an estimate.
     from_truth: Mapping[str, float]
+    #: The share of launches with known truth that these errors are of, by the same names; nan
+    #: without any.
+    estimated: Mapping[str, float]
 
 
 def unanswered(answers: RunAnswers) -> set[str]:
@@ -153,6 +156,13 @@ def answers_of(run: Run) -> RunAnswers:
     from_truth = {
         name: 1e-3 * _rms_of_known(each) for name, each in zip(OF_TRUTH, errors, strict=True)
     }
+    tracked = np.isin(np.arange(count), ticks % max(count, 1))
+    have = (
+        (tracked, starts),
+        (np.isfinite(launch[:, 0]), starts),
+        (np.isfinite(impact[:, 0]), places),
+    )
+    estimated = {name: _share_of_launches(*each) for name, each in zip(OF_TRUTH, have, strict=True)}
     answers = (
         *_probabilities(run, mine),
         first_s,
@@ -164,7 +174,15 @@ def answers_of(run: Run) -> RunAnswers:
         area,
         contained,
     )
-    return RunAnswers(detections, *answers, from_truth)
+    return RunAnswers(detections, *answers, from_truth, estimated)
+
+
+def _share_of_launches(has_estimate: BoolArray, truth: FloatArray) -> float:
+    """Return the share with an estimate of targets (n,) whose truth (n, 3) is known; nan without
+    any.
+    """
+    known = np.isfinite(truth[:, 0])
+    return float(has_estimate[known].mean()) if known.any() else np.nan
 
 
 def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
@@ -210,6 +228,8 @@ def differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:
     apart = np.linalg.norm(run.states[row] - reference.states[other], axis=1)
     look, same = _matched(run.looks, reference.looks)
     wanted = len(reference.detections)
+    has_same_tracks = np.array_equal(_tracked(run), _tracked(reference))
+    has_same_regions = np.array_equal(np.isfinite(run.contained), np.isfinite(reference.contained))
     return {
         "p_d": _largest(run.probability[look] - reference.probability[same]),
         "counts": (len(run.detections) - wanted) / wanted
@@ -220,14 +240,23 @@ def differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:
         "confidence": _largest(here.confidence - there.confidence),
         "type": float(np.mean(here.reported_type != there.reported_type)) if len(here) else 0.0,
         "truth_m": _largest(_distances(run.truth, reference.truth)),
-        "position_km": 1e-3 * _rms(apart) if len(row) or not len(reference.ticks) else np.inf,
+        "position_km": 1e-3 * _rms(apart)
+        if has_same_tracks and (len(row) or not len(reference.ticks))
+        else np.inf,
         "launch_km": 1e-3 * _rms(_distances(run.launch, reference.launch)),
         "impact_km": 1e-3 * _rms(_distances(run.impact, reference.impact)),
-        "region_contains": _share(run.contained) - _share(reference.contained),
+        "region_contains": _share(run.contained) - _share(reference.contained)
+        if has_same_regions
+        else np.inf,
         "impact_area": _rms(
             _both(run.area_km2, reference.area_km2) / np.nan_to_num(reference.area_km2, nan=1.0)
         ),
     }
+
+
+def _tracked(answers: RunAnswers) -> IntArray:
+    """Return the launches that a run has tracked positions of."""
+    return np.unique(answers.ticks % len(answers.first_s)) if len(answers.ticks) else answers.ticks
 
 
 def over_runs(found: list[dict[str, float]]) -> dict[str, float]:
@@ -238,6 +267,8 @@ def over_runs(found: list[dict[str, float]]) -> dict[str, float]:
 def from_truth_over_runs(found: list[Mapping[str, float]]) -> dict[str, float]:
     """Return the errors from the truth of several runs as one: root mean squares over those that
     have any.
+
+    `estimated` of the runs belongs beside them.
     """
     return {name: _rms_of_known(np.array([each[name] for each in found])) for name in OF_TRUTH}
 

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from shlex import quote
 from typing import Any
 
+from opir_scoring import percent_text
+
 from opir_core.cli import prints_on_standard_error, table
 from opir_core.errors import Problem, SceneError
 from opir_core.host import ended_if_stuck
@@ -54,8 +56,8 @@ def as_text(scene: str, found: Tuned, wanted: Mapping[str, float]) -> str:
         [
             name,
             f"{bound:g}",
-            f"{found.checked[name]:.2g}",
-            f"{found.given.errors[name]:.2g}",
+            f"{found.checked.error(name):.2g}",
+            f"{found.given.error(name):.2g}",
             MEASURES[name],
         ]
         for name, bound in wanted.items()
@@ -63,7 +65,9 @@ def as_text(scene: str, found: Tuned, wanted: Mapping[str, float]) -> str:
     chosen = found.chosen.time_s
     given = found.given.time_s
     exact = found.exact.time_s
-    sets = " ".join(f"--set {quote(each)}" for each in found.overrides)
+    command = " ".join(
+        ["opir run", quote(scene), *(f"--set {quote(each)}" for each in found.overrides)]
+    )
     cost = (
         f"{chosen:.2f} s a run, {chosen / given:.2f} of the scene's own settings ({given:.2f} s),"
         f" {chosen / exact:.2f} of the most exact ({exact:.2f} s); processor time"
@@ -75,9 +79,7 @@ def as_text(scene: str, found: Tuned, wanted: Mapping[str, float]) -> str:
             *_not_asked(found, wanted),
             *_from_truth(found),
             _levels(found),
-            f"opir run {quote(scene)} {sets}"
-            if found.meets
-            else "no settings are within the errors on other seeds",
+            command if found.meets else "no settings are within the errors on other seeds",
         ]
     )
 
@@ -88,24 +90,20 @@ def _not_asked(found: Tuned, wanted: Mapping[str, float]) -> list[str]:
     """
     head = ["not asked for, and larger", "these settings", "the scene's own", "what it is"]
     rows = [
-        [
-            name,
-            f"{found.chosen.errors[name]:.2g}",
-            f"{found.given.errors[name]:.2g}",
-            MEASURES[name],
-        ]
+        [name, f"{found.chosen.error(name):.2g}", f"{found.given.error(name):.2g}", MEASURES[name]]
         for name in found.not_asked(wanted)
     ]
     return [table(head, rows, numbers=(1, 2))] if rows else []
 
 
 def _from_truth(found: Tuned) -> list[str]:
-    """Return the table of errors from the truth, if the scene has estimates whose truth is
-    known.
+    """Return the table of errors from the truth, if the scene has estimates whose truth is known.
+
+    The share of launches with an estimate follows where it is not all.
     """
     trials = (found.exact, found.chosen, found.given)
     rows = [
-        [name, *(f"{each.from_truth[name]:.2g}" for each in trials)]
+        [name, *(_with_share(each.from_truth[name], each.estimated[name]) for each in trials)]
         for name in OF_TRUTH
         if math.isfinite(found.exact.from_truth[name])
     ]
@@ -113,18 +111,18 @@ def _from_truth(found: Tuned) -> list[str]:
     return [table(head, rows, numbers=(1, 2, 3))] if rows else []
 
 
+def _with_share(error: float, share: float) -> str:
+    return f"{error:.2g}" if share == 1.0 else f"{error:.2g} ({percent_text(share)} of launches)"
+
+
 def _levels(found: Tuned) -> str:
     """Return the table of the chosen levels."""
     rows = []
-    for knob, level, own in zip(found.knobs, found.chosen.levels, found.own_levels, strict=True):
-        chosen = " ".join(knob.levels[level]) or "as in the scene"
+    for knob, level, own in zip(found.knobs, found.levels, found.own_levels, strict=True):
+        chosen = " ".join(knob.levels[level]) if level is not None and found.overrides else ""
+        place = "none" if level is None else f"{level + 1} of {len(knob.levels)}"
         rows.append(
-            [
-                knob.name,
-                chosen,
-                f"{level + 1} of {len(knob.levels)}",
-                "none" if own is None else f"{own + 1}",
-            ]
+            [knob.name, chosen or "as in the scene", place, "none" if own is None else f"{own + 1}"]
         )
     return table(["setting", "chosen", "level, 1 is exact", "the scene's own level"], rows)
 
@@ -135,10 +133,11 @@ def as_json(found: Tuned, wanted: Mapping[str, float]) -> str:
         {
             "overrides": list(found.overrides),
             "meets": found.meets,
-            "errors": dict(found.checked),
+            "errors": {name: found.checked.error(name) for name in MEASURES},
             "not_asked": found.not_asked(wanted),
             "time_s": found.chosen.time_s,
             "from_truth": _finite(found.chosen.from_truth),
+            "estimated": _finite(found.chosen.estimated),
             "own_settings": _as_plain(found.given),
             "reference": _as_plain(found.exact),
         },
@@ -151,6 +150,7 @@ def _as_plain(trial: Trial) -> dict[str, Any]:
         "time_s": trial.time_s,
         "errors": dict(trial.errors),
         "from_truth": _finite(trial.from_truth),
+        "estimated": _finite(trial.estimated),
     }
 
 

@@ -2,12 +2,14 @@
 given bounds.
 """
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import count, islice
 from statistics import median
 
+import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core import Scene, compile_plan, reseeded, run_of_plan
@@ -17,6 +19,7 @@ from opir_core.reading import load_scene, scene_hash, scene_mapping
 from opir_studies.differences import (
     MEASURES,
     OF_TRACKS,
+    OF_TRUTH,
     RunAnswers,
     answers_of,
     differences,
@@ -41,17 +44,28 @@ _OTHER_SEEDS = 1_000_000
 @frozen
 class Trial:
     """Settings that were run: a level of each knob, processor time per run, s, errors against the
-    reference, and those from the truth.
+    reference, those from the truth, and the shares of launches that the latter are of.
     """
 
     levels: tuple[int, ...]
     time_s: float
     errors: Mapping[str, float]
     from_truth: Mapping[str, float]
+    estimated: Mapping[str, float]
+
+    def error(self, name: str) -> float:
+        """Return an error by its name in `MEASURES`: from the reference, or from the truth where
+        that is less.
+
+        Two runs that are as near to the truth may be far from each other, to no harm. Where only
+        one of a run and its reference has an answer, the error is infinite.
+        """
+        error = abs(self.errors[name])
+        return min(error, self.from_truth.get(name, error)) if math.isfinite(error) else error
 
     def worst(self, wanted: Mapping[str, float]) -> float:
         """Return the largest error over what is wanted of it; 1 and less is within."""
-        return max(self.errors[name] / bound for name, bound in wanted.items())
+        return max(self.error(name) / bound for name, bound in wanted.items())
 
 
 @frozen
@@ -59,12 +73,14 @@ class Tuned:
     """A choice: its overrides, what it costs, and its errors on seeds that it was not chosen on.
 
     `given` are the scene's own settings, at `own_levels` of the knobs, None where that is none of
-    the levels; `exact` is the reference.
+    the levels; `exact` is the reference. The choice, at `levels`, may be the scene's own settings:
+    it then has no overrides.
     """
 
     overrides: Overrides
+    levels: Sequence[int | None]
     chosen: Trial
-    checked: Mapping[str, float]
+    checked: Trial
     given: Trial
     own_levels: Sequence[int | None]
     exact: Trial
@@ -77,11 +93,7 @@ class Tuned:
         settings.
         """
         rest = [name for name in MEASURES if name not in wanted]
-        return [
-            name
-            for name in rest
-            if abs(self.chosen.errors[name]) > MORE * abs(self.given.errors[name])
-        ]
+        return [name for name in rest if self.chosen.error(name) > MORE * self.given.error(name)]
 
 
 def tune(
@@ -188,7 +200,10 @@ class Tuner:
             found, time_s = exact if is_exact else self.simulate(scene, seeds, self.host)
             errors = [differences(one, other) for one, other in zip(found, exact[0], strict=True)]
             truth = from_truth_over_runs([each.from_truth for each in found])
-            self._trials[key] = Trial((), time_s, over_runs(errors), truth)
+            estimated = {
+                name: float(np.mean([each.estimated[name] for each in found])) for name in OF_TRUTH
+            }
+            self._trials[key] = Trial((), time_s, over_runs(errors), truth, estimated)
         return self._trials[key]
 
 
@@ -205,9 +220,11 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
 
     Each knob is loosened by itself as long as the errors stay within half of what is wanted; the
     levels that pay are then tried together, and the knob with the largest error is tightened until
-    they fit. At last other seeds are run: where these exceed what is wanted, a knob is tightened
-    and further seeds are run. `meets` says whether the last check held; it does not where even the
-    reference differs from itself, which it never does.
+    they fit. The scene's own settings, if they are within what is wanted, stay unless these are
+    cheaper. At last other seeds are run: where these exceed what is wanted, the scene's own
+    settings are given up, or else a knob is tightened, and further seeds are run. `meets` says
+    whether the last check held; it does not where even the reference differs from itself, which it
+    never does.
     """
     _check(wanted)
     knobs = tuner.knobs
@@ -228,26 +245,29 @@ def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
     while chosen.worst(within) > 1.0 and any(levels):
         _tighten(levels, alone, within)
         chosen = tuner.trial(levels, seeds)
+    # Nothing chose them among others, so that all of what is wanted is theirs to use.
+    may_stay = given.worst(wanted) <= 1.0
     for others in _fresh_seeds(first, tuner.runs):
-        checked = tuner.trial(levels, others)
+        stays = may_stay and (1.0 - WORTH) * given.time_s <= chosen.time_s
+        checked = tuner.as_given(others) if stays else tuner.trial(levels, others)
         meets = checked.worst(wanted) <= 1.0
-        if meets or not any(levels):
+        if meets or not (stays or any(levels)):
             break
+        if stays:
+            may_stay = False
+            continue
         _tighten(levels, alone, within)
         chosen = tuner.trial(levels, seeds)
     tried_alone = tuple(each for trials in alone for each in trials)
-    overrides = overrides_at(knobs, levels)
     exact = tuner.trial([0] * len(knobs), seeds)
+    own_levels = tuner.own_levels()
+    if stays:
+        return Tuned(
+            (), own_levels, given, checked, given, own_levels, exact, knobs, tried_alone, meets
+        )
+    overrides = overrides_at(knobs, levels)
     return Tuned(
-        overrides,
-        chosen,
-        checked.errors,
-        given,
-        tuner.own_levels(),
-        exact,
-        knobs,
-        tried_alone,
-        meets,
+        overrides, levels, chosen, checked, given, own_levels, exact, knobs, tried_alone, meets
     )
 
 

@@ -10,20 +10,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from attrs import evolve
 from opir_scoring import evidence_of_run, ownership
 from opir_scoring.errors import state_errors
-from opir_studies.differences import MEASURES, answers_of, differences, over_runs
+from opir_studies.differences import MEASURES, RunAnswers, answers_of, differences, over_runs
 from opir_studies.knobs import knobs_of
 from opir_studies.tune_command import as_json, as_text
 from opir_studies.tuning import Answered, Tuned, Tuner, overrides_at, timed_answers, tuned
+from pyproj import Geod
 from study_scene import SCENE
 
 import opir_core as opir
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
 from opir_core.host.host import Host
+from opir_core.plugin import Detections
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import Scene
 
@@ -63,7 +64,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def written(folder: Path, scene: object) -> Path:
     path = folder / "scene.yaml"
-    path.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    path.write_text(json.dumps(scene), encoding="utf-8")
     return path
 
 
@@ -164,7 +165,7 @@ def test_looser_errors_give_coarser_and_cheaper_settings(path: Path) -> None:
     found = [choice(path, p_d=bound) for bound in bounds]
     for bound, each in zip(bounds, found, strict=True):
         assert each.meets
-        assert each.checked["p_d"] <= bound
+        assert each.checked.error("p_d") <= bound
     assert found[0].chosen.levels < found[1].chosen.levels < found[2].chosen.levels
     assert found[0].chosen.time_s > found[1].chosen.time_s > found[2].chosen.time_s
 
@@ -321,4 +322,111 @@ def test_errors_from_the_truth_are_those_of_score() -> None:
     assert len(scored) > 10
     assert answers_of(run).from_truth["position_km"] == pytest.approx(
         1e-3 * np.sqrt(np.mean(scored**2)), rel=1e-9
+    )
+
+
+#: Two launches that come down.
+PAIR = {**SCENE, "tracker": {"model": "imm", "cadence_s": 2.0, "slice_s": 2.0}, "light_time": False}
+PAIR["targets"] = [SCENE["targets"][0], {**SCENE["targets"][0], "id": "T2"}]
+#: How far estimates are from the truth, km, and in which direction, and the cost of a run, by the
+#: tracker's cadence, s.
+PLANTED = {
+    1.0: (0.6, 0.0, 1.86),
+    2.0: (0.6, 90.0, 1.0),
+    5.0: (3.0, 0.0, 0.9),
+    10.0: (9.0, 0.0, 0.8),
+}
+
+
+def planted(scene: Scene, seeds: Sequence[int], lost: float | None = None) -> Answered:
+    """Return answers whose impact points are planted; at the cadence `lost` the second launch has
+    none.
+    """
+    cadence_s = scene.tracker.config.cadence_s
+    away_km, bearing_deg, cost_s = PLANTED[cadence_s]
+    truth = np.radians([[9.0, 167.7], [9.0, 167.7]])
+    lon, lat, _ = Geod(ellps="WGS84").fwd(167.7, 9.0, bearing_deg, 1e3 * away_km)
+    impact = np.column_stack([np.radians([[lat, lon], [lat, lon]]), [0.0, 0.0]])
+    if cadence_s == lost:
+        impact[1] = np.nan
+    nothing = np.full(2, np.nan)
+    share = float(np.isfinite(impact[:, 0]).mean())
+    answers = RunAnswers(
+        detections=Detections.empty(),
+        looks=np.empty(0, dtype=np.int64),
+        probability=np.empty(0),
+        first_s=np.full(2, np.inf),
+        truth=truth,
+        ticks=np.empty(0, dtype=np.int64),
+        states=np.empty((0, 3)),
+        launch=np.full((2, 3), np.nan),
+        impact=impact,
+        area_km2=nothing,
+        contained=nothing,
+        from_truth={"position_km": np.nan, "launch_km": np.nan, "impact_km": away_km},
+        estimated={"position_km": 0.0, "launch_km": 0.0, "impact_km": share},
+    )
+    return [answers] * len(seeds), cost_s + 0.001 * (scene.tracker.config.regions_every_s < 60.0)
+
+
+def tuned_pair(
+    tmp_path: Path, wanted_km: float, lost: float | None = None, cadence_s: float = 2.0
+) -> Tuned:
+    path = written(tmp_path, {**PAIR, "tracker": {**PAIR["tracker"], "cadence_s": cadence_s}})
+    tuner = Tuner(
+        str(path), runs=1, simulate=lambda scene, seeds, _host: planted(scene, seeds, lost)
+    )
+    return tuned(tuner, {"impact_km": wanted_km})
+
+
+def test_settings_of_the_scene_that_are_as_near_to_the_truth_as_any_stay(tmp_path: Path) -> None:
+    found = tuned_pair(tmp_path, 1.0)
+    assert found.given.errors["impact_km"] == pytest.approx(0.6 * np.sqrt(2.0), rel=1e-3)
+    assert found.given.error("impact_km") == pytest.approx(0.6)
+    assert (found.overrides, found.meets) == ((), True)
+    assert found.chosen.time_s < found.exact.time_s / 1.8
+    text = as_text("scene.yaml", found, {"impact_km": 1.0})
+    assert text.splitlines()[-1] == "opir run scene.yaml"
+    assert "1.00 of the scene's own settings" in text
+    assert [
+        line.split()[-1] for line in text.splitlines() if line.startswith("tracker cadence")
+    ] == ["3"]
+
+
+def test_cheaper_settings_that_meet_the_wish_take_their_place(tmp_path: Path) -> None:
+    found = tuned_pair(tmp_path, 7.0)
+    assert "tracker.cadence_s=5.0" in found.overrides
+    assert found.chosen.time_s < found.given.time_s
+
+
+def test_settings_that_lose_a_launch_are_no_choice_however_near_the_others_are(
+    tmp_path: Path,
+) -> None:
+    found = tuned_pair(tmp_path, 1.0, lost=2.0)
+    assert found.given.error("impact_km") == np.inf
+    assert "tracker.cadence_s=1.0" in found.overrides
+    assert "0.6 (50 % of launches)" in as_text("scene.yaml", found, {"impact_km": 1.0})
+
+
+def test_settings_of_the_scene_that_are_far_from_the_truth_are_changed(tmp_path: Path) -> None:
+    found = tuned_pair(tmp_path, 1.0, cadence_s=10.0)
+    assert "tracker.cadence_s=1.0" in found.overrides
+
+
+def test_launches_that_only_one_run_tracks_are_an_infinite_error() -> None:
+    both = planted(scene_from_mapping(PAIR), [1])[0][0]
+    ticks = np.array([2000, 2001, 4000, 4001])  # of launches 0 and 1
+    exact = evolve(both, ticks=ticks, states=np.zeros((4, 3)), contained=np.array([1.0, 1.0]))
+    one = evolve(
+        exact, ticks=ticks[::2], states=np.zeros((2, 3)), contained=np.array([1.0, np.nan])
+    )
+    assert (
+        differences(exact, exact)["position_km"]
+        == differences(exact, exact)["region_contains"]
+        == 0.0
+    )
+    assert (
+        differences(one, exact)["position_km"]
+        == differences(one, exact)["region_contains"]
+        == np.inf
     )
