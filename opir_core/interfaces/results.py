@@ -53,7 +53,9 @@ class Metric(Protocol):
         """Return the figures of an `opir_core.Run`, with the keys of `units`; nan for what the run
         does not have.
 
-        The figures depend on the run alone.
+        The figures depend on the run alone. A metric may have `shares`: for each figure that some
+        launches lack, the name of the figure that is the share of those that have it. Without one,
+        it is a share of runs.
         """
 
 

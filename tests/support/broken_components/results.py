@@ -66,6 +66,15 @@ class Endless(DetectionCount):
         }
 
 
+@made_of(MetricModel, "survivors-alone", "test_figures_that_launches_lack_name_their_share")
+class SurvivorsAlone(DetectionCount):
+    units: Mapping[str, str] = {"detections": "", "tracks": "", "tracked": ""}
+    shares: Mapping[str, str] = {"tracks": "tracked"}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        return {**super().values(run), "tracked": 1.0}
+
+
 @made_of(MetricModel, "timed", "test_figures_depend_on_the_run_alone")
 class Timed(DetectionCount):
     def values(self, run: Run) -> Mapping[str, float]:

@@ -133,6 +133,31 @@ class MetricContract(ResultContract):
                 "Return nan where there is none.",
             )
 
+    def test_figures_that_launches_lack_name_their_share(self) -> None:
+        """`shares`, if any, maps figures to shares from 0 to 1; a figure has a value where its
+        share is not 0.
+        """
+        units = self.metric().units
+        shares = dict(getattr(self.metric(), "shares", {}))
+        change = (
+            "Map each figure that some launches lack to the figure that is the share of those that"
+            " have it."
+        )
+        unknown = sorted({*shares, *shares.values()} - set(units))
+        require(not unknown, f"shares names {', '.join(unknown)}, which units does not", change)
+        for name, run in self.runs().items():
+            values = self.metric().values(run)
+            for figure, share in shares.items():
+                value = values[figure]
+                of = values[share]
+                words = f"a run {name} gives {figure} {value} and {share} {of}"
+                require(
+                    math.isnan(of) or 0.0 <= of <= 1.0,
+                    words,
+                    "Return a share from 0 to 1, nan without launches.",
+                )
+                require(math.isfinite(value) == (of > 0.0), words, change)
+
     def test_figures_depend_on_the_run_alone(self) -> None:
         """A second call gives the same figures; clock, network and global random state are not
         used.
