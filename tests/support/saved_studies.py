@@ -34,7 +34,8 @@ def written_study(folder: Path) -> Path:
                     "runs": 10,
                     "first_seed": 3,
                     "last_seed": 12,
-                    "runs_with_value": 10,
+                    "share": float(mean == mean),
+                    "runs_with_value": 10 if mean == mean else 0,
                     "mean": mean,
                     "low_95": 0.9 * mean,
                     "high_95": 1.1 * mean,
@@ -49,7 +50,7 @@ def written_study(folder: Path) -> Path:
             )
     parquet.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
     definition = {
-        "study_version": 1,
+        "study_version": 2,
         "study": "revisit",
         "scene": "first-light",
         "design": "factorial",

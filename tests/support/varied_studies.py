@@ -99,6 +99,7 @@ def written(folder: Path, name: str) -> Path:
                     "runs": RUNS,
                     "first_seed": 0,
                     "last_seed": RUNS - 1,
+                    "share": 1.0,
                     "runs_with_value": RUNS,
                     "mean": own.mean(),
                     "low_95": own.mean() - half,
@@ -116,7 +117,7 @@ def written(folder: Path, name: str) -> Path:
     parquet.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
     parquet.write_table(pa.Table.from_pylist(runs), folder / "runs.parquet")
     definition = {
-        "study_version": 1, "study": name, "scene": "s", "design": design, "vary": list(vary), "runs": RUNS,
+        "study_version": 2, "study": name, "scene": "s", "design": design, "vary": list(vary), "runs": RUNS,
         "until": "", "figures": FIGURES,
         "bounds": {figure: [0.0, 1.0 if figure in ("warned", "tracked") else None] for figure in FIGURES},
         "metrics": {"latency": ["latency_s"], "other": list(FIGURES)[1:]},

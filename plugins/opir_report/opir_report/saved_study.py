@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from opir_scoring import percent_text
 
 from opir_core.arrays import BoolArray
 from opir_core.errors import Problem, SceneError, reason_of
@@ -20,7 +21,7 @@ RUNS = "runs.parquet"
 #: The setting by which studies side by side differ.
 STUDY = "study"
 #: The version of the definition that is read.
-_VERSION = 1
+_VERSION = 2
 
 
 @frozen(eq=False)
@@ -82,17 +83,45 @@ class SavedStudy:
         return asked or [figures[0] for figures in known.values()]
 
     def constant(self, figure: str) -> float | None:
-        """Return the value that a figure has in every run of every design, or None."""
+        """Return the value that a figure has for every launch of every run of every design, or
+        None.
+        """
         rows = self.rows(figure)
-        known = np.isfinite(rows["mean"])
-        means = rows["mean"][known]
+        means = rows["mean"]
         # Quantiles and mean of equal values are equal but for rounding.
-        spread = [rows[name][known] for name in ("q10", "median", "q90")]
-        if len(means) and all(
-            np.allclose(each, means[0], rtol=1e-9, atol=0.0) for each in (means, *spread)
-        ):
-            return float(means[0]) if not np.any(rows["sd"][known] > 1e-9 * abs(means[0])) else None
+        spread = [rows[name] for name in ("q10", "median", "q90")]
+        if not len(means) or not self.is_whole(figure).all():
+            return None
+        if all(np.allclose(each, means[0], rtol=1e-9, atol=0.0) for each in (means, *spread)):
+            return float(means[0]) if not np.any(rows["sd"] > 1e-9 * abs(means[0])) else None
         return None
+
+    def is_whole(self, figure: str) -> BoolArray:
+        """Return of which designs (n,) a figure's mean is over all launches that it applies to, in
+        all runs.
+        """
+        return np.asarray(self.rows(figure)["share"] == 1.0)
+
+    def share_text(self, figure: str, least: float, most: float) -> str:
+        """Return of which share of launches, or else of runs, means are: `of 5 % of launches`, ""
+        for all.
+        """
+        if least == most == 1.0:
+            return ""
+        ends = dict.fromkeys(map(percent_text, (least, most)))
+        of = "launches" if figure in self.definition.get("shares", {}) else "runs"
+        return f"of {' to '.join(ends)} of {of}"
+
+    def shares_text(self, figure: str) -> str:
+        """Return of which share of launches, or runs, the means of all designs are, "" for all of
+        them.
+        """
+        shares = np.nan_to_num(self.rows(figure)["share"])
+        return (
+            self.share_text(figure, float(np.min(shares)), float(np.max(shares)))
+            if len(shares)
+            else ""
+        )
 
     def rows(self, figure: str) -> FigureData:
         """Return the rows of a figure, one per design, with the intervals of means cut at the
@@ -116,7 +145,15 @@ class SavedStudy:
         )
 
     def is_met(self, requirement: Mapping[str, Any]) -> BoolArray:
-        """Return whether the mean of each design meets a requirement; nan does not."""
+        """Return whether each design meets a requirement: its mean does, and no launch or run lacks
+        the figure.
+        """
+        return self.is_met_by_mean(requirement) & self.is_whole(requirement["figure"])
+
+    def is_met_by_mean(self, requirement: Mapping[str, Any]) -> BoolArray:
+        """Return whether the mean of each design meets a requirement, whatever it is over; nan does
+        not.
+        """
         mean = self.rows(requirement["figure"])["mean"]
         limit = requirement["limit"]
         return np.asarray(mean >= limit if requirement["is_least"] else mean <= limit)

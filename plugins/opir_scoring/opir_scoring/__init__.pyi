@@ -26,6 +26,9 @@ from opir_scoring.evidence import (
     rows_in_force as rows_in_force,
     true_states_ecef as true_states_ecef,
 )
+from opir_scoring.figure_text import (
+    percent_text as percent_text,
+)
 from opir_scoring.gospa_metric import (
     Gospa as Gospa,
     gospa as gospa,

@@ -22,3 +22,16 @@ def interval_text(figure: Mapping[str, Any], digits: int, scale: float = 1.0) ->
 def number_text(value: float, digits: int) -> str:
     """Return a number, "-" where it is unknown or infinite."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
+
+
+def percent_text(share: float) -> str:
+    """Return a share in per cent, 0 or 100 only where it is exactly that; "-" where it is
+    unknown.
+    """
+    if math.isnan(share):
+        return "-"
+    percent = 100.0 * share
+    digits = 0
+    while share not in (0.0, 1.0) and round(percent, digits) in (0.0, 100.0):
+        digits += 1
+    return f"{percent:.{digits}f} %"

@@ -68,13 +68,14 @@ def planted(tmp_path: Path) -> SavedStudy:
         }
         rows.append(
             {"design": number, **knobs, "figure": "warning_time_s", "unit": "s", "runs": RUNS, "first_seed": 1,
-             "last_seed": RUNS, "runs_with_value": RUNS, "mean": values.mean(), "low_95": low, "high_95": high,
-             "sd": values.std(ddof=1), "q10": values.min(), "median": np.median(values), "q90": values.max(), **same}
+             "last_seed": RUNS, "share": 1.0, "runs_with_value": RUNS, "mean": values.mean(), "low_95": low,
+             "high_95": high, "sd": values.std(ddof=1), "q10": values.min(), "median": np.median(values),
+             "q90": values.max(), **same}
         )  # fmt: skip
     parquet.write_table(pa.Table.from_pylist(rows), tmp_path / "results.parquet")
     parquet.write_table(pa.Table.from_pylist(runs), tmp_path / "runs.parquet")
     definition = {
-        "study_version": 1, "study": "planted", "scene": "s", "design": "factorial", "vary": list(LEVELS),
+        "study_version": 2, "study": "planted", "scene": "s", "design": "factorial", "vary": list(LEVELS),
         "runs": RUNS, "until": "", "figures": {"warning_time_s": "s"}, "metrics": {"warning_time": ["warning_time_s"]},
         "question": "What buys warning time?", "split": TARGETS, "designs": [{"design": each} for each in range(18)],
         "settings": {"warning_time": {"region_km2": 1e6, "launch_point_km": None}},

@@ -94,15 +94,18 @@ def _requirement_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
 
 
 def _missing_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
-    """Yield the figures that some runs do not have."""
+    """Yield the figures that some launches or runs do not have: shares of the designs, and runs
+    with a value.
+    """
     words = []
     for figure in study.units:
         rows = study.rows(figure)
-        count = int((rows["runs"] - rows["runs_with_value"]).sum())
-        if count:
-            words.append(
-                f"{words_of(study, figure)} in {grouped(count)} of"
-                f" {grouped(int(rows['runs'].sum()))} runs"
-            )
+        of = study.shares_text(figure)
+        count, runs = (grouped(int(rows[name].sum())) for name in ("runs_with_value", "runs"))
+        if of:
+            words.append(f"{words_of(study, figure)} {of}, a value in {count} of {runs} runs")
     if words:
-        yield "without a value", f"{'; '.join(words)} (no launch reached what the figure measures)"
+        yield (
+            "means over some",
+            f"{'; '.join(words)}; a launch or run without a value meets no requirement",
+        )

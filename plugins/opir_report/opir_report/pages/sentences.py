@@ -35,9 +35,15 @@ def words_of(study: SavedStudy, figure: str) -> str:
 
 
 def mean_text(study: SavedStudy, rows: FigureData, row: int) -> str:
-    """Return a mean with unit and interval, `0.17 s [0.13, 0.21]`."""
+    """Return a mean with unit and interval, `0.17 s [0.13, 0.21]`, and what it is of, if not of all
+    launches.
+    """
+    figure = str(rows["figure"][row])
+    share = float(rows["share"][row])
     ends = float(rows["low_95"][row]), float(rows["high_95"][row])
-    return interval_text(study, str(rows["figure"][row]), float(rows["mean"][row]), *ends)
+    text = interval_text(study, figure, float(rows["mean"][row]), *ends)
+    of = study.share_text(figure, share, share)
+    return f"{text} ({of})" if of and text != "-" else text
 
 
 def interval_text(study: SavedStudy, figure: str, mean: float, low: float, high: float) -> str:
@@ -94,9 +100,12 @@ def verdicts(study: SavedStudy) -> list[str]:
             if met and any(met)
             else ""
         )
-        lines.append(
-            f"{requirement_words(study, each)}: met by {len(met)} of {len(rows)} designs{which}"
-        )
+        head = f"{requirement_words(study, each)}: met by {len(met)} of {len(rows)} designs{which}"
+        by_some = study.is_met_by_mean(each) & ~study.is_met(each)
+        labels = study.labels(rows)
+        own = np.flatnonzero(by_some).tolist()[:_NAMED]
+        few = [": ".join(filter(None, (labels[row], mean_text(study, rows, row)))) for row in own]
+        lines.append(f"{head}; not by a mean over some ({'; '.join(few)})" if few else head)
     return lines
 
 
@@ -142,7 +151,8 @@ def is_surely_met(study: SavedStudy, requirement: Mapping[str, Any]) -> BoolArra
     limit = requirement["limit"]
     # A figure that is the same in all runs has an interval without width.
     ends = rows["low_95" if requirement["is_least"] else "high_95"]
-    return np.asarray(ends >= limit if requirement["is_least"] else ends <= limit)
+    is_beyond = np.asarray(ends >= limit if requirement["is_least"] else ends <= limit)
+    return is_beyond & study.is_whole(requirement["figure"])
 
 
 def _requirements_sentence(study: SavedStudy, own: IntArray, figure: str) -> str:
@@ -151,8 +161,9 @@ def _requirements_sentence(study: SavedStudy, own: IntArray, figure: str) -> str
     """
     if not study.requirements:
         return f"{words_of(study, figure)} is {_best_words(study, own, figure)}"
-    is_met, is_sure = np.ones((2, len(study.rows(figure))), dtype=np.bool_)
+    is_met, is_sure, by_some = np.ones((3, len(study.rows(figure))), dtype=np.bool_)
     for each in study.requirements:
+        by_some &= study.is_met_by_mean(each)
         is_met &= study.is_met(each)
         is_sure &= is_surely_met(study, each)
     asked = ", ".join(requirement_words(study, each) for each in study.requirements)
@@ -165,9 +176,11 @@ def _requirements_sentence(study: SavedStudy, own: IntArray, figure: str) -> str
             f"no design meets {asked} with the whole 95 % interval, {in_mean} of {len(own)} do by"
             f" the mean alone"
         )
+    few = int((by_some & ~is_met)[own].sum())
+    some = f"; {few} would by means over some of the launches, which do not count" if few else ""
     if not is_met[own].any():
         return (
-            f"no design meets {asked}; {words_of(study, figure)} is"
+            f"no design meets {asked}{some}; {words_of(study, figure)} is"
             f" {_best_words(study, own, figure)}"
         )
     good = own[(is_sure if sure else is_met)[own]]
@@ -178,7 +191,7 @@ def _requirements_sentence(study: SavedStudy, own: IntArray, figure: str) -> str
         f"{labels[row]}, with {words_of(study, figure)} {mean_text(study, rows, row)}"
         for row in least
     )
-    return f"{words}; the least costly: {named}"
+    return f"{words}{some}; the least costly: {named}"
 
 
 def _labels(study: SavedStudy, rows: FigureData) -> list[str]:
@@ -187,9 +200,10 @@ def _labels(study: SavedStudy, rows: FigureData) -> list[str]:
 
 def _best_words(study: SavedStudy, own: IntArray, figure: str) -> str:
     rows = study.rows(figure)
-    means = rows["mean"][own]
     sign = -1.0 if is_higher_better(study, figure) else 1.0
-    best = int(own[np.nanargmin(sign * means)]) if np.isfinite(means).any() else int(own[0])
+    # A mean over fewer launches is worse than any over more.
+    means, shares = (np.nan_to_num(rows[name][own], nan=np.inf) for name in ("mean", "share"))
+    best = int(own[np.lexsort((sign * means, -np.where(np.isfinite(means), shares, 0.0)))[0]])
     return f"at best {mean_text(study, rows, best)} ({_labels(study, rows)[best]})"
 
 
@@ -228,10 +242,9 @@ def _settings_sentence(study: SavedStudy, part: Part, figure: str) -> str:
             changes.append(f"no difference shown {ends} ({text})")
         else:
             changes.append(f"{'+' if mean > 0.0 else ''}{text} {ends}")
-    return (
-        f"Change of {words_of(study, figure)}, averaged over the other settings:"
-        f" {'; '.join(changes)}"
-    )
+    of = study.shares_text(figure)
+    name = f"{words_of(study, figure)} ({of})" if of else words_of(study, figure)
+    return f"Change of {name}, averaged over the other settings: {'; '.join(changes)}"
 
 
 def _ends_words(study: SavedStudy, own: IntArray, figure: str) -> str:

@@ -57,23 +57,30 @@ class EffectAxis:
 
 @frozen
 class FigureScale:
-    """How the values of a figure are shown: words, unit, and whether the axis is logarithmic."""
+    """How the values of a figure are shown: words, unit, and whether the axis is logarithmic.
+
+    `part` says of which share of launches, or runs, the means are, "" for all.
+    """
 
     words: str
     shown: ShownUnit
     is_log: bool
+    part: str = ""
 
     @classmethod
     def of(cls, study: SavedStudy, figure: str) -> "FigureScale":
         """Return the scale of a figure of a study, over all of its designs."""
         means = np.asarray(study.rows(figure)["mean"], dtype=np.float64)
         unit = study.units[figure]
-        return cls(figure_words(figure, unit), shown_unit(unit, means), is_wide(means, WIDE_FIGURE))
+        words = figure_words(figure, unit)
+        shown = shown_unit(unit, means)
+        return cls(words, shown, is_wide(means, WIDE_FIGURE), study.shares_text(figure))
 
     @property
     def label(self) -> str:
         """The label of an axis."""
-        return axis_label(self.words, self.shown.unit)
+        label = axis_label(self.words, self.shown.unit)
+        return f"{label}\n({self.part})" if self.part else label
 
 
 def _axis(rows: FigureData, path: str | None) -> EffectAxis:

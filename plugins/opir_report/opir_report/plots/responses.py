@@ -121,8 +121,11 @@ def interaction_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
 def contour_pair(study: SavedStudy, figure: str) -> tuple[str, str] | None:
     """Return the two numeric settings that move a figure the furthest, of which one has three
     values; or None.
+
+    None, too, for a figure that some launches lack: no line would part what meets a requirement
+    from what misses it.
     """
-    parts = parts_of(study, figure)
+    parts = parts_of(study, figure) if study.is_whole(figure).all() else []
     ranked = ranked_settings(parts[0].runs) if parts else []
     rows = study.rows(figure)
     numeric = [path for path in ranked if rows[path].dtype.kind in "if"][:2]

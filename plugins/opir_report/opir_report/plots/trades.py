@@ -113,13 +113,13 @@ def trade_plot(axes: Axes, study: SavedStudy, over: str, figure: str) -> Axes:
             axis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
         draw_requirements(axes, study, name, each.scale.shown.divisor, along_x=axis is axes.xaxis)
     signs = [is_higher_better(study, name) for name in (over, figure)]
-    best = known
+    best = known[(study.is_whole(over) & study.is_whole(figure))[known]]
     if None not in signs:
         wanted = [
-            -each.mean[known] if sign else each.mean[known]
+            -each.mean[best] if sign else each.mean[best]
             for each, sign in zip((x, y), signs, strict=True)
         ]
-        best = known[front_of(*wanted)]
+        best = best[front_of(*wanted)]
         best = best[np.argsort(x.mean[best], kind="stable")]
         axes.plot(
             x.mean[best], y.mean[best], color=SERIES[0], marker="o", markersize=6, linewidth=1.4
@@ -231,7 +231,7 @@ def path_plot(axes: Axes, study: SavedStudy) -> Axes:
     """
     objective = study.definition["objective"]
     values = _Means.of(study, objective["figure"])
-    is_met = np.isfinite(values.mean)
+    is_met = np.isfinite(values.mean) & study.is_whole(objective["figure"])
     for each in study.requirements:
         is_met &= study.is_met(each)
     place = np.arange(1, len(values.mean) + 1)
