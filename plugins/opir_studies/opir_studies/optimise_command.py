@@ -9,9 +9,11 @@ from pathlib import Path
 
 from opir_core.cli import grouped, table
 from opir_core.errors import Problem, SceneError
-from opir_studies.optimising import Optimised, best_row, optimise as best_of
+from opir_studies.optimising import Objective, Optimised, best_row, optimise as best_of, outcome_of
 from opir_studies.requirements import FigureRequirement
-from opir_studies.sweep_command import cell, study_of, watched_runs
+from opir_studies.result_words import cell, share_lines
+from opir_studies.search import Outcome
+from opir_studies.sweep_command import study_of, watched_runs
 
 #: The designs that are printed.
 _ROWS = 5
@@ -46,12 +48,12 @@ def as_text(found: Optimised) -> str:
     requirements = [FigureRequirement(**each) for each in result.definition["requirements"]]
     figures = list(dict.fromkeys([objective["figure"], *(each.figure for each in requirements)]))
     rows = {name: result.shown_rows(name) for name in figures}
-    sign = -1.0 if objective["is_largest"] else 1.0
 
-    def rank(number: int) -> tuple[float, float]:
-        value = sign * rows[objective["figure"]][number]["mean"]
-        missed = sum(each.violation(rows[each.figure][number]["mean"]) for each in requirements)
-        return missed, value if value == value else float("inf")
+    def rank(number: int) -> Outcome:
+        means, shares = (
+            {name: own[number][key] for name, own in rows.items()} for key in ("mean", "share")
+        )
+        return outcome_of(means, shares, requirements, Objective(**objective))
 
     order = sorted(range(len(result.definition["designs"])), key=rank)[:_ROWS]
     body = [
@@ -80,6 +82,7 @@ def as_text(found: Optimised) -> str:
                 f" {found.best + 1}){met}"
             ),
             table([*result.paths, *figures], body),
+            *share_lines(result, figures),
             (
                 f"All designs: {result.folder / 'results.csv'}; opir report {result.folder} draws the"
                 f" path"
@@ -91,10 +94,14 @@ def as_text(found: Optimised) -> str:
 def as_json(found: Optimised) -> str:
     """Return the best design as JSON."""
     rows = [row for row in found.result.table.to_pylist() if row["design"] == found.best]
-    means = {row["figure"]: row["mean"] if row["mean"] == row["mean"] else None for row in rows}
+    means, shares = (
+        {row["figure"]: row[key] if row[key] == row[key] else None for row in rows}
+        for key in ("mean", "share")
+    )
     document = {
         "best": best_row(found),
         "means": means,
+        "shares": shares,
         "is_feasible": found.is_feasible,
         "evaluation": found.best + 1,
         "evaluations": len(found.result.definition["designs"]),

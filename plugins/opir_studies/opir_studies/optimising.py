@@ -16,7 +16,7 @@ from opir_core.plugin import ExecutorContext, Host
 from opir_studies.axes import Axis, AxisError, Design, axis_of
 from opir_studies.parts import PARTS, Parts, remove_unfinished
 from opir_studies.planning import PlannedStudy, planned_study
-from opir_studies.requirements import require_figures
+from opir_studies.requirements import FigureRequirement, require_figures
 from opir_studies.result import StudyResult, written_result
 from opir_studies.runs import RunRecord
 from opir_studies.search import DesignSearch, Outcome, Point
@@ -103,10 +103,7 @@ def optimise(
     }
     result = written_result(planned, Path(folder), records, extra)
     best = points.index(search.best)
-    is_feasible = search.found[search.best].violation == 0.0 and math.isfinite(
-        search.found[search.best].value
-    )
-    return Optimised(result, best, is_feasible, math.prod(search.levels))
+    return Optimised(result, best, search.found[search.best].is_feasible, math.prod(search.levels))
 
 
 def _axes(study: Study) -> list[Axis]:
@@ -193,17 +190,28 @@ class _Evaluation:
         return [self._outcome(planned, point) for point in points]
 
     def _outcome(self, planned: PlannedStudy, point: Point) -> Outcome:
-        means: Mapping[str, float] = {
-            name: self._mean(point, place) for place, name in enumerate(planned.units)
-        }
-        violation = sum(each.violation(means[each.figure]) for each in planned.requirements)
-        value = means[self._objective.figure]
-        if math.isnan(value):
-            return Outcome(violation, math.inf)
-        return Outcome(violation, -value if self._objective.is_largest else value)
+        values = np.array([record.values for record in self.records[point]], dtype=np.float64)
+        means = {name: interval(values[:, place])[0] for place, name in enumerate(planned.units)}
+        shares = {name: planned.share_of(values, name) for name in planned.units}
+        return outcome_of(means, shares, planned.requirements, self._objective)
 
-    def _mean(self, point: Point, place: int) -> float:
-        return interval(np.array([record.values[place] for record in self.records[point]]))[0]
+
+def outcome_of(
+    means: Mapping[str, float],
+    shares: Mapping[str, float],
+    requirements: Sequence[FigureRequirement],
+    objective: Objective,
+) -> Outcome:
+    """Return how good a design is, of the means of its figures and the shares of launches, or runs,
+    that have them.
+    """
+    counted = dict.fromkeys([objective.figure, *(each.figure for each in requirements)])
+    without = sum(1.0 - shares[name] if shares[name] == shares[name] else 1.0 for name in counted)
+    violation = sum(each.violation(means[each.figure]) for each in requirements)
+    value = means[objective.figure]
+    if math.isnan(value):
+        return Outcome(without, violation, math.inf)
+    return Outcome(without, violation, -value if objective.is_largest else value)
 
 
 def best_row(optimised: Optimised) -> Mapping[str, Any]:

@@ -7,6 +7,7 @@ import numpy as np
 from attrs import asdict, evolve, field, frozen
 
 from opir_core import Plan, Scene, compile_plan
+from opir_core.arrays import FloatArray
 from opir_core.errors import PluginError, Problem, SceneError
 from opir_core.plugin import (
     ExecutorContext,
@@ -30,6 +31,7 @@ from opir_core.scene import Choice
 from opir_studies.axes import Design, designs_of, override_text
 from opir_studies.requirements import FigureRequirement, require_figures, requirements_of
 from opir_studies.runs import identity_of, run_key
+from opir_studies.statistics import share_with_value
 from opir_studies.study import Study
 from opir_studies.subsets import parted, with_subset
 from opir_studies.until import Until, until_of
@@ -76,6 +78,26 @@ class PlannedStudy:
         """Return the unit of each figure, by name."""
         return {name: unit for metric in self.metrics for name, unit in metric.units.items()}
 
+    @property
+    def shares(self) -> Mapping[str, str]:
+        """Return, for each figure that launches may lack, the figure that is the share of those
+        that have it.
+        """
+        return {
+            name: share
+            for metric in self.metrics
+            for name, share in getattr(metric, "shares", {}).items()
+        }
+
+    def share_of(self, values: FloatArray, figure: str) -> float:
+        """Return the share of launches, or else runs, that have a figure, of values (runs,
+        figures).
+        """
+        names = list(self.units)
+        share = self.shares.get(figure)
+        shares = None if share is None else values[:, names.index(share)]
+        return share_with_value(values[:, names.index(figure)], shares)
+
 
 def planned_study(
     study: Study, host: Host | None = None, designs: Sequence[Design] | None = None
@@ -93,7 +115,10 @@ def planned_study(
     _require_split(study)
     metrics = tuple(_built_metric(choice, host) for choice in choices)
     _require_distinct(metrics, study)
-    described = [(choice.name, asdict(choice.config), _owner(choice, host)) for choice in choices]
+    described = [
+        (choice.name, asdict(choice.config), _owner(choice, host), list(metric.units))
+        for choice, metric in zip(choices, metrics, strict=True)
+    ]
     ready = list[PlannedDesign]()
     problems = list[Problem]()
     notes = list[str]()
@@ -114,7 +139,7 @@ def planned_study(
     require_figures(study.show, "show", figures, source)
     requirements = requirements_of(study.requirements, figures, source)
     shown = _few(tuple(dict.fromkeys(notes))) if set(names) & _OF_WHOLE_BURNS else ()
-    settings = {name: each for name, (_, each, _) in zip(names, described, strict=True)}
+    settings = {name: each for name, (_, each, *_) in zip(names, described, strict=True)}
     return PlannedStudy(
         study, tuple(ready), names, metrics, until_of(study, figures), requirements, shown, settings
     )

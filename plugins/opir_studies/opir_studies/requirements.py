@@ -1,5 +1,8 @@
 """Requirements on the mean of a figure, `warning_time_s >= 900`: lines in plots, verdicts in
 tables.
+
+A launch without a value, and a run without one, misses every bound: a mean over the others meets no
+requirement.
 """
 
 import math
@@ -32,9 +35,13 @@ class FigureRequirement:
         missing = self.limit - mean if self.is_least else mean - self.limit
         return max(missing, 0.0) / (abs(self.limit) or 1.0)
 
-    def is_met(self, means: FloatArray) -> BoolArray:
-        """Return whether means (n,) meet it; nan does not."""
-        return np.array([self.violation(float(each)) == 0.0 for each in means])
+    def is_met(self, means: FloatArray, shares: FloatArray) -> BoolArray:
+        """Return whether means (n,) over shares (n,) of all launches or runs meet it.
+
+        A mean that is nan, or of a share below 1, does not.
+        """
+        met = [self.violation(float(each)) == 0.0 for each in means]
+        return np.array(met) & (shares == 1.0)
 
     def __str__(self) -> str:
         """Return the requirement as it is written."""

@@ -32,12 +32,17 @@ RESULTS_CSV = "results.csv"
 RUNS = "runs.parquet"
 DEFINITION = "study.json"
 TIMES = "run_times.csv"
-_VERSION = 1
+_VERSION = 2
 #: How the names of figures begin that are shares of launches; others without a unit are counts,
 #: which may exceed 1.
 _SHARES = (
-    *("detected", "tracked", "completeness", "warned", "warning_contained"),
-    *("impact_contained", "impact_predicted"),
+    "detected",
+    "tracked",
+    "completeness",
+    "warned",
+    "warning_contained",
+    "impact_contained",
+    "impact_predicted",
 )
 
 
@@ -46,10 +51,11 @@ class StudyResult:
     """A study's result.
 
     `table` has a row per design and figure: `design`, a column for each path that varies, `figure`,
-    `unit`, `runs`, `first_seed`, `last_seed`, `runs_with_value`, `mean`, `low_95`, `high_95`, `sd`,
-    `q10`, `median`, `q90`, and the paired `difference` from design 0 with its 95 % interval. `runs`
-    has a row per run: `design`, the paths, `replicate`, `seed` and a column per figure.
-    `definition` is the content of `study.json`.
+    `unit`, `runs`, `first_seed`, `last_seed`, `share`, `runs_with_value`, `mean`, `low_95`,
+    `high_95`, `sd`, `q10`, `median`, `q90`, and the paired `difference` from design 0 with its 95 %
+    interval. `share` is that of launches, or else of runs, which have a value; all that follows is
+    of these alone. `runs` has a row per run: `design`, the paths, `replicate`, `seed` and a column
+    per figure. `definition` is the content of `study.json`.
     """
 
     folder: Path
@@ -179,6 +185,7 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         "runs": study.runs,
         "until": study.until,
         "figures": dict(planned.units),
+        "shares": dict(planned.shares),
         "shown": list(study.show),
         "requirements": [asdict(each) for each in planned.requirements],
         "notes": list(planned.notes),
@@ -210,8 +217,11 @@ def _bounds(planned: PlannedStudy, runs: pa.Table) -> dict[str, list[float | Non
     is_least = {
         name: not any(value < 0.0 for value in runs[name].to_pylist()) for name in planned.units
     }
+    is_share = {
+        name: name.startswith(_SHARES) or name in planned.shares.values() for name in planned.units
+    }
     return {
-        name: [0.0 if is_least[name] else None, 1.0 if name.startswith(_SHARES) else None]
+        name: [0.0 if is_least[name] else None, 1.0 if is_share[name] else None]
         for name in planned.units
     }
 
@@ -258,17 +268,25 @@ def _results_table(
     units = planned.units
     rows = list[dict[str, Any]]()
     values = [_values(each, len(units)) for each in records]
-    for each, own in zip(planned.designs, values, strict=True):
+    for each, own, found in zip(planned.designs, values, records, strict=True):
+        finished = own[[record is not None for record in found]]
         seeds = {
-            "runs": len(own),
+            "runs": len(finished),
             "first_seed": each.scene.seed,
             "last_seed": each.scene.seed + len(own) - 1,
         }
         for place, (name, unit) in enumerate(units.items()):
+            share = planned.share_of(finished, name)
             difference = difference_of(own[:, place], values[0][:, place])
-            rows.append(
-                {"figure": name, "unit": unit, **seeds, **figures_of(own[:, place]), **difference}
-            )
+            row = {
+                "figure": name,
+                "unit": unit,
+                **seeds,
+                "share": share,
+                **figures_of(own[:, place]),
+                **difference,
+            }
+            rows.append(row)
     columns = _labels(planned, [len(units)] * len(records))
     return pa.table(
         {**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}}

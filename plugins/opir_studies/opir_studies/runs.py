@@ -122,11 +122,13 @@ def worker_host() -> Host:
     return Host.discover()
 
 
-def identity_of(plan: Plan, metrics: Sequence[tuple[str, Mapping[str, Any], str]]) -> str:
+def identity_of(
+    plan: Plan, metrics: Sequence[tuple[str, Mapping[str, Any], str, Sequence[str]]]
+) -> str:
     """Return the SHA-256 of all that the runs of a design depend on, except their number.
 
     These are the scene, the files that it reads, opir-core, the plugins of its components, and the
-    metrics: name, settings and owner of each.
+    metrics: name, settings, owner and figures of each.
     """
     owners = sorted({(part["distribution"], part["version"]) for part in components_used(plan)})
     files = run_files(plan)

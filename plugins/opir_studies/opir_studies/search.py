@@ -5,6 +5,7 @@ Its suggestions depend on the seed and the results alone, so that a search that 
 the same way again.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -28,12 +29,21 @@ _VIOLATED = 1e30
 
 @frozen(order=True)
 class Outcome:
-    """How good a design is, less is better: first by how much it violates the requirements, then by
-    its value.
+    """How good a design is, less is better: by what counts first.
+
+    `without` are the shares of launches, or else of runs, that lack a figure which is required or
+    the objective, added up: such a mean is no value of the design. `violation` is by how much the
+    requirements are missed.
     """
 
+    without: float
     violation: float
     value: float
+
+    @property
+    def is_feasible(self) -> bool:
+        """Whether all requirements are met, and the value is that of all launches."""
+        return self.without == 0.0 and self.violation == 0.0 and math.isfinite(self.value)
 
 
 @define
@@ -128,9 +138,10 @@ class DesignSearch:
         if trial is None:
             return
         # The estimator uses the order of values alone: those that violate requirements come after
-        # all others.
-        is_good = outcome.violation == 0.0 and np.isfinite(outcome.value)
-        self._study.tell(trial, outcome.value if is_good else _VIOLATED * (1.0 + outcome.violation))
+        # all others, and those that launches lack come last.
+        missed = outcome.violation / (1.0 + outcome.violation)
+        worse = 2.0 + outcome.without if outcome.without > 0.0 else 1.0 + missed
+        self._study.tell(trial, outcome.value if outcome.is_feasible else _VIOLATED * worse)
 
 
 def _optuna_study(seed: int) -> Any:

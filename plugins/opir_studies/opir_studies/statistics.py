@@ -28,9 +28,25 @@ def interval(values: FloatArray) -> tuple[float, float, float]:
     return mean, mean - half, mean + half
 
 
+def share_with_value(values: FloatArray, shares: FloatArray | None = None) -> float:
+    """Return the share of what a figure's mean could be over that it is over, of values (n,) of
+    runs.
+
+    `shares` (n,) are those of the launches of each run that have a value, nan for a run to whose
+    launches the figure does not apply; without them a run has a value or none. nan where the figure
+    applies to no run.
+    """
+    if shares is None:
+        shares = np.isfinite(values).astype(np.float64)
+    applicable = shares[~np.isnan(shares)]
+    return float(applicable.mean()) if len(applicable) else np.nan
+
+
 def figures_of(values: FloatArray) -> dict[str, Any]:
     """Return count, mean, standard deviation, interval, median and the 10 and 90 % quantiles of
     values (n,).
+
+    All but the count are of the runs that have a value: `share_with_value` belongs beside them.
     """
     known = values[np.isfinite(values)]
     mean, low, high = interval(values)

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from attrs import evolve
 
 from opir_core.cli import grouped, table
@@ -17,8 +16,8 @@ from opir_core.errors import Problem, SceneError
 from opir_core.host import ended_if_stuck
 from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
 from opir_studies.axes import AxisError, vary_of_text
-from opir_studies.requirements import FigureRequirement
 from opir_studies.result import RESULTS_CSV, StudyResult
+from opir_studies.result_words import cell, difference_cell, share_lines, verdict_lines
 from opir_studies.study import Study, is_study, read_study
 from opir_studies.subsets import SUBSET_PATHS
 from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
@@ -28,10 +27,6 @@ _HERE = "command line"
 _MOST_ROWS = 40
 #: Columns of a terminal that a table fills.
 _WIDEST = 100
-#: The most designs that are named as meeting a requirement.
-_MOST_NAMED = 3
-#: Means from here on are printed to three digits.
-_LARGE = 1e5
 #: The most figures that are printed, the first of each metric, unless the user names them.
 _MOST_FIGURES = 4
 
@@ -198,8 +193,8 @@ def as_text(result: StudyResult) -> str:
     """Return which designs meet the requirements, and a table: the figures that were asked for,
     with intervals.
 
-    Figures that have one value in all runs, and those that some runs do not have, are lines of text
-    below it.
+    A mean over some of the launches, or runs, has their share in brackets. Figures that have one
+    value in all runs are a line of text below the table.
     """
     shown, same = _shown(result)
     rows = {name: result.shown_rows(name) for name in result.units}
@@ -218,10 +213,10 @@ def as_text(result: StudyResult) -> str:
         [
             *map("note: {}".format, result.definition["notes"]),
             _heading(result),
-            *_verdicts(result),
+            *verdict_lines(result),
             *_tables(head, body, len(head) - len(shown)),
             *([f"and {more} more designs"] if more > 0 else []),
-            *_without_value(result, shown, rows),
+            *share_lines(result, shown),
             *([f"In every run: {', '.join(same)}"] if same else []),
             *_differences(result, shown, rows),
             f"All figures: {result.folder / RESULTS_CSV}",
@@ -235,30 +230,14 @@ def _shown(result: StudyResult) -> tuple[Sequence[str], Sequence[str]]:
     if asked:
         return asked, []
     first = [names[0] for names in result.definition["metrics"].values()]
-    runs = result.runs
-    values = {name: {each for each in runs[name].to_pylist() if each == each} for name in first}
+    values = {name: set(result.runs[name].to_pylist()) for name in first}
+    whole = [name for name in first if all(row["share"] == 1.0 for row in result.rows(name))]
     same = [
-        name for name in first if len(values[name]) == 1 and len(result.definition["designs"]) > 1
+        name for name in whole if len(values[name]) == 1 and len(result.definition["designs"]) > 1
     ]
     words = [f"{name} {next(iter(values[name])):g} {result.units[name]}".strip() for name in same]
     varying = [name for name in first if name not in same][:_MOST_FIGURES]
     return (varying, words) if varying else (first[:_MOST_FIGURES], [])
-
-
-def _without_value(
-    result: StudyResult, shown: Sequence[str], rows: Mapping[str, Sequence[Mapping[str, Any]]]
-) -> Sequence[str]:
-    """Return a line on the figures that some runs do not have, none if all have them."""
-    counts = {
-        name: sum(row["runs"] - row["runs_with_value"] for row in rows[name]) for name in shown
-    }
-    missing = [f"{name} in {grouped(count)}" for name, count in counts.items() if count]
-    runs = grouped(result.runs.num_rows)
-    return (
-        [f"Without a value, as no launch of the run has one: {', '.join(missing)} of {runs} runs"]
-        if missing
-        else []
-    )
 
 
 def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> Sequence[str]:
@@ -280,26 +259,6 @@ def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> S
         table([head[each] for each in row], [[cells[each] for each in row] for cells in body])
         for row in places
     ]
-
-
-def _verdicts(result: StudyResult) -> Sequence[str]:
-    """Return a line for each requirement: the designs whose mean meets it."""
-    designs = result.definition["designs"]
-    lines = []
-    for each in result.definition["requirements"]:
-        required = FigureRequirement(**each)
-        met = required.is_met(
-            np.array([row["mean"] for row in result.rows(required.figure)])
-        ).tolist()
-        names = [", ".join(str(design[path]) for path in result.paths) for design in designs]
-        good = [name for name, is_met in zip(names, met, strict=True) if is_met and name]
-        which = (
-            f" ({'; '.join(good[:_MOST_NAMED])}{'; …' if len(good) > _MOST_NAMED else ''})"
-            if good
-            else ""
-        )
-        lines.append(f"{required}: met by {sum(met)} of {len(designs)} designs{which}")
-    return ["\n".join(lines)] if lines else []
 
 
 def _heading(result: StudyResult) -> str:
@@ -326,10 +285,7 @@ def _differences(
     body = [
         [
             ", ".join(str(design[path]) for path in result.paths),
-            *(
-                cell(rows[name][place], "difference", "difference_low_95", "difference_high_95")
-                for name in shown
-            ),
+            *(difference_cell(rows[name][place], rows[name][0]) for name in shown),
         ]
         for place, design in enumerate(designs, start=1)
     ]
@@ -341,28 +297,6 @@ def _short(path: str) -> str:
         return path
     *_, before, last = ["", *path.split(".")]
     return f"{before}.{last}" if last.isupper() else last  # a target class says little alone
-
-
-def cell(
-    row: Mapping[str, Any], mean: str = "mean", low: str = "low_95", high: str = "high_95"
-) -> str:
-    """Return a mean with its interval, to two digits of the interval: `0.28 [0.23, 0.34]`."""
-    if not math.isfinite(row[mean]):
-        return "-"
-    if not math.isfinite(row[low]) or row[low] == row[high]:
-        return f"{row[mean]:.3g}" if abs(row[mean]) >= _LARGE else f"{row[mean]:.4g}"
-    if abs(row[mean]) >= _LARGE:
-        return f"{row[mean]:.3g} [{row[low]:.3g}, {row[high]:.3g}]"
-    digits = _digits(row[mean], row[high] - row[low])
-    return f"{row[mean]:.{digits}f} [{row[low]:.{digits}f}, {row[high]:.{digits}f}]"
-
-
-def _digits(mean: float, width: float) -> int:
-    """Return the decimals that show two digits of an interval's width, or four of the mean without
-    one.
-    """
-    size = width if width > 0.0 else abs(mean) * 1e-2
-    return min(max(0, 1 - math.floor(math.log10(size))), 9) if size > 0.0 else 0
 
 
 def _plain(result: StudyResult) -> Mapping[str, Any]:

@@ -41,7 +41,7 @@ def test_a_planted_design_of_10_000_is_found_in_200_evaluations(seed: int) -> No
         apart = np.subtract(point, best)
         coupled = 1.2 * apart[0] * apart[1] * min(weight[:2])
         return Outcome(
-            max(0.0, 0.1 * (best[2] - point[2])), float(np.sum(weight * apart**2) + coupled)
+            0.0, max(0.0, 0.1 * (best[2] - point[2])), float(np.sum(weight * apart**2) + coupled)
         )
 
     search = DesignSearch((10,) * 4, (True,) * 4, seed)
@@ -56,7 +56,7 @@ def test_all_of_few_designs_are_evaluated_once() -> None:
 
     def outcomes(points):
         asked.extend(points)
-        return [Outcome(0.0, float(sum(each))) for each in points]
+        return [Outcome(0.0, 0.0, float(sum(each))) for each in points]
 
     search = DesignSearch((3, 2), (True, False), 1)
     search.run(50, outcomes)

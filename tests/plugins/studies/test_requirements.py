@@ -24,7 +24,12 @@ def test_both_signs_are_read() -> None:
         FigureRequirement("detected", 0.9, True),
         FigureRequirement("latency_s", 2.0, False),
     )
-    assert least.is_met(np.array([0.9, 0.8, np.nan])).tolist() == [True, False, False]
+    assert least.is_met(np.array([0.9, 0.8, np.nan]), np.ones(3)).tolist() == [True, False, False]
+    assert most.is_met(np.array([1.0, 1.0, np.nan]), np.array([1.0, 0.999, np.nan])).tolist() == [
+        True,
+        False,
+        False,
+    ]
     assert most.violation(3.0) == pytest.approx(0.5)
     assert str(most) == "latency_s <= 2"
 

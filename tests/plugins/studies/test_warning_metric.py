@@ -133,6 +133,11 @@ def test_the_metric_counts_launches_without_a_warning_as_zero():
     found = subject.warning_time_metric(WarningConfig(), MetricContext()).values(run)
     assert (found["warning_time_s"], found["warned"]) == (0.0, 0.0)
     assert np.isnan(found["time_to_track_s"])
+    assert (found["share_with_track"], found["share_with_region"], found["share_with_report"]) == (
+        0.0,
+        0.0,
+        1.0,
+    )
     assert found["time_to_report_s"] == run.summary["targets"][0]["end_to_end_latency_s"]
 
 

@@ -1,6 +1,7 @@
 """Metrics of detections: latency, share of targets detected by time, false events."""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 from attrs import frozen
@@ -23,9 +24,17 @@ def _detected(run: Run, column: str) -> FloatArray:
 
 @frozen
 class LatencyMetric:
-    """From ignition to the first detection, and to its report, over the launches of a run that are
-    detected.
+    """From ignition to the first detection, and to its report: means over the launches of a run
+    that are detected.
+
+    Quantiles are over all launches, of which one that is not detected is later than any: nan where
+    a quantile is such a launch's.
     """
+
+    shares: ClassVar[Mapping[str, str]] = {
+        "latency_s": "detected",
+        "latency_end_to_end_s": "detected",
+    }
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -44,12 +53,12 @@ class LatencyMetric:
         sensor = _detected(run, "latency_s")
         report = _detected(run, "end_to_end_latency_s")
         return {
-            "latency_s": _mean(sensor),
+            "latency_s": mean_of_known(sensor),
             "latency_p50_s": _quantile(sensor, 0.5),
             "latency_p90_s": _quantile(sensor, 0.9),
-            "latency_end_to_end_s": _mean(report),
+            "latency_end_to_end_s": mean_of_known(report),
             "latency_end_to_end_p90_s": _quantile(report, 0.9),
-            "detected": float(np.isfinite(sensor).mean()) if len(sensor) else np.nan,
+            "detected": share_of_known(sensor, len(sensor)),
         }
 
 
@@ -120,11 +129,27 @@ def time_words(time_s: float) -> str:
     return f"{time_s:g}_s".replace(".", "_").replace("-", "m").replace("+", "")
 
 
-def _mean(values: FloatArray) -> float:
+def mean_of_known(values: FloatArray) -> float:
+    """Return the mean of the finite ones of values (n,), nan without any; `share_of_known` belongs
+    beside it.
+    """
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else np.nan
 
 
+def share_of_known(values: FloatArray, launches: int) -> float:
+    """Return how many of values (n,), one a launch, are finite, over the number of launches; nan
+    without launches.
+    """
+    return np.count_nonzero(np.isfinite(values)) / launches if launches else np.nan
+
+
 def _quantile(values: FloatArray, share: float) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.quantile(known, share)) if len(known) else np.nan
+    """Return a quantile of values (n,) of which nan is larger than any; nan where it falls beyond a
+    known one.
+    """
+    if not len(values):
+        return np.nan
+    ordered = np.sort(np.where(np.isnan(values), np.inf, values))
+    quantile = float(np.interp(share * (len(values) - 1), np.arange(len(values)), ordered))
+    return quantile if np.isfinite(quantile) else np.nan

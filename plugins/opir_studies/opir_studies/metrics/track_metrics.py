@@ -4,6 +4,7 @@ impact regions.
 
 from collections.abc import Mapping
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from attrs import frozen
@@ -27,7 +28,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.plugin import MetricContext, NoConfig
 from opir_studies.configs import ImpactConfig
-from opir_studies.metrics.detection_metrics import time_words
+from opir_studies.metrics.detection_metrics import mean_of_known, share_of_known, time_words
 
 
 @lru_cache(maxsize=1)
@@ -41,28 +42,34 @@ def run_evidence(run: Run) -> tuple[RunEvidence, Ownership]:
 class TracksMetric:
     """How completely the launches of a run are tracked, and how many tracks belong to none."""
 
+    shares: ClassVar[Mapping[str, str]] = {
+        "completeness": "share_with_ticks",
+        "tracks_a_launch": "tracked",
+        "first_track_s": "tracked",
+    }
+
     @property
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
-        return {
-            "tracked": "",
-            "completeness": "",
-            "false_tracks": "",
-            "tracks_a_launch": "",
-            "first_track_s": "s",
-        }
+        names = ("tracked", "completeness", "share_with_ticks", "false_tracks", "tracks_a_launch")
+        return {**dict.fromkeys(names, ""), "first_track_s": "s"}
 
     def values(self, run: Run) -> Mapping[str, float]:
-        """Return the figures; `first_track_s` counts from the first detection."""
+        """Return the figures; `first_track_s` counts from the first detection.
+
+        `completeness` is over launches with a tick between first detection and burnout, which are
+        `share_with_ticks`.
+        """
         evidence, owners = run_evidence(run)
         found = coverage(evidence, owners)
         launches = len(run.plan.scene.targets)
         return {
             "tracked": np.count_nonzero(found.tracks) / launches if launches else np.nan,
-            "completeness": _mean(found.share),
+            "completeness": mean_of_known(found.share),
+            "share_with_ticks": share_of_known(found.share, launches),
             "false_tracks": float(np.count_nonzero(owners.target < 0)),
-            "tracks_a_launch": _mean(found.tracks[found.tracks > 0].astype(np.float64)),
-            "first_track_s": _mean(found.first_track_s),
+            "tracks_a_launch": mean_of_known(found.tracks[found.tracks > 0].astype(np.float64)),
+            "first_track_s": mean_of_known(found.first_track_s),
         }
 
 
@@ -75,19 +82,28 @@ def tracks_metric(_config: NoConfig, _context: MetricContext) -> TracksMetric:
 class AccuracyMetric:
     """Errors of the tracks' states, root mean square over the ticks at which the true state is
     known.
+
+    They are of the launches with such a tick, `share_with_state`; `completeness` of `tracks` says
+    how many ticks have an estimate.
     """
+
+    shares: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("position_rmse_m", "velocity_rmse_m_s"), "share_with_state"
+    )
 
     @property
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
-        return {"position_rmse_m": "m", "velocity_rmse_m_s": "m/s"}
+        return {"position_rmse_m": "m", "velocity_rmse_m_s": "m/s", "share_with_state": ""}
 
     def values(self, run: Run) -> Mapping[str, float]:
-        """Return both errors; nan without tracks."""
+        """Return both errors, nan without tracks, and the share of launches that they are of."""
         errors = state_errors(*run_evidence(run))
+        launches = len(run.plan.scene.targets)
         return {
             "position_rmse_m": _rms(errors.position_m),
             "velocity_rmse_m_s": _rms(errors.velocity_m_s),
+            "share_with_state": len(np.unique(errors.target)) / launches if launches else np.nan,
         }
 
 
@@ -98,19 +114,26 @@ def accuracy_metric(_config: NoConfig, _context: MetricContext) -> AccuracyMetri
 
 @frozen
 class LaunchErrorMetric:
-    """Errors of the last launch estimates, root mean square over the launches with a track."""
+    """Errors of the last launch estimates, root mean square over the launches that have one."""
+
+    shares: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("launch_error_m", "launch_time_error_s"), "share_with_launch"
+    )
 
     @property
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
-        return {"launch_error_m": "m", "launch_time_error_s": "s"}
+        return {"launch_error_m": "m", "launch_time_error_s": "s", "share_with_launch": ""}
 
     def values(self, run: Run) -> Mapping[str, float]:
-        """Return both errors; nan without launch estimates."""
+        """Return both errors, nan without launch estimates, and the share of launches that they are
+        of.
+        """
         errors = point_errors(*run_evidence(run))
         return {
             "launch_error_m": _rms(errors.launch_m),
             "launch_time_error_s": _rms(errors.launch_time_s),
+            "share_with_launch": share_of_known(errors.launch_m, len(run.plan.scene.targets)),
         }
 
 
@@ -125,7 +148,7 @@ class ImpactRegionMetric:
     ignition.
 
     For each instant: the median area over launches, the share of regions that contain the true
-    impact, and the share of launches with a true impact for which one is predicted.
+    impact, and the share of launches with a true impact for which a region is predicted.
     """
 
     place: int
@@ -139,6 +162,18 @@ class ImpactRegionMetric:
             name: unit
             for words in self._instants
             for name, unit in zip(_names(words), ("km2", "", ""), strict=True)
+        }
+
+    @property
+    def shares(self) -> Mapping[str, str]:
+        """Return of which launches areas and containments are: those for which a region is
+        predicted.
+        """
+        names = map(_names, self._instants)
+        return {
+            figure: predicted
+            for area, contained, predicted in names
+            for figure in (area, contained)
         }
 
     def values(self, run: Run) -> Mapping[str, float]:
@@ -173,8 +208,8 @@ class ImpactRegionMetric:
         known = area_km2[np.isfinite(area_km2)]
         values = (
             float(np.median(known)) if len(known) else np.nan,
-            _mean(contained),
-            np.count_nonzero(scores.is_predicted) / landing if landing else np.nan,
+            mean_of_known(contained),
+            share_of_known(area_km2, landing),
         )
         return dict(zip(_names(words), values, strict=True))
 
@@ -204,11 +239,6 @@ def _rows_at(evidence: RunEvidence, scores: ImpactScores, time_s: float) -> IntA
     rows = np.flatnonzero((since_s <= time_s) & (since_s >= time_s - oldest_s))
     # Rows are sorted by target and tick: the last one of each target.
     return rows[np.append(np.diff(scores.target[rows]) != 0, True)] if len(rows) else rows
-
-
-def _mean(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else np.nan
 
 
 def _rms(values: FloatArray) -> float:

@@ -3,57 +3,77 @@ came before it.
 """
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 from attrs import frozen
 from opir_scoring import WarningRequirement, warning_times
 
 from opir_core import Run
-from opir_core.arrays import FloatArray
 from opir_core.plugin import MetricContext
 from opir_studies.configs import WarningConfig
+from opir_studies.metrics.detection_metrics import mean_of_known, share_of_known
 from opir_studies.metrics.track_metrics import run_evidence
 
-_TIMES_TO = ("time_to_report_s", "time_to_track_s", "time_to_region_s", "time_to_warning_s")
+#: The times from ignition, and the share of launches that each is of.
+_TIMES_TO = {
+    "time_to_report_s": "share_with_report",
+    "time_to_track_s": "share_with_track",
+    "time_to_region_s": "share_with_region",
+    "time_to_warning_s": "warned",
+}
 
 
 @frozen
 class WarningTimeMetric:
     """From the first estimate that meets the requirement, as do all later ones, to the true impact.
 
-    A launch without a warning has a warning time of 0 s, so that the mean is over the launches with
-    an impact. The other times count from ignition, over the launches that reach them.
+    A launch without a warning before its impact has a warning time of 0 s, so that the mean is over
+    the launches with an impact. `warned` is the share of these with a warning; `time_to_warning_s`
+    and `warning_contained` are of them, and a warning without a region contains nothing. The other
+    times, too, count from ignition, over the launches that reach them: `share_with_…` of all
+    launches.
     """
 
     requirement: WarningRequirement
+    shares: ClassVar[Mapping[str, str]] = {**_TIMES_TO, "warning_contained": "warned"}
 
     @property
     def units(self) -> Mapping[str, str]:
         """Return the names of the figures with their units."""
+        shares = dict.fromkeys(_TIMES_TO.values(), "")
         return {
             "warning_time_s": "s",
             "warned": "",
             "warning_contained": "",
             **dict.fromkeys(_TIMES_TO, "s"),
+            **shares,
         }
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return means over launches; nan without a launch that comes down."""
         found = warning_times(*run_evidence(run), self.requirement)
         landing = np.isfinite(found.impact_s)
+        launches = len(found.impact_s)
+        is_warned = found.warning_s[landing] > 0.0
         rows = run.summary["targets"][: len(landing)]
         reports = [row["end_to_end_latency_s"] for row in rows]
         report_s = np.array(
             [np.nan if each is None else each for each in reports], dtype=np.float64
         )
         return {
-            "warning_time_s": _mean(found.warning_s[landing]),
-            "warned": _mean((found.warning_s[landing] > 0.0).astype(np.float64)),
-            "warning_contained": _mean(found.contained[landing]),
-            "time_to_report_s": _mean(report_s),
-            "time_to_track_s": _mean(found.track_s),
-            "time_to_region_s": _mean(found.region_s),
-            "time_to_warning_s": _mean(found.warned_s[landing]),
+            "warning_time_s": mean_of_known(found.warning_s[landing]),
+            "warned": mean_of_known(is_warned.astype(np.float64)),
+            "warning_contained": mean_of_known(
+                (found.contained[landing][is_warned] == 1.0).astype(np.float64)
+            ),
+            "time_to_report_s": mean_of_known(report_s),
+            "time_to_track_s": mean_of_known(found.track_s),
+            "time_to_region_s": mean_of_known(found.region_s),
+            "time_to_warning_s": mean_of_known(found.warned_s[landing][is_warned]),
+            "share_with_report": share_of_known(report_s, launches),
+            "share_with_track": share_of_known(found.track_s, launches),
+            "share_with_region": share_of_known(found.region_s, launches),
         }
 
 
@@ -67,8 +87,3 @@ def warning_time_metric(config: WarningConfig, _context: MetricContext) -> Warni
             containment=config.containment_percent / 100.0,
         )
     )
-
-
-def _mean(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else np.nan

@@ -1,0 +1,108 @@
+"""Means of studies as text: with intervals, and with the share of launches or runs that a mean is
+over.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from opir_scoring import percent_text
+
+from opir_studies.requirements import FigureRequirement
+from opir_studies.result import StudyResult
+
+#: The most designs that are named as meeting a requirement.
+_MOST_NAMED = 3
+#: Means from here on are printed to three digits.
+_LARGE = 1e5
+
+
+def cell(row: Mapping[str, Any]) -> str:
+    """Return a mean with its interval, to two digits of the interval: `0.28 [0.23, 0.34]`.
+
+    A share that has a value follows where it is not all: `0.28 [0.23, 0.34] (95 %)`.
+    """
+    text = _interval_text(row, "mean", "low_95", "high_95")
+    return text if row["share"] == 1.0 or text == "-" else f"{text} ({percent_text(row['share'])})"
+
+
+def difference_cell(row: Mapping[str, Any], first: Mapping[str, Any]) -> str:
+    """Return the difference of two means; the shares that they are of follow if one is not all."""
+    text = _interval_text(row, "difference", "difference_low_95", "difference_high_95")
+    if row["share"] == first["share"] == 1.0 or text == "-":
+        return text
+    return f"{text} ({percent_text(row['share'])} minus {percent_text(first['share'])})"
+
+
+def share_lines(result: StudyResult, figures: Sequence[str]) -> Sequence[str]:
+    """Return lines on those of some figures that launches, or runs, lack; none if all have them."""
+    partial = [name for name in figures if any(row["share"] != 1.0 for row in result.rows(name))]
+    with_value = {
+        name: sum(row["runs_with_value"] for row in result.rows(name)) for name in partial
+    }
+    lines = []
+    runs = result.runs.num_rows
+    for of, are_of in (("launches", True), ("runs", False)):
+        own = [name for name in partial if (name in result.definition["shares"]) == are_of]
+        counts = ", ".join(f"{name} in {with_value[name]}" for name in own)
+        if own:
+            lines.append(
+                f"(%): the mean is over that share of the {of}. With a value: {counts} of {runs}"
+                f" runs"
+            )
+    return ["\n".join(lines)] if lines else []
+
+
+def verdict_lines(result: StudyResult) -> Sequence[str]:
+    """Return for each requirement the designs that meet it, and those whose mean is not of all."""
+    designs = result.definition["designs"]
+    names = np.array([", ".join(str(design[path]) for path in result.paths) for design in designs])
+    lines = []
+    for each in result.definition["requirements"]:
+        required = FigureRequirement(**each)
+        rows = result.rows(each["figure"])
+        means, shares = (np.array([row[key] for row in rows]) for key in ("mean", "share"))
+        met = required.is_met(means, shares)
+        by_others = required.is_met(means, np.ones(len(rows))) & ~met
+        named = [f"({'; '.join(few)})"] if (few := _few(names[met].tolist())) else []
+        lines.append(
+            " ".join([f"{required}: met by {met.sum()} of {len(designs)} designs", *named])
+        )
+        if by_others.any():
+            of = "launches" if required.figure in result.definition["shares"] else "runs"
+            counts = [
+                f"{percent_text(row['share'])} of the {of} in {row['runs']} runs" for row in rows
+            ]
+            words = [
+                ": ".join(filter(None, pair)) for pair in zip(names.tolist(), counts, strict=True)
+            ]
+            few = _few(np.array(words)[by_others].tolist())
+            lines.append(
+                f"  not by a mean over some, as {of} without the figure miss it: {'; '.join(few)}"
+            )
+    return ["\n".join(lines)] if lines else []
+
+
+def _few(names: Sequence[str]) -> list[str]:
+    shown = [name for name in names if name]
+    return [*shown[:_MOST_NAMED], *(["…"] if len(shown) > _MOST_NAMED else [])]
+
+
+def _interval_text(row: Mapping[str, Any], mean: str, low: str, high: str) -> str:
+    if not math.isfinite(row[mean]):
+        return "-"
+    if not math.isfinite(row[low]) or row[low] == row[high]:
+        return f"{row[mean]:.3g}" if abs(row[mean]) >= _LARGE else f"{row[mean]:.4g}"
+    if abs(row[mean]) >= _LARGE:
+        return f"{row[mean]:.3g} [{row[low]:.3g}, {row[high]:.3g}]"
+    digits = _digits(row[mean], row[high] - row[low])
+    return f"{row[mean]:.{digits}f} [{row[low]:.{digits}f}, {row[high]:.{digits}f}]"
+
+
+def _digits(mean: float, width: float) -> int:
+    """Return the decimals that show two digits of an interval's width, or four of the mean without
+    one.
+    """
+    size = width if width > 0.0 else abs(mean) * 1e-2
+    return min(max(0, 1 - math.floor(math.log10(size))), 9) if size > 0.0 else 0

@@ -1,0 +1,244 @@
+"""Figures that some launches lack: what is printed, required and optimised says so, against rates
+that are known.
+"""
+
+import json
+
+import numpy as np
+import pytest
+import some_launches
+from opir_report.pages.sentences import answers, is_surely_met, mean_text, verdicts
+from opir_report.pages.study_report import study_page
+from opir_report.saved_study import read_study
+from opir_studies import Study, optimise, sweep
+from opir_studies.optimising import Objective, outcome_of
+from opir_studies.planning import planned_study
+from opir_studies.requirements import FigureRequirement
+from opir_studies.result import written_result
+from opir_studies.runs import RunRecord
+from opir_studies.statistics import share_with_value
+from opir_studies.sweep_command import as_text
+from opir_testing import MetricContract
+from scipy.stats import binom
+from some_launches import values_of
+from study_scene import PERIOD, SCENE
+
+from opir_core.cli.main import main
+from opir_core.plugin import Host
+
+CHANCE = "sensors[*].detection_probability.ICBM"
+RUNS = 20
+
+
+class TestChance(MetricContract):
+    name = "chance"
+    plugins = ("some_launches",)
+
+
+@pytest.fixture(scope="module")
+def host():
+    """Let every host offer the metric, whose contract is tested without this."""
+    found = Host.discover()
+    found.register(some_launches)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Host, "discover", classmethod(lambda _cls: found))
+        yield
+
+
+def study(**changes):
+    base = {
+        "scene": {**SCENE, "duration_s": 2.0},
+        "study": "s",
+        "vary": {CHANCE: [0.3, 1.0]},
+        "runs": RUNS,
+        "executor": "serial",
+    }
+    return Study(**{**base, "metrics": ("chance",), "requirements": ("time_s <= 60",), **changes})
+
+
+def written(asked, folder, spread_s=10.0):
+    """Return the result of a study whose runs are drawn here, without a simulation."""
+    planned = planned_study(asked)
+    records = []
+    for each in planned.designs:
+        chance = each.scene.sensors[0].model.config.detection_probability["ICBM"]
+        rows = figures(values_of(each.scene.seed, asked.runs, chance, spread_s))
+        records.append(
+            [
+                RunRecord(number, each.scene.seed + number, 0.0, row)
+                for number, row in enumerate(rows)
+            ]
+        )
+    return written_result(planned, folder, records)
+
+
+def figures(values):
+    """Return the mean, the share and the mean where all have a value, of the launches (runs,
+    launches) of each run.
+    """
+    known = np.isfinite(values)
+    means = np.where(known, values, 0.0).sum(axis=1) / np.where(
+        known.any(axis=1), known.sum(axis=1), np.nan
+    )
+    return list(
+        zip(means, known.mean(axis=1), np.where(known.all(axis=1), means, np.nan), strict=True)
+    )
+
+
+@pytest.fixture(scope="module")
+def result(host, tmp_path_factory):
+    return written(study(show=("time_s", "time_of_all_s")), tmp_path_factory.mktemp("study"))
+
+
+@pytest.mark.slow
+def test_a_study_that_is_run_has_the_values_that_are_drawn(result, tmp_path):
+    found = sweep(study(show=("time_s", "time_of_all_s")), tmp_path)
+    for name in ("share", "mean", "runs_with_value", "low_95"):
+        np.testing.assert_allclose(
+            found.table[name].to_numpy(), result.table[name].to_numpy(), rtol=1e-12
+        )
+
+
+def test_the_share_is_that_of_the_launches_that_have_a_value(result):
+    few, all_of_them = result.rows("time_s")
+    known = np.isfinite(values_of(SCENE["seed"], RUNS, 0.3))
+    assert few["share"] == pytest.approx(known.mean(), rel=1e-12)
+    count = few["share"] * known.size
+    assert binom.ppf(5e-4, known.size, 0.3) <= count <= binom.isf(5e-4, known.size, 0.3)
+    assert all_of_them["share"] == 1.0
+    assert few["runs_with_value"] == np.count_nonzero(known.any(axis=1))
+    whole = result.rows("time_of_all_s")
+    assert [row["share"] for row in whole] == [np.mean(known.all(axis=1)), 1.0]
+
+
+def test_a_share_is_over_the_runs_that_a_figure_applies_to():
+    values = np.array([1.0, np.nan, np.nan, 2.0])
+    assert share_with_value(values) == 0.5
+    assert share_with_value(values, np.array([0.5, 0.0, np.nan, 1.0])) == 0.5
+    assert np.isnan(share_with_value(values[1:2], np.array([np.nan])))
+
+
+def test_a_mean_over_some_launches_meets_no_requirement_and_says_of_which(result):
+    few, _ = result.rows("time_s")
+    assert few["mean"] < 60.0
+    text = as_text(result)
+    percent = f"{100.0 * few['share']:.0f} %"
+    assert "time_s <= 60: met by 1 of 2 designs (1.0)" in text
+    assert (
+        f"not by a mean over some, as launches without the figure miss it: 0.3: {percent} of the"
+        f" launches in 20" in text
+    )
+    (row,) = [line for line in text.splitlines() if line.startswith("0.3 ")]
+    assert f"] ({percent})" in row
+    assert (
+        f"(%): the mean is over that share of the launches. With a value: time_s in"
+        f" {few['runs_with_value'] + RUNS}" in text
+    )
+    assert "over that share of the runs. With a value: time_of_all_s in 20 of 40 runs" in text
+    difference = next(
+        line
+        for line in text.split("minus the first design")[1].splitlines()
+        if line.startswith("1.0")
+    )
+    assert f"(100 % minus {percent})" in difference
+
+
+@pytest.mark.parametrize(("chance", "is_in_every_run"), [(0.05, False), (1.0, True)])
+def test_every_run_is_every_run(host, tmp_path, chance, is_in_every_run):
+    same = {
+        "metrics": ({"chance": {"spread_s": 0.0}},),
+        "vary": {PERIOD: [100, 200]},
+        "requirements": (),
+    }
+    overrides = {"sensors[0].detection_probability": {"ICBM": chance}}
+    text = as_text(written(study(**same, overrides=overrides), tmp_path, spread_s=0.0))
+    page = study_page(read_study(tmp_path))
+    words = " ".join(each.text for each in page.sections)
+    assert ("In every run: time 50 s" in words) == is_in_every_run
+    assert ("In brackets" in text or "(%)" in text) != is_in_every_run
+
+
+def test_the_report_says_of_which_launches_a_mean_is(result):
+    saved = read_study(result.folder)
+    rows = saved.rows("time_s")
+    percent = f"{100.0 * rows['share'][0]:.0f} %"
+    assert mean_text(saved, rows, 0).endswith(f"] (of {percent} of launches)")
+    assert "launches" not in mean_text(saved, rows, 1)
+    (verdict,) = verdicts(saved)
+    assert (
+        "met by 1 of 2 designs: detection probability of ICBM 1; not by a mean over some ("
+        in verdict
+    )
+    assert f"(of {percent} of launches)" in verdict
+    requirement = saved.requirements[0]
+    assert is_surely_met(saved, requirement).tolist() == [False, True]
+    assert rows["high_95"][0] < requirement["limit"]
+
+
+def test_an_answer_names_the_best_design_of_all_launches(host, tmp_path):
+    vary = {CHANCE: [0.3, 1.0], PERIOD: [100, 200]}
+    asked = study(question="Which?", vary=vary, requirements=("time_s <= 1",), show=("time_s",))
+    written(asked, tmp_path)
+    (answer,) = answers(read_study(tmp_path))
+    assert "time is at best 54" in answer or "time is at best 55" in answer
+    assert "detection probability of ICBM 1" in answer
+    written(study(question="Which?", vary=vary, show=("time_s",)), tmp_path)
+    (answer,) = answers(read_study(tmp_path))
+    assert answer.startswith("2 of 4 designs meet time at most 60 s")
+    assert "2 would by means over some of the launches, which do not count" in answer
+    assert "Change of time (of 3" in answer
+
+
+@pytest.mark.slow
+def test_the_best_design_is_one_that_all_launches_have(host, tmp_path):
+    pytest.importorskip("optuna")
+    found = optimise(study(requirements=()), tmp_path, "min time_s", evaluations=2)
+    means = [row["mean"] for row in found.result.rows("time_s")]
+    best = found.result.definition["designs"][found.best]
+    assert best[CHANCE] == 1.0
+    assert means[found.best] == max(means)
+    assert found.is_feasible
+
+
+@pytest.mark.slow
+def test_the_command_exits_with_2_where_launches_lack_what_is_required(host, tmp_path, capsys):
+    pytest.importorskip("optuna")
+    scene = tmp_path / "scene.json"
+    scene.write_text(json.dumps({**SCENE, "duration_s": 2.0}), encoding="utf-8")
+    command = [
+        "optimise",
+        str(scene),
+        "--vary",
+        f"{CHANCE}=0.2,0.4",
+        "--runs",
+        "5",
+        "--metric",
+        "chance",
+    ]
+    command += ["--executor", "serial", "--objective", "max having", "-o", str(tmp_path / "out")]
+    assert main([*command, "--require", "time_s <= 60", "--json"]) == 2
+    found = json.loads(capsys.readouterr().out)
+    assert found["best"][CHANCE] == 0.4
+    assert found["shares"]["time_s"] == pytest.approx(found["means"]["having"])
+    assert main([*command, "--require", "time_s <= 60"]) == 2
+    text = capsys.readouterr().out
+    assert "no design that was evaluated meets all requirements" in text
+    assert "(%): the mean is over that share of the launches" in text
+
+
+def test_ranks_put_launches_first_then_requirements_then_the_value():
+    objective = Objective("x", is_largest=False)
+    required = (FigureRequirement("y", 10.0, False),)
+
+    def outcome(x, y, share_x=1.0, share_y=1.0):
+        return outcome_of({"x": x, "y": y}, {"x": share_x, "y": share_y}, required, objective)
+
+    order = [
+        outcome(5.0, 9.0),
+        outcome(6.0, 9.0),
+        outcome(1.0, 11.0),
+        outcome(1.0, 9.0, share_x=0.9),
+    ]
+    order += [outcome(1.0, 9.0, share_y=0.5), outcome(np.nan, np.nan, share_x=0.0, share_y=np.nan)]
+    assert sorted(order) == order
+    assert [each.is_feasible for each in order] == [True, True, False, False, False, False]
