@@ -277,6 +277,13 @@ def share(value: float, lower: float, upper: float) -> dict[str, Any]:
     return {"value": value, "interval_95": [lower, upper]}
 
 
+def of_some(figure: Mapping[str, Any], count: int, every: int) -> dict[str, Any]:
+    """Return a figure with the `share` that it is of: `count` out of `every` launch or tick; nan of
+    none.
+    """
+    return {**figure, "share": count / every if every else np.nan}
+
+
 def mean(values: FloatArray, most: float = np.inf) -> dict[str, Any]:
     """Return the mean of the finite ones of independent values (n,) in [0, most], with Student's
     interval.

@@ -9,14 +9,19 @@ _WIDEST = 100.0
 
 
 def interval_text(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
-    """Return a figure with its interval, "-" where it is unknown."""
+    """Return a figure with its interval, "-" where it is unknown.
+
+    The share that it is of follows where it has one, and this is not all: `0.28 [0.23, 0.34] (95
+    %)`.
+    """
     if not math.isfinite(figure["value"]):
         return "-"
+    of = f" ({percent_text(figure['share'])})" if figure.get("share", 1.0) != 1.0 else ""
     value = f"{scale * figure['value']:.{digits}f}"
     low, high = (scale * edge for edge in figure["interval_95"])
     # A single run, or track, has no interval; that of two targets may say nothing.
     is_finite = math.isfinite(low) and not 0.0 < _WIDEST * low < high
-    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if is_finite else value
+    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]{of}" if is_finite else f"{value}{of}"
 
 
 def number_text(value: float, digits: int) -> str:

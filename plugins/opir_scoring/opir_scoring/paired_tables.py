@@ -19,7 +19,8 @@ _PHASES = ("50 % of burn", "95 % of burn", "20 s after burnout")
 
 LEGEND = """\
 Common: at the ticks, launches and phases that all trackers estimate. E: energy score, less is better. In brackets:
-paired difference to the best and its 95 % interval; *: it excludes 0. --details: all scores; --json: all figures."""
+paired difference to the best and its 95 % interval; *: it excludes 0. (%): share of launches that a figure is of, where
+it is not of all; n: tracks. --details: all scores; --json: all figures."""
 
 
 def comparison_text(paired: Mapping[str, Any], cards: Mapping[str, Scorecard]) -> str:
@@ -141,6 +142,12 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
 
 
+def _of_tracks(part: Mapping[str, Any], name: str) -> str:
+    """Return a score of hypotheses with the number of tracks that it is of."""
+    text = interval_text(part[name], 3)
+    return text if text == "-" else f"{text} (n {part['tracks']})"
+
+
 def _each(figures: Mapping[str, Mapping[str, Any]]) -> str:
     rows: Sequence[tuple[str, Callable[[Mapping[str, Any]], str]]] = (
         ("coverage, %", lambda f: interval_text(f["completeness"], 1, 100.0)),
@@ -156,14 +163,8 @@ def _each(figures: Mapping[str, Mapping[str, Any]]) -> str:
             lambda f: interval_text(f["recognition"]["false_launches_an_hour"], 2),
         ),
         ("type correct, %", lambda f: interval_text(f["type_right"], 0, 100.0)),
-        (
-            "hypotheses: log score",
-            lambda f: interval_text(f["hypotheses"]["by_age"][-1]["log_score"], 3),
-        ),
-        (
-            "hypotheses: Brier score",
-            lambda f: interval_text(f["hypotheses"]["by_age"][-1]["brier"], 3),
-        ),
+        ("hypotheses: log score", lambda f: _of_tracks(f["hypotheses"]["by_age"][-1], "log_score")),
+        ("hypotheses: Brier score", lambda f: _of_tracks(f["hypotheses"]["by_age"][-1], "brier")),
         ("time per track update, us", lambda f: interval_text(f["tracking_us_a_track_update"], 0)),
     )
     cells = [(label, *(text(own) for own in figures.values())) for label, text in rows]

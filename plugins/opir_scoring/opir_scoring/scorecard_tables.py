@@ -25,6 +25,7 @@ def scorecard_text(cards: Cards) -> str:
 LEGEND = """\
 /known, /unknown: error divided by the Cramér-Rao bound for known and for unknown thrust, where lines of sight
 determine the position to 100 km.
+(%): the share of launches, by time of ticks, that a figure is of, where it is not of all.
 Energy: energy score of the stated position, velocity, launch point or impact, less is better; of a point, its error.
 NEES/6, NIS/2: 1 is consistent, above 1 is overconfident; p: of a Kolmogorov-Smirnov test against chi-squared.
 Launch and impact points: the last estimates of each target; containment: share of true points in the ellipses.

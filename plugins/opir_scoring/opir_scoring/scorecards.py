@@ -18,6 +18,7 @@ from opir_scoring.containments import (
     energy,
     innovations,
     mean,
+    of_some,
     over,
     plain,
     proportion,
@@ -183,16 +184,18 @@ def _counts(runs: Sequence[ScoredRun]) -> dict[str, Any]:
         np.concatenate([getattr(each.coverage, name) for each in runs])
         for name in ("tracks", "share", "first_track_s")
     )
+    known = [int(np.count_nonzero(np.isfinite(each))) for each in (completeness, first_track_s)]
+    tracked = int(np.count_nonzero(tracks))
     purity = np.concatenate([each.owners.purity[each.owners.target >= 0] for each in runs])
     return {
-        "launches_tracked": share(*proportion(int(np.count_nonzero(tracks)), launches)),
-        "tracks_a_launch": mean(tracks[tracks > 0].astype(np.float64)),
+        "launches_tracked": share(*proportion(tracked, launches)),
+        "tracks_a_launch": of_some(mean(tracks[tracks > 0].astype(np.float64)), tracked, launches),
         "false_tracks_a_run": mean(
             np.array([np.count_nonzero(each.owners.target < 0) for each in runs])
         ),
         "purity": mean(purity, 1.0),
-        "completeness": mean(completeness, 1.0),
-        "first_track_after_s": mean(first_track_s),
+        "completeness": of_some(mean(completeness, 1.0), known[0], launches),
+        "first_track_after_s": of_some(mean(first_track_s), known[1], launches),
         "tracking_us_a_detection": _pace(runs, [each.detections for each in runs]),
         "tracking_us_a_track_update": _pace(runs, [each.track_updates for each in runs]),
     }
@@ -258,6 +261,7 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
     Ticks of one target are dependent, which the χ² band assumes they are not.
     """
     track = run * _MANY + states.target
+    predicted = int(np.count_nonzero(np.isfinite(states.impact_m)))
     return {
         "samples": len(states),
         "position_m": rms(states.position_m, track),
@@ -268,7 +272,7 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
         **_over_bounds(
             states, track, "free_", states.position_free_bound_m, states.velocity_free_bound_m_s
         ),
-        "impact_m": rms(states.impact_m, track, FARTHEST_M),
+        "impact_m": of_some(rms(states.impact_m, track, FARTHEST_M), predicted, len(states)),
         "nees": consistent(consistency(states.nees[_last_of_each(states)], _STATE_FREEDOM)),
     }
 
@@ -282,15 +286,15 @@ def _over_bounds(
 ) -> dict[str, Any]:
     """Return bounds and errors over them, at ticks with a bound below `LARGEST_BOUND_M`."""
     determined = position_m < LARGEST_BOUND_M
+    count = int(np.count_nonzero(determined))
     figures = {}
     for what, unit, error, bound in (
         ("position", "m", states.position_m, position_m),
         ("velocity", "m_s", states.velocity_m_s, velocity_m_s),
     ):
         figures[f"{what}_{name}bound_{unit}"] = rms(bound[determined])["value"]
-        figures[f"{what}_over_{name}bound"] = over(
-            rms(error[determined], track[determined]), rms(bound[determined])["value"]
-        )
+        ratio = over(rms(error[determined], track[determined]), rms(bound[determined])["value"])
+        figures[f"{what}_over_{name}bound"] = of_some(ratio, count, len(determined))
     return figures
 
 
@@ -330,7 +334,11 @@ def _reported_types(runs: Sequence[ScoredRun]) -> dict[str, Any]:
         name: dict(zip(REPORTED_TYPES, row.tolist(), strict=True)) for name, row in count.items()
     }
     total = sum(int(row.sum()) for row in count.values())
-    return {"type_right": share(*proportion(right, total)), "type_confusion": confusion}
+    launches = sum(each.launches for each in runs)
+    return {
+        "type_right": of_some(share(*proportion(right, total)), total, launches),
+        "type_confusion": confusion,
+    }
 
 
 def _hypotheses(runs: Sequence[ScoredRun]) -> dict[str, Any]:

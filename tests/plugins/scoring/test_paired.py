@@ -12,10 +12,12 @@ from opir_scoring import (
     scored_run,
 )
 from opir_scoring.evidence import true_states_ecef
+from opir_scoring.scorecard_tables import scorecard_text
 from scipy.stats import ttest_rel
 from scored_scene import SCENE
 
 from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Tracks
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 
@@ -132,3 +134,27 @@ def test_a_tracker_without_estimates_spoils_no_comparison(seen):
     assert found["common_ticks"] == found["ticks"]["one"] > 0
     cards = {name: scorecard_of(own, SETTINGS) for name, own in runs.items()}
     assert "silent never estimates a state" in comparison_text(found, cards)
+
+
+def test_figures_of_some_launches_have_their_share_beside_them(seen):
+    """Of two launches that are detected one is tracked."""
+    evidence, _ = seen
+    untracked = evolve(evidence, tracks=Tracks.empty(), track=np.full(len(evidence.track), -1))
+    runs = [*estimating(seen, [(100.0, 100.0)]), scored_run(untracked, SETTINGS)]
+    card = scorecard_of(runs, SETTINGS)
+    for figure, share in (
+        ("tracks_a_launch", 0.5),
+        ("first_track_after_s", 0.5),
+        ("completeness", 1.0),
+    ):
+        assert card.figures[figure]["share"] == share
+    assert card.figures["completeness"]["value"] < 0.6
+    lines = scorecard_text({"mine": card}).splitlines()
+    (after,) = [line for line in lines if line.startswith("first track after, s")]
+    assert after.endswith("(50 %)")
+    (covered,) = [line for line in lines if line.startswith("completeness")]
+    assert "%" not in covered
+    text = comparison_text(paired_figures({"mine": runs}, SETTINGS), {"mine": card})
+    assert next(
+        line for line in text.splitlines() if line.startswith("first track after")
+    ).endswith("(50 %)")

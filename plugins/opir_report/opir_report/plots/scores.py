@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
-from opir_scoring import GEOMETRIES, scorecard
+from opir_scoring import GEOMETRIES, percent_text, scorecard
 
 from opir_report.canvas import without_data
 from opir_report.palette import GRID, INK
@@ -50,12 +50,19 @@ def _points(geometry: str, figures: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _text(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
-    """Return a value with its interval, `0.98 [0.95, 1.00]`; `-` if unknown."""
+    """Return a value with its interval and what it is of, `0.98 [0.95, 1.00] (90 %)`; `-` if
+    unknown.
+    """
     if not math.isfinite(figure["value"]):
         return "-"
     value = f"{scale * figure['value']:.{digits}f}"
     low, high = (scale * edge for edge in figure["interval_95"])
-    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if math.isfinite(low) else value
+    of = f" ({percent_text(figure['share'])})" if figure.get("share", 1.0) != 1.0 else ""
+    return (
+        f"{value} [{low:.{digits}f}, {high:.{digits}f}]{of}"
+        if math.isfinite(low)
+        else f"{value}{of}"
+    )
 
 
 def score_table(axes: Axes, facts: RunFacts) -> Axes:
