@@ -1,31 +1,78 @@
-"""What the oblateness of the Earth does to ballistic arcs of a long and of a short range."""
+"""What the oblateness of the Earth and the drag of the air do to ballistic arcs of a long and of a
+short range.
+"""
 
 import numpy as np
+from attrs import frozen
 
 import opir_core as opir
-from opir_core.flight import impact
+from opir_core.flight import Drag, Forces, impact
 from opir_core.geometry import ecef_to_eci_state
 from opir_paper.simulated import scene
 
-#: A class and an aim point: 9 000 km and 500 km from the launch point.
-_ARCS = (("ICBM", (-50.0, -60.0)), ("SRBM", (9.5, -100.0)))
+#: A class, an aim point, and its distance from the launch point, km.
+_ARCS = (("ICBM", (-50.0, -60.0), 7204.0), ("SRBM", (9.5, -100.0), 498.0))
+
+#: The default of a scene with drag, kg/m².
+_BALLISTIC_COEFFICIENT_KG_M2 = 5000.0
+
+_DRAG = Drag(_BALLISTIC_COEFFICIENT_KG_M2)
 
 
-def j2_shifts_km() -> tuple[float, float]:
-    """Return how far J2 moves the impacts of burnout states of two-body flights of a long and of a
-    short range, km.
+@frozen
+class Shift:
+    """How far forces that a two-body arc neglects move its impact: on the long and on the short
+    arc, km.
     """
-    shifts_km = []
-    for kind, (lat_deg, lon_deg) in _ARCS:
-        plain = dict(scene(1))
-        (target,) = plain["targets"]
-        aim = {"lat_deg": lat_deg, "lon_deg": lon_deg}
-        plain["targets"] = [{"id": "T", "type": kind, "launch": target["launch"], "aim": aim}]
-        (flown,) = opir.compile_plan(opir.scene_from_mapping(plain)).targets.truth()
-        position, velocity = (
-            np.array([flown["burnout"][name]]) for name in ("position_ecef_m", "velocity_ecef_m_s")
-        )
-        inertial = ecef_to_eci_state(position, velocity, 0.0)
-        points_m = [impact(*inertial, forces="kepler")[1], impact(*inertial)[1]]
-        shifts_km.append(1e-3 * float(np.linalg.norm(points_m[1] - points_m[0])))
-    return shifts_km[0], shifts_km[1]
+
+    far_km: float
+    near_km: float
+    far_range_km: float
+    near_range_km: float
+
+    @property
+    def growth(self) -> float:
+        """The shift as a share of the range, on the short arc over the long one."""
+        return self.near_km / self.near_range_km / (self.far_km / self.far_range_km)
+
+
+def shifts() -> dict[str, Shift]:
+    """Return the shifts of the impacts of burnout states of two-body flights by the forces that are
+    added.
+    """
+    forces = {
+        "J2": Forces(),
+        "drag": Forces(zonal=(), drag=_DRAG),
+        "J2 and drag": Forces(drag=_DRAG),
+    }
+    moved = {name: list[float]() for name in forces}
+    for kind, aim, _ in _ARCS:
+        inertial = _burnout(kind, aim)
+        plain_m = impact(*inertial, forces="kepler")[1]
+        for name, model in forces.items():
+            moved[name].append(
+                1e-3 * float(np.linalg.norm(impact(*inertial, forces=model)[1] - plain_m))
+            )
+    ranges_km = [range_km for _, _, range_km in _ARCS]
+    return {name: Shift(*both_km, *ranges_km) for name, both_km in moved.items()}
+
+
+def _burnout(kind: str, aim: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the inertial position and velocity at burnout of a flight to an aim point, m and
+    m/s.
+    """
+    lat_deg, lon_deg = aim
+    plain = dict(scene(1))
+    (target,) = plain["targets"]
+    flight = {
+        "id": "T",
+        "type": kind,
+        "launch": target["launch"],
+        "aim": {"lat_deg": lat_deg, "lon_deg": lon_deg},
+    }
+    plain["targets"] = [flight]
+    (flown,) = opir.compile_plan(opir.scene_from_mapping(plain)).targets.truth()
+    position_m, velocity_m_s = (
+        np.array([flown["burnout"][name]]) for name in ("position_ecef_m", "velocity_ecef_m_s")
+    )
+    return ecef_to_eci_state(position_m, velocity_m_s, 0.0)

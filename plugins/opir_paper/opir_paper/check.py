@@ -5,11 +5,13 @@ from attrs import frozen
 from opir_paper.printed import Printed, figure_text
 from opir_paper.simulated import Simulated
 
-#: Of a check: the printed figure follows from the formulas; it does not; it is taken over as a
-#: default.
+#: Verdicts. The printed figure follows from the formulas, or rounds what does; formulas contradict
+#: it; it is taken over as a default; a notional figure of opir's stands for it, which corrects
+#: nothing; the simulation is not the formula.
 HOLDS = "holds"
 CORRECTED = "corrected"
 TAKEN_OVER = "taken over"
+NOTIONAL = "differs: notional"
 NOT_REPRODUCED = "NOT REPRODUCED"
 
 #: Scan period, ms, and P_d of an ICBM by sensor, as printed in sections 3.1 to 3.4, 4.1 and 4.2.

@@ -14,7 +14,7 @@ from attrs import asdict
 
 from opir_core.cli import table
 from opir_core.errors import Problem, SceneError
-from opir_paper.check import CORRECTED, HOLDS, NOT_REPRODUCED, TAKEN_OVER, Check
+from opir_paper.check import CORRECTED, HOLDS, NOT_REPRODUCED, NOTIONAL, TAKEN_OVER, Check
 from opir_paper.errata import errata
 from opir_paper.figure_checks import checks
 from opir_paper.simulated import scene
@@ -70,14 +70,15 @@ def summary(found: Sequence[Check]) -> str:
     """Return how many figures have which verdict, in a sentence."""
     number = {verdict: sum(check.verdict == verdict for check in found) for verdict in _VERDICTS}
     parts = [
-        f"{count} {'hold' if verdict == HOLDS else verdict}"
-        for verdict, count in number.items()
-        if count
+        f"{count} {_PLURAL.get(verdict, verdict)}" for verdict, count in number.items() if count
     ]
     return f"{len(found)} figures: {', '.join(parts)}."
 
 
-_VERDICTS = (HOLDS, CORRECTED, TAKEN_OVER, NOT_REPRODUCED)
+_VERDICTS = (HOLDS, CORRECTED, NOTIONAL, TAKEN_OVER, NOT_REPRODUCED)
+
+#: Verdicts in the plural.
+_PLURAL = {HOLDS: "hold", NOTIONAL: "differ: notional"}
 
 
 def _page(found: Sequence[Check], seed: int) -> str:

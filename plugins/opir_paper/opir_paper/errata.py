@@ -37,7 +37,8 @@ _FIGURES = """# Figures of the paper
 
 Each figure of [the paper](../explanation/paper-errata.md), what its own formulas or opir's defaults give, and what opir
 simulates with seed 1 and 99.9 % intervals: `opir paper`. *Holds*: the printed figure is the formula's, rounded.
-*Corrected*: it is not, and opir follows the formula. *Taken over*: a default of opir.
+*Corrected*: it is not, and opir follows the formula. *Differs: notional*: opir has a figure of its own making, which
+corrects nothing. *Taken over*: a default of opir.
 
 {tables}
 

@@ -44,11 +44,6 @@ def above(limit: str, text: str = "") -> Printed:
     return Printed(text or f"> {limit}", float(limit), math.inf)
 
 
-def below(limit: str, text: str = "") -> Printed:
-    """Return an upper limit."""
-    return Printed(text or f"< {limit}", -math.inf, float(limit))
-
-
 def between(text: str, least: float, most: float) -> Printed:
     """Return a range."""
     return Printed(text, least, most)
