@@ -16,6 +16,18 @@ from opir_core.output.run_files import LinesFile, content, invalid_file
 from opir_core.output.track_records import LaunchRecord, TrackRecord, track_records
 from opir_core.scene.scene import REPORTED_TYPES
 
+#: Columns of one number a row, which have the name of their key.
+_NUMBERS = (
+    *(
+        "probability_burning",
+        "probability_relights",
+        "probability_launch",
+        "probability_missile",
+        "probability_orbit",
+    ),
+    "seen_s",
+)
+
 #: Tracks in a block, as regions take memory while they are text.
 _BLOCK_ROWS = 4_096
 
@@ -152,17 +164,12 @@ def _tracks(
         state_sigmas=_column([row.ellipsoid_sigmas for row in rows], len(TRACK_CONTAINMENTS)),
         available_s=np.array(available, dtype=np.float64),
         impact_regions=regions,
-        probability_burning=_column([row.probability_burning for row in rows]),
-        probability_relights=_column([row.probability_relights for row in rows]),
         impact_method=np.array(
             [IMPACT_METHODS.index(method) for method in methods], dtype=np.uint8
         ),
         hypothesis_probability=weighed,
-        probability_launch=_column([row.probability_launch for row in rows]),
-        probability_missile=_column([row.probability_missile for row in rows]),
-        probability_orbit=_column([row.probability_orbit for row in rows]),
+        **{name: _column([getattr(row, name) for row in rows]) for name in _NUMBERS},
         end=np.array([TRACK_ENDS.index(row.end or "") for row in rows], dtype=np.uint8),
-        seen_s=_column([row.seen_s for row in rows]),
         is_brief=np.array([row.is_brief for row in rows], dtype=np.bool_),
     )
 
