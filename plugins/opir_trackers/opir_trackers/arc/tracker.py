@@ -102,7 +102,9 @@ class ArcTracker(Tracker):
         before_s = self._now.time_s
         lines = self._rays.of(detections)
         self._now = self._tracking.stepped(self._now, tick_s, detections, lines)
-        self._last = self._tracking.confirmed_and_ended(self._now)
+        last = self._tracking.confirmed_and_ended(self._now)
+        was_reported = np.isin(last.table.number, self._arcs.number)
+        self._last = last.take(np.flatnonzero(was_reported | (last.end == 0)))
         self._update_arcs(self._last.table.number)
         if self._config.memory_s is not None:
             self._arcs = self._arcs.discounted(

@@ -22,6 +22,12 @@ class EndedTracks:
     motion: MotionStatistics
     end: NDArray[np.uint8]
 
+    def take(self, rows: IntArray) -> "EndedTracks":
+        """Return some of the tracks."""
+        return EndedTracks(
+            self.estimates.take(rows), self.table.take(rows), self.motion.take(rows), self.end[rows]
+        )
+
     def and_others(self, others: "EndedTracks | None") -> "EndedTracks":
         """Return these tracks after others."""
         if others is None:

@@ -205,11 +205,7 @@ class ImmTracking:
         last = EndedTracks(estimates, table, motion, np.zeros(len(table), dtype=np.uint8))
         if now.ended is not None:
             last = now.ended.and_others(last)
-            order = np.argsort(last.table.number, kind="stable")
-            estimates = last.estimates.take(order)
-            table = last.table.take(order)
-            motion = last.motion.take(order)
-            last = EndedTracks(estimates, table, motion, last.end[order])
+            last = last.take(np.argsort(last.table.number, kind="stable"))
         return last
 
 
