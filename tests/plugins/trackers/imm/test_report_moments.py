@@ -120,7 +120,7 @@ def test_sightings_are_kept_as_long_as_their_sensors_say() -> None:
     kept = SharedDetections.empty().after(number, owner, lines, 3.0, memory_s)
     assert kept.number.tolist() == [9, 4]
     assert kept.sensor.tolist() == [0, 1]
-    later = kept.after(number, np.array([-1, -1, -1]), lines, 3.5, memory_s)
+    later = kept.after(number, np.array([-1, -1, -1]), lines, 5.0, memory_s)
     assert later.number.tolist() == [4]
 
 

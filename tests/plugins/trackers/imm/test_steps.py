@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_trackers.configs import ImmConfig
+from opir_trackers.imm.predict import predict
 from opir_trackers.imm.tracker import imm_tracker
 from opir_trackers.imm.tracking import ImmTracking
 from stepped_trackers import context_of, last, portions, stepped
@@ -20,7 +21,8 @@ from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin import REPORTED_TYPES, Detections, Sensor, Tracker, Tracks
 
 UNTIL_S = 28
-ITERATED_SIGMAS = 0.02
+#: Iterations of the update may end one later, at 0.01 standard deviations.
+ITERATED_SIGMAS = 0.05
 
 
 @cache
@@ -228,3 +230,33 @@ def test_each_line_of_a_track_counts_once_for_what_it_is() -> None:
         config.false_alarms_per_sr / chance * 2.0 * np.pi * sensor.line_of_sight_sigma_rad**2
     )
     assert motion.noise_log[alone] == pytest.approx(motion.lines[alone] * each, rel=1e-6)
+
+
+def test_a_track_has_the_types_that_its_own_target_is_reported_as() -> None:
+    """From the first tick on: of lines that begin it, too."""
+    run = simulated(scene("none", duration_s=UNTIL_S))
+    detections = evolve(seen(), reported_type=run.truth.target.astype(np.uint8))
+    tracking = ImmTracking.of(ImmConfig(), context_of(plan(), plan().tracker_sensors()))
+    state = tracking.start()
+    ticks_s = [2.0 * number for number in range(1, UNTIL_S // 2 + 1)]
+    begun = set()
+    for tick_s, part in zip(ticks_s, portions(detections, ticks_s), strict=True):
+        state = tracking.stepped(state, tick_s, part)
+        for number, reports in zip(state.table.number.tolist(), state.table.reports, strict=True):
+            assert len(np.unique(reports[reports >= 0])) == 1, (tick_s, number)
+            begun.add((number, int(reports.max())))
+    assert sorted(target for _, target in begun) == [0, 1, 2, 3]
+
+
+def test_lines_are_predicted_where_tracks_are_at_the_end_of_a_slice() -> None:
+    tracking = ImmTracking.of(ImmConfig(), context_of(plan(), plan().tracker_sensors()))
+    parts = portions(seen(), [18.0, 20.0])
+    state = tracking.start()
+    state = tracking.stepped(state, 18.0, parts[0])
+    ahead = predict(tracking.models, state, 20.0, tracking.lines_of_sight(parts[1]))
+    rows = np.arange(len(state.table))
+    there = ahead.path.positions(rows, np.full(len(rows), 20.0))
+    assert there == pytest.approx(ahead.estimates.likelier_position_m, abs=1e-3)
+    before = ahead.path.positions(rows, np.full(len(rows), 18.0))
+    assert before == pytest.approx(state.estimates.likelier_position_m, abs=50.0)
+    assert np.linalg.norm(there - before, axis=1).min() > 500.0
