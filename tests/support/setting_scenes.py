@@ -41,7 +41,7 @@ FOLLOWING = {**SENSOR, "follows_bodies": True}
 ALIGNED = {**SENSOR, "scan_phase": "aligned"}
 SINGLE = {**SENSOR, "focal_plane": {"temporal_filter": "none", "dark_current_e_s": 1e5}}
 SPINNING = {**SENSOR, "scan_pattern": "spin"}
-DRAG = {"forces": [{"drag": {}}]}
+DRAG: dict[str, Any] = {"forces": [{"drag": {}}]}
 DECK = {"model": "lowtran", "cloud": {"top_km": 2.0}}
 PART = {"model": "lowtran", "cloud": {"top_km": 2.0, "cover": 0.5}}
 
