@@ -111,12 +111,8 @@ def described(component: Offered, owner: Provenance) -> Mapping[str, Any]:
         }
     rows = [asdict(row) for row in field_rows(component.config)]
     presets = {name: plain(values) for name, values in component.presets.items()}
-    return {
-        **head,
-        "fields": rows,
-        "presets": presets,
-        "named_values": named_values(component.config),
-    }
+    named = {"presets": presets, "presets_for": dict(component.presets_for)}
+    return {**head, "fields": rows, **named, "named_values": named_values(component.config)}
 
 
 def _plugins_text(rows: Sequence[PluginRow]) -> str:
@@ -216,7 +212,13 @@ def _satellites(row: Mapping[str, Any]) -> list[str]:
 def _settings(row: Mapping[str, Any]) -> list[str]:
     if not row["fields"]:
         return ["It has no settings."]
-    presets = [f"preset {name}: {shown(values)}" for name, values in row["presets"].items()]
+    usual = {
+        name: f" (default in scenes with {subject})" for subject, name in row["presets_for"].items()
+    }
+    presets = [
+        f"preset {name}{usual.get(name, '')}: {shown(values)}"
+        for name, values in row["presets"].items()
+    ]
     named = [f"{text} is {shown(value)}" for text, value in row["named_values"].items()]
     return ["\n".join(map(_field, row["fields"])), *presets, *named]
 

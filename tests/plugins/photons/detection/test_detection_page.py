@@ -16,6 +16,7 @@ from opir_core.interfaces.radiometric_models import SignatureContext
 
 PAGE = (ROOT / "docs" / "explanation" / "detection.md").read_text(encoding="utf-8")
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
+OWN = {"DSP": {"preset": "paper"}}
 PROFILES = {
     "SRBM": "SRBM",
     "IRBM": "IRBM",
@@ -32,9 +33,8 @@ def shown(row: str) -> list[float]:
 
 
 def assembled(detection: dict[str, Any], **settings: Any) -> Any:
-    sensors = [
-        {"model": model, "id": model, "orbital_slot_deg": 0.0, **settings} for model in SENSORS
-    ]
+    place = {"orbital_slot_deg": 0.0, **settings}
+    sensors = [{"model": model, "id": model, **OWN.get(model, {}), **place} for model in SENSORS]
     scene = {
         "scene": "page",
         "epoch": "2026-04-01T12:00:00Z",
