@@ -92,6 +92,11 @@ def planck(kelvin, low_um, high_um):
     return float(np.sum(0.5 * (spectral[1:] + spectral[:-1]) * np.diff(um)))
 
 
+def long_wave(**changes):
+    """Return the bench of a DSP with the paper's band, 8 to 12 um, and scan."""
+    return Bench.of_model("DSP").changed(sensor__preset="paper", **changes)
+
+
 def photon_noise(bench):
     """Return the photon noise of a bench's first band, W/m²."""
     found = noise_budget(bench, Poses.of())
@@ -104,7 +109,7 @@ def test_photon_noise_is_poisson():
     """E hc/λ over A η t, E the radiance of the background in a pixel; in LWIR within that of 200 to
     330 K.
     """
-    bench = Bench.of_model("DSP").changed(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
+    bench = long_wave(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
     sensor = bench.sensor
     found = noise_budget(bench, Poses.of())
     sigma = photon_noise(bench)
@@ -128,7 +133,7 @@ def test_photon_noise_of_a_focal_plane_is_that_of_its_pixels_and_frames():
     At least that in a circle of 3 pixels, 1.5 less than the square's and 1 for the blur and the
     place on a pixel.
     """
-    alone = Bench.of_model("DSP").changed(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
+    alone = long_wave(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
     plane = {
         "spatial_filter": "sum",
         "core_pixels": 9,
@@ -136,7 +141,7 @@ def test_photon_noise_of_a_focal_plane_is_that_of_its_pixels_and_frames():
         "integration_time_ms": 1.0,
     }
     efficiency = {"optics_transmission": 0.6, "quantum_efficiency": 0.6, "fill_factor": 0.8}
-    both = Bench.of_model("DSP").changed(sensor__focal_plane={**plane, **efficiency})
+    both = long_wave(sensor__focal_plane={**plane, **efficiency})
     collection = math.pi / 4.0 * 0.9**2 * 0.6 * 0.6 * 0.8 * 1e-3
     ratio = (
         (photon_noise(both) / photon_noise(alone)) ** 2
@@ -171,7 +176,8 @@ def test_a_frame_difference_leaves_nothing_of_a_target_that_stands_still():
 
 def bare(sensor="DSP"):
     """Return a sensor before a dark background without air."""
-    return Bench.of_model(sensor).changed(atmosphere="clear", background="none")
+    bench = long_wave() if sensor == "DSP" else Bench.of_model(sensor)
+    return bench.changed(atmosphere="clear", background="none")
 
 
 def test_the_least_intensity_is_that_of_the_closed_form():
