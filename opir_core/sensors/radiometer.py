@@ -104,9 +104,14 @@ class RadiometerConfig:
         default=3.0,
         minimum=0.0,
         maximum=1e3,
-        help="signal over noise that the other bands need where bands are compared",
+        help="signal over noise that the other bands need where bands are compared, and that any"
+        " band needs to confirm"
+        " where they are summed",
         subject=LIGHT,
-        read_if=_COMPARED,
+        read_if=(
+            "unless spectral_discrimination: none",
+            lambda config: config.spectral_discrimination != "none",
+        ),
     )
     reference_band: str = text(
         default="",
