@@ -10,6 +10,7 @@ import some_launches
 from opir_report.pages.sentences import answers, is_surely_met, mean_text, verdicts
 from opir_report.pages.study_report import study_page
 from opir_report.saved_study import read_study
+from opir_scoring import percent_text
 from opir_studies import Study, optimise, sweep
 from opir_studies.optimising import Objective, outcome_of
 from opir_studies.planning import planned_study
@@ -242,3 +243,26 @@ def test_ranks_put_launches_first_then_requirements_then_the_value():
     order += [outcome(1.0, 9.0, share_y=0.5), outcome(np.nan, np.nan, share_x=0.0, share_y=np.nan)]
     assert sorted(order) == order
     assert [each.is_feasible for each in order] == [True, True, False, False, False, False]
+
+
+def test_runs_that_failed_are_no_runs(host, tmp_path):
+    planned = planned_study(study(runs=3))
+    done = [RunRecord(number, number, 0.0, (50.0, 1.0, 50.0)) for number in range(3)]
+    found = written_result(planned, tmp_path, [[done[0], None, done[2]], done])
+    first, second = found.rows("time_s")
+    assert [(row["runs"], row["share"]) for row in (first, second)] == [(2, 1.0), (3, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [
+        (0.0, "0 %"),
+        (1.0, "100 %"),
+        (0.05, "5 %"),
+        (0.9996, "99.96 %"),
+        (1e-4, "0.01 %"),
+        (np.nan, "-"),
+    ],
+)
+def test_a_share_that_is_not_all_is_never_printed_as_all(share, text):
+    assert percent_text(share) == text

@@ -89,7 +89,7 @@ def _requirement_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
         missed = int(np.count_nonzero(~is_met))
         yield (
             f"required: {requirement_words(study, each)}",
-            f"missed by the mean of {missed} of {len(is_met)} designs",
+            f"missed by {missed} of {len(is_met)} designs",
         )
 
 

@@ -349,11 +349,10 @@ def difference_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     axes.set_title(study.names())
     axes.set_ylim(place[-1] - 0.6, 0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
-    axes.set_xlabel(
-        axis_label(
-            f"{figure_words(figure, unit)}: difference from {first or 'the first design'}",
-            shown.unit,
-        )
+    label = axis_label(
+        f"{figure_words(figure, unit)}: difference from {first or 'the first design'}", shown.unit
     )
+    part = study.shares_text(figure)
+    axes.set_xlabel(f"{label}\n({part})" if part else label)
     axes.grid(axis="y", visible=False)
     return axes
