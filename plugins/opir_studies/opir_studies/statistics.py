@@ -29,12 +29,10 @@ def interval(values: FloatArray) -> tuple[float, float, float]:
 
 
 def share_with_value(values: FloatArray, shares: FloatArray | None = None) -> float:
-    """Return the share of what a figure's mean could be over that it is over, of values (n,) of
-    runs.
+    """Return the share of launches, or else of runs, that the mean of values (n,) of runs is over.
 
-    `shares` (n,) are those of the launches of each run that have a value, nan for a run to whose
-    launches the figure does not apply; without them a run has a value or none. nan where the figure
-    applies to no run.
+    `shares` (n,) are those of the launches of each run that have a value, nan for a run without a
+    launch that the figure applies to. Without `shares` it is a share of runs. nan if no run counts.
     """
     if shares is None:
         shares = np.isfinite(values).astype(np.float64)

@@ -24,11 +24,10 @@ def _detected(run: Run, column: str) -> FloatArray:
 
 @frozen
 class LatencyMetric:
-    """From ignition to the first detection, and to its report: means over the launches of a run
-    that are detected.
+    """From ignition to the first detection, and to its report, over the launches of a run.
 
-    Quantiles are over all launches, of which one that is not detected is later than any: nan where
-    a quantile is such a launch's.
+    Means are over the launches that are detected. Quantiles are over all launches: one that is not
+    detected is later than any, and a quantile that is such a launch's is nan.
     """
 
     shares: ClassVar[Mapping[str, str]] = {
