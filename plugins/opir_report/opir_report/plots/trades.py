@@ -25,13 +25,8 @@ _NAMED = 12
 _CONVERGING = 6
 #: Beginnings of figures that are better if they are higher; of others with a unit, less is better.
 _HIGHER = (
-    "warning_time",
-    "warned",
-    "detected",
-    "tracked",
-    "completeness",
-    "impact_contained",
-    "impact_predicted",
+    *("warning_time", "warned", "detected", "tracked", "completeness"),
+    *("impact_contained", "impact_predicted", "share_with"),
 )
 
 
