@@ -111,19 +111,22 @@ class SpectralConfig:
         " the least odds of each sensor",
         instead_of="least_log_odds",
     )
-    brightness_log_sigma: float = number(
-        default=0.2,
+    brightness_log_sigma: float | None = number(
+        default=None,
         minimum=0.0,
         maximum=2.0,
         unit="1",
+        source="no default: gas_spread of opir_photons/data/propellants.json, 0.7",
         help="standard deviation of the logarithm of plumes' brightness, in all bands at once,"
-        " within a class",
+        " within a class; that of"
+        " their particles, and the propellants, are the table's",
     )
-    colour_log_sigma: float = number(
-        default=0.05,
+    colour_log_sigma: float | None = number(
+        default=None,
         minimum=0.001,
         maximum=1.0,
         unit="1",
+        source="no default: band_spread of opir_photons/data/propellants.json, 0.11",
         help="the same of each band by itself",
     )
     launches: int = number(

@@ -5,11 +5,8 @@ from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.plugin import ClassifierInputs, Sensor
-from opir_photons.classification.synthetic_looks import (
-    KINDS,
-    SyntheticLooks,
-    low_discrepancy_points,
-)
+from opir_photons.classification.hot_sources import KINDS
+from opir_photons.classification.synthetic_looks import SyntheticLooks, low_discrepancy_points
 from opir_photons.classification.type_densities import TypeDensities, looks_response
 from opir_photons.detection.snr import SnrDetection
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
@@ -41,9 +41,11 @@ from opir_core.plugin import (
     Trajectories,
 )
 from opir_core.scene import MAXIMUM_BANDS
+from opir_photons.classification.hot_sources import KINDS
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.planck import band_radiance
 from opir_photons.radiometry.plume import plume_signatures
+from opir_photons.radiometry.propellants import log_sigma, propellants
 
 EARTH_RADIUS_M = 6.371e6
 
@@ -86,44 +88,11 @@ def flights_of(classes: Iterable[TargetClass]) -> tuple[tuple[ClassFlight, ...],
     return tuple(flights), numbers
 
 
-class SourceKind(NamedTuple):
-    """A kind of hot source other than launches: a grey body; `area_m2` is the median of emissivity
-    times area.
-
-    It shines for `shining_s` on average. `group` is the group of its hypothesis.
-    """
-
-    name: str
-    group: str
-    coldest_k: float
-    hottest_k: float
-    area_m2: float
-    area_log_sigma: float
-    lowest_m: float
-    highest_m: float
-    shining_s: float
-
-
-#: Temperatures and areas are about the source models' defaults (`radiometry.source_configs`), with
-#: notional spreads. A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02,
-#: slopes of a wind of 5 m/s. Bolides are brightest at 22 to 61 km (95 % of 1044 events, CNEOS
-#: fireballs, 1988 to 2026), with 6.2e10 J, half of them.
-KINDS = (
-    SourceKind("fire", "ground", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0, 21_600.0),
-    SourceKind("flare", "ground", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0, 86_400.0),
-    SourceKind("glint", "ground", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0, 1200.0),
-    SourceKind("bolide", "bolide", 3000.0, 6000.0, 670.0, 2.0, 22e3, 61e3, 2.0),
-)
-
-
 @frozen(eq=False)
 class SyntheticPlumes(Signatures):
-    """Plumes of launches (n,) with the intensities of their class profiles, along their
-    trajectories.
-    """
+    """Plumes of launches (n,), along their trajectories."""
 
     plumes: Signatures
-    profile: IndexArray
     path: BoostPath
 
     def intensity_w_sr(
@@ -135,8 +104,9 @@ class SyntheticPlumes(Signatures):
         aspect_rad: FloatArray,
     ) -> FloatArray:
         """Return radiant intensities (n,), W/sr."""
-        columns = (self.profile[target], time_since_ignition_s, altitude_m, aspect_rad)
-        return self.plumes.intensity_w_sr(band, *columns)
+        return self.plumes.intensity_w_sr(
+            band, target, time_since_ignition_s, altitude_m, aspect_rad
+        )
 
     def aspect_rad(
         self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray
@@ -212,6 +182,8 @@ def synthetic_launches(
 ) -> SyntheticLooks:
     """Return looks at launches of every flight from satellites at a distance from the Earth's
     centre, m.
+
+    `plumes` are those of the launches, flight by flight.
     """
     flown = [flight for flight in flights for _ in range(launches)]
     drawn = low_discrepancy_points(len(flown), 5)
@@ -224,10 +196,9 @@ def synthetic_launches(
     number = np.repeat(number[good], MOMENTS)
     step_s = path.burnout_s[launch] / MOMENTS
     time_s = (np.tile(np.arange(MOMENTS), len(good)) + 0.5) * step_s
-    profile = np.repeat(np.arange(len(flights), dtype=np.int32), launches)
     return SyntheticLooks(
         exposures=_exposures(launch, time_s, path.state(launch, time_s)[0], sensor_m[launch]),
-        signatures=SyntheticPlumes(plumes=plumes, profile=profile, path=path),
+        signatures=SyntheticPlumes(plumes, path),
         targets=_targets(SyntheticPaths(path), np.zeros(len(flown))),
         number=number,
         share=step_s / count[number],
@@ -362,19 +333,34 @@ def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -
     return Geodetic(latitude, longitude, np.zeros(len(angle)))
 
 
-def class_plumes(bands: Sequence[Band], flights: Sequence[ClassFlight]) -> Signatures:
-    """Return the plumes of flights, with the signature model's defaults."""
-    names = tuple(flight.profile.name for flight in flights)
+def launched_plumes(
+    bands: Sequence[Band], flights: Sequence[ClassFlight], launches: int
+) -> Signatures:
+    """Return the plumes of launches, flight by flight, with the signature model's defaults but the
+    propellant.
+
+    What burns is not known of a class: each launch draws its propellant, and the level of the
+    particles of that.
+    """
+    fuels = tuple(propellants().values())
+    flown = [flight for flight in flights for _ in range(launches)]
+    drawn = low_discrepancy_points(len(flown), 2)
+    fuel = (len(fuels) * drawn[:, 0]).astype(np.int64)
+    level_log_sigma = np.array([log_sigma(each.spread) for each in fuels])[fuel]
+    settings = [PlumeConfig(propellant=each.name) for each in fuels]
+    names = tuple(flight.profile.name for flight in flown)
     context = SignatureContext(
         bands=tuple(bands),
         ids=names,
         paths=tuple(f"classification: {name}" for name in names),
         types=names,
         profiles=names,
-        burn_time_s=np.array([flight.profile.burn_time_s for flight in flights]),
-        plumes=tuple(flight.plume for flight in flights),
+        burn_time_s=np.array([flight.profile.burn_time_s for flight in flown]),
+        plumes=tuple(flight.plume for flight in flown),
     )
-    return plume_signatures([PlumeConfig()] * len(flights), context)
+    plumes = plume_signatures([settings[each] for each in fuel.tolist()], context)
+    level = np.exp(level_log_sigma * ndtri(drawn[:, 1]))
+    return evolve(plumes, particle_w_sr=plumes.particle_w_sr * level)
 
 
 def _exposures(

@@ -13,16 +13,15 @@ from opir_core.planning import visible_now
 from opir_core.plugin import Band, Response, Sensor
 from opir_photons.classification.configs import SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture, cell_moments, log_sum
+from opir_photons.classification.hot_sources import KINDS, SourceKind
 from opir_photons.classification.priors import LaunchPrior
 from opir_photons.classification.synthetic_looks import (
     EARTH_RADIUS_M,
-    KINDS,
     LOWEST_SINE,
     MOMENTS,
-    SourceKind,
     SyntheticLooks,
     brightness,
-    class_plumes,
+    launched_plumes,
     synthetic_launches,
     synthetic_sources,
 )
@@ -30,6 +29,7 @@ from opir_photons.classification.unknown_objects import log_unknown
 from opir_photons.detection.receivers import noise_chance
 from opir_photons.detection.snr import SnrDetection
 from opir_photons.detection.threshold import m_of_n_probability
+from opir_photons.radiometry.propellants import band_log_sigma, gas_log_sigma
 
 #: Edges of the elevation bins: sines of the sensor's elevation above the source's horizon.
 _EDGES = np.array([0.15, 0.35, 0.65])
@@ -38,16 +38,15 @@ _EDGES = np.array([0.15, 0.35, 0.65])
 _FEW = 50
 
 #: Parts of a burn, and step of the logarithm of brightness: each combination is one component.
+#: Chosen by log scores, reliability and cost over drawn plumes of spread 0.7 and any propellant.
 _STRETCHES = 8
-_STEP_LOG = 0.7
+_STEP_LOG = 1.0
+
+#: Least weight of a component, as a share of its flight's or kind's.
+_LEAST_COMPONENT = 1e-3
 
 #: Weight of the class's spread in a component's covariance, in looks.
 _SMOOTHING = 4.0
-
-#: Factor of the variances of intensities within a component, as a kernel has a width; chosen
-#: between 1.3 and 1.6, the best two of 1, 1.3, 1.6 and 2 by log scores and reliability in
-#: `benchmarks/left_out_classes.py` with seeds 5 and 9.
-_WIDER = 1.5
 
 #: Counts are whole numbers from 1 on; their densities begin half a step below.
 _LEAST_COUNT = 0.5
@@ -220,7 +219,7 @@ def looks_by_radius(bands: Sequence[Band], prior: LaunchPrior, launches: int) ->
     """Return a function of a satellite's distance from the Earth's centre to looks at launches and
     sources, cached.
     """
-    plumes = class_plumes(bands, prior.flights)
+    plumes = launched_plumes(bands, prior.flights, launches)
 
     @cache
     def looks(radius_m: float) -> tuple[SyntheticLooks, SyntheticLooks]:
@@ -241,7 +240,7 @@ def type_densities(
     """Return a sensor's densities: synthetic looks, measured through the scene's own atmosphere and
     background.
     """
-    spread = config.brightness_log_sigma, config.colour_log_sigma
+    spread = _spread(config)
     flown, shining = looks(canonical_radius_m(sensor))
     factors = brightness(len(flown.targets.type_code), len(sensor.bands), *spread)
     launches = _measured(detection, number, sensor, flown, factors)
@@ -272,6 +271,18 @@ def type_densities(
         rates=EventRates.of(
             config, detection, number, sensor.scan.period_ns, prior, seen_s, chances
         ),
+    )
+
+
+def _spread(config: SpectralConfig) -> tuple[float, float]:
+    """Return the deviations of ln of the gases' level, in all bands at once and in each: settings
+    or the table's.
+    """
+    brightness_log_sigma = config.brightness_log_sigma
+    colour_log_sigma = config.colour_log_sigma
+    return (
+        gas_log_sigma() if brightness_log_sigma is None else brightness_log_sigma,
+        band_log_sigma() if colour_log_sigma is None else colour_log_sigma,
     )
 
 
@@ -426,8 +437,8 @@ def _components(samples: _Samples, spread: tuple[float, float], log_scale: float
     _, row, times = np.unique(cell, return_inverse=True, return_counts=True)
     covariance = _smoothed(covariance, mean, times, spread)
     covariance[:, -1, -1] += np.bincount(row, samples.share * samples.count_variance) / weight
-    covariance[:, :-1, :-1] *= _WIDER
-    return Components(np.log(weight) + log_scale, mean, covariance)
+    heavy = weight >= _LEAST_COMPONENT * weight.sum()
+    return Components(np.log(weight[heavy]) + log_scale, mean[heavy], covariance[heavy])
 
 
 def _smoothed(

@@ -166,7 +166,7 @@ class PlumeSignatures(Signatures):
         return np.sqrt((1.0 - cosine) * (1.0 + cosine) + end_on * end_on)
 
 
-def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) -> Signatures:
+def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) -> PlumeSignatures:
     """Return the plumes of all targets of the model; `ModelError` for a target with an unknown
     class of plume.
     """

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray
 from opir_photons.radiometry.planck import planck_radiance
@@ -85,6 +86,23 @@ def jet_power_w(peaks: Mapping[str, float]) -> float:
     of it in SWIR.
     """
     return 4.0 * math.pi * peaks["SWIR"] / float(_read()["gas_share_of_jet_power"])
+
+
+def log_sigma(spread: float) -> float:
+    """Return the standard deviation of ln of a level that holds within a factor, either way, as the
+    table states.
+    """
+    return math.log(spread) / float(ndtri(0.5 + 0.5 * _read()["spread_probability"]))
+
+
+def gas_log_sigma() -> float:
+    """Return the standard deviation of ln of the gases' level, in all bands at once."""
+    return log_sigma(_read()["gas_spread"])
+
+
+def band_log_sigma() -> float:
+    """Return the standard deviation of ln of the level of each of the gases' bands by itself."""
+    return log_sigma(_read()["band_spread"])
 
 
 def continuum_w_sr(
