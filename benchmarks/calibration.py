@@ -7,8 +7,8 @@ and noise together.
 Launches of every type, hot sources and false alarms are simulated and classified; the prior of the
 classifier is that of the simulation: as many launches a day and as many sources in view. An event
 is right if its reported type is the true one, or if it is reported UNKNOWN and is of no missile.
-Brightnesses, temperatures and areas are drawn from the distributions that the classifier assumes;
-places, flights, noise and confirmation are the engine's.
+Levels of plumes have a spread of 0.7 in their logarithm, and any propellant burns; places, flights,
+noise and confirmation are the engine's.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from discrimination_objects import launched, place, seen_from
+from discrimination_objects import BRIGHTNESS, launched, place, seen_from
 from numpy.typing import NDArray
 from opir_photons.classification.configs import SpectralConfig
 from work_precision.results_csv import write_csv
@@ -27,7 +27,7 @@ from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 
 #: Coldest and hottest, K, and median and logarithmic spread of emissivity times area, m², as in the
 #: classifier's prior.
-SOURCES = {"fire": (800.0, 1200.0, 1800.0, 1.5), "flare": (1600.0, 2000.0, 9.0, 1.5)}
+SOURCES = {"fire": (800.0, 1200.0, 1800.0, 2.07), "flare": (1600.0, 2000.0, 9.0, 1.51)}
 SHINING_S = {"fire": 21_600.0, "flare": 86_400.0}
 PERIOD_S = 2.0
 DURATION_S = 256.0
@@ -35,12 +35,9 @@ EDGES = np.linspace(0.0, 1.0, 11)
 #: Events of a bin, and how far from the diagonal its share may be.
 ENOUGH = 200
 WITHIN = 0.05
-#: Before the sunlit ground the light of the Earth hides plumes from DSP's long waves: its noise is
-#: stated.
-STATED = {"focal_plane": None, "nei_w_m2": 5e-13}
 SENSORS: dict[str, dict[str, Any]] = {
-    "DSP": {"model": "DSP", **STATED},
-    "DSP-unconfirmed": {"model": "DSP", "confirmation_detections": 1, **STATED},
+    "DSP": {"model": "DSP", "preset": "heritage"},
+    "DSP-unconfirmed": {"model": "DSP", "preset": "heritage", "confirmation_detections": 1},
     "SBIRS-GEO": {"model": "SBIRS-GEO"},
     "NEXTGEN-GEO": {"model": "NEXTGEN-GEO"},
 }
@@ -55,25 +52,19 @@ PAGE = """# Calibration
 
 `classification: spectral` with `confidence: posterior`, over {events} events of {launches} launches, {sources} fires
 and gas flares, and noise. A report of a type is right if that is the target's type; UNKNOWN is right for what is no
-missile. DSP sees one band, so few of its types are certain. `DSP-unconfirmed` reports every detection, noise included
+missile. `DSP-unconfirmed` reports every detection, noise included
 ({noise}).
 
-The prior of the classifier is that of the simulation: as many launches and sources; brightnesses, temperatures and
-areas from the distributions that it assumes. Looks every {period:g} s through `midlat_summer` air over the Earth; the
-noise of DSP is given (`focal_plane: null`, 5·10⁻¹³ W/m² before the background), SBIRS-GEO and NEXTGEN-GEO have their
-default focal planes, whose difference of frames takes away most fires and flares.
+The prior of the classifier is that of the simulation: as many launches and sources. Levels of plumes are drawn with a
+spread of {brightness:g} in their logarithm, each with one of five propellants; areas of sources with the spreads of
+`hot_sources.json`. Looks every {period:g} s through `midlat_summer` air over the Earth; all else is default, DSP with
+preset `heritage`. The difference of frames takes away most fires and flares.
 Events of one launch share its brightness, so intervals (95 %) are over launches and sources: by them {chance} of the
 {bad} bins that are off may lie within {within:.0f} points.
 
-**What is left.** The classifier's densities are mixtures of normal distributions, widened as a kernel, of {trained}
-synthetic launches of each flight: where plumes and hot sources overlap they are good to some points. How often each is
-detected in each part of the Earth's disc is part of them: without it, UNKNOWN is too probable at low elevations and too
-improbable at high ones.
-
-False alarms are simulated [before a dark background](../explanation/detection.md#false-alarms), with less noise than
-looks at the ground have. The classifier expects noise to be as bright as the noise of each look allows: it takes
-some of the false alarms for dim sources, and first detections of launches that hardly exceed the threshold for noise.
-That is why UNKNOWN is too confident where each detection is reported (`DSP-unconfirmed`).
+**What is left.** The classifier's densities are mixtures of normal distributions of {trained} synthetic launches of
+each flight: where types overlap they are good to some points. How often each is detected in each part of the Earth's
+disc is part of them.
 
 All bins: [calibration.csv](calibration.csv).
 """
@@ -291,6 +282,7 @@ def page(found: list[Bin], facts: dict[str, Any]) -> str:
         chance=sum(off[row] - row.half_95 <= WITHIN for row in bad),
         bad=len(bad),
         period=PERIOD_S,
+        brightness=BRIGHTNESS,
         trained=SpectralConfig().launches,
     )
 

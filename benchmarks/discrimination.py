@@ -61,11 +61,12 @@ Share of the looks, one at each launch, that report its type correctly (from a p
 
 **Method.** {launches} launches of each type and {sources} fires, gas flares and sun glints each, seed {seed}, below one
 geostationary slot by day (midlatitude summer, no cloud). Places, headings and ranges are uniform or log-uniform,
-brightness log-normal with sigma {brightness} (all bands) and {colour} (each band), areas with sigma {area}. One look at
-each object at a random time, the same for all sensors; the revisit interval is {period:g} s. Noise is given, 5·10⁻¹³,
-10⁻¹² and 10⁻¹³ W/m², without focal planes: with those of the default sensors the difference of frames takes away nearly
-all fires, flares and glints before any classifier, and DSP, in long waves, sees no plume before the Earth. The
-classifier's prior is that of the scene. AUCs have DeLong's intervals (Biometrics 44, 1988, 837), shares those of
+brightness log-normal with sigma {brightness} (all bands) and {colour} (each band), with any of five propellants; areas
+with sigma {area}. DSP has preset `paper`. One look at each object at a random time, the same for all sensors; the
+revisit interval is {period:g} s. Noise is given, 5·10⁻¹³, 10⁻¹² and 10⁻¹³ W/m², without focal planes: with those of the
+default sensors the difference of frames takes away nearly all fires, flares and glints before any classifier, and DSP,
+in long waves, sees no plume before the Earth. The classifier's prior is that of the scene. AUCs have DeLong's intervals
+(Biometrics 44, 1988, 837), shares those of
 Clopper and Pearson, their differences an exact McNemar test. Every AUC: [discrimination.csv](discrimination.csv).
 Confusion of types: [classification.csv](classification.csv).
 """
@@ -73,11 +74,12 @@ Confusion of types: [classification.csv](classification.csv).
 REMARKS = """\
 **Why.**
 
-- From geostationary distance the range is known to about 1 %, so brightness itself separates types, unless noise hides
-  it. The number of detections so far separates an ICBM late in its burn from a smaller type.
+- From geostationary distance the range is known to about 1 %, so brightness itself separates types, as far as levels of
+  plumes and what burns are known: within a type they spread over a factor of ten. The number of detections so far
+  separates an ICBM late in its burn from a smaller type.
 - DSP has one band. It separates fires, whose LWIR is far above that of plumes, but not a flare or a glint as bright as
   a plume, and hardly separates types.
-- The second band of SBIRS-GEO gives a temperature; the third band of NEXTGEN-GEO and its lower noise the spectrum. HEO
+- The second band of SBIRS-GEO gives a colour; the third band of NEXTGEN-GEO and its lower noise the spectrum. HEO
   has the bands, noise and thresholds of SBIRS-GEO."""
 
 

@@ -25,7 +25,7 @@ SINGLE = {"confirmation_detections": 1}
 #: frames takes away what does not move, before any classifier, and the Earth's own photons hide
 #: plumes from DSP.
 NOISE = {
-    "DSP": {"focal_plane": None, "nei_w_m2": 5e-13},
+    "DSP": {"preset": "paper", "focal_plane": None, "nei_w_m2": 5e-13},
     "SBIRS-GEO": {"focal_plane": None, "nei_w_m2": 1e-12},
     "NEXTGEN-GEO": {"focal_plane": None, "nei_w_m2": 1e-13, "collection_m2_s": 0.02},
 }
@@ -35,9 +35,12 @@ DURATION_S = 256.0
 ALIGNED = {"scan_period_ms": 1e3 * PERIOD_S, "scan_phase": "aligned"}
 RADIUS_KM = 6371.0
 SLOT_KM = 42164.2
-BRIGHTNESS = 0.2
-COLOUR = 0.05
+#: Standard deviations of ln of the level of plumes in all bands, in each, and of areas; what burns
+#: is any of these.
+BRIGHTNESS = 0.7
+COLOUR = 0.11
 AREA = 1.0
+PROPELLANTS = ("kerosene", "methane", "solid", "storable", "hydrogen")
 CODES = (*REPORTED_TYPES, "not detected")
 
 
@@ -141,7 +144,11 @@ def launched(rng: np.random.Generator, kind: str, number: int) -> dict[str, Any]
         "profile": profile.name,
         "launch": place(latitude, longitude),
         "aim": place(*aim),
-        "signature": {"model": "plume", "peak_w_sr": brightness},
+        "signature": {
+            "model": "plume",
+            "propellant": str(rng.choice(PROPELLANTS)),
+            "peak_w_sr": brightness,
+        },
     }
 
 

@@ -27,7 +27,7 @@ from calibration import (
     seen_scene,
     sourced,
 )
-from discrimination_objects import BRIGHTNESS, COLOUR, moved, place, seen_from
+from discrimination_objects import BRIGHTNESS, COLOUR, PROPELLANTS, moved, place, seen_from
 from discrimination_statistics import area
 from numpy.typing import NDArray
 from work_precision.results_csv import write_csv
@@ -142,6 +142,7 @@ def launched(rng: np.random.Generator, kind: TargetClass, number: int) -> dict[s
         "launch": place(latitude, longitude),
         "signature": {
             "model": "plume",
+            "propellant": str(rng.choice(PROPELLANTS)),
             "peak_w_sr": {
                 band: float(peak * np.exp(more))
                 for (band, peak), more in zip(peaks.items(), spread, strict=True)
