@@ -7,6 +7,9 @@ the first moment for a time T, differ by a mean log likelihood ratio of ½ Σ (a
 angle between the line of sight and the vertical. A launch is reported with P > 0.95 and a prior of
 1:1000 where that exceeds ln 19 000. A tracker does not know the acceleration: it may take 1.3 times
 as long.
+
+One sensor alone must also tell it from what flies straight on, as many in view as launches: 1/180
+T⁴ is the variance of t² about its best straight line, and ln 19 the ratio that is needed.
 """
 
 import numpy as np
@@ -43,14 +46,21 @@ def origins(sensors):
     return ORBIT_M * np.stack([np.cos(longitude), np.sin(longitude), np.zeros(sensors)], axis=1)
 
 
-def closed_form_s(lift_m_s2, sensors):
-    """Return the time, s, at which the mean log likelihood ratio reaches ln(0.95 / 0.05 · 1000)."""
+#: Variance of t² over [0, T], in T⁴, about its mean and about its best straight line.
+ABOUT_MEAN = 4.0 / 45.0
+ABOUT_LINE = 1.0 / 180.0
+
+
+def closed_form_s(lift_m_s2, sensors, variance=ABOUT_MEAN, odds=19000.0):
+    """Return the time, s, at which the mean log likelihood ratio is that of odds, by default 0.95 /
+    0.05 · 1000.
+    """
     place, up = place_and_up()
     apart = place - origins(sensors)
     range_m = np.linalg.norm(apart, axis=1)
     sine_square = 1.0 - (apart @ up / range_m) ** 2
     rate = np.sum(LOOKS_PER_S * sine_square / (SIGMA_RAD * range_m) ** 2)
-    return float((np.log(19000.0) * 2.0 * 4.0 * 45.0 / 4.0 / (lift_m_s2**2 * rate)) ** 0.2)
+    return float((np.log(odds) * 2.0 * 4.0 / variance / (lift_m_s2**2 * rate)) ** 0.2)
 
 
 def looks(rng, copies, second, lift_m_s2, sensors):
@@ -118,17 +128,22 @@ def test_the_closed_form_agrees_with_a_simulation_of_known_acceleration():
 @pytest.mark.parametrize("lift_m_s2", [3.0, 5.0, 10.0, 15.0])
 def test_lift_offs_are_reported_within_a_factor_of_the_closed_form(lift_m_s2, sensors):
     expected_s = closed_form_s(lift_m_s2, sensors)
+    if sensors == 1:
+        expected_s = max(expected_s, closed_form_s(lift_m_s2, sensors, ABOUT_LINE, 19.0))
     reported_s = np.full(20, np.inf)
     for second, chance in enumerate(
-        probabilities([5, int(lift_m_s2), sensors], 20, lift_m_s2, sensors, 45)
+        probabilities([5, int(lift_m_s2), sensors], 20, lift_m_s2, sensors, 60)
     ):
         reported_s = np.where(
             (chance[:, LAUNCH] > THRESHOLD) & np.isinf(reported_s), second + 1.0, reported_s
         )
     assert np.median(reported_s) <= SLACK * expected_s
-    # What was recognised stays recognised.
-    assert np.all(chance[:, LAUNCH] > THRESHOLD)
-    assert np.all(chance[:, NONE] <= 0.05)
+    # What was recognised stays recognised; to one sensor one in ten may still be something that
+    # flies straight on.
+    known = 0.9 if sensors == 1 else 1.0
+    assert np.mean(chance[:, LAUNCH] > THRESHOLD) >= known
+    assert np.mean(chance[:, NONE] <= 0.05) >= known
+    assert np.all(chance[:, LAUNCH] > 0.5)
 
 
 def fires_above(copies, seed, sensors):

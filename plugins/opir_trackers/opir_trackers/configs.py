@@ -196,12 +196,20 @@ class HypothesesConfig:
         help="prior rate of bolides in view",
     )
     others_per_day: float = number(
-        default=0.1,
+        default=10.0,
         unit="1/day",
         above=0.0,
         maximum=1e6,
-        help="prior rate of objects in view that are none of these: aircraft, balloons, what nobody"
-        " thought of",
+        source="what is bright for long enough to be tracked: of 44 lightning flashes a second on"
+        " Earth (Christian et"
+        " al., J. Geophys. Res. 108(D1), 4005, 2003) the strongest, superbolts above 1 MJ, 2.5 a"
+        " day (Holzworth et al.,"
+        " J. Geophys. Res. Atmos. 124, 9996, 2019: 8171 in nine years); several hundred catalogued"
+        " re-entries a year,"
+        " 1 to 2 a day; of some 1e5 flights a day those on afterburner, a few a day: notional",
+        help="prior rate of objects in view that are none of these: lightning, aircraft, balloons,"
+        " re-entries, what"
+        " nobody thought of; where storms or air bases are in view, more",
     )
     in_flight_share: float = number(
         default=0.15,
@@ -216,8 +224,9 @@ class HypothesesConfig:
         maximum=1.0,
         source="the Earth's land is 0.8 km high in the mean, with a standard deviation of 0.8 km"
         " (ETOPO1); notional",
-        help="share of launch sites that are as high as land is; the others are at sea level:"
-        " ships, coasts, lowlands",
+        help="share of launch sites, and of sources that stand or move on the ground, that are as"
+        " high as land is; the"
+        " others are at sea level: ships, coasts, lowlands",
     )
     ground_drift_m_s: float = number(
         default=1.0,

@@ -79,6 +79,25 @@ def site_shares(inland: float) -> FloatArray:
     return np.array([1.0 - inland, *(inland * _INLAND)])
 
 
+class Ground(NamedTuple):
+    """A kind of ground that sites are on: its prior probability, mean and standard deviation of the
+    height, m.
+    """
+
+    share: float
+    mean_m: float
+    sigma_m: float
+
+
+def grounds(inland: float) -> list[Ground]:
+    """Return the possible kinds of ground, with a share of sites inland."""
+    heights = SITES.tolist()
+    shares = site_shares(inland).tolist()
+    return [
+        Ground(share, *height) for share, height in zip(shares, heights, strict=True) if share > 0.0
+    ]
+
+
 def site_height_m(inland: float) -> float:
     """Return the root mean square of the heights of launch sites, m, with a share of sites
     inland.

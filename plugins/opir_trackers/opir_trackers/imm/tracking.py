@@ -26,9 +26,10 @@ from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
+from opir_trackers.launch_points import grounds
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.onset.brevity import are_brief
-from opir_trackers.onset.motion_priors import GROUND_SIGMA_M, WIDE_M
+from opir_trackers.onset.motion_priors import WIDE_M
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.registration.registration import Registration, registration_of
 from opir_trackers.track_priors import standing_estimates
@@ -150,7 +151,8 @@ class ImmTracking:
         """Return inertial positions (n, 3) and covariances (n, 3, 3) of sources that stand on the
         ground.
         """
-        position, covariance = motion.static_estimates(GROUND_SIGMA_M, WIDE_M)
+        kinds = np.array(grounds(self.config.hypotheses.inland_share))
+        position, covariance = motion.static_estimates(kinds, WIDE_M)
         turn = earth_rotated(np.eye(3), np.full(3, time_s)).T
         return position @ turn.T, turn @ covariance @ turn.T
 

@@ -24,6 +24,8 @@ from opir_trackers.imm.outliers import (
 from opir_trackers.imm.predict import Ahead
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.lines_of_sight import no_measurements
+from opir_trackers.onset.motion_statistics import MotionStatistics
+from opir_trackers.onset.posterior import DARK_S, GONE_SCANS
 from opir_trackers.registration.registration import Followed, registered, shifted
 from opir_trackers.registration.shared_errors import ERRORS
 
@@ -52,11 +54,27 @@ def update(
     then = then if found.crowds is now.crowds else evolve(then, crowds=found.crowds)
     then = _registered(models, then, ahead, found)
     table = then.table.with_detections(found.owner, lines.time_s, lines.sensor, reported)
-    motion = then.motion.with_lines(found.owner, lines, models.groups.log_clutter)
+    motion = _lit_again(models, then, found.owner).with_lines(
+        found.owner, lines, models.groups.log_clutter
+    )
     estimates = models.single.with_ascents(
         then.estimates, table, motion, then.table.seen_s, ahead.end_s
     )
     return then.after(ahead.end_s, estimates, table, motion)
+
+
+def _lit_again(models: TrackingModels, now: TrackerState, owner: IntArray) -> MotionStatistics:
+    """Return the motion before lines of rows `owner` (m,), begun anew where an undecided track was
+    dark for long.
+
+    What shines there again may be another source: two flashes would make one fast motion.
+    """
+    limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, now.table))
+    dark = ~now.motion.is_decided & (now.time_s - now.table.seen_s > limit_s)
+    if not np.count_nonzero(dark):
+        return now.motion
+    rows = np.intersect1d(dark.nonzero()[0], owner)
+    return now.motion.restarted(rows, now.time_s) if len(rows) else now.motion
 
 
 def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEstimates:

@@ -6,6 +6,7 @@ are m + S z, with z standard normal. All components share the horizontal spread 
 position, which stands for "anywhere in view".
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from attrs import frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.launch_points import AT_ONCE, BEFORE_S
+from opir_trackers.launch_points import AT_ONCE, BEFORE_S, Ground, grounds
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NONE, ORDERS
 
 #: Horizontal standard deviation of positions about the reference point of a track, m, wider than
@@ -29,10 +30,6 @@ _IN_VIEW_M2 = (
 #: Log of the probability density of a position in view over that at the centre of the horizontal
 #: spread.
 LOG_IN_VIEW = float(np.log(2.0 * np.pi * WIDE_M**2 / _IN_VIEW_M2))
-
-#: Standard deviation of the height of the ground about the ellipsoid, m: that of the Earth's land
-#: is 0.8 km (ETOPO1).
-GROUND_SIGMA_M = 1e3
 
 #: Net upward accelerations at lift-off, m/s², and their prior probabilities: a geometric grid over
 #: 2 to 40 m/s²; standard deviations along and across as shares of the mean; notional.
@@ -72,15 +69,29 @@ _UNSTEADY_M_S3 = 0.5
 #: [22-61], entered at 17.3 km/s [11.8-30.2], in any direction; the rest is notional.
 _BOLIDE = ((40e3, 20e3), (11e3, 11e3), (3e3, 3e3), (3e3, 3e3))
 
-#: Objects that are none of these, as bolides; notional. Most go straight on: what creeps over the
-#: ground, such as vehicles, ships, glints and edges of clouds, and what flies, such as aircraft and
-#: balloons. Others turn, or are fast.
-_OTHERS = (
-    ((0.0, GROUND_SIGMA_M), (20.0, 2.0), (0.05, 0.05), (0.003, 0.003)),
-    ((8e3, 6e3), (250.0, 15.0), (0.2, 0.1), (0.01, 0.01)),
-    ((8e3, 6e3), (250.0, 60.0), (6.0, 3.0), (0.5, 0.5)),
-    ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0)),
+#: Objects that are none of these: share, then heights and rates as of bolides; notional. Vehicles,
+#: ships, glints and edges of clouds creep over the ground: two or three for a hundred thousand
+#: fires.
+_CREEPING = (0.0025, ((20.0, 2.0), (0.05, 0.05), (0.003, 0.003)))
+
+#: Flashes of lightning, which are most of them, in and above clouds; mean time for which they are
+#: bright, s.
+_FLASH = (0.7375, ((10e3, 4e3), (10.0, 10.0), (0.0, 0.0), (0.0, 0.0)))
+_FLASH_S = 0.5
+
+#: Aircraft and balloons that stand or go straight on, as many as launches: one sensor alone can
+#: hardly tell both; what enters the air from an orbit; anything else.
+_ALOFT = (
+    (0.1, ((8e3, 6e3), (250.0, 15.0), (0.2, 0.1), (0.01, 0.01))),
+    (0.05, ((80e3, 25e3), (5e3, 500.0), (30.0, 15.0), (1.0, 1.0))),
+    (0.01, ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0))),
 )
+
+#: Aircraft that turn or gain speed: share and height; speed, m/s; standard deviations along and
+#: across the course, and upwards, of the velocity and of the acceleration, m/s²; that of the jerk,
+#: m/s³. Courses are in equal steps.
+_TURNING = (0.1, (8e3, 6e3), 230.0, (70.0, 90.0, 60.0), (2.0, 6.0, 3.0), 0.5)
+_COURSES = 8
 
 
 class _Component(NamedTuple):
@@ -89,6 +100,7 @@ class _Component(NamedTuple):
     mean: FloatArray
     root: FloatArray
     interval: int = -1
+    fades_s: float = np.inf
 
 
 @frozen(eq=False)
@@ -97,7 +109,8 @@ class MotionPriors:
     (c, 12, 12).
 
     `interval` (c,) is that of `edges_s` for launches from rest, -1 for others; their weights need
-    the scan period.
+    the scan period. `fades_s` (c,) is the mean time for which they are bright, infinite for what
+    burns or flies on.
     """
 
     group: IntArray
@@ -105,19 +118,18 @@ class MotionPriors:
     mean: FloatArray
     root: FloatArray
     interval: IntArray
+    fades_s: FloatArray
     edges_s: FloatArray
 
     @classmethod
     def of(cls, config: HypothesesConfig) -> "MotionPriors":
         """Return the priors of a tracker's settings."""
-        parts = [
-            *_standing(config),
-            *_from_rest(1.0 - config.in_flight_share),
-            *_in_flight(config.in_flight_share),
-        ]
+        kinds = grounds(config.inland_share)
+        parts = [*_standing(config.ground_drift_m_s, kinds), *_others(kinds)]
+        parts.append(_drawn(BOLIDE, 1.0, *_BOLIDE)._replace(fades_s=config.bolide_s))
         parts += [
-            _drawn(BOLIDE, 1.0, *_BOLIDE),
-            *(_drawn(NONE, 1.0 / len(_OTHERS), *other) for other in _OTHERS),
+            *_from_rest(1.0 - config.in_flight_share, kinds),
+            *_in_flight(config.in_flight_share),
         ]
         parts = [part for part in parts if part.weight > 0.0]
         return cls(
@@ -126,39 +138,81 @@ class MotionPriors:
             mean=np.array([part.mean for part in parts]),
             root=np.array([part.root for part in parts]),
             interval=np.array([part.interval for part in parts]),
+            fades_s=np.array([part.fades_s for part in parts]),
             edges_s=_EDGES_S,
         )
 
-    def log_weights(self, pause_s: FloatArray) -> FloatArray:
+    def log_weights(self, pause_s: FloatArray, age_s: FloatArray) -> FloatArray:
         """Return the log weights (n, c) of the components for tracks whose sensors look every
         `pause_s` (n,).
 
         Half of the launches are detected at once, after an exponential time of this mean; others
-        after a uniform time, as for the launch points.
+        after a uniform time, as for the launch points. What is still bright at an age (n,), s, is
+        the less probably what fades.
         """
         soon = -np.diff(np.exp(-self.edges_s / pause_s[:, None]), axis=1)
         late = np.diff(self.edges_s) / BEFORE_S
         since = np.log(AT_ONCE * soon + (1.0 - AT_ONCE) * late)
         known = np.concatenate([since, np.zeros((len(pause_s), 1))], axis=1)
-        return np.asarray(self.log_weight + known[:, self.interval])
+        return np.asarray(self.log_weight + known[:, self.interval] - age_s[:, None] / self.fades_s)
 
 
-def _standing(config: HypothesesConfig) -> list[_Component]:
-    drift_m_s = config.ground_drift_m_s
+def _standing(drift_m_s: float, kinds: Sequence[Ground]) -> list[_Component]:
+    still = ((drift_m_s, drift_m_s), (0.0, 0.0), (0.0, 0.0))
+    return _on_ground(GROUND, 1.0, kinds, still)
+
+
+def _others(kinds: Sequence[Ground]) -> list[_Component]:
+    share, rates = _CREEPING
+    flash_share, flash = _FLASH
     return [
-        _drawn(GROUND, 1.0, (0.0, GROUND_SIGMA_M), (drift_m_s, drift_m_s), (0.0, 0.0), (0.0, 0.0))
+        _drawn(NONE, flash_share, *flash)._replace(fades_s=_FLASH_S),
+        *_on_ground(NONE, share, kinds, rates),
+        *(_drawn(NONE, share, *spread) for share, spread in _ALOFT),
+        *_turning(),
     ]
 
 
-def _from_rest(share: float) -> list[_Component]:
+def _turning() -> list[_Component]:
+    """Return the prior of aircraft on each course: one that turns has speed, which no launch has at
+    first.
+    """
+    share, height, speed_m_s, *sigmas, jerk_m_s3 = _TURNING
+    parts = []
+    for course in np.arange(_COURSES) * (2.0 * np.pi / _COURSES):
+        sine = np.sin(course)
+        cosine = np.cos(course)
+        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]]).T
+        mean = np.zeros((ORDERS, 3))
+        root = np.zeros((ORDERS, 3, ORDERS, 3))
+        mean[0, 2] = height[0]
+        mean[1] = speed_m_s * axes[:, 0]
+        root[0, :, 0] = np.diag([WIDE_M, WIDE_M, height[1]])
+        for order, each in enumerate(sigmas, 1):
+            root[order, :, order] = axes * each
+        root[3, :, 3] = jerk_m_s3 * np.eye(3)
+        parts.append(_Component(NONE, share / _COURSES, mean.ravel(), root.reshape(3 * ORDERS, -1)))
+    return parts
+
+
+def _on_ground(
+    group: int, weight: float, kinds: Sequence[Ground], rates: Sequence[tuple[float, float]]
+) -> list[_Component]:
     return [
-        _lifted(share * of_lift, lift, number)
+        _drawn(group, weight * kind.share, (kind.mean_m, kind.sigma_m), *rates) for kind in kinds
+    ]
+
+
+def _from_rest(share: float, kinds: Sequence[Ground]) -> list[_Component]:
+    return [
+        _lifted(share * of_lift * kind.share, lift, number, kind)
         for lift, of_lift in zip(_LIFT_M_S2, _LIFT_SHARE, strict=True)
         for number in range(len(_EDGES_S) - 1)
+        for kind in kinds
     ]
 
 
-def _lifted(weight: float, lift_m_s2: float, interval: int) -> _Component:
+def _lifted(weight: float, lift_m_s2: float, interval: int, ground: Ground) -> _Component:
     """Return the prior of launches from rest on the ground in an interval of time before the first
     detection.
 
@@ -177,7 +231,8 @@ def _lifted(weight: float, lift_m_s2: float, interval: int) -> _Component:
     mean = np.zeros((ORDERS, 3))
     root = np.zeros((ORDERS, 3, 3 * ORDERS))
     mean[:, 2] = upwards
-    root[0, range(3), range(3)] = WIDE_M, WIDE_M, GROUND_SIGMA_M
+    mean[0, 2] += ground.mean_m
+    root[0, range(3), range(3)] = WIDE_M, WIDE_M, ground.sigma_m
     along = lift_m_s2 * np.array([_ASIDE_SIGMA, _ASIDE_SIGMA, _LIFT_SIGMA])
     root[:, range(3), range(3, 6)] = of_lift[:, None] * along
     root[:, range(3), range(6, 9)] = (_TURN_PER_S * (lift_m_s2 + _GRAVITY_M_S2)) * of_jerk[:, None]

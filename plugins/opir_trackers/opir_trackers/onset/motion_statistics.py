@@ -231,17 +231,34 @@ class MotionStatistics(Columns):
         point = self.reference_m[0] - self.height_m[0] * self.axes[0, 2]
         return point, rows @ covariance @ pull[0], rows @ covariance @ rows.T
 
-    def static_estimates(
-        self, height_sigma_m: float, wide_m: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return positions (n, 3) in ECEF of sources that stand still near the ground, and
-        covariances (n, 3, 3).
+    def static_estimates(self, grounds: FloatArray, wide_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return positions (n, 3) in ECEF of sources that stand on the ground, and covariances (n,
+        3, 3).
+
+        They are moments of the mixture over kinds of ground, rows (k, 3) of a share, and mean and
+        standard deviation of the height, m; the standard deviation of places is `wide_m`, m.
         """
-        prior = np.array([wide_m, wide_m, height_sigma_m]) ** -2.0
-        covariance = np.linalg.inv(self.static_information + np.diag(prior))
-        pull = self.static_pull.copy()
-        pull[:, 2] -= prior[2] * self.height_m
-        local = np.sum(covariance * pull[:, None, :], axis=2)
+        share, mean_m, sigma_m = grounds.T
+        precision = sigma_m**-2.0
+        information = np.repeat(self.static_information[:, None], len(grounds), axis=1)
+        information[..., [0, 1], [0, 1]] += wide_m**-2.0
+        information[..., 2, 2] += precision
+        pull = np.repeat(self.static_pull[:, None], len(grounds), axis=1)
+        raised = mean_m - self.height_m[:, None]
+        pull[..., 2] += precision * raised
+        inverse = np.linalg.inv(information)
+        each = np.sum(inverse * pull[..., None, :], axis=3)
+        fit = (
+            np.sum(pull * each, axis=2)
+            - precision * np.square(raised)
+            + np.log(np.linalg.det(inverse))
+        )
+        weight = share / sigma_m * np.exp(0.5 * (fit - fit.max(axis=1, keepdims=True)))
+        weight = (weight / weight.sum(axis=1, keepdims=True))[..., None]
+        local = np.sum(weight * each, axis=1)
+        apart = each - local[:, None]
+        spread = inverse + apart[..., :, None] * apart[..., None, :]
+        covariance = np.sum(weight[..., None] * spread, axis=1)
         turned = self.axes.transpose(0, 2, 1)
         return self.reference_m + np.sum(
             turned * local[:, None, :], axis=2

@@ -13,7 +13,7 @@ from attrs import evolve, frozen
 from opir_core.arrays import BoolArray, FloatArray
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.onset.motion_priors import LOG_IN_VIEW, MotionPriors
-from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, MotionStatistics
+from opir_trackers.onset.motion_statistics import GROUND, LAUNCH, NOISE, MotionStatistics
 
 _DAY_S = 86400.0
 
@@ -33,7 +33,10 @@ _HORIZONS = 2.0
 #: Mean time of a burn, s, notional, and scan periods without a detection after which what shone has
 #: gone out.
 _BURN_S = 100.0
-_GONE_SCANS = 5.0
+GONE_SCANS = 5.0
+
+#: A silence longer than this, s, in the first lines is no look or two that were missed; notional.
+DARK_S = 3.0
 
 
 @frozen(eq=False)
@@ -104,8 +107,8 @@ class GroupPosterior:
             return statistics
         mine = statistics.part(open_)
         pause_s = pause_s[open_]
-        age_s = (seen_s - first_s)[open_]
-        gone = time_s - seen_s[open_] > _GONE_SCANS * pause_s
+        age_s = np.maximum(seen_s[open_] - mine.epoch_s, 0.0)
+        gone = time_s - seen_s[open_] > GONE_SCANS * pause_s
         probability = statistics.probability.copy()
         decided = statistics.is_decided.copy()
         found = self.probabilities(mine, age_s, pause_s, gone)
@@ -134,13 +137,12 @@ class GroupPosterior:
         a launch that goes out as soon as it is seen is as much less probable than a bolide as its
         burn is longer.
         """
-        evidence = log_evidence(self.priors, statistics) + self.priors.log_weights(pause_s)
+        evidence = log_evidence(self.priors, statistics) + self.priors.log_weights(pause_s, age_s)
         log = np.empty((len(evidence), 1 + len(self.log_rate)))
         log[:, NOISE] = statistics.noise_log - np.log(pause_s) - LOG_IN_VIEW
         for group in range(GROUND, log.shape[1]):
             own = evidence[:, self.priors.group == group]
             log[:, group] = np.logaddexp.reduce(own, axis=1) + self.log_rate[group - GROUND]
-        log[:, BOLIDE] -= age_s / self.bolide_s
         log[gone, LAUNCH] += min(np.log(self.bolide_s / _BURN_S), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
         return np.asarray(share / share.sum(axis=1, keepdims=True))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_trackers.configs import HypothesesConfig
+from opir_trackers.launch_points import grounds
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.motion_priors import MotionPriors
 from opir_trackers.onset.motion_statistics import (
@@ -139,6 +140,68 @@ def test_two_sensors_tell_what_moves_how(name):
     assert probability[group] > 0.9
     assert probability[NOISE] == 0.0
     assert probability.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("height_m", [6e3, 10e3, 14e3])
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_flash_is_no_launch_to_two_sensors(height_m, gone):
+    """Lightning stands above the ground for half a second, which tells nothing of its motion."""
+    time_s = np.repeat(TIME_S[TIME_S < 0.5], 2)
+    points = np.tile(PLACE + height_m * UP, (len(time_s), 1))
+    sensor = np.tile([0, 1], len(time_s) // 2)
+    launched = [
+        groups_of(points, time_s, sensor, np.random.default_rng([31, seed]), gone=gone)[LAUNCH]
+        for seed in range(20)
+    ]
+    assert max(launched) < 0.5
+
+
+@pytest.mark.parametrize("height_m", [0.0, 3e3, 4e3, 5e3, 6e3])
+@pytest.mark.parametrize("until_s", [1.0, 3.0, 8.0])
+def test_a_fire_on_high_land_is_no_launch_to_two_sensors(height_m, until_s):
+    time_s = np.repeat(TIME_S[until_s > TIME_S], 2)
+    points = np.tile(PLACE + height_m * UP, (len(time_s), 1))
+    sensor = np.tile([0, 1], len(time_s) // 2)
+    launched = [
+        groups_of(points, time_s, sensor, np.random.default_rng([32, seed]))[LAUNCH]
+        for seed in range(20)
+    ]
+    assert max(launched) < 0.5
+
+
+@pytest.mark.parametrize("height_m", [0.0, 1.5e3, 5e3])
+def test_what_stands_is_where_lines_and_kinds_of_ground_agree(height_m):
+    """A mixture over kinds of ground, each by the covariances of place and lines (Kalman's
+    form).
+    """
+    rng = np.random.default_rng(33)
+    sensor = np.arange(12) % 2
+    lines = lines_to(np.tile(PLACE + height_m * UP, (12, 1)), np.arange(12.0), sensor, rng)
+    reference_m = PLACE + 2000.0 * UP
+    statistics = statistics_of(lines, reference_m)
+    kinds = np.array(grounds(0.5))
+    spread = np.linalg.inv(statistics.static_information[0])
+    measured = spread @ statistics.static_pull[0]
+    chances = []
+    places = []
+    spreads = []
+    for share, mean_m, sigma_m in kinds:
+        prior = np.diag([1e10, 1e10, sigma_m**2])
+        middle = np.array([0.0, 0.0, mean_m - 2000.0])
+        gain = prior @ np.linalg.inv(prior + spread)
+        chances.append(share * multivariate_normal(middle, prior + spread).pdf(measured))
+        places.append(middle + gain @ (measured - middle))
+        spreads.append(prior - gain @ prior)
+    chance = np.array(chances) / np.sum(chances)
+    mean = chance @ np.array(places)
+    covariance = sum(
+        share * (own + np.outer(place - mean, place - mean))
+        for share, place, own in zip(chance, places, spreads, strict=True)
+    )
+    position, found = statistics.static_estimates(kinds, 1e5)
+    axes = local_axes(PLACE[None])[0]
+    assert axes @ (position[0] - reference_m) == pytest.approx(mean, abs=1.0)
+    assert axes @ found[0] @ axes.T == pytest.approx(covariance, rel=1e-3, abs=10.0)
 
 
 @pytest.mark.parametrize("speed_m_s", [8.0, 20.0, 100.0])
