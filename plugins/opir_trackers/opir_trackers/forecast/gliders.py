@@ -18,9 +18,6 @@ _LIFT = (0.7, 1.45)
 _SHARE = (0.5, 1.1)
 _TURN_RAD = np.radians(12.0)
 
-#: Gliders less probable than this, beside what falls, do not widen the regions of what falls.
-_LEAST = 0.25
-
 #: Steps of an even sequence in three dimensions: powers of the inverse root of x⁴ = x + 1
 #: (Kronecker's sequence).
 _STEPS = 1.2207440846057596 ** -np.arange(1.0, 4.0)
@@ -37,15 +34,16 @@ class GlideEnds(NamedTuple):
 def reached(
     outcomes: Outcomes, state: FloatArray, out_s: FloatArray, weight: FloatArray, falls: FloatArray
 ) -> GlideEnds | None:
-    """Return where gliders come down whose burns end with inertial states (p, 6) at times; None if
-    improbable.
+    """Return where gliders come down whose burns end with inertial states (p, 6) at times.
 
-    `weight` (p,) are the particles' weights as gliders, `falls` (p,) those as what falls.
+    `weight` (p,) are the particles' weights as gliders, `falls` (p,) those as what falls. None if
+    gliders have less than the share of one particle, which regions do not resolve.
 
     The range of an equilibrium glide from speed v to w is R/2 · L/D · ln((1 - w²/c²) / (1 -
     v²/c²)), c the speed of an orbit (Eggers, Allen and Neice, NACA TR 1381, 1958).
     """
-    if not weight.sum() > _LEAST * (weight.sum() + falls.sum()):
+    glides = weight.sum()
+    if not len(weight) * glides > glides + falls.sum():
         return None
     after = [outcomes.hypotheses[number].target_class for number in outcomes.columns("glide")]
     lifts: list[Any] = [one.after_burnout for one in after if one]

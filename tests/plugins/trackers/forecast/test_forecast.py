@@ -306,6 +306,25 @@ def test_a_level_end_of_the_burn_is_that_of_a_glider_whose_region_is_its_reach()
     assert found.regions[0][2].contains(0.0, 4.6e6 / RADIUS_M)
 
 
+def test_regions_hold_gliders_of_low_probability_too() -> None:
+    """A glider that is one seventh of what comes down with its burn over is more than a region of
+    95 % leaves out.
+    """
+    logs = no_stages(1)
+    logs[0, 0, :3] = np.log([150.0, 20.0, 3.5])
+    over = evolve(burning_since(160.0, logs), dark_since_s=np.array([-10.0]))
+    reports = np.zeros((1, len(HYPOTHESES)))
+    reports[0, NAMES.index("HGV")] = -7.0
+    seen = estimated(states(5e4, 5300.0, 0.0), 0.0, 0.0, 0.0, np.random.default_rng(8))
+    found = forecast(seen, over, 10.0, away_m=4e5, log=reports)
+    assert 0.02 < found.given_launch[0, NAMES.index("HGV")] < 0.1
+    main = [region for region in found.regions[0] if region.condition == "burn over"]
+    assert main[2].contains(0.0, 3.5e6 / RADIUS_M)
+    assert not main[0].contains(0.0, 3.5e6 / RADIUS_M)
+    stated = sum(region.probability for region in found.regions[0] if region.containment == 0.95)
+    assert stated == pytest.approx(found.probability_comes_down[0])
+
+
 def test_what_is_precisely_in_orbit_is_a_space_launch_whatever_its_stages_and_none_where_none_is_known() -> (
     None
 ):
