@@ -72,7 +72,11 @@ class GravityTurnTargets(ClassFlights):
                 "staging": staging.name,
                 "launch": plain_place(config.launch),
                 "aim": plain_place(config.aim),
-                "loft": config.loft,
+                **(
+                    {"loft": config.loft}
+                    if config.apogee_km is None
+                    else {"apogee_km": config.apogee_km}
+                ),
                 "early_shutdown_s": config.early_shutdown_s,
                 "azimuth_deg": float(np.degrees(flights.azimuth_rad[row])),
                 "kick_deg": float(np.degrees(flights.kick_rad[row])),
@@ -118,7 +122,8 @@ def gravity_turn_targets(
     )
     ignition_s = ignitions_s(configs)
     forces = forces_of_targets(configs, context)
-    flights = staged_flights(launch, aim_point, ignition_s, chosen, loft, early_s, forces)
+    apogee_m = 1e3 * np.array([config.apogee_km for config in configs], dtype=np.float64)
+    flights = staged_flights(launch, aim_point, ignition_s, chosen, loft, early_s, forces, apogee_m)
     problems = _problems(configs, chosen, flights, range_m, context.paths)
     if problems:
         raise SceneError(problems)
@@ -226,21 +231,43 @@ def _out_of_reach(
     range_m: float,
     path: str,
 ) -> Problem:
-    nearest_m = float(flights.nearest_m[row])
-    farthest_m = float(flights.farthest_m[row])
+    """Return the problem of a target whose stages do not reach its aim point, or not with its
+    apogee or loft.
+    """
     distance = f"the aim point is {range_m / 1e3:.0f} km from the launch point"
     stages = "the stages given" if config.stages else f"the stages of {staging.name}"
-    limits = (
-        f"{stages} fly about {nearest_m / 1e3:.0f} to {farthest_m / 1e3:.0f} km in its direction"
-    )
-    if config.loft != 0.0 and nearest_m < range_m < farthest_m:
-        words = (
-            f"{distance}; no flight with a loft of {config.loft:g} was found, although {limits};"
-            f" try one nearer 0"
+    apogees = _apogee_words(flights.apogees_m[row])
+    if config.apogee_km is not None and apogees:
+        return Problem(
+            f"{path}.apogee_km", f"{distance}; {stages} reach it with an apogee of {apogees}"
         )
-        return Problem(f"{path}.loft", words)
-    nearest = nearest_m if abs(range_m - nearest_m) < abs(range_m - farthest_m) else farthest_m
+    nearest_km = flights.nearest_m[row] / 1e3
+    farthest_km = flights.farthest_m[row] / 1e3
+    if config.loft < 0.0 and range_m <= flights.farthest_m[row]:
+        words = (
+            f"{distance}; {stages} have no flat flight to it, their flights of least energy go"
+            f" {nearest_km:.0f} to"
+        )
+        return Problem(
+            f"{path}.loft",
+            f"{words} {farthest_km:.0f} km in its direction; lofts of 0 to 1 are steep ones",
+        )
+    if range_m < flights.nearest_m[row] or range_m < 0.98 * flights.farthest_m[row]:
+        return Problem(
+            f"{path}.loft",
+            f"{distance}; no flight with this loft was found; another loft may reach it",
+        )
+    words = f"{distance}; {stages} fly at most about {farthest_km:.0f} km in its direction"
     return Problem(
-        f"{path}.aim",
-        f"{distance}; {limits}; the nearest range in reach is about {nearest / 1e3:.0f} km",
+        f"{path}.aim", f"{words}; a nearer aim point, another staging or more speed is in reach"
     )
+
+
+def _apogee_words(apogees_m: FloatArray) -> str:
+    """Return the intervals of apogees in reach, or "" if there is none."""
+    flattest, flat, steep, steepest = (apogees_m / 1e3).tolist()
+    intervals = [(flattest, flat), (steep, steepest)]
+    if flat == steep:
+        intervals = [(flattest, steepest)]
+    known = [f"{low:.0f} to {high:.0f} km" for low, high in intervals if low <= high]
+    return " or ".join(known)

@@ -17,6 +17,10 @@ from opir_core.scene.target_classes import TargetClass
 #: The most burns of a target, as many as plumes have factors for.
 MOST_STAGES = 8
 
+#: The highest apogee of a gravity turn, km: such a flight lasts 15 h; free flight is followed for a
+#: day.
+MAX_APOGEE_KM = 50_000.0
+
 
 def _stages_complaint(stages: tuple[Any, ...]) -> str | None:
     return (
@@ -116,7 +120,15 @@ class GravityTurnConfig:
         maximum=1.0,
         help="0: minimum energy (the earliest cut-off of the last burn); 1: the steepest flight"
         " that the stages can fly"
-        " to the aim point, -1: the flattest; the kick is linear between these",
+        " to the aim point, -1: the flattest; the apogee is linear between these",
+    )
+    apogee_km: float | None = number(
+        default=None,
+        unit="km",
+        minimum=1.0,
+        maximum=MAX_APOGEE_KM,
+        instead_of="loft",
+        help="height of the apogee above the ellipsoid",
     )
     early_shutdown_s: float = number(
         default=0.0,

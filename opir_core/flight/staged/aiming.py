@@ -1,32 +1,21 @@
 """Aiming of gravity turns: the azimuth, kick and cut-off of the last burn with which a flight
 reaches its aim point.
 
-A kick steeper or flatter than that of minimum energy needs a later cut-off of the last burn. `loft`
-chooses among the kicks that reach the aim point: 0 is the kick of the earliest cut-off; 1 the
-smallest (lofted) and -1 the largest (depressed) with which it is reached before the last `RESERVE`
-of the last burn; between them the kick is linear. These kicks are found in two-body free flight.
-Azimuth and cut-off then follow by Newton's method under the scene's forces.
+The kick of the earliest cut-off, a loft of 0, is found in two-body free flight, from tables of how
+far the stages reach. Azimuth and cut-off then follow by Newton's method under the scene's forces.
+Lofted and depressed flights start from that one: see `opir_core.flight.staged.lofting`.
 """
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, RowArray
-from opir_core.flight.gravity_and_drag import height_and_climb
-from opir_core.flight.landing import AimedLanding, aimed_landing, corrected, polar_rad
-from opir_core.flight.staged.gravity_turn import (
-    Boosts,
-    BoostState,
-    Leg,
-    LegKind,
-    Turn,
-    burnout,
-    fineness_needed,
-)
-from opir_core.flight.staged.staging import Staging
+from opir_core.arrays import FloatArray
+from opir_core.flight.landing import corrected, polar_rad
+from opir_core.flight.staged.gravity_turn import fineness_needed
+from opir_core.flight.staged.lofting import Launches, lofted
+from opir_core.flight.staged.shots import Reach, StagedShots, reach
 from opir_core.geometry.vectors import components, length
 
 if TYPE_CHECKING:
@@ -35,20 +24,19 @@ if TYPE_CHECKING:
 #: The tolerance of the miss, m.
 TOLERANCE_M = 0.1
 
-#: The share of the last burn that lofted and depressed flights keep in reserve.
-RESERVE = 0.02
-
-#: The smallest and the largest kick, rad; from vertical flight to a turn faster than any staging
+#: The smallest and the largest kick in a table, rad; the largest is a turn faster than any staging
 #: can fly.
 _KICKS_RAD = (0.002, 1.2)
 
-#: Kicks in a table, and times of cut-off.
+#: Kicks in a table.
 _KICKS = 25
-_CUTS = 13
 
 _ITERATIONS = 25
 
-#: The miss, m, at which the azimuth is good enough for the table of lofts.
+#: How much farther the best kick may fly than the best one in a table, as a factor: about 1.02.
+_SLACK = 1.05
+
+#: The miss, m, at which the azimuth is good enough for the finer table.
 _ROUGH_M = 1e3
 
 #: How much earlier a guess that does not come down is cut off, as a share of the last burn, and how
@@ -61,188 +49,54 @@ _RESTARTS = 4
 
 
 @frozen(eq=False, repr=False)
-class StagedShots:
-    """Boosts (n,) with their kicks, earliest and latest times of cut-off and aim points; `forces`
-    None is two-body.
-    """
-
-    boosts: Boosts
-    kick_rad: FloatArray
-    fineness: FloatArray
-    earliest_s: FloatArray
-    latest_s: FloatArray
-    aim_ecef_m: FloatArray
-    aim_height_m: FloatArray
-    forces: "Forces | None" = None
-
-    @classmethod
-    def of(
-        cls,
-        boosts: Boosts,
-        stagings: Sequence[Staging],
-        aim_ecef_m: FloatArray,
-        aim_height_m: FloatArray,
-    ) -> "StagedShots":
-        """Return shots without a kick yet, in two-body free flight."""
-        earliest, latest = (
-            np.array([getattr(staging, name) for staging in stagings])
-            for name in ("earliest_cut_off_s", "latest_cut_off_s")
-        )
-        nothing = np.zeros(len(stagings))
-        return cls(
-            boosts, nothing, np.ones(len(stagings)), earliest, latest, aim_ecef_m, aim_height_m
-        )
-
-    def take(self, rows: RowArray) -> "StagedShots":
-        """Return some of the shots."""
-        columns = (
-            self.kick_rad,
-            self.fineness,
-            self.earliest_s,
-            self.latest_s,
-            self.aim_ecef_m,
-            self.aim_height_m,
-        )
-        forces = None if self.forces is None else self.forces.take(rows)
-        kick, fineness, earliest, latest, aim_m, height_m = (column[rows] for column in columns)
-        return StagedShots(
-            self.boosts.take(rows), kick, fineness, earliest, latest, aim_m, height_m, forces
-        )
-
-    def in_two_body_motion(self) -> "StagedShots":
-        """Return the same shots with two-body motion after burnout."""
-        return self if self.forces is None else evolve(self, forces=None)
-
-    def burnout(
-        self, azimuth_rad: FloatArray, cut_off_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
-        end = burnout(self.boosts, azimuth_rad, self.kick_rad, cut_off_s, self.fineness)
-        return end.position_m.T, end.velocity_m_s.T
-
-    def landing(self, azimuth_rad: FloatArray, cut_off_s: FloatArray) -> AimedLanding:
-        """Return the impacts of flights."""
-        end = self.burnout(azimuth_rad, cut_off_s)
-        return aimed_landing(self.boosts.site, self.aim_ecef_m, self.aim_height_m, end, self.forces)
-
-
-@frozen(eq=False, repr=False)
-class Reach:
-    """Ground angles that shots reach, by time of cut-off and kick.
-
-    `kick_rad` (n, k) increases along its rows; `cut_off_s` (n, c); `range_rad` (n, k, c), nan for
-    flights that descend at cut-off, and pi for those that pass the antipode or do not come down.
-    """
-
-    kick_rad: FloatArray
-    cut_off_s: FloatArray
-    range_rad: FloatArray
-
-    def needed_s(self, range_rad: FloatArray) -> FloatArray:
-        """Return the earliest cut-offs (n, k) that reach ground angles (n,); nan where none does.
-
-        Where the earliest of all already reaches farther, the answer is extrapolated from it.
-        """
-        far = self.range_rad >= range_rad[:, None, None]
-        far[:, :, 0] = False
-        late = np.maximum(far.argmax(axis=2), 1)
-        row, kick = np.indices(late.shape)
-        low = self.range_rad[row, kick, late - 1]
-        high = self.range_rad[row, kick, late]
-        share = (range_rad[:, None] - low) / np.maximum(high - low, 1e-12)
-        early_s = self.cut_off_s[row, late - 1]
-        late_s = self.cut_off_s[row, late]
-        return np.where(far.any(axis=2), early_s + share * (late_s - early_s), np.nan)
-
-    def extremes_rad(self) -> tuple[FloatArray, FloatArray]:
-        """Return the ranges (n,) of the flights of least energy for the earliest and for the latest
-        cut-off.
-        """
-        nearest, farthest = (
-            np.nanmax(self.range_rad[:, :, cut], axis=1, initial=0.0) for cut in (0, -1)
-        )
-        return nearest, farthest
-
-
-def reach(shots: StagedShots, azimuth_rad: FloatArray, kick_rad: FloatArray) -> Reach:
-    """Return how far shots reach with kicks (n, k), in two-body free flight."""
-    count, kicks = kick_rad.shape
-    every = np.repeat(np.arange(count), kicks)
-    boosts = shots.boosts.take(every)
-    azimuth = azimuth_rad[every]
-    share = np.linspace(0.0, 1.0, _CUTS)
-    cut_off_s = shots.earliest_s[:, None] + (shots.latest_s - shots.earliest_s)[:, None] * share
-    turn = Turn(boosts, azimuth, kick_rad.ravel())
-    state = turn.flown(BoostState.at_rest(boosts), _but_last(boosts, cut_off_s[every, 0]))
-    range_rad = np.empty((count * kicks, _CUTS))
-    last = len(boosts.stages.burn_time_s) - 1
-    earlier_s = cut_off_s[every, 0]
-    for cut in range(_CUTS):
-        cut_s = cut_off_s[every, cut]
-        if cut:
-            state = turn.flown(state, [Leg(LegKind.PART, last, earlier_s, cut_s)])
-        end = turn.flown(state, [Leg(LegKind.TAIL_OFF, last, cut_s, cut_s + boosts.tail_off_s)])
-        range_rad[:, cut] = _range_rad(shots.take(every), azimuth, end)
-        earlier_s = cut_s
-    table = range_rad.reshape(count, kicks, _CUTS)
-    # A larger kick than one into the ground is one into the ground, whatever a trial that has
-    # passed through it does.
-    table[np.logical_or.accumulate(np.isnan(table), axis=1)] = np.nan
-    return Reach(kick_rad, cut_off_s, table)
-
-
-def _but_last(boosts: Boosts, cut_off_s: FloatArray) -> list[Leg]:
-    """Return the legs up to a time of cut-off, without the tail-off."""
-    return list(boosts.legs(cut_off_s))[:-1]
-
-
-def _range_rad(shots: StagedShots, azimuth_rad: FloatArray, end: BoostState) -> FloatArray:
-    """Return the ground angles of flights with launch azimuths (n,); pi where they pass the
-    antipode or stay aloft.
-
-    nan where they descend, or are below the aim point, at burnout.
-    """
-    position = end.position_m.T
-    velocity = end.velocity_m_s.T
-    with np.errstate(all="ignore"):
-        inverse_radius = 1.0 / length(*components(position))
-        height, climb = height_and_climb(end.position_m, end.velocity_m_s, inverse_radius)
-        landing = aimed_landing(
-            shots.boosts.site, shots.aim_ecef_m, shots.aim_height_m, (position, velocity), None
-        )
-        angle, bearing = polar_rad(shots.boosts.site, landing.impact_ecef_m)
-        # Beyond the antipode the shorter way to the impact leads backwards, as it does for short
-        # steep flights.
-        is_beyond = (angle > 0.5 * np.pi) & (np.cos(bearing - azimuth_rad) < 0.0)
-        angle = np.where(is_beyond, np.pi, angle)
-    is_aloft = (climb > 0.0) & (height > shots.aim_height_m)
-    return np.where(is_aloft, np.where(np.isnan(angle), np.pi, angle), np.nan)
-
-
-@frozen(eq=False, repr=False)
 class StagedSolution:
-    """Solved launches (n,): unknowns, fineness and misses; reachable distances over the ground, m.
+    """Solved launches (n,), and about how far over the ground, m, the stages fly with the best
+    kick.
 
-    Where `is_solved` is False the unknowns are those of the nearest trial.
+    `nearest_m` is with the earliest cut-off, `farthest_m` with the latest. Where launches are not
+    solved, their unknowns are those of the nearest trial.
     """
 
-    azimuth_rad: FloatArray
-    kick_rad: FloatArray
-    cut_off_s: FloatArray
-    fineness: FloatArray
-    miss_m: FloatArray
+    launches: Launches
     nearest_m: FloatArray
     farthest_m: FloatArray
-    is_solved: BoolArray
 
 
-def solved(shots: StagedShots, loft: FloatArray, forces: "Forces | None") -> StagedSolution:
-    """Return the launches that reach the aim points, with a loft (n,) in [-1, 1] each."""
+def solved(
+    shots: StagedShots, loft: FloatArray, apogee_m: FloatArray, forces: "Forces | None"
+) -> StagedSolution:
+    """Return the launches that reach the aim points, with a loft (n,) in [-1, 1] or, where not nan,
+    an apogee, m.
+    """
     count = len(loft)
-    range_rad, azimuth_rad = polar_rad(shots.boosts.site, shots.aim_ecef_m)
+    range_rad, bearing_rad = polar_rad(shots.boosts.site, shots.aim_ecef_m)
     grid = np.geomspace(*_KICKS_RAD, _KICKS)
-    table = reach(shots, azimuth_rad, np.broadcast_to(grid, (count, _KICKS)))
+    table = reach(shots, bearing_rad, np.broadcast_to(grid, (count, _KICKS)))
     nearest_rad, farthest_rad = table.extremes_rad()
+    earliest = Launches.none(bearing_rad, shots.earliest_s)
+    is_near = range_rad <= _SLACK * farthest_rad
+    rows = np.flatnonzero(is_near & (range_rad * _SLACK >= nearest_rad))
+    if rows.size:
+        earliest.set(
+            rows, _earliest(shots.take(rows), table.take(rows), forces and forces.take(rows))
+        )
+    shots = evolve(shots, kick_rad=earliest.kick_rad, fineness=earliest.fineness, forces=forces)
+    launches = earliest
+    rows = np.flatnonzero(is_near)
+    if rows.size:
+        part = lofted(
+            shots.take(rows), table.take(rows), earliest.take(rows), loft[rows], apogee_m[rows]
+        )
+        launches.set(rows, part)
+    radius_m = length(*components(shots.boosts.site.launch_m))
+    return StagedSolution(launches, nearest_rad * radius_m, farthest_rad * radius_m)
+
+
+def _earliest(shots: StagedShots, table: Reach, forces: "Forces | None") -> Launches:
+    """Return the launches with the earliest cut-offs that reach the aim points, with the kicks of
+    two-body motion.
+    """
+    range_rad, azimuth_rad = polar_rad(shots.boosts.site, shots.aim_ecef_m)
     kick_rad, cut_off_s = _least_energy(table, range_rad)
     shots = evolve(shots, kick_rad=kick_rad)
     shots = evolve(
@@ -250,8 +104,8 @@ def solved(shots: StagedShots, loft: FloatArray, forces: "Forces | None") -> Sta
     )
     cut_off_s = _coming_down(shots, azimuth_rad, cut_off_s)
     azimuth_rad, cut_off_s = corrected(shots, azimuth_rad, cut_off_s, _ROUGH_M, _ITERATIONS)
-    table = reach(shots, azimuth_rad, _finer(table, range_rad, shots, loft))
-    kick_rad, cut_off_s = _lofted(table, range_rad, shots, loft)
+    table = reach(shots, azimuth_rad, _finer(table, shots.kick_rad))
+    kick_rad, cut_off_s = _least_energy(table, range_rad)
     shots = evolve(shots, kick_rad=kick_rad)
     shots = evolve(shots, fineness=fineness_needed(shots.boosts, azimuth_rad, kick_rad, cut_off_s))
     azimuth_rad, cut_off_s = _aimed(shots, azimuth_rad, _coming_down(shots, azimuth_rad, cut_off_s))
@@ -262,11 +116,8 @@ def solved(shots: StagedShots, loft: FloatArray, forces: "Forces | None") -> Sta
     is_solved = (
         (miss_m <= TOLERANCE_M) & (cut_off_s >= shots.earliest_s) & (cut_off_s <= shots.latest_s)
     )
-    radius_m = length(*components(shots.boosts.site.launch_m))
-    reaches_m = nearest_rad * radius_m, farthest_rad * radius_m
-    return StagedSolution(
-        azimuth_rad, kick_rad, cut_off_s, shots.fineness, miss_m, *reaches_m, is_solved
-    )
+    apogees_m = np.full((len(kick_rad), 4), np.nan)
+    return Launches(azimuth_rad, kick_rad, cut_off_s, shots.fineness, is_solved, apogees_m)
 
 
 def _coming_down(shots: StagedShots, azimuth_rad: FloatArray, cut_off_s: FloatArray) -> FloatArray:
@@ -335,53 +186,9 @@ def _least_energy(table: Reach, range_rad: FloatArray) -> tuple[FloatArray, Floa
     )
 
 
-def _allowed(
-    table: Reach, range_rad: FloatArray, shots: StagedShots
-) -> tuple[RowArray, RowArray, BoolArray]:
-    """Return the first and last of the kicks about that of least energy that keep the reserve, and
-    where there are.
-    """
-    needed_s = table.needed_s(range_rad)
-    limit_s = shots.latest_s - RESERVE * shots.boosts.stages.burn_time_s[-1]
-    fits = needed_s <= limit_s[:, None]
-    best = np.where(np.isnan(needed_s), np.inf, needed_s).argmin(axis=1)
-    kick = np.arange(fits.shape[1])
-    below = ~fits & (kick <= best[:, None])
-    above = ~fits & (kick >= best[:, None])
-    first = np.where(below.any(axis=1), fits.shape[1] - below[:, ::-1].argmax(axis=1), 0)
-    last = np.where(above.any(axis=1), above.argmax(axis=1) - 1, fits.shape[1] - 1)
-    return first, last, first <= last
-
-
-def _finer(table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatArray) -> FloatArray:
-    """Return kicks (n, k) between the neighbours of that of least energy, or with loft of all that
-    are allowed.
-    """
-    first, last, exists = _allowed(table, range_rad, shots)
-    row = np.arange(len(loft))
+def _finer(table: Reach, kick_rad: FloatArray) -> FloatArray:
+    """Return kicks (n, k) between the neighbours of those of least energy."""
     step = table.kick_rad[:, 1] / table.kick_rad[:, 0]
-    wide = exists & (loft != 0.0)
-    low = np.where(wide, table.kick_rad[row, np.minimum(first, _KICKS - 1)], shots.kick_rad) / step
-    high = np.where(wide, table.kick_rad[row, np.maximum(last, 0)], shots.kick_rad) * step
+    low = kick_rad / step
+    high = kick_rad * step
     return low[:, None] * (high / low)[:, None] ** np.linspace(0.0, 1.0, _KICKS)
-
-
-def _lofted(
-    table: Reach, range_rad: FloatArray, shots: StagedShots, loft: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the kicks (n,) of the lofts, and about when the last burn is cut off, s since
-    ignition.
-    """
-    kick_rad, cut_off_s = _least_energy(table, range_rad)
-    first, last, exists = _allowed(table, range_rad, shots)
-    row = np.arange(len(loft))
-    limit = np.where(loft > 0.0, np.minimum(first, _KICKS - 1), np.maximum(last, 0))
-    towards = np.where(exists, table.kick_rad[row, limit], kick_rad)
-    wanted = kick_rad + np.abs(loft) * (towards - kick_rad)
-    needed_s = table.needed_s(range_rad)
-    after = np.clip((table.kick_rad < wanted[:, None]).sum(axis=1), 1, _KICKS - 1)
-    low = table.kick_rad[row, after - 1]
-    high = table.kick_rad[row, after]
-    share = (wanted - low) / (high - low)
-    between_s = needed_s[row, after - 1] + share * (needed_s[row, after] - needed_s[row, after - 1])
-    return wanted, np.where((loft != 0.0) & np.isfinite(between_s), between_s, cut_off_s)

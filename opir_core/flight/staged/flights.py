@@ -12,8 +12,9 @@ from opir_core.flight.aiming import forces_on
 from opir_core.flight.boost import launch_site
 from opir_core.flight.dense_output import DenseArcs, StepRecorder
 from opir_core.flight.forces import ForceModel
-from opir_core.flight.staged.aiming import StagedShots, StagedSolution, solved
+from opir_core.flight.staged.aiming import StagedSolution, solved
 from opir_core.flight.staged.gravity_turn import Boosts, record_boosts
+from opir_core.flight.staged.shots import StagedShots
 from opir_core.flight.staged.staging import Staging
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
 
@@ -27,7 +28,8 @@ class StagedFlights:
     frozen at scene epoch. `burns_s` are the scene times of ignition and burnout of each stage, nan
     where a target has fewer; `edges_s` (n, e) those at which the thrust is not smooth. `is_solved`
     says whether the aim point is reached without the early shutdown; `nearest_m` and `farthest_m`
-    are about how far the stages reach at minimum energy.
+    are about how far the stages fly with the best kick and the earliest and the latest cut-off;
+    `apogees_m` (n, 4) are the limits of apogee (`opir_core.flight.staged.lofting.Launches`).
     """
 
     azimuth_rad: FloatArray
@@ -48,6 +50,7 @@ class StagedFlights:
     edges_s: FloatArray
     nearest_m: FloatArray
     farthest_m: FloatArray
+    apogees_m: FloatArray
     is_solved: BoolArray
     arcs: DenseArcs
 
@@ -69,14 +72,17 @@ def staged_flights(
     loft: FloatArray,
     early_shutdown_s: FloatArray,
     forces: ForceModel = "kepler",
+    apogee_m: FloatArray | None = None,
 ) -> StagedFlights:
     """Return the flights of n targets with one staging each; places, times and settings are columns
     (n,).
 
     `forces` act from burnout to impact; during the boost act their gravity, and drag in their air
-    or, without drag, in an exponential atmosphere. See `opir_core.flight.staged.aiming` for the
-    loft.
+    or, without drag, in an exponential atmosphere. Where apogees `apogee_m` are given and not nan,
+    they count instead of the loft; see `opir_core.flight.staged.lofting`.
     """
+    if apogee_m is None:
+        apogee_m = np.full_like(loft, np.nan)
     count = np.array([len(staging.stages) for staging in stagings])
     free = forces_on(forces, len(stagings))
     recorder = StepRecorder()
@@ -90,12 +96,11 @@ def staged_flights(
         )
         boosts = Boosts.of(launch_site(*start), own, forces)
         shots = StagedShots.of(boosts, own, geodetic_to_ecef(*end), end.height_m)
-        solution = solved(shots, loft[rows], None if free is None else free.take(rows))
+        own_forces = None if free is None else free.take(rows)
+        solution = solved(shots, loft[rows], apogee_m[rows], own_forces)
+        launches = solution.launches
         shots = evolve(
-            shots,
-            kick_rad=solution.kick_rad,
-            fineness=solution.fineness,
-            forces=None if free is None else free.take(rows),
+            shots, kick_rad=launches.kick_rad, fineness=launches.fineness, forces=own_forces
         )
         columns = _columns(
             shots, solution, ignition_s[rows], early_shutdown_s[rows], int(count.max())
@@ -108,10 +113,10 @@ def staged_flights(
             recorder,
             rows,
             boosts,
-            solution.azimuth_rad,
-            solution.kick_rad,
+            launches.azimuth_rad,
+            launches.kick_rad,
             cut_off_s,
-            solution.fineness,
+            launches.fineness,
         )
     is_solved = merged.pop("is_solved") > 0.0
     return StagedFlights(
@@ -128,9 +133,10 @@ def _columns(
 ) -> dict[str, FloatArray]:
     """Return the columns of solved launches with one number of stages, by their names."""
     boosts = shots.boosts
-    cut_off_s = solution.cut_off_s - early_s
-    ecef = shots.burnout(solution.azimuth_rad, cut_off_s)
-    landing = shots.landing(solution.azimuth_rad, cut_off_s)
+    launches = solution.launches
+    cut_off_s = launches.cut_off_s - early_s
+    ecef = shots.burnout(launches.azimuth_rad, cut_off_s)
+    landing = shots.landing(launches.azimuth_rad, cut_off_s)
     burnout_s = ignition_s + (cut_off_s + boosts.tail_off_s)
     eci = ecef_to_eci_state(*ecef, burnout_s)
     legs = list(boosts.legs(cut_off_s))
@@ -142,8 +148,8 @@ def _columns(
     burns_s = np.stack([ignitions_s, burnouts_s], axis=-1).transpose(1, 0, 2)
     lacking = most_stages - burns_s.shape[1]
     return {
-        "azimuth_rad": np.remainder(solution.azimuth_rad, 2.0 * np.pi),
-        "kick_rad": solution.kick_rad,
+        "azimuth_rad": np.remainder(launches.azimuth_rad, 2.0 * np.pi),
+        "kick_rad": launches.kick_rad,
         "cut_off_s": cut_off_s,
         "earliest_s": shots.earliest_s,
         "latest_s": shots.latest_s,
@@ -159,5 +165,6 @@ def _columns(
         "edges_s": np.pad(edges_s, ((0, 0), (0, 3 * lacking)), constant_values=np.nan),
         "nearest_m": solution.nearest_m,
         "farthest_m": solution.farthest_m,
-        "is_solved": solution.is_solved.astype(np.float64),
+        "apogees_m": launches.apogees_m,
+        "is_solved": launches.is_solved.astype(np.float64),
     }

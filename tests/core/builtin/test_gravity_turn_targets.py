@@ -81,6 +81,21 @@ def test_lofts_are_higher_and_later_at_the_same_aim():
 
 
 @pytest.mark.slow
+def test_a_named_apogee_between_those_of_lofts_is_steeper_and_named_in_the_truth():
+    usual, named, steep = (
+        truth_of("ICBM", 9000e3, **each) for each in ({}, {"apogee_km": 3000.0}, {"loft": 1.0})
+    )
+    assert usual["impact"]["time_s"] < named["impact"]["time_s"] < steep["impact"]["time_s"]
+    assert (named["apogee_km"], "loft" in named, "apogee_km" in usual) == (3000.0, False, False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loft", [0.0, 0.5, 1.0])
+def test_a_lofted_aim_nearer_than_the_earliest_cut_off_flies_is_reached(loft):
+    assert truth_of("ICBM", 1063e3, staging="ICBM_liquid", loft=loft)["miss_m"] < 10.0
+
+
+@pytest.mark.slow
 def test_an_early_shutdown_ends_the_last_burn_earlier_and_falls_short():
     whole, early = (truth_of("ICBM", 9000e3, early_shutdown_s=each) for each in (0.0, 3.0))
     assert whole["burnout_s"] - early["burnout_s"] == pytest.approx(3.0, abs=1e-9)
@@ -104,7 +119,15 @@ def test_an_early_shutdown_ends_the_last_burn_earlier_and_falls_short():
         ),
         (
             {"staging": "SRBM"},
-            r"targets\[0\].aim: the aim point is 9000 km .* the nearest range in reach is about",
+            r"targets\[0\].aim: the aim point is 9000 km .* fly at most about 3\d\d km",
+        ),
+        (
+            {"apogee_km": 9000.0},
+            r"targets\[0\].apogee_km: .* reach it with an apogee of 1\d\d to 69\d\d km",
+        ),
+        (
+            {"apogee_km": 900.0, "loft": 0.5},
+            r"targets\[0\].apogee_km: sets the same quantity as loft",
         ),
     ],
 )

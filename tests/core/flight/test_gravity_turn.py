@@ -229,15 +229,24 @@ def test_an_early_shutdown_ends_the_burn_so_much_earlier_and_falls_short():
 
 @pytest.mark.slow
 def test_out_of_reach_is_reported_with_the_ranges_that_are_in_reach():
-    flights, _ = flown(["SRBM", "ICBM_solid", "IRBM"], 10.0, 0.0, 90.0, [900e3, 1500e3, 4000e3])
-    assert flights.is_solved.tolist() == [False, False, True]
-    for row, name in ((0, "SRBM"), (1, "ICBM_solid")):
-        edge = flights.farthest_m[row] * 0.99 if row == 0 else flights.nearest_m[row] * 1.01
-        beyond = flights.farthest_m[row] * 1.02 if row == 0 else flights.nearest_m[row] * 0.98
-        inside, _ = flown([name], 10.0, 0.0, 90.0, edge)
-        outside, _ = flown([name], 10.0, 0.0, 90.0, beyond)
-        assert inside.is_solved.all()
-        assert not outside.is_solved.any()
+    flights, _ = flown(["SRBM", "IRBM"], 10.0, 0.0, 90.0, [900e3, 4000e3])
+    assert flights.is_solved.tolist() == [False, True]
+    inside, _ = flown(["SRBM"], 10.0, 0.0, 90.0, flights.farthest_m[0] * 0.99)
+    outside, _ = flown(["SRBM"], 10.0, 0.0, 90.0, flights.farthest_m[0] * 1.02)
+    assert inside.is_solved.all()
+    assert not outside.is_solved.any()
+
+
+@pytest.mark.slow
+def test_aims_nearer_than_the_earliest_cut_off_flies_are_reached_by_steep_flights():
+    lofts = [0.0, 0.1, 0.5, 1.0]
+    flights, _ = flown(["ICBM_solid"] * 4, 10.0, 0.0, 90.0, 1500e3, loft=lofts)
+    assert (flights.nearest_m > 1500e3).all()
+    assert flights.is_solved.all()
+    assert (flights.miss_m < 10.0).all()
+    assert flights.cut_off_s[0] == flights.earliest_s[0]
+    assert flights.cut_off_s[3] == pytest.approx(flights.latest_s[3], abs=1e-6)
+    assert (np.diff(flights.impact_s) > 0.0).all()
 
 
 @pytest.mark.slow
