@@ -18,6 +18,7 @@ __all__ = [
     "Problem",
     "SceneError",
     "SinkError",
+    "install_command",
     "kind_of",
     "nearest",
     "nearest_names",
@@ -27,6 +28,16 @@ __all__ = [
     "way_to_write",
     "with_article",
 ]
+
+
+def install_command(distribution: str, extra: str = "") -> str:
+    """Return how to install a distribution of this project, with an extra if it needs one.
+
+    None of them is on a package index: the command works in a clone, and the words say so.
+    """
+    folder = "." if distribution == "opir-core" else f"./plugins/{distribution.replace('-', '_')}"
+    place = f"'{folder}[{extra}]'" if extra else folder
+    return f"from a clone of opir: python -m pip install {place}"
 
 
 class OpirError(Exception):

@@ -5,14 +5,14 @@ import sys
 from importlib import import_module
 
 from opir_core.cli.main import full_parser
-from opir_core.errors import PluginError
+from opir_core.errors import PluginError, install_command
 
 
 def completion_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the shell."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = (
-        'needs shtab: pip install "opir-core[completion]"\n\n'
+        f"needs shtab; {install_command('opir-core', 'completion')}\n\n"
         'bash: eval "$(opir completion bash)" in ~/.bashrc\n'
         'zsh:  eval "$(opir completion zsh)" in ~/.zshrc, after compinit\n'
         "fish: opir completion fish > ~/.config/fish/completions/opir.fish"
@@ -28,7 +28,7 @@ def completion(arguments: argparse.Namespace) -> int:
         shtab = import_module("shtab")
     except ImportError as error:
         raise PluginError(
-            'opir completion needs shtab: pip install "opir-core[completion]"'
+            f"opir completion needs shtab; {install_command('opir-core', 'completion')}"
         ) from error
     sys.stdout.write(shtab.complete(full_parser(), arguments.shell) + "\n")
     return 0

@@ -9,7 +9,7 @@ from types import FrameType
 
 from attrs import frozen
 
-from opir_core.errors import nearest, nearest_names, with_article
+from opir_core.errors import install_command, nearest, nearest_names, with_article
 from opir_core.host.components import CATALOGUE, PluginFailure, Provenance, plural
 from opir_core.host.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
 from opir_core.scene.fields import LIGHT
@@ -184,8 +184,7 @@ def way_to_read(subject: str) -> str:
 
 def way_to_install(package: str) -> str:
     """Return how to install a package of this project."""
-    folder = f"./plugins/{package.replace('-', '_')}"
-    return f"{package} provides it: python -m pip install {package} (in a clone of opir: {folder})"
+    return f"{package} provides it; {install_command(package)}"
 
 
 def contested(search: Search, owners: Collection[Provenance]) -> str:

@@ -14,7 +14,7 @@ from attrs import define, field, frozen
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import GEOSTATIONARY_RADIUS_M
-from opir_core.errors import ModelError, PluginError, Problem, SceneError
+from opir_core.errors import ModelError, PluginError, Problem, SceneError, install_command
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef, eci_to_ecef_state, gmst_rad
@@ -214,9 +214,8 @@ def orbit_of(
 def _orbit_of_file(config: OmmFileConfig, epoch_us: int, readers: Sequence[Any]) -> MovingOrbit:
     makers = [reader.orbit for reader in readers if reader.orbit is not None]
     if not makers:
-        raise PluginError(
-            "orbit.file: no installed plugin reads orbits from files; install opir-readers"
-        )
+        remedy = install_command("opir-readers")
+        raise PluginError(f"orbit.file: no installed plugin reads orbits from files; {remedy}")
     try:
         orbit: MovingOrbit = makers[0](config.path, config.satellite, epoch_us, readers)
     except BadFileError as error:

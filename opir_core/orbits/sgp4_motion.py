@@ -18,7 +18,7 @@ import numpy as np
 from attrs import field, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.errors import ModelError, PluginError
+from opir_core.errors import ModelError, PluginError, install_command
 from opir_core.geometry import gmst_rad
 from opir_core.orbits.mean_elements import OMM_NUMBERS, omm_epoch, omm_number
 
@@ -151,6 +151,7 @@ def _sgp4() -> Any:
     try:
         return import_module("sgp4.api")
     except ImportError as error:
+        remedy = install_command("opir-core", "sgp4")
         raise PluginError(
-            "an orbit from a TLE or an OMM needs the package sgp4: install opir-core[sgp4]"
+            f"an orbit from a TLE or an OMM needs the package sgp4; {remedy}"
         ) from error

@@ -7,7 +7,7 @@ from typing import Any, get_type_hints
 
 from attrs import NOTHING, Factory, fields, frozen
 
-from opir_core.errors import PluginError, nearest as nearest_words
+from opir_core.errors import PluginError, install_command, nearest as nearest_words
 from opir_core.host.boundary import is_interruption
 from opir_core.host.components import CATALOGUE
 from opir_core.host.error_messages import described_error
@@ -128,9 +128,8 @@ class ComponentReader:
                 ]
             except BadFileError as error:
                 raise node.refused(str(error)) from error
-        raise node.refused(
-            "no installed plugin reads fleets from files; install opir-readers", at_key=True
-        )
+        words = f"no installed plugin reads fleets from files; {install_command('opir-readers')}"
+        raise node.refused(words, at_key=True)
 
     def named(self, hook: str, node: Node, path: str) -> Choice:
         """Return the choice of a node: a component's name, or a block of `model` and settings."""

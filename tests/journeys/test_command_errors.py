@@ -261,10 +261,8 @@ def test_a_missing_package_of_this_project_is_named(
 ) -> None:
     monkeypatch.setattr(discovery, "distributions_with", lambda groups: [])
     message = reported(capsys, *words, code=3)
-    assert (
-        f"{package} provides it: python -m pip install {package} (in a clone of opir: ./plugins/"
-        in message
-    )
+    folder = f"./plugins/{package.replace('-', '_')}"
+    assert f"{package} provides it; from a clone of opir: python -m pip install {folder}" in message
 
 
 @pytest.mark.parametrize(

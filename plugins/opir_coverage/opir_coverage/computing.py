@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from opir_core import Host, Plan, Scene, compile_plan, load_scene
-from opir_core.errors import ModelError
+from opir_core.errors import ModelError, install_command
 from opir_core.planning import distinct_bands
 from opir_coverage.geometry_layers import geometry_layers
 from opir_coverage.grid import PlaceGrid
@@ -28,8 +28,8 @@ def coverage(scene: Scene | Plan | str | Path, **settings: Any) -> "xarray.Datas
     try:
         return computed_coverage(scene, made_settings(**settings)).xarray()
     except ImportError as error:
-        remedy = "python -m pip install 'opir-coverage[xarray]'"
-        raise ModelError(f"opir_coverage.coverage needs xarray: {remedy}") from error
+        remedy = install_command("opir-coverage", "xarray")
+        raise ModelError(f"opir_coverage.coverage needs xarray; {remedy}") from error
 
 
 def made_settings(**settings: Any) -> CoverageSettings:

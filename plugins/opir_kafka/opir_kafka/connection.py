@@ -17,7 +17,7 @@ from aiokafka import AIOKafkaProducer
 from aiokafka.conn import create_conn
 from aiokafka.errors import KafkaConnectionError
 
-from opir_core.errors import SinkError
+from opir_core.errors import SinkError, install_command
 from opir_kafka.failures import ClosedError, cause_of
 from opir_kafka.settings import KafkaConfig, SecurityConfig
 
@@ -170,7 +170,5 @@ def _require_codec(compression: str) -> None:
         "lz4": codec.has_lz4,
     }
     if not known.get(compression, codec.has_zstd)():
-        raise SinkError(
-            f"kafka: {compression} is not installed; python -m pip install"
-            f" 'opir-kafka[compression]'"
-        )
+        remedy = install_command("opir-kafka", "compression")
+        raise SinkError(f"kafka: {compression} is not installed; {remedy}")

@@ -5,6 +5,7 @@ from io import BytesIO
 from typing import Any
 from uuid import UUID
 
+from opir_core.errors import install_command
 from opir_core.plugin import BadFileError
 
 #: Parquet files begin so.
@@ -32,9 +33,8 @@ def text_of_parquet(content: bytes) -> str:
         import pyarrow
         from pyarrow import csv, parquet
     except ImportError as error:
-        raise BadFileError(
-            'is Parquet, which needs pyarrow: pip install "opir-readers[parquet]"'
-        ) from error
+        remedy = install_command("opir-readers", "parquet")
+        raise BadFileError(f"is Parquet, which needs pyarrow; {remedy}") from error
     text = BytesIO()
     try:
         file = parquet.ParquetFile(BytesIO(content))

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from opir_core.errors import install_command
 from opir_core.plugin import NoConfig, RendererModel, hookimpl
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def renderer(_config: NoConfig, context: "RendererContext") -> "Renderer":
     try:
         from opir_render.compiled import render
     except ImportError as error:
-        words = f"{error}; install opir-render where a C compiler is"
+        words = f"{error}; where a C compiler is, {install_command('opir-render')}"
         raise ImportError(words) from error
     return partial(_rendered, render, context.reference)
 

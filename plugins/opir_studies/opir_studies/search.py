@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from attrs import define, field, frozen
 
-from opir_core.errors import PluginError
+from opir_core.errors import PluginError, install_command
 
 #: A design by the numbers of its levels.
 Point = tuple[int, ...]
@@ -148,11 +148,10 @@ def _optuna_study(seed: int) -> Any:
     try:
         import optuna
     except ModuleNotFoundError as error:
-        words = (
-            "opir optimise needs Optuna, which is not installed; pip install"
-            " 'opir-studies[optimise]'"
-        )
-        raise PluginError(words) from error
+        remedy = install_command("opir-studies", "optimise")
+        raise PluginError(
+            f"opir optimise needs Optuna, which is not installed; {remedy}"
+        ) from error
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     return optuna.create_study(
         direction="minimize", sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True)

@@ -12,7 +12,7 @@ from typing import Any
 from attrs import evolve
 
 from opir_core.cli import grouped, table
-from opir_core.errors import Problem, SceneError
+from opir_core.errors import Problem, SceneError, install_command
 from opir_core.host import ended_if_stuck
 from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
 from opir_studies.axes import AxisError, vary_of_text
@@ -65,7 +65,7 @@ def report_writer(arguments: argparse.Namespace) -> Callable[[Path], Sequence[st
         from opir_report import write_study_figures, write_study_report  # takes a second
     except ImportError as error:
         flag = "--report" if page is not None else "--figures"
-        raise _refused(flag, "needs opir-report: `pip install ./plugins/opir_report`") from error
+        raise _refused(flag, f"needs opir-report; {install_command('opir-report')}") from error
 
     def write(folder: Path) -> Sequence[str]:
         lines = []

@@ -144,7 +144,7 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
 
 def test_without_sgp4_the_way_out_is_said(monkeypatch):
     monkeypatch.setitem(sys.modules, "sgp4.api", None)
-    with pytest.raises(PluginError, match=r"needs the package sgp4: install opir-core\[sgp4\]"):
+    with pytest.raises(PluginError, match=r"needs the package sgp4; .* pip install '.\[sgp4\]'"):
         orbit_of(OrbitConfig(omm=OMM), OMM_EPOCH_US)
 
 

@@ -204,7 +204,9 @@ def test_a_view_that_is_not_installed_is_refused_with_its_package(
     with pytest.raises(PluginError) as refused:
         view(with_host(memory))
     assert str(refused.value).startswith(f"{wanted}: no run view is named")
-    assert f"{package} provides it: python -m pip install {package}" in str(refused.value)
+    assert f"{package} provides it; from a clone of opir: python -m pip install ./plugins/" in str(
+        refused.value
+    )
 
 
 def test_a_run_of_given_plugins_is_shown_by_what_is_installed(memory: opir_core.Run) -> None:

@@ -199,6 +199,6 @@ def test_without_a_reader_of_fleets_the_remedy_is_given():
     sensors = [{"model": "SCANNER", "fleet": {"file": "fleet.tle"}}]
     with pytest.raises(
         SceneError,
-        match=r"sensors\[0\].fleet: no installed plugin reads fleets .* install opir-readers",
+        match=r"sensors\[0\].fleet: no installed plugin reads fleets .* install \./plugins/opir_readers",
     ):
         scene_from_mapping({**SCENE, "sensors": sensors}, host=Host(Selection(core_sources())))

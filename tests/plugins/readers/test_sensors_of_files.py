@@ -217,7 +217,7 @@ def test_an_ephemeris_that_does_not_cover_the_scene_is_reported(tmp_path):
 
 
 def test_without_a_reader_of_orbits_the_remedy_is_reported(tmp_path):
-    with pytest.raises(PluginError, match="install opir-readers"):
+    with pytest.raises(PluginError, match=r"install \./plugins/opir_readers"):
         orbit_of(OrbitConfig(file=OmmFileConfig(path="x")), EPOCH_US)
     assert Host(Selection(core_sources())).readers() == []
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
-from opir_core.errors import PluginError
+from opir_core.errors import PluginError, install_command
 from opir_export.tabular.columns import table_of
 from opir_export.tabular.detection_tables import detection_columns, truth_columns
 from opir_export.tabular.scene_tables import sensor_columns, target_columns
@@ -82,5 +82,5 @@ def _require(library: str, wanted: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name != library:
             raise
-        remedy = f"python -m pip install 'opir-export[{library}]'"
-        raise PluginError(f"{wanted} needs {library}, which is not installed: {remedy}") from error
+        remedy = install_command("opir-export", library)
+        raise PluginError(f"{wanted} needs {library}, which is not installed; {remedy}") from error
