@@ -26,12 +26,13 @@ PRESETS = {"SRBM": 300e3, "IRBM": 5500e3, "ICBM_liquid": 15000e3}
 class RoughFlight(Flight):
     """A flight to about a kilometre at impact."""
 
-    options: ClassVar = {"method": "RK45", "rtol": 1e-7, "atol": 1e-2}
+    options: ClassVar = {"method": "RK45", "rtol": 1e-7, "atol": 1e-2, "dense_output": True}
 
     def apogee_and_impact(self):
         """Return the height of the apogee, m, and latitude and longitude of the impact, degrees."""
         coast = self.integrated()[-1]
-        apogee_m = max(height_m(position) for position in coast.y[:3].T)
+        between = np.linspace(coast.t[0], coast.t[-1], 300)
+        apogee_m = max(height_m(position) for position in coast.sol(between)[:3].T)
         lon, lat, _ = TO_GEODETIC.transform(*to_inertial(coast.y[:3, -1], -coast.t[-1]))
         return apogee_m, lat, lon
 

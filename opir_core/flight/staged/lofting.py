@@ -33,6 +33,9 @@ MAX_APOGEE_M = 5e7
 
 _ITERATIONS = 40
 
+#: Newton's method gives up where this share of its step does not reduce the error.
+_LEAST_SHARE = 2.0**-7
+
 #: Steps of the finite differences of kick, rad, and cut-off, s.
 _STEPS = np.array([1e-5, 1e-5, 1e-3])
 
@@ -46,7 +49,7 @@ _METRES_PER_S = 1e5
 _SECONDS_OF_CLIMB = 100.0
 
 #: The number of parts in which a goal is approached that is not reached at once.
-_PARTS = 12
+_PARTS = 8
 
 
 class Goal(IntEnum):
@@ -227,7 +230,7 @@ def _improved(
     error_m = length(residual)
     share = np.ones(len(error_m))
     for _ in range(_ITERATIONS):
-        rows = np.flatnonzero(error_m > TOLERANCE_M)
+        rows = np.flatnonzero((error_m > TOLERANCE_M) & (share > _LEAST_SHARE))
         if not rows.size:
             break
         part = shots.take(rows)
