@@ -42,7 +42,7 @@ from opir_core.planning.reported_types import (
     offered_hypotheses,
     paper_codes,
     reported_types,
-    with_paper_types,
+    sensors_of_trackers,
 )
 from opir_core.planning.sensor_states import PointingBias, SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines
@@ -160,10 +160,10 @@ class Plan(PlanParts):
         return None if is_paper else paper_codes(self.reported_types, self.host)
 
     def tracker_sensors(self) -> tuple[Sensor, ...]:
-        """Return the sensors as trackers know them: with confusion matrices over
-        `REPORTED_TYPES`.
+        """Return the sensors as trackers know them: with the confusion matrices, over
+        `REPORTED_TYPES`, by which the classifier reports.
         """
-        return with_paper_types(self.sensors, self.host)
+        return sensors_of_trackers(self.sensors, self.scene.classification, self.host)
 
     def look_geometry(self) -> LookGeometry:
         """Return the geometry of the plan's looks."""
@@ -389,7 +389,7 @@ def _tracker_context(
     """Return what all trackers of a scene are built from."""
     rates = detection.rate_per_scan
     return TrackerContext(
-        sensors=with_paper_types(sensors, host),
+        sensors=sensors_of_trackers(sensors, scene.classification, host),
         epoch_us=scene.epoch_us,
         duration_s=scene.duration_s,
         forces=_forces(scene),

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from opir_core.errors import ModelError, PluginError
 from opir_core.host.host import Host
 from opir_core.interfaces.protocols import Sensor
+from opir_core.scene.fields import CONFUSION
 from opir_core.scene.hypotheses import Hypothesis, hypotheses_of
-from opir_core.scene.scene import PAPER_TYPES, REPORTED_TYPES, Scene
+from opir_core.scene.scene import PAPER_TYPES, REPORTED_TYPES, Choice, Scene
 from opir_core.scene.target_classes import TargetClass
 
 #: Codes of reported types are bytes.
@@ -59,10 +60,19 @@ def paper_codes(names: Iterable[str], host: Host) -> NDArray[np.uint8]:
     )
 
 
-def with_paper_types(sensors: Iterable[Sensor], host: Host) -> tuple[Sensor, ...]:
-    """Return sensors whose confusion matrices have columns for `REPORTED_TYPES` only: classes add
-    to their types.
+def sensors_of_trackers(
+    sensors: Iterable[Sensor], classification: Choice, host: Host
+) -> tuple[Sensor, ...]:
+    """Return the sensors as trackers know them: a confusion matrix has columns for `REPORTED_TYPES`
+    only, to which classes add.
+
+    Where the classifier does not report by these matrices, they say nothing of its reports: the
+    sensors have none.
     """
+    classifier = host.component(classification.hook, classification.name)
+    subjects = classifier.subjects_read(classification.config)
+    if subjects is not None and CONFUSION not in subjects:
+        return tuple(evolve(sensor, confusion={}) for sensor in sensors)
     return tuple(_with_paper_types(sensor, host) for sensor in sensors)
 
 

@@ -61,7 +61,7 @@ READ_BY: Mapping[str, str] = {
     BIAS: "a tracker does, of sensors with a bias or with clocks that are off",
     DRAG: "it is read with drag among the scene's forces",
     DETECTION_PROBABILITY: "detection: constant does",
-    CONFUSION: "classification: paper does, and a tracker that weighs reported types",
+    CONFUSION: "classification: paper does",
     STRUCTURE: "sensors with a focal plane do",
     RESIDUAL: "sensors without a focal plane (focal_plane: null) do",
     SKY: "it is hidden below the atmosphere's opaque cloud",

@@ -23,7 +23,7 @@ def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker"
 
 
 def _subjects_read(config: ImmConfig) -> Sequence[str]:
-    return ["confusion", *(["bias"] if config.clock_sigma_s else [])]
+    return ["bias"] if config.clock_sigma_s else []
 
 
 @hookimpl
@@ -35,7 +35,7 @@ def opir_trackers() -> Iterable[TrackerModel]:
         " impact sigma",
         config=KeplerArcConfig,
         build=_kepler_arc,
-        reads=("confusion",),
+        reads=(),
     )
     yield TrackerModel(
         name="imm",
