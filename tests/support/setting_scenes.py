@@ -97,18 +97,26 @@ def changed_scenes(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
     for choice in made.choices:
         config_class = HOST.component(choice.hook, choice.name).config
         for key, value in other_values(config_class):
-            if key.partition(".")[0] not in conditional_fields(config_class) or _is_absent(
+            if key.partition(".")[0] not in conditional_fields(config_class) or _value(
                 choice.config, key
+            ) in (
+                _ABSENT,
+                value,
             ):
                 continue
             yield f"{choice.path}.{key}", _with(scene, choice.path, choice.name, nested(key, value))
 
 
-def _is_absent(config: Any, key: str) -> bool:
-    """Return whether a setting stands in a block that is not there."""
-    for part in key.split(".")[:-1]:
+_ABSENT = "no such block"
+
+
+def _value(config: Any, key: str) -> Any:
+    """Return the value of a dotted setting, `_ABSENT` if it stands in a block that is not there."""
+    for part in key.split("."):
+        if config is None:
+            return _ABSENT
         config = getattr(config, part)
-    return config is None
+    return config
 
 
 def _with(
