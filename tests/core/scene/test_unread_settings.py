@@ -13,9 +13,16 @@ from opir_core.reading import scene_mapping
 from opir_core.scene.fields import READ_BY, field_infos
 from opir_core.simulation.plan_checks import plan_warnings
 
-#: Parts of paths of settings that are read, and change nothing in these scenes: `notional` is the
-#: default, looks are too few to be interpolated, no line of sight passes the limb.
-WITHOUT_EFFECT = (".focal_plane$", "probability_tolerance$", "structure.limb.")
+#: Parts of paths of settings that are read, and change nothing in some of these scenes: `notional`
+#: is the default, looks are too few to be interpolated, all bands are bright, no line of sight
+#: passes the limb or another cell of cloud.
+WITHOUT_EFFECT = (
+    ".focal_plane$",
+    "probability_tolerance$",
+    "coincidence_sigma$",
+    "structure.limb.",
+    "cloud.cover$",
+)
 
 CASES: list[tuple[str, dict[str, Any], str]] = [
     ("constant", {"atmosphere": "lowtran"}, "atmosphere"),
