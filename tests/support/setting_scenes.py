@@ -28,6 +28,10 @@ TARGET: dict[str, Any] = {
 }
 FAR = {**TARGET, "type": "ICBM", "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}
 PLUME = {"signature": {"model": "plume"}}
+HOT = {
+    **TARGET,
+    "signature": {"model": "plume", "body_temperature_k": 3000.0, "body_area_m2": 40.0},
+}
 BRIGHT = {**FAR, "signature": {"model": "plume", "scale": 100.0}}
 LIGHT: dict[str, Any] = {"detection": {"model": "snr"}, "targets": [{**TARGET, **PLUME}]}
 SKY: dict[str, Any] = {
@@ -63,7 +67,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = {
     },
     "ratios": {**SKY, "sensors": [RATIOS]},
     "no plane": {**SKY, "sensors": [PLAIN]},
-    "bodies": {**SKY, "sensors": [FOLLOWING], "duration_s": 120.0},
+    "bodies": {**SKY, "targets": [HOT], "sensors": [FOLLOWING], "duration_s": 120.0},
     "calibrated": {"targets": [BRIGHT], "detection": {"model": "snr", "calibrate": "paper"}},
     "exact": {**LIGHT, "detection": {"model": "snr", "exact": True}},
     "kepler-arc": {"tracker": {"model": "kepler-arc"}},

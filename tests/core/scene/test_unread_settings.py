@@ -14,12 +14,13 @@ from opir_core.scene.fields import READ_BY, field_infos
 from opir_core.simulation.plan_checks import plan_warnings
 
 #: Parts of paths of settings that are read, and change nothing in some of these scenes: `notional`
-#: is the default, looks are too few to be interpolated, all bands are bright, no line of sight
-#: passes the limb or another cell of cloud.
+#: is the default, looks are too few to be interpolated, all bands are bright, a hot body reflects
+#: next to nothing, no line of sight passes the limb or another cell of cloud.
 WITHOUT_EFFECT = (
     ".focal_plane$",
     "probability_tolerance$",
     "coincidence_sigma$",
+    "body_albedo$",
     "structure.limb.",
     "cloud.cover$",
 )
