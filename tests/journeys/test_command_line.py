@@ -149,6 +149,7 @@ def test_many_targets_are_answered_in_few_lines(tmp_path: Path, opir: Opir) -> N
     targets = [{"id": f"T{number}", **(target if number else hidden)} for number in range(9)]
     sensors = [{"model": "DSP", "id": "D", "orbital_slot_deg": 120.0}]
     head = {"scene": "raid", "epoch": "2026-04-01T12:00:00Z", "duration_s": 60, "seed": 1}
+    head["detection"] = "constant"
     scene.write_text(json.dumps({**head, "sensors": sensors, "targets": targets}), encoding="utf-8")
     reported = opir("run", str(scene), "--sink", "null").stdout.splitlines()[2:9]
     assert reported[0] == "T0 (SRBM): not detected: the Earth is in the way throughout the burn"
@@ -262,7 +263,8 @@ def test_explain_tells_pairs_and_what_is_skipped(opir: Opir) -> None:
     assert text.returncode == 0
     assert "skipped because" in text.stdout
     assert reported["noise"] == []
-    noisy = json.loads(opir("explain", PACIFIC, "--set", "detection=snr", "--json").stdout)["noise"]
+    light = ("--set", "detection=snr", "--set", "sensors[0].preset=paper")
+    noisy = json.loads(opir("explain", PACIFIC, *light, "--json").stdout)["noise"]
     rates = {row["sensor_id"]: row["per_scan"] for row in noisy}
     # DSP: 8.73 exceedances of 5 standard deviations a scan, of which the gates of the two scans
     # before confirm few.
