@@ -95,7 +95,8 @@ def test_only_settings_of_what_a_scene_names_are_turned() -> None:
     assert names(light_time=False, detection="snr", classification="none") == {
         "probability tolerance"
     }
-    assert names(atmosphere="lowtran", light_time=False) == set()  # a model is never left out
+    dark = {"detection": "constant", "light_time": False}
+    assert names(atmosphere="lowtran", **dark) == set()  # a model is never left out
     assert "tracker cadence" in names(tracker="kepler-arc")
     assert {"tracker cadence and slice", "impact regions"} <= names(tracker="imm")
 
