@@ -122,3 +122,43 @@ def test_fires_are_where_they_are(tracks):
     # Three positions of three degrees of freedom each; the velocities are next to nothing. χ²₉ is
     # within with 99.8 %.
     assert 1.15 < sum(squares) < 28.0
+
+
+def aircraft(path, place, course_rad, speed_m_s, climb_m_s):
+    """Write two minutes of an aircraft that gains 0.5 m/s a second on its course, as a table of
+    positions; its path.
+    """
+    time_s = np.arange(0.0, 121.0)
+    along = (speed_m_s + 0.25 * time_s) * time_s / 6.371e6
+    lat = np.radians(place[0]) + along * np.cos(course_rad)
+    lon = np.radians(place[1]) + along * np.sin(course_rad) / np.cos(lat)
+    rows = geodetic_to_ecef(lat, lon, 4000.0 + climb_m_s * time_s)
+    table = np.column_stack([time_s, rows, np.ones(len(time_s))])
+    head = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,is_burning"
+    np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.3f")
+    return str(path)
+
+
+@pytest.mark.slow
+def test_lightning_and_aircraft_are_no_launches(tmp_path):
+    """Flashes of 0.15 to 0.7 s at 6 to 14 km, and climbing aircraft as bright as a missile."""
+    rng = np.random.default_rng(71)
+    flashes = []
+    for begin_s in rng.uniform(2.0, 138.0, 60).tolist():
+        end_s = begin_s + rng.uniform(0.15, 0.7)
+        place = {"lat_deg": rng.uniform(20.0, 45.0), "lon_deg": rng.uniform(40.0, 80.0)}
+        light = {"height_m": rng.uniform(6e3, 14e3), "temperature_k": 15e3, "area_m2": 20.0}
+        flashes.append({**place, **light, "start_s": begin_s, "end_s": end_s})
+    targets = []
+    for number in range(4):
+        place = rng.uniform(20.0, 45.0), rng.uniform(40.0, 80.0)
+        motion = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(180.0, 280.0), rng.uniform(0.0, 120.0)
+        file = aircraft(tmp_path / f"{number}.csv", place, *motion)
+        targets.append(
+            {"id": f"A{number}", "model": "table", "type": "SRBM", "file": file, "start_s": 5.0}
+        )
+    sources = [{"id": "lightning", "model": "flares", "at": flashes}]
+    changes = {"targets": targets, "sources": sources, "classification": "paper", "duration_s": 140}
+    tracks = opir.simulate(opir.scene_from_mapping({**SCENE, **changes})).tracks
+    assert len(np.unique(tracks.track)) > 20
+    assert tracks.probability_launch.max() < 0.5
