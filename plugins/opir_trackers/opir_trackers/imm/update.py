@@ -54,27 +54,37 @@ def update(
     then = then if found.crowds is now.crowds else evolve(then, crowds=found.crowds)
     then = _registered(models, then, ahead, found)
     table = then.table.with_detections(found.owner, lines.time_s, lines.sensor, reported)
-    motion = _lit_again(models, then, found.owner).with_lines(
-        found.owner, lines, models.groups.log_clutter
-    )
+    motion = _lit_again(models, then, found.owner, lines.time_s)
+    motion = motion.with_lines(found.owner, lines, models.groups.log_clutter)
     estimates = models.single.with_ascents(
         then.estimates, table, motion, then.table.seen_s, ahead.end_s
     )
     return then.after(ahead.end_s, estimates, table, motion)
 
 
-def _lit_again(models: TrackingModels, now: TrackerState, owner: IntArray) -> MotionStatistics:
-    """Return the motion before lines of rows `owner` (m,), begun anew where an undecided track was
-    dark for long.
+def _lit_again(
+    models: TrackingModels, now: TrackerState, owner: IntArray, time_s: FloatArray
+) -> MotionStatistics:
+    """Return the motion before lines of rows `owner` (m,) at times, begun anew where an undecided
+    track was dark.
 
     What shines there again may be another source: two flashes would make one fast motion.
     """
+    count = len(now.table)
+    mine = owner >= 0
+    first_s = np.full(count, np.inf)
+    np.minimum.at(first_s, owner[mine], time_s[mine])
+    silent_s = first_s - now.table.seen_s
     limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, now.table))
-    dark = ~now.motion.is_decided & (now.time_s - now.table.seen_s > limit_s)
-    if not np.count_nonzero(dark):
+    is_seen = np.isfinite(first_s)
+    rows = (is_seen & ~now.motion.is_decided & (silent_s > limit_s)).nonzero()[0]
+    if not len(rows):
         return now.motion
-    rows = np.intersect1d(dark.nonzero()[0], owner)
-    return now.motion.restarted(rows, now.time_s) if len(rows) else now.motion
+    place = now.estimates.likelier_position_m[rows]
+    fresh = MotionStatistics.fresh(place, now.time_s, first_s[rows], models.groups.prior)
+    order = np.arange(count)
+    order[rows] = count + np.arange(len(rows))
+    return MotionStatistics.concatenate([now.motion, fresh]).take(order)
 
 
 def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEstimates:
