@@ -1,4 +1,4 @@
-"""What `opir export` does: read a run, write it in a format, list the files."""
+"""The command `opir export`: read a run, write it in a format, list the files."""
 
 import argparse
 import re
@@ -38,7 +38,7 @@ def export(arguments: argparse.Namespace) -> int:
 def exporter_of(host: Host, name: str, settings: Sequence[str] = ()) -> Exporter:
     """Return an exporter with the settings of `key=value` words.
 
-    Raises `PluginError` if there is none of the name, `SceneError` with every invalid setting.
+    Raises `PluginError` for an unknown name, `SceneError` with every invalid setting.
     """
     component = host.component(ExporterModel, name)
     root = Node({})
@@ -50,7 +50,8 @@ def exporter_of(host: Host, name: str, settings: Sequence[str] = ()) -> Exporter
     if complaints:
         source = f"--set of {component.kind} {name}"
         raise SceneError(
-            [Problem(each.path.lstrip("."), each.message) for each in complaints], source=source
+            [Problem(complaint.path.lstrip("."), complaint.message) for complaint in complaints],
+            source=source,
         )
     exporter: Exporter = component.build(config, ExporterContext())
     return exporter
@@ -69,12 +70,10 @@ def written(host: Host, name: str, exporter: Exporter, run: Any, out: Path) -> S
 
 
 def _run_path(arguments: argparse.Namespace) -> Path:
-    """Return the run of the arguments; `SceneError` if run or format are missing, or it is a
-    scene.
-    """
+    """Return the path of the run; `SceneError` if it or the format is missing, or for a scene."""
     missing = [
-        Problem(what, words)
-        for what, is_given, words in (
+        Problem(word, words)
+        for word, is_given, words in (
             ("RUN", arguments.path, "is missing; give the events or the folder of a run"),
             (
                 "--to",
@@ -97,7 +96,7 @@ def _run_path(arguments: argparse.Namespace) -> Path:
 
 
 def _beside(path: Path, run: Any, name: str, suffix: str) -> Path:
-    """Return the path of an export without `--out`: beside the run, named for its scene."""
+    """Return the path of an export without `--out`: beside the run, named after its scene."""
     folder = path if path.is_dir() else path.parent
     stem = re.sub(r"[^\w.-]+", "-", run.plan.scene.name).strip(".") or "run"
     return folder / (f"{stem}{suffix}" if suffix else f"{stem}-{name}")

@@ -22,8 +22,9 @@ _PROBABILITIES = {f"probability_{name}": name for name in REPORTED_TYPES}
 
 
 def parquet_events(path: Path) -> Iterator[Mapping[str, Any]]:
-    """Yield the events with the keys of the encoder `forge`; raises OSError or ValueError if the
-    file is another.
+    """Yield the events with the keys of the encoder `forge`.
+
+    Raises OSError, or ValueError if the sink `parquet` did not write the file.
     """
     with parquet.ParquetFile(path) as file:
         lacking = sorted(_NEEDED.difference(file.schema_arrow.names))
@@ -36,24 +37,31 @@ def parquet_events(path: Path) -> Iterator[Mapping[str, Any]]:
 
 
 def _rows(batch: Any) -> Iterator[Mapping[str, Any]]:
-    columns = {name: batch.column(name).to_pylist() for name in _PLAIN}
+    prefix, suffix = _IRRADIANCE
+    bands = {
+        name: name.removeprefix(prefix).removesuffix(suffix)
+        for name in batch.schema.names
+        if name.startswith(prefix)
+    }
+    columns = {
+        **_plain_columns(batch),
+        **_shares(batch, "band_irradiance_w_m2", bands),
+        **_shares(batch, "type_probability", _PROBABILITIES),
+    }
+    return (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+
+
+def _plain_columns(batch: Any) -> dict[str, list[Any]]:
+    """Return the columns that every file has, by the key of the event."""
+    columns = {name: batch.column(name).to_pylist() for name in (*_PLAIN, *_POSITION)}
+    positions = [columns.pop(name) for name in _POSITION]
     columns["detection_id"] = uuid_texts(batch.column("detection_id"))
     columns |= {key: _texts_of(batch.column(name)) for key, name in _INSTANTS.items()}
-    columns["sensor_position_ecef_m"] = list(
-        zip(*(batch.column(name).to_pylist() for name in _POSITION), strict=True)
-    )
+    columns["sensor_position_ecef_m"] = list(zip(*positions, strict=True))
     columns["bands"] = [
         text.split("+") if text else [] for text in batch.column("bands").to_pylist()
     ]
-    first, last = _IRRADIANCE
-    bands = {
-        name: name[len(first) : -len(last)] for name in batch.schema.names if name.startswith(first)
-    }
-    columns |= _shares(batch, "band_irradiance_w_m2", bands) | _shares(
-        batch, "type_probability", _PROBABILITIES
-    )
-    names = list(columns)
-    return (dict(zip(names, row, strict=True)) for row in zip(*columns.values(), strict=True))
+    return columns
 
 
 def _texts_of(instants: Any) -> list[str]:
@@ -68,9 +76,9 @@ def _texts_of(instants: Any) -> list[str]:
 def _shares(
     batch: Any, key: str, columns: Mapping[str, str]
 ) -> dict[str, list[dict[str, float | None]]]:
-    """Return the column of blocks that several columns make; none where nothing was measured."""
-    known = {name: word for name, word in columns.items() if name in batch.schema.names}
-    if all(batch.column(name).null_count == batch.num_rows for name in known):
+    """Return the blocks that several columns make, by `key`; {} if all their values are null."""
+    measured = {name: word for name, word in columns.items() if name in batch.schema.names}
+    if all(batch.column(name).null_count == batch.num_rows for name in measured):
         return {}
-    values = zip(*(batch.column(name).to_pylist() for name in known), strict=True)
-    return {key: [dict(zip(known.values(), row, strict=True)) for row in values]}
+    values = zip(*(batch.column(name).to_pylist() for name in measured), strict=True)
+    return {key: [dict(zip(measured.values(), row, strict=True)) for row in values]}

@@ -5,6 +5,7 @@ from typing import Any
 
 from opir_core.errors import SinkError
 from opir_core.plugin import Delivery, Detections, EncoderContext, Sink, SinkContext, Window
+from opir_export.formats.table_files import compression_of
 from opir_export.row_groups import RowGroups
 from opir_export.settings import ParquetSinkConfig
 from opir_export.tabular.columns import table_of
@@ -22,7 +23,7 @@ class ParquetSink(Sink):
             Path(config.path),
             place,
             self._table(Detections.empty()).schema,
-            compression=None if config.compression == "none" else config.compression,
+            compression=compression_of(config),
             group_rows=config.row_group_rows,
         )
 
@@ -33,7 +34,7 @@ class ParquetSink(Sink):
             self._taken += len(window.detections)
 
     def close(self) -> Delivery:
-        """Write the rest and end the file, without which none of its detections can be read."""
+        """Write the last row group and the footer, without which the file cannot be read."""
         self._file.close()
         return Delivery(delivered=self._taken)
 
@@ -42,9 +43,7 @@ class ParquetSink(Sink):
 
 
 def parquet_sink(config: ParquetSinkConfig, context: SinkContext) -> ParquetSink:
-    """Return the sink `parquet`, open; `SinkError` if it has a spool, for a Parquet file cannot be
-    continued.
-    """
+    """Return the sink `parquet`, open; `SinkError` if it has a spool."""
     if context.resumes:
         words = (
             "parquet: a Parquet file cannot be continued by a later run, so it can have no spool;"

@@ -1,6 +1,4 @@
-"""The truth of a run as columns of a Parquet file, written and read: `opir run --truth
-events.truth.parquet`.
-"""
+"""The truth of a run as a Parquet file (`opir run --truth events.truth.parquet`): write, read."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,10 +20,9 @@ _GROUP_ROWS = 65_536
 
 
 def read_truth(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the records of sensors, targets and detections of a file, as the lines of a truth file
-    have them.
+    """Yield the records of sensors, targets and detections, in the layout of `*.truth.jsonl`.
 
-    Raises OSError, or ValueError for a file that is no truth.
+    Raises OSError, or ValueError for a file without these records.
     """
     from pyarrow.parquet import ParquetFile
 

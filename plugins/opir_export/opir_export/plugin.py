@@ -4,7 +4,7 @@ pyarrow is imported when a table is made.
 """
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -23,10 +23,10 @@ _SUMMARY = "write a run in a format of other programs: tables, maps, ephemerides
 
 
 def _called(module: str, function: str) -> Callable[..., Any]:
-    """Return a function that calls a function of a module, imported then."""
+    """Return a function that imports a module and calls its `function`."""
 
-    def call(*given: Any) -> Any:
-        return getattr(import_module(f"opir_export.{module}"), function)(*given)
+    def call(*arguments: Any) -> Any:
+        return getattr(import_module(f"opir_export.{module}"), function)(*arguments)
 
     return call
 
@@ -34,69 +34,75 @@ def _called(module: str, function: str) -> Callable[..., Any]:
 @hookimpl
 def opir_exporters() -> Iterable[ExporterModel]:
     """Yield the exporters."""
-    yield from _tables()
-    yield from _maps()
-    yield from _messages()
+    for name, config, module, function, summary in _EXPORTERS:
+        build = _exporter(f"formats.{module}", function)
+        yield ExporterModel(name=name, summary=summary, config=config, build=build)
 
 
-def _tables() -> Iterable[ExporterModel]:
-    yield ExporterModel(
-        name="parquet",
-        summary="a folder of Parquet files, one for each table, with the manifest among the"
-        " metadata",
-        config=ParquetConfig,
-        build=_called("formats.table_files", "parquet_folder"),
-    )
-    yield ExporterModel(
-        name="arrow",
-        summary="a folder of Arrow IPC files (Feather), one for each table",
-        config=ArrowConfig,
-        build=_called("formats.table_files", "arrow_folder"),
-    )
-    yield ExporterModel(
-        name="csv",
-        summary="a folder of CSV files, one for each table",
-        config=CsvConfig,
-        build=_called("formats.table_files", "csv_folder"),
-    )
+def _exporter(module: str, function: str) -> Callable[..., Any]:
+    build = _called(module, function)
+    return lambda config, _context: build(config)
 
 
-def _maps() -> Iterable[ExporterModel]:
-    yield ExporterModel(
-        name="geojson",
-        summary="GeoJSON (RFC 7946): ground tracks, launches, impacts, predicted regions, what"
-        " sensors can see",
-        config=MapConfig,
-        build=_called("formats.geojson", "geojson_file"),
-    )
-    yield ExporterModel(
-        name="kml",
-        summary="KML for Google Earth: flights over time, predicted impacts, what sensors can see",
-        config=MapConfig,
-        build=_called("formats.kml", "kml_file"),
-    )
-    yield ExporterModel(
-        name="czml",
-        summary="CZML for Cesium: flights and satellites over time, predicted impacts, what sensors"
-        " can see",
-        config=MapConfig,
-        build=_called("formats.czml", "czml_file"),
-    )
-
-
-def _messages() -> Iterable[ExporterModel]:
-    yield ExporterModel(
-        name="oem",
-        summary="a folder of CCSDS Orbit Ephemeris Messages (KVN), one for each target and sensor",
-        config=OemConfig,
-        build=_called("formats.oem", "oem_folder"),
-    )
-    yield ExporterModel(
-        name="tdm",
-        summary="measured angles of each sensor, a CCSDS Tracking Data Message (KVN)",
-        config=TdmConfig,
-        build=_called("formats.tdm", "tdm_file"),
-    )
+#: Name, settings, module in `formats`, its function or class, and summary of each exporter.
+_EXPORTERS: Sequence[tuple[str, type, str, str, str]] = (
+    (
+        "parquet",
+        ParquetConfig,
+        "table_files",
+        "parquet_folder",
+        "a folder of Parquet files, one for each table, with the manifest among the metadata",
+    ),
+    (
+        "arrow",
+        ArrowConfig,
+        "table_files",
+        "arrow_folder",
+        "a folder of Arrow IPC files (Feather), one for each table",
+    ),
+    ("csv", CsvConfig, "table_files", "csv_folder", "a folder of CSV files, one for each table"),
+    (
+        "geojson",
+        MapConfig,
+        "geojson",
+        "GeoJsonFile",
+        (
+            "GeoJSON (RFC 7946): ground tracks, launches, impacts, predicted regions, "
+            "what sensors can see"
+        ),
+    ),
+    (
+        "kml",
+        MapConfig,
+        "kml",
+        "KmlFile",
+        "KML for Google Earth: flights over time, predicted impacts, what sensors can see",
+    ),
+    (
+        "czml",
+        MapConfig,
+        "czml",
+        "CzmlFile",
+        (
+            "CZML for Cesium: flights and satellites over time, predicted impacts, "
+            "what sensors can see"
+        ),
+    ),
+    (
+        "oem",
+        OemConfig,
+        "oem",
+        "OemFolder",
+        "a folder of CCSDS Orbit Ephemeris Messages (KVN), one for each target and sensor",
+    ),
+    (
+        "tdm",
+        TdmConfig,
+        "tdm",
+        "TdmFile",
+        "measured angles of each sensor, a CCSDS Tracking Data Message (KVN)",
+    ),
+)
 
 
 @hookimpl

@@ -8,7 +8,7 @@ from opir_core.plugin import flag, nested, number, text
 TABLES = ("detections", "truth", "tracks", "regions", "targets", "sensors")
 ALL = "all"
 
-#: What separates the columns of CSV, by name.
+#: Separators of CSV columns, by name.
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t"}
 
 
@@ -18,31 +18,37 @@ def _tables_complaint(value: str) -> str | None:
 
 
 def named_tables(value: str) -> tuple[str, ...]:
-    """Return the tables of a setting `tables`, in the order of `TABLES` where all are meant."""
+    """Return the names of a setting `tables`; `all` gives `TABLES`."""
     return TABLES if value.strip() == ALL else tuple(name.strip() for name in value.split(","))
+
+
+def _step_s(default: float, words: str) -> float:
+    return number(default=default, unit="s", minimum=0.1, maximum=3600.0, help=words)
+
+
+def _parquet_compression() -> str:
+    codecs = ("zstd", "snappy", "gzip", "none")
+    return text(default="zstd", choices=codecs, help="compression of the column chunks")
+
+
+def _tables_setting() -> str:
+    words = "tables to write, with commas between, or all"
+    return nested(default=ALL, check=_tables_complaint, help=words)
 
 
 @frozen(kw_only=True)
 class ParquetConfig:
     """One Parquet file for each table."""
 
-    tables: str = nested(
-        default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all"
-    )
-    compression: str = text(
-        default="zstd",
-        choices=("zstd", "snappy", "gzip", "none"),
-        help="compression of the column chunks",
-    )
+    tables: str = _tables_setting()
+    compression: str = _parquet_compression()
 
 
 @frozen(kw_only=True)
 class ArrowConfig:
     """One Arrow IPC file (Feather version 2) for each table."""
 
-    tables: str = nested(
-        default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all"
-    )
+    tables: str = _tables_setting()
     compression: str = text(
         default="zstd", choices=("zstd", "lz4", "none"), help="compression of the record batches"
     )
@@ -52,9 +58,7 @@ class ArrowConfig:
 class CsvConfig:
     """One CSV file for each table, with a line of names."""
 
-    tables: str = nested(
-        default=ALL, check=_tables_complaint, help="tables to write, with commas between, or all"
-    )
+    tables: str = _tables_setting()
     delimiter: str = text(
         default="comma", choices=tuple(DELIMITERS), help="what separates the columns"
     )
@@ -69,12 +73,8 @@ class OemConfig:
         choices=("all", "targets", "sensors"),
         help="objects whose states are written",
     )
-    step_s: float = number(
-        default=10.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two states"
-    )
-    burn_step_s: float = number(
-        default=1.0, unit="s", minimum=0.1, maximum=3600.0, help="time between two states of a burn"
-    )
+    step_s: float = _step_s(10.0, "time between two states")
+    burn_step_s: float = _step_s(1.0, "time between two states of a burn")
     frame: str = text(
         default="ITRF2000",
         choices=("ITRF2000", "ITRF-97", "ITRF-93", "ITRF"),
@@ -100,15 +100,9 @@ class TdmConfig:
 
 @frozen(kw_only=True)
 class MapConfig:
-    """What a map shows."""
+    """Contents of a map: steps of paths, predicted regions, footprints."""
 
-    step_s: float = number(
-        default=10.0,
-        unit="s",
-        minimum=0.1,
-        maximum=3600.0,
-        help="time between two points of a path",
-    )
+    step_s: float = _step_s(10.0, "time between two points of a path")
     regions: str = text(
         default="last",
         choices=("last", "all", "none"),
@@ -124,11 +118,7 @@ class ParquetSinkConfig:
     """The settings of the sink `parquet`."""
 
     path: str = text(default="events.parquet", help="file in an existing folder, overwritten")
-    compression: str = text(
-        default="zstd",
-        choices=("zstd", "snappy", "gzip", "none"),
-        help="compression of the column chunks",
-    )
+    compression: str = _parquet_compression()
     row_group_rows: int = number(
         default=65_536,
         minimum=1,

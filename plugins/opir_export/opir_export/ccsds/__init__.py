@@ -1,3 +1,1 @@
-"""Messages of the Consultative Committee for Space Data Systems (CCSDS): ephemerides and tracking
-data.
-"""
+"""Messages of the Consultative Committee for Space Data Systems: ephemerides, tracking data."""

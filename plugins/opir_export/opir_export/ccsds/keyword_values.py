@@ -1,6 +1,4 @@
-"""The keyword form (KVN) of CCSDS messages: lines `KEYWORD = value`, times in UTC to a
-microsecond.
-"""
+"""The keyword form (KVN) of CCSDS messages: lines `KEYWORD = value`, times in UTC to 1 µs."""
 
 from collections.abc import Mapping, Sequence
 

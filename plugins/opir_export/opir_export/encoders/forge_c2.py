@@ -1,5 +1,4 @@
-"""The `forge-c2` encoder: the flat record of a command-and-control consumer, one JSON object per
-line.
+"""The `forge-c2` encoder: flat JSON records of a command-and-control consumer, one per line.
 
 Its consumers replace a missing number by 0, so every event has a position: the track's estimate,
 propagated to the time of the detection, or the intersection of the line of sight with the Earth. A
@@ -17,6 +16,7 @@ from opir_core.output import (
     DEGREE_DECIMALS,
     METRE_DECIMALS,
     RATIO_DECIMALS,
+    Column,
     Decimal,
     Ids,
     Looked,
@@ -76,26 +76,14 @@ class ForgeC2Encoder(Encoder):
         detections = window.detections
         if not len(detections):
             return b""
-        position = ecef_to_geodetic(positions_ecef_m(window))
         look, report = event_times(detections, self._epoch_us)
-        angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(
-            detections.line_of_sight_ecef
-        )
         sensor = detections.sensor.astype(np.int64)
         return self._render(
             len(detections),
             [
                 *(_ID, Ids(detections.detection_id), _TIME, look, b'",'),
                 Looked(self._sensor_texts, sensor),
-                Decimal(np.degrees(position.latitude_rad), DEGREE_DECIMALS),
-                b',"longitude":',
-                Decimal(rounded_longitude_deg(position.longitude_rad), DEGREE_DECIMALS),
-                b',"altitude":',
-                Decimal(position.height_m, METRE_DECIMALS),
-                b',"azimuth":',
-                Decimal(rounded_bearing_deg(angles.azimuth_rad), DEGREE_DECIMALS),
-                b',"elevation":',
-                Decimal(np.degrees(angles.elevation_rad), DEGREE_DECIMALS),
+                *_geometry(window),
                 _SIGNAL,
                 Looked(number_texts(_irradiance_w_m2(detections))),
                 Looked(self._frequency_texts, self._first_mask[sensor] + detections.bands),
@@ -107,24 +95,40 @@ class ForgeC2Encoder(Encoder):
         )
 
 
+def _geometry(window: Window) -> list[Column]:
+    """Return the position of each detection and the direction of its line of sight."""
+    detections = window.detections
+    position = ecef_to_geodetic(positions_ecef_m(window))
+    angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(
+        detections.line_of_sight_ecef
+    )
+    return [
+        Decimal(np.degrees(position.latitude_rad), DEGREE_DECIMALS),
+        b',"longitude":',
+        Decimal(rounded_longitude_deg(position.longitude_rad), DEGREE_DECIMALS),
+        b',"altitude":',
+        Decimal(position.height_m, METRE_DECIMALS),
+        b',"azimuth":',
+        Decimal(rounded_bearing_deg(angles.azimuth_rad), DEGREE_DECIMALS),
+        b',"elevation":',
+        Decimal(np.degrees(angles.elevation_rad), DEGREE_DECIMALS),
+    ]
+
+
 def positions_ecef_m(window: Window) -> FloatArray:
-    """Return positions of detections (n,), ECEF (n, 3), m: the track's, or on the ground; nan for
-    neither.
-    """
+    """Return positions (n, 3) of detections, ECEF, m: the track's, or on the ground, or nan."""
     positions = estimated_positions_ecef_m(window)
-    rest = np.flatnonzero(np.isnan(positions[:, 0]))
-    if len(rest):
-        untracked = window.detections.take(rest)
-        positions[rest] = intersection_with_ellipsoid(
+    untracked_rows = np.flatnonzero(np.isnan(positions[:, 0]))
+    if len(untracked_rows):
+        untracked = window.detections.take(untracked_rows)
+        positions[untracked_rows] = intersection_with_ellipsoid(
             untracked.sensor_ecef_m, untracked.line_of_sight_ecef
         )
     return positions
 
 
 def estimated_positions_ecef_m(window: Window) -> FloatArray:
-    """Return the tracks' positions at the times of detections (n,), ECEF (n, 3), m; nan where
-    unknown.
-    """
+    """Return the tracks' positions (n, 3) at the detections, ECEF, m; nan where unknown."""
     positions = np.full((len(window.detections), 3), np.nan)
     tracked = np.flatnonzero(window.detections.estimate >= 0)
     if len(tracked):
@@ -136,9 +140,7 @@ def estimated_positions_ecef_m(window: Window) -> FloatArray:
 
 
 def _irradiance_w_m2(detections: Detections) -> FloatArray:
-    """Return the irradiance at the aperture, (n,), W/m², summed over the measured bands; nan if
-    none is measured.
-    """
+    """Return the irradiance (n,) at the aperture, W/m², over the measured bands; nan without."""
     measured = detections.band_irradiance_w_m2
     if not measured.shape[1]:
         return np.full(len(detections), np.nan)
@@ -148,12 +150,12 @@ def _irradiance_w_m2(detections: Detections) -> FloatArray:
 def _frequencies(sensor: Sensor) -> list[bytes]:
     """Return one text per set of bands: the centre frequency of the first confirming band, Hz."""
     centres_um = [0.5 * (band.lower_um + band.upper_um) for band in sensor.bands]
-    first = [
+    confirming_um = [
         next((um for bit, um in enumerate(centres_um) if mask >> bit & 1), None)
         for mask in range(1 << len(centres_um))
     ]
     frequencies_hz = [
         None if um is None else rounded_number(SPEED_OF_LIGHT_M_S / (um * _M_PER_UM), 0)
-        for um in first
+        for um in confirming_um
     ]
     return [b',"frequency":%b,"snr":' % _json(frequency) for frequency in frequencies_hz]

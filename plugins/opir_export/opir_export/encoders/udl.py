@@ -1,6 +1,6 @@
-"""The `udl` encoder: a detection and its track's estimate as a MissileTrack of the Unified Data
-Library, one per line.
+"""The `udl` encoder: one MissileTrack of the Unified Data Library per detection and line.
 
+A record has the detection and its track's estimate.
 Field names, units and meanings are those of the UDL's public interface description
 (unifieddatalibrary.com, MissileTrack and its vectors): lengths in km, angles in degrees, times in
 ISO 8601. Unknown fields are absent. Every record is marked as simulated.
@@ -33,7 +33,7 @@ from opir_core.output import (
     time_texts,
     vector_texts,
 )
-from opir_core.plugin import Encoder, EncoderContext, Sensor, Window
+from opir_core.plugin import Encoder, EncoderContext, Sensor, Tracks, Window
 from opir_core.scene import UNKNOWN_TYPE
 from opir_export.encoders.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
 
@@ -99,51 +99,43 @@ class UdlEncoder(Encoder):
         )
 
     def _vectors(self, window: Window, sensor: IntArray, times: Sequence[bytes]) -> Column:
-        """Return the environment and one vector: the track's state, or the line of sight's ground
-        intersection.
+        """Return the environment and one vector per detection.
 
+        The vector is the track's state, or the intersection of the line of sight with the ground.
         `times` (n,) are those of the looks.
         """
         where_m = positions_ecef_m(window)
-        known = np.isfinite(where_m[:, 0])
+        is_known = np.isfinite(where_m[:, 0])
         place = ecef_to_geodetic(where_m)
         is_state = np.isfinite(estimated_positions_ecef_m(window)[:, 0])
-        heads = Looked(self._vector_texts, sensor).pieces()
-        columns = (
-            number_texts(rounded_degrees(np.where(known, place.latitude_rad, 0.0))),
-            number_texts(rounded_longitude_deg(np.where(known, place.longitude_rad, 0.0))),
-            number_texts(rounded(np.where(known, place.height_m, 0.0) * _KM_PER_M, _KM_DECIMALS)),
-        )
         kinds = np.where(
-            is_state, np.where(place.height_m > _SPACE_FROM_M, 3, 2), np.where(known, 1, 0)
-        ).tolist()
+            is_state, np.where(place.height_m > _SPACE_FROM_M, 3, 2), np.where(is_known, 1, 0)
+        )
         states = iter(_states(window, np.flatnonzero(is_state), where_m))
-        texts = [
-            _NO_VECTOR
-            if kind == 0
-            else _VECTOR[kind]
-            + head
-            + time
-            + b'","vectorLat":'
-            + latitude
-            + b',"vectorLon":'
-            + longitude
-            + b',"vectorAlt":'
-            + altitude
-            + (next(states) if kind > 1 else b"")
-            + b"}]"
-            for kind, head, time, latitude, longitude, altitude in zip(
-                kinds, heads, times, *columns, strict=True
-            )
-        ]
-        return Looked(texts)
+        columns = zip(
+            Looked(self._vector_texts, sensor).pieces(),
+            times,
+            number_texts(rounded_degrees(np.where(is_known, place.latitude_rad, 0.0))),
+            number_texts(rounded_longitude_deg(np.where(is_known, place.longitude_rad, 0.0))),
+            number_texts(
+                rounded(np.where(is_known, place.height_m, 0.0) * _KM_PER_M, _KM_DECIMALS)
+            ),
+            strict=True,
+        )
+        return Looked(
+            [
+                _VECTOR[kind] % (*fields, next(states) if kind > 1 else b"") if kind else _NO_VECTOR
+                for kind, fields in zip(kinds.tolist(), columns, strict=True)
+            ]
+        )
 
 
 _NO_VECTOR = b',"env":"UNKNOWN","vectors":[]'
+_PLACE = b'%b%b","vectorLat":%b,"vectorLon":%b,"vectorAlt":%b%b}]'
 _VECTOR = {
-    1: b',"env":"UNKNOWN","vectors":[{"type":"LOS"',
-    2: b',"env":"AIR","vectors":[{"type":"STATE"',
-    3: b',"env":"SPACE","vectors":[{"type":"STATE"',
+    1: b',"env":"UNKNOWN","vectors":[{"type":"LOS"' + _PLACE,
+    2: b',"env":"AIR","vectors":[{"type":"STATE"' + _PLACE,
+    3: b',"env":"SPACE","vectors":[{"type":"STATE"' + _PLACE,
 }
 
 
@@ -158,40 +150,40 @@ def _types(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
 
 
 def _states(window: Window, rows: IntArray, where_m: FloatArray) -> list[bytes]:
-    """Return the cartesian part of the vectors of some detections, propagated to the time of the
-    detection.
-    """
+    """Return the cartesian fields of the vectors of `rows`, propagated to their detections."""
     velocity = window.estimates.state[window.detections.estimate[rows], 3:]
     positions = vector_texts(rounded(where_m[rows] * _KM_PER_M, _KM_DECIMALS))
     velocities = vector_texts(rounded(velocity * _KM_PER_M, _KM_DECIMALS))
     return [
-        b',"referenceFrame":"ECEF","propagated":true,"pos":[%b],"vel":[%b]' % both
-        for both in zip(positions, velocities, strict=True)
+        b',"referenceFrame":"ECEF","propagated":true,"pos":[%b],"vel":[%b]' % vectors
+        for vectors in zip(positions, velocities, strict=True)
     ]
 
 
 def _track_columns(window: Window, epoch_us: int) -> list[Column]:
-    """Return track number, launch and impact, each encoded once for all detections that share
-    it.
-    """
+    """Return track number, launch and impact; detections of one estimate share their text."""
     track = window.detections.track
     estimate = window.detections.estimate
     numbers, of_row = np.unique(track, return_inverse=True)
     names = [b"" if number < 0 else b',"trackId":"%d"' % number for number in numbers.tolist()]
     columns: list[Column] = [Looked(names, of_row)]
     rows, of_row = np.unique(estimate, return_inverse=True)
-    used = rows[rows >= 0]
-    if len(used):
-        estimates = window.estimates.take(used)
-        launch = _points(b"launch", estimates.launch, estimates.launch_covariance, epoch_us, None)
-        # The sigma of the paper's law is no area of uncertainty.
-        is_paper = (estimates.impact_method == _PAPER)[:, np.newaxis, np.newaxis]
-        spread = np.where(is_paper, np.nan, estimates.impact_covariance)
-        impact = _points(b"impact", estimates.impact, spread, epoch_us, estimates.impact_sigmas)
-        joined = [b"".join(both) for both in zip(launch, impact, strict=True)]
-        points = [both + (_CONTAINMENT if b"AouType" in both else b"") for both in joined]
-        columns.append(Looked([*[b""] * (len(rows) - len(used)), *points], of_row))
+    estimates = rows[rows >= 0]
+    if len(estimates):
+        points = _launches_and_impacts(window.estimates.take(estimates), epoch_us)
+        columns.append(Looked([*[b""] * (len(rows) - len(estimates)), *points], of_row))
     return columns
+
+
+def _launches_and_impacts(estimates: Tracks, epoch_us: int) -> list[bytes]:
+    """Return launch and impact of each estimate as fields, with their areas of uncertainty."""
+    launch = _points(b"launch", estimates.launch, estimates.launch_covariance, epoch_us, None)
+    # The sigma of the paper's law is not an area of uncertainty.
+    is_paper = (estimates.impact_method == _PAPER)[:, np.newaxis, np.newaxis]
+    spread = np.where(is_paper, np.nan, estimates.impact_covariance)
+    impact = _points(b"impact", estimates.impact, spread, epoch_us, estimates.impact_sigmas)
+    texts = map(b"".join, zip(launch, impact, strict=True))
+    return [text + (_CONTAINMENT if b"AouType" in text else b"") for text in texts]
 
 
 def _points(
@@ -201,9 +193,7 @@ def _points(
     epoch_us: int,
     reported_sigmas: FloatArray | None,
 ) -> list[bytes]:
-    """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as fields; empty if
-    unknown.
-    """
+    """Return points (n, 3) of latitude_rad, longitude_rad, time_s as fields; b"" if unknown."""
     on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
     filled = np.where(on_earth[:, np.newaxis], place, 0.0)
     latitude = number_texts(rounded_degrees(filled[:, 0]))
@@ -230,16 +220,16 @@ def _points(
 def _areas(covariance_m2: FloatArray, reported_sigmas: FloatArray | None) -> list[bytes]:
     """Return areas of uncertainty: the 95 % ellipse as bearing, degrees, and semi-axes, km."""
     ellipse = containment_ellipse(covariance_m2, reported_sigmas=reported_sigmas)
-    known = np.isfinite(ellipse.semi_major_m)
+    has_ellipse = np.isfinite(ellipse.semi_major_m)
     axes = np.column_stack(
         [
-            rounded_bearing_deg(np.where(known, ellipse.bearing_rad, 0.0), 180.0),
+            rounded_bearing_deg(np.where(has_ellipse, ellipse.bearing_rad, 0.0), 180.0),
             rounded(ellipse.semi_major_m * _KM_PER_M, _KM_DECIMALS),
             rounded(ellipse.semi_minor_m * _KM_PER_M, _KM_DECIMALS),
         ]
     )
-    texts = vector_texts(np.where(known[:, np.newaxis], axes, 0.0))
+    texts = vector_texts(np.where(has_ellipse[:, np.newaxis], axes, 0.0))
     return [
         b',"%%bAouType":"ELLIPSE","%%bAouData":[%b]' % text if is_known else b""
-        for is_known, text in zip(known.tolist(), texts, strict=True)
+        for is_known, text in zip(has_ellipse.tolist(), texts, strict=True)
     ]

@@ -33,9 +33,11 @@ Packet = Mapping[str, Any]
 _FLIGHT = (213, 94, 0, 255)
 _SENSOR = (0, 114, 178, 255)
 _PREDICTION = (204, 121, 167, 255)
+#: Opacity of regions, of 255.
 _FAINT = 60
 #: Degree of the interpolation between positions: flights bend.
 _DEGREE = 3
+#: Speed of the clock, seconds of the scene per second.
 _MULTIPLIER = 10
 
 
@@ -57,17 +59,10 @@ class CzmlFile:
         return [path]
 
 
-def czml_file(config: MapConfig, _context: Any) -> CzmlFile:
-    """Return the exporter `czml`."""
-    return CzmlFile(config)
-
-
 def packets(run: Any, config: MapConfig) -> Iterator[Packet]:
-    """Yield the packets of a run: the document with its clock, then sensors, targets and
-    predictions.
-    """
-    known = list(flights(run, config.step_s))
-    end_s = max([run.plan.scene.duration_s, *(float(flight.time_s[-1]) for flight in known)])
+    """Yield the packets of a run: document and clock, then sensors, targets, predictions."""
+    paths = list(flights(run, config.step_s))
+    end_s = max([run.plan.scene.duration_s, *(float(flight.time_s[-1]) for flight in paths)])
     start, end = timestamps(run, [0.0, end_s])
     interval = f"{start}/{end}"
     clock = {
@@ -79,7 +74,7 @@ def packets(run: Any, config: MapConfig) -> Iterator[Packet]:
     yield {"id": "document", "name": run.plan.scene.name, "version": "1.0", "clock": clock}
     for sensor in sensor_paths(run, config.step_s):
         yield from _sensor_packets(run, sensor, config)
-    for flight in known:
+    for flight in paths:
         yield from _flight_packets(run, flight)
     for prediction in predictions(run, config.regions):
         yield from _prediction_packets(run, prediction, end_s)
@@ -87,18 +82,13 @@ def packets(run: Any, config: MapConfig) -> Iterator[Packet]:
 
 def _sensor_packets(run: Any, path: SensorPath, config: MapConfig) -> Iterator[Packet]:
     name = path.sensor.id
-    if path.is_stationary:
-        position: dict[str, Any] = {
-            "referenceFrame": "FIXED",
-            "cartesian": _metres(path.position_ecef_m[0]),
-        }
-    else:
-        position = _sampled(run, path.time_s, path.position_ecef_m)
     yield {
         "id": f"sensor/{name}",
         "name": name,
         "description": path.sensor.type,
-        "position": position,
+        "position": _fixed(path.position_ecef_m[0])
+        if path.is_stationary
+        else _sampled(run, path.time_s, path.position_ecef_m),
         "point": {"pixelSize": 8, "color": _colour(_SENSOR)},
         "label": _label(name),
     }
@@ -127,31 +117,27 @@ def _flight_packets(run: Any, flight: Flight) -> Iterator[Packet]:
         "label": _label(flight.target_id),
         "path": {"width": 2, "leadTime": 0, "material": _solid(_FLIGHT)},
     }
-    for name, row in (("launch", 0), ("impact", -1)):
-        if row == 0 or flight.has_impact:
-            yield {
-                "id": f"{name}/{flight.target_id}",
-                "name": f"{flight.target_id}: {name}",
-                "position": {
-                    "referenceFrame": "FIXED",
-                    "cartesian": _metres(flight.position_ecef_m[row]),
-                },
-                "point": {"pixelSize": 5, "color": _colour(_FLIGHT)},
-            }
+    for name, row in flight.ends.items():
+        yield {
+            "id": f"{name}/{flight.target_id}",
+            "name": f"{flight.target_id}: {name}",
+            "position": _fixed(flight.position_ecef_m[row]),
+            "point": {"pixelSize": 5, "color": _colour(_FLIGHT)},
+        }
 
 
 def _prediction_packets(run: Any, prediction: Prediction, end_s: float) -> Iterator[Packet]:
     start, end = timestamps(
         run, [prediction.start_s, end_s if prediction.end_s is None else prediction.end_s]
     )
-    shared = {"availability": f"{start}/{end}"}
+    availability = f"{start}/{end}"
     named = f"prediction/{prediction.track}/{prediction.start_s:g}"
     if np.isfinite(prediction.impact[:2]).all():
         latitude, longitude = prediction.impact[:2].tolist()
         yield {
             "id": named,
             "name": f"Track {prediction.track}: predicted impact",
-            **shared,
+            "availability": availability,
             "position": {"cartographicRadians": [longitude, latitude, 0.0]},
             "point": {"pixelSize": 6, "color": _colour(_PREDICTION)},
         }
@@ -167,14 +153,15 @@ def _prediction_packets(run: Any, prediction: Prediction, end_s: float) -> Itera
                 "id": id_,
                 "name": title,
                 "description": _words(region),
-                **shared,
+                "availability": availability,
                 "polygon": _polygon(rings),
             }
 
 
 def _polygon(rings: Sequence[FloatArray]) -> dict[str, Any]:
-    """Return a polygon; on a globe it needs no cut. Cesium wants rings whose last point differs
-    from the first.
+    """Return a polygon of CZML; it is not cut at the 180th meridian.
+
+    Cesium needs rings whose last point differs from the first.
     """
     outer, *holes = [_radians(ring[:-1]) for ring in rings]
     polygon: dict[str, Any] = {
@@ -204,15 +191,12 @@ def _sampled(run: Any, time_s: FloatArray, position_ecef_m: FloatArray) -> dict[
     }
 
 
-def _metres(position: FloatArray) -> list[float]:
-    metres: list[float] = np.round(position, 3).tolist()
-    return metres
+def _fixed(position_ecef_m: FloatArray) -> dict[str, Any]:
+    return {"referenceFrame": "FIXED", "cartesian": np.round(position_ecef_m, 3).tolist()}
 
 
 def _radians(ring: FloatArray) -> list[float]:
-    """Return points of latitude and longitude as longitude, latitude, height, one after the
-    other.
-    """
+    """Return points of latitude and longitude as one list: longitude, latitude, height, …"""
     places = np.column_stack([ring[:, 1], ring[:, 0], np.zeros(len(ring))])
     flat: list[float] = np.round(places, 9).ravel().tolist()
     return flat

@@ -1,6 +1,4 @@
-"""The exporter `geojson`: a FeatureCollection (RFC 7946) of flights, sensors and predicted
-impacts.
-"""
+"""The exporter `geojson`: a FeatureCollection (RFC 7946) of flights, sensors and predictions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,7 +22,7 @@ from opir_export.scenery.map_features import (
 )
 from opir_export.settings import MapConfig
 
-_HALF_TURN_DEG = 180.0
+_TURN_DEG = 360.0
 #: Decimals of heights, m.
 _HEIGHT_DECIMALS = 1
 
@@ -53,11 +51,6 @@ class GeoJsonFile:
                 "GeoJSON",
             )
         return [path]
-
-
-def geojson_file(config: MapConfig, _context: Any) -> GeoJsonFile:
-    """Return the exporter `geojson`."""
-    return GeoJsonFile(config)
 
 
 def features(run: Any, config: MapConfig) -> Iterator[Feature]:
@@ -110,8 +103,7 @@ def _prediction_features(run: Any, prediction: Prediction) -> Iterator[Feature]:
 
 
 def area(ring: FloatArray) -> dict[str, Any]:
-    """Return the inside of a closed ring of latitude_rad and longitude_rad as a Polygon or a
-    MultiPolygon.
+    """Return the area in a ring of latitude_rad and longitude_rad as Polygon or MultiPolygon.
 
     It is cut at the 180th meridian and closed around a pole.
     """
@@ -119,56 +111,57 @@ def area(ring: FloatArray) -> dict[str, Any]:
 
 
 def line(places: FloatArray) -> dict[str, Any]:
-    """Return longitudes, latitudes (degrees) and heights (n, 3) as a line, cut at the 180th
-    meridian if need be.
+    """Return a line through longitudes, latitudes (degrees) and heights (n, 3).
 
-    Places that are all one, to the decimals written, are a point.
+    It is cut at the 180th meridian. Equal places, to the decimals written, are a point.
     """
-    parts = cut_line(places)
-    if len(parts) == 1 and not _has_length(parts[0]):
-        return _point(parts[0][0])
-    if len(parts) == 1:
-        return {"type": "LineString", "coordinates": _positions(parts[0])}
-    return {"type": "MultiLineString", "coordinates": [_positions(part) for part in parts]}
+    lines = cut_line(places)
+    if len(lines) == 1 and not _has_length(lines[0]):
+        return _point(lines[0][0])
+    if len(lines) == 1:
+        return {"type": "LineString", "coordinates": _positions(lines[0])}
+    return {"type": "MultiLineString", "coordinates": [_positions(line) for line in lines]}
 
 
 def cut_line(places: FloatArray) -> list[FloatArray]:
-    """Return a line (n, k) of longitude, latitude, degrees, and more as lines between -180 and 180
-    degrees.
+    """Return a line (n, k) as lines between -180 and 180 degrees of longitude.
 
-    A part that only touches the meridian is left out: it would be a line of one place.
+    Columns are longitude and latitude, degrees, and others. A line that only touches the meridian
+    is left out: it would have one place.
     """
-    along = places.copy()
-    along[:, 0] = np.unwrap(places[:, 0], period=2.0 * _HALF_TURN_DEG)
-    turn = np.floor((along[:, 0] + _HALF_TURN_DEG) / (2.0 * _HALF_TURN_DEG)).astype(np.int64)
-    parts = list[FloatArray]()
-    start = 0
-    before: FloatArray = along[:0]
-    for place in np.flatnonzero(np.diff(turn)).tolist():
-        edge = 2.0 * _HALF_TURN_DEG * max(turn[place], turn[place + 1]) - _HALF_TURN_DEG
-        share = (edge - along[place, 0]) / (along[place + 1, 0] - along[place, 0])
-        crossing = along[place] + share * (along[place + 1] - along[place])
-        parts.append(
-            _moved(np.concatenate([before, along[start : place + 1], [crossing]]), turn[place])
-        )
-        before = crossing[np.newaxis]
-        start = place + 1
-    parts.append(_moved(np.concatenate([before, along[start:]]), turn[-1]))
-    return [part for part in parts if _has_length(part)] or parts[-1:]
+    unwrapped = places.copy()
+    unwrapped[:, 0] = np.unwrap(places[:, 0], period=_TURN_DEG)
+    turn = np.floor((unwrapped[:, 0] + 0.5 * _TURN_DEG) / _TURN_DEG).astype(np.int64)
+    lines = list[FloatArray]()
+    start = unwrapped[:0]
+    ends = np.flatnonzero(np.diff(turn)) + 1
+    stretches = np.split(unwrapped, ends)
+    for end, stretch in zip(ends.tolist(), stretches, strict=False):
+        crossing = _crossing(*unwrapped[end - 1 : end + 1], *turn[end - 1 : end + 1])
+        lines.append(_within_turn(np.concatenate([start, stretch, crossing]), turn[end - 1]))
+        start = crossing
+    lines.append(_within_turn(np.concatenate([start, stretches[-1]]), turn[-1]))
+    return [line for line in lines if _has_length(line)] or lines[-1:]
 
 
-def _has_length(part: FloatArray) -> bool:
-    """Return whether a line has two different places, to the decimals written."""
-    rounded = np.round(part[:, :2], DECIMALS)
+def _crossing(place: FloatArray, next_place: FloatArray, turn: int, next_turn: int) -> FloatArray:
+    """Return the place (1, k) between two others at which a line crosses the 180th meridian."""
+    meridian_deg = _TURN_DEG * (max(turn, next_turn) - 0.5)
+    share = (meridian_deg - place[0]) / (next_place[0] - place[0])
+    return (place + share * (next_place - place))[np.newaxis]
+
+
+def _has_length(line: FloatArray) -> bool:
+    """Whether a line has two different places, to the decimals written."""
+    rounded = np.round(line[:, :2], DECIMALS)
     return bool((rounded != rounded[0]).any())
 
 
-def _moved(part: FloatArray, turns: int) -> FloatArray:
-    moved = part.copy()
-    moved[:, 0] = np.clip(
-        part[:, 0] - 2.0 * _HALF_TURN_DEG * turns, -_HALF_TURN_DEG, _HALF_TURN_DEG
-    )
-    return moved
+def _within_turn(line: FloatArray, turns: int) -> FloatArray:
+    """Return a line (n, k) with longitudes less `turns` whole turns, in [-180, 180] degrees."""
+    shifted = line.copy()
+    shifted[:, 0] = np.clip(line[:, 0] - _TURN_DEG * turns, -0.5 * _TURN_DEG, 0.5 * _TURN_DEG)
+    return shifted
 
 
 def _point(place: FloatArray) -> dict[str, Any]:

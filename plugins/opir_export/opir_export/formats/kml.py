@@ -1,6 +1,4 @@
-"""The exporter `kml`: flights, sensors and predicted impacts with their times (OGC KML 2.3 and
-Google's gx:Track).
-"""
+"""The exporter `kml`: flights, sensors and predictions over time (OGC KML 2.3, gx:Track)."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -67,11 +65,6 @@ class KmlFile:
         return [path]
 
 
-def kml_file(config: MapConfig, _context: Any) -> KmlFile:
-    """Return the exporter `kml`."""
-    return KmlFile(config)
-
-
 def _add_sensor(folder: Any, run: Any, path: SensorPath, config: MapConfig) -> None:
     place = _placemark(folder, path.sensor.id, "sensor", path.sensor.type)
     if path.is_stationary:
@@ -88,12 +81,11 @@ def _add_flight(folder: Any, run: Any, flight: Flight) -> None:
     places = flight.geodetic_deg()
     place = _placemark(folder, flight.target_id, "flight", flight.target_type)
     _add_track(place, times, places)
-    for name, row in (("launch", 0), ("impact", -1)):
-        if row == 0 or flight.has_impact:
-            point = _placemark(
-                folder, f"{flight.target_id}: {name}", "flight", times={"when": times[row]}
-            )
-            _add_point(point, places[row])
+    for name, row in flight.ends.items():
+        point = _placemark(
+            folder, f"{flight.target_id}: {name}", "flight", times={"when": times[row]}
+        )
+        _add_point(point, places[row])
 
 
 def _add_prediction(folder: Any, run: Any, prediction: Prediction) -> None:
@@ -127,9 +119,9 @@ def _add_point(place: Any, at: FloatArray) -> None:
 
 def _add_area(place: Any, geometry: Any) -> None:
     """Add a Polygon or a MultiPolygon of GeoJSON."""
-    several = geometry["type"] == "MultiPolygon"
-    parent = _child(place, "MultiGeometry") if several else place
-    for rings in geometry["coordinates"] if several else [geometry["coordinates"]]:
+    is_multiple = geometry["type"] == "MultiPolygon"
+    parent = _child(place, "MultiGeometry") if is_multiple else place
+    for rings in geometry["coordinates"] if is_multiple else [geometry["coordinates"]]:
         polygon = _child(parent, "Polygon")
         _child(polygon, "tessellate", "1")
         for number, ring in enumerate(rings):
@@ -163,8 +155,9 @@ def _placemark(
     description: str = "",
     times: Mapping[str, str] | None = None,
 ) -> Any:
-    """Return a new placemark; `times` are `when`, or `begin` and perhaps `end`. The order is that
-    of the schema.
+    """Return a new placemark, its elements in the order of the schema.
+
+    `times` are `when`, or `begin` and perhaps `end`.
     """
     place = _child(folder, "Placemark")
     _child(place, "name", name)

@@ -1,5 +1,4 @@
-"""The exporter `oem`: CCSDS Orbit Ephemeris Messages 2.0 of the true flights and of the sensors, in
-KVN.
+"""The exporter `oem`: CCSDS Orbit Ephemeris Messages 2.0 (KVN) of true flights and sensors.
 
 States are Earth-fixed, in the frame of the run: WGS 84, which is ITRF to some centimetres. Source:
 CCSDS 502.0-B-3.
@@ -18,14 +17,13 @@ from opir_export.ccsds.ephemerides import SampledStates, sensor_ephemerides, tar
 from opir_export.ccsds.keyword_values import block, header, time_texts
 from opir_export.settings import OemConfig
 
+#: Degree of the interpolation between states.
 _DEGREE = 7
 
 
 @frozen
 class OemFolder:
-    """Writes a folder with a message for each object: a segment for each burn and each free flight
-    of a target.
-    """
+    """Writes a folder with a message per object; each burn or free flight is a segment."""
 
     config: OemConfig
 
@@ -37,7 +35,9 @@ class OemFolder:
         scene = run.plan.scene
         files = []
         with OutputFiles(folder=path) as output:
-            for name, ephemerides in groupby(self._ephemerides(run), lambda each: each.file_name):
+            for name, ephemerides in groupby(
+                self._ephemerides(run), lambda states: states.file_name
+            ):
                 lines = header(
                     "OEM",
                     "2.0",
@@ -78,8 +78,3 @@ def _segment(ephemeris: SampledStates, epoch_us: int, frame: str) -> list[str]:
         *(f"{time} {row}" for time, row in zip(times, rows, strict=True)),
         "",
     ]
-
-
-def oem_folder(config: OemConfig, _context: Any) -> OemFolder:
-    """Return the exporter `oem`."""
-    return OemFolder(config)

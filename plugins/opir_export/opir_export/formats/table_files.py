@@ -10,7 +10,14 @@ from attrs import frozen
 from pyarrow import csv, feather, parquet
 
 from opir_core.output import OutputFiles
-from opir_export.settings import DELIMITERS, ArrowConfig, CsvConfig, ParquetConfig, named_tables
+from opir_export.settings import (
+    DELIMITERS,
+    ArrowConfig,
+    CsvConfig,
+    ParquetConfig,
+    ParquetSinkConfig,
+    named_tables,
+)
 from opir_export.tabular.run_tables import table
 from opir_export.tabular.well_known_binary import text_of_binary
 
@@ -31,12 +38,12 @@ class TableFolder(ABC):
         files = [path / f"{name}{self.ending}" for name in self.tables]
         with OutputFiles(folder=path) as output:
             for name, file in zip(self.tables, files, strict=True):
-                with output.writing(file, "table", is_made_up=True) as part:
-                    self.write_table(table(run, name), part)
+                with output.writing(file, "table", is_made_up=True) as file_part:
+                    self.write_table(table(run, name), file_part)
         return files
 
     @abstractmethod
-    def write_table(self, made: Any, path: Path) -> None:
+    def write_table(self, content: Any, path: Path) -> None:
         """Write one table to a file."""
 
 
@@ -45,9 +52,11 @@ class ParquetFolder(TableFolder):
 
     ending = ".parquet"
 
-    def write_table(self, made: Any, path: Path) -> None:
+    def write_table(self, content: Any, path: Path) -> None:
         """Write a table as Parquet."""
-        parquet.write_table(made, path, compression=self.compression, **encodings(made.schema))
+        parquet.write_table(
+            content, path, compression=self.compression, **encodings(content.schema)
+        )
 
 
 class ArrowFolder(TableFolder):
@@ -55,9 +64,9 @@ class ArrowFolder(TableFolder):
 
     ending = ".arrow"
 
-    def write_table(self, made: Any, path: Path) -> None:
+    def write_table(self, content: Any, path: Path) -> None:
         """Write a table as an Arrow IPC file."""
-        feather.write_feather(made, str(path), compression=self.compression or "uncompressed")
+        feather.write_feather(content, str(path), compression=self.compression or "uncompressed")
 
 
 @frozen
@@ -68,37 +77,43 @@ class CsvFolder(TableFolder):
 
     ending = ".csv"
 
-    def write_table(self, made: Any, path: Path) -> None:
+    def write_table(self, content: Any, path: Path) -> None:
         """Write a table as CSV."""
         options = csv.WriteOptions(delimiter=self.delimiter, quoting_style="needed")
-        columns = dict(_flat(made))
+        columns = dict(_flat(content))
         csv.write_csv(pa.table(columns), path, options)
 
 
 def encodings(schema: Any) -> dict[str, Any]:
-    """Return the encodings of Parquet columns: dictionaries for words, split bytes for numbers,
-    differences for dates.
+    """Return the encodings of Parquet columns as arguments of `ParquetWriter`.
 
-    A dictionary of measured numbers, of ids or of dates is as large as these; the bytes of numbers
-    compress if equal places are together. The least and the greatest of the random ids of a row
-    group, which would exclude no group, are not sought.
+    Words are in dictionaries, times are differences. Measured numbers have their bytes split by
+    place, which compresses better; a dictionary of them would be as large as they are. Ids are
+    random: their least and greatest, which would exclude no row group, are not written.
     """
-    own = [each.name for each in schema if each.name != "detection_id"]
-    by_column = {each.name: "BYTE_STREAM_SPLIT" for each in schema if _is_measured(each)}
+    encoded = [column.name for column in schema if column.name != "detection_id"]
+    by_column = {column.name: "BYTE_STREAM_SPLIT" for column in schema if _is_measured(column)}
     by_column |= {
-        each.name: "DELTA_BINARY_PACKED" for each in schema if pa.types.is_timestamp(each.type)
+        column.name: "DELTA_BINARY_PACKED"
+        for column in schema
+        if pa.types.is_timestamp(column.type)
     }
-    repeated = [name for name in own if name not in by_column]
-    return {"use_dictionary": repeated, "column_encoding": by_column, "write_statistics": own}
+    repeated = [name for name in encoded if name not in by_column]
+    return {"use_dictionary": repeated, "column_encoding": by_column, "write_statistics": encoded}
+
+
+def compression_of(config: ParquetConfig | ArrowConfig | ParquetSinkConfig) -> str | None:
+    """Return the compression of the settings as pyarrow takes it."""
+    return None if config.compression == "none" else config.compression
 
 
 def _is_measured(column: Any) -> bool:
     return pa.types.is_float64(column.type) and not column.name.startswith("sensor_")
 
 
-def _flat(made: Any) -> Iterator[tuple[str, Any]]:
+def _flat(content: Any) -> Iterator[tuple[str, Any]]:
     """Yield the columns that CSV can hold."""
-    for name, column in zip(made.column_names, made.columns, strict=True):
+    for name, column in zip(content.column_names, content.columns, strict=True):
         if pa.types.is_fixed_size_list(column.type):
             for place in range(column.type.list_size):
                 yield (
@@ -116,20 +131,16 @@ def _flat(made: Any) -> Iterator[tuple[str, Any]]:
             yield name, column
 
 
-def parquet_folder(config: ParquetConfig, _context: Any) -> ParquetFolder:
+def parquet_folder(config: ParquetConfig) -> ParquetFolder:
     """Return the exporter `parquet`."""
-    return ParquetFolder(
-        named_tables(config.tables), None if config.compression == "none" else config.compression
-    )
+    return ParquetFolder(named_tables(config.tables), compression_of(config))
 
 
-def arrow_folder(config: ArrowConfig, _context: Any) -> ArrowFolder:
+def arrow_folder(config: ArrowConfig) -> ArrowFolder:
     """Return the exporter `arrow`."""
-    return ArrowFolder(
-        named_tables(config.tables), None if config.compression == "none" else config.compression
-    )
+    return ArrowFolder(named_tables(config.tables), compression_of(config))
 
 
-def csv_folder(config: CsvConfig, _context: Any) -> CsvFolder:
+def csv_folder(config: CsvConfig) -> CsvFolder:
     """Return the exporter `csv`."""
     return CsvFolder(named_tables(config.tables), delimiter=DELIMITERS[config.delimiter])

@@ -1,5 +1,4 @@
-"""The exporter `tdm`: a CCSDS Tracking Data Message 2.0 with the measured angles of each sensor, in
-KVN.
+"""The exporter `tdm`: a CCSDS Tracking Data Message 2.0 (KVN) with measured angles per sensor.
 
 A segment has the detections of one sensor and one track (or, as truth, of one target). Source:
 CCSDS 503.0-B-2.
@@ -45,22 +44,14 @@ class TdmFile:
         since_us = np.rint(rows.time_ns / _NS_PER_US).astype(np.int64)
         angles_deg = _angles_deg(rows, epoch_us, self.config.angles)
         code, names = self._objects(run)
-        lines = header(
-            "TDM",
-            "2.0",
-            epoch_us,
-            [_COMMENTS[0], *(_COMMENTS[1:] if self.config.angles == "azel" else ())],
-        )
-        for sensor, name, chosen in _segments(rows.sensor, code, since_us):
-            meta = self._meta(
-                run.sensors[sensor].id, names[name], time_texts(since_us[chosen[[0, -1]]], epoch_us)
-            )
-            lines += [
-                *block("META", meta),
-                "DATA_START",
-                *_data(since_us[chosen], angles_deg[chosen], epoch_us),
-            ]
-            lines += ["DATA_STOP", ""]
+        comments = _COMMENTS if self.config.angles == "azel" else _COMMENTS[:1]
+        lines = header("TDM", "2.0", epoch_us, comments)
+        for segment in _segments(rows.sensor, code, since_us):
+            name = names[code[segment[0]]]
+            data = _data(since_us[segment], angles_deg[segment], epoch_us)
+            ends = time_texts(since_us[segment[[0, -1]]], epoch_us)
+            meta = self._meta(run.sensors[rows.sensor[segment[0]]].id, name, ends)
+            lines += [*block("META", meta), "DATA_START", *data, "DATA_STOP", ""]
         with OutputFiles() as output:
             output.write(path, "\n".join([*lines, ""]).encode("ascii", "replace"), "tracking data")
         return [path]
@@ -72,10 +63,10 @@ class TdmFile:
                 *run.target_ids,
                 _UNKNOWN,
             ]
-        known = np.unique(run.detections.track[run.detections.track >= 0])
-        code = np.searchsorted(known, run.detections.track)
-        names = [*(f"TRACK-{number}" for number in known.tolist()), _UNKNOWN]
-        return np.where(run.detections.track < 0, len(known), code), names
+        tracks = np.unique(run.detections.track[run.detections.track >= 0])
+        code = np.searchsorted(tracks, run.detections.track)
+        names = [*(f"TRACK-{number}" for number in tracks.tolist()), _UNKNOWN]
+        return np.where(run.detections.track < 0, len(tracks), code), names
 
     def _meta(self, sensor: str, name: str, ends: Sequence[str]) -> dict[str, object]:
         frame = {"REFERENCE_FRAME": "EME2000"} if self.config.angles == "radec" else {}
@@ -95,9 +86,7 @@ class TdmFile:
 
 
 def _angles_deg(rows: Detections, epoch_us: int, kind: str) -> FloatArray:
-    """Return the measured angles (n, 2): azimuth and elevation, or right ascension and declination
-    in EME2000.
-    """
+    """Return the measured angles (n, 2): azimuth and elevation, or `radec` in EME2000."""
     if kind == "azel":
         angles = rows.angles()
         pair = np.stack([angles.azimuth_rad, angles.elevation_rad], axis=1)
@@ -109,36 +98,27 @@ def _angles_deg(rows: Detections, epoch_us: int, kind: str) -> FloatArray:
 
 def _equinox_vectors(vectors: FloatArray, epoch_us: int, time_s: FloatArray) -> FloatArray:
     """Return vectors (n, 3) of the Earth-fixed frame in EME2000, at scene times (n,)."""
-    none = np.zeros_like(vectors)
-    parts = []
+    at_rest = np.zeros_like(vectors)
+    components = []
     for axis in np.eye(3):
-        turned, _ = ecef_state(
-            "EME2000", np.broadcast_to(axis, vectors.shape).copy(), none, epoch_us, time_s
-        )
-        parts.append(np.add.reduce(turned * vectors, axis=1))
-    return np.stack(parts, axis=1)
+        axes = np.broadcast_to(axis, vectors.shape).copy()
+        turned, _ = ecef_state("EME2000", axes, at_rest, epoch_us, time_s)
+        components.append(np.add.reduce(turned * vectors, axis=1))
+    return np.stack(components, axis=1)
 
 
-def _segments(sensor: Any, code: IntArray, since_us: IntArray) -> list[tuple[int, int, Any]]:
-    """Return sensor, object and rows, in order of time, of each pair of sensor and object with
-    detections.
-    """
+def _segments(sensor: Any, code: IntArray, since_us: IntArray) -> list[IntArray]:
+    """Return the detections of each pair of sensor and object, rows in order of time."""
     order = np.lexsort((since_us, code, sensor))
     pairs = np.stack([sensor[order], code[order]], axis=1)
     edges = np.flatnonzero((pairs[1:] != pairs[:-1]).any(axis=1)) + 1
-    parts = [part for part in np.split(order, edges) if len(part)]
-    return [(int(sensor[part[0]]), int(code[part[0]]), part) for part in parts]
+    return [segment for segment in np.split(order, edges) if len(segment)]
 
 
 def _data(since_us: IntArray, angles_deg: FloatArray, epoch_us: int) -> list[str]:
-    both = zip(time_texts(since_us, epoch_us), angles_deg.tolist(), strict=True)
+    samples = zip(time_texts(since_us, epoch_us), angles_deg.tolist(), strict=True)
     return [
         f"ANGLE_{number} = {time} {angle:.9f}"
-        for time, pair in both
+        for time, pair in samples
         for number, angle in enumerate(pair, start=1)
     ]
-
-
-def tdm_file(config: TdmConfig, _context: Any) -> TdmFile:
-    """Return the exporter `tdm`."""
-    return TdmFile(config)

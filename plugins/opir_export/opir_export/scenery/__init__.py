@@ -1,1 +1,1 @@
-"""What maps and ephemerides of a run show: paths, footprints, regions."""
+"""Contents of the maps of a run: paths, footprints, regions."""

@@ -13,9 +13,7 @@ _HALVINGS = 50
 
 
 def sensor_footprint(sensor: Sensor, position_ecef_m: FloatArray) -> FloatArray:
-    """Return the boundary of what a sensor can see from a position (3,), ECEF, m, as `footprint`
-    does.
-    """
+    """Return the `footprint` of a sensor at a position (3,), ECEF, m."""
     return footprint(
         position_ecef_m, sensor.field_of_regard_half_angle_rad, sensor.minimum_elevation_rad
     )
@@ -28,12 +26,11 @@ def footprint(
     *,
     ellipsoid: Ellipsoid = WGS84,
 ) -> FloatArray:
-    """Return the boundary (`POINTS` + 1, 2) of the ground seen from a position (3,), ECEF, m,
-    outside the ellipsoid.
+    """Return the boundary (`POINTS` + 1, 2) of the ground that a sensor sees.
 
-    Points are latitude_rad and longitude_rad; the last equals the first. The ground is bounded by a
-    cone about the direction to the Earth's centre with a half angle, by the horizon, and by the
-    least elevation of the sensor.
+    The position (3,), ECEF, m, is outside the ellipsoid. Points are latitude_rad and longitude_rad;
+    the last equals the first. The ground is bounded by a cone about the direction to the Earth's
+    centre with a half angle, by the horizon, and by the least elevation of the sensor.
     """
     axes_m = np.array(
         [ellipsoid.equatorial_radius_m, ellipsoid.equatorial_radius_m, ellipsoid.polar_radius_m]
@@ -58,11 +55,11 @@ def footprint(
 
 def _tangents(nadir: FloatArray) -> FloatArray:
     """Return unit vectors (`POINTS`, 3) across a unit vector, in equal steps around it."""
-    first = np.cross(nadir, np.eye(3)[np.argmin(np.abs(nadir))])
-    first /= np.linalg.norm(first)
-    second = np.cross(nadir, first)
+    axis = np.cross(nadir, np.eye(3)[np.argmin(np.abs(nadir))])
+    axis /= np.linalg.norm(axis)
+    other_axis = np.cross(nadir, axis)
     angle = np.arange(POINTS)[:, np.newaxis] * (2.0 * np.pi / POINTS)
-    tangents: FloatArray = np.cos(angle) * first + np.sin(angle) * second
+    tangents: FloatArray = np.cos(angle) * axis + np.sin(angle) * other_axis
     return tangents
 
 
@@ -105,9 +102,7 @@ def _elevated(
     largest_rad: FloatArray,
     minimum_elevation_rad: float,
 ) -> FloatArray:
-    """Return the largest nadir angles (k,) at which the sensor stands high enough above the
-    ground's horizon.
-    """
+    """Return the largest nadir angles (k,) at which the sensor has the minimum elevation."""
     low = np.zeros_like(largest_rad)
     high = largest_rad
     for _ in range(_HALVINGS):

@@ -1,6 +1,6 @@
-"""What a map of a run shows, independent of the format: flights, sensors, predicted impacts."""
+"""The contents of a map of a run, for every format: flights, sensors, predicted impacts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,14 +14,15 @@ from opir_core.planning import whole_flights
 from opir_core.plugin import ImpactRegion, Sensor, Tracks
 from opir_export.scenery.footprints import sensor_footprint
 
-#: Longest flight after burnout that is shown, s: an orbit has no end.
-_LONGEST_S = 7200.0
+#: Longest flight after burnout that is written, s: an orbit has no end.
+LONGEST_FLIGHT_S = 7200.0
 
 
 @frozen(eq=False)
 class Flight:
-    """The true flight of a target: scene times (n,), s, and ECEF positions (n, 3), m, from ignition
-    to the end.
+    """The true flight of a target from ignition to its end.
+
+    Scene times (n,), s, and ECEF positions (n, 3), m.
     """
 
     target_id: str
@@ -36,14 +37,18 @@ class Flight:
         """Return longitude and latitude, degrees, and height, m, (n, 3)."""
         return longitude_latitude_height(self.position_ecef_m)
 
+    @property
+    def ends(self) -> Mapping[str, int]:
+        """Return the row of the launch and, if it is known, that of the impact."""
+        return {"launch": 0, "impact": -1} if self.has_impact else {"launch": 0}
+
 
 @frozen(eq=False)
 class SensorPath:
-    """A sensor: scene times (n,), s, and ECEF positions (n, 3), m, one of each if it does not move
-    in ECEF.
+    """The path of a sensor: scene times (n,), s, and ECEF positions (n, 3), m.
 
-    `footprint` (k, 2) is the boundary of the ground that it can see at the scene's start,
-    latitude_rad and longitude_rad.
+    A sensor at rest in ECEF has one. `footprint` (k, 2) is the boundary of the ground that it can
+    see at the scene's start, latitude_rad and longitude_rad.
     """
 
     sensor: Sensor
@@ -63,10 +68,10 @@ class SensorPath:
 
 @frozen(eq=False)
 class Prediction:
-    """Launch and impact of a track as estimated from `start_s` until `end_s`, None for the track's
-    last estimate.
+    """Estimated launch and impact of a track, valid from `start_s` until `end_s`.
 
-    `launch` and `impact` (3,) are latitude_rad, longitude_rad and time_s, nan where unknown.
+    `end_s` is None for the track's last estimate. `launch` and `impact` (3,) are latitude_rad,
+    longitude_rad and time_s, nan where unknown.
     """
 
     track: int
@@ -78,15 +83,14 @@ class Prediction:
 
 
 def flights(run: Any, step_s: float) -> Iterator[Flight]:
-    """Yield the true flights of a run's launches, with points every `step_s` and at ignition,
-    burnout and the end.
-    """
+    """Yield the true flights of launches, points every `step_s` and at ignition, burnout, end."""
     targets = whole_flights(run.plan)
     truths = run.plan.targets.truth()
     for row, name in enumerate(targets.ids):
         start_s = float(targets.ignition_s[row])
         burnout_s = float(targets.burnout_s[row])
-        end_s = min(float(targets.end_s[row]), burnout_s + _LONGEST_S)
+        flight_end_s = float(targets.end_s[row])
+        end_s = min(flight_end_s, burnout_s + LONGEST_FLIGHT_S)
         time_s = np.append(_steps(start_s, burnout_s, step_s), _steps(burnout_s, end_s, step_s)[1:])
         position_m = targets.position_ecef_m(np.full(len(time_s), row, dtype=np.int32), time_s)
         is_known = np.isfinite(position_m).all(axis=1)
@@ -96,8 +100,7 @@ def flights(run: Any, step_s: float) -> Iterator[Flight]:
             time_s=time_s[is_known],
             position_ecef_m=position_m[is_known],
             burnout_s=burnout_s,
-            has_impact=bool(truths[row].get("impact"))
-            and end_s == float(targets.end_s[row]) > burnout_s,
+            has_impact=bool(truths[row].get("impact")) and end_s == flight_end_s > burnout_s,
         )
 
 
@@ -110,51 +113,48 @@ def sensor_paths(run: Any, step_s: float) -> Iterator[SensorPath]:
         yield SensorPath(sensor, time_s, position_m, sensor_footprint(sensor, position_m[0]))
 
 
-def predictions(run: Any, which: str) -> Iterator[Prediction]:
-    """Yield the estimates of each track: its last one, or all, of which equal successors are one;
-    none for `none`.
+def predictions(run: Any, selection: str) -> Iterator[Prediction]:
+    """Yield estimates of each track: the last, all (equal successors once), or none.
+
+    `selection` is `last`, `all` or `none`.
     """
     rows: Tracks = run.tracks
-    for track in np.unique(rows.track).tolist() if which != "none" else ():
-        own = np.flatnonzero(rows.track == track)
-        known = own[np.isfinite(rows.impact[own, 0]) | np.isfinite(rows.launch[own, 0])]
-        kept = known[-1:] if which == "last" else _changes(rows, known)
-        ends = [*rows.tick_s[kept[1:]].tolist(), None]
-        for row, end_s in zip(kept.tolist(), ends, strict=False):
+    for track in np.unique(rows.track).tolist() if selection != "none" else ():
+        track_rows = np.flatnonzero(rows.track == track)
+        estimated = track_rows[
+            np.isfinite(rows.impact[track_rows, 0]) | np.isfinite(rows.launch[track_rows, 0])
+        ]
+        selected = estimated[-1:] if selection == "last" else _changes(rows, estimated)
+        ends = [*rows.tick_s[selected[1:]].tolist(), None]
+        for row, end_s in zip(selected.tolist(), ends, strict=False):
             regions = rows.impact_regions[row]
             yield Prediction(
                 track, float(rows.tick_s[row]), end_s, rows.launch[row], rows.impact[row], regions
             )
 
 
-def _changes(rows: Tracks, known: Any) -> Any:
-    """Return those rows of a track whose regions, or impact without any, differ from the row
-    before.
-    """
-    regions = rows.impact_regions[known]
-    impact = rows.impact[known]
-    changed = np.ones(len(known), dtype=np.bool_)
-    for place in range(1, len(known)):
+def _changes(rows: Tracks, estimated: Any) -> Any:
+    """Return the rows of a track whose impact or regions differ from those of the row before."""
+    regions = rows.impact_regions[estimated]
+    impact = rows.impact[estimated]
+    changed = np.ones(len(estimated), dtype=np.bool_)
+    for place in range(1, len(estimated)):
         same_point = np.array_equal(impact[place], impact[place - 1], equal_nan=True)
         changed[place] = not (same_point and regions[place] == regions[place - 1])
-    return known[changed]
+    return estimated[changed]
 
 
 _CONDITION_WORDS = {"burn over": " if the burn is over", "relights": " if it relights"}
 
 
 def condition_words(region: ImpactRegion) -> str:
-    """Return what a region presumes, ` if it relights (0.12)`; "" for that the target comes
-    down.
-    """
+    """Return the condition of a region as words, ` if it relights (0.12)`; "" without one."""
     words = _CONDITION_WORDS.get(region.condition, "")
     return words and f"{words} ({probability_text(region.probability)})"
 
 
 def longitude_latitude_height(position_ecef_m: FloatArray) -> FloatArray:
-    """Return longitude and latitude, degrees, and height above the ellipsoid, m, (n, 3), of ECEF
-    positions.
-    """
+    """Return longitude, latitude, degrees, and ellipsoidal height, m, (n, 3) of ECEF positions."""
     place = ecef_to_geodetic(position_ecef_m)
     columns = (np.degrees(place.longitude_rad), np.degrees(place.latitude_rad), place.height_m)
     return np.stack(columns, axis=1)

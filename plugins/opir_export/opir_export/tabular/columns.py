@@ -25,35 +25,39 @@ class TableColumn:
 
 def table_of(columns: Iterable[TableColumn], metadata: dict[str, str]) -> Any:
     """Return a `pyarrow.Table`; unit and meaning of a column are in the metadata of its field."""
-    made = list(columns)
+    listed = list(columns)
     fields = [
         pa.field(
-            each.name, each.values.type, metadata={"unit": each.unit, "description": each.meaning}
+            column.name,
+            column.values.type,
+            metadata={"unit": column.unit, "description": column.meaning},
         )
-        for each in made
+        for column in listed
     ]
-    return pa.table([each.values for each in made], schema=pa.schema(fields, metadata=metadata))
+    return pa.table(
+        [column.values for column in listed], schema=pa.schema(fields, metadata=metadata)
+    )
 
 
 def numbers(values: Any) -> Any:
-    """Return numbers (n,) as an array, null where they are nan."""
+    """Return numbers (n,) as an Arrow array, null where they are nan."""
     column = np.ascontiguousarray(values)
     return _array(column, np.isnan(column) if column.dtype.kind == "f" else None)
 
 
 def _array(column: Any, unknown: BoolArray | None, kind: Any = None) -> Any:
-    """Return an array of the memory of numbers (n,), null where they are `unknown` (n,).
+    """Return an Arrow array over the memory of numbers (n,), null where they are `unknown` (n,).
 
-    `pa.array` would import pandas, where it is installed, to see whether the numbers are its own.
+    `pa.array` would import pandas, where it is installed, to look for its types.
     """
     nulls = 0 if unknown is None else int(np.count_nonzero(unknown))
-    known = (
+    validity = (
         None
         if not nulls or unknown is None
         else pa.py_buffer(np.packbits(~unknown, bitorder="little"))
     )
     kind = pa.from_numpy_dtype(column.dtype) if kind is None else kind
-    return pa.Array.from_buffers(kind, len(column), [known, pa.py_buffer(column)], nulls)
+    return pa.Array.from_buffers(kind, len(column), [validity, pa.py_buffer(column)], nulls)
 
 
 def _words(words: Sequence[str]) -> Any:
@@ -101,7 +105,7 @@ def lists(values: FloatArray) -> Any:
 
 
 def instants(time_ns: IntArray, epoch_us: int) -> Any:
-    """Return scene times (n,), ns, as timestamps in UTC; null where they are the least integer."""
+    """Return scene times (n,), ns, as timestamps in UTC; the least integer is null."""
     column = np.asarray(time_ns, dtype=np.int64)
     unknown = column == np.iinfo(np.int64).min
     stamps = np.where(unknown, 0, column) + epoch_us * _NS_PER_US
@@ -111,7 +115,7 @@ def instants(time_ns: IntArray, epoch_us: int) -> Any:
 def nanoseconds(time_s: FloatArray) -> IntArray:
     """Return scene times (n,), s, rounded to ns; the least integer where they are nan."""
     column = np.asarray(time_s, dtype=np.float64)
-    known = np.isfinite(column)
+    is_known = np.isfinite(column)
     rounded: IntArray = np.full(len(column), np.iinfo(np.int64).min)
-    rounded[known] = np.rint(column[known] * _NS_PER_S).astype(np.int64)
+    rounded[is_known] = np.rint(column[is_known] * _NS_PER_S).astype(np.int64)
     return rounded

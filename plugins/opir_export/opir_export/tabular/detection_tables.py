@@ -1,6 +1,7 @@
 """The columns of the tables `detections` and `truth`."""
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -31,12 +32,23 @@ def columns_of_detections(
 ) -> Iterator[TableColumn]:
     """Yield the columns of detections of a run's sensors, epoch and reported types.
 
-    Irradiances and probabilities of types that the run does not have are left out. Of a file that
-    is written window by window (`in_file`) they are null columns, the same for all windows; ids are
-    16 bytes instead of texts, and times are dates alone.
+    Irradiances and type probabilities that the run does not have are left out. A file that is
+    written window by window (`in_file`) has them as null columns, the same for all windows; its ids
+    are 16 bytes instead of texts, and it has no times in seconds.
     """
     yield _ids(rows, in_file=in_file)
     yield from _reports(rows, origin, in_file=in_file)
+    yield from _lines_of_sight(rows)
+    irradiances = rows.band_irradiance_w_m2
+    shares = rows.type_probability
+    if in_file or irradiances.shape[1]:
+        yield from _irradiances(rows.sensor, irradiances, origin.sensors)
+    if in_file or shares.shape[1]:
+        yield from _probabilities(shares)
+
+
+def _lines_of_sight(rows: Detections) -> Iterator[TableColumn]:
+    """Yield direction and error of the line of sight, and the position of the sensor."""
     angles = rows.angles()
     yield TableColumn(
         "azimuth_deg",
@@ -59,20 +71,14 @@ def columns_of_detections(
         yield TableColumn(
             f"sensor_{letter}_m", numbers(position_m), "m", "position of the sensor, ECEF"
         )
-    irradiances = rows.band_irradiance_w_m2
-    shares = rows.type_probability
-    if in_file or irradiances.shape[1]:
-        yield from _irradiances(rows.sensor, irradiances, origin.sensors)
-    if in_file or shares.shape[1]:
-        yield from _probabilities(shares)
 
 
 def _reports(rows: Detections, origin: EncoderContext, *, in_file: bool) -> Iterator[TableColumn]:
-    """Yield what a report says: sensor, times, type, confidence, bands, track."""
+    """Yield sensor, times, type, confidence, bands and track of the reports."""
     epoch_us = origin.epoch_us
     sensors = origin.sensors
     yield TableColumn(
-        "sensor_id", names(rows.sensor, [each.id for each in sensors]), "", "the sensor"
+        "sensor_id", names(rows.sensor, [sensor.id for sensor in sensors]), "", "the sensor"
     )
     if not in_file:
         yield TableColumn("time_s", numbers(rows.time_s), "s", "scene time of the look")
@@ -104,7 +110,7 @@ def _reports(rows: Detections, origin: EncoderContext, *, in_file: bool) -> Iter
 
 
 def truth_columns(run: Any) -> Iterator[TableColumn]:
-    """Yield the columns of the table `truth` of a run, row by row that of the detections."""
+    """Yield the columns of the table `truth` of a run, one row per detection."""
     yield from columns_of_truth(run.detections, run.truth, run.target_ids)
 
 
@@ -115,9 +121,7 @@ def columns_of_truth(
     *,
     in_file: bool = False,
 ) -> Iterator[TableColumn]:
-    """Yield the columns of the truth of detections of targets with these ids; `in_file` as for the
-    detections.
-    """
+    """Yield the columns of the truth of detections; `in_file` as in `columns_of_detections`."""
     yield _ids(detections, in_file=in_file)
     yield TableColumn(
         "target_id", names(rows.target, target_ids), "", "the target, null for a false alarm"
@@ -142,9 +146,7 @@ def columns_of_truth(
 
 
 def _ids(rows: Detections, *, in_file: bool) -> TableColumn:
-    """Return the ids of detections: as texts, or as the 16 bytes of the UUID, which files read and
-    write faster.
-    """
+    """Return the ids of detections as texts, or `in_file` as 16 bytes, which are faster."""
     if in_file:
         octets = pa.py_buffer(rows.detection_id.astype(">u8"))
         values = pa.Array.from_buffers(pa.binary(_ID_BYTES), len(rows), [None, octets])
@@ -153,7 +155,7 @@ def _ids(rows: Detections, *, in_file: bool) -> TableColumn:
 
 
 def uuid_texts(column: Any) -> list[str]:
-    """Return the ids of a column of `in_file`, or of texts, as texts."""
+    """Return a column of ids, bytes or texts, as texts."""
     if not pa.types.is_fixed_size_binary(column.type):
         return cast("list[str]", column.to_pylist())
     octets = np.frombuffer(b"".join(column.to_pylist()), dtype=">u8")
@@ -172,16 +174,24 @@ def _texts_of_ids(rows: Detections) -> Any:
 
 
 def _bands(rows: Detections, sensors: Sequence[Sensor]) -> Any:
-    """Return the names of each detection's bands; each pair of sensor and mask is spelt once."""
+    """Return the names of each detection's bands; a pair of sensor and mask is spelt once."""
     pairs = rows.sensor.astype(np.int64) << 8 | rows.bands
-    used = np.flatnonzero(np.bincount(pairs))
-    # All that sensors may say, whatever is among the rows: files do not depend on how rows are cut
-    # into tables.
+    pairs_used = np.flatnonzero(np.bincount(pairs))
+    # All combinations, also those without a row: files do not depend on how rows are cut into
+    # tables.
     bands = {sensor.bands for sensor in sensors}
-    words = sorted({_spelt(each, mask) for each in bands for mask in range(1 << len(each))})
+    words = sorted(
+        {
+            _spelt(combination, mask)
+            for combination in bands
+            for mask in range(1 << len(combination))
+        }
+    )
     number = {word: code for code, word in enumerate(words)}
-    codes = np.zeros(used.max(initial=-1) + 1, dtype=np.int32)
-    codes[used] = [number[_spelt(sensors[pair >> 8].bands, pair & 0xFF)] for pair in used.tolist()]
+    codes = np.zeros(pairs_used.max(initial=-1) + 1, dtype=np.int32)
+    codes[pairs_used] = [
+        number[_spelt(sensors[pair >> 8].bands, pair & 0xFF)] for pair in pairs_used.tolist()
+    ]
     return names(codes.take(pairs), words)
 
 
@@ -192,16 +202,14 @@ def _spelt(bands: Sequence[Band], mask: int) -> str:
 def _irradiances(
     sensor: IndexArray, measured: FloatArray, sensors: Sequence[Sensor]
 ) -> Iterator[TableColumn]:
-    """Yield the measured irradiance by band name, null for detections by sensors without the
-    band.
-    """
-    for name in dict.fromkeys(band.name for each in sensors for band in each.bands):
+    """Yield the measured irradiance by band name, null for sensors without the band."""
+    names_of_sensors = [[band.name for band in each.bands] for each in sensors]
+    for name in dict.fromkeys(chain.from_iterable(names_of_sensors)):
         column = np.full(len(measured), np.nan)
-        for number, each in enumerate(sensors):
-            own = [band.name for band in each.bands]
-            if name in own and own.index(name) < measured.shape[1]:
-                mine = sensor == number
-                column[mine] = measured[mine, own.index(name)]
+        for number, band_names in enumerate(names_of_sensors):
+            if name in band_names and band_names.index(name) < measured.shape[1]:
+                is_of_sensor = sensor == number
+                column[is_of_sensor] = measured[is_of_sensor, band_names.index(name)]
         yield TableColumn(
             f"irradiance_{name}_w_m2", numbers(column), "W/m2", "measured at the aperture"
         )

@@ -61,26 +61,22 @@ _GEO = {
 
 
 def to_pandas(run: Any) -> Mapping[str, Any]:
-    """Return the tables of a run by name, as data frames of pandas; `PluginError` if pandas is not
-    installed.
-    """
+    """Return the tables of a run by name, as data frames; `PluginError` without pandas."""
     _require("pandas", "run.to_pandas()")
-    return {name: each.to_pandas() for name, each in tables(run).items()}
+    return {name: rows.to_pandas() for name, rows in tables(run).items()}
 
 
 def to_polars(run: Any) -> Mapping[str, Any]:
-    """Return the tables of a run by name, as data frames of polars; `PluginError` if polars is not
-    installed.
-    """
+    """Return the tables of a run by name, as data frames; `PluginError` without polars."""
     from_arrow = _require("polars", "run.to_polars()").from_arrow
-    return {name: from_arrow(each) for name, each in tables(run).items()}
+    return {name: from_arrow(rows) for name, rows in tables(run).items()}
 
 
-def _require(library: str, wanted: str) -> Any:
+def _require(library: str, call: str) -> Any:
     try:
         return import_module(library)
     except ModuleNotFoundError as error:
         if error.name != library:
             raise
         remedy = install_command("opir-export", library)
-        raise PluginError(f"{wanted} needs {library}, which is not installed; {remedy}") from error
+        raise PluginError(f"{call} needs {library}, which is not installed; {remedy}") from error

@@ -1,10 +1,11 @@
 """The columns of the tables `targets` and `sensors`."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from opir_core.plugin import Sensor
 from opir_export.tabular.columns import TableColumn, counts, numbers, plain_numbers, texts
 
 _PLACES = ("launch", "aim", "burnout", "impact")
@@ -16,15 +17,12 @@ _ANGLES = (
 
 
 def target_columns(run: Any) -> Iterator[TableColumn]:
-    """Yield the columns of the table `targets` of a run: the truth of each target, and what the run
-    saw of it.
-    """
-    targets = run.plan.targets
-    summary = run.summary
-    seen_of = {row["source_id"]: row for row in summary["sources"]} | {
-        row["target_id"]: row for row in summary["targets"]
-    }
-    seen = [seen_of[name] for name in targets.ids]
+    """Yield the columns of the table `targets` of a run: truth, and statistics of detections."""
+    yield from _true_targets(run.plan.targets)
+    yield from _detected_targets(run.summary, run.plan.targets.ids)
+
+
+def _true_targets(targets: Any) -> Iterator[TableColumn]:
     truths = targets.truth()
     yield TableColumn("target_id", texts(targets.ids), "", "the target")
     yield TableColumn(
@@ -36,59 +34,58 @@ def target_columns(run: Any) -> Iterator[TableColumn]:
     yield TableColumn("ignition_s", numbers(targets.ignition_s), "s", "scene time of ignition")
     yield TableColumn("burnout_s", numbers(targets.burnout_s), "s", "scene time of burnout")
     for place in _PLACES:
-        for key, unit, what in _ANGLES:
+        for key, unit, quantity in _ANGLES:
             values = plain_numbers([_inner(row, place, key) for row in truths])
-            yield TableColumn(f"{place}_{key}", values, unit, f"{what} of the {place}")
+            yield TableColumn(f"{place}_{key}", values, unit, f"{quantity} of the {place}")
     yield TableColumn(
         "impact_s",
         plain_numbers([_inner(row, "impact", "time_s") for row in truths]),
         "s",
         "of impact",
     )
+
+
+def _detected_targets(summary: Mapping[str, Any], ids: Sequence[str]) -> Iterator[TableColumn]:
+    statistics = {row["source_id"]: row for row in summary["sources"]} | {
+        row["target_id"]: row for row in summary["targets"]
+    }
+    rows = [statistics[name] for name in ids]
     yield TableColumn(
-        "detections", counts([row["detections"] for row in seen]), "", "number of detections"
+        "detections", counts([row["detections"] for row in rows]), "", "number of detections"
     )
-    first = texts([row["first_sensor_id"] for row in seen])
-    yield TableColumn("first_sensor_id", first, "", "the sensor that detected it first")
+    sensor_ids = texts([row["first_sensor_id"] for row in rows])
+    yield TableColumn("first_sensor_id", sensor_ids, "", "the sensor that detected it first")
     for key, meaning in (
         ("first_detection_s", "scene time of the first detection"),
         ("latency_s", "from ignition to the first detection"),
         ("last_detection_s", "scene time of the last detection"),
     ):
-        yield TableColumn(key, plain_numbers([row.get(key) for row in seen]), "s", meaning)
-    yield TableColumn(
-        "reported_type",
-        texts([row["reported_type"] for row in seen]),
-        "",
-        "type reported most often",
-    )
+        yield TableColumn(key, plain_numbers([row.get(key) for row in rows]), "s", meaning)
+    reported_types = texts([row["reported_type"] for row in rows])
+    yield TableColumn("reported_type", reported_types, "", "type reported most often")
 
 
 def sensor_columns(run: Any) -> Iterator[TableColumn]:
     """Yield the columns of the table `sensors` of a run."""
-    sensors = run.sensors
-
-    def each(read: Callable[[Any], Any]) -> Sequence[Any]:
-        return [read(sensor) for sensor in sensors]
-
-    yield TableColumn("sensor_id", texts(each(lambda one: one.id)), "", "the sensor")
-    yield TableColumn("sensor_type", texts(each(lambda one: one.type)), "", "its sensor model")
-    slots = plain_numbers(each(lambda one: one.orbital_slot_deg))
+    sensors: Sequence[Sensor] = run.sensors
+    yield TableColumn("sensor_id", texts([sensor.id for sensor in sensors]), "", "the sensor")
+    models = texts([sensor.type for sensor in sensors])
+    yield TableColumn("sensor_type", models, "", "its sensor model")
+    slots = plain_numbers([sensor.orbital_slot_deg for sensor in sensors])
     yield TableColumn("orbital_slot_deg", slots, "deg", "longitude of a geostationary slot")
-    position_m = np.array(each(lambda one: one.orbit.position_ecef_m(np.zeros(1))[0])).reshape(
-        -1, 3
-    )
+    start_m = [sensor.orbit.position_ecef_m(np.zeros(1))[0] for sensor in sensors]
+    position_m = np.array(start_m).reshape(-1, 3)
     for axis, letter in enumerate("xyz"):
         yield TableColumn(
             f"{letter}_m", numbers(position_m[:, axis]), "m", "position at the scene's start, ECEF"
         )
-    yield TableColumn(
-        "bands",
-        texts(each(lambda one: "+".join(band.name for band in one.bands))),
-        "",
-        "joined by +",
-    )
-    period_s = plain_numbers(each(lambda one: one.scan.period_ns * 1e-9))
+    bands = texts(["+".join(band.name for band in sensor.bands) for sensor in sensors])
+    yield TableColumn("bands", bands, "", "joined by +")
+    yield from _observation_limits(sensors)
+
+
+def _observation_limits(sensors: Sequence[Sensor]) -> Iterator[TableColumn]:
+    period_s = plain_numbers([sensor.scan.period_ns * 1e-9 for sensor in sensors])
     yield TableColumn("scan_period_s", period_s, "s", "time between two looks at a target")
     for name, attribute, meaning in (
         (
@@ -98,12 +95,10 @@ def sensor_columns(run: Any) -> Iterator[TableColumn]:
         ),
         ("minimum_elevation", "minimum_elevation_rad", "of the sensor above the target's horizon"),
     ):
-        angles = np.degrees([getattr(one, attribute) for one in sensors])
+        angles = np.degrees([getattr(sensor, attribute) for sensor in sensors])
         yield TableColumn(f"{name}_deg", plain_numbers(angles.tolist()), "deg", meaning)
-    sigma_urad = each(lambda one: one.line_of_sight_sigma_rad * 1e6)
-    yield TableColumn(
-        "line_of_sight_sigma_urad", plain_numbers(sigma_urad), "urad", "standard deviation per axis"
-    )
+    sigma_urad = plain_numbers([sensor.line_of_sight_sigma_rad * 1e6 for sensor in sensors])
+    yield TableColumn("line_of_sight_sigma_urad", sigma_urad, "urad", "standard deviation per axis")
 
 
 def _inner(row: Mapping[str, Any], place: str, key: str) -> float | None:

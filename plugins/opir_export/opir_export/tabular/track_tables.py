@@ -1,6 +1,6 @@
 """The columns of the tables `tracks` and `regions`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import pyarrow as pa
 from opir_core.arrays import FloatArray
 from opir_core.interfaces import IMPACT_METHODS, TRACK_CONTAINMENTS, TRACK_ENDS
 from opir_core.output import geometry_of
-from opir_core.plugin import REPORTED_TYPES, Tracks
+from opir_core.plugin import REPORTED_TYPES, ImpactRegion, Tracks
 from opir_export.tabular.columns import (
     TableColumn,
     instants,
@@ -54,10 +54,18 @@ def track_columns(run: Any) -> Iterator[TableColumn]:
         "how the impact was predicted",
     )
     sigmas = lists(rows.impact_sigmas)
-    levels = ", ".join(f"{100 * each:g} %" for each in TRACK_CONTAINMENTS)
+    levels = ", ".join(f"{100 * level:g} %" for level in TRACK_CONTAINMENTS)
     yield TableColumn(
         "impact_sigmas", sigmas, "sigma", f"radii of the ellipses that contain the impact: {levels}"
     )
+    yield from _probabilities(rows)
+    yield from _hypotheses(run)
+    ends = [TRACK_ENDS[code] or None for code in rows.end.tolist()]
+    yield TableColumn("end", texts(ends), "", "how the track ended; null for one that goes on")
+
+
+def _probabilities(rows: Tracks) -> Iterator[TableColumn]:
+    """Yield the probabilities of the reported types, of a burn and of another burn."""
     for place, name in enumerate(REPORTED_TYPES):
         share = rows.type_probability[:, place]
         yield TableColumn(f"probability_{name}", numbers(share), "", "probability of the type")
@@ -74,9 +82,6 @@ def track_columns(run: Any) -> Iterator[TableColumn]:
         "",
         "probability of no burn now and another later",
     )
-    yield from _hypotheses(run)
-    ends = [TRACK_ENDS[code] or None for code in rows.end.tolist()]
-    yield TableColumn("end", texts(ends), "", "how the track ended; null for one that goes on")
 
 
 def _hypotheses(run: Any) -> Iterator[TableColumn]:
@@ -104,8 +109,8 @@ def _hypotheses(run: Any) -> Iterator[TableColumn]:
 
 def _state(prefix: str, values: FloatArray, when: str) -> Iterator[TableColumn]:
     for place, name in enumerate(_STATE):
-        unit, what = ("m", "position") if place < len(_STATE) // 2 else ("m/s", "velocity")
-        yield TableColumn(f"{prefix}{name}", numbers(values[:, place]), unit, f"{what} {when}")
+        unit, quantity = ("m", "position") if place < len(_STATE) // 2 else ("m/s", "velocity")
+        yield TableColumn(f"{prefix}{name}", numbers(values[:, place]), unit, f"{quantity} {when}")
 
 
 def _point(name: str, place: FloatArray, covariance: FloatArray) -> Iterator[TableColumn]:
@@ -132,34 +137,34 @@ def _lower(matrices: FloatArray) -> FloatArray:
 
 
 def region_columns(run: Any) -> Iterator[TableColumn]:
-    """Yield the columns of the table `regions` of a run: impact regions, as WKB in longitude and
-    latitude, degrees.
-    """
-    rows: Tracks = run.tracks
-    counts = [len(regions) for regions in rows.impact_regions.tolist()]
-    place = np.repeat(np.arange(len(rows)), np.array(counts, dtype=np.int64))
-    regions = [region for row in rows.impact_regions.tolist() for region in row]
-    yield TableColumn("track_id", numbers(rows.track[place]), "", "the track")
-    yield TableColumn("time_s", numbers(rows.tick_s[place]), "s", "scene time of the estimate")
-    times = instants(nanoseconds(rows.tick_s[place]), run.plan.scene.epoch_us)
+    """Yield the columns of the table `regions`: impact regions as WKB, longitude and latitude."""
+    tracks: Tracks = run.tracks
+    regions_of_rows = tracks.impact_regions.tolist()
+    counts = np.array([len(regions) for regions in regions_of_rows], dtype=np.int64)
+    row = np.repeat(np.arange(len(tracks)), counts)
+    regions = [region for regions in regions_of_rows for region in regions]
+    yield TableColumn("track_id", numbers(tracks.track[row]), "", "the track")
+    yield TableColumn("time_s", numbers(tracks.tick_s[row]), "s", "scene time of the estimate")
+    times = instants(nanoseconds(tracks.tick_s[row]), run.plan.scene.epoch_us)
     yield TableColumn("time", times, _UTC, "time of the estimate")
-    containment = np.array([region.containment for region in regions], dtype=np.float64)
-    yield TableColumn(
-        "containment", numbers(containment), "", "probability that the region contains the impact"
+    yield _region_figure(
+        regions, "containment", "", "probability that the region contains the impact"
     )
-    area_km2 = np.array([region.area_km2 for region in regions], dtype=np.float64)
-    yield TableColumn("area_km2", numbers(area_km2), "km2", "area of the region")
+    yield _region_figure(regions, "area_km2", "km2", "area of the region")
     conditions = texts([region.condition for region in regions])
     yield TableColumn("condition", conditions, "", "what the region presumes")
-    for name, meaning in (
-        ("probability", "of the condition"),
-        ("effective_samples", "of the distribution"),
-    ):
-        values = np.array([getattr(region, name) for region in regions], dtype=np.float64)
-        yield TableColumn(name, numbers(values), "", f"{name.replace('_', ' ')} {meaning}")
-    methods = [IMPACT_METHODS[code] for code in rows.impact_method[place].tolist()]
+    yield _region_figure(regions, "probability", "", "probability of the condition")
+    yield _region_figure(regions, "effective_samples", "", "effective samples of the distribution")
+    methods = [IMPACT_METHODS[code] for code in tracks.impact_method[row].tolist()]
     yield TableColumn("impact_method", texts(methods), "", "how the impact was predicted")
     shapes = pa.array(
         [well_known_binary(geometry_of(region)) for region in regions], type=pa.binary()
     )
     yield TableColumn("geometry", shapes, "deg", "the region, WKB of longitude and latitude")
+
+
+def _region_figure(
+    regions: Sequence[ImpactRegion], name: str, unit: str, meaning: str
+) -> TableColumn:
+    values = np.array([getattr(region, name) for region in regions], dtype=np.float64)
+    return TableColumn(name, numbers(values), unit, meaning)

@@ -9,6 +9,7 @@ import numpy as np
 _LITTLE_ENDIAN = 1
 _POLYGON = 3
 _MULTI_POLYGON = 6
+#: Sizes in bytes: byte order, kind and count; a count; a point.
 _HEAD = 9
 _COUNT = 4
 _POINT = 16
@@ -18,8 +19,10 @@ def well_known_binary(geometry: Mapping[str, Any]) -> bytes:
     """Return a Polygon or a MultiPolygon of GeoJSON as WKB, little endian."""
     if geometry["type"] == "Polygon":
         return _polygon(geometry["coordinates"])
-    parts = geometry["coordinates"]
-    return pack("<BII", _LITTLE_ENDIAN, _MULTI_POLYGON, len(parts)) + b"".join(map(_polygon, parts))
+    polygons = geometry["coordinates"]
+    return pack("<BII", _LITTLE_ENDIAN, _MULTI_POLYGON, len(polygons)) + b"".join(
+        map(_polygon, polygons)
+    )
 
 
 def _polygon(rings: Sequence[Any]) -> bytes:
@@ -30,22 +33,22 @@ def _polygon(rings: Sequence[Any]) -> bytes:
 
 
 def text_of_binary(shape: bytes) -> str:
-    """Return what `well_known_binary` made as well-known text."""
+    """Return a Polygon or MultiPolygon of WKB as well-known text."""
     _, kind, count = unpack_from("<BII", shape)
     if kind == _POLYGON:
         return f"POLYGON {_rings_text(shape, 0)[0]}"
     at = _HEAD
-    parts = list[str]()
+    polygons = list[str]()
     for _ in range(count):
         words, at = _rings_text(shape, at)
-        parts.append(words)
-    return f"MULTIPOLYGON ({', '.join(parts)})" if parts else "MULTIPOLYGON EMPTY"
+        polygons.append(words)
+    return f"MULTIPOLYGON ({', '.join(polygons)})" if polygons else "MULTIPOLYGON EMPTY"
 
 
 def _rings_text(shape: bytes, at: int) -> tuple[str, int]:
-    """Return the rings of the polygon at a place as text, and the place after it."""
+    """Return the rings of the polygon at an offset as text, and the offset of its end."""
     _, _, count = unpack_from("<BII", shape, at)
-    at = at + _HEAD
+    at += _HEAD
     rings = list[str]()
     for _ in range(count):
         (length,) = unpack_from("<I", shape, at)
