@@ -1,5 +1,4 @@
-"""Stone Soup's trackers as an opir tracker (`tracker: stonesoup`), and opir's detections as a Stone
-Soup reader.
+"""Stone Soup's trackers as the tracker `stonesoup`, and opir's detections as a Stone Soup reader.
 
 The modules `models`, `reader` and `tracker` import Stone Soup; a scene imports them only if it
 names the tracker.

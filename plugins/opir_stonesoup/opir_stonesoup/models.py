@@ -28,8 +28,7 @@ _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0
 
 
 class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  # type: ignore[misc]
-    """Motion under gravity relative to the rotating Earth, with white noise in the last derivative
-    of the state.
+    """Motion under gravity in ECEF, with white noise in the last derivative of the state.
 
     Two-body motion (6; with the zonal harmonics of `forces`), a nearly constant specific force (9),
     or a nearly constant rate of it (12): `opir_core.estimation.motion` in ECEF. Drag is neglected.
@@ -42,7 +41,7 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._motion = Motion(self.ndim_state, self.noise, free_forces(self.forces))
-        self._whole = (
+        self._full_motion = (
             evolve(self._motion, size=max(self.ndim_state, BOOST))
             if self.ndim_state > 6
             else self._motion
@@ -54,16 +53,15 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
             noise = self.rvs(num_samples=state.state_vector.shape[1], **kwargs) if noise else 0
         step_s = _seconds(kwargs["time_interval"])
         columns = np.asarray(state.state_vector, dtype=np.float64)
-        start = np.zeros((columns.shape[1], self._whole.size))
+        start = np.zeros((columns.shape[1], self._full_motion.size))
         start[:, : self.ndim_state] = (_inertial(self.ndim_state) @ columns).T
-        end = self._whole.propagated(start, np.full(len(start), step_s))[:, : self.ndim_state].T
+        end = self._full_motion.propagated(start, np.full(len(start), step_s))
+        end = end[:, : self.ndim_state].T
         kind = StateVector if columns.shape[1] == 1 else StateVectors
         return kind(_earth_fixed(self.ndim_state, step_s) @ end) + noise
 
     def jacobian(self, state: Any, **kwargs: Any) -> FloatArray:
-        """Return the transition matrix (d, d): the exponential series with the gradient at the
-        start.
-        """
+        """Return the transition matrix (d, d), a series with the gradient at the start."""
         step_s = _seconds(kwargs["time_interval"])
         position = np.asarray(state.state_vector[:3], dtype=np.float64).reshape(1, 3)
         matrix = self._motion.transition(position, np.array([step_s]))[0]
@@ -94,58 +92,60 @@ class SightModel(CartesianToElevationBearing):  # type: ignore[misc]
 
     @property
     def rotation_matrix(self) -> FloatArray:
-        """Return the axes."""
+        """Return the sensor's axes (3, 3), rows in ECEF; without `axes` those of ECEF."""
         return np.eye(3) if self.axes is None else np.asarray(self.axes)
 
     def _function(self, state: Any, noise: Any = False, **kwargs: Any) -> Any:
         if isinstance(noise, bool) or noise is None:
             noise = self.rvs(num_samples=state.state_vector.shape[1], **kwargs) if noise else 0
-        x, y, z = self._seen(np.asarray(state.state_vector, dtype=np.float64))[0]
+        x, y, z = self._emission(np.asarray(state.state_vector, dtype=np.float64))[0]
         return StateVectors([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)]) + noise
 
     def jacobian(self, state: Any, **_: Any) -> FloatArray:
         """Return the Jacobian (2, d) of elevation and bearing by the state."""
         columns = np.asarray(state.state_vector, dtype=np.float64)
-        local, delay, toward = self._seen(columns)
+        local, delay, direction = self._emission(columns)
         x, y, z = local[:, 0]
-        flat = x * x + y * y
-        square = flat + z * z
-        level = np.sqrt(flat)
-        slope = np.array(
-            [[-x * z / (level * square), -y * z / (level * square), level / square], [-y, x, 0.0]]
-        )
-        slope[1] /= flat
-        slope = slope @ self.rotation_matrix
+        horizontal2 = x * x + y * y
+        range2 = horizontal2 + z * z
+        horizontal = np.sqrt(horizontal2)
+        elevation = [
+            -x * z / (horizontal * range2),
+            -y * z / (horizontal * range2),
+            horizontal / range2,
+        ]
+        bearing = [-y / horizontal2, x / horizontal2, 0.0]
+        slope = np.array([elevation, bearing]) @ self.rotation_matrix
         velocity = columns[3:6, 0]
         matrix = np.zeros((2, len(columns)))
         matrix[:, :3] = (
             slope
-            - (slope @ velocity)[:, None] * toward[:, 0] / SPEED_OF_LIGHT_M_S * self.light_time
+            - (slope @ velocity)[:, None] * direction[:, 0] / SPEED_OF_LIGHT_M_S * self.light_time
         )
         matrix[:, 3:6] = -delay[0] * slope
         return matrix
 
-    def _seen(self, columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return positions (3, n) in the sensor's axes at emission, delays (n,), and unit vectors
-        (3, n).
+    def _emission(self, columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return positions (3, n) at emission in the sensor's axes, delays (n,), directions (3, n).
+
+        Directions are unit vectors from the sensor, ECEF.
         """
-        apart = columns[:3] - np.asarray(self.translation_offset, dtype=np.float64)
-        range_m = np.sqrt((apart * apart).sum(axis=0))
+        offset = columns[:3] - np.asarray(self.translation_offset, dtype=np.float64)
+        range_m = np.sqrt((offset * offset).sum(axis=0))
         delay = range_m / SPEED_OF_LIGHT_M_S * self.light_time
-        return self.rotation_matrix @ (apart - delay * columns[3:6]), delay, apart / range_m
+        return self.rotation_matrix @ (offset - delay * columns[3:6]), delay, offset / range_m
 
 
 def free_forces(forces: ForceModel) -> Forces:
     """Return the forces of a scene without drag."""
-    whole = forces_of(forces)
-    return Forces(zonal=whole.zonal, gravity=whole.gravity)
+    forces_with_drag = forces_of(forces)
+    return Forces(zonal=forces_with_drag.zonal, gravity=forces_with_drag.gravity)
 
 
 def sensor_axes(sensor_ecef_m: FloatArray) -> FloatArray:
-    """Return a sensor's axes (3, 3), rows in ECEF: to the Earth's centre, west, and north (x, y, z;
-    right-handed).
+    """Return a sensor's axes (3, 3), rows in ECEF: to the Earth's centre, west, north.
 
-    On the Earth's axis they are those at longitude 0.
+    They are right-handed. On the Earth's axis they are those at longitude 0.
     """
     down = -sensor_ecef_m / np.sqrt((sensor_ecef_m * sensor_ecef_m).sum())
     length = np.hypot(down[0], down[1])
@@ -160,7 +160,7 @@ def _seconds(interval: timedelta) -> float:
 
 
 def _inertial(size: int) -> FloatArray:
-    """Return the matrix (d, d) from ECEF to the inertial frame that is ECEF at this instant."""
+    """Return the matrix (d, d) from ECEF to the inertial frame with the same axes now."""
     matrix = np.eye(size)
     matrix[3:6, :3] = _SPIN
     return matrix

@@ -1,6 +1,4 @@
-"""opir's detections as a Stone Soup detection reader: from a run, from windows, or from a file of
-events.
-"""
+"""opir's detections as a Stone Soup detection reader: of a run, windows, or a file of events."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
@@ -31,9 +29,7 @@ _STEPS = timedelta(microseconds=1)
 
 @frozen
 class SensorSight:
-    """One line of sight: microseconds of UTC since 1970, sensor, its position, the direction, and
-    its error; ECEF.
-    """
+    """One line of sight in ECEF, with its time in microseconds of UTC since 1970."""
 
     time_us: int
     sensor_id: str
@@ -44,11 +40,10 @@ class SensorSight:
 
 
 class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
-    """Detections as elevation and bearing in the axes of their sensor, each with its own
-    `SightModel`.
+    """Detections as elevation and bearing in the axes of their sensor, with a `SightModel` each.
 
     One step is one sensor at one instant, to the microsecond (Stone Soup's resolution). The
-    metadata are `sensor_id`, `detection_id`, `reported_type` and `confidence`; no truth is in them.
+    metadata are `sensor_id`, `detection_id`, `reported_type` and `confidence`, without truth.
     """
 
     sights: Any = Property(
@@ -65,8 +60,10 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
         epoch_us = _epoch_us(run.manifest["scene"]["epoch"])
         ids = [sensor.id for sensor in run.sensors]
         settings.setdefault("light_time", run.manifest["scene"].get("light_time", True))
-        seen = run.detections.take(np.argsort(run.detections.time_ns, kind="stable"))
-        return cls(sights=list(sights_of(seen, ids, epoch_us, run.reported_types)), **settings)
+        detections = run.detections.take(np.argsort(run.detections.time_ns, kind="stable"))
+        return cls(
+            sights=list(sights_of(detections, ids, epoch_us, run.reported_types)), **settings
+        )
 
     @classmethod
     def of_windows(
@@ -78,18 +75,17 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
         reported_types: Sequence[str] = REPORTED_TYPES,
         **settings: Any,
     ) -> "OpirDetectionReader":
-        """Return the reader of windows as they come, for one iteration: with reporting latency in
-        order of report.
+        """Return the reader of windows in their order, for one iteration.
 
-        `reported_types` are a plan's.
+        Windows are in order of report. `reported_types` are a plan's.
         """
         ids = [sensor.id for sensor in sensors]
-        every = (
+        sights = (
             sight
             for window in windows
             for sight in sights_of(window.detections, ids, epoch_us, reported_types)
         )
-        return cls(sights=every, **settings)
+        return cls(sights=sights, **settings)
 
     @classmethod
     def of_events(cls, path: str | Path, **settings: Any) -> "OpirDetectionReader":

@@ -55,14 +55,15 @@ class StoneSoupTracker(Tracker):
         self._next_number = 0
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
-        unchanged.
+        """Return track numbers (n,), -1 without one, by the tracks at the last tick.
+
+        The state is unchanged.
         """
-        known = OrderedSet(self._number)
+        tracks = OrderedSet(self._number)
         numbers: list[int] = []
         for time, detected in self._frames(detections):
             hypotheses = (
-                self._tracker.data_associator.associate(known, detected, time) if known else {}
+                self._tracker.data_associator.associate(tracks, detected, time) if tracks else {}
             )
             owner = {
                 _likeliest(hypothesis): self._number[track]
@@ -72,8 +73,9 @@ class StoneSoupTracker(Tracker):
         return np.array(numbers, dtype=np.int64)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Return the estimates at this tick, sorted by track, after the detections since the last
-        one.
+        """Return the estimates at this tick, sorted by track.
+
+        `detections` are those since the last tick.
         """
         for time, detected in self._frames(detections):
             self._tracker.update_tracker(time, detected)
@@ -90,28 +92,28 @@ class StoneSoupTracker(Tracker):
     def _count(self) -> None:
         """Number the tracks confirmed since the last tick, and drop those that ended."""
         confirmed = [track for track in self._tracker.tracks if has_hits(track, self._needed_hits)]
-        fresh = [track for track in confirmed if track not in self._number]
+        new_tracks = [track for track in confirmed if track not in self._number]
         self._number = {
             track: number for track, number in self._number.items() if track in self._tracker.tracks
         }
-        for track in sorted(fresh, key=_began):
+        for track in sorted(new_tracks, key=_began):
             self._number[track] = self._next_number
             self._next_number += 1
 
     def _tracks(self, tick_s: float) -> Tracks:
         count = len(self._number)
         time = _UNIX + timedelta(microseconds=self._epoch_us + round(tick_s * 1e6))
-        now = [self._predictor.predict(track[-1], timestamp=time) for track in self._number]
+        states = [self._predictor.predict(track[-1], timestamp=time) for track in self._number]
         # Of particles the state vector has them all, and the mean is one.
-        states = [np.asarray(state.mean, dtype=np.float64).reshape(-1)[:6] for state in now]
-        covariances = [np.asarray(state.covar, dtype=np.float64)[:6, :6] for state in now]
+        means = [np.asarray(state.mean, dtype=np.float64).reshape(-1)[:6] for state in states]
+        covariances = [np.asarray(state.covar, dtype=np.float64)[:6, :6] for state in states]
         return Tracks(
             tick_s=np.full(count, tick_s),
             track=np.array(list(self._number.values()), dtype=np.int64),
-            state=np.array(states).reshape(count, 6),
-            state_covariance=np.array([0.5 * (each + each.T) for each in covariances]).reshape(
-                count, 6, 6
-            ),
+            state=np.array(means).reshape(count, 6),
+            state_covariance=np.array(
+                [0.5 * (covariance + covariance.T) for covariance in covariances]
+            ).reshape(count, 6, 6),
             launch=np.full((count, 3), np.nan),
             launch_covariance=np.full((count, 3, 3), np.nan),
             impact=np.full((count, 3), np.nan),
@@ -164,7 +166,7 @@ def filter_of(config: StoneSoupConfig, context: TrackerContext) -> tuple[Any, An
 def _likeliest(hypothesis: Any) -> Any:
     """Return the likeliest detection of a track's hypotheses, or None."""
     best = (
-        max(hypothesis, key=lambda each: each.probability)
+        max(hypothesis, key=lambda weighted: weighted.probability)
         if hasattr(hypothesis, "single_hypotheses")
         else hypothesis
     )
@@ -172,5 +174,5 @@ def _likeliest(hypothesis: Any) -> Any:
 
 
 def _began(track: Any) -> tuple[Any, ...]:
-    first = track[0]
-    return (first.timestamp, *np.asarray(first.state_vector, dtype=np.float64)[:3, 0].tolist())
+    state = track[0]
+    return (state.timestamp, *np.asarray(state.state_vector, dtype=np.float64)[:3, 0].tolist())

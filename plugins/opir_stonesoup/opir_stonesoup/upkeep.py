@@ -1,6 +1,4 @@
-"""Initiation of Stone Soup tracks near the ground, and their deletion after a time without
-detection.
-"""
+"""Initiation of Stone Soup tracks near the ground, and deletion after a time without detection."""
 
 from datetime import datetime, timedelta
 from itertools import islice
@@ -24,7 +22,7 @@ from stonesoup.types.prediction import GaussianStatePrediction
 from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import FloatArray
 from opir_core.geometry import intersection_with_ellipsoid
 
 #: Prior standard deviations of specific force, m/s², and of the jerk, m/s³, per axis; notional.
@@ -75,9 +73,9 @@ class SilenceDeleter(Deleter):  # type: ignore[misc]
     )
 
     def check_for_deletion(self, track: Any, timestamp: datetime | None = None, **_: Any) -> bool:
-        """Return whether a track is deleted."""
-        now = track.timestamp if timestamp is None else timestamp
-        seen = next(
+        """Whether a track is deleted."""
+        time = track.timestamp if timestamp is None else timestamp
+        last_update = next(
             state.timestamp for state in reversed(track.states) if isinstance(state, Update)
         )
         variance = np.diag(track.covar)[:3]
@@ -87,37 +85,32 @@ class SilenceDeleter(Deleter):  # type: ignore[misc]
             if has_hits(track, self.needed_hits) and not is_lost
             else self.tentative_s
         )
-        return now - seen > timedelta(seconds=patience) or not np.isfinite(variance).all()
+        return time - last_update > timedelta(seconds=patience) or not np.isfinite(variance).all()
 
 
 def has_hits(track: Any, needed: int) -> bool:
-    """Return whether a track has at least this number of detections."""
+    """Whether a track has at least this number of detections."""
     updates = (state for state in track.states if isinstance(state, Update))
     return next(islice(updates, needed - 1, None), None) is not None
 
 
 def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray, FloatArray]:
-    """Return mean (d, 1) and covariance (d, d) in ECEF of a target near the ground at a position
-    (3,).
-    """
-    begun = TrackCandidates(place_ecef_m[None], np.zeros(1), _ONE)
-    axes = prior_axes(begun)[0]
-    sides, speed = prior_sigmas(begun)
+    """Return mean (d, 1) and covariance (d, d), ECEF, of a target near the ground at (3,)."""
+    candidate = TrackCandidates(place_ecef_m[None], np.zeros(1), np.ones(1, dtype=np.int64))
+    axes = prior_axes(candidate)[0]
+    position_sigma, velocity_sigma = prior_sigmas(candidate)
     mean = np.zeros(ndim_state)
     covariance = np.zeros((ndim_state, ndim_state))
     mean[:3] = place_ecef_m
     mean[3:6] = FIRST_CLIMB_M_S * axes[2]
-    covariance[:3, :3] = (axes.T * sides[0] ** 2) @ axes
-    covariance[3:6, 3:6] = (axes.T * speed[0] ** 2) @ axes
+    covariance[:3, :3] = (axes.T * position_sigma[0] ** 2) @ axes
+    covariance[3:6, 3:6] = (axes.T * velocity_sigma[0] ** 2) @ axes
     for block, sigma in ((2, _FORCE_SIGMA_M_S2), (3, _JERK_SIGMA_M_S3)):
         rows = np.arange(3 * block, min(3 * block + 3, ndim_state))
         covariance[rows, rows] = float(sigma) ** 2
     if ndim_state > 6:
         mean[6:9] = FIRST_FORCE_M_S2 * axes[2]
     return mean[:, None], covariance
-
-
-_ONE: IntArray = np.ones(1, dtype=np.int64)
 
 
 def _ground(model: Any, detection: Any) -> FloatArray:
