@@ -120,15 +120,8 @@ def test_scenes_name_sources():
             "duration_s": 60.0,
             "atmosphere": {"model": "lowtran", "cloud": {"cover": 0.3}, "bands": {"VIS": "SWIR"}},
             "background": "earth",
-            "sensors": [
-                {
-                    "model": "DSP",
-                    "preset": "paper",
-                    "scan_phase": "random",
-                    "id": "S",
-                    "orbital_slot_deg": 0.0,
-                }
-            ],
+            "detection": "constant",
+            "sensors": [{"model": "DSP", "id": "S", "orbital_slot_deg": 0.0}],
             "sources": [
                 {"id": "a", "model": "fires", "at": [{"lat_deg": 1.0, "lon_deg": 2}]},
                 {
