@@ -16,10 +16,10 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_core": 237_000,
-    "opir_coverage": 37_100,
+    "opir_coverage": 37_060,
     "opir_dask": 800,
     "opir_dsp": 500,
-    "opir_export": 20_400,
+    "opir_export": 20_380,
     "opir_heo": 400,
     "opir_http": 27_800,
     "opir_kafka": 5_800,
@@ -32,7 +32,7 @@ TOKENS: dict[str, int] = {
     "opir_report": 42_300,
     "opir_sbirs": 400,
     "opir_scoring": 30_100,
-    "opir_stonesoup": 5_500,
+    "opir_stonesoup": 5_440,
     "opir_studies": 29_200,
     "opir_testing": 33_200,
     "opir_trackers": 122_400,
@@ -62,8 +62,6 @@ SMALL = 2000
 #: Where a limit is passed, and by how much it may be: these only fall.
 OVER: dict[str, dict[str, float]] = {
     "opir_core": {"function_most": 555, "not_nouns": 0.057, "constants": 10.4, "twins": 9},
-    "opir_coverage": {"function_p90": 219, "function_most": 470, "not_nouns": 0.124, "twins": 1},
-    "opir_export": {"function_p90": 175, "not_nouns": 0.073},
     "opir_http": {"not_nouns": 0.079, "constants": 10.6},
     "opir_kafka": {"not_nouns": 0.054},
     "opir_paper": {"function_p90": 216, "wide": 0.015, "not_nouns": 0.071},
@@ -87,7 +85,6 @@ OVER: dict[str, dict[str, float]] = {
         "constants": 13.6,
     },
     "opir_scoring": {"function_p90": 268, "function_most": 549, "not_nouns": 0.138},
-    "opir_stonesoup": {"not_nouns": 0.043},
     "opir_studies": {"function_most": 588, "not_nouns": 0.125},
     "opir_testing": {"function_most": 417, "not_nouns": 0.099, "twins": 3},
     "opir_trackers": {

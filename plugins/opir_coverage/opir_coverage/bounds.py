@@ -1,5 +1,4 @@
-"""Cramér-Rao bounds at burnout: least errors of launch point, velocity and impact from lines of
-sight.
+"""Cramér-Rao bounds at burnout of launch point, velocity and impact from lines of sight.
 
 Of a launch with a known profile six things are unknown: where it started (two), when, its azimuth,
 its burnout speed and its burnout flight path angle. Each look that detects measures two angles with
@@ -55,9 +54,7 @@ class LaunchSlopes:
         return cls(places, places.path(0.0), faster, steeper)
 
     def at(self, since_s: float) -> FloatArray:
-        """Return the derivatives of positions at a time since ignition, s, for observers by the
-        clock.
-        """
+        """Return the derivatives of positions at a scene time, `since_s` after nominal ignition."""
         position, velocity, faster, steeper = self._states(since_s)
         slopes = self._moved(position - self.path.launch_m, position)
         slopes[:, :, 2] = -velocity
@@ -66,38 +63,34 @@ class LaunchSlopes:
         return slopes * _SCALES
 
     def at_burnout(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return positions and velocities (n, 3) at burnout, and the derivatives (n, 3, 6) of
-        both.
-        """
+        """Return positions and velocities (n, 3) at burnout, and their derivatives (n, 3, 6)."""
         position, velocity, faster, steeper = self._states(self.places.profile.burn_time_s)
         slopes = self._moved(position - self.path.launch_m, position)
         turned = self._moved(velocity, velocity, is_free=True)
-        for column, other in ((4, faster), (5, steeper)):
-            slopes[:, :, column], turned[:, :, column] = other
+        for column, changes in ((4, faster), (5, steeper)):
+            slopes[:, :, column], turned[:, :, column] = changes
         return position, velocity, slopes * _SCALES, turned * _SCALES
 
     def _states(
         self, since_s: float
     ) -> tuple[FloatArray, FloatArray, list[FloatArray], list[FloatArray]]:
         everyone = np.arange(len(self.places))
-        now = np.full(len(everyone), min(since_s, self.path.burnout_s))
-        own = self.path.state(everyone, now)
+        time_s = np.full(len(everyone), min(since_s, self.path.burnout_s))
+        nominal = self.path.state(everyone, time_s)
         speed_m_s = _SPEED_SHARE * self.places.profile.burnout_speed_m_s
-        faster = [
-            (new - old) / speed_m_s
-            for new, old in zip(self.faster.state(everyone, now), own, strict=True)
-        ]
-        steeper = [
-            (new - old) / _ANGLE_RAD
-            for new, old in zip(self.steeper.state(everyone, now), own, strict=True)
-        ]
-        return *own, faster, steeper
+        faster, steeper = (
+            [(new - old) / step for new, old in zip(state, nominal, strict=True)]
+            for state, step in (
+                (self.faster.state(everyone, time_s), speed_m_s),
+                (self.steeper.state(everyone, time_s), _ANGLE_RAD),
+            )
+        )
+        return *nominal, faster, steeper
 
     def _moved(
         self, offset: FloatArray, position: FloatArray, *, is_free: bool = False
     ) -> FloatArray:
-        """Return derivatives of vectors by the launch's place and azimuth: rotations about the
-        launch's axes.
+        """Return derivatives of vectors by the launch's place and azimuth, which rotate them.
 
         `offset` is from the launch, `position` from the Earth's axis; free vectors turn only.
         """
@@ -117,8 +110,7 @@ class LaunchSlopes:
 
 
 class LaunchInformation:
-    """Fisher information (n, 6, 6) of the unknowns of launches, from looks at equal steps of the
-    burn.
+    """Fisher information (n, 6, 6) of launches, from looks at equal steps of the burn.
 
     A look without a bias adds SᵀWS with the slopes S of its step and W = w (1 - u uᵀ)/r². W is
     added up over sensors, and multiplied by slopes once a step.
@@ -137,37 +129,32 @@ class LaunchInformation:
         range_m: FloatArray,
         weight: FloatArray,
     ) -> None:
-        """Add a sensor's looks at cells `rows` (n,): unit directions (n, 3), ranges and weights
-        1/σ² (n,).
-        """
+        """Add looks at cells `rows` (n,): unit directions (n, 3), ranges, weights 1/σ² (n,)."""
         share = weight / np.square(range_m)
         unit = np.ascontiguousarray(direction.T)
-        for place, (one, other) in enumerate(_PAIRS):
+        for place, (row, column) in enumerate(_PAIRS):
             self._across[step, place, rows] += share * (
-                float(one == other) - unit[one] * unit[other]
+                float(row == column) - unit[row] * unit[column]
             )
 
     def lose(self, bias: "BiasInformation", sigma_rad: float) -> None:
-        """Take off what the pointing bias of a sensor, an unknown of this standard deviation,
-        costs.
-        """
-        shared = bias.own + np.eye(3) / sigma_rad**2
+        """Subtract the information lost to the unknown pointing bias of a sensor."""
+        shared = bias.information + np.eye(3) / sigma_rad**2
         self._lost = self._lost + np.matmul(
-            bias.cross, np.linalg.solve(shared, bias.cross.transpose(0, 2, 1))
+            bias.cross_information,
+            np.linalg.solve(shared, bias.cross_information.transpose(0, 2, 1)),
         )
 
     def whole(self) -> FloatArray:
         """Return the information (n, 6, 6)."""
-        whole = np.zeros((self._across.shape[2], 6, 6))
+        information = np.zeros((self._across.shape[2], 6, 6))
         for slopes, across in zip(self._slopes, self._across, strict=True):
             weighed = np.matmul(across[_MATRIX].transpose(2, 0, 1), slopes)
-            whole += np.matmul(slopes.transpose(0, 2, 1), weighed)
-        return whole - self._lost
+            information += np.matmul(slopes.transpose(0, 2, 1), weighed)
+        return information - self._lost
 
     def covariance(self) -> FloatArray:
-        """Return the bounds' covariances (n, 6, 6) in units of `_SCALES`; nan where something is
-        not observable.
-        """
+        """Return the bounds' covariances (n, 6, 6) in units of `_SCALES`; nan if not observable."""
         values, vectors = np.linalg.eigh(self.whole())
         is_known = values[:, 0] > _LEAST_INFORMATION * np.maximum(values[:, -1], 1e-300)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -176,13 +163,11 @@ class LaunchInformation:
 
 
 class BiasInformation:
-    """Information (n, 3, 3) of one sensor's pointing bias, `own`, and (n, 6, 3) of it and the
-    unknowns, `cross`.
-    """
+    """Fisher information (n, 3, 3) of a sensor's pointing bias, and (n, 6, 3) with the launch's."""
 
     def __init__(self, cells: int) -> None:
-        self.own = np.zeros((cells, 3, 3))
-        self.cross = np.zeros((cells, 6, 3))
+        self.information = np.zeros((cells, 3, 3))
+        self.cross_information = np.zeros((cells, 6, 3))
 
     def add(
         self,
@@ -192,22 +177,20 @@ class BiasInformation:
         range_m: FloatArray,
         weight: FloatArray,
     ) -> None:
-        """Add looks at cells `rows` (n,) with slopes (n, 3, 6), the rest as of
-        `LaunchInformation.add`.
-        """
+        """Add looks at cells `rows` (n,) with slopes (n, 3, 6), as `LaunchInformation.add`."""
         along = np.matmul(direction[:, None, :], slopes)
         across = slopes - direction[:, :, None] * along
-        self.cross[rows] += across.transpose(0, 2, 1) * (weight / range_m)[:, None, None]
-        self.own[rows] += (np.eye(3) - direction[:, :, None] * direction[:, None, :]) * weight[
-            :, None, None
-        ]
+        self.cross_information[rows] += (
+            across.transpose(0, 2, 1) * (weight / range_m)[:, None, None]
+        )
+        self.information[rows] += (
+            np.eye(3) - direction[:, :, None] * direction[:, None, :]
+        ) * weight[:, None, None]
 
 
 @frozen(eq=False)
 class BurnoutBounds:
-    """Root-mean-square bounds (n,): of the launch point on the ground, the velocity at burnout, and
-    the impact.
-    """
+    """Root-mean-square bounds (n,) of launch point, velocity at burnout, and impact point."""
 
     launch_m: FloatArray
     velocity_m_s: FloatArray
@@ -216,9 +199,7 @@ class BurnoutBounds:
 
 @frozen(eq=False)
 class BurnSlopes:
-    """What bounds need of launches: slopes (n, 3, 6) at equal steps of the burn, and what
-    `at_burnout` returns.
-    """
+    """Slopes (n, 3, 6) of launches at equal steps of the burn, and `LaunchSlopes.at_burnout`."""
 
     moved: Sequence[NDArray[np.float32]]
     burnout: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -227,7 +208,9 @@ class BurnSlopes:
     def of(cls, slopes: LaunchSlopes, samples: int) -> "BurnSlopes":
         """Return the derivatives at ends of parts of the burn."""
         since_s = np.linspace(0.0, slopes.places.profile.burn_time_s, samples + 1).tolist()
-        return cls([slopes.at(each).astype(np.float32) for each in since_s], slopes.at_burnout())
+        return cls(
+            [slopes.at(time_s).astype(np.float32) for time_s in since_s], slopes.at_burnout()
+        )
 
 
 def burnout_bounds(
@@ -236,10 +219,10 @@ def burnout_bounds(
     *,
     comes_down: bool,
 ) -> BurnoutBounds:
-    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns; impacts of those
-    that come down, nan where they may be anywhere on Earth.
+    """Return the bounds of launches with covariances (n, 6, 6) of their unknowns.
 
-    `burnout` is as `LaunchSlopes.at_burnout` returns it.
+    Bounds of impacts are nan where the impact may be anywhere on Earth. `burnout` is as
+    `LaunchSlopes.at_burnout` returns it.
     """
     position, velocity, moved, turned = burnout
     launch_m = np.sqrt(
@@ -260,17 +243,16 @@ def _spread(slopes: FloatArray, covariance: FloatArray) -> FloatArray:
 def _impact_slopes(
     position: FloatArray, velocity: FloatArray, moved: FloatArray, turned: FloatArray
 ) -> FloatArray:
-    """Return the derivatives (n, 3, 6) of impact points on the turning Earth, by central
-    differences.
-    """
+    """Return derivatives (n, 3, 6) of impact points in ECEF, by central differences."""
     slopes = np.zeros(moved.shape)
     for column in (0, 1, 3, 4, 5):
-        one = moved[:, :, column]
-        other = turned[:, :, column]
-        ahead, behind = (
-            _impacts(position + sign * one, velocity + sign * other) for sign in (0.05, -0.05)
+        position_step = moved[:, :, column]
+        velocity_step = turned[:, :, column]
+        forward, backward = (
+            _impacts(position + sign * position_step, velocity + sign * velocity_step)
+            for sign in (0.05, -0.05)
         )
-        slopes[:, :, column] = (ahead - behind) / 0.1
+        slopes[:, :, column] = (forward - backward) / 0.1
     return slopes
 
 

@@ -1,6 +1,4 @@
-"""What `opir coverage` does: compute, write page and data, print the figures of merit of the whole
-grid.
-"""
+"""The command `opir coverage`: compute, write page and data, print the figures of the grid."""
 
 import argparse
 import json
@@ -23,23 +21,23 @@ def coverage(arguments: argparse.Namespace) -> int:
     """Compute the coverage of the arguments' scene, write it and print its table."""
     settings = settings_of(arguments)
     host = Host.discover()
-    found = computed_coverage(scene_of(arguments, host), settings)
+    coverage_map = computed_coverage(scene_of(arguments, host), settings)
     if arguments.against:
-        other = argparse.Namespace(**{**vars(arguments), "scene": arguments.against})
-        found = difference(found, computed_coverage(scene_of(other, host), settings))
-    written = write_coverage(found, Path(arguments.out))
-    rows = table_rows(found)
-    note = step_note(found)
+        other_arguments = argparse.Namespace(**{**vars(arguments), "scene": arguments.against})
+        coverage_map = difference(
+            coverage_map, computed_coverage(scene_of(other_arguments, host), settings)
+        )
+    written = write_coverage(coverage_map, Path(arguments.out))
+    rows = table_rows(coverage_map)
+    note = step_note(coverage_map)
     if note:
         sys.stderr.write(f"opir: {note}\n")
     if arguments.json:
         sys.stdout.write(
-            json.dumps({"coverage": dict(found.attributes), "layers": rows}, indent=2) + "\n"
+            json.dumps({"coverage": dict(coverage_map.attributes), "layers": rows}, indent=2) + "\n"
         )
         return 0
-    sys.stdout.write(as_text(rows) + "\n")
-    for path in written:
-        sys.stdout.write(f"{path}\n")
+    sys.stdout.write("\n".join([as_text(rows), *map(str, written), ""]))
     return 0
 
 
@@ -65,14 +63,14 @@ def settings_of(arguments: argparse.Namespace) -> CoverageSettings:
     )
 
 
-def write_coverage(found: CoverageMap, folder: Path) -> list[Path]:
+def write_coverage(coverage_map: CoverageMap, folder: Path) -> list[Path]:
     """Write the page, Parquet and NetCDF into a folder, all or none; return the files."""
     names = ("coverage.html", "coverage.parquet", "coverage.nc")
     paths = [folder / name for name in names]
     with OutputFiles(folder=folder) as files:
-        with files.writing(paths[1], "coverage", is_made_up=True) as part:
-            found.write_parquet(Path(part))
-        with files.writing(paths[2], "coverage", is_made_up=True) as part:
-            found.write_netcdf(Path(part))
-        files.write(paths[0], page_of(found, table_rows(found)).encode(), "coverage")
+        writers = (coverage_map.write_parquet, coverage_map.write_netcdf)
+        for path, write in zip(paths[1:], writers, strict=True):
+            with files.writing(path, "coverage", is_made_up=True) as file_part:
+                write(Path(file_part))
+        files.write(paths[0], page_of(coverage_map, table_rows(coverage_map)).encode(), "coverage")
     return paths

@@ -1,12 +1,15 @@
 """The coverage of a scene: its layers over a grid, from geometry to bounds at burnout."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from attrs import evolve
 
 from opir_core import Host, Plan, Scene, compile_plan, load_scene
+from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, install_command
 from opir_core.planning import distinct_bands
 from opir_coverage.geometry_layers import geometry_layers
@@ -19,11 +22,15 @@ if TYPE_CHECKING:
     import xarray
 
 
-def coverage(scene: Scene | Plan | str | Path, **settings: Any) -> "xarray.Dataset":
-    """Return the coverage of a scene as an `xarray.Dataset`; the settings are those of
-    `CoverageSettings`.
+#: Dimensions over which shares of requirements are taken.
+_INSTANTS = ("time", "launch_time", "azimuth")
 
-    Raises `ModelError` for settings that are not possible, and where xarray is not installed.
+
+def coverage(scene: Scene | Plan | str | Path, **settings: Any) -> "xarray.Dataset":
+    """Return the coverage of a scene as an `xarray.Dataset`.
+
+    The settings are those of `CoverageSettings`. Raises `ModelError` for impossible settings, and
+    without xarray.
     """
     try:
         return computed_coverage(scene, made_settings(**settings)).xarray()
@@ -42,9 +49,7 @@ def made_settings(**settings: Any) -> CoverageSettings:
 
 def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettings) -> CoverageMap:
     """Return the coverage of a scene, of a file or of a plan."""
-    if isinstance(scene, str | Path):
-        scene = load_scene(scene)
-    plan = scene if isinstance(scene, Plan) else compile_plan(scene, Host.discover())
+    plan = _plan_of(scene)
     if not plan.sensors:
         raise ModelError("the scene has no sensors, so nothing is covered")
     try:
@@ -54,7 +59,35 @@ def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettin
     layers, time_s = geometry_layers(plan, grid, settings)
     if settings.target_class is not None:
         layers += launch_layers(plan, grid, settings)
-    coordinates: dict[str, Any] = {
+    dims = {name for layer in layers for name in layer.dims}
+    coordinates = {
+        name: values
+        for name, values in _coordinates(plan, settings, time_s).items()
+        if name in dims
+    }
+    coverage_map = CoverageMap(grid, coordinates, layers, _attributes(plan, settings))
+    shares = _share_layers(coverage_map, settings.requirements)
+    return evolve(coverage_map, layers=[*layers, *shares])
+
+
+def _share_layers(coverage_map: CoverageMap, requirements: Sequence[Requirement]) -> list[Layer]:
+    """Return a layer for each requirement: the share of the day at which it is met."""
+    return [
+        _share_layer(coverage_map, requirement, number)
+        for number, requirement in enumerate(requirements, start=1)
+    ]
+
+
+def _plan_of(scene: Scene | Plan | str | Path) -> Plan:
+    if isinstance(scene, Plan):
+        return scene
+    loaded = load_scene(scene) if isinstance(scene, str | Path) else scene
+    return compile_plan(loaded, Host.discover())
+
+
+def _coordinates(plan: Plan, settings: CoverageSettings, time_s: FloatArray) -> dict[str, Any]:
+    """Return the coordinates of all dimensions by name."""
+    return {
         "band": [band_title(band) for band in distinct_bands(plan.sensors)],
         "assets": list(settings.assets),
         "height": list(settings.heights_km),
@@ -62,18 +95,10 @@ def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettin
         "launch_time": launch_times_s(settings).tolist(),
         "time": time_s.tolist(),
     }
-    used = {name for each in layers for name in each.dims}
-    whole = CoverageMap(
-        grid,
-        {name: values for name, values in coordinates.items() if name in used},
-        layers,
-        _attributes(plan, settings),
-    )
-    return _with_shares(whole, settings.requirements)
 
 
 def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
-    """Return what a coverage is of, as text."""
+    """Return scene, interval, sensors and launches of a coverage, as text."""
     from opir_core import __version__
 
     launched = settings.target_class or "none"
@@ -84,7 +109,7 @@ def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
         "epoch": f"{epoch:%Y-%m-%dT%H:%M:%SZ}",
         "interval": f"{settings.hours:g} h in {settings.steps} steps of"
         f" {3600.0 * settings.hours / settings.steps:g} s",
-        "sensors": ", ".join(each.id for each in plan.sensors),
+        "sensors": ", ".join(sensor.id for sensor in plan.sensors),
         "launches": f"{launched} {settings.profile}".strip(),
         "probability": f"{settings.chance:g}",
         "track": f"{settings.track_reports} reports",
@@ -92,29 +117,15 @@ def _attributes(plan: Plan, settings: CoverageSettings) -> dict[str, str]:
     }
 
 
-def _with_shares(whole: CoverageMap, requirements: tuple[Requirement, ...]) -> CoverageMap:
-    """Return a coverage with a layer for each requirement: the share of the day at which it is
-    met.
-    """
-    added = [_share_layer(whole, each, number + 1) for number, each in enumerate(requirements)]
-    return (
-        CoverageMap(whole.grid, whole.coordinates, [*whole.layers, *added], whole.attributes)
-        if added
-        else whole
-    )
-
-
-def _share_layer(whole: CoverageMap, requirement: Requirement, number: int) -> Layer:
+def _share_layer(coverage_map: CoverageMap, requirement: Requirement, number: int) -> Layer:
     try:
-        layer = whole[requirement.layer]
+        layer = coverage_map[requirement.layer]
     except KeyError as error:
         raise ModelError(f"--require: {error.args[0]}") from error
     met = requirement.is_met(np.asarray(layer.values))
-    over = [
-        axis for axis, name in enumerate(layer.dims) if name in ("time", "launch_time", "azimuth")
-    ]
-    share = 100.0 * met.mean(axis=tuple(over)) if over else 100.0 * met
-    dims = tuple(name for name in layer.dims if name not in ("time", "launch_time", "azimuth"))
+    axes = tuple(axis for axis, name in enumerate(layer.dims) if name in _INSTANTS)
+    share = 100.0 * met.mean(axis=axes) if axes else 100.0 * met
+    dims = tuple(name for name in layer.dims if name not in _INSTANTS)
     words = f"share of the instants (and azimuths) at which {requirement}"
     return Layer(
         f"share_{number}", f"Share of the day with {requirement}", "percent", dims, share, words

@@ -3,53 +3,51 @@
 from typing import Any
 
 import numpy as np
+from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_coverage.layers import CoverageMap, Layer
 
 
-def difference(one: CoverageMap, other: CoverageMap) -> CoverageMap:
-    """Return one coverage minus another with the same settings: layers that both have, nan where
-    either has no value.
+def difference(coverage: CoverageMap, subtracted: CoverageMap) -> CoverageMap:
+    """Return one coverage minus another with the same settings, of the layers that both have.
 
-    Bands that only one has are left out, with the layers by band.
+    Values are nan where either has none. Bands that only one has are left out, with the layers by
+    band.
     """
-    named = {each.name: each for each in other.layers}
+    named = {layer.name: layer for layer in subtracted.layers}
     layers = [
-        _minus(each, named[each.name])
-        for each in one.layers
-        if each.name in named
-        and each.values.shape == named[each.name].values.shape
-        and _alike(one, other, each)
+        _minus(layer, named[layer.name])
+        for layer in coverage.layers
+        if layer.name in named
+        and layer.values.shape == named[layer.name].values.shape
+        and _alike(coverage, subtracted, layer)
     ]
-    used = {name for each in layers for name in each.dims}
+    dims = {name for layer in layers for name in layer.dims}
     words = {
-        **one.attributes,
-        "title": f"{one.attributes['title']} minus that of {other.attributes['scene']}",
-        "minus": other.attributes["scene"],
+        **coverage.attributes,
+        "title": f"{coverage.attributes['title']} minus that of {subtracted.attributes['scene']}",
+        "minus": subtracted.attributes["scene"],
     }
     return CoverageMap(
-        one.grid,
-        {name: own for name, own in one.coordinates.items() if name in used},
+        coverage.grid,
+        {name: values for name, values in coverage.coordinates.items() if name in dims},
         layers,
         words,
     )
 
 
-def _alike(one: CoverageMap, other: CoverageMap, layer: Layer) -> bool:
-    return all(list(one.coordinates[name]) == list(other.coordinates[name]) for name in layer.dims)
-
-
-def _minus(one: Layer, other: Layer) -> Layer:
-    values = np.subtract(_signed(one.values), _signed(other.values))
-    return Layer(
-        one.name,
-        one.title,
-        one.unit,
-        one.dims,
-        values,
-        f"difference of: {one.definition}; none where one scene has none",
+def _alike(coverage: CoverageMap, subtracted: CoverageMap, layer: Layer) -> bool:
+    return all(
+        list(coverage.coordinates[name]) == list(subtracted.coordinates[name])
+        for name in layer.dims
     )
+
+
+def _minus(layer: Layer, subtracted: Layer) -> Layer:
+    values = np.subtract(_signed(layer.values), _signed(subtracted.values))
+    definition = f"difference of: {layer.definition}; none where one scene has none"
+    return evolve(layer, values=values, definition=definition)
 
 
 def _signed(values: NDArray[Any]) -> NDArray[Any]:

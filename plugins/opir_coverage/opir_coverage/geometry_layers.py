@@ -1,6 +1,4 @@
-"""Layers of geometry alone: sensors in view over a day, and the figures of merit of access and
-gaps.
-"""
+"""Layers of geometry: sensors in view over a day, figures of merit of access and gaps."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -17,16 +15,14 @@ from opir_coverage.settings import CoverageSettings
 from opir_coverage.stereo import dilution_m, directions, stereo_angles_rad
 from opir_coverage.visibility import Fleet, SightMap, day_s
 
-#: Dilution of precision is given for a microradian.
+#: Radians in a microradian, the unit of dilutions of precision.
 _PER_URAD = 1e-6
 
 
 def geometry_layers(
     plan: Plan, grid: PlaceGrid, settings: CoverageSettings
 ) -> tuple[list[Layer], FloatArray]:
-    """Return the layers of visibility of points at rest above the cells, and the instants (T,),
-    s.
-    """
+    """Return the layers of visibility of points at rest above the cells, and instants (T,), s."""
     time_s = day_s(settings.steps, 3600.0 * settings.hours)
     fleet = Fleet.of(plan, time_s)
     shape = grid.shape
@@ -49,9 +45,7 @@ def geometry_layers(
 
 
 def _crossing(fleet: Fleet, sight: SightMap, points: SeenPoints) -> tuple[FloatArray, FloatArray]:
-    """Return stereo angles, degrees, and dilutions of precision, m/µrad, (T, cells) in single
-    precision.
-    """
+    """Return stereo angles, degrees, and dilutions of precision, m/µrad, (T, cells)."""
     angles, spreads = np.empty((2, len(sight.bits), sight.cells), dtype=np.float32)
     for step in range(len(sight.bits)):
         seeing = sight.seeing(step)
@@ -80,29 +74,32 @@ def _access_layers(
         _on_grid(counts, shape),
         "N Asset Coverage: sensors that see the point",
     )
-    least = counts.min(axis=1)
-    most = counts.max(axis=1)
-    mean = counts.mean(axis=1, dtype=np.float32)
-    for name, word, values in (
-        ("min", "least", least),
-        ("mean", "mean", mean),
-        ("max", "most", most),
-    ):
+    statistics = {
+        "min": ("least", counts.min(axis=1)),
+        "mean": ("mean", counts.mean(axis=1, dtype=np.float32)),
+        "max": ("most", counts.max(axis=1)),
+    }
+    for name, (word, values) in statistics.items():
         title = f"Sensors in view, {word}"
         words = f"N Asset Coverage, {word} over the time"
         yield Layer(f"in_view_{name}", title, "1", ("height",), _on_grid(values, shape), words)
-    found: dict[str, list[FloatArray]] = {}
-    for assets in settings.assets:
-        for count in counts:
-            own = _merits(
-                merits.is_covered(count, assets), 3600.0 * settings.hours / settings.steps
-            )
-            for name, values in own.items():
-                found.setdefault(name, []).append(values)
+    yield from _merit_layers(counts, settings, shape)
+
+
+def _merit_layers(
+    counts: NDArray[np.uint8], settings: CoverageSettings, shape: tuple[int, int]
+) -> Iterator[Layer]:
+    """Yield the figures of merit of numbers in view (heights, T, cells), by number of assets."""
+    step_s = 3600.0 * settings.hours / settings.steps
+    merits_of_cells = [
+        _merits(merits.is_covered(count, assets), step_s)
+        for assets in settings.assets
+        for count in counts
+    ]
     leading = (len(settings.assets), len(counts))
-    for name, rows in found.items():
-        title, unit, words = _MERITS[name]
-        values = np.stack(rows).reshape(*leading, *shape)
+    for name, (title, unit, words) in _MERITS.items():
+        rows = np.stack([merit[name] for merit in merits_of_cells])
+        values = rows.reshape(*leading, *shape)
         yield Layer(name, title, unit, ("assets", "height"), values, words)
 
 
@@ -164,90 +161,79 @@ _MERITS = {
 }
 
 
-def _merits(covered: BoolArray, step_s: float) -> dict[str, FloatArray]:
+def _merits(covered: BoolArray, step_s: float) -> dict[str, NDArray[Any]]:
     """Return the figures of merit (cells,) of a point's coverage (T, cells)."""
     interval_s = step_s * len(covered)
     access = merits.runs(covered, step_s)
     gap = merits.runs(~covered, step_s)
-    wait = merits.response_times_s(covered, step_s)
-    age = merits.ages_of_data_s(covered, step_s)
-    known = np.isfinite(age)
-    sampled = np.maximum(known.sum(axis=0), 1)
-    none = ~known.any(axis=0)
-    with np.errstate(invalid="ignore"):
-        return {
-            "covered": merits.simple_coverage(covered),
-            "coverage_time": 100.0 * merits.coverage_time_s(covered, step_s) / interval_s,
-            "accesses": access.number,
-            "access_duration_min": access.least_s,
-            "access_duration_mean": access.mean_s,
-            "access_duration_max": access.most_s,
-            "gaps": gap.number,
-            "revisit_time_min": np.nan_to_num(gap.least_s),
-            "revisit_time_mean": np.nan_to_num(gap.mean_s),
-            "revisit_time_max": np.nan_to_num(gap.most_s),
-            "time_average_gap": merits.time_average_gap_s(gap, interval_s),
-            "response_time_min": wait.min(axis=0),
-            "response_time_mean": wait.mean(axis=0),
-            "response_time_max": wait.max(axis=0),
-            "age_of_data_min": np.where(none, np.nan, np.where(known, age, np.inf).min(axis=0)),
-            "age_of_data_mean": np.where(
-                none, np.nan, np.where(known, age, 0.0).sum(axis=0) / sampled
-            ),
-            "age_of_data_max": np.where(none, np.nan, np.where(known, age, 0.0).max(axis=0)),
-        }
+    return {
+        "covered": merits.simple_coverage(covered),
+        "coverage_time": 100.0 * merits.coverage_time_s(covered, step_s) / interval_s,
+        "accesses": access.number,
+        "access_duration_min": access.least_s,
+        "access_duration_mean": access.mean_s,
+        "access_duration_max": access.most_s,
+        "gaps": gap.number,
+        "revisit_time_min": np.nan_to_num(gap.least_s),
+        "revisit_time_mean": np.nan_to_num(gap.mean_s),
+        "revisit_time_max": np.nan_to_num(gap.most_s),
+        "time_average_gap": merits.time_average_gap_s(gap, interval_s),
+        **_statistics("response_time", merits.response_times_s(covered, step_s)),
+        **_statistics("age_of_data", merits.ages_of_data_s(covered, step_s)),
+    }
+
+
+def _statistics(name: str, values: FloatArray) -> dict[str, FloatArray]:
+    """Return least, mean and largest value (…, cells) of (…, T, cells) over time, by layer.
+
+    Instants without a value (nan) are left out.
+    """
+    is_known = np.isfinite(values)
+    count = is_known.sum(axis=-2)
+    infinity = values.dtype.type(np.inf)
+    total = np.where(is_known, values, values.dtype.type(0.0)).sum(axis=-2)
+    statistics = {
+        "min": np.where(is_known, values, infinity).min(axis=-2),
+        "mean": total / np.maximum(count, 1),
+        "max": np.where(is_known, values, -infinity).max(axis=-2),
+    }
+    return {f"{name}_{word}": np.where(count > 0, row, np.nan) for word, row in statistics.items()}
 
 
 def _crossing_layers(
     angles: FloatArray, spreads: FloatArray, shape: tuple[int, int]
-) -> list[Layer]:
-    layers = [
-        Layer(
+) -> Iterator[Layer]:
+    """Yield the layers of stereo angles and dilutions (heights, T, cells), and statistics."""
+    quantities = [
+        (
             "stereo_angle",
             "Stereo angle",
             "degree",
-            ("height", "time"),
-            _on_grid(angles, shape),
-            "angle between the two lines of sight that are nearest to a right angle; nan below two"
-            " sensors",
+            angles,
+            (
+                "angle between the two lines of sight that are nearest to a right angle; nan below"
+                " two sensors"
+            ),
         ),
-        Layer(
+        (
             "dilution",
             "Dilution of precision",
             "m/urad",
-            ("height", "time"),
-            _on_grid(spreads, shape),
-            "Dilution of Precision of lines of sight: rms position error for an error of 1 urad per"
-            " axis",
+            spreads,
+            (
+                "Dilution of Precision of lines of sight: rms position error for an error of 1 urad"
+                " per axis"
+            ),
         ),
     ]
-    for name, unit, values, title in (
-        ("stereo_angle", "degree", angles, "Stereo angle"),
-        ("dilution", "m/urad", spreads, "Dilution of precision"),
-    ):
-        known = np.isfinite(values)
-        count = known.sum(axis=1)
-        for word, filled, reduce in (
-            ("min", np.inf, np.min),
-            ("mean", 0.0, np.sum),
-            ("max", -np.inf, np.max),
-        ):
-            found = reduce(np.where(known, values, np.float32(filled)), axis=1)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                found = found / count if word == "mean" else found
-            found = np.where(count > 0, found, np.nan)
+    for name, title, unit, values, definition in quantities:
+        yield Layer(name, title, unit, ("height", "time"), _on_grid(values, shape), definition)
+    for name, title, unit, values, _ in quantities:
+        for key, statistic in _statistics(name, values).items():
+            word = key.removeprefix(f"{name}_")
             words = f"{title}, {word} over the time in which there is one"
-            layers.append(
-                Layer(
-                    f"{name}_{word}",
-                    f"{title}, {word}",
-                    unit,
-                    ("height",),
-                    _on_grid(found, shape),
-                    words,
-                )
-            )
-    return layers
+            statistic = _on_grid(statistic, shape)
+            yield Layer(key, f"{title}, {word}", unit, ("height",), statistic, words)
 
 
 def _on_grid(values: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""The grid of launch places, and points above it with what tests of visibility need of them."""
+"""The grid of launch places, and points above it prepared for tests of visibility."""
 
 import numpy as np
 from attrs import frozen
@@ -11,9 +11,7 @@ _AXES_M = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.
 
 @frozen(eq=False)
 class PlaceGrid:
-    """Cells of equal steps of latitude and longitude, by their centres, degrees; rows run from
-    south to north.
-    """
+    """Cells of equal steps of latitude and longitude by their centres, degrees, south to north."""
 
     step_deg: float
     latitude_deg: FloatArray
@@ -50,8 +48,7 @@ class PlaceGrid:
 
 @frozen(eq=False)
 class SeenPoints:
-    """Points (n,) that may be seen, as columns, so that a test of a sensor costs two products with
-    its position.
+    """Points (n,) as columns; a test of a sensor costs two products with its position.
 
     `position_m` and `up` (n, 3) are in ECEF, `up` is the geodetic vertical; `scaled` is the
     position over the semi-axes of WGS 84, in which the ellipsoid is the unit sphere.
@@ -70,9 +67,9 @@ class SeenPoints:
         """Return points at ECEF positions (n, 3), m; `up` (n, 3) are their verticals, if known."""
         up = local_axes(position_m)[:, 2] if up is None else up
         scaled = position_m / _AXES_M
-        own = (_dot(position_m, position_m), _dot(up, position_m), _dot(scaled, scaled))
-        limits = (float(own[0].min(initial=np.inf)), float(own[0].max(initial=0.0)))
-        return cls(position_m, up, scaled, *own, limits)
+        products = (dot(position_m, position_m), dot(up, position_m), dot(scaled, scaled))
+        limits = (float(products[0].min(initial=np.inf)), float(products[0].max(initial=0.0)))
+        return cls(position_m, up, scaled, *products, limits)
 
     @classmethod
     def above(cls, grid: PlaceGrid, height_m: float) -> "SeenPoints":
@@ -85,5 +82,10 @@ class SeenPoints:
         return len(self.squared_m2)
 
 
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    return one[:, 0] * other[:, 0] + one[:, 1] * other[:, 1] + one[:, 2] * other[:, 2]
+def dot(vectors: FloatArray, other_vectors: FloatArray) -> FloatArray:
+    """Return the scalar products (n,) of vectors (n, 3)."""
+    return (
+        vectors[:, 0] * other_vectors[:, 0]
+        + vectors[:, 1] * other_vectors[:, 1]
+        + vectors[:, 2] * other_vectors[:, 2]
+    )

@@ -1,6 +1,6 @@
 """Layers of launches: P_d and least intensity, first report and track, bounds at burnout."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from attrs import frozen
@@ -23,10 +23,9 @@ from opir_coverage.looks import GridLooks, Salvo
 from opir_coverage.reports import Reports
 from opir_coverage.settings import CoverageSettings
 from opir_coverage.visibility import Fleet
-from opir_coverage.watch import Watch
+from opir_coverage.watch import Watch, latency_s_of
 
-#: Times at which reports are counted, from the least latency on, and the power that makes them
-#: closest at first.
+#: Number of times at which reports are counted, and the power that makes the first ones closest.
 _REPORT_STEPS = 100
 _REPORT_POWER = 1.5
 
@@ -35,25 +34,23 @@ def launch_layers(plan: Plan, grid: PlaceGrid, settings: CoverageSettings) -> li
     """Return the layers of launches of the settings' class from the cells of a grid."""
     assert settings.target_class is not None
     kind = target_class_of(plan, settings.target_class)
-    found: dict[str, list[FloatArray]] = {}
+    salvos = []
     for azimuth_deg in settings.azimuths_deg:
         places = LaunchPlaces.of(grid, kind, np.radians(azimuth_deg), settings.profile)
         slopes = BurnSlopes.of(LaunchSlopes.of(places), settings.samples)
-        for ignition_s in launch_times_s(settings):
-            for name, values in _of_salvo(
-                Salvo(plan, places, ignition_s), slopes, settings
-            ).items():
-                found.setdefault(name, []).append(values.astype(np.float32))
+        salvos += [
+            _of_salvo(Salvo(plan, places, ignition_s), slopes, settings)
+            for ignition_s in launch_times_s(settings)
+        ]
     leading = (len(settings.azimuths_deg), settings.launches)
     return [
-        _layer(name, np.stack(rows), leading, grid.shape, settings) for name, rows in found.items()
+        _layer(name, np.stack([salvo[name] for salvo in salvos]), leading, grid.shape, settings)
+        for name in salvos[0]
     ]
 
 
 def launch_times_s(settings: CoverageSettings) -> FloatArray:
-    """Return the scene times of launches, s: the middles of equal parts of the interval, on whole
-    seconds.
-    """
+    """Return the scene times of launches, s: middles of equal parts, on whole seconds."""
     length_s = 3600.0 * settings.hours
     return np.round((np.arange(settings.launches) + 0.5) * (length_s / settings.launches))
 
@@ -71,57 +68,50 @@ def _of_salvo(
 
 
 def _heights(salvo: Salvo, settings: CoverageSettings) -> dict[str, FloatArray]:
-    """Return P_d (heights, cells) of one look of each sensor, and the least intensities (bands,
-    heights, cells).
-    """
-    sensors = salvo.plan.sensors
+    """Return P_d (heights, cells) of one look of each sensor, least intensities (bands, …)."""
+    heights_m = [1e3 * height_km for height_km in settings.heights_km]
+    since_s = np.array([salvo.height_time_s(height_m) for height_m in heights_m])
     bands = distinct_bands(salvo.plan.sensors)
     cells = len(salvo.places)
-    heights = settings.heights_km
-    missed = np.full((len(heights), cells), np.nan)
-    least = np.full((len(bands), len(heights), cells), np.nan)
-    since_s = np.array([salvo.height_time_s(1e3 * each) for each in heights])
-    reached = np.flatnonzero(np.isfinite(since_s))
-    missed[reached] = 1.0
-    fleet = Fleet.of(salvo.plan, salvo.ignition_s + since_s[reached])
-    points = [SeenPoints.of(salvo.state(each)[0]) for each in since_s[reached].tolist()]
-    for number in range(len(sensors) if len(reached) else 0):
-        for row, looks in zip(
-            reached, salvo.looks(fleet, number, points, with_least=True), strict=True
-        ):
-            missed[row, looks.rows] *= 1.0 - looks.chance
-            for band, values in looks.least_w_sr.items():
-                own = least[bands.index(band), row]
-                own[looks.rows] = np.fmin(own[looks.rows], values)
+    missed = np.full((len(heights_m), cells), np.nan)
+    missed[np.isfinite(since_s)] = 1.0
+    least = np.full((len(bands), len(heights_m), cells), np.nan)
+    for row, looks in _looks_at_heights(salvo, since_s):
+        missed[row, looks.rows] *= 1.0 - looks.chance
+        for band, values in looks.least_w_sr.items():
+            best = least[bands.index(band), row]
+            best[looks.rows] = np.fmin(best[looks.rows], values)
     layers = {"detection_probability": 1.0 - missed}
     return layers if np.isnan(least).all() else {**layers, "least_intensity": least}
+
+
+def _looks_at_heights(salvo: Salvo, since_s: FloatArray) -> Iterator[tuple[int, GridLooks]]:
+    """Yield the number of a height and the looks of a sensor there, of heights within the burn."""
+    reached = np.flatnonzero(np.isfinite(since_s))
+    if not len(reached):
+        return
+    fleet = Fleet.of(salvo.plan, salvo.ignition_s + since_s[reached])
+    points = [SeenPoints.of(salvo.state(time_s)[0]) for time_s in since_s[reached].tolist()]
+    for number in range(len(salvo.plan.sensors)):
+        looks = salvo.looks(fleet, number, points, with_least=True)
+        yield from zip(reached.tolist(), looks, strict=True)
 
 
 def _reports_and_bounds(
     salvo: Salvo, slopes: BurnSlopes, settings: CoverageSettings
 ) -> dict[str, FloatArray]:
     """Return the times of the first report and of a track, and the bounds at burnout, (cells,)."""
-    sensors = salvo.plan.sensors
-    cells = len(salvo.places)
-    burn_s = salvo.burn_s
-    node_s = np.linspace(0.0, burn_s, settings.samples + 1)
+    node_s = np.linspace(0.0, salvo.burn_s, settings.samples + 1)
     fleet = Fleet.of(salvo.plan, salvo.ignition_s + node_s)
-    latency_s = [sum(stage.mean_s for stage in each.reporting) for each in sensors]
-    first_s = min(latency_s)
-    last_s = burn_s + max(latency_s)
-    time_s = (
-        first_s + (last_s - first_s) * np.linspace(0.0, 1.0, _REPORT_STEPS + 1) ** _REPORT_POWER
-    )
-    reports = Reports(time_s, settings.track_reports, cells)
+    points = [SeenPoints.of(salvo.state(since_s)[0]) for since_s in node_s.tolist()]
+    reports = Reports(_report_times_s(salvo), settings.track_reports, len(salvo.places))
     information = LaunchInformation(slopes.moved)
-    points = [SeenPoints.of(salvo.state(since)[0]) for since in node_s.tolist()]
     watch = Watch(salvo, reports)
-    for number, sensor in enumerate(sensors):
+    for number, sensor in enumerate(salvo.plan.sensors):
         looks = salvo.looks(fleet, number, points)
-        if not any(len(each.rows) for each in looks):
-            continue
-        watch.add(number, looks)
-        _add_information(information, slopes, sensor, burn_s, looks)
+        if any(len(look.rows) for look in looks):
+            watch.add(number, looks)
+            _add_information(information, slopes, sensor, salvo.burn_s, looks)
     watch.close()
     comes_down = isinstance(salvo.places.target_class.after_burnout, Ballistic)
     bounds = burnout_bounds(slopes.burnout, information.covariance(), comes_down=comes_down)
@@ -136,6 +126,15 @@ def _reports_and_bounds(
     }
 
 
+def _report_times_s(salvo: Salvo) -> FloatArray:
+    """Return the times since ignition at which reports are counted, s."""
+    latency_s = [latency_s_of(sensor) for sensor in salvo.plan.sensors]
+    start_s = min(latency_s)
+    end_s = salvo.burn_s + max(latency_s)
+    share = np.linspace(0.0, 1.0, _REPORT_STEPS + 1) ** _REPORT_POWER
+    return start_s + (end_s - start_s) * share
+
+
 def _add_information(
     information: LaunchInformation,
     slopes: BurnSlopes,
@@ -143,19 +142,22 @@ def _add_information(
     burn_s: float,
     looks: Sequence[GridLooks],
 ) -> None:
-    """Add what a sensor's looks at equal steps of the burn, its ends included, say of launches."""
-    last = len(looks) - 1
+    """Add the information of a sensor's looks at equal steps of the burn, ends included."""
+    last_step = len(looks) - 1
     sigma_rad = sensor.line_of_sight_bias_sigma_rad
-    per_step = burn_s / last / (sensor.scan.period_ns * 1e-9)
+    per_step = burn_s / last_step / (sensor.scan.period_ns * 1e-9)
     bias = BiasInformation(len(slopes.moved[0])) if sigma_rad > 0.0 else None
-    for step, each in enumerate(looks):
+    for step, look in enumerate(looks):
         weight = (
-            per_step * (0.5 if step in (0, last) else 1.0) * each.chance / np.square(each.sigma_rad)
+            per_step
+            * (0.5 if step in (0, last_step) else 1.0)
+            * look.chance
+            / np.square(look.sigma_rad)
         )
-        measured = each.direction, each.range_m, weight
-        information.add(step, each.rows, *measured)
+        measured = look.direction, look.range_m, weight
+        information.add(step, look.rows, *measured)
         if bias is not None:
-            bias.add(each.rows, slopes.moved[step][each.rows], *measured)
+            bias.add(look.rows, slopes.moved[step][look.rows], *measured)
     if bias is not None:
         information.lose(bias, sigma_rad)
 
@@ -224,10 +226,10 @@ def _layer(
 ) -> Layer:
     """Return a layer from its values (azimuths times launch times, …, cells)."""
     words = _WORDS[name]
-    values = rows.reshape(*leading, *rows.shape[1:-1], *shape)
-    first = len(leading)
-    own = tuple(range(first, first + len(words.dims)))
-    values = np.transpose(values, (*own, *range(first), values.ndim - 2, values.ndim - 1))
+    values = rows.astype(np.float32).reshape(*leading, *rows.shape[1:-1], *shape)
+    lead = len(leading)
+    own_axes = tuple(range(lead, lead + len(words.dims)))
+    values = np.transpose(values, (*own_axes, *range(lead), values.ndim - 2, values.ndim - 1))
     definition = words.definition.format(
         chance=settings.chance, track_reports=settings.track_reports
     )

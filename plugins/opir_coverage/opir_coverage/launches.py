@@ -1,6 +1,4 @@
-"""Launches of one class from every cell of a grid, and the models that see them: the engine's own,
-in columns.
-"""
+"""Launches of one class from every cell of a grid, and the engine's models for them, in columns."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -32,9 +30,7 @@ _ID = "launch"
 
 @frozen(eq=False)
 class LaunchPlaces:
-    """Launch places (n,), rad, and the class, the profile and the azimuth, rad, of the launches
-    from them.
-    """
+    """Launch places (n,), rad, with class, profile and azimuth, rad, of their launches."""
 
     latitude_rad: FloatArray
     longitude_rad: FloatArray
@@ -47,11 +43,13 @@ class LaunchPlaces:
         cls, grid: PlaceGrid, kind: TargetClass, azimuth_rad: float, profile: str = ""
     ) -> "LaunchPlaces":
         """Return launches from the cells of a grid, of the class's first profile or one by name."""
-        known = {each.name: each for each in kind.profiles}
-        chosen = known.get(profile) if profile else kind.profiles[0]
-        if chosen is None:
-            raise ValueError(f"{kind.name} has no profile {profile!r}; it has {', '.join(known)}")
-        return cls(*grid.places_rad(), kind, chosen, azimuth_rad)
+        profiles = {candidate.name: candidate for candidate in kind.profiles}
+        selected = profiles.get(profile) if profile else kind.profiles[0]
+        if selected is None:
+            raise ValueError(
+                f"{kind.name} has no profile {profile!r}; it has {', '.join(profiles)}"
+            )
+        return cls(*grid.places_rad(), kind, selected, azimuth_rad)
 
     def __len__(self) -> int:
         return len(self.latitude_rad)
@@ -59,24 +57,20 @@ class LaunchPlaces:
     def path(
         self, ignition_s: float, *, speed_m_s: float = 0.0, angle_rad: float = 0.0
     ) -> "GridBoosts":
-        """Return the boosts of launches at a scene time, with offsets of burnout speed and flight
-        path angle.
-        """
+        """Return the boosts of launches at a scene time, with offsets of the burnout state."""
         latitude, row = np.unique(self.latitude_rad, return_inverse=True)
-        one = np.ones(len(latitude))
+        unit = np.ones(len(latitude))
         angle = self.profile.burnout_flight_path_angle_rad + angle_rad
-        course = ascent([self.profile] * len(latitude), angle * one)
-        site = launch_site(latitude, 0.0 * one, 0.0 * one)
-        speed = (self.profile.burnout_speed_m_s + speed_m_s) * one
-        path = boost_path(site, ignition_s, self.azimuth_rad * one, speed, course)
+        course = ascent([self.profile] * len(latitude), angle * unit)
+        site = launch_site(latitude, 0.0 * unit, 0.0 * unit)
+        speed = (self.profile.burnout_speed_m_s + speed_m_s) * unit
+        path = boost_path(site, ignition_s, self.azimuth_rad * unit, speed, course)
         return GridBoosts(path, row, np.cos(self.longitude_rad), np.sin(self.longitude_rad))
 
 
 @frozen(eq=False)
 class GridBoosts:
-    """Boosts (n,): those of `path`, one for each latitude, turned about the Earth's axis to their
-    longitudes.
-    """
+    """Boosts (n,): the one of `path` at their latitude, turned to their longitude."""
 
     path: BoostPath
     row: IntArray
@@ -104,16 +98,12 @@ class GridBoosts:
     def state(
         self, target: RowArray | IndexArray, time_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,); nan before
-        and after the burn.
-        """
+        """Return ECEF positions and velocities (m, 3) of launches (m,) at times (m,), or nan."""
         (position, velocity), rows = self._of_latitudes(target, time_s)
         return self._turned(position, target, rows), self._turned(velocity, target, rows)
 
     def position_m(self, target: RowArray | IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return ECEF positions (m, 3) of launches (m,) at times (m,); nan before and after the
-        burn.
-        """
+        """Return ECEF positions (m, 3) of launches (m,) at times (m,); nan outside the burn."""
         (position, _), rows = self._of_latitudes(target, time_s)
         return self._turned(position, target, rows)
 
@@ -137,9 +127,7 @@ class GridBoosts:
     def _turned(
         self, vector_m: FloatArray, target: RowArray | IndexArray, rows: RowArray | None = None
     ) -> FloatArray:
-        """Return vectors, those of some `rows` if given, turned to the longitudes of launches
-        (m,).
-        """
+        """Return vectors, or their `rows`, turned to the longitudes of launches (m,)."""
         x, y, z = (column if rows is None else column[rows] for column in vector_m.T)
         cosine = self.cosine[target]
         sine = self.sine[target]
@@ -181,7 +169,7 @@ class GridLaunches(Trajectories):
 
 @frozen
 class _Launch:
-    """What models of light read of a scene's target: here one for all launches."""
+    """The fields of a scene's target that models of light read; one for all launches."""
 
     model: Choice
     id: str = _ID
@@ -210,8 +198,8 @@ def detection_of(plan: Plan, launches: Trajectories) -> tuple[DetectionProbabili
 
 
 def target_class_of(plan: Plan, name: str) -> TargetClass:
-    """Return a target class by name; raises `ModelError` for one that nothing offers."""
-    known = plan.host.names(TargetClass.hook)
-    if name not in known:
-        raise ModelError(f"--class: {name!r} is not one of {', '.join(sorted(known))}")
+    """Return a target class by name; raises `ModelError` for an unknown one."""
+    names = plan.host.names(TargetClass.hook)
+    if name not in names:
+        raise ModelError(f"--class: {name!r} is not one of {', '.join(sorted(names))}")
     return plan.host.component(TargetClass, name)

@@ -1,6 +1,4 @@
-"""The result: layers over the grid with their units and definitions, as xarray, NetCDF and
-Parquet.
-"""
+"""Layers over the grid with units and definitions, as xarray, NetCDF and Parquet."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -35,9 +33,7 @@ _PLACE_UNITS = {"latitude": "degrees_north", "longitude": "degrees_east"}
 
 @frozen(eq=False)
 class Layer:
-    """Values over the grid: `dims` are those before latitude and longitude; nan where there is
-    none.
-    """
+    """Values over the grid, nan where unknown; `dims` are those before latitude and longitude."""
 
     name: str
     title: str
@@ -49,7 +45,7 @@ class Layer:
 
 @frozen(eq=False)
 class CoverageMap:
-    """Layers over a grid, the coordinates of their dimensions, and what they are of."""
+    """Layers over a grid, the coordinates of their dimensions, and attributes of the scene."""
 
     grid: PlaceGrid
     coordinates: Mapping[str, Sequence[float] | Sequence[str]]
@@ -61,13 +57,17 @@ class CoverageMap:
         for layer in self.layers:
             if layer.name == name:
                 return layer
-        raise KeyError(f"{name!r} is not one of {', '.join(each.name for each in self.layers)}")
+        raise KeyError(
+            f"{name!r} is not one of {', '.join(candidate.name for candidate in self.layers)}"
+        )
 
     def over_cells(self, layer: Layer) -> FloatArray:
-        """Return a layer's values (…, cells) as floats, one row for each combination of its
-        dimensions.
-        """
+        """Return a layer's values (combinations of its dimensions, cells) as floats."""
         return np.asarray(layer.values, dtype=np.float64).reshape(-1, len(self.grid.weights()))
+
+    def _all_coordinates(self) -> dict[str, Any]:
+        places = (self.grid.latitude_deg, self.grid.longitude_deg)
+        return {**self.coordinates, **dict(zip(PLACES, places, strict=True))}
 
     def coordinate_attributes(self, name: str) -> dict[str, str]:
         """Return the attributes of a coordinate, those of the CF conventions."""
@@ -85,15 +85,15 @@ class CoverageMap:
 
         coordinates = {
             name: (name, list(values), self.coordinate_attributes(name))
-            for name, values in {**self.coordinates, **_places(self.grid)}.items()
+            for name, values in self._all_coordinates().items()
         }
         variables = {
-            each.name: (
-                (*each.dims, *PLACES),
-                each.values,
-                {"long_name": each.title, "units": each.unit, "comment": each.definition},
+            layer.name: (
+                (*layer.dims, *PLACES),
+                layer.values,
+                {"long_name": layer.title, "units": layer.unit, "comment": layer.definition},
             )
-            for each in self.layers
+            for layer in self.layers
         }
         return xarray.decode_cf(xarray.Dataset(variables, coordinates, dict(self.attributes)))
 
@@ -105,80 +105,77 @@ class CoverageMap:
             file.Conventions = "CF-1.8"
             for name, words in self.attributes.items():
                 setattr(file, name, words.encode())
-            for name, values in {**self.coordinates, **_places(self.grid)}.items():
+            for name, values in self._all_coordinates().items():
                 _write_coordinate(file, name, values, self.coordinate_attributes(name))
-            for each in self.layers:
-                values = _storable(each.values)
-                variable = file.createVariable(each.name, values.dtype, (*each.dims, *PLACES))
-                variable[:] = values
-                missing = (
-                    {"_FillValue": values.dtype.type(np.nan)} if values.dtype.kind == "f" else {}
-                )
-                texts = {"long_name": each.title, "comment": each.definition, "units": each.unit}
-                for key, value in {
-                    **{key: text.encode() for key, text in texts.items()},
-                    **missing,
-                }.items():
-                    setattr(variable, key, value)
+            for layer in self.layers:
+                _write_layer(file, layer)
 
     def write_parquet(self, path: Path) -> None:
-        """Write one row for each cell and combination of dimensions of the layers that have the
-        most of them.
-        """
+        """Write a row for each cell and combination of the dimensions of layers, but times."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        sizes = {name: len(values) for name, values in self.coordinates.items()}
-        still = [each for each in self.layers if "time" not in each.dims]
-        names = [name for name in sizes if any(name in each.dims for each in still)]
-        shape = tuple(sizes[name] for name in names)
-        columns: dict[str, Any] = {}
-        whole = (*shape, *self.grid.shape)
-        for axis, name in enumerate(names):
-            own = np.array(self.coordinates[name]).reshape(
-                [-1 if each == axis else 1 for each in range(len(whole))]
-            )
-            columns[name] = np.broadcast_to(own, whole).ravel()
-        columns["latitude"] = np.broadcast_to(self.grid.latitude_deg[:, None], whole).ravel()
-        columns["longitude"] = np.broadcast_to(self.grid.longitude_deg, whole).ravel()
-        for each in still:
-            own_shape = [sizes[name] if name in each.dims else 1 for name in names]
-            values = _storable(each.values).reshape(*own_shape, *self.grid.shape)
-            columns[each.name] = np.broadcast_to(values, whole).ravel()
-        texts = {f"opir_{name}": words for name, words in self.attributes.items()}
-        described = {each.name: {"units": each.unit, "long_name": each.title} for each in still}
-        described |= {
-            name: self.coordinate_attributes(name) for name in columns if name not in described
-        }
+        columns = self._columns()
         fields = [
-            pa.field(name, pa.array(own[:0]).type, metadata=described[name])
-            for name, own in columns.items()
+            pa.field(name, pa.array(column[:0]).type, metadata=self._column_attributes(name))
+            for name, column in columns.items()
         ]
+        texts = {f"opir_{name}": words for name, words in self.attributes.items()}
         table = pa.table(columns, schema=pa.schema(fields, metadata=texts))
         pq.write_table(table, path, compression="zstd")
 
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        """Return coordinates and layers without times, one value per cell and combination."""
+        layers = [layer for layer in self.layers if "time" not in layer.dims]
+        names = [name for name in self.coordinates if any(name in layer.dims for layer in layers)]
+        dims = (*names, *PLACES)
+        coordinates = self._all_coordinates()
+        shape = tuple(len(coordinates[name]) for name in dims)
 
-def _places(grid: PlaceGrid) -> dict[str, FloatArray]:
-    return {"latitude": grid.latitude_deg, "longitude": grid.longitude_deg}
+        def column(values: Any, value_dims: Sequence[str]) -> NDArray[Any]:
+            sizes = [len(coordinates[name]) if name in value_dims else 1 for name in dims]
+            return np.broadcast_to(np.reshape(values, sizes), shape).ravel()
+
+        columns = {name: column(coordinates[name], (name,)) for name in dims}
+        return columns | {
+            layer.name: column(_storable(layer.values), (*layer.dims, *PLACES)) for layer in layers
+        }
+
+    def _column_attributes(self, name: str) -> dict[str, str]:
+        layers = {layer.name: layer for layer in self.layers}
+        if name in layers:
+            return {"units": layers[name].unit, "long_name": layers[name].title}
+        return self.coordinate_attributes(name)
 
 
 def _write_coordinate(file: Any, name: str, values: Any, attributes: Mapping[str, str]) -> None:
-    own = np.asarray(values)
-    file.createDimension(name, len(own))
-    if own.dtype.kind == "U":
+    column = np.asarray(values)
+    file.createDimension(name, len(column))
+    if column.dtype.kind == "U":
         # NetCDF 3 has no text along a dimension but characters: the names are an attribute too.
-        width = max(len(text.encode()) for text in own.tolist())
+        width = max(len(text.encode()) for text in column.tolist())
         file.createDimension(f"{name}_letters", width)
         variable = file.createVariable(name, "c", (name, f"{name}_letters"))
         variable[:] = np.array(
-            [list(text.encode().ljust(width)) for text in own.tolist()], dtype=np.uint8
+            [list(text.encode().ljust(width)) for text in column.tolist()], dtype=np.uint8
         ).view("S1")
         variable.long_name = attributes["long_name"].encode()
         return
     variable = file.createVariable(name, "f8", (name,))
-    variable[:] = own
+    variable[:] = column
     for key, words in attributes.items():
         setattr(variable, key, words.encode())
+
+
+def _write_layer(file: Any, layer: Layer) -> None:
+    values = _storable(layer.values)
+    variable = file.createVariable(layer.name, values.dtype, (*layer.dims, *PLACES))
+    variable[:] = values
+    texts = {"long_name": layer.title, "comment": layer.definition, "units": layer.unit}
+    for key, words in texts.items():
+        setattr(variable, key, words.encode())
+    if values.dtype.kind == "f":
+        variable._FillValue = values.dtype.type(np.nan)
 
 
 def _storable(values: NDArray[Any]) -> NDArray[Any]:

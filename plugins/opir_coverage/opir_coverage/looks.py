@@ -1,6 +1,4 @@
-"""Looks at launches from a grid at instants of their boosts: P_d, sigmas of lines of sight, least
-intensities.
-"""
+"""Looks at launches from a grid: P_d, sigmas of lines of sight, least intensities."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -17,13 +15,13 @@ from opir_core.flight import height_m as height_m_of
 from opir_core.geometry import length
 from opir_core.planning import Targets
 from opir_core.plugin import Band, DetectionProbability, Exposures, Response, Sensor
-from opir_coverage.grid import SeenPoints
+from opir_coverage.grid import SeenPoints, dot
 from opir_coverage.launches import GridLaunches, LaunchPlaces, detection_of
 from opir_coverage.visibility import Fleet
 
 #: Largest error of P_d of a look: the default `probability_tolerance` of runs.
 _SLACK = 1e-4
-#: Looks that are worked out at once.
+#: Most looks that are computed together, for little memory.
 _AT_ONCE = 16_384
 #: Rules over bands with one threshold for all.
 _ONE_THRESHOLD = ("likelihood", "none")
@@ -31,11 +29,10 @@ _ONE_THRESHOLD = ("likelihood", "none")
 
 @frozen(eq=False)
 class GridLooks:
-    """Looks of one sensor at some of the launches, `rows` (n,): quantiles of P_d, sigmas of lines
-    of sight, rad.
+    """Looks of one sensor at the launches `rows` (n,), at one instant.
 
-    `range_m` (n,), `direction` (n, 3) from the target to the sensor; `least_w_sr` are the
-    intensities (n,) by band.
+    `probit` are normal quantiles of P_d, `sigma_rad` those of lines of sight, `direction` (n, 3) is
+    from the target to the sensor, `least_w_sr` are the least intensities (n,) by band.
     """
 
     rows: IntArray
@@ -75,12 +72,10 @@ class Salvo:
         return self.path.state(everyone, np.full(len(everyone), now_s))
 
     def height_time_s(self, height_m: float) -> float:
-        """Return the time since ignition at which launches rise through a height, s; nan if that is
-        not in the burn.
-        """
+        """Return the time since ignition, s, at which the burn reaches a height, or nan."""
         since_s = np.linspace(0.0, self.burn_s, 257)
-        first = np.zeros(len(since_s), dtype=np.int64)
-        place = self.path.state(first, np.minimum(self.ignition_s + since_s, self.path.burnout_s))[
+        launch = np.zeros(len(since_s), dtype=np.int64)
+        place = self.path.state(launch, np.minimum(self.ignition_s + since_s, self.path.burnout_s))[
             0
         ]
         height = height_m_of(place.T, 1.0 / length(*place.T))
@@ -89,13 +84,14 @@ class Salvo:
     def looks(
         self, fleet: Fleet, number: int, points: Sequence[SeenPoints], *, with_least: bool = False
     ) -> list[GridLooks]:
-        """Return the looks of a sensor at the launches (cells,) at points, at each of the fleet's
-        times.
-        """
-        rows = [np.flatnonzero(fleet.seen(number, step, each)) for step, each in enumerate(points)]
-        found: list[GridLooks] = []
-        for steps in _batches([len(each) for each in rows]):
-            own = [
+        """Return the looks of a sensor at launches (cells,) at points, by time of the fleet."""
+        rows = [
+            np.flatnonzero(fleet.seen(number, step, visible_points))
+            for step, visible_points in enumerate(points)
+        ]
+        looks: list[GridLooks] = []
+        for steps in _batches([len(visible_points) for visible_points in rows]):
+            exposures = [
                 _exposures(
                     number,
                     rows[step],
@@ -105,52 +101,55 @@ class Salvo:
                 )
                 for step in steps
             ]
-            found += self._split(
-                number, _joined(own), [rows[step] for step in steps], with_least=with_least
+            looks += self._split(
+                number, _joined(exposures), [rows[step] for step in steps], with_least=with_least
             )
-        return found
+        return looks
 
     def _split(
         self, number: int, exposures: Exposures, rows: Sequence[IntArray], *, with_least: bool
     ) -> Iterator[GridLooks]:
-        """Yield what looks at several instants see, one instant after another."""
+        """Yield the looks of several instants, one instant after another."""
         probit, sigma_rad, response = self._measured(exposures)
         least = (
             self._least(number, exposures, response) if with_least and response is not None else {}
         )
         direction = (exposures.sensor_ecef_m - exposures.target_ecef_m) / exposures.range_m[:, None]
         end = 0
-        for each in rows:
-            part = slice(end, end := end + len(each))
-            own = {band: values[part] for band, values in least.items()}
+        for step_rows in rows:
+            rows_of_step = slice(end, end := end + len(step_rows))
+            least_of_step = {band: values[rows_of_step] for band, values in least.items()}
             yield GridLooks(
-                each, probit[part], sigma_rad[part], exposures.range_m[part], direction[part], own
+                step_rows,
+                probit[rows_of_step],
+                sigma_rad[rows_of_step],
+                exposures.range_m[rows_of_step],
+                direction[rows_of_step],
+                least_of_step,
             )
 
     def _measured(self, exposures: Exposures) -> tuple[FloatArray, FloatArray, Response | None]:
-        """Return quantiles of P_d, sigmas of lines of sight, and the response of a model with
-        signals.
-        """
+        """Return quantiles of P_d, sigmas of lines of sight, and the response with signals."""
         sensor = exposures.sensor
         model = self.detection
-        own = np.array([each.line_of_sight_sigma_rad for each in self.plan.sensors])[sensor]
+        sigma_rad = np.array(
+            [candidate.line_of_sight_sigma_rad for candidate in self.plan.sensors]
+        )[sensor]
         if not len(sensor):
-            return np.empty(0), own, None
+            return np.empty(0), sigma_rad, None
         chance = model.pair_probability(sensor, exposures.target)
         if chance is not None:
-            return ndtri(chance), own, None
+            return ndtri(chance), sigma_rad, None
         response = model.response(exposures, slack=_SLACK)
         if response is None or response.probit is None:
-            return ndtri(model.probability(exposures)), own, response
+            return ndtri(model.probability(exposures)), sigma_rad, response
         sigma: Any = getattr(model, "line_of_sight_sigma_rad", None)
-        return response.probit, own if sigma is None else sigma(response, sensor), response
+        return response.probit, sigma_rad if sigma is None else sigma(response, sensor), response
 
     def _least(
         self, number: int, exposures: Exposures, response: Response
     ) -> dict[Band, FloatArray]:
-        """Return the intensities (n,), W/sr, that are at a sensor's threshold in one look, by
-        band.
-        """
+        """Return the intensities (n,) at a sensor's threshold in one look, W/sr, by band."""
         sensor = self.plan.sensors[number]
         if sensor.radiometer is None:
             return {}
@@ -172,12 +171,10 @@ class Salvo:
 
 
 def _batches(counts: Sequence[int]) -> Iterator[list[int]]:
-    """Yield numbers of instants whose looks are worked out at once: few calls of the models, little
-    memory.
-    """
+    """Yield numbers of instants whose looks are computed together, within `_AT_ONCE` looks."""
     batch: list[int] = []
     for step, count in enumerate(counts):
-        if batch and sum(counts[each] for each in batch) + count > _AT_ONCE:
+        if batch and sum(counts[member] for member in batch) + count > _AT_ONCE:
             yield batch
             batch = []
         batch.append(step)
@@ -189,9 +186,8 @@ def _exposures(
 ) -> Exposures:
     """Return the looks of a sensor at some of the points, at one time."""
     place = points.position_m[rows]
-    up = points.up[rows]
-    x, y, z = (sensor_m - place).T
-    range_m = np.sqrt(x * x + y * y + z * z)
+    way = sensor_m - place
+    range_m = np.sqrt(dot(way, way))
     return Exposures(
         time_s=now_s + range_m / SPEED_OF_LIGHT_M_S,
         emission_time_s=np.full(len(rows), now_s),
@@ -199,7 +195,7 @@ def _exposures(
         sensor=np.full(len(rows), number, dtype=np.int32),
         target=rows.astype(np.int32),
         range_m=range_m,
-        elevation_sine=(up[:, 0] * x + up[:, 1] * y + up[:, 2] * z) / range_m,
+        elevation_sine=dot(points.up[rows], way) / range_m,
         target_ecef_m=place,
         sensor_ecef_m=np.broadcast_to(sensor_m, (len(rows), 3)),
     )
@@ -207,18 +203,17 @@ def _exposures(
 
 def _joined(looks: Sequence[Exposures]) -> Exposures:
     """Return looks at several instants as one."""
-    names = [each.name for each in fields(Exposures) if each.init]
+    names = [look.name for look in fields(Exposures) if look.init]
     return Exposures(
-        **{name: np.concatenate([getattr(each, name) for each in looks]) for name in names}
+        **{name: np.concatenate([getattr(look, name) for look in looks]) for name in names}
     )
 
 
 def band_thresholds(sensor: Sensor) -> FloatArray:
-    """Return the signals over noise (B,) at which bands are at the threshold of a look, of a sensor
-    with a radiometer.
+    """Return the signals over noise (B,) at the threshold of a look; it needs a radiometer.
 
-    That of the sum or of any band is one for all; where bands are compared, others than the
-    reference need coincidence.
+    Rules over the sum or over any band have one threshold; where bands are compared, bands other
+    than the reference have the threshold of coincidence.
     """
     radiometer = sensor.radiometer
     assert radiometer is not None

@@ -1,5 +1,4 @@
-"""Figures of merit of coverage over time, with the names and the definitions that users of STK
-know.
+"""Figures of merit of coverage over time, with the names and definitions of STK.
 
 All are of a point that is covered, or not, at each of T instants, the middles of equal steps that
 make up the interval: accesses and gaps are runs of steps, so their ends are known to half a step.
@@ -16,8 +15,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 @frozen(eq=False)
 class Runs:
-    """Numbers (n,) of runs of steps, and the least, the mean and the largest duration of one, s;
-    nan without one.
+    """Numbers (n,) of runs of steps, and their least, mean and largest duration, s, or nan.
 
     `square_s2` (n,) is the sum of their squares.
     """
@@ -31,25 +29,25 @@ class Runs:
 
 def runs(is_in: BoolArray, step_s: float) -> Runs:
     """Return the runs of steps (T, n) in which a condition holds, in steps of `step_s`."""
-    steps, count = is_in.shape
-    now = np.zeros(count)
+    count = is_in.shape[1]
+    duration = np.zeros(count)
     number = np.zeros(count, dtype=np.int64)
     least = np.full(count, np.inf)
-    most = np.zeros(count)
+    longest = np.zeros(count)
     square = np.zeros(count)
-    for step in range(steps + 1):
-        is_on = is_in[step] if step < steps else np.zeros(count, dtype=np.bool_)
-        ended = ~is_on & (now > 0.0)
+    for is_on in np.vstack([is_in, np.zeros((1, count), dtype=np.bool_)]):
+        ended = ~is_on & (duration > 0.0)
         number += ended
-        least = np.where(ended, np.minimum(least, now), least)
-        most = np.where(ended, np.maximum(most, now), most)
-        square += np.where(ended, now * now, 0.0)
-        now = np.where(is_on, now + step_s, 0.0)
+        least = np.where(ended, np.minimum(least, duration), least)
+        longest = np.where(ended, np.maximum(longest, duration), longest)
+        square += np.where(ended, duration * duration, 0.0)
+        duration = np.where(is_on, duration + step_s, 0.0)
     total = is_in.sum(axis=0) * step_s
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(number > 0, total / number, np.nan)
-    none = number == 0
-    return Runs(number, np.where(none, np.nan, least), mean, np.where(none, np.nan, most), square)
+    with np.errstate(invalid="ignore"):
+        mean = total / number  # nan without a run
+    least = np.where(number > 0, least, np.nan)
+    longest = np.where(number > 0, longest, np.nan)
+    return Runs(number, least, mean, longest, square)
 
 
 def coverage_time_s(covered: BoolArray, step_s: float) -> FloatArray:
@@ -63,8 +61,7 @@ def simple_coverage(covered: BoolArray) -> BoolArray:
 
 
 def time_average_gap_s(gaps: Runs, interval_s: float) -> FloatArray:
-    """Return Time Average Gap (n,): the mean length of the gap that a random instant is in, 0 while
-    covered, s.
+    """Return Time Average Gap (n,), s: the mean length of the gap at a random instant, or 0.
 
     The sum of the squares of all gaps over the interval.
     """
@@ -72,27 +69,24 @@ def time_average_gap_s(gaps: Runs, interval_s: float) -> FloatArray:
 
 
 def response_times_s(covered: BoolArray, step_s: float) -> FloatArray:
-    """Return Response Times (T, n): from each instant to the next at which a point is covered, 0
-    while it is.
+    """Return Response Times (T, n), s, from each instant to the next access; 0 while covered.
 
     After the last access it is the time to the end of the interval: a lower bound. nan for points
     never covered.
     """
     wait = np.empty(covered.shape)
-    left = np.full(covered.shape[1], 0.5 * step_s)
+    remaining_s = np.full(covered.shape[1], 0.5 * step_s)
     for step in range(len(covered) - 1, -1, -1):
         # An access begins half a step before its first instant.
-        left = np.where(covered[step], -0.5 * step_s, left)
-        wait[step] = np.maximum(left, 0.0)
-        left = left + step_s
+        remaining_s = np.where(covered[step], -0.5 * step_s, remaining_s)
+        wait[step] = np.maximum(remaining_s, 0.0)
+        remaining_s = remaining_s + step_s
     wait[:, ~covered.any(axis=0)] = np.nan
     return wait
 
 
 def ages_of_data_s(covered: BoolArray, step_s: float) -> FloatArray:
-    """Return Ages of Data (T, n): from the end of the last access to each instant, 0 while covered;
-    nan before one.
-    """
+    """Return Ages of Data (T, n), s, since the end of the last access, or nan; 0 while covered."""
     age = np.empty(covered.shape)
     since = np.full(covered.shape[1], np.nan)
     for step in range(len(covered)):
@@ -108,7 +102,5 @@ def is_covered(in_view: NDArray[np.uint8], assets: int) -> BoolArray:
 
 
 def percent_below(values: FloatArray, limit: float, weights: FloatArray) -> float:
-    """Return the percentage of the area, by weights (n,), with a value (n,) below a limit; nan is
-    not below.
-    """
+    """Return the percentage of the area, by weights (n,), with values (n,) below a limit."""
     return float(100.0 * weights[values < limit].sum() / weights.sum())

@@ -1,6 +1,4 @@
-"""The metric `coverage` of studies: how much of the Earth the sensors of a scene see, and how many
-they are.
-"""
+"""The metric `coverage` of studies: share of the Earth in view, gaps, and number of sensors."""
 
 from collections.abc import Mapping
 
@@ -25,16 +23,14 @@ class CoverageMetric:
         return {"covered": "", "always_covered": "", "longest_gap_s": "s", "sensors": ""}
 
     def values(self, run: Run) -> Mapping[str, float]:
-        """Return the mean share of the Earth's area that is covered and the share that always is,
-        the longest time for which a place is not covered, s, and the number of sensors.
-        """
-        found = computed_coverage(run.plan, self.settings)
-        weights = found.grid.weights()
-        share = 0.01 * found["coverage_time"].values.ravel()
-        gap_s = found["revisit_time_max"].values.ravel()
+        """Return shares of the area covered on average and always, longest gap, s, and sensors."""
+        coverage = computed_coverage(run.plan, self.settings)
+        weights = coverage.grid.weights()
+        share = 0.01 * coverage["coverage_time"].values.ravel()
+        gap_s = coverage["revisit_time_max"].values.ravel()
         return {
             "covered": float(weights @ share),
-            "always_covered": float(weights[found["gaps"].values.ravel() == 0].sum()),
+            "always_covered": float(weights[coverage["gaps"].values.ravel() == 0].sum()),
             "longest_gap_s": float(gap_s.max()),
             "sensors": float(len(run.plan.sensors)),
         }

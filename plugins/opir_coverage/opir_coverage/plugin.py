@@ -1,20 +1,21 @@
-"""The commands `opir coverage` and `opir physics`, and the metric `coverage`; heavy modules are
-imported when used.
+"""The commands `opir coverage` and `opir physics`, and the metric `coverage`.
+
+Heavy modules are imported when used.
 """
 
 import argparse
 from collections.abc import Callable, Iterable
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any
 
 from opir_core.cli import add_scene_arguments
 from opir_core.plugin import MetricContext, MetricModel, hookimpl
 from opir_coverage.metric_config import CoverageMetricConfig
+from opir_coverage.number_lists import numbers_of
 
 _SUMMARY = (
     "map who sees launches from where, how soon and how well: access, gaps, reports, tracks, bounds"
 )
-
-_Value = TypeVar("_Value")
 
 
 @hookimpl
@@ -51,6 +52,27 @@ def _add_coverage(commands: Any) -> None:
     parser = commands.add_parser("coverage", help=_SUMMARY)
     add_scene_arguments(parser)
     add = parser.add_argument
+    _add_grid(add)
+    _add_launches(add)
+    add("--geometry", action="store_true", help="access and gaps only, no launches")
+    add(
+        "--against",
+        metavar="SCENE",
+        help="another scene: the page and the data are of the first minus this one",
+    )
+    add("--json", action="store_true", help="print the table as JSON")
+    add(
+        "-o",
+        "--out",
+        metavar="FOLDER",
+        default="coverage",
+        help="folder of page and data (default coverage)",
+    )
+    parser.set_defaults(run=_coverage)
+
+
+def _add_grid(add: Callable[..., Any]) -> None:
+    """Add class and heights of targets, cells, instants and numbers of sensors."""
     add(
         "--class",
         dest="target_class",
@@ -62,7 +84,7 @@ def _add_coverage(commands: Any) -> None:
     add(
         "--height",
         metavar="KM,…",
-        type=_numbers,
+        type=numbers_of,
         default=(10.0, 100.0),
         help="heights of targets (default 10,100)",
     )
@@ -89,14 +111,18 @@ def _add_coverage(commands: Any) -> None:
     add(
         "--assets",
         metavar="N,…",
-        type=_counts,
+        type=partial(numbers_of, kind=int),
         default=(1, 2),
         help="least numbers of sensors in view (default 1,2)",
     )
+
+
+def _add_launches(add: Callable[..., Any]) -> None:
+    """Add azimuths and instants of launches, and the requirements."""
     add(
         "--azimuth",
         metavar="DEG,…",
-        type=_numbers,
+        type=numbers_of,
         default=(0.0,),
         help="launch azimuths (default 0: north)",
     )
@@ -128,41 +154,9 @@ def _add_coverage(commands: Any) -> None:
         metavar="LAYER<=X",
         help="share of the day that meets it; repeatable",
     )
-    add("--geometry", action="store_true", help="access and gaps only, no launches")
-    add(
-        "--against",
-        metavar="SCENE",
-        help="another scene: the page and the data are of the first minus this one",
-    )
-    add("--json", action="store_true", help="print the table as JSON")
-    add(
-        "-o",
-        "--out",
-        metavar="FOLDER",
-        default="coverage",
-        help="folder of page and data (default coverage)",
-    )
-    parser.set_defaults(run=_coverage)
 
 
 def _coverage(arguments: argparse.Namespace) -> int:
     from opir_coverage.command import coverage
 
     return coverage(arguments)
-
-
-def _numbers(text: str) -> tuple[float, ...]:
-    return _listed(text, float)
-
-
-def _counts(text: str) -> tuple[int, ...]:
-    return _listed(text, int)
-
-
-def _listed(text: str, kind: Callable[[str], _Value]) -> tuple[_Value, ...]:
-    try:
-        return tuple(kind(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no list of numbers with commas between"
-        ) from None

@@ -1,5 +1,4 @@
-"""When a launch is reported: the number of reports by a time, from P_d of its looks, confirmation
-and latency.
+"""The number of reports of a launch by a time, from P_d of its looks, confirmation and latency.
 
 A sensor looks once in each scan, at a phase that is uniform over the scan. Given the flight, looks
 are independent; a look is reported if it is the last of M detections in N successive scans. The
@@ -19,13 +18,13 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 #: step is taken to look no more often: its M-th detection is at most M such steps late.
 _LONGEST_STEP_S = 2.0
 _SHORTEST_STEP_S = 0.2
-#: So many looks are prepared at once. After them launches that have fewer than the reports with
-#: less than this chance are left out, if they are this share of all.
+#: Looks that are prepared in a block.
 _BLOCK = 8
+#: Chance of fewer than all reports below which a launch is left out of further looks.
 _SURE = 1e-6
+#: Least share of such launches that are removed from the arrays, which copies them.
 _WORTH_PRUNING = 0.05
-#: P_d below which a look is taken as none: a thousand such looks change a chance by less than
-#: 0.001.
+#: P_d below which a look is left out: a thousand such looks change a chance by less than 0.001.
 _IMPOSSIBLE = 1e-6
 _IMPOSSIBLE_QUANTILE = float(ndtri(_IMPOSSIBLE))
 #: Time within a look's step: its middle.
@@ -58,14 +57,15 @@ class ScanSteps:
 
 
 class ReportChain:
-    """Chances (most, n) of 0 to most - 1 reports so far, `total`, of the launches that one sensor
-    looks at.
+    """Chances `total` (limit, n) of 0 to limit - 1 reports so far, of one sensor's launches.
 
-    `confirmation` are M and N. Launches that surely have `most` reports are left out of further
-    looks.
+    `confirmation` are M and N. Launches with `report_limit` reports, with certainty, are left out
+    of further looks.
     """
 
-    def __init__(self, rows: int, phases: int, confirmation: tuple[int, int], most: int) -> None:
+    def __init__(
+        self, rows: int, phases: int, confirmation: tuple[int, int], report_limit: int
+    ) -> None:
         self._needed = confirmation[0]
         self._phases = phases
         self._step = 0
@@ -74,10 +74,10 @@ class ReportChain:
         self._last = np.full(rows, -self._memory - 1)
         self._active = np.arange(rows)
         self._states: Chances = np.zeros(
-            (phases, most, 1 << (confirmation[1] - 1), rows), dtype=np.float32
+            (phases, report_limit, 1 << (confirmation[1] - 1), rows), dtype=np.float32
         )
         self._states[:, 0, 0] = 1.0
-        self.total: Chances = np.zeros((most, rows), dtype=np.float32)
+        self.total: Chances = np.zeros((report_limit, rows), dtype=np.float32)
         self.total[0] = 1.0
 
     @property
@@ -86,31 +86,27 @@ class ReportChain:
         return self._active
 
     def look(self, chance: FloatArray, at: IntArray | None = None) -> None:
-        """Look once more, at one of the phases in turn, with P_d (k,) of the active launches, or of
-        those `at` (k,).
-        """
+        """Look at the next phase, with P_d (k,) of the active launches, or of those `at` (k,)."""
         place = np.arange(len(self._active)) if at is None else at
         is_possible = chance > _IMPOSSIBLE
         rows = place[is_possible]
-        own = chance[is_possible]
+        chances = chance[is_possible]
         if self._memory:
             self._last[rows] = self._step
-            whole = np.zeros(len(self._active))
-            whole[rows] = own
+            all_chances = np.zeros(len(self._active))
+            all_chances[rows] = chances
             rows = np.flatnonzero(self._step - self._last <= self._memory)
-            own = whole[rows]
+            chances = all_chances[rows]
         phase = self._step % self._phases
         if len(rows):
             old = self._states[phase][..., rows]
-            new = _after(old, own.astype(np.float32), self._needed)
+            new = _after(old, chances.astype(np.float32), self._needed)
             self.total[:, self._active[rows]] += (_whole(new) - _whole(old)) / self._phases
             self._states[phase][..., rows] = new
         self._step += 1
 
     def prune(self, is_done: BoolArray) -> None:
-        """Leave out launches that surely have all reports of this sensor, or of all sensors:
-        `is_done` (rows,).
-        """
+        """Leave out launches with all reports: of this sensor, or by `is_done` (rows,) of all."""
         if not len(self._active):
             return
         is_done = is_done[self._active] | (self.total[:, self._active].sum(axis=0) < _SURE)
@@ -123,10 +119,10 @@ class ReportChain:
 
 def _whole(states: Chances) -> Chances:
     """Return the chances (reports, n) over all past outcomes."""
-    whole = states[:, 0].copy()
+    total = states[:, 0].copy()
     for past in range(1, states.shape[1]):
-        whole += states[:, past]
-    return whole
+        total += states[:, past]
+    return total
 
 
 def _after(old: Chances, chance: Chances, needed: int) -> Chances:
@@ -137,34 +133,33 @@ def _after(old: Chances, chance: Chances, needed: int) -> Chances:
     for past in range(old.shape[1]):
         new[:, (past << 1) & mask] += old[:, past] * missed
         hit = old[:, past] * chance
-        now = ((past << 1) | 1) & mask
+        outcome = ((past << 1) | 1) & mask
         if past.bit_count() + 1 >= needed:
-            new[1:, now] += hit[:-1]
+            new[1:, outcome] += hit[:-1]
         else:
-            new[:, now] += hit
+            new[:, outcome] += hit
     return new
 
 
-def joined(counts: Chances, others: Chances) -> Chances:
-    """Return the chances (…, most, n) of numbers of reports of two independent sources, each (…,
-    most, n).
-    """
-    both = np.zeros_like(counts)
+def joined(counts: Chances, other_counts: Chances) -> Chances:
+    """Return the chances (…, limit, n) of the sums of two independent numbers of reports."""
+    sums = np.zeros_like(counts)
     for more in range(counts.shape[-2]):
-        both[..., more:, :] += (
-            counts[..., : counts.shape[-2] - more, :] * others[..., more : more + 1, :]
+        sums[..., more:, :] += (
+            counts[..., : counts.shape[-2] - more, :] * other_counts[..., more : more + 1, :]
         )
-    return both
+    return sums
 
 
 class Reports:
-    """The chances (T, most, n) of fewer than `most` reports by times since ignition (T,), of all
-    sensors together.
+    """Chances (T, limit, n) of fewer than `limit` reports of all sensors by times (T,), s.
+
+    Times are since ignition.
     """
 
-    def __init__(self, time_s: FloatArray, most: int, cells: int) -> None:
+    def __init__(self, time_s: FloatArray, report_limit: int, cells: int) -> None:
         self.time_s = time_s
-        self.chance: Chances = np.zeros((len(time_s), most, cells), dtype=np.float32)
+        self.chance: Chances = np.zeros((len(time_s), report_limit, cells), dtype=np.float32)
         self.chance[:, 0] = 1.0
 
     def add(
@@ -175,43 +170,44 @@ class Reports:
         steps: ScanSteps,
         latency_s: float,
     ) -> None:
-        """Add a chain over cells `rows` (n,), with normal quantiles of P_d (K, n) at equal steps of
-        the burn, ends included; nan without a look.
+        """Add a chain over cells `rows` (n,).
 
-        `rows` are those of one sensor in order, then those of another that looks as often.
+        `nodes` (K, n) are normal quantiles of P_d at equal steps of the burn, ends included; nan
+        without a look. `rows` are those of one sensor in order, then of another with equal scans.
         """
         place = (self.time_s - latency_s) / steps.step_s
         at_node = steps.times_s() * ((len(nodes) - 1) / (steps.step_s * steps.steps))
         sensors = np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows) <= 0) + 1)
-        early = chain.total.copy()
-        wanted = int(np.searchsorted(place, 0.0, side="right"))
-        for number in range(1, steps.steps + 1):
-            if (number - 1) % _BLOCK == 0:
-                chain.prune(self._have_all(wanted)[rows])
-                at, chance = _possible(
-                    nodes, at_node[number - 1 : number - 1 + _BLOCK], chain.active
-                )
+        previous = chain.total.copy()
+        time_index = int(np.searchsorted(place, 0.0, side="right"))
+        for number in range(steps.steps):
+            if number % _BLOCK == 0:
+                chain.prune(self._have_all(time_index)[rows])
+                at, chance = _possible(nodes, at_node[number : number + _BLOCK], chain.active)
             if len(chain.active):
-                chain.look(chance[(number - 1) % _BLOCK], at)
-            if wanted == len(place) or place[wanted] > number + 1.0:
+                chain.look(chance[number % _BLOCK], at)
+            if time_index == len(place) or place[time_index] > number + 2.0:
                 continue
-            late = chain.total
-            while wanted < len(place) and place[wanted] <= number:
-                now = early + (late - early) * max(place[wanted] - (number - 1.0), 0.0)
-                self._join(wanted, rows, sensors, now)
-                wanted += 1
-            early = late.copy()
-        for left in range(wanted, len(place)):
-            self._join(left, rows, sensors, chain.total)
+            end = int(np.searchsorted(place, number + 1, side="right"))
+            for index in range(time_index, end):
+                share = max(place[index] - number, 0.0)
+                self._join(index, rows, sensors, previous + (chain.total - previous) * share)
+            time_index = end
+            previous = chain.total.copy()
+        for index in range(time_index, len(place)):
+            self._join(index, rows, sensors, chain.total)
 
-    def _have_all(self, wanted: int) -> BoolArray:
-        """Return which cells surely have all reports by the last of the first `wanted` times, and
-        so at later ones.
+    def _have_all(self, time_index: int) -> BoolArray:
+        """Return the cells that have all reports with certainty before the time `time_index`.
+
+        Their chances at later times become 0.
         """
-        if not 0 < wanted < len(self.time_s):
+        if not 0 < time_index < len(self.time_s):
             return np.zeros(self.chance.shape[2], dtype=np.bool_)
-        have_all: BoolArray = self.chance[wanted - 1].sum(axis=0) < _SURE
-        self.chance[wanted:, :, np.flatnonzero(have_all & self.chance[wanted].any(axis=0))] = 0.0
+        have_all: BoolArray = self.chance[time_index - 1].sum(axis=0) < _SURE
+        self.chance[
+            time_index:, :, np.flatnonzero(have_all & self.chance[time_index].any(axis=0))
+        ] = 0.0
         return have_all
 
     def _join(
@@ -220,23 +216,21 @@ class Reports:
         # Cells that surely have all reports have chances of exactly 0 from then on.
         has_reported = (counts[0] < 1.0) & self.chance[place].any(axis=0)[rows]
         for all_cells in sensors:
-            own = all_cells[has_reported[all_cells]]
-            cells = rows[own]
-            self.chance[place][:, cells] = joined(self.chance[place][:, cells], counts[:, own])
+            columns = all_cells[has_reported[all_cells]]
+            cells = rows[columns]
+            self.chance[place][:, cells] = joined(self.chance[place][:, cells], counts[:, columns])
 
     def times_s(self, reports: int, probability: float) -> FloatArray:
-        """Return the times (n,) since ignition by which a probability of a number of reports is
-        reached, or nan.
-        """
+        """Return the times (n,) since ignition, s, by which reports have a probability; or nan."""
         have = 1.0 - self.chance[:, :reports].sum(axis=1)
         reached = have >= probability
-        late = reached.argmax(axis=0)
+        upper = reached.argmax(axis=0)
         cells = np.arange(have.shape[1])
-        early = np.maximum(late - 1, 0)
-        low = have[early, cells]
-        high = have[late, cells]
-        share = np.where(late > 0, (probability - low) / np.maximum(high - low, 1e-12), 0.0)
-        time = self.time_s[early] + (self.time_s[late] - self.time_s[early]) * share
+        lower = np.maximum(upper - 1, 0)
+        low = have[lower, cells]
+        high = have[upper, cells]
+        share = np.where(upper > 0, (probability - low) / np.maximum(high - low, 1e-12), 0.0)
+        time = self.time_s[lower] + (self.time_s[upper] - self.time_s[lower]) * share
         return np.where(reached.any(axis=0), time, np.nan)
 
     def probability(self, reports: int) -> FloatArray:
@@ -247,24 +241,24 @@ class Reports:
 def _possible(
     nodes: FloatArray, place: FloatArray, active: IntArray
 ) -> tuple[IntArray, FloatArray]:
-    """Return which active launches may be detected at places (b,) between nodes (K, launches), and
-    P_d (b, those).
+    """Return the active launches that may be detected, and their P_d (b, n) at places (b,).
 
+    Places are in steps between nodes (K, launches).
     The normal quantile is interpolated, as the engine does between looks; beside a node without a
     look (nan) the nearer node decides.
     """
-    early = np.minimum(place.astype(np.int64), len(nodes) - 2)
-    first = int(early[0])
-    around = nodes[first : int(early[-1]) + 2, active]
+    lower = np.minimum(place.astype(np.int64), len(nodes) - 2)
+    start = int(lower[0])
+    around = nodes[start : int(lower[-1]) + 2, active]
     at = np.flatnonzero(np.fmax.reduce(around, axis=0) > _IMPOSSIBLE_QUANTILE)
     around = around[:, at]
-    share = (place - early)[:, None]
-    one = around[early - first]
-    other = around[early - first + 1]
+    share = (place - lower)[:, None]
+    lower_quantile = around[lower - start]
+    upper_quantile = around[lower - start + 1]
     with np.errstate(invalid="ignore"):
-        quantile = one + share * (other - one)
+        quantile = lower_quantile + share * (upper_quantile - lower_quantile)
     lone = np.isnan(quantile)
     if lone.any():
-        nearer = np.where(share < _MIDDLE, one, other)[lone]
+        nearer = np.where(share < _MIDDLE, lower_quantile, upper_quantile)[lone]
         quantile[lone] = np.where(np.isnan(nearer), -np.inf, nearer)
     return at, ndtr(quantile)

@@ -1,4 +1,4 @@
-"""What a coverage is computed for: grid, heights, times of the day, launches, requirements."""
+"""Settings of a coverage: grid, heights, times of the day, launches, requirements."""
 
 import operator
 import re
@@ -28,14 +28,14 @@ class Requirement:
 
     @classmethod
     def of(cls, words: str) -> "Requirement":
-        """Return the requirement of a text; raises `ValueError` if it is none."""
-        found = _REQUIREMENT.fullmatch(words)
-        if found is None:
+        """Return the requirement of a text; raises `ValueError` for other texts."""
+        match = _REQUIREMENT.fullmatch(words)
+        if match is None:
             raise ValueError(f"{words!r} is no requirement; write LAYER<=NUMBER or LAYER>=NUMBER")
-        return cls(found[1], found[2], float(found[3]))
+        return cls(match[1], match[2], float(match[3]))
 
     def is_met(self, values: FloatArray) -> BoolArray:
-        """Return where values meet the requirement."""
+        """Return whether values meet the requirement, elementwise."""
         met: BoolArray = _COMPARED[self.sign](values, self.limit)
         return met
 
@@ -51,27 +51,27 @@ def _all_positive(instance: Any, attribute: Any, value: Any) -> None:
 
 @frozen(kw_only=True)
 class CoverageSettings:
-    """What a coverage is computed for.
+    """Settings of a coverage.
 
-    `steps` instants, the middles of equal parts of `hours` from the scene's epoch, see targets at
-    rest at heights above the cells: visibility and its figures of merit. Launches of `target_class`
-    from the cells at `launches` instants spread over the same time, with each azimuth, have P_d,
-    reports, tracks and bounds; a track is `track_reports` reports, and times are those by which
-    they have come with a probability of `chance`.
+    Visibility and its figures of merit are of targets at rest at heights above the cells, at
+    `steps` instants: the middles of equal parts of `hours` from the scene's epoch. P_d, reports,
+    tracks and bounds are of launches of `target_class` from the cells at `launches` instants of the
+    same time, with each azimuth. A track is `track_reports` reports; times are those by which they
+    have come with probability `chance`.
     """
 
     target_class: str | None = "ICBM"
     profile: str = ""
-    heights_km: tuple[float, ...] = field(default=(10.0, 100.0))
+    heights_km: tuple[float, ...] = (10.0, 100.0)
     grid_deg: float = 2.0
-    hours: float = field(default=24.0)
-    steps: int = field(default=96)
+    hours: float = 24.0
+    steps: int = 96
     assets: tuple[int, ...] = field(default=(1, 2), validator=_all_positive)
     azimuths_deg: tuple[float, ...] = (0.0,)
-    launches: int = field(default=2)
-    samples: int = field(default=20)
-    chance: float = field(default=0.9)
-    track_reports: int = field(default=4)
+    launches: int = 2
+    samples: int = 20
+    chance: float = 0.9
+    track_reports: int = 4
     requirements: tuple[Requirement, ...] = ()
 
     def __attrs_post_init__(self) -> None:

@@ -12,27 +12,26 @@ from opir_coverage.layers import CoverageMap, Layer
 _OF_TIME = "time"
 
 
-def table_rows(found: CoverageMap) -> list[dict[str, Any]]:
-    """Return a row for each layer and combination of its dimensions but times: area-weighted
-    figures of the grid.
-    """
-    weights = found.grid.weights()
+def table_rows(coverage: CoverageMap) -> list[dict[str, Any]]:
+    """Return area-weighted figures of each layer and combination of its dimensions, but times."""
+    weights = coverage.grid.weights()
     return [
         row
-        for layer in found.layers
+        for layer in coverage.layers
         if _OF_TIME not in layer.dims
-        for row in _rows_of(found, layer, weights)
+        for row in _rows_of(coverage, layer, weights)
     ]
 
 
-def _rows_of(found: CoverageMap, layer: Layer, weights: Any) -> list[dict[str, Any]]:
+def _rows_of(coverage: CoverageMap, layer: Layer, weights: Any) -> list[dict[str, Any]]:
     rows = []
-    places = [found.coordinates[name] for name in layer.dims]
-    shape = tuple(len(each) for each in places)
-    for number, values in enumerate(found.over_cells(layer)):
+    places = [coverage.coordinates[name] for name in layer.dims]
+    shape = tuple(len(coordinates) for coordinates in places)
+    for number, values in enumerate(coverage.over_cells(layer)):
         index = np.unravel_index(number, shape) if shape else ()
         where = {
-            name: own[int(at)] for name, own, at in zip(layer.dims, places, index, strict=True)
+            name: coordinates[int(at)]
+            for name, coordinates, at in zip(layer.dims, places, index, strict=True)
         }
         rows.append(
             {
@@ -47,34 +46,30 @@ def _rows_of(found: CoverageMap, layer: Layer, weights: Any) -> list[dict[str, A
 
 
 def _figures(values: Any, weights: Any) -> dict[str, Any]:
-    """Return the least, the mean and the largest value, and the percentage of the area that has
-    one.
-    """
-    known = np.isfinite(values)
-    if not known.any():
+    """Return least, mean and largest value, and the percentage of the area with a value."""
+    is_known = np.isfinite(values)
+    if not is_known.any():
         return {"min": None, "mean": None, "max": None, "percent_of_area": 0.0}
-    share = weights[known]
-    own = values[known]
+    share = weights[is_known]
+    values_known = values[is_known]
     return {
-        "min": float(own.min()),
-        "mean": float((own * share).sum() / share.sum()),
-        "max": float(own.max()),
+        "min": float(values_known.min()),
+        "mean": float((values_known * share).sum() / share.sum()),
+        "max": float(values_known.max()),
         "percent_of_area": float(100.0 * share.sum() / weights.sum()),
     }
 
 
-def step_note(found: CoverageMap) -> str:
-    """Return a note if accesses or gaps last one step of time, so that shorter ones are missed; ""
-    if not.
-    """
-    time_s = found.coordinates.get("time", ())
-    if len(time_s) < 2 or "minus" in found.attributes:
+def step_note(coverage: CoverageMap) -> str:
+    """Return a note if accesses or gaps last one step, so that shorter ones are missed; or ""."""
+    time_s = coverage.coordinates.get("time", ())
+    if len(time_s) < 2 or "minus" in coverage.attributes:
         return ""
     step_s = float(time_s[1]) - float(time_s[0])
     shortest_s = [
-        np.asarray(found[name].values) for name in ("access_duration_min", "revisit_time_min")
+        np.asarray(coverage[name].values) for name in ("access_duration_min", "revisit_time_min")
     ]
-    if not any(np.any((each > 0.0) & (each <= step_s)) for each in shortest_s):
+    if not any(np.any((duration_s > 0.0) & (duration_s <= step_s)) for duration_s in shortest_s):
         return ""
     return (
         f"some accesses or gaps last one step of {step_s:g} s or less, so that shorter ones are"

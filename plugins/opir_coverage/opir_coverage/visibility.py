@@ -1,5 +1,4 @@
-"""Which points a sensor sees: the engine's conditions as products of columns, its own test where
-those are too close.
+"""Visibility of points from a sensor: the engine's conditions as products of columns.
 
 Field of regard, minimum elevation and occlusion by the Earth are inequalities between scalar
 products of the sensor's position and the points, which cost a few nanoseconds a point. A point
@@ -41,14 +40,12 @@ def seen(sensor: Sensor, sensor_m: FloatArray, points: SeenPoints) -> BoolArray:
 
 
 def _least_along_m2(sensor_m: FloatArray, points: SeenPoints) -> float:
-    """Return a scalar product of positions below which the Earth is in between, from the sphere
-    inside of it.
-    """
+    """Return the scalar product of positions below which the Earth's inner sphere occludes."""
     inner_m = WGS84.polar_radius_m
     sensor_radius_m = math.sqrt(float(sensor_m @ sensor_m))
     if sensor_radius_m <= inner_m:
         return -math.inf
-    low_m, high_m = (math.sqrt(each) for each in points.squared_limits_m2)
+    low_m, high_m = (math.sqrt(limit_m2) for limit_m2 in points.squared_limits_m2)
     angle_rad = math.acos(inner_m / sensor_radius_m) + math.acos(min(inner_m / high_m, 1.0))
     cosine = math.cos(angle_rad + _CLOSE)
     return sensor_radius_m * (low_m if cosine > 0.0 else high_m) * cosine
@@ -57,9 +54,7 @@ def _least_along_m2(sensor_m: FloatArray, points: SeenPoints) -> float:
 def _margins(
     sensor: Sensor, sensor_m: FloatArray, points: SeenPoints, rows: IntArray, along_m2: FloatArray
 ) -> FloatArray:
-    """Return the least margins of the conditions at some points, over distances or the Earth's
-    radius.
-    """
+    """Return the least margins of the conditions at points, over distances or Earth radii."""
     radius_m2 = float(sensor_m @ sensor_m)
     distance_m = np.sqrt(points.squared_m2[rows] + radius_m2 - 2.0 * along_m2)
     sine = (points.up[rows] @ sensor_m - points.along_up_m[rows]) / distance_m
@@ -76,27 +71,24 @@ def _margins(
 def _clear(
     sine: FloatArray, sensor_m: FloatArray, points: SeenPoints, rows: IntArray
 ) -> FloatArray:
-    """Return by how much lines of sight miss the Earth: sines of elevation, or the gap if that is
-    larger.
-    """
+    """Return the clearance of lines of sight: sine of elevation, or the gap if it is larger."""
     low = np.flatnonzero((sine < _CLOSE) & (points.scaled_squared[rows] > 1.0))
     if not len(low):
         return sine
     place = sensor_m / _AXES_M
-    own = points.scaled_squared[rows[low]]
+    point_squared = points.scaled_squared[rows[low]]
     along = points.scaled[rows[low]] @ place
-    fall = own - along
+    fall = point_squared - along
     # The share of the segment, from the point, at which it is closest to the centre.
-    squared = own + float(place @ place) - 2.0 * along
+    squared = point_squared + float(place @ place) - 2.0 * along
     share = np.clip(fall / squared, 0.0, 1.0)
-    sine[low] = np.maximum(sine[low], own - share * (2.0 * fall - share * squared) - 1.0)
+    sine[low] = np.maximum(sine[low], point_squared - share * (2.0 * fall - share * squared) - 1.0)
     return sine
 
 
 @frozen(eq=False)
 class Fleet:
-    """The sensors of a scene over scene times (T,), s: `position_m` (sensors, T, 3) and `sun_m` (T,
-    3) in ECEF.
+    """Sensors over scene times (T,), s: `position_m` (sensors, T, 3), `sun_m` (T, 3) in ECEF.
 
     `is_blinded` (sensors, T) is where the Sun is so near to a sensor's field of regard that its
     exclusion matters.
@@ -110,33 +102,27 @@ class Fleet:
 
     @classmethod
     def of(cls, plan: Plan, time_s: FloatArray) -> "Fleet":
-        """Return the sensors of a plan at scene times (T,), s, which may go on after the scene's
-        end.
-        """
+        """Return the sensors of a plan at scene times (T,), s, also after the scene's end."""
         sensors = plan.sensors
-        position = np.stack(
-            [np.asarray(sensor.orbit.position_ecef_m(time_s)) for sensor in sensors]
-        )
+        position = np.stack([sensor.orbit.position_ecef_m(time_s) for sensor in sensors])
         sun = sun_ecef_m(time_s, plan.scene.epoch_us)
         blinded = np.zeros((len(sensors), len(time_s)), dtype=np.bool_)
         for number, sensor in enumerate(sensors):
             if sensor.solar_exclusion_rad > 0.0:
                 reach_rad = sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
-                near = nadir_angle_rad(position[number], sun) < reach_rad + _CLOSE
-                blinded[number] = near & is_sunlit(position[number], sun)
+                is_near = nadir_angle_rad(position[number], sun) < reach_rad + _CLOSE
+                blinded[number] = is_near & is_sunlit(position[number], sun)
         return cls(sensors, time_s, position, sun, blinded)
 
     @property
     def is_still(self) -> bool:
-        """Whether visibility is the same at all times: all sensors at rest in ECEF, and the Sun
-        near nobody's field.
-        """
-        return not self.is_blinded.any() and all(one.orbit.is_stationary for one in self.sensors)
+        """Whether visibility is the same at all times: sensors at rest in ECEF, none blinded."""
+        return not self.is_blinded.any() and all(
+            sensor.orbit.is_stationary for sensor in self.sensors
+        )
 
     def seen(self, number: int, step: int, points: SeenPoints) -> BoolArray:
-        """Return which points (n,) a sensor sees at one of the times, the Sun's exclusion
-        included.
-        """
+        """Return which points (n,) a sensor sees at a time, with the Sun's exclusion."""
         sensor = self.sensors[number]
         place = self.position_m[number, step]
         result = seen(sensor, place, points)
@@ -149,9 +135,7 @@ class Fleet:
 
 @frozen(eq=False)
 class SightMap:
-    """Who sees what: bits (T, sensors, ceil(cells / 8)) of `cells` points; one time for all where
-    nothing changes.
-    """
+    """Visibility of `cells` points as bits (T, sensors, ceil(cells / 8)); one time if constant."""
 
     bits: NDArray[np.uint8]
     cells: int
@@ -159,7 +143,7 @@ class SightMap:
 
     @classmethod
     def of(cls, fleet: Fleet, points: SeenPoints) -> "SightMap":
-        """Return who of a fleet sees which points at each of its times."""
+        """Return the visibility of points from each sensor of a fleet at each of its times."""
         steps = 1 if fleet.is_still else len(fleet.time_s)
         rows = [
             np.stack(
@@ -173,7 +157,7 @@ class SightMap:
         return cls(np.stack(rows), len(points), len(fleet.time_s))
 
     def at(self, step: int) -> BoolArray:
-        """Return who (sensors, cells) sees what at a time."""
+        """Return whether each sensor sees each point (sensors, cells) at a time."""
         row = self.bits[min(step, len(self.bits) - 1)]
         return np.unpackbits(row, axis=1, count=self.cells).view(np.bool_)
 
@@ -183,9 +167,7 @@ class SightMap:
         return np.broadcast_to(np.stack(counts), (self.steps, self.cells))
 
     def seeing(self, step: int) -> IntArray:
-        """Return the sensors (most in view, cells) that see each point at a time, in order; -1 for
-        no more.
-        """
+        """Return the sensors (most in view, cells) that see each point, in order, then -1."""
         is_seen = self.at(step)
         count = np.zeros(self.cells, dtype=np.int64)
         table = np.full((int(is_seen.sum(axis=0).max(initial=0)), self.cells), -1)
@@ -197,7 +179,5 @@ class SightMap:
 
 
 def day_s(steps: int, length_s: float = 86_400.0) -> FloatArray:
-    """Return scene times (steps,), s: the middles of equal parts of a day from the scene's
-    epoch.
-    """
+    """Return scene times (steps,), s: the middles of equal parts of a day from the epoch."""
     return np.asarray((np.arange(steps) + 0.5) * (length_s / steps))

@@ -6,21 +6,25 @@ import numpy as np
 from attrs import define, field
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_core.plugin import Sensor
 from opir_coverage.looks import GridLooks, Salvo
 from opir_coverage.reports import ReportChain, Reports, ScanSteps
 
-#: Launches times sensors from which a chain is worked out: larger ones take memory.
+#: Launches times sensors from which a chain is computed: larger ones take memory.
 _AT_ONCE = 65_536
 
 
 @define
 class _Waiting:
-    """Cells of sensors that look alike, and their quantiles (K, cells) of P_d at the nodes of the
-    burn.
-    """
+    """Cells of sensors with equal scans, and quantiles (K, cells) of P_d at nodes of the burn."""
 
     rows: list[IntArray] = field(factory=list)
     nodes: list[FloatArray] = field(factory=list)
+
+
+def latency_s_of(sensor: Sensor) -> float:
+    """Return the mean time from a look of a sensor to its report, s."""
+    return sum(stage.mean_s for stage in sensor.reporting)
 
 
 class Watch:
@@ -36,30 +40,29 @@ class Watch:
         sensor = self._salvo.plan.sensors[number]
         confirmation = self._salvo.detection.confirmation
         needed, scans = (
-            (1, 1) if confirmation is None else (int(each) for each in confirmation[number])
+            (1, 1) if confirmation is None else (int(look) for look in confirmation[number])
         )
-        latency_s = sum(stage.mean_s for stage in sensor.reporting)
-        kind = (sensor.scan.period_ns * 1e-9, needed, scans, latency_s)
-        rows = np.unique(np.concatenate([each.rows for each in looks]))
+        kind = (sensor.scan.period_ns * 1e-9, needed, scans, latency_s_of(sensor))
+        rows = np.unique(np.concatenate([look.rows for look in looks]))
         nodes = np.full((len(looks), len(rows)), np.nan)
-        for step, each in enumerate(looks):
-            nodes[step, np.searchsorted(rows, each.rows)] = each.probit
-        alike = self._waiting.setdefault(kind, _Waiting())
-        alike.rows.append(rows)
-        alike.nodes.append(nodes)
-        if sum(map(len, alike.rows)) > _AT_ONCE:
+        for step, look in enumerate(looks):
+            nodes[step, np.searchsorted(rows, look.rows)] = look.probit
+        waiting = self._waiting.setdefault(kind, _Waiting())
+        waiting.rows.append(rows)
+        waiting.nodes.append(nodes)
+        if sum(map(len, waiting.rows)) > _AT_ONCE:
             self._work_out(kind, self._waiting.pop(kind))
 
     def close(self) -> None:
-        """Add the looks that are left."""
+        """Add the waiting looks."""
         while self._waiting:
             self._work_out(*self._waiting.popitem())
 
-    def _work_out(self, kind: tuple[float, int, int, float], alike: _Waiting) -> None:
+    def _work_out(self, kind: tuple[float, int, int, float], waiting: _Waiting) -> None:
         period_s, needed, scans, latency_s = kind
         steps = ScanSteps.of(period_s, self._salvo.burn_s)
-        rows = np.concatenate(alike.rows)
+        rows = np.concatenate(waiting.rows)
         chain = ReportChain(len(rows), steps.phases, (needed, scans), self._reports.chance.shape[1])
-        nodes = np.concatenate(alike.nodes, axis=1)
-        alike.nodes.clear()
+        nodes = np.concatenate(waiting.nodes, axis=1)
+        waiting.nodes.clear()
         self._reports.add(rows, chain, nodes, steps, latency_s)

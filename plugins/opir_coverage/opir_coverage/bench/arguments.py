@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from opir_core.cli import add_overrides
+from opir_coverage.number_lists import numbers_of
 
 _CURVES = ("pd", "snr", "least-intensity", "first-report")
 _AGAINST = ("height", "aspect", "elevation", "cloud", "climate")
@@ -19,6 +20,16 @@ def physics_arguments(parser: argparse.ArgumentParser) -> None:
             "min-intensity", help="minimum detectable intensity, NEI R² SNR / transmittance"
         )
     )
+    _add_budget(quantities)
+    _add_curve(quantities)
+    _on_bench(quantities, "roc", "P_d of one look against false alarms a day, by threshold")
+    _on_bench(quantities, "false-alarms", "false alarms a day of each sensor by cause")
+    _on_bench(quantities, "window", "transmittance of the air in the bands of a sensor, by height")
+    _add_bands(quantities)
+    _add_frames(quantities)
+
+
+def _add_budget(quantities: Any) -> None:
     budget = _on_bench(
         quantities,
         "budget",
@@ -33,6 +44,9 @@ def physics_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="band of --waterfall (default: the reference band)",
     )
+
+
+def _add_curve(quantities: Any) -> None:
     curve = _on_bench(
         quantities, "curve", "P_d, SNR, least intensity or first report against a condition"
     )
@@ -46,25 +60,25 @@ def physics_arguments(parser: argparse.ArgumentParser) -> None:
         "--against", choices=_AGAINST, default="height", help="condition (default height)"
     )
     curve.add_argument(
-        "--values", type=_numbers, default=(), metavar="X,…", help="values of the condition"
+        "--values", type=numbers_of, default=(), metavar="X,…", help="values of the condition"
     )
-    _on_bench(quantities, "roc", "P_d of one look against false alarms a day, by threshold")
-    _on_bench(quantities, "false-alarms", "false alarms a day of each sensor by cause")
-    _on_bench(quantities, "window", "transmittance of the air in the bands of a sensor, by height")
+
+
+def _add_bands(quantities: Any) -> None:
     bands = _on_bench(
         quantities, "bands", "the best edges of a band for targets and a background, by a scan"
     )
     add = bands.add_argument
     add(
         "--heights",
-        type=_numbers,
+        type=numbers_of,
         default=(),
         metavar="KM,…",
         help="heights; the worst counts (default: --height)",
     )
     add(
         "--edges",
-        type=_numbers,
+        type=numbers_of,
         default=(),
         metavar="UM,…",
         help="edges to scan (default: those of LOWTRAN's table)",
@@ -84,36 +98,36 @@ def physics_arguments(parser: argparse.ArgumentParser) -> None:
         help="most width of a band (default: any)",
     )
     add("--most", type=int, default=12, metavar="N", help="bands to show (default 12)")
-    frames = _on_bench(
+
+
+def _add_frames(quantities: Any) -> None:
+    add = _on_bench(
         quantities, "frame", "simulated frames of a focal plane, with masks and labels", run=_frame
-    )
-    frames.add_argument(
-        "--band", default="", metavar="NAME", help="band of the frames (default: the first)"
-    )
-    frames.add_argument(
+    ).add_argument
+    add("--band", default="", metavar="NAME", help="band of the frames (default: the first)")
+    add(
         "--movie",
         type=int,
         default=0,
         metavar="N",
         help="a clip of N frames (default: one picture)",
     )
-    frames.add_argument(
+    add(
         "--every", type=float, metavar="S", help="time between frames, s (default: the scan period)"
     )
-    frames.add_argument(
+    add(
         "--clips", type=int, default=1, metavar="K", help="clips of --movie, each with its own seed"
     )
-    limits = (
-        "scale the target's light to a signal over noise between these (default: its own light)"
+    add(
+        "--snr",
+        type=_two_numbers,
+        metavar="LOW,HIGH",
+        help="scale the target's light to a signal over noise between these"
+        " (default: its own light)",
     )
-    frames.add_argument("--snr", type=_two_numbers, metavar="LOW,HIGH", help=limits)
-    frames.add_argument(
-        "--pixels", type=int, default=128, metavar="N", help="pixels along a side (default 128)"
-    )
-    frames.add_argument(
-        "--seed", type=int, default=1, help="seed of the noise and the background (default 1)"
-    )
-    frames.add_argument(
+    add("--pixels", type=int, default=128, metavar="N", help="pixels along a side (default 128)")
+    add("--seed", type=int, default=1, help="seed of the noise and the background (default 1)")
+    add(
         "-o", "--out", default="frame", metavar="FOLDER", help="folder of the files (default frame)"
     )
 
@@ -136,6 +150,17 @@ def _on_bench(
         metavar="NAME",
         help="id in the scene, or a model; repeatable",
     )
+    _add_pose(add)
+    add_overrides(parser)
+    if run is None:
+        add("--json", action="store_true", help="print JSON")
+        add("--plot", metavar="FILE", help="draw it into a .png, .svg or .pdf")
+    parser.set_defaults(run=run or _physics)
+    return parser
+
+
+def _add_pose(add: Callable[..., Any]) -> None:
+    """Add the target class and its pose."""
     add(
         "--class",
         dest="classes",
@@ -175,12 +200,6 @@ def _on_bench(
         metavar="M_S",
         help="of the target, m/s (default 1000)",
     )
-    add_overrides(parser)
-    if run is None:
-        add("--json", action="store_true", help="print JSON")
-        add("--plot", metavar="FILE", help="draw it into a .png, .svg or .pdf")
-    parser.set_defaults(run=run or _physics)
-    return parser
 
 
 def _min_intensity(parser: argparse.ArgumentParser) -> None:
@@ -205,17 +224,8 @@ def _names(text: str) -> tuple[str, ...]:
     return tuple(text.split(","))
 
 
-def _numbers(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no list of numbers with commas between"
-        ) from None
-
-
 def _two_numbers(text: str) -> tuple[float, ...]:
-    found = _numbers(text)
-    if len(found) != 2:
+    numbers = numbers_of(text)
+    if len(numbers) != 2:
         raise argparse.ArgumentTypeError(f"{text!r} is no pair of numbers with a comma between")
-    return found
+    return numbers

@@ -1,9 +1,7 @@
-"""Budgets: the noise of a look by term and band, NEI and NEDT, and the path from source to decision
-in decibels.
+"""Budgets of a look: noise by term and band, NEI, NEDT, and the SNR from source to decision, dB.
 
-A term is what the noise loses without it: the scene's own models are asked once with everything and
-once without each term, and variances are subtracted. Terms that the sensor's settings do not know
-are left out.
+The variance of a term is that of all noise minus that without the term, both by the scene's models.
+Terms for which the sensor has no setting are left out.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +12,7 @@ from attrs import frozen
 from opir_photons.radiometry import band_radiance_slope
 
 from opir_core.arrays import FloatArray
+from opir_core.plugin import Sensor
 from opir_coverage.bench.stand import Bench, Poses, Signals
 
 #: Terms of a focal plane's NEI, and the settings that switch each off.
@@ -41,11 +40,9 @@ class NoiseTerm:
 
 @frozen(eq=False)
 class NoiseBudget:
-    """The noise of one look by term, its whole (B,), W/m², the NEI of a dark background, and the
-    NEDT at 300 K, K.
+    """The noise (B,) of one look, W/m², by term and in all, NEI (dark background), NEDT (300 K).
 
-    `light_w_m2` (B,) is the target's irradiance, of which `signals` have what frame difference and
-    wells leave.
+    `light_w_m2` (B,) is the target's irradiance; `signals` are after frame difference and wells.
     """
 
     bands: tuple[str, ...]
@@ -60,32 +57,37 @@ class NoiseBudget:
 def noise_budget(bench: Bench, poses: Poses) -> NoiseBudget:
     """Return the budget of a look at one posed target."""
     bench = bench.whole()
-    whole = bench.signals(poses)
+    signals = bench.signals(poses)
     dark = bench.changed(background="none").signals(poses)
-    still = bench.changed(background=_without_clutter(bench)).signals(poses)
-    total, nei, photons = (each.noise_w_m2[0] for each in (whole, dark, still))
-    terms = [*_detector_terms(bench, poses, nei)]
-    terms.append(NoiseTerm("photons of the background", _left(photons, nei)))
-    clutter = _left(total, photons)
-    terms += _clutter_terms(bench, poses, clutter)
-    ifov_sr = 0.0 if bench.sensor.radiometer is None else bench.sensor.radiometer.ifov_rad**2
+    still = _without_clutter(bench).signals(poses)
+    total, nei, photons = (look.noise_w_m2[0] for look in (signals, dark, still))
+    terms = [
+        *_detector_terms(bench, poses, nei),
+        NoiseTerm("photons of the background", _left(photons, nei)),
+        *_clutter_terms(bench, poses, _left(total, photons)),
+    ]
+    names = tuple(band.name for band in bench.sensor.bands)
+    nedt_k = _nedt_k(bench.sensor, total)
+    return NoiseBudget(names, terms, total, nei, nedt_k, bench.light_w_m2(poses)[0], signals)
+
+
+def _nedt_k(sensor: Sensor, noise_w_m2: FloatArray) -> FloatArray:
+    """Return the noise-equivalent temperature differences (B,) at 300 K, K."""
+    ifov_sr = 0.0 if sensor.radiometer is None else sensor.radiometer.ifov_rad**2
     slope = [
-        float(band_radiance_slope(SCENE_K, band.lower_um, band.upper_um))
-        for band in bench.sensor.bands
+        float(band_radiance_slope(SCENE_K, band.lower_um, band.upper_um)) for band in sensor.bands
     ]
     with np.errstate(divide="ignore"):
-        nedt = total / (np.array(slope) * ifov_sr)
-    names = tuple(band.name for band in bench.sensor.bands)
-    return NoiseBudget(names, terms, total, nei, nedt, bench.light_w_m2(poses)[0], whole)
+        return noise_w_m2 / (np.array(slope) * ifov_sr)
 
 
-def _left(whole: FloatArray, rest: FloatArray) -> FloatArray:
-    """Return the standard deviations whose squares are the differences of others'."""
-    return np.sqrt(np.maximum(np.square(whole) - np.square(rest), 0.0))
+def _left(total_w_m2: FloatArray, remaining_w_m2: FloatArray) -> FloatArray:
+    """Return the square roots of the differences of variances, at least 0."""
+    return np.sqrt(np.maximum(np.square(total_w_m2) - np.square(remaining_w_m2), 0.0))
 
 
-def _without_clutter(bench: Bench) -> Any:
-    """Return the scene's background block without clutter."""
+def _without_clutter(bench: Bench) -> Bench:
+    """Return the bench before a background without clutter."""
     block = bench.background()
     if "structure" in block:
         still = {
@@ -93,35 +95,36 @@ def _without_clutter(bench: Bench) -> Any:
             for name in _STRUCTURES
         }
         block = {**block, "structure": {**block["structure"], **still}}
-    return {**block, "clutter_residual": 0.0} if "clutter_residual" in block else block
+    if "clutter_residual" in block:
+        block["clutter_residual"] = 0.0
+    return bench.changed(background=block)
 
 
 def _detector_terms(bench: Bench, poses: Poses, nei: FloatArray) -> Iterator[NoiseTerm]:
-    """Yield the terms of the NEI: those of focal planes, and what they do not explain."""
-    rest = np.square(nei)
+    """Yield the terms of the NEI: those of focal planes, and the remainder."""
+    remaining = np.square(nei)
     if bench.planes:
         for name, changes in _OF_FOCAL_PLANE.items():
             without = (
                 bench.with_planes(**changes).changed(background="none").signals(poses).noise_w_m2[0]
             )
-            own = _left(nei, without)
-            rest = rest - np.square(own)
-            if own.any():
-                yield NoiseTerm(name, own)
-    if np.any(rest > _ROUNDING * np.square(nei)):
-        yield NoiseTerm("detector (stated or calibrated NEI)", np.sqrt(np.maximum(rest, 0.0)))
+            sigma = _left(nei, without)
+            remaining = remaining - np.square(sigma)
+            if sigma.any():
+                yield NoiseTerm(name, sigma)
+    if np.any(remaining > _ROUNDING * np.square(nei)):
+        yield NoiseTerm("detector (stated or calibrated NEI)", np.sqrt(np.maximum(remaining, 0.0)))
 
 
 def _clutter_terms(bench: Bench, poses: Poses, clutter: FloatArray) -> list[NoiseTerm]:
-    """Return clutter, of sensors with a frame difference by what lets it through.
+    """Return the clutter; with a frame difference the shares by registration and by drift.
 
-    Both together leave less than the sum of each alone: drift has what it leaves alone,
-    registration what it adds.
+    Drift is the clutter without errors of registration; registration is what these add.
     """
     if not bench.planes or bench.planes[0].temporal_filter == "none" or not clutter.any():
         return [NoiseTerm("clutter", clutter)]
     without = bench.with_planes(registration_urad=0.0)
-    still = without.changed(background=_without_clutter(without)).signals(poses).noise_w_m2[0]
+    still = _without_clutter(without).signals(poses).noise_w_m2[0]
     drift = _left(without.signals(poses).noise_w_m2[0], still)
     return [
         NoiseTerm("clutter by frame registration", _left(clutter, drift)),
@@ -140,8 +143,7 @@ class WaterfallStep:
 
 
 def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[WaterfallStep]:
-    """Return the steps of a band's SNR in decibels (10 log of intensity): source, range, air,
-    noise, threshold.
+    """Return the steps of a band's SNR, dB (10 log of intensity), from source to threshold.
 
     The last level is the margin: the SNR over the threshold.
     """
@@ -149,13 +151,13 @@ def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[Waterfal
     light = budget.light_w_m2[band]
     with np.errstate(divide="ignore", invalid="ignore"):
         intensity = light * look.range_m[0] ** 2 / look.transmittance[0, band]
-        left = look.irradiance_w_m2[0, band] / light
-    left = 1.0 if abs(left - 1.0) < _ROUNDING else left
+        passed = look.irradiance_w_m2[0, band] / light
+    passed = 1.0 if abs(passed - 1.0) < _ROUNDING else passed
     gains = [
         ("source", intensity, f"{intensity:.3g} W/sr"),
         ("range", 1.0 / look.range_m[0] ** 2, f"{1e-3 * look.range_m[0]:.0f} km"),
         ("air", look.transmittance[0, band], f"transmittance {look.transmittance[0, band]:.3g}"),
-        ("frame difference and wells", left, f"{left:.3g} of it left"),
+        ("frame difference and wells", passed, f"{passed:.3g} of it left"),
         ("detector noise", 1.0 / budget.nei_w_m2[band], f"NEI {budget.nei_w_m2[band]:.3g} W/m2"),
         (
             "background and clutter",
@@ -167,7 +169,7 @@ def waterfall(budget: NoiseBudget, band: int, threshold: float) -> list[Waterfal
     steps = []
     level = 0.0
     for name, gain, words in gains:
-        own = 10.0 * float(np.log10(gain)) if gain > 0.0 else -np.inf
-        level += own
-        steps.append(WaterfallStep(name, own, level, words))
+        gain_db = 10.0 * float(np.log10(gain)) if gain > 0.0 else -np.inf
+        level += gain_db
+        steps.append(WaterfallStep(name, gain_db, level, words))
     return steps

@@ -1,4 +1,4 @@
-"""What `opir physics` does: evaluate a formula, or put a sensor on the bench."""
+"""The command `opir physics`: evaluate a formula, or put a sensor on the bench."""
 
 import argparse
 import json
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from attrs import evolve
 
 from opir_core import compile_plan, load_scene, scene_from_mapping
 from opir_core.errors import ModelError
@@ -20,7 +21,7 @@ from opir_coverage.bench.curves import curve, operating_characteristic
 from opir_coverage.bench.frames import frame, write_frame
 from opir_coverage.bench.movie_files import write_movies
 from opir_coverage.bench.movies import Clip, Filming, clip
-from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult, write_plot
+from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult, bars, write_plot
 from opir_coverage.bench.stand import Bench, Poses
 from opir_coverage.looks import band_thresholds
 
@@ -35,8 +36,8 @@ def physics(arguments: argparse.Namespace) -> int:
         path = Path(arguments.plot)
         if path.suffix not in (".png", ".svg", ".pdf"):
             raise ModelError(f"--plot: {path.name!r} ends in none of .png, .svg, .pdf")
-        with OutputFiles() as files, files.writing(path, "plot") as part:
-            write_plot(result, part, path.suffix[1:])
+        with OutputFiles() as files, files.writing(path, "plot") as file_part:
+            write_plot(result, file_part, path.suffix[1:])
         sys.stdout.write(f"{path}: plot\n")
     return 0
 
@@ -55,8 +56,8 @@ def benches_of(arguments: argparse.Namespace) -> list[Bench]:
     if not arguments.overrides:
         return alone
     return [
-        Bench.of_scene(scene_from_mapping(each.mapping, overrides=arguments.overrides))
-        for each in alone
+        Bench.of_scene(scene_from_mapping(bench.mapping, overrides=arguments.overrides))
+        for bench in alone
     ]
 
 
@@ -77,72 +78,46 @@ def _poses(arguments: argparse.Namespace) -> Poses:
 def budget_of(arguments: argparse.Namespace) -> BenchResult:
     """Return the budget of noise by term, or the steps of one band's SNR."""
     bench = benches_of(arguments)[0]
-    found = noise_budget(bench, _poses(arguments))
-    return _waterfall(bench, found, arguments.band) if arguments.waterfall else _terms(bench, found)
+    budget = noise_budget(bench, _poses(arguments))
+    return (
+        _waterfall(bench, budget, arguments.band) if arguments.waterfall else _terms(bench, budget)
+    )
 
 
-def _terms(bench: Bench, found: NoiseBudget) -> BenchResult:
-    rows: list[list[Any]] = [[each.name, *each.sigma_w_m2] for each in found.terms]
+def _terms(bench: Bench, budget: NoiseBudget) -> BenchResult:
+    rows: list[list[Any]] = [[term.name, *term.sigma_w_m2] for term in budget.terms]
     rows += [
-        ["all noise", *found.whole_w_m2],
-        ["NEI before a dark background", *found.nei_w_m2],
-        ["NEDT at 300 K, K", *found.nedt_k],
-        ["irradiance of the target", *found.light_w_m2],
-        ["left by frame difference and wells", *found.signals.irradiance_w_m2[0]],
-        ["SNR of one look", *found.signals.snr[0]],
+        ["all noise", *budget.whole_w_m2],
+        ["NEI before a dark background", *budget.nei_w_m2],
+        ["NEDT at 300 K, K", *budget.nedt_k],
+        ["irradiance of the target", *budget.light_w_m2],
+        ["left by frame difference and wells", *budget.signals.irradiance_w_m2[0]],
+        ["SNR of one look", *budget.signals.snr[0]],
     ]
-    names = [each.name for each in found.terms]
-    lines = [
-        BenchLine(
-            band, np.zeros(len(names)), np.array([each.sigma_w_m2[place] for each in found.terms])
-        )
-        for place, band in enumerate(found.bands)
-    ]
-    plot = BenchPlot(
-        x_label="",
-        y_label="standard deviation at the aperture, W/m²",
-        lines=lines,
-        names=names,
-        log_y=True,
-    )
-    notes = [f"P_d of one look: {found.signals.chance[0]:.4g}"]
-    return BenchResult(
-        title=f"Noise of one look of {bench.sensor.id}, W/m2",
-        head=("term", *found.bands),
-        rows=rows,
-        plot=plot,
-        notes=notes,
-    )
+    names = [term.name for term in budget.terms]
+    columns = {
+        band: np.array([term.sigma_w_m2[place] for term in budget.terms])
+        for place, band in enumerate(budget.bands)
+    }
+    plot = bars(names, "standard deviation at the aperture, W/m²", columns)
+    notes = [f"P_d of one look: {budget.signals.chance[0]:.4g}"]
+    title = f"Noise of one look of {bench.sensor.id}, W/m2"
+    return BenchResult(title, ("term", *budget.bands), rows, evolve(plot, log_y=True), notes)
 
 
-def _waterfall(bench: Bench, found: NoiseBudget, name: str) -> BenchResult:
+def _waterfall(bench: Bench, budget: NoiseBudget, name: str) -> BenchResult:
     radiometer = bench.sensor.radiometer
     assert radiometer is not None
     band = _band_of(bench, name) if name else radiometer.reference
-    steps = waterfall(found, band, float(band_thresholds(bench.sensor)[band]))
-    rows = [[each.name, each.gain_db, each.level_db, each.value] for each in steps]
-    line = BenchLine(
-        found.bands[band],
-        np.array([each.level_db - each.gain_db for each in steps]),
-        np.array([each.gain_db for each in steps]),
-    )
-    plot = BenchPlot(
-        x_label="", y_label="level, dB", lines=[line], names=[each.name for each in steps]
-    )
-    title = f"From source to decision, {bench.sensor.id}, {found.bands[band]}"
-    notes = [
-        (
-            f"margin over the threshold: {steps[-1].level_db:.2f} dB; P_d of one look:"
-            f" {found.signals.chance[0]:.4g}"
-        )
-    ]
-    return BenchResult(
-        title=title,
-        head=("step", "gain dB", "level dB", "value"),
-        rows=rows,
-        plot=plot,
-        notes=notes,
-    )
+    steps = waterfall(budget, band, float(band_thresholds(bench.sensor)[band]))
+    rows = [[step.name, step.gain_db, step.level_db, step.value] for step in steps]
+    starts = np.array([step.level_db - step.gain_db for step in steps])
+    line = BenchLine(budget.bands[band], starts, np.array([step.gain_db for step in steps]))
+    plot = BenchPlot("", "level, dB", [line], [step.name for step in steps])
+    title = f"From source to decision, {bench.sensor.id}, {budget.bands[band]}"
+    margin = f"margin over the threshold: {steps[-1].level_db:.2f} dB"
+    notes = [f"{margin}; P_d of one look: {budget.signals.chance[0]:.4g}"]
+    return BenchResult(title, ("step", "gain dB", "level dB", "value"), rows, plot, notes)
 
 
 def _curve(arguments: argparse.Namespace) -> BenchResult:
@@ -183,35 +158,36 @@ def _bands(arguments: argparse.Namespace) -> BenchResult:
 
 
 def frame_command(arguments: argparse.Namespace) -> int:
-    """Write one simulated frame of a focal plane as a picture and as an array, or movies of
-    frames.
-    """
+    """Write one simulated frame of a focal plane as picture and array, or movies of frames."""
     bench = benches_of(arguments)[0]
     poses = _poses(arguments)
     band = _band_of(bench, arguments.band)
     folder = Path(arguments.out)
     if arguments.movie:
-        every_s = bench.sensor.scan.period_ns * 1e-9 if arguments.every is None else arguments.every
-        if arguments.clips < 1:
-            raise ModelError("--clips: give at least 1")
-        filming = Filming(
-            frames=arguments.movie,
-            every_s=every_s,
-            pixels=arguments.pixels,
-            band=band,
-            snr=arguments.snr,
-        )
-        made = [
-            clip(bench, poses, filming, arguments.seed + number)
-            for number in range(arguments.clips)
-        ]
-        written = write_movies(made, folder)
-        sys.stdout.write("".join(f"{_in_short(each)}\n" for each in made))
+        films = _films(arguments, bench, poses, band)
+        files = write_movies(films, folder)
+        sys.stdout.write("".join(f"{_in_short(film)}\n" for film in films))
     else:
-        written = write_frame(frame(bench, poses, arguments.pixels, arguments.seed, band), folder)
-    for path in written:
+        files = write_frame(frame(bench, poses, arguments.pixels, arguments.seed, band), folder)
+    for path in files:
         sys.stdout.write(f"{path}\n")
     return 0
+
+
+def _films(arguments: argparse.Namespace, bench: Bench, poses: Poses, band: int) -> list[Clip]:
+    """Return the clips of the arguments, each with a seed of its own."""
+    if arguments.clips < 1:
+        raise ModelError("--clips: give at least 1")
+    scan_s = bench.sensor.scan.period_ns * 1e-9
+    filming = Filming(
+        frames=arguments.movie,
+        every_s=scan_s if arguments.every is None else arguments.every,
+        pixels=arguments.pixels,
+        band=band,
+        snr=arguments.snr,
+    )
+    seeds = range(arguments.seed, arguments.seed + arguments.clips)
+    return [clip(bench, poses, filming, seed) for seed in seeds]
 
 
 def _band_of(bench: Bench, name: str) -> int:
@@ -222,15 +198,15 @@ def _band_of(bench: Bench, name: str) -> int:
     return names.index(name) if name else 0
 
 
-def _in_short(made: Clip) -> str:
-    seen = made.snr[made.snr > 0.0]
+def _in_short(film: Clip) -> str:
+    snr = film.snr[film.snr > 0.0]
     words = (
-        f"SNR of its brightest pixel {seen.min():.3g} to {seen.max():.3g}"
-        if len(seen)
+        f"SNR of its brightest pixel {snr.min():.3g} to {snr.max():.3g}"
+        if len(snr)
         else "beside all frames"
     )
-    of = f"{made.sensor} {made.band}, seed {made.seed}: {made.target_class}"
-    return f"{of} in {len(seen)} of {len(made)} frames; {words}"
+    of = f"{film.sensor} {film.band}, seed {film.seed}: {film.target_class}"
+    return f"{of} in {len(snr)} of {len(film)} frames; {words}"
 
 
 _RESULTS = {

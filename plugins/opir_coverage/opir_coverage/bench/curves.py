@@ -1,32 +1,30 @@
-"""Curves of one look against height, aspect, elevation, cloud or climate, and operating
-characteristics.
-"""
+"""Curves of one look against a condition, and receiver operating characteristics."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 
+from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
 from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult
-from opir_coverage.bench.stand import Bench, Poses, Signals
+from opir_coverage.bench.stand import Bench, PosedTargets, Poses, Signals, noise_alarms_a_day
 from opir_coverage.grid import SeenPoints
 from opir_coverage.launches import LaunchPlaces, target_class_of
 from opir_coverage.looks import Salvo, band_thresholds
 from opir_coverage.reports import Reports
 from opir_coverage.visibility import Fleet
-from opir_coverage.watch import Watch
+from opir_coverage.watch import Watch, latency_s_of
 
-_DAY_S = 86_400.0
+#: Scene time of the launch whose first report is timed, s.
+_LAUNCH_S = 3600.0
 
 
 @frozen
 class Abscissa:
-    """What a curve is against: its label, its values by default, the pose's column and the factor
-    to its unit.
-    """
+    """The condition of a curve: label, default values, column of the pose, factor to its unit."""
 
     label: str
     values: tuple[float, ...]
@@ -58,9 +56,7 @@ def curve(
     pose: Mapping[str, float],
     values: Sequence[float] = (),
 ) -> BenchResult:
-    """Return a quantity against a condition, for sensors and classes; the pose holds what does not
-    change.
-    """
+    """Return a quantity against a condition, for sensors and classes in a fixed pose."""
     if quantity == "least-intensity":
         classes = classes[:1]  # it is that of any target
     if against == "climate":
@@ -77,39 +73,42 @@ def curve(
 def _lines(
     bench: Bench, quantity: str, axis: Abscissa, x: FloatArray, name: str, pose: Mapping[str, float]
 ) -> list[BenchLine]:
-    label = f"{bench.sensor.id}, {name}"
     if axis.column and quantity != "first-report":
         poses = Poses.of(name, **{**pose, axis.column: x * axis.factor})
-        return _by_band(quantity, label, bench, x, bench.signals(poses))
+        return _by_band(quantity, _label(bench, name), bench, x, bench.signals(poses))
     if axis.column and axis.column != "elevation_rad":
         raise ModelError(
             f"first-report is of a whole boost, so not against {axis.label}; give elevation, cloud,"
             f" climate"
         )
-    found: list[list[BenchLine]] = []
-    for value in x.tolist():
-        where = {**pose, **({axis.column: value * axis.factor} if axis.column else {})}
-        stand = (
-            bench
-            if axis.column
-            else bench.changed(atmosphere=_air(bench, cloud={"top_km": value, "cover": 1.0}))
-        )
-        found.append(_at(stand, quantity, label, name, where, value))
+    points = [_at_value(bench, quantity, axis, value, name, pose) for value in x.tolist()]
     return [
-        BenchLine(one[0].label, x, np.array([each.y[0] for each in one]))
-        for one in zip(*found, strict=True)
-        if one
+        BenchLine(line_points[0].label, x, np.array([point.y[0] for point in line_points]))
+        for line_points in zip(*points, strict=True)
+        if line_points
     ]
 
 
+def _at_value(
+    bench: Bench, quantity: str, axis: Abscissa, value: float, name: str, pose: Mapping[str, float]
+) -> list[BenchLine]:
+    """Return lines of one point: another pose, or without a column another cloud top."""
+    if axis.column:
+        pose = {**pose, axis.column: value * axis.factor}
+    else:
+        bench = bench.changed(atmosphere=_air(bench, cloud={"top_km": value, "cover": 1.0}))
+    return _at(bench, quantity, name, pose, value)
+
+
 def _at(
-    bench: Bench, quantity: str, label: str, name: str, pose: Mapping[str, float], value: float
+    bench: Bench, quantity: str, name: str, pose: Mapping[str, float], value: float
 ) -> list[BenchLine]:
     """Return lines of one point."""
-    here = np.array([value])
+    x = np.array([value])
+    label = _label(bench, name)
     if quantity == "first-report":
-        return [BenchLine(label, here, np.array([first_report_s(bench, name, pose)]))]
-    return _by_band(quantity, label, bench, here, bench.signals(Poses.of(name, **pose)))
+        return [BenchLine(label, x, np.array([first_report_s(bench, name, pose)]))]
+    return _by_band(quantity, label, bench, x, bench.signals(Poses.of(name, **pose)))
 
 
 def _of_climates(
@@ -120,70 +119,81 @@ def _of_climates(
         for name in classes:
             for number, climate in enumerate(CLIMATES):
                 stand = bench.changed(atmosphere=_air(bench, climate=climate))
-                for each in _at(stand, quantity, f"{bench.sensor.id}, {name}", name, pose, number):
-                    lines.setdefault(each.label, []).append(float(each.y[0]))
+                for line in _at(stand, quantity, name, pose, number):
+                    lines.setdefault(line.label, []).append(float(line.y[0]))
     x = np.zeros(len(CLIMATES))
-    made = [BenchLine(label, x, np.array(y)) for label, y in lines.items()]
-    return _result(quantity, "climate", made, names=CLIMATES)
+    curves = [BenchLine(label, x, np.array(y)) for label, y in lines.items()]
+    return _result(quantity, "climate", curves, names=CLIMATES)
+
+
+def _label(bench: Bench, name: str) -> str:
+    return f"{bench.sensor.id}, {name}"
 
 
 def _air(bench: Bench, **changes: Any) -> dict[str, Any]:
     """Return the scene's `lowtran` block with changes, or a new one."""
     block = bench.mapping.get("atmosphere")
-    own = (
+    settings = (
         block
         if isinstance(block, dict) and block.get("model") == "lowtran"
         else {"model": "lowtran"}
     )
-    return {**own, **changes}
+    return {**settings, **changes}
 
 
 def _by_band(
-    quantity: str, label: str, bench: Bench, x: FloatArray, found: Signals
+    quantity: str, label: str, bench: Bench, x: FloatArray, signals: Signals
 ) -> list[BenchLine]:
     """Return the lines of a quantity: one, or one for each band."""
     if quantity == "pd":
-        return [BenchLine(label, x, found.chance)]
-    columns = found.snr if quantity == "snr" else least_intensities_w_sr(bench, found)
+        return [BenchLine(label, x, signals.chance)]
+    columns = signals.snr if quantity == "snr" else least_intensities_w_sr(bench, signals)
     return [
         BenchLine(f"{label}, {band.name}", x, columns[:, n])
         for n, band in enumerate(bench.sensor.bands)
     ]
 
 
-def least_intensities_w_sr(bench: Bench, found: Signals) -> FloatArray:
-    """Return the in-band intensities (n, B) at the thresholds of one look: T noise R²/τ, inf where
-    no light passes.
+def least_intensities_w_sr(bench: Bench, signals: Signals) -> FloatArray:
+    """Return the in-band intensities (n, B) at the thresholds T of one look: T noise R²/τ, W/sr.
+
+    They are inf where the transmittance τ is 0.
     """
     needed = band_thresholds(bench.sensor)
     with np.errstate(divide="ignore"):
-        return needed * found.noise_w_m2 * np.square(found.range_m)[:, None] / found.transmittance
+        return (
+            needed
+            * signals.noise_w_m2
+            * np.square(signals.range_m)[:, None]
+            / signals.transmittance
+        )
 
 
 def first_report_s(
     bench: Bench, name: str, pose: Mapping[str, float], chance: float = 0.9
 ) -> float:
-    """Return the time from launch by which a report has come with a probability, from a place of
-    this elevation.
-    """
-    from opir_coverage.bench.stand import PosedTargets
-
+    """Return the time from launch by which a report has come with probability `chance`, s."""
     plan = bench.plan
-    on_ground = Poses.of(name, **{**pose, "height_m": 0.0})
-    place = SeenPoints.of(PosedTargets.of(plan, on_ground).place_m)
-    latitude = np.arcsin(place.up[:, 2])
-    longitude = np.arctan2(place.up[:, 1], place.up[:, 0])
-    kind = target_class_of(plan, name)
-    salvo = Salvo(plan, LaunchPlaces(latitude, longitude, kind, kind.profiles[0], 0.0), 3600.0)
+    salvo = Salvo(plan, _launch_place(plan, name, pose), _LAUNCH_S)
     node_s = np.linspace(0.0, salvo.burn_s, 41)
-    fleet = Fleet.of(plan, 3600.0 + node_s)
+    fleet = Fleet.of(plan, _LAUNCH_S + node_s)
     looks = salvo.looks(fleet, 0, [SeenPoints.of(salvo.state(at)[0]) for at in node_s.tolist()])
-    latency_s = sum(stage.mean_s for stage in plan.sensors[0].reporting)
-    reports = Reports(np.linspace(0.0, salvo.burn_s + latency_s, 241), 1, 1)
+    end_s = salvo.burn_s + latency_s_of(plan.sensors[0])
+    reports = Reports(np.linspace(0.0, end_s, 241), 1, 1)
     watch = Watch(salvo, reports)
     watch.add(0, looks)
     watch.close()
     return float(reports.times_s(1, chance)[0])
+
+
+def _launch_place(plan: Plan, name: str, pose: Mapping[str, float]) -> LaunchPlaces:
+    """Return the place on the ground from which the first sensor has the elevation of the pose."""
+    ground = PosedTargets.of(plan, Poses.of(name, **{**pose, "height_m": 0.0}))
+    up = SeenPoints.of(ground.place_m).up
+    kind = target_class_of(plan, name)
+    latitude = np.arcsin(up[:, 2])
+    longitude = np.arctan2(up[:, 1], up[:, 0])
+    return LaunchPlaces(latitude, longitude, kind, kind.profiles[0], 0.0)
 
 
 _QUANTITIES: Mapping[str, tuple[str, bool]] = {
@@ -199,49 +209,28 @@ def _result(
     quantity: str, label: str, lines: Sequence[BenchLine], names: Sequence[str] = ()
 ) -> BenchResult:
     title, is_log = _QUANTITIES[quantity]
-    x = lines[0].x
-    first: Callable[[int], Any] = (lambda row: names[row]) if names else (lambda row: x[row])
-    rows = [[first(row), *(line.y[row] for line in lines)] for row in range(len(x))]
-    plot = BenchPlot(
-        x_label=label,
-        y_label=title,
-        lines=lines,
-        names=names,
-        log_y=is_log,
-        is_share=quantity == "pd",
-    )
-    return BenchResult(
-        title=f"{title[0].upper()}{title[1:]}",
-        head=(label, *(line.label for line in lines)),
-        rows=rows,
-        plot=plot,
-    )
+    abscissae: Sequence[Any] = names or lines[0].x.tolist()
+    rows = [[x, *(line.y[row] for line in lines)] for row, x in enumerate(abscissae)]
+    plot = BenchPlot(label, title, lines, names, log_y=is_log, is_share=quantity == "pd")
+    head = (label, *(line.label for line in lines))
+    return BenchResult(f"{title[0].upper()}{title[1:]}", head, rows, plot)
 
 
 def operating_characteristic(
     bench: Bench, poses: Poses, thresholds: Sequence[float] = tuple(np.linspace(3.0, 8.0, 21))
 ) -> BenchResult:
-    """Return P_d of one look at a posed target against reported false alarms of noise a day, by
-    threshold.
-    """
+    """Return P_d of one look at a posed target against false alarms a day, by threshold."""
     stand = bench.whole()
-    period_s = stand.sensor.scan.period_ns * 1e-9
     rows = []
     for threshold in thresholds:
-        own = stand.changed(
+        changed = stand.changed(
             sensor__threshold_sigma=float(threshold), sensor__false_alarm_probability=None
         )
-        rate = own.plan.detection.rate_per_scan
-        per_day = np.nan if rate is None else float(rate[0]) * _DAY_S / period_s
-        rows.append([float(threshold), per_day, float(own.signals(poses).chance[0])])
+        per_day = float(noise_alarms_a_day(changed.plan, np.nan)[0])
+        rows.append([float(threshold), per_day, float(changed.signals(poses).chance[0])])
     columns = np.array(rows).T
     line = BenchLine(f"{bench.sensor.id}, {poses.target_class}", columns[1], columns[2])
-    plot = BenchPlot(
-        x_label="reported false alarms of noise a day",
-        y_label="probability of detection",
-        lines=[line],
-        log_x=True,
-        is_share=True,
-    )
+    x_label = "reported false alarms of noise a day"
+    plot = BenchPlot(x_label, "probability of detection", [line], log_x=True, is_share=True)
     head = ("threshold, sigma", "false alarms a day", "P_d of one look")
-    return BenchResult(title="Receiver operating characteristic", head=head, rows=rows, plot=plot)
+    return BenchResult("Receiver operating characteristic", head, rows, plot)

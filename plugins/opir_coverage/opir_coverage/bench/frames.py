@@ -1,5 +1,4 @@
-"""One frame of a focal plane with a target before the background, in electrons, with a mask of the
-target.
+"""One frame of a focal plane with a target before the background, in electrons, and its mask.
 
 The background is a Gaussian field with the spectrum of the scene's structure, the target the
 sensor's point spread in the middle of a square pixel, and each pixel's count has the noise of its
@@ -39,8 +38,9 @@ _WIDEST_SPOT = 32
 
 @frozen(eq=False)
 class FocalFrame:
-    """A frame of one band: electrons (rows, columns), those of target and background before noise,
-    and a mask.
+    """A frame of one band: electrons (rows, columns), and its target, background and mask.
+
+    `target` and `background` are electrons without noise.
     """
 
     band: str
@@ -53,10 +53,9 @@ class FocalFrame:
 
 @frozen(eq=False)
 class FocalArray:
-    """What frames of one band of a sensor have in common: its optics and detectors, and the
-    background behind a target.
+    """Optics, detectors and background that all frames of one band of a sensor share.
 
-    `background_w_m2_sr` (pixels, pixels) is as spot and pixels show it.
+    `background_w_m2_sr` (pixels, pixels) is blurred by point spread and pixels.
     """
 
     band: str
@@ -71,8 +70,9 @@ class FocalArray:
     def of(
         cls, bench: Bench, poses: Poses, pixels: int, band: int, rng: np.random.Generator
     ) -> "FocalArray":
-        """Return a square of pixels of a band, with the background behind the first target; of a
-        sensor with one.
+        """Return a square of pixels of a band, with the background behind the first target.
+
+        Raises `ModelError` for a sensor without a focal plane.
         """
         radiometer = bench.sensor.radiometer
         if not bench.planes or radiometer is None:
@@ -82,9 +82,9 @@ class FocalArray:
             )
         if pixels < _FEWEST:
             raise ModelError(f"--pixels: give at least {_FEWEST}")
-        own = bench.sensor.bands[band]
+        settings = bench.sensor.bands[band]
         plane = bench.planes[band]
-        middle_um = 0.5 * (own.lower_um + own.upper_um)
+        middle_um = 0.5 * (settings.lower_um + settings.upper_um)
         time_s = plane.integration_time_ms * 1e-3
         optics = (
             plane.aperture_m,
@@ -94,19 +94,21 @@ class FocalArray:
         per_unit = float(electrons_per_w_m2(middle_um, *optics, time_s))
         pixel_rad = radiometer.ifov_rad
         spread = PointSpread.of(middle_um, plane.aperture_m, blur_rad(plane), pixel_rad)
-        unlit = unlit_electrons_per_s(plane, own, pixel_rad) * time_s
-        behind = _background(bench, poses, band, pixels, spread, rng)
-        return cls(own.name, plane, pixel_rad, per_unit, unlit, spread, behind)
+        unlit = unlit_electrons_per_s(plane, settings, pixel_rad) * time_s
+        behind = _background(bench, poses, band, pixels, pixel_rad, spread, rng)
+        return cls(settings.name, plane, pixel_rad, per_unit, unlit, spread, behind)
 
     def background_e(self, shift: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
-        """Return the electrons (pixels, pixels) of the background, shifted by rows and columns;
-        what leaves comes in again at the other side."""
-        seen = (
+        """Return the electrons (pixels, pixels) of the background, shifted by rows and columns.
+
+        The background is periodic.
+        """
+        radiance = (
             self.background_w_m2_sr
             if shift == (0.0, 0.0)
             else _shifted(self.background_w_m2_sr, shift)
         )
-        return np.maximum(seen, 0.0) * self.pixel_rad**2 * self.electrons_per_w_m2
+        return np.maximum(radiance, 0.0) * self.pixel_rad**2 * self.electrons_per_w_m2
 
     def target_e(self, light_w_m2: float, place: tuple[float, float]) -> FloatArray:
         """Return the electrons (pixels, pixels) of a target of an irradiance at a row and column, 0
@@ -138,8 +140,9 @@ class FocalArray:
 def frame(
     bench: Bench, poses: Poses, pixels: int = 128, seed: int = 1, band: int = 0
 ) -> FocalFrame:
-    """Return a frame of a square of pixels with one posed target in its middle; of a sensor with a
-    focal plane.
+    """Return a frame of a square of pixels with one posed target in its middle.
+
+    Raises `ModelError` for a sensor without a focal plane.
     """
     rng = np.random.default_rng(seed)
     array = FocalArray.of(bench, poses, pixels, band, rng)
@@ -154,50 +157,50 @@ def frame(
 
 
 def is_lit(target: FloatArray) -> NDArray[np.bool_]:
-    """Return which pixels are in a target's mask: those with enough of its brightest pixel's
-    light.
-    """
+    """Return the mask of a target: pixels with a share of its brightest pixel's light."""
     return np.asarray(target > _MASKED * target.max(initial=0.0))
 
 
 def _spot(pixels: int, spread: PointSpread, place: tuple[float, float]) -> FloatArray:
-    """Return the shares (pixels, pixels) of a spot at a row and column; what falls beside the frame
-    is lost.
-
-    By a transform over a finer grid that resolves all that the aperture passes.
-    """
+    """Return the shares (pixels, pixels) of a spot's light at a row and column of the frame."""
     wide = min(pixels, _WIDEST_SPOT)
-    fine = math.ceil(spread.most / math.pi)
-    whole = np.round(place).astype(np.int64)
-    most = 2.0 * math.pi * fine
-    phase = [
-        np.exp(-1j * most * np.fft.fftfreq(wide * fine) * rest)
-        for rest in np.subtract(place, whole).tolist()
-    ]
-    transfer = _transfer(wide * fine, most, spread) * phase[0][:, None] * phase[1][None, :]
-    shares = np.fft.fftshift(np.fft.ifft2(transfer).real[::fine, ::fine]) * fine**2
+    middle = np.round(place).astype(np.int64)
+    shares = _spot_shares(wide, spread, np.subtract(place, middle))
     spot = np.zeros((pixels, pixels))
-    first = whole - wide // 2
-    low = np.maximum(first, 0)
-    high = np.minimum(first + wide, pixels)
+    corner = middle - wide // 2
+    low = np.maximum(corner, 0)
+    high = np.minimum(corner + wide, pixels)
     if np.all(low < high):
-        own = tuple(slice(one, other) for one, other in zip(low - first, high - first, strict=True))
-        spot[low[0] : high[0], low[1] : high[1]] = np.maximum(shares[own], 0.0)
+        inside = tuple(
+            slice(start, stop) for start, stop in zip(low - corner, high - corner, strict=True)
+        )
+        spot[low[0] : high[0], low[1] : high[1]] = np.maximum(shares[inside], 0.0)
     return spot
 
 
+def _spot_shares(pixels: int, spread: PointSpread, shift: FloatArray) -> FloatArray:
+    """Return the shares (pixels, pixels) of a spot that is shifted by parts of a pixel (2,).
+
+    The transform is over a finer grid, which resolves all that the aperture passes.
+    """
+    fine = math.ceil(spread.most / math.pi)
+    band_limit = 2.0 * math.pi * fine
+    wavenumber = np.fft.fftfreq(pixels * fine)
+    rows, columns = (np.exp(-1j * band_limit * wavenumber * by) for by in shift.tolist())
+    transfer = _transfer(pixels * fine, band_limit, spread) * rows[:, None] * columns[None, :]
+    return np.fft.fftshift(np.fft.ifft2(transfer).real[::fine, ::fine]) * fine**2
+
+
 def _shifted(field: FloatArray, shift: tuple[float, float]) -> FloatArray:
-    """Return a field (rows, columns), as it goes on periodically, shifted by rows and columns."""
+    """Return a periodic field (rows, columns), shifted by rows and columns."""
     down, across = (np.fft.fftfreq(size) * by for size, by in zip(field.shape, shift, strict=True))
     turn = np.exp(-2j * np.pi * (down[:, None] + across[None, :]))
     return np.asarray(np.fft.ifft2(np.fft.fft2(field) * turn).real)
 
 
-def _transfer(count: int, most: float, spread: PointSpread) -> FloatArray:
-    """Return the transfer of spot and pixel on the wavenumbers (count, count) of a transform, up to
-    `most` / 2.
-    """
-    wavenumber = most * np.fft.fftfreq(count)
+def _transfer(count: int, band_limit: float, spread: PointSpread) -> FloatArray:
+    """Return the transfer (count, count) of spot and pixel, wavenumbers up to `band_limit` / 2."""
+    wavenumber = band_limit * np.fft.fftfreq(count)
     pixel = np.sinc(0.5 * wavenumber / np.pi)
     return (
         spread.transfer(np.hypot(wavenumber[:, None], wavenumber[None, :]))
@@ -209,16 +212,16 @@ def _transfer(count: int, most: float, spread: PointSpread) -> FloatArray:
 def _field(
     pixels: int, scale: float, exponent: float, spread: PointSpread, rng: np.random.Generator
 ) -> FloatArray:
-    """Return a field with the spectrum of structure of unit variance and a scale in pixels, as spot
-    and pixel show it.
+    """Return a random field (pixels, pixels) with the spectrum of structure of unit variance.
 
-    Structure wider than the frame is left out.
+    `scale` is in pixels; the field is blurred by point spread and pixel. Structure wider than the
+    frame is left out.
     """
     wavenumber = 2.0 * np.pi * np.fft.fftfreq(pixels)
     power = structure_spectrum(np.hypot(wavenumber[:, None], wavenumber[None, :]), scale, exponent)
     power[0, 0] = 0.0
-    seen = np.sqrt(power) * _transfer(pixels, 2.0 * math.pi, spread)
-    return np.real(np.fft.ifft2(np.fft.fft2(rng.standard_normal((pixels, pixels))) * seen))
+    transfer = np.sqrt(power) * _transfer(pixels, 2.0 * math.pi, spread)
+    return np.real(np.fft.ifft2(np.fft.fft2(rng.standard_normal((pixels, pixels))) * transfer))
 
 
 def _background(
@@ -226,6 +229,7 @@ def _background(
     poses: Poses,
     band: int,
     pixels: int,
+    pixel_rad: float,
     spread: PointSpread,
     rng: np.random.Generator,
 ) -> FloatArray:
@@ -241,37 +245,39 @@ def _background(
         return np.full((pixels, pixels), background.radiances_w_m2_sr([number], views)[0][0])
     radiance, rms, kind = background.structured_radiances_w_m2_sr([number], views)
     structure = background.structures[int(kind[0])]
-    radiometer = bench.sensor.radiometer
-    assert radiometer is not None
     range_m = length(*components(views.point_ecef_m - looks.sensor_ecef_m))
-    scale = structure.scale_m / (float(range_m[0]) * radiometer.ifov_rad)
+    scale = structure.scale_m / (float(range_m[0]) * pixel_rad)
     return radiance[0, 0] + rms[0, 0] * _field(pixels, scale, structure.exponent, spread, rng)
 
 
-def write_frame(made: FocalFrame, folder: Path) -> list[Path]:
+def write_frame(focal_frame: FocalFrame, folder: Path) -> list[Path]:
     """Write a frame as PNG and as arrays (`frame.npz`); return the files."""
+    paths = [folder / "frame.png", folder / "frame.npz"]
+    with OutputFiles(folder=folder) as files:
+        with files.writing(paths[0], "frame") as file_part:
+            _write_picture(focal_frame, file_part)
+        with files.writing(paths[1], "frame") as file_part, file_part.open("wb") as stream:
+            arrays = {
+                name: getattr(focal_frame, name)
+                for name in ("electrons", "target", "background", "mask")
+            }
+            np.savez_compressed(stream, **arrays)
+    return paths
+
+
+def _write_picture(focal_frame: FocalFrame, path: Path) -> None:
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from opir_report import STYLE
 
-    paths = [folder / "frame.png", folder / "frame.npz"]
-    with OutputFiles(folder=folder) as files:
-        with matplotlib.rc_context({**STYLE, "axes.grid": False}):
-            figure = Figure(figsize=(5.2, 4.2), layout="constrained", dpi=150)
-            FigureCanvasAgg(figure)
-            axes = figure.add_subplot()
-            low, high = np.percentile(made.electrons, (0.5, 99.5)) * 1e-6
-            image = axes.imshow(
-                1e-6 * made.electrons, cmap="cividis", interpolation="nearest", vmin=low, vmax=high
-            )
-            axes.set(title=made.title, xlabel="column, pixels", ylabel="row, pixels")
-            figure.colorbar(image, label="electrons, millions", extend="both")
-            with files.writing(paths[0], "frame") as part:
-                figure.savefig(part, format="png")
-        with files.writing(paths[1], "frame") as part, part.open("wb") as stream:
-            arrays = {
-                name: getattr(made, name) for name in ("electrons", "target", "background", "mask")
-            }
-            np.savez_compressed(stream, **arrays)
-    return paths
+    with matplotlib.rc_context({**STYLE, "axes.grid": False}):
+        figure = Figure(figsize=(5.2, 4.2), layout="constrained", dpi=150)
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        millions = 1e-6 * focal_frame.electrons
+        low, high = np.percentile(focal_frame.electrons, (0.5, 99.5)) * 1e-6
+        image = axes.imshow(millions, cmap="cividis", interpolation="nearest", vmin=low, vmax=high)
+        axes.set(title=focal_frame.title, xlabel="column, pixels", ylabel="row, pixels")
+        figure.colorbar(image, label="electrons, millions", extend="both")
+        figure.savefig(path, format="png")

@@ -1,5 +1,4 @@
-"""Movies as files: FITS or arrays with the truth, and pictures, masks and labels as training sets
-have them.
+"""Movies as files: FITS or arrays with the truth, and training sets of pictures and labels.
 
 The folders are those of public sets of small infrared targets (NUDT-SIRST, IRSTD-1k): `images/` and
 `masks/` of one PNG a frame with the same name, and lists of names for training and test. Labels are
@@ -24,29 +23,21 @@ from opir_coverage.bench.movies import Clip, training_clips
 _BLACK_WHITE = (0.05, 99.95)
 
 
-def write_movies(made: Sequence[Clip], folder: Path) -> list[Path]:
-    """Write clips with their pictures, masks and labels into a folder, all or none; return the main
-    files.
-    """
+def write_movies(clips: Sequence[Clip], folder: Path) -> list[Path]:
+    """Write clips with pictures, masks and labels into a folder, all or none; return main files."""
     kind = "fits" if find_spec("astropy") else "npz"
-    main = [folder / "clips" / f"clip{number:03d}.{kind}" for number in range(len(made))]
+    main = [folder / "clips" / f"clip{number:03d}.{kind}" for number in range(len(clips))]
     with OutputFiles(folder=folder) as files:
         for name in ("clips", "images", "masks", "labels", "img_idx"):
             files.make_folder(folder / name, parents=True)
-        for path, clip in zip(main, made, strict=True):
-            with files.writing(path, "frames") as part:
-                (_write_fits if kind == "fits" else _write_arrays)(clip, part)
-        for number, clip in enumerate(made):
+        for path, clip in zip(main, clips, strict=True):
+            with files.writing(path, "frames") as file_part:
+                (_write_fits if kind == "fits" else _write_arrays)(clip, file_part)
+        for number, clip in enumerate(clips):
             _write_pictures(files, folder, number, clip)
-        for name, text in {**_lists(made, folder.resolve().name), **_coco(made)}.items():
+        for name, text in {**_lists(clips, folder.resolve().name), **_coco(clips)}.items():
             files.write(folder / name, text.encode(), "labels")
-    return [
-        *main,
-        folder / "images",
-        folder / "masks",
-        folder / "labels",
-        folder / "annotations.json",
-    ]
+    return [*main, *(folder / name for name in ("images", "masks", "labels", "annotations.json"))]
 
 
 def frame_name(clip: int, number: int) -> str:
@@ -91,12 +82,8 @@ def _write_fits(clip: Clip, path: Path) -> None:
 
 
 def _write_pictures(files: OutputFiles, folder: Path, number: int, clip: Clip) -> None:
-    """Write the pictures, masks and YOLO labels of a clip; grey levels are linear in electrons,
-    alike in a clip.
-    """
-    black, white = np.percentile(clip.electrons, _BLACK_WHITE)
-    share = (clip.electrons - black) / max(float(white - black), 1.0)
-    grey = np.round(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
+    """Write the pictures, masks and YOLO labels of a clip; its frames share one grey scale."""
+    grey = _grey(clip.electrons)
     rows, columns = grey.shape[1:]
     for step, box in enumerate(clip.boxes()):
         name = frame_name(number, step)
@@ -107,23 +94,26 @@ def _write_pictures(files: OutputFiles, folder: Path, number: int, clip: Clip) -
         files.write(folder / "labels" / f"{name}.txt", _yolo(box, rows, columns).encode(), "labels")
 
 
+def _grey(electrons: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return grey levels that are linear in electrons."""
+    black, white = np.percentile(electrons, _BLACK_WHITE)
+    share = (electrons - black) / max(float(white - black), 1.0)
+    return np.round(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
+
+
 def _yolo(box: tuple[int, int, int, int] | None, rows: int, columns: int) -> str:
-    """Return the line of a box: class 0, the middle, the width and the height as shares of the
-    frame; "" without.
-    """
+    """Return the YOLO line of a box: class 0, middle, width, height in shares; or ""."""
     if box is None:
         return ""
-    left, top, wide, tall = box
-    middle = (left + 0.5 * wide) / columns, (top + 0.5 * tall) / rows
+    column, top, wide, tall = box
+    middle = (column + 0.5 * wide) / columns, (top + 0.5 * tall) / rows
     return f"0 {middle[0]:.6f} {middle[1]:.6f} {wide / columns:.6f} {tall / rows:.6f}\n"
 
 
-def _lists(made: Sequence[Clip], name: str) -> Mapping[str, str]:
-    """Return the lists of names for training and test, where loaders of NUDT-SIRST and of IRSTD-1k
-    look for them.
-    """
+def _lists(clips: Sequence[Clip], name: str) -> Mapping[str, str]:
+    """Return the lists of frames for training and test by the paths of NUDT-SIRST and IRSTD-1k."""
     names: dict[bool, str] = {True: "", False: ""}
-    for number, (clip, trains) in enumerate(zip(made, training_clips(len(made)), strict=True)):
+    for number, (clip, trains) in enumerate(zip(clips, training_clips(len(clips)), strict=True)):
         names[trains] += "".join(f"{frame_name(number, step)}\n" for step in range(len(clip)))
     return {
         f"img_idx/train_{name}.txt": names[True],
@@ -133,42 +123,39 @@ def _lists(made: Sequence[Clip], name: str) -> Mapping[str, str]:
     }
 
 
-def _coco(made: Sequence[Clip]) -> Mapping[str, str]:
-    """Return the annotations of all frames as COCO has them, with the signal over noise and the
-    place of each.
-    """
+def _coco(clips: Sequence[Clip]) -> Mapping[str, str]:
+    """Return the annotations of all frames in the format of COCO, with the SNR and the place."""
     images = list[dict[str, Any]]()
     annotations = list[dict[str, Any]]()
-    classes = list(dict.fromkeys(clip.target_class for clip in made))
-    for number, clip in enumerate(made):
+    classes = list(dict.fromkeys(clip.target_class for clip in clips))
+    for number, clip in enumerate(clips):
         rows, columns = clip.mask.shape[1:]
         for step, box in enumerate(clip.boxes()):
-            own = {"id": len(images) + 1, "file_name": f"{frame_name(number, step)}.png"}
-            images.append(
-                {
-                    **own,
-                    "width": columns,
-                    "height": rows,
-                    "clip": number,
-                    "time_s": float(clip.time_s[step]),
-                }
-            )
+            image = {
+                "id": len(images) + 1,
+                "file_name": f"{frame_name(number, step)}.png",
+                "width": columns,
+                "height": rows,
+                "clip": number,
+                "time_s": float(clip.time_s[step]),
+            }
+            images.append(image)
             if box is not None:
-                annotations.append(
-                    {
-                        "id": len(annotations) + 1,
-                        "image_id": own["id"],
-                        "category_id": classes.index(clip.target_class) + 1,
-                        "bbox": list(box),
-                        "area": int(clip.mask[step].sum()),
-                        "iscrowd": 0,
-                        "snr": float(clip.snr[step]),
-                        "center": [float(clip.column[step]) + 0.5, float(clip.row[step]) + 0.5],
-                    }
-                )
+                category = classes.index(clip.target_class) + 1
+                ids = {"id": len(annotations) + 1, "image_id": image["id"], "category_id": category}
+                annotations.append({**ids, "bbox": list(box), **_annotation(clip, step)})
     categories = [{"id": place + 1, "name": name} for place, name in enumerate(classes)]
-    whole = {"images": images, "annotations": annotations, "categories": categories}
-    return {"annotations.json": json.dumps(whole, indent=1) + "\n"}
+    annotated = {"images": images, "annotations": annotations, "categories": categories}
+    return {"annotations.json": json.dumps(annotated, indent=1) + "\n"}
+
+
+def _annotation(clip: Clip, step: int) -> dict[str, Any]:
+    return {
+        "area": int(clip.mask[step].sum()),
+        "iscrowd": 0,
+        "snr": float(clip.snr[step]),
+        "center": [float(clip.column[step]) + 0.5, float(clip.row[step]) + 0.5],
+    }
 
 
 def grey_png(grey: NDArray[np.uint8]) -> bytes:
@@ -176,8 +163,11 @@ def grey_png(grey: NDArray[np.uint8]) -> bytes:
     rows, columns = grey.shape
     lines = np.concatenate([np.zeros((rows, 1), dtype=np.uint8), grey], axis=1).tobytes()
     head = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
-    parts = ((b"IHDR", head), (b"IDAT", zlib.compress(lines, 6)), (b"IEND", b""))
+    chunks = ((b"IHDR", head), (b"IDAT", zlib.compress(lines, 6)), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(own)) + name + own + struct.pack(">I", zlib.crc32(name + own))
-        for name, own in parts
+        struct.pack(">I", len(content))
+        + name
+        + content
+        + struct.pack(">I", zlib.crc32(name + content))
+        for name, content in chunks
     )

@@ -7,6 +7,7 @@ burn, noise is new in each frame.
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
@@ -50,10 +51,8 @@ class Clip:
         return len(self.time_s)
 
     def boxes(self) -> list[tuple[int, int, int, int] | None]:
-        """Return the first column and row, the width and the height of each frame's mask; None
-        without one.
-        """
-        return [_box(each) for each in self.mask]
+        """Return first column and row, width and height of each frame's mask; None without one."""
+        return [_box(mask) for mask in self.mask]
 
 
 def _box(mask: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
@@ -61,8 +60,11 @@ def _box(mask: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
     columns = np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return None
-    (top, bottom), (left, right) = rows[[0, -1]].tolist(), columns[[0, -1]].tolist()
-    return left, top, right - left + 1, bottom - top + 1
+    (first_row, last_row), (first_column, last_column) = (
+        rows[[0, -1]].tolist(),
+        columns[[0, -1]].tolist(),
+    )
+    return first_column, first_row, last_column - first_column + 1, last_row - first_row + 1
 
 
 @frozen(kw_only=True)
@@ -86,91 +88,82 @@ class Filming:
         if self.snr is not None and not 0.0 < self.snr[0] <= self.snr[1]:
             raise ModelError("--snr: give two numbers above 0, the smaller first")
 
+    def times_s(self) -> FloatArray:
+        """Return the times (frames,) of frames, s, from the middle of the clip."""
+        return np.asarray((np.arange(self.frames) - 0.5 * (self.frames - 1)) * self.every_s)
+
 
 def clip(bench: Bench, poses: Poses, filming: Filming, seed: int = 1) -> Clip:
-    """Return the frames of one posed target at equal intervals, in the middle of which it has its
-    pose.
-    """
+    """Return the frames of one target at equal intervals; in the middle of them it has its pose."""
     rng = np.random.default_rng(seed)
     array = FocalArray.of(bench, poses, filming.pixels, filming.band, rng)
-    time_s: FloatArray = np.asarray(
-        (np.arange(filming.frames) - 0.5 * (filming.frames - 1)) * filming.every_s
-    )
-    where, flown = _flown(bench, poses, time_s, array.pixel_rad)
+    time_s = filming.times_s()
+    distance, flown = _flown(bench, poses, time_s, array.pixel_rad)
     turn = rng.uniform(0.0, 2.0 * math.pi)
+    direction = np.array([math.cos(turn), math.sin(turn)])
     middle = 0.5 * (filming.pixels - 1) + _AROUND * filming.pixels * (rng.uniform(size=2) - 0.5)
     shift = _shifts(array, time_s, turn, rng)
-    place = middle[:, None] + np.stack([math.cos(turn) * where, math.sin(turn) * where]) + shift
+    place = middle[:, None] + direction[:, None] * distance + shift
     light = bench.light_w_m2(flown)[:, filming.band]
-    scale = (
-        1.0
-        if filming.snr is None
-        else _scale(array, float(light[filming.frames // 2]), middle, filming.snr, rng)
+    scale = _scale(array, float(light[filming.frames // 2]), middle, filming.snr, rng)
+    electrons, mask, snr = _exposed(array, scale * light, place, shift, rng)
+    optics = (bench.sensor.id, array.band, poses.target_class, seed, array.pixel_rad, scale)
+    return Clip(
+        *optics, electrons, mask, time_s - time_s[0], place[0], place[1], scale * light, snr
     )
-    made = [
-        _exposed(array, scale * float(light[step]), place[:, step], shift[:, step], rng)
-        for step in range(filming.frames)
-    ]
-    electrons, mask, snr = zip(*made, strict=True)
-    columns = (time_s - time_s[0], place[0], place[1], scale * light, np.array(snr))
-    of = (bench.sensor.id, array.band, poses.target_class, seed, array.pixel_rad, scale)
-    return Clip(*of, np.stack(electrons), np.stack(mask), *columns)
 
 
 def _scale(
     array: FocalArray,
     light_w_m2: float,
     place: FloatArray,
-    limits: tuple[float, float],
+    limits: tuple[float, float] | None,
     rng: np.random.Generator,
 ) -> float:
-    """Return the factor on a target's light that gives its brightest pixel a signal over noise
-    between limits.
+    """Return the factor on a target's light for an SNR of its brightest pixel between limits.
+
+    Without limits it is 1.
     """
-    wanted = limits[0] * (limits[1] / limits[0]) ** rng.uniform()
-    target = array.target_e(light_w_m2, (float(place[0]), float(place[1])))
+    if limits is None:
+        return 1.0
+    ratio = limits[0] * (limits[1] / limits[0]) ** rng.uniform()
+    target = array.target_e(light_w_m2, _row_and_column(place))
     background = array.background_e()
     at = np.unravel_index(np.argmax(target), target.shape)
     if target[at] <= 0.0:
         raise ModelError("--snr: the target has no light to scale")
     # With the target's own photons: signal s over √(n² + s) is w where s = w²/2 + √(w⁴/4 + w² n²).
     variance = float(array.noise_e(background)[at]) ** 2
-    signal = 0.5 * wanted**2 + math.sqrt(0.25 * wanted**4 + wanted**2 * variance)
+    signal = 0.5 * ratio**2 + math.sqrt(0.25 * ratio**4 + ratio**2 * variance)
     return signal / float(target[at])
 
 
 def _flown(
     bench: Bench, poses: Poses, time_s: FloatArray, pixel_rad: float
 ) -> tuple[FloatArray, Poses]:
-    """Return how far a target has moved in the frame (N,), pixels, and its poses (N,) along its
-    straight way.
-    """
-    one = PosedTargets.of(bench.plan, poses)
-    place = one.place_m[0] + time_s[:, None] * one.velocity_m_s[0]
-    sensor_m = np.asarray(bench.sensor.orbit.position_ecef_m(np.array([one.ignition_s[0]])))[0]
-    way = one.place_m[0] - sensor_m
+    """Return a target's distances (N,) from the middle of its way, pixels, and poses (N,)."""
+    targets = PosedTargets.of(bench.plan, poses)
+    velocity = targets.velocity_m_s[0]
+    ignition_s = targets.ignition_s[:1]
+    place = targets.place_m[0] + time_s[:, None] * velocity
+    way = targets.place_m[0] - np.asarray(bench.sensor.orbit.position_ecef_m(ignition_s))[0]
     range_m = float(np.linalg.norm(way))
-    axis = one.velocity_m_s[0] - (one.velocity_m_s[0] @ way) / range_m**2 * way
-    speed = float(np.linalg.norm(axis))
+    speed = float(np.linalg.norm(velocity - (velocity @ way) / range_m**2 * way))
     height_m = np.maximum(np.asarray(ecef_to_geodetic(place).height_m), 0.0)
-    burn_s = float(one.burnout_s[0] - one.ignition_s[0])
-    flown = evolve(
-        poses,
-        height_m=height_m,
-        burned=poses.burned[0] + time_s / burn_s,
-        elevation_rad=np.repeat(poses.elevation_rad[:1], len(time_s)),
-        aspect_rad=np.repeat(poses.aspect_rad[:1], len(time_s)),
-        speed_m_s=np.repeat(poses.speed_m_s[:1], len(time_s)),
-    )
+    burn_s = float(targets.burnout_s[0] - ignition_s[0])
+    unchanged: dict[str, Any] = {
+        name: np.repeat(getattr(poses, name)[:1], len(time_s))
+        for name in ("elevation_rad", "aspect_rad", "speed_m_s")
+    }
+    burned = poses.burned[0] + time_s / burn_s
+    flown = evolve(poses, height_m=height_m, burned=burned, **unchanged)
     return time_s * speed / range_m / pixel_rad, flown
 
 
 def _shifts(
     array: FocalArray, time_s: FloatArray, turn: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Return how far the line of sight moves the picture (2, N), pixels: a drift, and errors of
-    registration.
-    """
+    """Return the shifts (2, N) of the background, pixels: drift and errors of registration."""
     drift = 1e-6 * array.plane.drift_urad_s * time_s / array.pixel_rad
     jitter = (
         1e-6
@@ -183,14 +176,30 @@ def _shifts(
 
 def _exposed(
     array: FocalArray,
+    light_w_m2: FloatArray,
+    place: FloatArray,
+    shift: FloatArray,
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], FloatArray]:
+    """Return frames (N, rows, columns), masks of the target, and SNRs (N,)."""
+    frames = [
+        _exposed_frame(array, light, place[:, step], shift[:, step], rng)
+        for step, light in enumerate(light_w_m2.tolist())
+    ]
+    electrons, mask, snr = zip(*frames, strict=True)
+    return np.stack(electrons), np.stack(mask), np.array(snr)
+
+
+def _exposed_frame(
+    array: FocalArray,
     light_w_m2: float,
     place: FloatArray,
     shift: FloatArray,
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], float]:
     """Return a frame, the mask of its target and the signal over noise of the brightest pixel."""
-    background = array.background_e((float(shift[0]), float(shift[1])))
-    target = array.target_e(light_w_m2, (float(place[0]), float(place[1])))
+    background = array.background_e(_row_and_column(shift))
+    target = array.target_e(light_w_m2, _row_and_column(place))
     mean = background + target
     inside = bool(np.all((place > -0.5) & (place < len(mean) - 0.5)))
     brightest = np.unravel_index(np.argmax(target), target.shape)
@@ -199,8 +208,12 @@ def _exposed(
     return array.exposed_e(mean, rng).astype(np.float32), mask, snr
 
 
+def _row_and_column(values: FloatArray) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
+
+
 def training_clips(count: int) -> Sequence[bool]:
-    """Return which clips are for training: the last fifth, at least one of several, is for tests.
+    """Return whether each clip is for training; the last fifth, at least one of several, tests.
 
     Frames of one clip are alike, so a clip is not split.
     """

@@ -1,6 +1,7 @@
-"""What the bench finds: a table, and a plot of it."""
+"""Results of the bench: a table, and a plot of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +13,16 @@ from opir_core.arrays import FloatArray
 
 @frozen(eq=False)
 class BenchLine:
-    """A line of a plot: its label, abscissae and ordinates (n,); of bars the starts and the
-    lengths.
-    """
+    """A line of a plot: label, abscissae and ordinates (n,); of bars starts and lengths."""
 
     label: str
     x: FloatArray
     y: FloatArray
 
 
-@frozen(eq=False, kw_only=True)
+@frozen(eq=False)
 class BenchPlot:
-    """A plot of lines, or of bars by name where `names` are given; `levels` are marked across it,
-    with labels.
-    """
+    """A plot of lines, or of bars if it has `names`."""
 
     x_label: str
     y_label: str
@@ -34,11 +31,9 @@ class BenchPlot:
     log_x: bool = False
     log_y: bool = False
     is_share: bool = False
-    levels: Sequence[tuple[float, str]] = ()
-    spans: Sequence[tuple[float, float, str]] = ()
 
 
-@frozen(eq=False, kw_only=True)
+@frozen(eq=False)
 class BenchResult:
     """A table with a title, numbers as they are, and a plot."""
 
@@ -49,7 +44,7 @@ class BenchResult:
     notes: Sequence[str] = ()
 
     def plain(self) -> dict[str, Any]:
-        """Return the result as plain data; what is not finite is None."""
+        """Return the result as plain data; numbers that are not finite are None."""
         rows = [dict(zip(self.head, map(_plain, row), strict=True)) for row in self.rows]
         return {"title": self.title, "rows": rows, "notes": list(self.notes)}
 
@@ -58,7 +53,8 @@ class BenchResult:
         from opir_core.cli import table
 
         cells = [
-            [each if isinstance(each, str) else _number(each) for each in row] for row in self.rows
+            [value if isinstance(value, str) else _number(value) for value in row]
+            for row in self.rows
         ]
         numbers = [
             place
@@ -66,6 +62,13 @@ class BenchResult:
             if self.rows and not isinstance(self.rows[0][place], str)
         ]
         return "\n".join([self.title, table(self.head, cells, numbers=numbers), *self.notes])
+
+
+def bars(names: Sequence[str], label: str, lengths: Mapping[str, FloatArray]) -> BenchPlot:
+    """Return the plot of bars from 0: the `lengths` (n,) of each series by name of the bar."""
+    starts = np.zeros(len(names))
+    lines = [BenchLine(series, starts, length) for series, length in lengths.items()]
+    return BenchPlot("", label, lines, names)
 
 
 def _plain(value: Any) -> Any:
@@ -96,49 +99,48 @@ def write_plot(result: BenchResult, path: Path, kind: str) -> None:
 
 
 def _draw(axes: Any, plot: BenchPlot) -> None:
-    from opir_report import DASHES, MUTED, SERIES
-
     if plot.names:
         _draw_bars(axes, plot)
     else:
-        for number, line in enumerate(plot.lines):
-            hue = SERIES[number % len(SERIES)]
-            dashes = DASHES[number % len(DASHES)]
-            axes.plot(line.x, line.y, color=hue, linestyle=dashes, label=line.label)
-    for value, words in plot.levels:
-        axes.axhline(value, color=MUTED, linewidth=1.0, linestyle=":", label=words)
-    for number, (low, high, words) in enumerate(plot.spans):
-        axes.axvspan(low, high, color=SERIES[number % len(SERIES)], alpha=0.18, label=words)
-    if plot.names:
-        axes.set(xlabel=plot.y_label, xscale="log" if plot.log_y else "linear")
-    else:
-        scales = {
-            "xscale": "log" if plot.log_x else "linear",
-            "yscale": "log" if plot.log_y else "linear",
-        }
-        axes.set(xlabel=plot.x_label, ylabel=plot.y_label, **scales)
-        if plot.is_share:
-            axes.set_ylim(-0.02, 1.02)
-    if len(plot.lines) > 1 or plot.levels or plot.spans:
+        _draw_lines(axes, plot)
+    if len(plot.lines) > 1:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+
+
+def _draw_lines(axes: Any, plot: BenchPlot) -> None:
+    from opir_report import DASHES, SERIES
+
+    for line, hue, dashes in zip(plot.lines, cycle(SERIES), cycle(DASHES), strict=False):
+        axes.plot(line.x, line.y, color=hue, linestyle=dashes, label=line.label)
+    axes.set(
+        xlabel=plot.x_label,
+        ylabel=plot.y_label,
+        xscale="log" if plot.log_x else "linear",
+        yscale="log" if plot.log_y else "linear",
+    )
+    if plot.is_share:
+        axes.set_ylim(-0.02, 1.02)
 
 
 def _draw_bars(axes: Any, plot: BenchPlot) -> None:
     """Draw bars beside one another, from the top down, named at the left."""
     from opir_report import MUTED, SERIES
 
-    deep = 0.8 / len(plot.lines)
+    height = 0.8 / len(plot.lines)
     place = np.arange(len(plot.names))
-    hatches = ("", "//", "..", "xx", "\\\\", "++")
-    for number, line in enumerate(plot.lines):
-        at = place + (number - 0.5 * (len(plot.lines) - 1)) * deep
-        style: dict[str, Any] = {
-            "color": SERIES[number % len(SERIES)],
-            "hatch": hatches[number % len(hatches)],
-        }
+    styles = zip(cycle(SERIES), cycle(("", "//", "..", "xx", "\\\\", "++")), strict=False)
+    for number, (line, (hue, hatch)) in enumerate(zip(plot.lines, styles, strict=False)):
         axes.barh(
-            at, line.y, left=line.x, height=0.9 * deep, label=line.label, edgecolor="white", **style
+            place + (number - 0.5 * (len(plot.lines) - 1)) * height,
+            line.y,
+            left=line.x,
+            height=0.9 * height,
+            label=line.label,
+            edgecolor="white",
+            color=hue,
+            hatch=hatch,
         )
+    axes.set(xlabel=plot.y_label, xscale="log" if plot.log_y else "linear")
     axes.set_yticks(place, list(plot.names))
     if not plot.log_y:
         axes.axvline(0.0, color=MUTED, linewidth=1.0)

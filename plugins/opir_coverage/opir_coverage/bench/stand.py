@@ -27,12 +27,14 @@ from opir_core.plugin import (
 from opir_core.reading import scene_mapping
 from opir_coverage.launches import detection_of, target_class_of
 
-#: The scene time at which posed targets are seen, s, and the least cosine of an angle that turns.
-_NOW_S = 3600.0
-_LEAST = 1e-9
+DAY_S = 86_400.0
+#: Scene time at which posed targets are seen, s.
+_LOOK_S = 3600.0
+#: Least sine of the angle between a line of sight and the vertical that gives a direction across.
+_LEAST_SINE = 1e-9
 #: Settings of a focal plane that passes the whole light of a target.
 _ALL_LIGHT: Mapping[str, Any] = {"temporal_filter": "none", "well_capacity_e": 1e18, "bits": 64}
-#: What of a scene the bench leaves out.
+#: Settings by which the bench leaves out targets, sources, outputs and trackers of a scene.
 _LEFT_OUT: Mapping[str, Any] = {
     "targets": [],
     "sources": [],
@@ -66,10 +68,8 @@ class Poses:
 
     @classmethod
     def of(cls, target_class: str = "ICBM", **values: Any) -> "Poses":
-        """Return poses of numbers and columns (`height_m`, …) in their common length; defaults
-        stand in for others.
-        """
-        whole = {
+        """Return poses of numbers and columns (`height_m`, …) of one length, and defaults."""
+        values_by_name = {
             "height_m": 20e3,
             "elevation_rad": math.radians(40.0),
             "aspect_rad": 0.5 * math.pi,
@@ -78,9 +78,12 @@ class Poses:
             **values,
         }
         columns = np.broadcast_arrays(
-            *(np.atleast_1d(np.asarray(each, dtype=np.float64)) for each in whole.values())
+            *(
+                np.atleast_1d(np.asarray(value, dtype=np.float64))
+                for value in values_by_name.values()
+            )
         )
-        return cls(target_class=target_class, **dict(zip(whole, columns, strict=True)))
+        return cls(target_class=target_class, **dict(zip(values_by_name, columns, strict=True)))
 
     def __len__(self) -> int:
         return len(self.height_m)
@@ -88,8 +91,10 @@ class Poses:
 
 @frozen(eq=False)
 class Signals:
-    """What one look sees of posed targets: P_d (n,), ranges (n,), m, and by band (n, B) expected
-    signals over the noise, the noise, W/m², and transmittances."""
+    """One look at posed targets: P_d (n,), ranges (n,), m, and by band (n, B) SNR, noise, air.
+
+    `snr` is the expected signal over the noise, which is in W/m².
+    """
 
     chance: FloatArray
     range_m: FloatArray
@@ -99,17 +104,13 @@ class Signals:
 
     @property
     def irradiance_w_m2(self) -> FloatArray:
-        """The irradiances (n, B) of the targets at the aperture that frame difference and wells
-        leave.
-        """
+        """The irradiances (n, B) of targets at the aperture after frame difference and wells."""
         return self.snr * self.noise_w_m2
 
 
 @frozen(eq=False)
 class PosedTargets(Trajectories):
-    """Targets that fly straight through their places at one time, in the direction that gives their
-    aspect.
-    """
+    """Targets in straight flight through their places, in the direction of their aspect."""
 
     type_code: NDArray[np.uint8]
     ignition_s: FloatArray
@@ -126,8 +127,8 @@ class PosedTargets(Trajectories):
         profile = kind.profiles[0]
         count = len(poses)
         code = np.full(count, kind.type_code, dtype=np.uint8)
-        ignition_s = _NOW_S - poses.burned * profile.burn_time_s
-        sensor_m = np.asarray(plan.sensors[0].orbit.position_ecef_m(np.array([_NOW_S])))[0]
+        ignition_s = _LOOK_S - poses.burned * profile.burn_time_s
+        sensor_m = np.asarray(plan.sensors[0].orbit.position_ecef_m(np.array([_LOOK_S])))[0]
         place_m = _places_m(sensor_m, poses.height_m, poses.elevation_rad)
         velocity_m_s = poses.speed_m_s[:, None] * _headings(sensor_m, place_m, poses.aspect_rad)
         burnout_s = ignition_s + profile.burn_time_s
@@ -137,7 +138,7 @@ class PosedTargets(Trajectories):
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of targets (n,) at scene times (n,)."""
-        return self.place_m[target] + (time_s - _NOW_S)[:, None] * self.velocity_m_s[target]
+        return self.place_m[target] + (time_s - _LOOK_S)[:, None] * self.velocity_m_s[target]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return the profile of each target."""
@@ -152,21 +153,17 @@ class Bench:
 
     @classmethod
     def of_scene(cls, scene: Scene, sensor: str | None = None) -> "Bench":
-        """Return a scene's sensor of an id, or its first one; raises `ModelError` for an id that it
-        does not have.
-        """
-        whole = scene_mapping(scene)
-        ids = [each["id"] for each in whole["sensors"]]
+        """Return a scene's sensor by id, or its first; raises `ModelError` for an unknown id."""
+        mapping = scene_mapping(scene)
+        ids = [sensor_settings["id"] for sensor_settings in mapping["sensors"]]
         if sensor is not None and sensor not in ids:
             raise ModelError(f"--sensor: {sensor!r} is not one of {', '.join(ids)}")
-        chosen = whole["sensors"][0 if sensor is None else ids.index(sensor)]
-        return cls({**whole, **_LEFT_OUT, "sensors": [chosen]})
+        settings = mapping["sensors"][0 if sensor is None else ids.index(sensor)]
+        return cls({**mapping, **_LEFT_OUT, "sensors": [settings]})
 
     @classmethod
     def of_model(cls, model: str) -> "Bench":
-        """Return a sensor model with its defaults at the slot of 0°, and orbits of its own where it
-        has no slot.
-        """
+        """Return a sensor model with its defaults, at the slot of 0° or on its own orbit."""
         return cls(
             {
                 **_ALONE,
@@ -176,17 +173,15 @@ class Bench:
         )
 
     def changed(self, **changes: Any) -> "Bench":
-        """Return the bench with values of the scene replaced; keys are paths with `__` between:
-        `sensor__ifov_urad`.
-        """
-        whole: Any = copy.deepcopy(dict(self.mapping))
+        """Return the bench with changed values; keys are paths such as `sensor__ifov_urad`."""
+        mapping: Any = copy.deepcopy(dict(self.mapping))
         for path, value in changes.items():
-            *parents, last = path.replace("sensor__", "sensors__0__", 1).split("__")
-            at = whole
+            *parents, key = path.replace("sensor__", "sensors__0__", 1).split("__")
+            at = mapping
             for name in parents:
                 at = at[int(name)] if name.isdigit() else at[name]
-            at[last] = value
-        return Bench(whole)
+            at[key] = value
+        return Bench(mapping)
 
     @cached_property
     def plan(self) -> Plan:
@@ -211,8 +206,8 @@ class Bench:
         """Return the bench with settings of the focal planes of all bands replaced."""
         sensor = self.whole().mapping["sensors"][0]
         by_band = {
-            band: {name: value for name, value in own.items() if name not in changes}
-            for band, own in sensor["band_focal_plane"].items()
+            band: {name: value for name, value in settings.items() if name not in changes}
+            for band, settings in sensor["band_focal_plane"].items()
         }
         changed = {
             **sensor,
@@ -222,17 +217,13 @@ class Bench:
         return Bench({**self.mapping, "sensors": [changed]})
 
     def light_w_m2(self, poses: Poses) -> FloatArray:
-        """Return the irradiances (n, B) of targets at the aperture, whole: no frame difference, no
-        full wells.
-        """
+        """Return the irradiances (n, B) at the aperture, before frame difference and wells."""
         return (
             (self.with_planes(**_ALL_LIGHT) if self.planes else self).signals(poses).irradiance_w_m2
         )
 
     def whole(self) -> "Bench":
-        """Return the bench with all settings of its sensor written out, for changes of single
-        ones.
-        """
+        """Return the bench with all settings of its sensor written out."""
         sensors = scene_mapping(self.plan.scene)["sensors"]
         return Bench({**self.mapping, "sensors": sensors})
 
@@ -243,9 +234,7 @@ class Bench:
         return model, self._exposures(targets, poses)
 
     def signals(self, poses: Poses) -> Signals:
-        """Return what one look sees of targets; raises `ModelError` for a scene whose detection has
-        no signals.
-        """
+        """Return the signals of one look; raises `ModelError` if the detection has no signals."""
         model, looks = self.model(poses)
         response = model.response(looks)
         if response is None or response.probit is None:
@@ -261,14 +250,14 @@ class Bench:
 
     def _exposures(self, targets: PosedTargets, poses: Poses) -> Exposures:
         count = len(poses)
-        now = np.full(len(poses), _NOW_S)
-        sensor_m = np.asarray(self.sensor.orbit.position_ecef_m(now))
+        time_s = np.full(len(poses), _LOOK_S)
+        sensor_m = np.asarray(self.sensor.orbit.position_ecef_m(time_s))
         way = sensor_m - targets.place_m
         range_m = length(*way.T)
         up = local_axes(targets.place_m)[:, 2]
         return Exposures(
-            time_s=now,
-            emission_time_s=now,
+            time_s=time_s,
+            emission_time_s=time_s,
             scan=np.zeros(count, dtype=np.int64),
             sensor=np.zeros(count, dtype=np.int32),
             target=np.arange(count, dtype=np.int32),
@@ -279,23 +268,30 @@ class Bench:
         )
 
 
+def noise_alarms_a_day(plan: Plan, unknown: float) -> FloatArray:
+    """Return the expected false alarms of noise a day of each sensor; `unknown` without a rate."""
+    rate = plan.detection.rate_per_scan
+    if rate is None:
+        return np.full(len(plan.sensors), unknown)
+    period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in plan.sensors])
+    return np.asarray(rate, dtype=np.float64) * DAY_S / period_s
+
+
 def _transmittance(model: DetectionProbability, looks: Exposures, band: Any) -> FloatArray:
     passed = model.transmittance(looks, band)
     return np.full(len(looks), np.nan) if passed is None else passed
 
 
 def _places_m(sensor_m: FloatArray, height_m: FloatArray, elevation_rad: FloatArray) -> FloatArray:
-    """Return places (n, 3), ECEF, m, north of the point below a sensor, from which it has these
-    elevations.
-    """
+    """Return places (n, 3), ECEF, m, north of the nadir, with these elevations of the sensor."""
     radius_m = float(np.linalg.norm(sensor_m))
     share = (EARTH_EQUATORIAL_RADIUS_M + height_m) / radius_m * np.cos(elevation_rad)
     angle = np.arccos(np.minimum(share, 1.0)) - elevation_rad
     below = sensor_m / radius_m
     north = local_axes(sensor_m)[1]
     direction = np.cos(angle)[:, None] * below + np.sin(angle)[:, None] * north
-    found = ecef_to_geodetic(direction * EARTH_EQUATORIAL_RADIUS_M)
-    return geodetic_to_ecef(found.latitude_rad, found.longitude_rad, height_m)
+    geodetic = ecef_to_geodetic(direction * EARTH_EQUATORIAL_RADIUS_M)
+    return geodetic_to_ecef(geodetic.latitude_rad, geodetic.longitude_rad, height_m)
 
 
 def _headings(sensor_m: FloatArray, place_m: FloatArray, aspect_rad: FloatArray) -> FloatArray:
@@ -305,5 +301,7 @@ def _headings(sensor_m: FloatArray, place_m: FloatArray, aspect_rad: FloatArray)
     across = np.cross(way, local_axes(place_m)[:, 2])
     size = length(*across.T)
     east = local_axes(place_m)[:, 0]
-    across = np.where(size[:, None] > _LEAST, across / np.maximum(size, _LEAST)[:, None], east)
+    across = np.where(
+        size[:, None] > _LEAST_SINE, across / np.maximum(size, _LEAST_SINE)[:, None], east
+    )
     return np.cos(aspect_rad)[:, None] * way + np.sin(aspect_rad)[:, None] * across
