@@ -75,7 +75,7 @@ class TriedBand:
 
 
 def best_bands(
-    bench: Bench, poses: Sequence[Poses], limits: BandLimits, shown: int = 12
+    bench: Bench, poses: Sequence[Poses], limits: BandLimits, most: int = 12
 ) -> BenchResult:
     """Return the best bands for posed targets, best first, and the sensor as it is below them.
 
@@ -98,7 +98,7 @@ def best_bands(
             "the scene's air or background has none of these bands; give --edges of LOWTRAN's table"
         )
     tried.sort(key=lambda band: -band.margin_db)
-    return _result(bench, poses, tried, len(unknown), shown, chance)
+    return _result(bench, poses, tried, len(unknown), most, chance)
 
 
 def _computed(bench: Bench) -> Bench:
