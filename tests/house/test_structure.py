@@ -26,10 +26,6 @@ LONG_MODULES = {
 }
 LONG_FUNCTIONS = {
     "opir_core/cli/explain.py:_as_text": "one section of the text after the other",
-    "plugins/opir_coverage/opir_coverage/bench/arguments.py:physics_arguments": "a list of options",
-    "plugins/opir_coverage/opir_coverage/bench/arguments.py:_on_bench": "a list of options",
-    "plugins/opir_coverage/opir_coverage/bench/bands.py:_result": "a list of fields",
-    "plugins/opir_coverage/opir_coverage/plugin.py:_add_coverage": "a list of options",
     "plugins/opir_http/opir_http/metrics.py:metrics_text": "a list of metrics",
     "plugins/opir_readers/opir_readers/velocity_checks.py:_mended": "one check after the other",
     "plugins/opir_report/opir_report/plots/maps.py:_draw_sensors": "one kind of mark after the other",

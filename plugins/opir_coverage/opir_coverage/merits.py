@@ -43,10 +43,10 @@ def runs(is_in: BoolArray, step_s: float) -> Runs:
         square += np.where(ended, duration * duration, 0.0)
         duration = np.where(is_on, duration + step_s, 0.0)
     total = is_in.sum(axis=0) * step_s
+    has_run = number > 0
     with np.errstate(invalid="ignore"):
-        mean = total / number  # nan without a run
-    least = np.where(number > 0, least, np.nan)
-    longest = np.where(number > 0, longest, np.nan)
+        mean = total / number
+    least, mean, longest = (np.where(has_run, row, np.nan) for row in (least, mean, longest))
     return Runs(number, least, mean, longest, square)
 
 
