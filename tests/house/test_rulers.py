@@ -34,7 +34,7 @@ TOKENS: dict[str, int] = {
     "opir_scoring": 30_100,
     "opir_stonesoup": 5_440,
     "opir_studies": 29_200,
-    "opir_testing": 33_200,
+    "opir_testing": 33_110,
     "opir_trackers": 122_400,
     "benchmarks": 129_400,
     "tests": 672_700,
@@ -86,7 +86,6 @@ OVER: dict[str, dict[str, float]] = {
     },
     "opir_scoring": {"function_p90": 268, "function_most": 549, "not_nouns": 0.138},
     "opir_studies": {"function_most": 588, "not_nouns": 0.125},
-    "opir_testing": {"function_most": 417, "not_nouns": 0.099, "twins": 3},
     "opir_trackers": {
         "function_p90": 270,
         "function_most": 617,

@@ -57,9 +57,9 @@ def stub_window(
     """
     scan = np.arange(first_scan, first_scan + count)
     detections = _detections(scan)
-    given = {name: _like(name, value, count) for name, value in columns.items()}
-    given.setdefault("reported_ns", given.get("time_ns", detections.time_ns))
-    detections = evolve(detections, **given)
+    columns_given = {name: _like(name, value, count) for name, value in columns.items()}
+    columns_given.setdefault("reported_ns", columns_given.get("time_ns", detections.time_ns))
+    detections = evolve(detections, **columns_given)
     return Window(
         start_s=float(first_scan),
         end_s=float(first_scan + count),
@@ -100,21 +100,21 @@ def stub_estimates(
         width = np.shape(columns["hypothesis_probability"])[-1]
         unknown["hypothesis_probability"] = np.full((count, width), np.nan)
         columns = hypothesis_sums(columns["hypothesis_probability"], hypotheses) | columns
-    given = {
+    columns_given = {
         name: np.array(np.broadcast_to(value, unknown[name].shape), dtype=unknown[name].dtype)
         for name, value in columns.items()
     }
-    given.setdefault("available_s", given.get("tick_s", unknown["tick_s"]))
+    columns_given.setdefault("available_s", columns_given.get("tick_s", unknown["tick_s"]))
     for row, tuple_ in enumerate(regions):
         unknown["impact_regions"][row] = tuple_
-    return Tracks(**(unknown | given))
+    return Tracks(**(unknown | columns_given))
 
 
 def stub_hypotheses(**chances: float) -> FloatArray:
     """Return the probabilities (H,) of `core_hypotheses()`, by names with `_` for spaces; the rest
     is none of these.
     """
-    names = [each.name.replace(" ", "_") for each in core_hypotheses()]
+    names = [hypothesis.name.replace(" ", "_") for hypothesis in core_hypotheses()]
     shares = np.zeros(len(names))
     for name, chance in chances.items():
         shares[names.index(name)] = chance
@@ -128,13 +128,13 @@ def hypothesis_sums(
     """Return the sums that `Tracks` has of probabilities (..., H) of hypotheses,
     `core_hypotheses()` by default.
     """
-    groups = [each.group for each in hypotheses or core_hypotheses()]
+    groups = [hypothesis.group for hypothesis in hypotheses or core_hypotheses()]
     summed = {"launch": LAUNCH_GROUPS, "missile": ("missile",), "orbit": ("orbit",)}
     return {
-        f"probability_{name}": np.asarray(chances)[..., [group in own for group in groups]].sum(
+        f"probability_{name}": np.asarray(chances)[..., [group in members for group in groups]].sum(
             axis=-1
         )
-        for name, own in summed.items()
+        for name, members in summed.items()
     }
 
 
@@ -306,8 +306,8 @@ class CountingTracker(Tracker):
 
     def associate(self, detections: Detections) -> IntArray:
         """Return the track of the sensor if it existed at the last tick."""
-        known = np.array(sorted(self.counts), dtype=np.int64)
-        return np.where(np.isin(detections.sensor, known), detections.sensor, -1).astype(np.int64)
+        sensors = np.array(sorted(self.counts), dtype=np.int64)
+        return np.where(np.isin(detections.sensor, sensors), detections.sensor, -1).astype(np.int64)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Count the detections; return one row per sensor with detections so far."""

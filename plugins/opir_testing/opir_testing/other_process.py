@@ -27,13 +27,13 @@ def events_in_other_process(scene: SceneFile, plugins: Sequence[str]) -> tuple[b
 
     `plugins` are the modules of plugins that are not installed.
     """
-    other = _process()
-    assert other.stdin is not None
-    assert other.stdout is not None
+    process = _process()
+    assert process.stdin is not None
+    assert process.stdout is not None
     request = {"scene": scene, "plugins": list(plugins), "path": sys.path}
-    other.stdin.write(json.dumps(request) + "\n")
-    other.stdin.flush()
-    answer = json.loads(other.stdout.readline() or '{"error": "the process ended"}')
+    process.stdin.write(json.dumps(request) + "\n")
+    process.stdin.flush()
+    answer = json.loads(process.stdout.readline() or '{"error": "the process ended"}')
     if "error" in answer:
         raise RuntimeError(answer["error"])
     return tuple(base64.b64decode(line) for line in answer["lines"])
@@ -42,19 +42,19 @@ def events_in_other_process(scene: SceneFile, plugins: Sequence[str]) -> tuple[b
 @cache
 def _process() -> "subprocess.Popen[str]":
     seed = _OTHER_HASH_SEED if os.environ.get("PYTHONHASHSEED") == _HASH_SEED else _HASH_SEED
-    other = subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, "-m", __name__],
         env={**os.environ, "PYTHONHASHSEED": seed},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     )
-    atexit.register(_end, other)
-    return other
+    atexit.register(_end, process)
+    return process
 
 
-def _end(other: "subprocess.Popen[str]") -> None:
-    other.communicate()
+def _end(process: "subprocess.Popen[str]") -> None:
+    process.communicate()
 
 
 def _serve() -> None:

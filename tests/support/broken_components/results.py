@@ -66,8 +66,8 @@ class Endless(DetectionCount):
         }
 
 
-@made_of(MetricModel, "survivors-alone", "test_figures_that_launches_lack_name_their_share")
-class SurvivorsAlone(DetectionCount):
+@made_of(MetricModel, "survivors", "test_figures_that_launches_lack_name_their_share")
+class Survivors(DetectionCount):
     units: Mapping[str, str] = {"detections": "", "tracks": "", "tracked": ""}
     shares: Mapping[str, str] = {"tracks": "tracked"}
 
@@ -75,7 +75,7 @@ class SurvivorsAlone(DetectionCount):
         return {**super().values(run), "tracked": 1.0}
 
 
-@made_of(MetricModel, "timed", "test_figures_depend_on_the_run_alone")
+@made_of(MetricModel, "timed", "test_figures_depend_only_on_the_run")
 class Timed(DetectionCount):
     def values(self, run: Run) -> Mapping[str, float]:
         return {**super().values(run), "tracks": float(time.time_ns() % 2)}

@@ -47,19 +47,21 @@ def check(arguments: argparse.Namespace) -> int:
     settings = _settings(arguments.settings)
     expected = _expected(arguments.expect)
     contracts = [
-        (one, contract_for(one.component.hook, arguments.name, settings, expected))
-        for one in components
+        (component, contract_for(component.component.hook, arguments.name, settings, expected))
+        for component in components
     ]
-    results = [(one, list(conformance_results(contract))) for one, contract in contracts]
+    results = [
+        (component, list(conformance_results(contract))) for component, contract in contracts
+    ]
     text = (
         _as_json(results)
         if arguments.json
         else "\n\n".join(_as_text(*result) for result in results)
     )
     sys.stdout.write(text + "\n")
-    for one in components:
-        for problem in implausible_defaults(one.component, settings):
-            warn(f"{one.component.kind} {one.component.name}: {problem}")
+    for component in components:
+        for problem in implausible_defaults(component.component, settings):
+            warn(f"{component.component.kind} {component.component.name}: {problem}")
     return (
         _FAILED_EXIT_CODE
         if any(result.state in BAD for _, rows in results for result in rows)

@@ -216,13 +216,13 @@ def _words(kind: TemplateKind, name: str) -> Mapping[str, str]:
         "Article": with_article(kind.words).partition(" ")[0].capitalize(),
         "Contract": kind.contract,
     }
-    chosen = {
+    settings = {
         "choice": kind.choice,
         "sensors": kind.sensors,
         "target": kind.target,
         "type": kind.target_class,
     }
-    return {**words, **{key: Template(text).substitute(words) for key, text in chosen.items()}}
+    return {**words, **{key: Template(text).substitute(words) for key, text in settings.items()}}
 
 
 def _dependencies(code: str) -> str:

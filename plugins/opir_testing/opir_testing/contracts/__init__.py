@@ -81,20 +81,20 @@ def contract_for(
     unknown test.
     """
     parent = contract_of(hook)
-    known = test_names(parent)
+    names = test_names(parent)
     for test in expected:
-        if test not in known:
+        if test not in names:
             raise SceneError(
-                [Problem(test, f"{parent.__name__} has no such test{nearest(test, known)}")],
+                [Problem(test, f"{parent.__name__} has no such test{nearest(test, names)}")],
                 source="--expect",
             )
-    given = {
+    methods = {
         "name": name,
         "settings": settings,
         "expected_failures": expected,
         "plugins": tuple(plugins),
     }
-    return type(parent.__name__, (parent,), given)
+    return type(parent.__name__, (parent,), methods)
 
 
 def conformance_results(contract: type[Contract]) -> Iterator[ConformanceResult]:

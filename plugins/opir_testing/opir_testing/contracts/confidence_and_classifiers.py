@@ -39,8 +39,8 @@ class ConfidenceContract(SceneContract):
         them.
         """
         needs = getattr(cls.component().config, "needs_posterior", False)
-        chosen = {"detection": "snr", "classification": "spectral"} if needs else {}
-        return super().scene(**{**chosen, **changes})
+        models = {"detection": "snr", "classification": "spectral"} if needs else {}
+        return super().scene(**{**models, **changes})
 
     @classmethod
     def part(cls) -> Any:
@@ -55,9 +55,9 @@ class ConfidenceContract(SceneContract):
 
     def test_confidences_lie_in_the_unit_interval(self) -> None:
         """Each detection has a confidence in [0, 1], also with unknown SNR."""
-        seen = self.inputs()
-        confidence = self.plan().confidence.confidence(seen)
-        require_rows("confidence", confidence, len(seen))
+        inputs = self.inputs()
+        confidence = self.plan().confidence.confidence(inputs)
+        require_rows("confidence", confidence, len(inputs))
         require(
             confidence.dtype == np.float64
             and bool(np.all((confidence >= 0.0) & (confidence <= 1.0))),
@@ -69,9 +69,9 @@ class ConfidenceContract(SceneContract):
     def test_confidences_are_independent(self) -> None:
         """The confidence of a detection does not depend on the other detections of the call."""
         model = self.plan().confidence
-        seen = self.inputs()
+        inputs = self.inputs()
         require_independent_rows(
-            "confidence", lambda rows: model.confidence(seen.take(rows).freeze()), len(seen)
+            "confidence", lambda rows: model.confidence(inputs.take(rows).freeze()), len(inputs)
         )
 
     def test_detections_are_computed_as_arrays(self) -> None:
@@ -79,12 +79,12 @@ class ConfidenceContract(SceneContract):
         arrays.
         """
         model = self.plan().confidence
-        seen = self.inputs()
+        inputs = self.inputs()
         require_array_computation(
             "detection",
-            lambda rows: model.confidence(seen.take(_spread(len(seen), rows)).freeze()),
-            len(seen) // 4,
-            len(seen),
+            lambda rows: model.confidence(inputs.take(_spread(len(inputs), rows)).freeze()),
+            len(inputs) // 4,
+            len(inputs),
         )
 
     def test_a_built_model_pickles(self) -> None:
@@ -141,9 +141,9 @@ class ClassifierContract(SceneContract):
         if of_pair is None:
             return
         require_rows("pair_type", of_pair, len(plan.pairs))
-        same = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.inputs()))))
+        is_equal = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.inputs()))))
         require(
-            same,
+            is_equal,
             "pair_type and reported_type differ",
             "Draw both from rng.pair_uniforms, or return None.",
         )
@@ -159,11 +159,11 @@ class ClassifierContract(SceneContract):
         reports.
         """
         model = self.plan().classifier
-        seen = self.inputs()
-        posterior = model.log_posterior(seen)
+        inputs = self.inputs()
+        posterior = model.log_posterior(inputs)
         if posterior is None:
             return
-        require_rows("log_posterior", posterior, len(seen))
+        require_rows("log_posterior", posterior, len(inputs))
         over_types = model.over_types(posterior, REPORTED_TYPES)
         total = np.exp(over_types).sum(axis=1)
         sums_to_one = over_types.shape[1] == len(REPORTED_TYPES) and bool(
@@ -175,9 +175,9 @@ class ClassifierContract(SceneContract):
             " hypotheses, with an over_types that sums them."
         )
         require(sums_to_one, "type probabilities do not sum to 1", change)
-        same = np.array_equal(model.reported(posterior), self._codes(np.arange(len(seen))))
+        is_equal = np.array_equal(model.reported(posterior), self._codes(np.arange(len(inputs))))
         require(
-            same,
+            is_equal,
             "reported and reported_type differ",
             "Return reported(log_posterior(...)) from reported_type.",
         )
@@ -192,9 +192,9 @@ class ClassifierContract(SceneContract):
         """The number of Python steps does not grow with the detections: computations are on
         arrays.
         """
-        many = len(self.inputs())
+        count = len(self.inputs())
         require_array_computation(
-            "detection", lambda rows: self._codes(_spread(many, rows)), many // 4, many
+            "detection", lambda rows: self._codes(_spread(count, rows)), count // 4, count
         )
 
     def test_a_built_classifier_pickles(self) -> None:
@@ -205,8 +205,8 @@ class ClassifierContract(SceneContract):
         )
 
     def _codes(self, rows: Any) -> Any:
-        seen = self.inputs().take(rows).freeze()
-        return self.plan().classifier.reported_type(seen, self.looks().draws(rows))
+        inputs = self.inputs().take(rows).freeze()
+        return self.plan().classifier.reported_type(inputs, self.looks().draws(rows))
 
 
 def _spread(count: int, rows: int) -> IntArray:

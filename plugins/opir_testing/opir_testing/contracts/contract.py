@@ -213,25 +213,27 @@ def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
     rows.
     """
     everyone = np.arange(rows)
-    whole = np.asarray(compute(everyone))
-    require_rows(what, whole, rows)
+    values = np.asarray(compute(everyone))
+    require_rows(what, values, rows)
     choices = {
         "in reverse": everyone[::-1],
         "every third": everyone[::3],
         "the last only": everyone[-1:],
         "none": everyone[:0],
     }
-    for selection, chosen in choices.items():
-        part = np.asarray(compute(chosen))
-        require_rows(what, part, len(chosen))
-        other = whole[chosen]
-        same = (part == other) | ((part != part) & (other != other))
-        differs = ~same.all(axis=tuple(range(1, same.ndim)))
+    for selection, rows_chosen in choices.items():
+        chosen_values = np.asarray(compute(rows_chosen))
+        require_rows(what, chosen_values, len(rows_chosen))
+        expected = values[rows_chosen]
+        is_equal = (chosen_values == expected) | (
+            (chosen_values != chosen_values) & (expected != expected)
+        )
+        differs = ~is_equal.all(axis=tuple(range(1, is_equal.ndim)))
         if differs.any():
             row = int(np.flatnonzero(differs)[0])
             raise ConformanceError(
-                f"{what} of row {int(chosen[row])} is {whole[chosen][row]} among all rows and"
-                f" {part[row]}"
+                f"{what} of row {int(rows_chosen[row])} is {values[rows_chosen][row]} among all rows and"
+                f" {chosen_values[row]}"
                 f" in a selection ({selection})",
                 "Compute each row from its own columns: no sums, means, sorting or running state"
                 " over rows. Draw random"
@@ -274,13 +276,13 @@ def require_same_events(
     if list(expected) == list(lines):
         return
     pairs = zip(expected, lines, strict=False)
-    first = next(
-        (row for row, (one, other) in enumerate(pairs) if one != other),
+    row = next(
+        (row for row, (event, line) in enumerate(pairs) if event != line),
         min(len(expected), len(lines)),
     )
     differing = " and ".join(
-        (each[first].decode(errors="replace")[:300] if first < len(each) else "nothing")
-        for each in (expected, lines)
+        (events[row].decode(errors="replace")[:300] if row < len(events) else "nothing")
+        for events in (expected, lines)
     )
     raise ConformanceError(
         f"{where} there are {len(lines)} events instead of {len(expected)}, or different ones:"
@@ -319,8 +321,10 @@ def require_pickling(part: Any) -> Any:
 
 def require_same_copy(part: Any, results: Callable[[Any], Any]) -> None:
     """Require that a built part can be pickled, and that its copy returns the same arrays."""
-    same = np.array_equal(results(require_pickling(part)), results(part))
-    require(same, "a pickled copy returns other values", "Keep all state in fields that pickle.")
+    is_equal = np.array_equal(results(require_pickling(part)), results(part))
+    require(
+        is_equal, "a pickled copy returns other values", "Keep all state in fields that pickle."
+    )
 
 
 def count_excess(count: float, chances: FloatArray) -> float:

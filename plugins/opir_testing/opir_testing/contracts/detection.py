@@ -52,8 +52,8 @@ class RecordingDraws:
     def require_own_purposes(self) -> None:
         """Require that no purpose was one of the engine's own."""
         taken = sorted(self.purposes & RESERVED_PURPOSES)
-        seen = f"it draws by the purpose {', '.join(taken)}"
-        require(not taken, seen, "Choose a purpose of your own, e.g. its name.")
+        words = f"it draws by the purpose {', '.join(taken)}"
+        require(not taken, words, "Choose a purpose of your own, e.g. its name.")
 
 
 def reported_chances(
@@ -70,10 +70,10 @@ def reported_chances(
     counts[:, 0] = 1.0
     for back in range(1, int(scans.max(initial=1))):
         row = np.arange(back, len(hit))
-        same = (sorted_pair[row] == sorted_pair[row - back]) & (
+        is_equal = (sorted_pair[row] == sorted_pair[row - back]) & (
             sorted_scan[row] - sorted_scan[row - back] < scans[order][row]
         )
-        chance = np.where(same, hit[row - back], 0.0)[:, None]
+        chance = np.where(is_equal, hit[row - back], 0.0)[:, None]
         # Counts above the last column are lost: only small ones matter.
         counts[row, 1:] = counts[row, 1:] * (1.0 - chance) + counts[row, :-1] * chance
         counts[row, 0] *= 1.0 - chance[:, 0]
@@ -135,9 +135,9 @@ class DetectionContract(SceneContract):
             lambda rows: model.pair_probability(exposed.sensor[rows], exposed.target[rows]),
             len(exposed),
         )
-        same = np.array_equal(of_pair, model.probability(exposed))
+        is_equal = np.array_equal(of_pair, model.probability(exposed))
         require(
-            same,
+            is_equal,
             "pair_probability and probability differ",
             "Return None from pair_probability where looks differ.",
         )
@@ -158,10 +158,12 @@ class DetectionContract(SceneContract):
             sensor_ecef_m=no_vectors,
         )
         try:
-            same = np.array_equal(model.probability(bare), model.probability(exposed))
+            is_equal = np.array_equal(model.probability(bare), model.probability(exposed))
         except (IndexError, ValueError):
-            same = False
-        require(same, "needs_geometry is False, but geometry is used", "Set needs_geometry = True.")
+            is_equal = False
+        require(
+            is_equal, "needs_geometry is False, but geometry is used", "Set needs_geometry = True."
+        )
 
     def test_confirming_bands_are_the_sensors_bands(self) -> None:
         """Each detection has at least one confirming band, and only bands of its sensor."""
@@ -251,11 +253,11 @@ class DetectionContract(SceneContract):
         from scipy.special import ndtr
 
         require_rows("response", response.snr, len(exposed))
-        same = response.probit is not None and np.allclose(
+        is_equal = response.probit is not None and np.allclose(
             ndtr(response.probit), model.probability(exposed), atol=1e-9
         )
         require(
-            same,
+            is_equal,
             "response and probability differ",
             "Return the standard normal quantile of P_d as probit.",
         )
@@ -264,14 +266,14 @@ class DetectionContract(SceneContract):
         """The number of Python steps does not grow with the looks: computations are on arrays."""
         model = self.model()
         exposed = self.looks().exposures
-        many = len(self.looks().exposures)
+        count = len(self.looks().exposures)
         # Spread over all looks: the first ones are of one sensor, and each kind of sensor may take
         # its own steps.
         require_array_computation(
             "look",
-            lambda rows: model.probability(exposed.take(np.arange(rows) * many // rows).freeze()),
-            many // 4,
-            many,
+            lambda rows: model.probability(exposed.take(np.arange(rows) * count // rows).freeze()),
+            count // 4,
+            count,
         )
 
     def test_a_built_model_pickles(self) -> None:

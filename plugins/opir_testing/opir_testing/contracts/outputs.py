@@ -32,22 +32,15 @@ from opir_testing.json_schema import schema_errors
 
 
 def edge_case_windows(hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, Window]:
-    """Return windows of edge cases of sensor 0, by description; with `hypotheses` also one whose
-    tracks weigh them.
+    """Return windows of edge cases of sensor 0, by description.
+
+    With `hypotheses` there is one more, whose tracks weigh them.
     """
     pole = [0.0, 0.0, -1.0]
     edge = [-1.0, 0.0, 0.0]
-    zero = np.zeros(3)
-    known = stub_estimates(
-        2,
-        state=[6.5e6, 1.0, 2.0, 10.0, 20.0, 30.0],
-        launch=[np.pi / 2, np.pi, 1.0],
-        launch_covariance=[[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 0.25]],
-        impact=[-np.pi / 2, -np.pi, 2.0],
-        impact_covariance=[[1e6, 0.0, 0.0], [0.0, 1e6, 0.0], [0.0, 0.0, 4.0]],
-    )
+    estimates = _estimates_at_poles()
     with_regions = evolve(
-        known,
+        estimates,
         impact_regions=stub_estimates(
             2, impact_regions=[stub_regions(89.5, 0.0), stub_regions(9.0, 180.0)]
         ).impact_regions,
@@ -60,29 +53,39 @@ def edge_case_windows(hypotheses: Sequence[Hypothesis] = ()) -> Mapping[str, Win
         "at the antimeridian": stub_window(
             3, sensor_ecef_m=[-4.2e7, -1e-3, 0.0], line_of_sight_ecef=edge
         ),
-        "with an estimate": stub_window(2, track=0, estimate=0, estimates=known),
+        "with an estimate": stub_window(2, track=0, estimate=0, estimates=estimates),
         "with unknown estimates": stub_window(2, track=7, estimate=1, estimates=stub_estimates(2)),
         "with unknown values": stub_window(2, snr=np.nan, confidence=0.0, bands=0),
         "with tracks": evolve(
-            stub_window(2, track=0, estimate=0, estimates=known),
+            stub_window(2, track=0, estimate=0, estimates=estimates),
             tracks=Tracks.concatenate([with_regions, stub_estimates(2, tick_s=[1.0, 2.0])]),
         ),
         "with tracks alone": evolve(stub_window(0), tracks=with_regions),
         "with full confidence": stub_window(
-            2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=zero[0]
+            2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=0.0
         ),
         **({"with hypotheses": _weighed_window(hypotheses)} if hypotheses else {}),
     }
 
 
+def _estimates_at_poles() -> Tracks:
+    """Return estimates with a launch and an impact at the poles."""
+    return stub_estimates(
+        2,
+        state=[6.5e6, 1.0, 2.0, 10.0, 20.0, 30.0],
+        launch=[np.pi / 2, np.pi, 1.0],
+        launch_covariance=[[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 0.25]],
+        impact=[-np.pi / 2, -np.pi, 2.0],
+        impact_covariance=[[1e6, 0.0, 0.0], [0.0, 1e6, 0.0], [0.0, 0.0, 4.0]],
+    )
+
+
 def _weighed_window(hypotheses: Sequence[Hypothesis]) -> Window:
-    """Return a window of a track that is certain of the last hypothesis, and of one that weighs
-    none.
-    """
+    """Return a window of a track that is certain of the last hypothesis, and one without any."""
     chances = np.zeros((2, len(hypotheses)))
     chances[0, -1] = 1.0
     chances[1] = np.nan
-    given = stub_regions(9.0, 180.0, condition="relights", probability=0.1, effective_samples=12.0)
+    region = stub_regions(9.0, 180.0, condition="relights", probability=0.1, effective_samples=12.0)
     estimates = stub_estimates(
         2,
         hypotheses,
@@ -90,7 +93,7 @@ def _weighed_window(hypotheses: Sequence[Hypothesis]) -> Window:
         hypothesis_probability=chances,
         end=[1, 0],
         impact=0.1,
-        impact_regions=[given, ()],
+        impact_regions=[region, ()],
     )
     return evolve(
         stub_window(2, track=[0, 1], estimate=[0, 1], estimates=estimates), tracks=estimates
@@ -180,12 +183,12 @@ class EncoderContract(OutputContract):
         """Windows cut in two give the same bytes, and so does the same window twice."""
         encoder = self.encoder()
         for window in self.windows():
-            part = _part_of_tracks if encoder.encodes_tracks else _part
+            part_of = _part_of_tracks if encoder.encodes_tracks else _part
             middle = event_counter(encoder)(window) // 2
-            halves = (part(window, slice(0, middle)), part(window, slice(middle, None)))
-            same = encoder.encode(window) == b"".join(map(encoder.encode, halves))
+            halves = (part_of(window, slice(0, middle)), part_of(window, slice(middle, None)))
+            is_equal = encoder.encode(window) == b"".join(map(encoder.encode, halves))
             require(
-                same,
+                is_equal,
                 "a window cut in two gives other bytes",
                 "Encode each row from its own columns alone.",
             )
@@ -200,9 +203,9 @@ class EncoderContract(OutputContract):
                     range_m=window.truth.range_m + 1e6,
                     target=window.truth.target[::-1],
                 )
-                same = encoder.encode(window) == encoder.encode(evolve(window, truth=changed))
+                is_equal = encoder.encode(window) == encoder.encode(evolve(window, truth=changed))
                 require(
-                    same,
+                    is_equal,
                     "the bytes depend on the truth",
                     "Use window.detections and window.estimates only.",
                 )
@@ -215,11 +218,11 @@ class EncoderContract(OutputContract):
         if "json" not in encoder.content_type:
             return
         component = self.component()
-        due = None if component.schema is None else json.loads(component.schema())
+        schema = None if component.schema is None else json.loads(component.schema())
         for name, window in edge_case_windows(self.plan().hypotheses).items():
             for line in encoder.encode(window).splitlines():
                 event = _json_of(line, name)
-                errors = [] if due is None else schema_errors(event, due)
+                errors = [] if schema is None else schema_errors(event, schema)
                 require(
                     not errors,
                     f"{name}: {'; '.join(errors[:3])}",
@@ -236,8 +239,10 @@ class EncoderContract(OutputContract):
     def test_a_built_encoder_pickles(self) -> None:
         """The built encoder can be pickled, and its copy returns the same bytes."""
         window = self.windows()[2]
-        same = require_pickling(self.encoder()).encode(window) == self.encoder().encode(window)
-        require(same, "a pickled copy returns other bytes", "Keep all state in fields that pickle.")
+        is_equal = require_pickling(self.encoder()).encode(window) == self.encoder().encode(window)
+        require(
+            is_equal, "a pickled copy returns other bytes", "Keep all state in fields that pickle."
+        )
 
 
 def _part(window: Window, rows: slice) -> Window:

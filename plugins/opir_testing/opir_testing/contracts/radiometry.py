@@ -201,25 +201,26 @@ class SourceContract(EmitterContract):
 
     def test_emitters_have_source_types(self) -> None:
         """Emitters have types of sources, a start before their end, and positions between them."""
-        made = self.sources().trajectories
+        trajectories = self.sources().trajectories
         rows = len(self.sources().ids)
         require(
-            made.type_code.shape == (rows,)
+            trajectories.type_code.shape == (rows,)
             and bool(
                 np.all(
-                    (made.type_code >= len(TARGET_TYPES)) & (made.type_code < len(EMITTER_TYPES))
+                    (trajectories.type_code >= len(TARGET_TYPES))
+                    & (trajectories.type_code < len(EMITTER_TYPES))
                 )
             ),
             "an emitter has the type of a target",
             "Set type_code to EMITTER_TYPES.index of a source's type.",
         )
         require(
-            np.all(made.burnout_s > made.ignition_s),
+            np.all(trajectories.burnout_s > trajectories.ignition_s),
             "an emitter ends before it starts",
             "Check its times.",
         )
-        middle = 0.5 * (made.ignition_s + made.burnout_s)
-        position_m = made.position_ecef_m(np.arange(rows, dtype=np.int32), middle)
+        middle = 0.5 * (trajectories.ignition_s + trajectories.burnout_s)
+        position_m = trajectories.position_ecef_m(np.arange(rows, dtype=np.int32), middle)
         require(
             position_m.shape == (rows, 3) and bool(np.isfinite(position_m).all()),
             "an emitter has no position while it radiates",
@@ -252,10 +253,10 @@ class EnvironmentContract(RadiometricContract):
     def test_a_model_built_again_returns_the_same(self) -> None:
         """A second model of the same context returns the same values; the model can be pickled."""
         values = self.values(0, np.arange(_ROWS))
-        again = type(self.__class__.__name__, (type(self),), {})()
-        same = np.array_equal(again.values(0, np.arange(_ROWS)), values)
+        copy = type(self.__class__.__name__, (type(self),), {})()
+        is_equal = np.array_equal(copy.values(0, np.arange(_ROWS)), values)
         require(
-            same,
+            is_equal,
             "a second model returns other values",
             "Build the model from its configuration and context.",
         )
@@ -277,13 +278,13 @@ class AtmosphereContract(EnvironmentContract):
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the transmittances and cloud tops of some paths."""
         path = _paths(_heights_m()[rows], rows).freeze()
-        both = (
+        pairs = (
             self.model().transmittance(band, path),
             self.model().cloud_top_m(path.target_ecef_m),
         )
-        for column in both:
+        for column in pairs:
             require_rows("the value", column, len(path))
-        return np.stack(both, axis=1)
+        return np.stack(pairs, axis=1)
 
     def test_transmittances_lie_in_the_unit_interval(self) -> None:
         """Transmittances lie in [0, 1] at all heights and elevations; cloud tops are finite or
@@ -351,14 +352,14 @@ class BackgroundContract(EnvironmentContract):
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the radiances and clutter of some views."""
         view = _views()
-        chosen = view.take(rows).freeze()
-        both = (
-            self.model().radiance_w_m2_sr(band, chosen),
-            self.model().clutter_w_m2_sr(band, chosen),
+        selected = view.take(rows).freeze()
+        pairs = (
+            self.model().radiance_w_m2_sr(band, selected),
+            self.model().clutter_w_m2_sr(band, selected),
         )
-        for column in both:
-            require_rows("the value", column, len(chosen))
-        return np.stack(both, axis=1)
+        for column in pairs:
+            require_rows("the value", column, len(selected))
+        return np.stack(pairs, axis=1)
 
     def test_radiances_are_finite_and_not_negative(self) -> None:
         """Radiance and clutter are finite and not negative, by day and night, at the limb, in

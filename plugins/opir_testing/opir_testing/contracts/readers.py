@@ -69,7 +69,7 @@ class ReaderContract(Contract):
             "Return columns and records as FileReader describes them.",
         )
 
-    def test_it_recognises_its_own_files_alone(self) -> None:
+    def test_it_recognises_only_its_files(self) -> None:
         """`recognises` is true of the example, with other ends of lines too, and false of other
         texts.
         """
@@ -113,7 +113,7 @@ class ReaderContract(Contract):
                     "Raise BadFileError for every text that the reader cannot take.",
                 )
 
-    def test_the_content_depends_on_the_text_alone(self) -> None:
+    def test_the_content_depends_only_on_the_text(self) -> None:
         """A second call gives the same; clock, network and global random state are not used."""
         require(
             _plain(self.part()) == _plain(self.part()), "a second call gives something else", _ALONE
@@ -166,8 +166,8 @@ def _fault_of_table(table: Any) -> str:
         return f"a table with burns_s of shape {np.shape(table.burns_s)}, not (k, 2)"
     if count < 2 or not np.isfinite(table.time_s).all() or not np.isfinite(table.position_m).all():
         return "a table of less than two finite states"
-    same = np.diff(table.run) == 0
-    if not (np.diff(table.time_s)[same] > 0.0).all():
+    is_same_run = np.diff(table.run) == 0
+    if not (np.diff(table.time_s)[is_same_run] > 0.0).all():
         return "a table whose times do not increase within a run"
     return "" if isinstance(table.line_of(0), int) else "a table whose line_of returns no number"
 

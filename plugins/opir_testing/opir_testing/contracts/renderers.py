@@ -23,13 +23,13 @@ class RendererContract(Contract):
     @cache
     def renderer(cls) -> Renderer:
         """Return the built renderer."""
-        made: Renderer = cls.component().build(cls.config(), RendererContext(reference=reference))
+        output: Renderer = cls.component().build(cls.config(), RendererContext(reference=reference))
         require(
-            callable(made),
-            f"build returned {kind_of(made)}",
+            callable(output),
+            f"build returned {kind_of(output)}",
             "Return a function of a number and of columns.",
         )
-        return made
+        return output
 
     @classmethod
     def part(cls) -> Any:
@@ -39,18 +39,20 @@ class RendererContract(Contract):
     def require_reference(self, lines: Mapping[str, Sequence[Column]], count: int = _ROWS) -> None:
         """Require the bytes of the reference for the columns of lines, by description."""
         for name, columns in lines.items():
-            due = reference(count, columns)
-            made = self.renderer()(count, columns)
+            expected = reference(count, columns)
+            output = self.renderer()(count, columns)
             places = [
                 place
-                for place, (one, other) in enumerate(zip(due, made, strict=False))
-                if one != other
+                for place, (expected_byte, output_byte) in enumerate(
+                    zip(expected, output, strict=False)
+                )
+                if expected_byte != output_byte
             ]
-            at = places[0] if places else min(len(due), len(made))
+            at = places[0] if places else min(len(expected), len(output))
             require(
-                made == due,
-                f"{name}: {made[at : at + 40]!r} at byte {at}, where the reference has"
-                f" {due[at : at + 40]!r}",
+                output == expected,
+                f"{name}: {output[at : at + 40]!r} at byte {at}, where the reference has"
+                f" {expected[at : at + 40]!r}",
                 "Return the bytes that context.reference(count, columns) returns.",
             )
 
@@ -124,11 +126,15 @@ class RendererContract(Contract):
         """A renderer does not change its columns: they are those of the engine."""
         values = np.linspace(-1.0, 1.0, _ROWS)
         self.renderer()(_ROWS, [Decimal(values, 3), b"\n"])
-        same = np.array_equal(values, np.linspace(-1.0, 1.0, _ROWS))
-        require(same, "numbers change when they are written", "Copy columns before changing them.")
+        is_equal = np.array_equal(values, np.linspace(-1.0, 1.0, _ROWS))
+        require(
+            is_equal, "numbers change when they are written", "Copy columns before changing them."
+        )
 
     def test_a_built_renderer_pickles(self) -> None:
         """The built renderer can be pickled, and its copy returns the same bytes."""
         columns: list[Any] = [b"[", Decimal(np.arange(3.0), 1), b"]\n"]
-        same = require_pickling(self.renderer())(3, columns) == self.renderer()(3, columns)
-        require(same, "a pickled copy returns other bytes", "Keep all state in fields that pickle.")
+        is_equal = require_pickling(self.renderer())(3, columns) == self.renderer()(3, columns)
+        require(
+            is_equal, "a pickled copy returns other bytes", "Keep all state in fields that pickle."
+        )

@@ -53,9 +53,9 @@ class ResultContract(Contract):
         """Return runs by description: with tracks and regions, without tracks, without
         detections.
         """
-        whole, silent = (
-            run_of_plan(planned(bench_scene(**each), cls.host()))
-            for each in ({}, {"detection": "never"})
+        observed, silent = (
+            run_of_plan(planned(bench_scene(**changes), cls.host()))
+            for changes in ({}, {"detection": "never"})
         )
         regions = [stub_regions(9.0, 167.7), stub_regions(10.0, 179.9), ()]
         tracks = stub_estimates(
@@ -65,16 +65,16 @@ class ResultContract(Contract):
             impact=[0.16, 2.9, 1900.0],
             impact_regions=regions,
         )
-        known = evolve(
-            whole,
+        estimates = evolve(
+            observed,
             tracks=evolve(
                 edge_case_windows()["with tracks alone"].tracks, tick_s=tracks.tick_s[:2]
             ),
         )
         return {
-            "with tracks": evolve(whole, tracks=tracks.freeze()),
-            "with tracks at the poles": evolve(known, tracks=known.tracks.freeze()),
-            "without tracks": whole,
+            "with tracks": evolve(observed, tracks=tracks.freeze()),
+            "with tracks at the poles": evolve(estimates, tracks=estimates.tracks.freeze()),
+            "without tracks": observed,
             "without detections": silent,
         }
 
@@ -158,15 +158,15 @@ class MetricContract(ResultContract):
                 )
                 require(math.isfinite(value) == (of > 0.0), words, change)
 
-    def test_figures_depend_on_the_run_alone(self) -> None:
+    def test_figures_depend_only_on_the_run(self) -> None:
         """A second call gives the same figures; clock, network and global random state are not
         used.
         """
-        first = {name: _exact(self.metric().values(run)) for name, run in self.runs().items()}
-        again = {
+        figures = {name: _exact(self.metric().values(run)) for name, run in self.runs().items()}
+        repeated = {
             name: _exact(self.metric().values(run)) for name, run in [*self.runs().items()][::-1]
         }
-        require(first == again, "a second call gives other figures", _ALONE)
+        require(figures == repeated, "a second call gives other figures", _ALONE)
         require_no_outside_inputs(
             lambda: [self.metric().values(run) for run in self.runs().values()], _ALONE
         )
@@ -175,8 +175,10 @@ class MetricContract(ResultContract):
         """The built metric can be pickled, and its copy gives the same figures."""
         copy = require_pickling(self.metric())
         run = self.runs()["with tracks"]
-        same = _exact(copy.values(run)) == _exact(self.metric().values(run))
-        require(same, "a pickled copy gives other figures", "Keep all state in fields that pickle.")
+        is_equal = _exact(copy.values(run)) == _exact(self.metric().values(run))
+        require(
+            is_equal, "a pickled copy gives other figures", "Keep all state in fields that pickle."
+        )
 
 
 class ExporterContract(ResultContract):
@@ -200,18 +202,18 @@ class ExporterContract(ResultContract):
         with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
             root = Path(folder)
             listed = self.exporter().write(run, root / f"run{self.exporter().suffix}")
-            there = {
+            file_names = {
                 path.relative_to(root).as_posix(): path.read_bytes()
                 for path in root.rglob("*")
                 if path.is_file()
             }
             names = sorted(Path(path).relative_to(root).as_posix() for path in listed)
             require(
-                names == sorted(there),
-                f"write returns {names}, and the folder has {sorted(there)}",
+                names == sorted(file_names),
+                f"write returns {names}, and the folder has {sorted(file_names)}",
                 "Return the path of each file written, and remove temporary files.",
             )
-            return there
+            return file_names
 
     def test_the_ending_is_stated(self) -> None:
         """The suffix is empty, for a folder, or begins with a dot."""
@@ -293,19 +295,23 @@ class RunViewContract(ResultContract):
     def test_the_same_run_gives_the_same_view(self) -> None:
         """A second call gives a view of the same type, and the same text if it is text."""
         for run in self.runs().values():
-            first = self.view(run)
-            again = self.view(run)
-            same = type(first) is type(again) and (not isinstance(first, str) or first == again)
-            require(same, "a second call gives another view", _ALONE)
+            view = self.view(run)
+            repeated_view = self.view(run)
+            is_equal = type(view) is type(repeated_view) and (
+                not isinstance(view, str) or view == repeated_view
+            )
+            require(is_equal, "a second call gives another view", _ALONE)
 
     def test_runs_are_not_modified(self) -> None:
         """A view does not change the run: not its summary, not its manifest."""
         for run in self.runs().values():
-            before = json.dumps([run.summary, run.manifest])
+            text = json.dumps([run.summary, run.manifest])
             self.view(run)
-            same = json.dumps([run.summary, run.manifest]) == before
+            is_equal = json.dumps([run.summary, run.manifest]) == text
             require(
-                same, "summary or manifest change when the view is made", "Copy what you change."
+                is_equal,
+                "summary or manifest change when the view is made",
+                "Copy what you change.",
             )
 
 
@@ -327,16 +333,18 @@ class ExecutorContract(Contract):
     def results(self, function: Any, tasks: list[Any]) -> dict[int, Any]:
         """Return the results of tasks by index; each index may come once."""
         executor = self.executor()
-        found = {}
+        task_results = {}
         try:
             for index, result in executor.results(function, tasks):
                 require(
-                    index not in found, f"task {index} gives two results", "Yield each task once."
+                    index not in task_results,
+                    f"task {index} gives two results",
+                    "Yield each task once.",
                 )
-                found[index] = result
+                task_results[index] = result
         finally:
             executor.close()
-        return found
+        return task_results
 
     def test_every_setting_is_documented(self) -> None:
         """Every setting has a help text, and the defaults are valid."""
@@ -345,16 +353,18 @@ class ExecutorContract(Contract):
 
     def test_every_task_is_run_once(self) -> None:
         """Each task gives its result under its own index, once."""
-        found = self.results(square, list(range(20)))
+        task_results = self.results(square, list(range(20)))
         change = "Yield (index in tasks, function(task)) for each task."
         require(
-            found == {task: task * task for task in range(20)}, f"20 tasks give {found}", change
+            task_results == {task: task * task for task in range(20)},
+            f"20 tasks give {task_results}",
+            change,
         )
 
     def test_no_task_is_no_result(self) -> None:
         """No tasks give no results."""
-        found = self.results(square, [])
-        require(not found, f"no tasks give {found}", "Yield nothing.")
+        task_results = self.results(square, [])
+        require(not task_results, f"no tasks give {task_results}", "Yield nothing.")
 
     def test_errors_arrive(self) -> None:
         """An exception of the function is raised to the caller, with its type and text."""

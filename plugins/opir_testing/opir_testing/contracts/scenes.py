@@ -185,14 +185,14 @@ def _require_valid_columns(run: BenchRun) -> None:
         "range_m: positive, nan for false alarms": is_false_alarm | (truth.range_m > 0.0),
     }
     for condition, holds in valid.items():
-        bad = np.flatnonzero(~holds)
-        if len(bad):
+        failing = np.flatnonzero(~holds)
+        if len(failing):
             targets = Counter(
                 "false alarm" if row < 0 else run.plan.targets.ids[row]
-                for row in truth.target[bad].tolist()
+                for row in truth.target[failing].tolist()
             )
             raise ConformanceError(
-                f"{condition}: not in {len(bad)} of {len(columns)} rows (targets {dict(targets)})",
+                f"{condition}: not in {len(failing)} of {len(columns)} rows (targets {dict(targets)})",
                 "Check the geometry of these targets: division by zero, arcsine beyond 1,"
                 " longitudes that wrap.",
             )

@@ -71,12 +71,12 @@ class SensorContract(SceneContract):
     @classmethod
     def block(cls) -> Mapping[str, Any]:
         """Return the settings, with a slot if the sensor needs one."""
-        given = {"orbital_slot_deg", "orbit"} & cls.settings.keys()
-        known = fields_dict(cls.component().config)
+        orbits = {"orbital_slot_deg", "orbit"} & cls.settings.keys()
+        setting_fields = fields_dict(cls.component().config)
         needs_slot = (
-            "orbital_slot_deg" in known
-            and not given
-            and not ("orbit" in known and known["orbit"].default)
+            "orbital_slot_deg" in setting_fields
+            and not orbits
+            and not ("orbit" in setting_fields and setting_fields["orbit"].default)
         )
         return {**cls.settings, **({"orbital_slot_deg": -100.0} if needs_slot else {})}
 
@@ -167,14 +167,15 @@ class SensorContract(SceneContract):
     def test_the_default_field_of_regard_fits_the_orbit(self) -> None:
         """The default cone, which follows the orbit, covers most of the Earth's disk."""
         name = "field_of_regard_half_angle_deg"
-        given, default = (
-            fields_dict(each).get(name) for each in (self.component().config, ScanningSensorConfig)
+        setting, default = (
+            fields_dict(config).get(name)
+            for config in (self.component().config, ScanningSensorConfig)
         )
         if (
-            given is None
+            setting is None
             or default is None
             or name in self.block()
-            or info_of(given) != info_of(default)
+            or info_of(setting) != info_of(default)
         ):
             return
         sensor = self.sensor()
@@ -199,9 +200,13 @@ class SensorContract(SceneContract):
             "Make the period a whole, positive number of nanoseconds.",
         )
         run = self.run()
-        mine = run.detections.sensor == [sensor.id for sensor in run.plan.sensors].index(SUBJECT)
-        for target in sorted(set(run.truth.target[mine].tolist())):
-            gaps = np.diff(np.sort(run.detections.time_ns[mine & (run.truth.target == target)]))
+        is_subject = run.detections.sensor == [sensor.id for sensor in run.plan.sensors].index(
+            SUBJECT
+        )
+        for target in sorted(set(run.truth.target[is_subject].tolist())):
+            gaps = np.diff(
+                np.sort(run.detections.time_ns[is_subject & (run.truth.target == target)])
+            )
             require(
                 np.all((gaps > 0) & (gaps % period_ns == 0)),
                 f"looks at one target come {gaps.min(initial=period_ns)} ns apart, with a period of"
@@ -213,9 +218,9 @@ class SensorContract(SceneContract):
     def test_phases_lie_in_the_period(self) -> None:
         """Offsets are whole nanoseconds in [0, period) for targets anywhere, also at the nadir."""
         scan = self.sensor().scan
-        here = self._here()
+        position = self._here()
         for uniform in (0.0, 0.37, 1.0 - 2.0**-53):
-            phase = scan.phase_ns(here, _targets_m(here), uniform)
+            phase = scan.phase_ns(position, _targets_m(position), uniform)
             require(
                 phase.dtype == np.int64 and bool(np.all((phase >= 0) & (phase < scan.period_ns))),
                 f"phase_ns is {phase.dtype} from {phase.min()} to {phase.max()}, the period"
@@ -227,10 +232,10 @@ class SensorContract(SceneContract):
     def test_phases_are_independent(self) -> None:
         """The offset of a target does not depend on the other rows of the call."""
         scan = self.sensor().scan
-        here = self._here()
-        targets = _targets_m(here)
+        position = self._here()
+        targets = _targets_m(position)
         require_independent_rows(
-            "phase_ns", lambda rows: scan.phase_ns(here, targets[rows], 0.25), len(targets)
+            "phase_ns", lambda rows: scan.phase_ns(position, targets[rows], 0.25), len(targets)
         )
 
     def test_orbit_is_above_the_ground_and_smooth(self) -> None:
@@ -302,9 +307,9 @@ class SensorContract(SceneContract):
         if not set(TARGET_TYPES) <= probability.keys():
             return
         scene = self.scene(sensors=self.scene()["sensors"][:1])
-        every = self.run_of(scene)
+        full_run = self.run_of(scene)
         drawn = self.run_of({**scene, "detection": "constant"})
-        types = every.plan.targets.type_code[every.truth.target]
+        types = full_run.plan.targets.type_code[full_run.truth.target]
         chances = np.array([probability[name] for name in TARGET_TYPES])[types]
         excess = count_excess(len(drawn.lines), chances)
         require(
@@ -320,23 +325,23 @@ class SensorContract(SceneContract):
         """
         scene = self.scene()
         without = self.run_of({**scene, "sensors": scene["sensors"][1:]})
-        others = self.run().lines_of(
+        other_lines = self.run().lines_of(
             [sensor.id for sensor in without.plan.sensors], without.plan.targets.ids
         )
         change = "Build each sensor from its own block and context; share no state."
-        require_same_events(without.lines, others, "with this sensor", change)
+        require_same_events(without.lines, other_lines, "with this sensor", change)
         grown = self.run_of({**scene, "sensors": [NEIGHBOUR_SENSOR, *scene["sensors"]]})
         lines = grown.lines_of([SUBJECT], grown.plan.targets.ids)
-        own = self.run().lines_of([SUBJECT], grown.plan.targets.ids)
-        require_same_events(own, lines, "with a neighbour", change)
+        subject_lines = self.run().lines_of([SUBJECT], grown.plan.targets.ids)
+        require_same_events(subject_lines, lines, "with a neighbour", change)
 
     def test_a_built_sensor_pickles(self) -> None:
         """The built sensor can be pickled, and its copy returns the same positions and phases."""
-        here = self._here()
+        position = self._here()
         time_s = np.linspace(0.0, 600.0, 7)
         require_same_copy(self.sensor(), lambda sensor: sensor.orbit.position_ecef_m(time_s))
         require_same_copy(
-            self.sensor(), lambda sensor: sensor.scan.phase_ns(here, _targets_m(here), 0.5)
+            self.sensor(), lambda sensor: sensor.scan.phase_ns(position, _targets_m(position), 0.5)
         )
 
     def places(self, time_s: FloatArray) -> list[tuple[float, float]]:
@@ -374,10 +379,10 @@ class ConstellationContract(SensorContract):
     @classmethod
     def block(cls) -> Mapping[str, Any]:
         """Return the settings of the first satellite."""
-        first = {
+        first_looks = {
             key: value for key, value in cls.constellation().satellites[0].items() if key != "id"
         }
-        return {**first, **cls.settings}
+        return {**first_looks, **cls.settings}
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
@@ -407,7 +412,7 @@ class ConstellationContract(SensorContract):
         )
 
 
-def _targets_m(here: FloatArray) -> FloatArray:
+def _targets_m(position: FloatArray) -> FloatArray:
     """Return targets (n, 3): a grid over the globe, the poles, the antimeridian, the nadir and its
     antipode.
     """
@@ -420,7 +425,7 @@ def _targets_m(here: FloatArray) -> FloatArray:
         ],
         axis=1,
     )
-    below = here / np.sqrt(np.sum(here**2))
+    below = position / np.sqrt(np.sum(position**2))
     return 6.45e6 * np.concatenate([ring, [below, -below]])
 
 

@@ -117,14 +117,14 @@ class SinkContract(OutputContract):
 
     def test_windows_are_not_modified(self) -> None:
         """A sink does not change its windows: other sinks get the same ones."""
-        before = [encoder_of(self.plan()).encode(window) for window in self.windows()]
+        messages = [encoder_of(self.plan()).encode(window) for window in self.windows()]
         with self.opened() as sink:
             for window in self.windows():
                 sink.write(window)
             sink.close()
-        after = [encoder_of(self.plan()).encode(window) for window in self.windows()]
+        repeated = [encoder_of(self.plan()).encode(window) for window in self.windows()]
         require(
-            before == after,
+            messages == repeated,
             "a window changes when it is written",
             "Copy columns before changing them.",
         )
@@ -179,12 +179,12 @@ class SinkContract(OutputContract):
             except (SceneError, SinkError):
                 return
             _require_run(outcome, "a run with a spool")
-            before = _sizes()
+            messages = _sizes()
             _require_run(
                 _delivered(self.run_plan(45.0, spool=spool), _RESUMING),
                 "a second run with the same spool",
             )
-            shorter = [name for name, size in before.items() if _sizes().get(name, 0) < size]
+            shorter = [name for name, size in messages.items() if _sizes().get(name, 0) < size]
             require(
                 not shorter,
                 f"a second run with the same spool makes {', '.join(shorter)} shorter: delivered"
@@ -220,9 +220,9 @@ class SinkContract(OutputContract):
             "the records of targets are lost",
             "Keep the records as they are.",
         )
-        same = [row.get("detection_id") for row in rows[len(records) :]] == ids
+        is_equal = [row.get("detection_id") for row in rows[len(records) :]] == ids
         require(
-            same,
+            is_equal,
             "the detections read are not those written",
             "Write a row for each detection, in their order.",
         )
@@ -285,10 +285,10 @@ def _sizes() -> Mapping[str, int]:
 
 @contextmanager
 def _empty_folder() -> Iterator[None]:
-    here = os.getcwd()  # noqa: PTH109
+    working_folder = os.getcwd()  # noqa: PTH109
     with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
         os.chdir(folder)
         try:
             yield
         finally:
-            os.chdir(here)
+            os.chdir(working_folder)

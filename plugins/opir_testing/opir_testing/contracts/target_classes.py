@@ -56,9 +56,9 @@ class TargetClassContract(TargetContract):
 
     def test_burns_are_those_of_the_profiles(self) -> None:
         """Burns last as long as those of the class's profiles."""
-        made = self.targets()
+        trajectories = self.targets()
         known_s = np.array([profile.burn_time_s for profile in self.target_class().profiles])
-        burn_s = made.burnout_s - made.ignition_s
+        burn_s = trajectories.burnout_s - trajectories.ignition_s
         away_s = np.abs(burn_s[:, None] - known_s).min(axis=1)
         require(
             "burn_time_s" in self.settings or bool(np.all(away_s < 1e-9)),
@@ -88,9 +88,11 @@ class TargetClassContract(TargetContract):
         )
         expected = [run.plan.sensors[row].detection_probability for row in sensor.tolist()]
         chance = run.plan.detection.pair_probability(sensor, target)
-        due = np.array([values.get(kind.name, values[kind.resembles]) for values in expected])
+        expected_values = np.array(
+            [values.get(kind.name, values[kind.resembles]) for values in expected]
+        )
         require(
-            len(run.lines) > 0 and chance is not None and np.array_equal(chance, due),
+            len(run.lines) > 0 and chance is not None and np.array_equal(chance, expected_values),
             f"{len(run.lines)} detections, with probabilities {chance}",
             "Set `resembles` to a missile type that sensors have a probability of detection for.",
         )
@@ -110,8 +112,10 @@ class TargetClassContract(TargetContract):
         run = self.run_of(
             bench_scene(targets=self.blocks(), detection="snr", classification="none")
         )
-        seen = {run.plan.targets.ids[target] for target in run.truth.target.tolist() if target >= 0}
-        dark = [block["id"] for block in self.blocks() if block["id"] not in seen]
+        detected = {
+            run.plan.targets.ids[target] for target in run.truth.target.tolist() if target >= 0
+        }
+        dark = [block["id"] for block in self.blocks() if block["id"] not in detected]
         require(
             not dark,
             f"targets {dark} are never detected",

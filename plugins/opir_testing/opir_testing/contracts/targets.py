@@ -93,17 +93,20 @@ class TargetContract(SceneContract):
 
     def test_types_and_times_are_valid(self) -> None:
         """Each target has a known type, and a burnout after its ignition."""
-        made = self.targets()
+        trajectories = self.targets()
         rows = len(self.blocks())
         require(
-            made.type_code.shape == made.ignition_s.shape == made.burnout_s.shape == (rows,),
-            f"{rows} targets have {made.type_code.shape} types and {made.ignition_s.shape}"
+            trajectories.type_code.shape
+            == trajectories.ignition_s.shape
+            == trajectories.burnout_s.shape
+            == (rows,),
+            f"{rows} targets have {trajectories.type_code.shape} types and {trajectories.ignition_s.shape}"
             f" ignitions",
             "Return one row for each configuration, in their order.",
         )
         require(
-            np.all(made.type_code < len(EMITTER_TYPES))
-            and np.all(made.burnout_s > made.ignition_s),
+            np.all(trajectories.type_code < len(EMITTER_TYPES))
+            and np.all(trajectories.burnout_s > trajectories.ignition_s),
             "a type is unknown, or a burn ends before it begins",
             "type_code is an index into TARGET_TYPES; burnout_s comes after ignition_s.",
         )
@@ -112,8 +115,8 @@ class TargetContract(SceneContract):
         """The burns of a model with `burns_s` are in order, from ignition to burnout, filled up
         with nan.
         """
-        made = self.targets()
-        if not has_own(Trajectories, made, "burns_s"):
+        trajectories = self.targets()
+        if not has_own(Trajectories, trajectories, "burns_s"):
             return
         change = (
             "Return (n, k, 2): ignition and burnout of each burn from ignition_s to burnout_s, then"
@@ -121,17 +124,17 @@ class TargetContract(SceneContract):
         )
         rows = len(self.blocks())
         require(
-            np.ndim(made.burns_s) == 3 and made.burns_s.shape[::2] == (rows, 2),
-            f"burns_s has the shape {np.shape(made.burns_s)}",
+            np.ndim(trajectories.burns_s) == 3 and trajectories.burns_s.shape[::2] == (rows, 2),
+            f"burns_s has the shape {np.shape(trajectories.burns_s)}",
             change,
         )
         for row in range(rows):
-            burns = made.burns_s[row][np.isfinite(made.burns_s[row]).all(axis=1)]
-            first = made.burns_s[row, : len(burns)]
-            ends = (made.ignition_s[row], made.burnout_s[row])
+            burns = trajectories.burns_s[row][np.isfinite(trajectories.burns_s[row]).all(axis=1)]
+            first_burns = trajectories.burns_s[row, : len(burns)]
+            ends = (trajectories.ignition_s[row], trajectories.burnout_s[row])
             require(
                 len(burns) > 0
-                and np.array_equal(first, burns)
+                and np.array_equal(first_burns, burns)
                 and (burns[0, 0], burns[-1, 1]) == ends
                 and bool(
                     np.all(np.diff(burns.ravel()) >= 0.0) and np.all(burns[:, 1] > burns[:, 0])
@@ -143,12 +146,12 @@ class TargetContract(SceneContract):
 
     def test_positions_are_finite_during_the_burn_only(self) -> None:
         """Positions are finite from ignition to burnout inclusive, and nan before and after."""
-        made = self.targets()
+        trajectories = self.targets()
         for row in range(len(self.blocks())):
-            start = float(made.ignition_s[row])
-            end = float(made.burnout_s[row])
-            inside = made.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
-            outside = made.position_ecef_m(*_at(row, np.array([start - 1.0, end + 1.0])))
+            start = float(trajectories.ignition_s[row])
+            end = float(trajectories.burnout_s[row])
+            inside = trajectories.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
+            outside = trajectories.position_ecef_m(*_at(row, np.array([start - 1.0, end + 1.0])))
             require(
                 np.isfinite(inside).all() and np.isnan(outside).all(),
                 f"target {row} has a position outside its burn, or none inside",
@@ -169,9 +172,9 @@ class TargetContract(SceneContract):
                 float(v[row]) for v in (alone.ignition_s, alone.burnout_s, followed.end_s)
             )
             flight = followed.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
-            after = followed.position_ecef_m(*_at(row, np.array([end + 1.0])))
+            position = followed.position_ecef_m(*_at(row, np.array([end + 1.0])))
             require(
-                end >= burnout and np.isfinite(flight).all() and np.isnan(after).all(),
+                end >= burnout and np.isfinite(flight).all() and np.isnan(position).all(),
                 f"target {row} has no position before end_s, or one after it",
                 "Return positions from ignition_s to end_s, both included, and nan elsewhere.",
             )
@@ -184,10 +187,12 @@ class TargetContract(SceneContract):
 
     def test_paths_are_above_the_ground_and_smooth(self) -> None:
         """Positions are above the ground and continuous, with bounded speed and acceleration."""
-        made = self.targets()
+        trajectories = self.targets()
         for row in range(len(self.blocks())):
-            time_s = np.arange(float(made.ignition_s[row]), float(made.burnout_s[row]), 0.5)
-            place_m = made.position_ecef_m(*_at(row, time_s))
+            time_s = np.arange(
+                float(trajectories.ignition_s[row]), float(trajectories.burnout_s[row]), 0.5
+            )
+            place_m = trajectories.position_ecef_m(*_at(row, time_s))
             velocity = np.diff(place_m, axis=0) / 0.5
             speed = np.abs(velocity).max()
             turn = np.abs(np.diff(velocity, axis=0)).max() / 0.5
@@ -204,27 +209,32 @@ class TargetContract(SceneContract):
 
     def test_positions_are_independent(self) -> None:
         """The position of a target at a time does not depend on the other rows of the call."""
-        made = self.targets()
+        trajectories = self.targets()
         count = len(self.blocks())
         target = np.tile(np.arange(count, dtype=np.int32), 41)
         share = np.repeat(np.linspace(0.0, 1.0, 41), count)
-        time_s = made.ignition_s[target] + share * (made.burnout_s - made.ignition_s)[target]
+        time_s = (
+            trajectories.ignition_s[target]
+            + share * (trajectories.burnout_s - trajectories.ignition_s)[target]
+        )
         require_independent_rows(
             "position_ecef_m",
-            lambda rows: made.position_ecef_m(target[rows], time_s[rows]),
+            lambda rows: trajectories.position_ecef_m(target[rows], time_s[rows]),
             len(target),
         )
 
     def test_targets_are_independent(self) -> None:
         """A target built alone has the same trajectory as among others."""
-        made = self.targets()
+        trajectories = self.targets()
         for row, block in enumerate(self.blocks()):
             alone = self.made([block])
-            time_s = np.linspace(float(made.ignition_s[row]), float(made.burnout_s[row]), 23)
-            together = made.position_ecef_m(*_at(row, time_s))
-            same = np.array_equal(alone.position_ecef_m(*_at(0, time_s)), together)
+            time_s = np.linspace(
+                float(trajectories.ignition_s[row]), float(trajectories.burnout_s[row]), 23
+            )
+            together = trajectories.position_ecef_m(*_at(row, time_s))
+            is_equal = np.array_equal(alone.position_ecef_m(*_at(0, time_s)), together)
             require(
-                same,
+                is_equal,
                 f"target {row} has another trajectory alone",
                 "Compute each target from its own configuration.",
             )
@@ -246,10 +256,13 @@ class TargetContract(SceneContract):
 
     def test_times_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the times: computations are on arrays."""
-        made = self.targets()
-        span = (float(made.ignition_s[0]), float(made.burnout_s[0]))
+        trajectories = self.targets()
+        span = (float(trajectories.ignition_s[0]), float(trajectories.burnout_s[0]))
         require_array_computation(
-            "time", lambda rows: made.position_ecef_m(*_at(0, np.linspace(*span, rows))), 100, 1000
+            "time",
+            lambda rows: trajectories.position_ecef_m(*_at(0, np.linspace(*span, rows))),
+            100,
+            1000,
         )
 
     def test_results_of_others_do_not_change(self) -> None:
@@ -262,9 +275,11 @@ class TargetContract(SceneContract):
 
     def test_built_targets_pickle(self) -> None:
         """The built trajectories can be pickled, and their copy returns the same."""
-        made = self.targets()
-        moments = _at(0, np.linspace(float(made.ignition_s[0]), float(made.burnout_s[0]), 11))
-        require_same_copy(made, lambda targets: targets.position_ecef_m(*moments))
+        trajectories = self.targets()
+        moments = _at(
+            0, np.linspace(float(trajectories.ignition_s[0]), float(trajectories.burnout_s[0]), 11)
+        )
+        require_same_copy(trajectories, lambda targets: targets.position_ecef_m(*moments))
 
 
 def _at(row: int, time_s: FloatArray) -> tuple[IndexArray, FloatArray]:

@@ -56,7 +56,7 @@ def validity(tracks: Tracks, hypotheses: Sequence[Hypothesis] = ()) -> Mapping[s
     if tracks.hypothesis_probability.ndim == 2 and tracks.hypothesis_probability.shape[1]:
         shapes["hypothesis_probability"] = (len(hypotheses),)
     chances = tracks.type_probability
-    known = ~np.isnan(chances).any(axis=1) if chances.ndim == 2 else np.zeros(0, dtype=bool)
+    is_known = ~np.isnan(chances).any(axis=1) if chances.ndim == 2 else np.zeros(0, dtype=bool)
     return {
         **{
             f"{name}: of shape {(rows, *shape)}": getattr(tracks, name).shape == (rows, *shape)
@@ -67,8 +67,8 @@ def validity(tracks: Tracks, hypotheses: Sequence[Hypothesis] = ()) -> Mapping[s
             for name in ("launch", "impact")
         },
         f"type_probability: over {', '.join(REPORTED_TYPES)}, summing to 1": bool(
-            np.all(chances[known] >= 0.0)
-            and np.all(np.abs(chances[known].sum(axis=1) - 1.0) < 1e-6)
+            np.all(chances[is_known] >= 0.0)
+            and np.all(np.abs(chances[is_known].sum(axis=1) - 1.0) < 1e-6)
         ),
         **{
             f"{name}: positive and rising": not np.any(
@@ -97,12 +97,12 @@ def _hypothesis_validity(tracks: Tracks, hypotheses: Sequence[Hypothesis]) -> Ma
     if chances.shape != (len(tracks), len(hypotheses)) or not hypotheses:
         return {}
     rows = ~np.isnan(chances).any(axis=1)
-    known = chances[rows]
-    none = chances[:, [each.group == "none" for each in hypotheses]].sum(axis=1)
+    is_known = chances[rows]
+    none = chances[:, [group.group == "none" for group in hypotheses]].sum(axis=1)
     sums = hypothesis_sums(chances, hypotheses)
     return {
         "hypothesis_probability: not negative, summing to 1, or nan": bool(
-            np.all(known >= 0.0) and np.all(np.abs(known.sum(axis=1) - 1.0) < 1e-6)
+            np.all(is_known >= 0.0) and np.all(np.abs(is_known.sum(axis=1) - 1.0) < 1e-6)
         ),
         **{
             f"{name}: the sum of its hypotheses": np.allclose(
@@ -134,9 +134,9 @@ def region_faults(tracks: Tracks) -> Iterator[str]:
     for conditions in rows.values():
         yield from _condition_faults(conditions)
     for regions in (
-        tuple(each)
+        tuple(group)
         for row in rows.values()
-        for _, each in groupby(row, lambda region: region.condition)
+        for _, group in groupby(row, lambda region: region.condition)
     ):
         shares = [region.containment for region in regions]
         if shares != sorted(set(shares)) or not set(shares) <= set(TRACK_CONTAINMENTS):
@@ -292,12 +292,9 @@ class TrackerContract(SceneContract):
     def test_targets_in_any_order_give_the_same_events(self) -> None:
         """The order of targets does not change which detections share a track."""
         scene = self.scene()
-        ours = self.run()
-        others = self.run_of({**scene, "targets": scene["targets"][::-1]})
-        mine = _partition(ours.detections)
-        theirs = _partition(others.detections)
+        reordered = self.run_of({**scene, "targets": scene["targets"][::-1]})
         require(
-            mine == theirs,
+            _partition(self.run().detections) == _partition(reordered.detections),
             "with the targets in reverse order, other detections share a track",
             "Break ties by measurements (time, sensor, direction), not by the order of rows.",
         )
@@ -308,10 +305,10 @@ class TrackerContract(SceneContract):
         change = "Change neither detections nor any state outside the tracker."
         names = {"track", "estimate"}
         for column in (item.name for item in fields(Detections) if item.name not in names):
-            same = np.array_equal(
+            is_equal = np.array_equal(
                 getattr(without, column), getattr(self.run().detections, column), equal_nan=True
             )
-            require(same, f"the tracker changes the column {column}", change)
+            require(is_equal, f"the tracker changes the column {column}", change)
 
     def test_only_measured_columns_are_used(self) -> None:
         """Results do not depend on counts, confidences and ids of detections, which contain
@@ -325,9 +322,9 @@ class TrackerContract(SceneContract):
             confidence=rng.uniform(size=len(detections)),
             detection_id=rng.integers(0, 2**63, (len(detections), 2)).astype(np.uint64),
         )
-        for tick, other in zip(self.results(), self.ticks(self.tracker(), scrambled), strict=True):
+        for tick, copy in zip(self.results(), self.ticks(self.tracker(), scrambled), strict=True):
             require(
-                np.array_equal(tick.track, other.track) and _equal(tick.tracks, other.tracks),
+                np.array_equal(tick.track, copy.track) and _equal(tick.tracks, copy.tracks),
                 f"at {tick.time_s} s results change with counts, confidences and ids",
                 "Use times, sensors, scans, directions, bands, irradiances and reported types.",
             )
@@ -344,7 +341,7 @@ class TrackerContract(SceneContract):
 
     def test_associations_are_to_existing_tracks(self) -> None:
         """A detection is associated with a track of the last tick, or with none (-1)."""
-        known = np.empty(0, dtype=np.int64)
+        is_known = np.empty(0, dtype=np.int64)
         for tick in self.results():
             require(
                 tick.track.dtype == np.int64 and tick.track.shape == (len(tick.detections),),
@@ -352,26 +349,26 @@ class TrackerContract(SceneContract):
                 f" {len(tick.detections)} detections",
                 "Return int64, one number for each detection.",
             )
-            unknown = tick.track[(tick.track != -1) & ~np.isin(tick.track, known)]
+            unknown = tick.track[(tick.track != -1) & ~np.isin(tick.track, is_known)]
             require(
                 len(unknown) == 0,
                 f"at {tick.time_s} s a detection is associated with track {unknown[:1]}, unknown at"
                 f" the last tick",
                 "Associate with the tracks that the last step returned.",
             )
-            known = tick.tracks.track
+            is_known = tick.tracks.track
 
     def test_associate_has_no_side_effects(self) -> None:
         """Calls of `associate` do not change later results."""
         tracker = self.tracker()
         control = self.tracker()
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
-            first = tracker.associate(batch)
-            again = tracker.associate(batch)
+            numbers = tracker.associate(batch)
+            repeated = tracker.associate(batch)
             tracks = tracker.step(tick_ns / _NS, batch)
             expected = control.step(tick_ns / _NS, batch)
             require(
-                np.array_equal(first, again) and _equal(tracks, expected),
+                np.array_equal(numbers, repeated) and _equal(tracks, expected),
                 f"at {tick_ns / _NS} s results depend on calls of associate",
                 "Change state in step only; the engine may call associate for parts of a batch, or"
                 " more than once.",
@@ -380,14 +377,14 @@ class TrackerContract(SceneContract):
     def test_unchanged_sensors_change_nothing(self) -> None:
         """A tracker that is given its current sensors returns the same tracks."""
         tracker = self.tracker()
-        other = self.tracker()
+        copy = self.tracker()
         if not has_own(Tracker, tracker, "set_sensors"):
             return
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
             tracker.set_sensors(self.context().sensors)
-            same = _equal(tracker.step(tick_ns / _NS, batch), other.step(tick_ns / _NS, batch))
+            is_equal = _equal(tracker.step(tick_ns / _NS, batch), copy.step(tick_ns / _NS, batch))
             require(
-                same,
+                is_equal,
                 f"at {tick_ns / _NS} s set_sensors changes the tracks",
                 "Change only the settings of the sensors.",
             )
@@ -530,24 +527,22 @@ class TrackerContract(SceneContract):
             tracker.step(tick_ns / _NS, batch)
         copy = require_pickling(tracker)
         for tick_ns, batch in batches[middle:]:
-            same = _equal(tracker.step(tick_ns / _NS, batch), copy.step(tick_ns / _NS, batch))
+            is_equal = _equal(tracker.step(tick_ns / _NS, batch), copy.step(tick_ns / _NS, batch))
             require(
-                same,
+                is_equal,
                 f"at {tick_ns / _NS} s a pickled copy returns other tracks",
                 "Keep all state in the tracker.",
             )
 
     def test_work_grows_linearly_with_detections(self) -> None:
         """Twice the detections take about twice the steps of Python."""
-        whole = self.observed()
+        observed = self.observed()
         end_ns = self.plan().end_ns
-        middle_ns = int(whole.time_ns[len(whole) // 2])
-        half = whole.take(whole.time_ns < middle_ns)
-        steps = [
-            python_steps(partial(self._stepped, *part))
-            for part in ((half, middle_ns), (whole, end_ns))
-        ]
-        growth = steps[1] / steps[0] / max(len(whole) / len(half), end_ns / middle_ns)
+        middle_ns = int(observed.time_ns[len(observed) // 2])
+        half = observed.take(observed.time_ns < middle_ns)
+        steps = python_steps(partial(self._stepped, observed, end_ns))
+        half_steps = python_steps(partial(self._stepped, half, middle_ns))
+        growth = steps / half_steps / max(len(observed) / len(half), end_ns / middle_ns)
         require(
             growth < _GROWTH_LIMIT,
             f"twice the detections take {2.0 * growth:.1f} times the steps of Python",
@@ -594,8 +589,10 @@ def _partition(detections: Detections) -> set[frozenset[tuple[int, int]]]:
     return {frozenset(members) for members in groups.values()}
 
 
-def _equal(one: Tracks, other: Tracks) -> bool:
-    columns = ((getattr(one, item.name), getattr(other, item.name)) for item in fields(Tracks))
+def _equal(tracks: Tracks, copy: Tracks) -> bool:
+    names = [item.name for item in fields(Tracks)]
+    columns = ((getattr(tracks, name), getattr(copy, name)) for name in names)
     return all(
-        np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f") for mine, theirs in columns
+        np.array_equal(column, values, equal_nan=column.dtype.kind == "f")
+        for column, values in columns
     )
