@@ -19,6 +19,7 @@ from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.flight.gravity_and_drag import height_and_climb, height_m
 from opir_core.flight.landing import polar_rad
+from opir_core.flight.propagation import propagate
 from opir_core.flight.staged.gravity_turn import fineness_needed
 from opir_core.flight.staged.shots import Reach, StagedShots
 from opir_core.flight.universal_anomaly import cross, dot, length
@@ -182,8 +183,6 @@ def _apogee_m(
     long.
     """
     if shots.forces is not None:
-        from opir_core.flight.propagation import propagate
-
         position_m, velocity_m_s = propagate(
             position_m, velocity_m_s, 0.5 * duration_s, shots.forces
         )

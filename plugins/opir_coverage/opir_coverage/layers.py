@@ -172,10 +172,11 @@ def _write_layer(file: Any, layer: Layer) -> None:
     variable = file.createVariable(layer.name, values.dtype, (*layer.dims, *PLACES))
     variable[:] = values
     texts = {"long_name": layer.title, "comment": layer.definition, "units": layer.unit}
-    for key, words in texts.items():
-        setattr(variable, key, words.encode())
+    attributes: dict[str, Any] = {key: words.encode() for key, words in texts.items()}
     if values.dtype.kind == "f":
-        variable._FillValue = values.dtype.type(np.nan)
+        attributes["_FillValue"] = values.dtype.type(np.nan)
+    for key, value in attributes.items():
+        setattr(variable, key, value)
 
 
 def _storable(values: NDArray[Any]) -> NDArray[Any]:

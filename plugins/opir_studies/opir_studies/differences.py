@@ -109,72 +109,88 @@ def unanswered(answers: RunAnswers) -> set[str]:
     return needs_detections | {name for name, values in known.items() if not len(values)}
 
 
+@frozen(eq=False)
+class TrackAnswers:
+    """What tracks say: of each target's last row the launch (n, 3), impact (n, 3), area (n,), km2,
+    and whether it contains the truth (n,); of each row in force the number of its tick and target
+    (m,), the position (m, 3) and its error (m, 3), m.
+    """
+
+    launch: FloatArray
+    impact: FloatArray
+    area_km2: FloatArray
+    contained: FloatArray
+    ticks: IntArray
+    positions: FloatArray
+    errors: FloatArray
+
+
 def answers_of(run: Run) -> RunAnswers:
     """Return the answers of a run."""
     count = len(run.plan.targets.ids)
-    mine = np.flatnonzero(run.truth.target >= 0)
-    detections = run.detections.take(mine)
-    target = run.truth.target[mine]
+    rows = np.flatnonzero(run.truth.target >= 0)
+    detections = run.detections.take(rows)
     first_s = np.full(count, np.inf)
-    np.minimum.at(first_s, target, detections.time_s)
+    np.minimum.at(first_s, run.truth.target[rows], detections.time_s)
     truths = run.plan.targets.truth()
-    places, starts = (
-        np.array([place_of(each.get(name)) for each in truths]) for name in ("impact", "launch")
+    impacts = np.array([place_of(each.get("impact")) for each in truths]).reshape(-1, 3)
+    launches = np.array([place_of(each.get("launch")) for each in truths]).reshape(-1, 3)
+    tracks = _answers_of_tracks(run)
+    errors_m = (
+        np.linalg.norm(tracks.errors, axis=1),
+        _distances(tracks.launch, launches, np.nan),
+        _distances(tracks.impact, impacts, np.nan),
     )
+    are_estimated = (
+        (np.isin(np.arange(count), tracks.ticks % max(count, 1)), launches),
+        (np.isfinite(tracks.launch[:, 0]), launches),
+        (np.isfinite(tracks.impact[:, 0]), impacts),
+    )
+    return RunAnswers(
+        detections,
+        *_probabilities(run, rows),
+        first_s,
+        impacts[:, :2],
+        tracks.ticks,
+        tracks.positions,
+        tracks.launch,
+        tracks.impact,
+        tracks.area_km2,
+        tracks.contained,
+        {name: 1e-3 * _rms_of_known(each) for name, each in zip(OF_TRUTH, errors_m, strict=True)},
+        {
+            name: _share_of_launches(*each)
+            for name, each in zip(OF_TRUTH, are_estimated, strict=True)
+        },
+    )
+
+
+def _answers_of_tracks(run: Run) -> TrackAnswers:
+    count = len(run.plan.targets.ids)
     launch = np.full((count, 3), np.nan)
     impact = np.full((count, 3), np.nan)
-    area = np.full(count, np.nan)
+    area_km2 = np.full(count, np.nan)
     contained = np.full(count, np.nan)
-    ticks = np.empty(0, dtype=np.int64)
-    states = np.empty((0, 3))
-    off = np.empty((0, 3))
-    if len(run.tracks):
-        evidence = evidence_of_run(run, run.plan)
-        owners = ownership(evidence)
-        rows = last_rows(evidence, owners)
-        every = rows_in_force(evidence, owners)
-        own = owners.target[np.searchsorted(owners.track, run.tracks.track[rows])]
-        launch[own] = run.tracks.launch[rows]
-        impact[own] = run.tracks.impact[rows]
-        scores = impact_scores(evolve(evidence, tracks=run.tracks.take(rows)), owners)
-        area[scores.target] = scores.area_km2[:, -1]
-        contained[scores.target] = scores.contained[:, -1]
-        whose = owners.target[np.searchsorted(owners.track, run.tracks.track[every])]
-        ticks = np.rint(run.tracks.tick_s[every] * 1e3).astype(np.int64) * count + whose
-        states = run.tracks.state[every, :3]
-        off = (
-            states
-            - true_states_ecef(run.plan, whose.astype(np.int32), run.tracks.tick_s[every])[:, :3]
-        )
-    places = places.reshape(-1, 3)
-    starts = starts.reshape(-1, 3)
-    errors = (
-        np.linalg.norm(off, axis=1),
-        _distances(launch, starts, np.nan),
-        _distances(impact, places, np.nan),
-    )
-    from_truth = {
-        name: 1e-3 * _rms_of_known(each) for name, each in zip(OF_TRUTH, errors, strict=True)
-    }
-    tracked = np.isin(np.arange(count), ticks % max(count, 1))
-    have = (
-        (tracked, starts),
-        (np.isfinite(launch[:, 0]), starts),
-        (np.isfinite(impact[:, 0]), places),
-    )
-    estimated = {name: _share_of_launches(*each) for name, each in zip(OF_TRUTH, have, strict=True)}
-    answers = (
-        *_probabilities(run, mine),
-        first_s,
-        places[:, :2],
-        ticks,
-        states,
-        launch,
-        impact,
-        area,
-        contained,
-    )
-    return RunAnswers(detections, *answers, from_truth, estimated)
+    if not len(run.tracks):
+        nothing = np.empty((0, 3))
+        ticks = np.empty(0, dtype=np.int64)
+        return TrackAnswers(launch, impact, area_km2, contained, ticks, nothing, nothing)
+    evidence = evidence_of_run(run, run.plan)
+    owners = ownership(evidence)
+    last = last_rows(evidence, owners)
+    targets = owners.target[np.searchsorted(owners.track, run.tracks.track[last])]
+    launch[targets] = run.tracks.launch[last]
+    impact[targets] = run.tracks.impact[last]
+    scores = impact_scores(evolve(evidence, tracks=run.tracks.take(last)), owners)
+    area_km2[scores.target] = scores.area_km2[:, -1]
+    contained[scores.target] = scores.contained[:, -1]
+    rows = rows_in_force(evidence, owners)
+    tick_s = run.tracks.tick_s[rows]
+    targets = owners.target[np.searchsorted(owners.track, run.tracks.track[rows])]
+    ticks = np.rint(tick_s * 1e3).astype(np.int64) * count + targets
+    positions = run.tracks.state[rows, :3]
+    truth = true_states_ecef(run.plan, targets.astype(np.int32), tick_s)[:, :3]
+    return TrackAnswers(launch, impact, area_km2, contained, ticks, positions, positions - truth)
 
 
 def _share_of_launches(has_estimate: BoolArray, truth: FloatArray) -> float:

@@ -252,6 +252,7 @@ def test_a_scene_may_override_a_preset_and_a_fleet():
     head = {
         "scene": "s",
         "epoch": "2026-04-01T12:00:00Z",
+        "detection": "constant",
         "duration_s": 1.0,
         "seed": 1,
         "targets": [],

@@ -15,14 +15,18 @@ ITERATED_SIGMAS = 0.05
 ITERATED = (*DRAWN, "state", "state_covariance")
 
 
+#: Where aircraft are rare, 40 s tell one sensor a launch.
+IMM = {"model": "imm", "hypotheses": {"others_per_day": 0.1}}
+
+
 @pytest.fixture(scope="module")
 def run() -> opir.Run:
-    return simulated(scene("imm"))
+    return simulated(scene(IMM))
 
 
 @pytest.fixture(scope="module")
 def crowded() -> opir.Run:
-    return simulated(scene("imm", CROWDED_DEG))
+    return simulated(scene(IMM, CROWDED_DEG))
 
 
 def assert_same_health(run: opir.Run, other: opir.Run) -> None:
@@ -67,7 +71,7 @@ def test_the_scene_has_what_is_compared(run: opir.Run, crowded: opir.Run) -> Non
 
 @pytest.mark.parametrize("order", [[2, 1, 0], [1, 2, 0]])
 def test_the_order_of_sensors_changes_no_track(run: opir.Run, order: list[int]) -> None:
-    mapping = scene("imm")
+    mapping = scene(IMM)
     other = simulated({**mapping, "sensors": [mapping["sensors"][number] for number in order]})
     assert_alike_but_for_iterations(run.tracks, other.tracks)
     assert_same_health(run, other)
@@ -77,7 +81,7 @@ def test_the_order_of_sensors_changes_no_track(run: opir.Run, order: list[int]) 
 def test_a_blind_sensor_before_the_others_changes_no_track(
     run: opir.Run, crowded: opir.Run, degrees: float | None
 ) -> None:
-    mapping = scene("imm") if degrees is None else scene("imm", degrees)
+    mapping = scene(IMM) if degrees is None else scene(IMM, degrees)
     other = simulated({**mapping, "sensors": [BLIND, *mapping["sensors"]]})
     alone = run if degrees is None else crowded
     assert_alike_but_for_iterations(alone.tracks, other.tracks)
@@ -85,14 +89,14 @@ def test_a_blind_sensor_before_the_others_changes_no_track(
 
 
 def test_the_order_of_targets_changes_no_track(crowded: opir.Run) -> None:
-    mapping = scene("imm", CROWDED_DEG)
+    mapping = scene(IMM, CROWDED_DEG)
     other = simulated({**mapping, "targets": mapping["targets"][::-1]})
     assert_alike(crowded.tracks, other.tracks, 0.0)
     assert_same_health(crowded, other)
 
 
 def test_windows_change_no_track(crowded: opir.Run) -> None:
-    other = simulated(scene("imm", CROWDED_DEG), window_s=0.37)
+    other = simulated(scene(IMM, CROWDED_DEG), window_s=0.37)
     assert_alike(crowded.tracks, other.tracks, 0.0)
     assert np.array_equal(crowded.detections.track, other.detections.track)
     assert_same_health(crowded, other)
@@ -105,7 +109,7 @@ def test_a_scene_further_east_has_the_same_tracks_further_east(
     """Forecasts are of draws about inertial axes, and differ by chance; states in the dark hold
     their gliders.
     """
-    other = simulated(turned(scene("imm"), turn_deg))
+    other = simulated(turned(scene(IMM), turn_deg))
     assert np.array_equal(run.detections.time_ns, other.detections.time_ns)
     expected = moved(run.tracks, turn_rad=np.radians(turn_deg))
     assert_alike_but_for_iterations(expected, other.tracks, sigmas=0.3)
