@@ -96,3 +96,15 @@ def test_bands_compares_with_what_the_rule_over_bands_makes_of_them(rule, joined
     *alone, whole = json.loads(capsys.readouterr().out)["rows"]
     snr = {(row["from um"], row["to um"]): row["SNR"] for row in alone}
     assert whole["SNR"] == pytest.approx(joined(snr[2.5, 3.0], snr[4.0, 5.0]), rel=1e-3)
+
+
+def test_a_satellite_of_a_constellation_is_put_on_the_bench(tmp_path, capsys):
+    scene = tmp_path / "fleet.yaml"
+    scene.write_text(
+        "scene: fleet\nepoch: 2026-04-01T12:00:00Z\nduration_s: 1\natmosphere: lowtran\n"
+        "sensors: [{constellation: SBIRS-GEO}]\ntargets: []\n"
+    )
+    assert main(["physics", "budget", str(scene), "--sensor", "SBIRS-GEO-3"]) == 0
+    assert "one look of SBIRS-GEO-3" in capsys.readouterr().out
+    assert main(["physics", "budget", str(scene), "--sensor", "SBIRS-GEO-9"]) == 4
+    assert "is not one of SBIRS-GEO-1, SBIRS-GEO-2" in capsys.readouterr().err

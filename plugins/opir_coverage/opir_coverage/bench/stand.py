@@ -155,10 +155,13 @@ class Bench:
     def of_scene(cls, scene: Scene, sensor: str | None = None) -> "Bench":
         """Return a scene's sensor by id, or its first; raises `ModelError` for an unknown id."""
         mapping = scene_mapping(scene)
-        ids = [sensor_settings["id"] for sensor_settings in mapping["sensors"]]
+        sensors = [
+            member for block in mapping["sensors"] for member in block.get("members", [block])
+        ]
+        ids = [member["id"] for member in sensors]
         if sensor is not None and sensor not in ids:
             raise ModelError(f"--sensor: {sensor!r} is not one of {', '.join(ids)}")
-        settings = mapping["sensors"][0 if sensor is None else ids.index(sensor)]
+        settings = sensors[0 if sensor is None else ids.index(sensor)]
         return cls({**mapping, **_LEFT_OUT, "sensors": [settings]})
 
     @classmethod
