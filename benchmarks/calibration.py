@@ -36,8 +36,8 @@ EDGES = np.linspace(0.0, 1.0, 11)
 ENOUGH = 200
 WITHIN = 0.05
 SENSORS: dict[str, dict[str, Any]] = {
-    "DSP": {"model": "DSP", "preset": "heritage"},
-    "DSP-unconfirmed": {"model": "DSP", "preset": "heritage", "confirmation_detections": 1},
+    "DSP": {"model": "DSP"},
+    "DSP-unconfirmed": {"model": "DSP", "confirmation_detections": 1},
     "SBIRS-GEO": {"model": "SBIRS-GEO"},
     "NEXTGEN-GEO": {"model": "NEXTGEN-GEO"},
 }
@@ -52,15 +52,14 @@ PAGE = """# Calibration
 
 `classification: spectral` with `confidence: posterior`, over {events} events of {launches} launches, {sources} fires
 and gas flares, and noise. A report of a type is right if that is the target's type; UNKNOWN is right for what is no
-missile. `DSP-unconfirmed` reports every detection, noise included
-({noise}).
+missile. `DSP-unconfirmed`, with `confirmation_detections: 1`, reports every detection, noise included ({noise}).
 
 The prior of the classifier is that of the simulation: as many launches and sources. Levels of plumes are drawn with a
 spread of {brightness:g} in their logarithm, each with one of five propellants; areas of sources with the spreads of
-`hot_sources.json`. Looks every {period:g} s through `midlat_summer` air over the Earth; all else is default, DSP with
-preset `heritage`. The difference of frames takes away most fires and flares.
-Events of one launch share its brightness, so intervals (95 %) are over launches and sources: by them {chance} of the
-{bad} bins that are off may lie within {within:.0f} points.
+`hot_sources.json`. All sensors look every {period:g} s (default: 10, 0.1 and 0.05 s) through `midlat_summer`
+air over the Earth; all else is default: focal planes, DSP with its preset `heritage`. The difference of frames takes
+away most fires and flares. Events of one launch share its brightness, so intervals (95 %) are over launches and
+sources: by them {chance} of the {bad} bins that are off may lie within {within:.0f} points.
 
 **What is left.** The classifier's densities are mixtures of normal distributions of {trained} synthetic launches of
 each flight: where types overlap they are good to some points. How often each is detected in each part of the Earth's

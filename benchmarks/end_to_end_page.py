@@ -45,8 +45,8 @@ What does each accuracy setting cost a whole run, what does it buy, and are the 
 
 Each setting is varied alone and compared with its most exact level, with the same seed. Scenes: {scenes}.
 {duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral types and `imm`. Times are
-processor time of whole processes. `leave out …` changes the physics: it shows what
-a part costs.{not_run}
+processor time of whole processes. `leave out …` changes the physics: it shows what a part costs (the focal plane: with
+`focal_plane: null` and `nei_w_m2: 1e-12`).{not_run}
 
 All defaults against the most exact settings:
 

@@ -55,8 +55,6 @@ IGNITION_S = 2.0
 #: Confidence of all comparisons together.
 CONFIDENCE = 0.999
 
-#: DSP with the bands and the scan of the public record; the paper's is among the causes.
-HERITAGE = {"DSP": {"preset": "heritage"}}
 #: The paper's DSP, with its long-wave band, and its rules over bands, each of which is a veto.
 PAPER = {
     "DSP": {"preset": "paper"},
@@ -79,7 +77,7 @@ from the geostationary slots {slots}. Plumes and sensor noise are notional.
 {headline}
 
 Entries are medians under a clear sky of the launches that are reported during their burn: time after ignition and
-height, as ranges over five climates. DSP is its preset `heritage`, which reports {faint} % of the SRBM: a look every
+height, as ranges over five climates. DSP, with light its preset `heritage`, reports {faint} % of the SRBM: a look every
 10 s, of which three of four are needed, so times come in steps of 10 s after the start that is drawn once a run.
 
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
@@ -94,12 +92,12 @@ itself under a clear sky:
   a level that holds within a factor of 3.
 - **Background.** It matters in long waves; without it DSP, which has none, reports an IRBM after
   {lwir_delay}.
-- **The paper's presets.** Their rules make every band a veto, and DSP's long-wave band reports
+- **The paper's presets** (`preset: paper`). Their rules make every band a veto, and DSP's long-wave band reports
   practically none; an SRBM is reported by NEXTGEN-GEO after {paper_delay}. Ratio gates
   allow for a factor of {mwir_over_swir} in MWIR/SWIR that air makes
   ([detection](../explanation/detection.md#rules-over-bands)).
-- **Confirmation**, two detections in three looks, costs a scan or two of a bright plume; DSP without it reports an ICBM
-  after {confirmed_delay}.
+- **Confirmation**, two detections in three looks, costs a scan or two of a bright plume; without it
+  (`confirmation_detections: 1`) DSP reports an ICBM after {confirmed_delay}.
 
 `detection: snr`, `atmosphere: lowtran`, `background: earth` by day, all else by default. Each of the {cells} cases has
 {targets} launches; times are distributed as computed exactly from the probabilities of all looks: the largest
@@ -175,7 +173,6 @@ def scene(
                 "model": model,
                 "id": model,
                 "orbital_slot_deg": slot,
-                **HERITAGE.get(model, {}),
                 **(settings or {}).get(model, {}),
             }
             for model, slot in SENSORS.items()
