@@ -17,22 +17,9 @@ from opir_core.simulation.run import Run
 
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
 KINDS = ("fire", "flare", "glint")
-#: Mean times for which sources shine, as in the classifier's prior.
-SHINING_S = {"fire": 21_600.0, "flare": 86_400.0, "glint": 1200.0}
-#: Looks are judged one by one.
-SINGLE = {"confirmation_detections": 1}
-#: Noise is given and frames are not subtracted: bands are compared. By default the difference of
-#: frames takes away what does not move, before any classifier, and the Earth's own photons hide
-#: plumes from DSP.
-NOISE = {
-    "DSP": {"preset": "paper", "focal_plane": None, "nei_w_m2": 5e-13},
-    "SBIRS-GEO": {"focal_plane": None, "nei_w_m2": 1e-12},
-    "NEXTGEN-GEO": {"focal_plane": None, "nei_w_m2": 1e-13, "collection_m2_s": 0.02},
-}
-PERIOD_S = 2.0
 DURATION_S = 256.0
-#: All sensors look at the same whole periods, at which the moments lie.
-ALIGNED = {"scan_period_ms": 1e3 * PERIOD_S, "scan_phase": "aligned"}
+#: From here on every sensor has had the scans that its confirmation counts, s.
+WARM_UP_S = 60.0
 RADIUS_KM = 6371.0
 SLOT_KM = 42164.2
 #: Standard deviations of ln of the level of plumes in all bands, in each, and of areas; what burns
@@ -41,7 +28,7 @@ BRIGHTNESS = 0.7
 COLOUR = 0.11
 AREA = 1.0
 PROPELLANTS = ("kerosene", "methane", "solid", "storable", "hydrogen")
-CODES = (*REPORTED_TYPES, "not detected")
+CODES = (*REPORTED_TYPES, "not reported")
 
 
 class Population(NamedTuple):
@@ -55,7 +42,7 @@ class Population(NamedTuple):
 
 
 class Looks(NamedTuple):
-    """Of one sensor, for each emitter: ln of the odds of a missile (-inf undetected), reported
+    """Of one sensor, for each emitter: ln of the odds of a missile (-inf unreported), reported
     code, posterior.
     """
 
@@ -65,35 +52,20 @@ class Looks(NamedTuple):
 
 
 def population(launches: int, sources: int, seed: int) -> Population:
-    """Return launches of each type and sources of each kind, with every sensor, twice: with and
-    without its gates.
+    """Return launches of each type and sources of each kind, with every sensor; all that is not
+    named here is default.
     """
     rng = np.random.default_rng([seed, 17])
     targets = [launched(rng, kind, number) for kind in TARGET_TYPES for number in range(launches)]
     blocks = [sourced(rng, kind, sources) for kind in KINDS]
-    sensors = [
-        {
-            "model": model,
-            "id": f"{model}{suffix}",
-            "orbital_slot_deg": 0.0,
-            **SINGLE,
-            **ALIGNED,
-            **NOISE[model],
-            **rule,
-        }
-        for model in SENSORS
-        for suffix, rule in (("", {}), ("-ANY", {"spectral_discrimination": "none"}))
-    ]
     scene = {
         "scene": "discrimination",
         "epoch": "2026-04-01T12:00:00Z",
         "duration_s": DURATION_S,
         "seed": seed,
-        "sensors": sensors,
+        "sensors": [{"model": model, "id": model, "orbital_slot_deg": 0.0} for model in SENSORS],
         "targets": targets,
         "sources": blocks,
-        "detection": "snr",
-        "classification": {"model": "spectral", **prior(launches, sources)},
         "atmosphere": {"model": "lowtran", "climate": "midlat_summer"},
         "background": "earth",
     }
@@ -101,27 +73,9 @@ def population(launches: int, sources: int, seed: int) -> Population:
         [*(target["type"] for target in targets), *(k for k in KINDS for _ in range(sources))]
     )
     burn_s = np.array([boost_profile(target["profile"]).burn_time_s for target in targets])
-    within_s = np.concatenate([burn_s, np.full(len(KINDS) * sources, DURATION_S)])
-    return Population(scene, kind, moments_s(rng, within_s))
-
-
-def prior(launches: int, sources: int) -> dict[str, Any]:
-    """Return the prior of the classifier: as many launches a day, and sources that shine as long,
-    as in the scene.
-    """
-    return {
-        "launches_per_day": 86_400.0 / DURATION_S * launches * len(TARGET_TYPES),
-        "prior": dict.fromkeys(TARGET_TYPES, 1.0 / len(TARGET_TYPES)),
-        "sources_in_view": {kind: sources * SHINING_S[kind] / DURATION_S for kind in KINDS},
-    }
-
-
-def moments_s(rng: np.random.Generator, within_s: FloatArray) -> FloatArray:
-    """Return moments (n,) of looks, drawn evenly within spans (n,) of scene time."""
-    drawn: FloatArray = PERIOD_S * np.ceil(
-        rng.random(len(within_s)) * np.floor(within_s / PERIOD_S - 0.5)
-    )
-    return drawn
+    start_s = np.where(np.isin(kind, KINDS), WARM_UP_S, 0.0)
+    end_s = np.concatenate([burn_s, np.full(len(KINDS) * sources, DURATION_S)])
+    return Population(scene, kind, start_s + (end_s - start_s) * rng.random(len(kind)))
 
 
 def launched(rng: np.random.Generator, kind: str, number: int) -> dict[str, Any]:
@@ -203,17 +157,18 @@ def simulated(people: Population) -> tuple[Any, Run]:
 
 
 def looks_at(people: Population, classifier: Any, run: Run) -> dict[str, Looks]:
-    """Return, by sensor id, what the engine says of each emitter at its moment."""
+    """Return, by sensor id, the report on each emitter from the last scan before its moment."""
     found = run.detections
     target = run.truth.target
-    due = np.append(np.round(people.moment_s * 1e9).astype(np.int64), -1)[target]
+    age_ns = np.append(np.round(people.moment_s * 1e9).astype(np.int64), -1)[target] - found.time_ns
     log_odds = classifier.log_odds(found.type_log_probability)
     looks = {}
     for number, sensor in enumerate(run.sensors):
-        rows = np.flatnonzero((found.sensor == number) & (found.time_ns == due))
+        is_last = (age_ns >= 0) & (age_ns < sensor.scan.period_ns)
+        rows = np.flatnonzero((found.sensor == number) & is_last)
         score = np.full(len(people.kind), -np.inf)
         code = np.full(len(people.kind), len(REPORTED_TYPES))
-        probability = np.full((len(people.kind), 4), np.nan)
+        probability = np.full((len(people.kind), len(REPORTED_TYPES)), np.nan)
         score[target[rows]] = log_odds[rows]
         code[target[rows]] = found.reported_type[rows]
         probability[target[rows]] = found.type_probability[rows]

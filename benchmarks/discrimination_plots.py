@@ -1,4 +1,4 @@
-"""The plots of `discrimination.py`: ROC curves and the confusion of types."""
+"""The plots of `discrimination.py`: shares reported, ROC curves and the confusion of types."""
 
 from pathlib import Path
 from typing import Any
@@ -18,16 +18,10 @@ def plots(people: Population, looks: dict[str, Looks], folder: Path) -> None:
     matplotlib.rcParams["svg.hashsalt"] = "opir"
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(
-        2, 3, figsize=(11.0, 7.4), sharex=True, sharey=True, layout="constrained"
-    )
-    for row, of_looks in enumerate((False, True)):
-        for axis, kind in zip(axes[row], KINDS, strict=True):
-            draw_curves(axis, people, looks, kind, of_looks=of_looks)
-        axes[row, 0].set_ylabel(
-            f"share of {'looks at' if of_looks else 'detections of'} plumes above the threshold"
-        )
-    axes[1, 2].legend(frameon=False, loc="lower right")
+    figure, axes = pyplot.subplots(1, 2, figsize=(11.0, 3.8), layout="constrained")
+    draw_shares(axes[0], people, looks)
+    draw_curves(axes[1], people, looks, "fire")
+    axes[1].legend(frameon=False, loc="lower right")
     figure.savefig(folder / "discrimination.svg", metadata={"Date": None})
     figure, axes = pyplot.subplots(1, 3, figsize=(11.0, 3.4), sharey=True, layout="constrained")
     for axis, sensor in zip(axes, SENSORS, strict=True):
@@ -37,29 +31,45 @@ def plots(people: Population, looks: dict[str, Looks], folder: Path) -> None:
     figure.savefig(folder / "classification.svg", metadata={"Date": None})
 
 
-def draw_curves(
-    axis: Any, people: Population, looks: dict[str, Looks], kind: str, *, of_looks: bool
-) -> None:
+COLOURS = dict(zip(SENSORS, ("C1", "C0", "C2"), strict=True))
+
+
+def draw_shares(axis: Any, people: Population, looks: dict[str, Looks]) -> None:
+    """Draw what share of the objects of each kind is reported, with intervals."""
+    kinds = (*TARGET_TYPES, *KINDS)
+    for number, sensor in enumerate(SENSORS):
+        for place, kind in enumerate(kinds):
+            own = looks[sensor].code[people.kind == kind] < len(REPORTED_TYPES)
+            share = float(own.mean())
+            low, high = interval(int(own.sum()), len(own))
+            axis.errorbar(
+                place + 0.2 * (number - 1),
+                100.0 * share,
+                100.0 * np.array([[share - low], [high - share]]),
+                fmt="o",
+                color=COLOURS[sensor],
+            )
+    axis.set_xticks(range(len(kinds)), kinds)
+    axis.set(ylabel="reported, %", ylim=(-3.0, 103.0))
+    axis.grid(alpha=0.3)
+
+
+def draw_curves(axis: Any, people: Population, looks: dict[str, Looks], kind: str) -> None:
     """Draw the curves of all sensors against a kind, with bands of resampled objects."""
     rng = np.random.default_rng(5)
     at = np.linspace(0.0, 1.0, 101)
     plume = np.isin(people.kind, TARGET_TYPES)
     other = people.kind == kind
-    for sensor, colour in zip(SENSORS, ("C1", "C0", "C2"), strict=True):
-        score = looks[f"{sensor}-ANY"].log_odds
-        shown = np.isfinite(score) | of_looks
-        parts = score[plume & shown], score[other & shown]
+    for sensor in SENSORS:
+        score = looks[sensor].log_odds
+        parts = score[plume], score[other]
         drawn = [roc(*(rng.choice(part, len(part)) for part in parts), at) for _ in range(200)]
-        axis.fill_between(
-            at, *np.quantile(drawn, [0.025, 0.975], axis=0), color=colour, alpha=0.15, linewidth=0
-        )
-        axis.plot(at, roc(*parts, at), color=colour, label=sensor)
-        if of_looks:
-            passed = looks[sensor].code < len(REPORTED_TYPES)
-            axis.plot(passed[other].mean(), passed[plume].mean(), "x", color=colour, markersize=8)
-    name = "looks at" if of_looks else "detections of"
+        band = np.quantile(drawn, [0.025, 0.975], axis=0)
+        axis.fill_between(at, *band, color=COLOURS[sensor], alpha=0.15, linewidth=0)
+        axis.plot(at, roc(*parts, at), color=COLOURS[sensor], label=sensor)
     axis.set(
-        xlabel=f"share of {name} {kind}s above the threshold",
+        xlabel=f"share of {kind}s above the threshold",
+        ylabel="share of plumes above it",
         xlim=(-0.02, 1.02),
         ylim=(-0.02, 1.02),
     )
