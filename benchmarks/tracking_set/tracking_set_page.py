@@ -86,9 +86,9 @@ each scene; it is in `set.json`.
   known association (van Trees); and one with unknown thrust. A tracker that does not know the law stays above the
   first.
 * **Scored** is a launch from its third detection to 20 s after its last burnout, every 5 s.
-* **Trackers** know what `set.json` says: noise, P_d, density of clutter, bias; nothing was tuned to the set. Those of
-  opir know no light: their scene has `detection: constant` and `classification: none`. The Stone Soup trackers are
-  those of [opir's adapter](../how-to/stone-soup.md) at its defaults. The LMB filter is a labelled multi-Bernoulli
+* **Trackers** know what `set.json` says: noise, P_d, density of clutter, bias; nothing was tuned to the set. opir's
+  have a scene with `detection: constant` and `classification: none`. The Stone Soup trackers are those of
+  [opir's adapter](../how-to/stone-soup.md) at its defaults. The LMB filter is a labelled multi-Bernoulli
   filter with one normal distribution a label and belief propagation (`benchmarks/tracking_set/set_lmb.py`); Stone Soup
   has none. Rows of `imm` with P(launch) of at most 0.5 are left out;
   its states are scored as normal distributions, without the radii that it reports. Versions: {versions(whole)}
