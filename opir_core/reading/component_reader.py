@@ -5,7 +5,7 @@ from contextlib import suppress
 from functools import cache, partial
 from typing import Any, get_type_hints
 
-from attrs import NOTHING, Factory, fields, frozen
+from attrs import NOTHING, Factory, evolve, fields, frozen
 
 from opir_core.errors import PluginError, install_command, nearest as nearest_words
 from opir_core.host.boundary import is_interruption
@@ -190,7 +190,9 @@ class ComponentReader:
         for complaint in supplied.complaints:
             raise self.blamed(settings.giver or component, path, complaint.message)
         beside = [key for key in settings.other_keys if key != "preset" or component.presets]
-        block = _laid_over(pairs, block_of(supplied), written)
+        block = _laid_over(
+            pairs, block_of(supplied), _completed(component.config, block_of(supplied), written)
+        )
         try:
             made = _made(
                 reader, block, settings.block, beside, partial(self._home, component, settings)
@@ -455,6 +457,26 @@ def _laid_over(
     """
     gone = {name for pair in pairs if _set_names(pair, upper) for name in (pair.plain, pair.other)}
     return {**{key: value for key, value in lower.items() if key not in gone}, **upper}
+
+
+def _completed(
+    config_class: type, lower: Mapping[str, Node], upper: Mapping[str, Node]
+) -> dict[str, Node]:
+    """Return settings whose nested blocks have what they leave unset from the lower settings.
+
+    A block that opir has written out is whole.
+    """
+    completed = dict(upper)
+    if is_written_out(config_class, upper):
+        return completed
+    hints = get_type_hints(config_class)
+    for key, node in upper.items():
+        given = lower[key].value if key in lower else None
+        inner = nested_config(hints[key]) if key in hints else None
+        if inner is not None and isinstance(given, dict) and isinstance(node.value, dict):
+            settings = _completed(inner, given, node.value)
+            completed[key] = evolve(node, value=_laid_over(alternatives(inner), given, settings))
+    return completed
 
 
 def _fitting(

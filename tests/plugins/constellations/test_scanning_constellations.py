@@ -13,6 +13,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import yaml
+from attrs import evolve
 from repository import ROOT
 from scipy.stats import binom
 
@@ -25,7 +26,7 @@ from opir_core.host.host import Host
 from opir_core.interfaces.contexts import ModelContext, SensorContext
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import ClassifierInputs
-from opir_core.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.fields import field_infos
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.sensors import scan_patterns
@@ -308,3 +309,19 @@ def test_a_plugin_advertises_what_it_offers(name):
     assert project["entry-points"]["opir.components"] == dict.fromkeys(offered, module)
     assert "opir-core>=0.1,<0.2" in project["dependencies"]
     assert project["version"] == "0.1.0"
+
+
+def test_a_nested_setting_changes_the_preset_not_the_default():
+    sensors = [
+        {"model": "DSP", "preset": preset, "id": f"{preset}-{name}", "orbital_slot_deg": 0.0, **own}
+        for preset in ("heritage", "paper")
+        for name, own in (("plain", {}), ("small", {"focal_plane": {"aperture_m": 0.5}}))
+    ]
+    head = {"scene": "s", "epoch": "2026-04-01T12:00:00Z", "detection": "constant"}
+    scene = scene_from_mapping({**head, "duration_s": 1.0, "sensors": sensors, "targets": []})
+    planes = [sensor.model.config.focal_plane for sensor in scene.sensors]
+    heritage, small_heritage, paper, small_paper = planes
+    assert small_heritage == evolve(heritage, aperture_m=0.5)
+    assert small_paper == evolve(paper, aperture_m=0.5)
+    assert heritage.detector_temperature_k != paper.detector_temperature_k
+    assert scene_from_mapping(scene_mapping(scene)) == scene
