@@ -26,7 +26,7 @@ def show(text: str) -> None:
 
 
 def scene(flight: str, seed: int) -> opir.Scene:
-    """Return a scene of one ascent, seen by two slots of SBIRS-GEO once a second."""
+    """Return a scene of one ascent, seen through the air by two slots of SBIRS-GEO once a second."""
     target = {
         "id": flight,
         "model": "table",
@@ -47,6 +47,9 @@ def scene(flight: str, seed: int) -> opir.Scene:
             "seed": seed,
             "sensors": sensors,
             "targets": [target],
+            "detection": "snr",
+            "atmosphere": "lowtran",
+            "background": "earth",
             "tracker": "imm",
         }
     )

@@ -10,11 +10,7 @@ from opir_coverage import CoverageSettings, computed_coverage, layer_axes
 
 import opir_core as opir
 
-changes = [
-    "sensors=[{constellation: SBIRS-GEO}, {constellation: HEO-MOLNIYA}]",
-    "atmosphere=lowtran",
-    "detection=snr",
-]
+changes = ["sensors=[{constellation: SBIRS-GEO}, {constellation: HEO-MOLNIYA}]"]
 scene = opir.load_scene("../arctic_watch.yaml", overrides=changes)
 settings = CoverageSettings(
     target_class="SRBM", grid_deg=5.0, steps=24, heights_km=(10.0,), launches=1

@@ -4,7 +4,8 @@ How the revisit interval changes the latency
 
 A study: one launch and one satellite, four scan periods, forty runs of each. Points are means with
 95 % intervals; the second plot is the difference from the shortest period, run by run: intervals
-without 0 show a difference. Needs ``opir-studies``.
+without 0 show a difference. The scene has the paper's constant P_d per look, without air or light.
+Needs ``opir-studies``.
 """
 
 from pathlib import Path

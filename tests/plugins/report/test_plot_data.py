@@ -51,7 +51,7 @@ def test_false_alarms_are_counted_without_a_target() -> None:
 
 
 def test_ground_tracks_begin_at_the_launch_and_end_at_the_impact() -> None:
-    run = example_run("arctic_watch")
+    run = example_run("arctic_watch", tracker="none")
     tracks = ground_tracks(run.plan)
     for truth in run.plan.targets.truth():
         own = tracks.where(tracks["target_id"] == truth["id"])
@@ -90,7 +90,7 @@ def test_fields_of_view_end_where_the_ground_is_no_longer_visible() -> None:
     """Within a degree: the ellipsoid is up to 14 km lower than the sphere, and its vertical 0.2
     degrees off.
     """
-    run = example_run("arctic_watch")
+    run = example_run("arctic_watch", tracker="none")
     for sensor, row in zip(run.sensors, range(len(run.sensors)), strict=True):
         views = fields_of_view(run.plan)
         position = sensor.orbit.position_ecef_m(np.array([10.0]))
