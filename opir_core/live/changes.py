@@ -233,7 +233,10 @@ class ChangeQueue:
             if self._stopping.is_set() and answer.cancel():
                 raise RefusedError("the run is being stopped")
             if time.monotonic() >= give_up_s and answer.cancel():
-                raise BusyError("the run waits for a sink whose queue is full; try again")
+                raise BusyError(
+                    "the run is behind: it computes slower than its clock, or waits for a sink whose"
+                    " queue is full; try again"
+                )
         return answer.result()
 
     def pending(self) -> "Iterator[tuple[Change, Future[int]]]":
