@@ -9,6 +9,10 @@ GATE_SIGMAS = 4.5
 
 MOTIONS = ("boost-coast", "boost", "coast")
 
+_BOOSTS = ("unless motion: coast", lambda config: config.motion != "coast")
+_COASTS = ("unless motion: boost", lambda config: config.motion != "boost")
+_SWITCHES = ("with motion: boost-coast", lambda config: config.motion == "boost-coast")
+
 
 def _needed_scans() -> int | None:
     scans: int | None = number(
@@ -297,6 +301,7 @@ class ImmConfig:
         default=ThrustConfig(),
         help="priors and process noise of a boost: slowly growing force along the velocity but for"
         " a tilt",
+        read_if=_BOOSTS,
     )
     coast_noise_m_s: float = number(
         default=0.01,
@@ -304,9 +309,15 @@ class ImmConfig:
         minimum=0.0,
         maximum=100.0,
         help="process-noise density of the coast mode",
+        read_if=_COASTS,
     )
     boost_s: float = number(
-        default=150.0, unit="s", above=0.0, maximum=10000.0, help="mean duration of a boost"
+        default=150.0,
+        unit="s",
+        above=0.0,
+        maximum=10000.0,
+        help="mean duration of a boost",
+        read_if=_SWITCHES,
     )
     coast_s: float = number(
         default=1000.0,
@@ -314,6 +325,7 @@ class ImmConfig:
         above=0.0,
         maximum=1e6,
         help="mean duration of a coast before another boost",
+        read_if=_SWITCHES,
     )
     hypotheses: HypothesesConfig = nested(
         default=HypothesesConfig(),

@@ -15,7 +15,8 @@ from opir_core.simulation.plan_checks import plan_warnings
 
 #: Parts of paths of settings that are read, and change nothing in some of these scenes: `notional`
 #: is the default, looks are too few to be interpolated, all bands are bright, a hot body reflects
-#: next to nothing, no line of sight passes the limb or another cell of cloud.
+#: next to nothing, no line of sight passes the limb or another cell of cloud, nothing burns after
+#: the dark.
 WITHOUT_EFFECT = (
     ".focal_plane$",
     "probability_tolerance$",
@@ -23,6 +24,7 @@ WITHOUT_EFFECT = (
     "body_albedo$",
     "structure.limb.",
     "cloud.cover$",
+    "thrust.free_",
 )
 
 CASES: list[tuple[str, dict[str, Any], str]] = [
@@ -45,6 +47,21 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
         "constant",
         {"targets": {"ballistic_coefficient_kg_m2": 2000.0}},
         "targets[0].ballistic_coefficient_kg_m2",
+    ),
+    (
+        "coasts alone",
+        {"tracker": {"model": "imm", "motion": "coast", "boost_s": 99.0}},
+        "tracker.boost_s",
+    ),
+    (
+        "coasts alone",
+        {"tracker": {"model": "imm", "motion": "coast", "thrust": {"tilt_deg": 5.0}}},
+        "tracker.thrust",
+    ),
+    (
+        "boosts alone",
+        {"tracker": {"model": "imm", "motion": "boost", "coast_noise_m_s": 1.0}},
+        "tracker.coast_noise_m_s",
     ),
     ("constant", {"tracking_lag_s": 3.0}, "tracking_lag_s"),
     ("constant", {"preset": "heritage"}, "preset"),
