@@ -15,9 +15,9 @@ from opir_core.host.components import (
 from opir_core.reading.component_reader import ComponentReader, is_written_out
 from opir_core.reading.nodes import Node, index_step, key_step
 from opir_core.reading.scene_schema import CHOICES, WITHOUT_LIGHT
-from opir_core.scene.fields import LIGHT, SOURCES, field_infos
+from opir_core.scene.fields import BANDS, LIGHT, SOURCES, field_infos
 
-_SUBJECTS = (LIGHT, SOURCES)
+_SUBJECTS = (BANDS, LIGHT, SOURCES)
 
 
 @frozen

@@ -40,6 +40,7 @@ PLAUSIBLE_BY_UNIT: Mapping[str, tuple[float, float]] = {
 #: field of a `subject` has an effect only in scenes with a component that reads it.
 LIGHT = "light"
 SOURCES = "sources"
+BANDS = "bands"
 BODIES = "bodies"
 BIAS = "bias"
 DRAG = "drag"
@@ -57,6 +58,7 @@ DESCRIPTION = "description"
 READ_BY: Mapping[str, str] = {
     LIGHT: "a detection model that reads light does; constant reads detection_probability alone",
     SOURCES: "the detection model has none for sources",
+    BANDS: "sensors do",
     BODIES: "sensors with follows_bodies: true do",
     BIAS: "a tracker does, of sensors with a bias or with clocks that are off",
     DRAG: "it is read with drag among the scene's forces",

@@ -9,6 +9,7 @@ from attrs import Factory, frozen
 
 from opir_core.orbits.configs import OrbitConfig
 from opir_core.scene.fields import (
+    BANDS,
     CONFUSION,
     DESCRIPTION,
     DETECTION_PROBABILITY,
@@ -101,7 +102,10 @@ class ScanningSensorConfig(RadiometerConfig):
         help="any other orbit; this or orbital_slot_deg",
     )
     bands: Mapping[str, tuple[float, float]] = nested(
-        unit="um", check=_bands_complaint, help="spectral bands by name, each [lower_um, upper_um]"
+        unit="um",
+        check=_bands_complaint,
+        help="spectral bands by name, each [lower_um, upper_um]",
+        subject=BANDS,
     )
     scan_period_ms: float = number(
         unit="ms",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from attrs import fields
 
 from opir_core.host.components import Constellation, SensorModel
-from opir_core.scene.fields import BIAS, BODIES, RESIDUAL, STRUCTURE
+from opir_core.scene.fields import BANDS, BIAS, BODIES, RESIDUAL, STRUCTURE
 from opir_core.sensors.scanning_sensor import DISCRIMINATION_WORDS, ScanningSensorConfig
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def scanning_words(config: type[ScanningSensorConfig]) -> str:
 
 def _subjects_read(config: ScanningSensorConfig) -> Sequence[str]:
     """Return the subjects that a scanning sensor reads."""
-    subjects = [RESIDUAL if config.focal_plane is None else STRUCTURE]
+    subjects = [BANDS, RESIDUAL if config.focal_plane is None else STRUCTURE]
     subjects += [BODIES] if config.follows_bodies else []
     subjects += [BIAS] if config.line_of_sight_bias_sigma_urad else []
     return subjects

@@ -46,6 +46,7 @@ LIGHT: list[tuple[dict[str, Any], str]] = [
         {"sensors": [{**SBIRS, "spectral_discrimination": "none"}]},
         "sensors[0].spectral_discrimination",
     ),
+    ({"sensors": [{**DSP, "bands": {"SWIR": [2.6, 2.9]}}]}, "sensors[0].bands"),
     ({"sensors": [{**DSP, "preset": "heritage"}]}, "sensors[0].preset"),
     ({"sensors": [DSP], "preset": "heritage"}, "preset"),
     ({"sensors": [{**DSP, "model": "GOES-ABI"}]}, "sensors[0]"),
