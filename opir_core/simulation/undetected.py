@@ -57,7 +57,25 @@ def undetected_text(plan: Plan, target: int) -> str:
     where = f"by {plan.sensors[looks.sensor[best]].id} at {looks.time_s[best]:.1f} s"
     if chances[best] < _CHANCE and hasattr(plan.detection, "shortfall_text"):
         return f"{plan.detection.shortfall_text(looks.take([best]))}, {where}"
+    if chances[best] > 0.0 and (rare := _too_rare(plan, looking)):
+        return rare
     why = "by chance, in" if chances[best] > 0.0 else "in"
     return (
         f"{why} {plan.pairs.looks[looking].sum()} looks: P_d at most {chances[best]:.2g}, {where}"
+    )
+
+
+def _too_rare(plan: Plan, pair: IntArray) -> str:
+    """Return that no sensor has the looks that it needs to report a target; "" if one has."""
+    if plan.detection.confirmation is None:
+        return ""
+    looks = plan.pairs.looks[pair]
+    sensor = plan.pairs.sensor[pair]
+    needed, scans = plan.detection.confirmation[sensor].T
+    if (looks >= needed).any():
+        return ""
+    best = int((looks - needed).argmax())
+    return (
+        f"too few looks: {looks[best]} by {plan.sensors[sensor[best]].id}, which reports what"
+        f" {needed[best]} of {scans[best]} successive scans detect"
     )

@@ -103,3 +103,23 @@ def test_a_veto_of_the_rule_over_bands_is_named() -> None:
     bounds = {"SWIR": [1e-9, 2e-9]}
     rule = {"spectral_discrimination": "dual-band-ratio", "plausible_ratios": bounds}
     assert "rejected by the sensor's rule over bands" in undetected_text(plan_of(sensor=rule), 0)
+
+
+def test_a_flash_within_fewer_looks_than_confirm_is_not_missed_by_chance() -> None:
+    flash = {
+        "lat_deg": 35.0,
+        "lon_deg": -110.0,
+        "start_s": 5.0,
+        "end_s": 5.1,
+        "temperature_k": 3000.0,
+        "area_m2": 100.0,
+    }
+    sources = [{"id": "F", "model": "flares", "at": [flash]}]
+    for needed, scans in ((2, 3), (4, 6)):
+        sensor = {"confirmation_detections": needed, "confirmation_scans": scans}
+        text = undetected_text(plan_of(sensor=sensor, sources=sources), 1)
+        assert text == (
+            f"too few looks: 1 by S, which reports what {needed} of {scans} successive scans detect"
+        )
+    alone = plan_of(sensor={"confirmation_detections": 1}, sources=sources)
+    assert "too few looks" not in undetected_text(alone, 1)
