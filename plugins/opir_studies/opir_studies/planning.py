@@ -1,6 +1,6 @@
 """A study made ready to run: every design's scene compiled once, metrics built, keys known."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -139,6 +139,7 @@ def planned_study(
     require_figures(study.show, "show", figures, source)
     requirements = requirements_of(study.requirements, figures, source)
     shown = _few(tuple(dict.fromkeys(notes))) if set(names) & _OF_WHOLE_BURNS else ()
+    shown = (*_detection_notes([design.scene for design in ready]), *shown)
     settings = {name: each for name, (_, each, *_) in zip(names, described, strict=True)}
     return PlannedStudy(
         study, tuple(ready), names, metrics, until_of(study, figures), requirements, shown, settings
@@ -153,6 +154,19 @@ def _few(notes: tuple[str, ...]) -> tuple[str, ...]:
         if more <= 0
         else (*notes[:_MOST_NOTES], f"{more} more designs have scenes that end too early")
     )
+
+
+def _detection_notes(scenes: Sequence[Scene]) -> Iterator[str]:
+    """Yield which detection model `auto` chose, and a warning where designs have different ones."""
+    chosen = dict.fromkeys(line for scene in scenes for line in scene.automatic)
+    models = dict.fromkeys(scene.detection.name for scene in scenes)
+    if chosen and len(models) > 1:
+        yield (
+            f"designs differ in their detection model, {' and '.join(models)}, besides what is"
+            " varied: name one for all, --set detection=NAME"
+        )
+    elif chosen:
+        yield next(iter(chosen))
 
 
 def _end_note(plan: Plan) -> str:

@@ -68,11 +68,23 @@ def test_the_table_says_who_meets_them_and_what_never_changes(tmp_path) -> None:
 
 
 def test_a_scene_that_ends_with_the_burn_is_reported_to_metrics_of_impacts() -> None:
-    (note,) = planned_study(Study(scene=SCENE, metrics=("warning_time",))).notes
+    scene = {**SCENE, "detection": "constant"}
+    (note,) = planned_study(Study(scene=scene, metrics=("warning_time",))).notes
     assert note.startswith("the scene ends at 20 s, 231 s before the burnout of T1")
-    assert planned_study(Study(scene=SCENE, metrics=("latency",))).notes == ()
-    long = {**SCENE, "duration_s": 285.0}
+    assert planned_study(Study(scene=scene, metrics=("latency",))).notes == ()
+    long = {**scene, "duration_s": 285.0}
     assert planned_study(Study(scene=long, metrics=("warning_time",))).notes == ()
+
+
+def test_a_study_says_which_detection_was_chosen_and_where_designs_differ_in_it() -> None:
+    vary = {"sensors[0].scan_period_ms": (50.0, 100.0)}
+    notes = planned_study(Study(scene=SCENE, vary=vary, metrics=("latency",))).notes
+    assert notes == ("detection: constant, since the scene describes no light",)
+    vary = {"atmosphere": ("clear", "lowtran")}
+    (note,) = planned_study(Study(scene=SCENE, vary=vary, metrics=("latency",))).notes
+    assert note.startswith("designs differ in their detection model, constant and snr, besides")
+    scene = {**SCENE, "detection": "snr"}
+    assert planned_study(Study(scene=scene, vary=vary, metrics=("latency",))).notes == ()
 
 
 def test_wide_tables_are_cut_between_figures() -> None:
