@@ -9,7 +9,6 @@ GATE_SIGMAS = 4.5
 
 MOTIONS = ("boost-coast", "boost", "coast")
 
-_BOOSTS = ("unless motion: coast", lambda config: config.motion != "coast")
 _COASTS = ("unless motion: boost", lambda config: config.motion != "boost")
 _SWITCHES = ("with motion: boost-coast", lambda config: config.motion == "boost-coast")
 
@@ -301,7 +300,6 @@ class ImmConfig:
         default=ThrustConfig(),
         help="priors and process noise of a boost: slowly growing force along the velocity but for"
         " a tilt",
-        read_if=_BOOSTS,
     )
     coast_noise_m_s: float = number(
         default=0.01,

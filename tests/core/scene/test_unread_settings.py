@@ -15,8 +15,7 @@ from opir_core.simulation.plan_checks import plan_warnings
 
 #: Parts of paths of settings that are read, and change nothing in some of these scenes: `notional`
 #: is the default, looks are too few to be interpolated, all bands are bright, a hot body reflects
-#: next to nothing, no line of sight passes the limb or another cell of cloud, nothing burns after
-#: the dark.
+#: next to nothing, no line of sight passes the limb or another cell of cloud.
 WITHOUT_EFFECT = (
     ".focal_plane$",
     "probability_tolerance$",
@@ -24,7 +23,6 @@ WITHOUT_EFFECT = (
     "body_albedo$",
     "structure.limb.",
     "cloud.cover$",
-    "thrust.free_",
 )
 
 CASES: list[tuple[str, dict[str, Any], str]] = [
@@ -52,11 +50,6 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
         "coasts alone",
         {"tracker": {"model": "imm", "motion": "coast", "boost_s": 99.0}},
         "tracker.boost_s",
-    ),
-    (
-        "coasts alone",
-        {"tracker": {"model": "imm", "motion": "coast", "thrust": {"tilt_deg": 5.0}}},
-        "tracker.thrust",
     ),
     (
         "boosts alone",
