@@ -48,7 +48,8 @@ def compare(arguments: argparse.Namespace) -> int:
 def _text(found: Comparison, has_details: bool) -> str:
     parts = [comparison_text(found.paired, found.cards)]
     parts += [scorecard_text(found.cards)] if has_details else []
-    notes = [
+    notes = list(found.automatic)
+    notes += [
         f"{name}: impacts by the paper's law, without containment"
         for name, card in found.cards.items()
         if card.figures["impact_method"] == "paper"

@@ -65,15 +65,22 @@ class TimedTracker(Tracker):
 class Comparison:
     """Trackers on the same runs: the scorecard of each by its name, and their paired figures
     (`paired_figures`).
+
+    `automatic` are the components that `auto` chose (`Scene.automatic`).
     """
 
     cards: Mapping[str, Scorecard]
     paired: Mapping[str, Any]
+    automatic: Sequence[str] = ()
 
     def as_plain(self) -> Any:
         """Return the figures for JSON, with null for unknown values."""
         cards = {name: card.as_plain() for name, card in self.cards.items()}
-        return {"paired": Scorecard(self.paired).as_plain(), "trackers": cards}
+        return {
+            "paired": Scorecard(self.paired).as_plain(),
+            "trackers": cards,
+            "automatic": list(self.automatic),
+        }
 
 
 class _Scored(NamedTuple):
@@ -117,7 +124,9 @@ def compared(
     paired = paired_figures(
         {label: [row.run for row in own] for label, own in rows.items()}, settings
     )
-    return Comparison({label: _card(own, settings) for label, own in rows.items()}, paired)
+    cards = {label: _card(own, settings) for label, own in rows.items()}
+    first = next(iter(scenes.values()))
+    return Comparison(cards, paired, first.automatic)
 
 
 def _card(rows: Sequence[_Scored], settings: ScoreSettings) -> Scorecard:

@@ -42,6 +42,7 @@ def test_what_is_wrong_with_the_last_tracker_is_reported_before_the_first_runs(t
     assert not done
     twice = compared(str(scene), trackers=["imm"] * 2, runs=1, on_run=lambda *run: done.append(run))
     assert list(twice.cards) == ["imm"]
+    assert twice.automatic == ["detection: constant, since the scene describes no light"]
     assert len(done) == 1
 
 
