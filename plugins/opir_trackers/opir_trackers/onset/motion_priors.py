@@ -79,19 +79,25 @@ _CREEPING = (0.0025, ((20.0, 2.0), (0.05, 0.05), (0.003, 0.003)))
 _FLASH = (0.7375, ((10e3, 4e3), (10.0, 10.0), (0.0, 0.0), (0.0, 0.0)))
 _FLASH_S = 0.5
 
-#: Aircraft and balloons that stand or go straight on, as many as launches: one sensor alone can
-#: hardly tell both; what enters the air from an orbit; anything else.
+#: Balloons and other lights that stand aloft or drift with the wind; what enters the air from an
+#: orbit; anything else.
 _ALOFT = (
-    (0.1, ((8e3, 6e3), (250.0, 15.0), (0.2, 0.1), (0.01, 0.01))),
+    (0.0025, ((10e3, 8e3), (30.0, 5.0), (0.2, 0.1), (0.01, 0.01))),
     (0.05, ((80e3, 25e3), (5e3, 500.0), (30.0, 15.0), (1.0, 1.0))),
     (0.01, ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0))),
 )
 
-#: Aircraft that turn or gain speed: share and height; speed, m/s; standard deviations along and
-#: across the course, and upwards, of the velocity and of the acceleration, m/s²; that of the jerk,
-#: m/s³. Courses are in equal steps.
-_TURNING = (0.1, (8e3, 6e3), 230.0, (70.0, 90.0, 60.0), (2.0, 6.0, 3.0), 0.5)
+#: Aircraft, which have speed where a launch has none: mean and standard deviation of their height,
+#: m; by kind the share, speed, m/s, and its standard deviations along and across the course:
+#: subsonic ones, and supersonic ones on afterburner. Courses are in equal steps.
+_AIRCRAFT_HEIGHT_M = (8e3, 6e3)
+_AIRCRAFT = ((0.8, 230.0, (60.0, 90.0)), (0.2, 450.0, (120.0, 180.0)))
 _COURSES = 8
+
+#: Flights of aircraft: share; standard deviation of the climb, m/s; of the acceleration along and
+#: across the course, and upwards, m/s²; of the jerk, m/s³. Straight on, as many as launches: one
+#: sensor alone can hardly tell both; with turns or a gain of speed.
+_FLIGHTS = ((0.1, 15.0, (0.2, 0.2, 0.1), 0.01), (0.1, 60.0, (2.0, 6.0, 3.0), 0.5))
 
 
 class _Component(NamedTuple):
@@ -169,15 +175,29 @@ def _others(kinds: Sequence[Ground]) -> list[_Component]:
         _drawn(NONE, flash_share, *flash)._replace(fades_s=_FLASH_S),
         *_on_ground(NONE, share, kinds, rates),
         *(_drawn(NONE, share, *spread) for share, spread in _ALOFT),
-        *_turning(),
+        *(
+            part
+            for flown, climb_m_s, sigmas_m_s2, jerk_m_s3 in _FLIGHTS
+            for kind, speed_m_s, sigmas_m_s in _AIRCRAFT
+            for part in _aircraft(
+                flown * kind, speed_m_s, (*sigmas_m_s, climb_m_s), sigmas_m_s2, jerk_m_s3
+            )
+        ),
     ]
 
 
-def _turning() -> list[_Component]:
-    """Return the prior of aircraft on each course: one that turns has speed, which no launch has at
-    first.
+def _aircraft(
+    share: float,
+    speed_m_s: float,
+    sigmas_m_s: tuple[float, float, float],
+    sigmas_m_s2: tuple[float, float, float],
+    jerk_m_s3: float,
+) -> list[_Component]:
+    """Return the prior of one kind of aircraft and flight on each course.
+
+    Standard deviations are along and across the course, and upwards.
     """
-    share, height, speed_m_s, *sigmas, jerk_m_s3 = _TURNING
+    mean_m, sigma_m = _AIRCRAFT_HEIGHT_M
     parts = []
     for course in np.arange(_COURSES) * (2.0 * np.pi / _COURSES):
         sine = np.sin(course)
@@ -185,11 +205,11 @@ def _turning() -> list[_Component]:
         axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]]).T
         mean = np.zeros((ORDERS, 3))
         root = np.zeros((ORDERS, 3, ORDERS, 3))
-        mean[0, 2] = height[0]
+        mean[0, 2] = mean_m
         mean[1] = speed_m_s * axes[:, 0]
-        root[0, :, 0] = np.diag([WIDE_M, WIDE_M, height[1]])
-        for order, each in enumerate(sigmas, 1):
-            root[order, :, order] = axes * each
+        root[0, :, 0] = np.diag([WIDE_M, WIDE_M, sigma_m])
+        root[1, :, 1] = axes * np.array(sigmas_m_s)
+        root[2, :, 2] = axes * np.array(sigmas_m_s2)
         root[3, :, 3] = jerk_m_s3 * np.eye(3)
         parts.append(_Component(NONE, share / _COURSES, mean.ravel(), root.reshape(3 * ORDERS, -1)))
     return parts

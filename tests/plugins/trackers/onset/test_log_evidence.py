@@ -169,6 +169,38 @@ def test_a_fire_on_high_land_is_no_launch_to_two_sensors(height_m, until_s):
     assert max(launched) < 0.5
 
 
+@pytest.mark.parametrize("speed_m_s", [350.0, 450.0, 550.0])
+@pytest.mark.parametrize("turn_m_s2", [0.0, 10.0])
+@pytest.mark.parametrize("climb_m_s", [0.0, 100.0])
+@pytest.mark.parametrize("until_s", [10.0, 18.0])
+def test_a_supersonic_aircraft_is_no_launch_to_two_sensors(
+    speed_m_s, turn_m_s2, climb_m_s, until_s
+):
+    time_s = np.repeat(TIME_S[until_s > TIME_S], 2)
+    sensor = np.tile([0, 1], len(time_s) // 2)
+    launched = []
+    for seed in range(8):
+        course = seed * np.pi / 4.0 + turn_m_s2 / speed_m_s * np.arange(len(time_s) // 2) * 0.1
+        steps = 0.1 * speed_m_s * np.column_stack([np.sin(course), np.cos(course)])
+        over = np.repeat(np.cumsum(steps, axis=0), 2, axis=0) @ np.array([EAST, NORTH])
+        points = PLACE + over + (9e3 + climb_m_s * time_s)[:, None] * UP
+        rng = np.random.default_rng([34, seed])
+        launched.append(groups_of(points, time_s, sensor, rng)[LAUNCH])
+    assert max(launched) < 0.5
+
+
+def test_one_sensor_tells_a_launch_from_aircraft_by_its_speed_at_first():
+    """What rises from rest has no speed at first; aircraft have."""
+    time_s = TIME_S
+    points = PLACE + 4.5 * np.square(time_s)[:, None] * UP
+    sensor = np.zeros(len(time_s), dtype=int)
+    launched = [
+        groups_of(points, time_s, sensor, np.random.default_rng([35, seed]))[LAUNCH]
+        for seed in range(20)
+    ]
+    assert np.median(launched) > 0.95
+
+
 @pytest.mark.parametrize("height_m", [0.0, 1.5e3, 5e3])
 def test_what_stands_is_where_lines_and_kinds_of_ground_agree(height_m):
     """A mixture over kinds of ground, each by the covariances of place and lines (Kalman's
