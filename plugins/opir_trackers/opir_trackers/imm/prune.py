@@ -18,6 +18,7 @@ from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.track_management import ENOUGH_SCANS, SharedDetections
 from opir_trackers.lines_of_sight import LinesOfSight
+from opir_trackers.onset.brevity import are_brief
 from opir_trackers.triangulation import LOWEST_M
 
 #: Tracks within this distance, m, or within their covariances, are compared as possible duplicates.
@@ -61,7 +62,8 @@ def prune(
         drop |= _lesser(models, now, *moments)
     if np.count_nonzero(drop):
         gone = np.flatnonzero(drop & models.confirmed(now))
-        end = np.where(down[gone], IMPACT, LOST).astype(np.uint8)
+        brief = are_brief(now.motion.take(gone), table.first_s[gone], table.seen_s[gone])
+        end = np.where(down[gone] & ~brief, IMPACT, LOST).astype(np.uint8)
         ended = EndedTracks(now.estimates.take(gone), table.take(gone), now.motion.take(gone), end)
         now = evolve(
             now.without(drop), ended=ended.and_others(now.ended) if len(gone) else now.ended

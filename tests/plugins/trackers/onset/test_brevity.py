@@ -119,3 +119,23 @@ def test_a_flash_that_is_gone_has_no_launch_and_no_impact_in_summary_file_and_ta
     for row in flashes:
         record = last[row["track_id"]]
         assert (record["launch"], record["impact"], record["impact_regions"]) == (None, None, [])
+
+
+@pytest.mark.slow
+def test_a_flash_that_was_too_brief_to_tell_does_not_end_with_an_impact() -> None:
+    """Flashes of about a second at 4 to 7 km, whose predicted places soon are below the ground."""
+    rng = np.random.default_rng(8)
+    at = [
+        {"lat_deg": rng.uniform(-15.0, 20.0), "lon_deg": rng.uniform(20.0, 65.0)}
+        | {"start_s": start_s, "end_s": start_s + rng.uniform(0.9, 1.5)}
+        | {"height_m": rng.uniform(4e3, 7e3), "temperature_k": 6000.0, "area_m2": 60.0}
+        for start_s in np.linspace(3.0, 15.0, 25).tolist()
+    ]
+    changes = {
+        "targets": [],
+        "duration_s": 55,
+        "sources": [{"id": "f", "model": "flares", "at": at}],
+    }
+    rows = opir.simulate(opir.scene_from_mapping({**scene("imm"), **changes})).summary["tracks"]
+    assert sum(row["is_brief"] for row in rows) >= 10
+    assert all(row["end"] != "impact" for row in rows)
