@@ -125,11 +125,10 @@ PARTS = (
         "tabulated",
         "sensor below the target's horizon: LOWTRAN7 for targets up to 100 km, by the lowest height"
         " of the straight"
-        " path, 2.5 km and above; below, as at 2.5 km. Error 0.008 at 360 places",
-        "refraction below 2.5 km, where rays can meet the ground; air below targets that are above"
-        " 100 km",
-        "Not estimated. Transmittance too high in both cases; it is 1 for every target above 100"
-        " km",
+        " path, 2.5 km and above; below, as at 2.5 km. From higher targets the path enters the air"
+        " at 100 km. Error 0.008 at 360 places",
+        "refraction below 2.5 km, where rays can meet the ground",
+        "Not estimated. Transmittance too high",
     ),
     Part(
         "Cloud",

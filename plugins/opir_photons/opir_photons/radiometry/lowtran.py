@@ -163,7 +163,7 @@ class LowtranAtmosphere(Transmittance):
     def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
         """Return those of several bands (bands, n), with one search in the grid."""
         result = np.ones((len(bands), len(path)))
-        low = np.flatnonzero(path.height_m < TOP_M)
+        low = np.flatnonzero(lowest_m(path.height_m, path.elevation_sine) < TOP_M)
         if not len(low):
             return result
         result[:, as_slice_if_consecutive(low)] = self._looked_up(
@@ -211,16 +211,27 @@ class LowtranAtmosphere(Transmittance):
         return found
 
 
+def lowest_m(height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
+    """Return the lowest heights (n,) of straight paths from heights (n,), m: their own at and above
+    the horizon.
+    """
+    falling = np.minimum(elevation_sine, 0.0)
+    cosine = np.sqrt((1.0 - falling) * (1.0 + falling))
+    # 1 - cosine without cancellation.
+    return height_m - (RADIUS_M + height_m) * (falling * falling / (1.0 + cosine))
+
+
 def _below(
     grids: Sequence[FloatArray], height_m: FloatArray, elevation_sine: FloatArray
 ) -> FloatArray:
-    """Return transmittances (bands, n) of paths that first descend; 0 through the Earth."""
-    cosine = np.sqrt((1.0 - elevation_sine) * (1.0 + elevation_sine))
-    # 1 - cosine without cancellation.
-    drop_m = (RADIUS_M + height_m) * (elevation_sine * elevation_sine / (1.0 + cosine))
-    lowest_m = height_m - drop_m
+    """Return transmittances (bands, n) of paths that first descend; 0 through the Earth.
+
+    Paths from above the air enter it at its top.
+    """
+    lowest = lowest_m(height_m, elevation_sine)
+    drop_m = np.minimum(height_m, TOP_M) - lowest
     climb = np.sqrt(drop_m) * ((CLIMBS - 1) / HIGHEST_ROOT)
-    return np.where(lowest_m < 0.0, 0.0, _within(grids, lowest_m, climb))
+    return np.where(lowest < 0.0, 0.0, _within(grids, lowest, climb))
 
 
 def _within(grids: Sequence[FloatArray], height_m: FloatArray, across: FloatArray) -> FloatArray:

@@ -223,14 +223,16 @@ def test_a_band_of_no_width_is_refused_and_one_of_a_hair_shows_noise_alone() -> 
     assert chances(plan, looks_at(HEIGHTS_M, 40.0)) == pytest.approx(float(ndtr(-5.0)), rel=1e-6)
 
 
-def test_in_a_whole_run_nothing_is_looked_up_above_100_km(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_in_a_whole_run_nothing_above_the_horizon_is_looked_up_above_100_km(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     asked: list[float] = []
     inner = LowtranAtmosphere._looked_up
 
     def counting(
         self: Any, band: int, height_m: np.ndarray, elevation_sine: np.ndarray
     ) -> np.ndarray:
-        asked.extend(height_m.tolist())
+        asked.extend(height_m[elevation_sine >= 0.0].tolist())
         return inner(self, band, height_m, elevation_sine)
 
     monkeypatch.setattr(LowtranAtmosphere, "_looked_up", counting)

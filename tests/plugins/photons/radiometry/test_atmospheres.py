@@ -65,7 +65,7 @@ def test_transmittance_is_a_share_that_rises_with_height_and_elevation(
     )
     assert 0.0 <= here <= higher <= 1.0
     assert here <= up <= 1.0
-    if height >= 100e3:
+    if height >= 100e3 and sine >= 0.0:
         assert here == 1.0
 
 
@@ -88,6 +88,18 @@ def test_nothing_is_evaluated_above_100_km(monkeypatch):
         lambda deck, path: pytest.fail("asked for clouds"),
     )
     cloudy.transmittance(0, paths([1e5, 2e5], 0.5))
+
+
+@pytest.mark.parametrize("lowest_m", [500.0, 5e3, 12e3, 30e3, 60e3, 99e3])
+@pytest.mark.parametrize("band", [0, 1])
+def test_a_straight_line_has_one_transmittance_from_beyond_the_air(band, lowest_m):
+    radius_m = 6_371_000.0
+    height_m = np.array([99_999.9, 100_000.1, 150e3, 400e3, 1000e3])
+    sine = -np.sqrt(1.0 - np.square((radius_m + lowest_m) / (radius_m + height_m)))
+    found = MODEL.transmittance(band, paths(height_m, sine))
+    np.testing.assert_allclose(found, found[0], atol=1e-4)
+    assert lowest_m > 5e3 or (found < 0.01).all()
+    assert lowest_m < 60e3 or (found > 0.9).all()
 
 
 def test_the_horizon_is_crossed_without_a_step():
