@@ -124,8 +124,8 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
         run = LiveRun(scene, plugins, live)
     except SceneError as error:
         raise SceneError(error.problems, source=arguments.scene) from error
-    for warning in plan_warnings(run.plan):
-        warn(warning)
+    for line in [*scene.automatic, *plan_warnings(run.plan)]:
+        warn(line)
     service = Service(run, settings)
     run.on_window = service.feed.put
     return service
