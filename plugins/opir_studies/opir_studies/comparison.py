@@ -125,8 +125,8 @@ def compared(
         {label: [row.run for row in own] for label, own in rows.items()}, settings
     )
     cards = {label: _card(own, settings) for label, own in rows.items()}
-    first = next(iter(scenes.values()))
-    return Comparison(cards, paired, first.automatic)
+    scene = next(iter(scenes.values()))
+    return Comparison(cards, paired, scene.automatic)
 
 
 def _card(rows: Sequence[_Scored], settings: ScoreSettings) -> Scorecard:

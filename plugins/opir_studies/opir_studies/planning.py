@@ -158,15 +158,15 @@ def _few(notes: tuple[str, ...]) -> tuple[str, ...]:
 
 def _detection_notes(scenes: Sequence[Scene]) -> Iterator[str]:
     """Yield which detection model `auto` chose, and a warning where designs have different ones."""
-    chosen = dict.fromkeys(line for scene in scenes for line in scene.automatic)
+    lines = dict.fromkeys(line for scene in scenes for line in scene.automatic)
     models = dict.fromkeys(scene.detection.name for scene in scenes)
-    if chosen and len(models) > 1:
+    if lines and len(models) > 1:
         yield (
             f"designs differ in their detection model, {' and '.join(models)}, besides what is"
             " varied: name one for all, --set detection=NAME"
         )
-    elif chosen:
-        yield next(iter(chosen))
+    elif lines:
+        yield next(iter(lines))
 
 
 def _end_note(plan: Plan) -> str:

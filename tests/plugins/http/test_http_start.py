@@ -26,11 +26,11 @@ SCENE = {
     ids=str,
 )
 def test_the_service_says_which_detection_was_chosen(
-    changes: dict[str, str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    changes: dict[str, str], line: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(json.dumps({**SCENE, **changes}))
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     service_of(parser.parse_args([str(path)]))
-    assert line in capsys.readouterr().err
+    assert line in caplog.messages
