@@ -62,7 +62,7 @@ def prune(
         drop |= _lesser(models, now, *moments)
     if np.count_nonzero(drop):
         gone = np.flatnonzero(drop & models.confirmed(now))
-        brief = are_brief(now.motion.take(gone), table.first_s[gone], table.seen_s[gone])
+        brief = are_brief(now.motion, table.first_s, table.seen_s)[gone]
         end = np.where(down[gone] & ~brief, IMPACT, LOST).astype(np.uint8)
         ended = EndedTracks(now.estimates.take(gone), table.take(gone), now.motion.take(gone), end)
         now = evolve(

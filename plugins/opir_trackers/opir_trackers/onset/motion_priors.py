@@ -7,6 +7,7 @@ position, which stands for "anywhere in view".
 """
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -87,17 +88,19 @@ _ALOFT = (
     (0.01, ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0))),
 )
 
-#: Aircraft, which have speed where a launch has none: mean and standard deviation of their height,
-#: m; by kind the share, speed, m/s, and its standard deviations along and across the course:
-#: subsonic ones, and supersonic ones on afterburner. Courses are in equal steps.
-_AIRCRAFT_HEIGHT_M = (8e3, 6e3)
+#: Aircraft, which have speed where a launch has none: mean and standard deviation of the height, m;
+#: of subsonic and supersonic ones the share, speed, m/s, and its standard deviations along and
+#: across the course.
+_AIRCRAFT_M = (8e3, 6e3)
 _AIRCRAFT = ((0.8, 230.0, (60.0, 90.0)), (0.2, 450.0, (120.0, 180.0)))
-_COURSES = 8
 
-#: Flights of aircraft: share; standard deviation of the climb, m/s; of the acceleration along and
-#: across the course, and upwards, m/s²; of the jerk, m/s³. Straight on, as many as launches: one
+#: Flights of aircraft: share; standard deviations of the climb, m/s; of the acceleration, m/s², and
+#: the jerk, m/s³, along and across the course, and upwards. Straight on, as many as launches: one
 #: sensor alone can hardly tell both; with turns or a gain of speed.
-_FLIGHTS = ((0.1, 15.0, (0.2, 0.2, 0.1), 0.01), (0.1, 60.0, (2.0, 6.0, 3.0), 0.5))
+_FLIGHTS = (
+    (0.1, 15.0, ((0.2, 0.2, 0.1), (0.01, 0.01, 0.01))),
+    (0.1, 60.0, ((2.0, 6.0, 3.0), (0.5, 0.5, 0.5))),
+)
 
 
 class _Component(NamedTuple):
@@ -175,43 +178,28 @@ def _others(kinds: Sequence[Ground]) -> list[_Component]:
         _drawn(NONE, flash_share, *flash)._replace(fades_s=_FLASH_S),
         *_on_ground(NONE, share, kinds, rates),
         *(_drawn(NONE, share, *spread) for share, spread in _ALOFT),
-        *(
-            part
-            for flown, climb_m_s, sigmas_m_s2, jerk_m_s3 in _FLIGHTS
-            for kind, speed_m_s, sigmas_m_s in _AIRCRAFT
-            for part in _aircraft(
-                flown * kind, speed_m_s, (*sigmas_m_s, climb_m_s), sigmas_m_s2, jerk_m_s3
-            )
-        ),
+        *_aircraft(),
     ]
 
 
-def _aircraft(
-    share: float,
-    speed_m_s: float,
-    sigmas_m_s: tuple[float, float, float],
-    sigmas_m_s2: tuple[float, float, float],
-    jerk_m_s3: float,
-) -> list[_Component]:
-    """Return the prior of one kind of aircraft and flight on each course.
-
-    Standard deviations are along and across the course, and upwards.
-    """
-    mean_m, sigma_m = _AIRCRAFT_HEIGHT_M
+def _aircraft() -> list[_Component]:
+    """Return the priors of each kind of aircraft, flight and course."""
     parts = []
-    for course in np.arange(_COURSES) * (2.0 * np.pi / _COURSES):
+    courses = np.arange(8) * (np.pi / 4.0)
+    for flight, (share, speed_m_s, sigmas_m_s), course in product(_FLIGHTS, _AIRCRAFT, courses):
+        flown, climb_m_s, rates = flight
         sine = np.sin(course)
         cosine = np.cos(course)
-        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]]).T
+        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
         mean = np.zeros((ORDERS, 3))
         root = np.zeros((ORDERS, 3, ORDERS, 3))
-        mean[0, 2] = mean_m
-        mean[1] = speed_m_s * axes[:, 0]
-        root[0, :, 0] = np.diag([WIDE_M, WIDE_M, sigma_m])
-        root[1, :, 1] = axes * np.array(sigmas_m_s)
-        root[2, :, 2] = axes * np.array(sigmas_m_s2)
-        root[3, :, 3] = jerk_m_s3 * np.eye(3)
-        parts.append(_Component(NONE, share / _COURSES, mean.ravel(), root.reshape(3 * ORDERS, -1)))
+        mean[0, 2] = _AIRCRAFT_M[0]
+        mean[1] = speed_m_s * axes[0]
+        spreads = (WIDE_M, WIDE_M, _AIRCRAFT_M[1]), (*sigmas_m_s, climb_m_s), *rates
+        for order, sigmas in enumerate(spreads):
+            root[order, :, order] = axes * sigmas
+        weight = flown * share / len(courses)
+        parts.append(_Component(NONE, weight, mean.ravel(), root.reshape(3 * ORDERS, -1)))
     return parts
 
 
