@@ -48,4 +48,5 @@ def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight: str, seed: int)
     assert number[0] >= 0, "the launch has left the gate of a ground source"
     mine = run.tracks.take(np.flatnonzero(run.tracks.track == number[0]))
     assert mine.probability_launch[np.searchsorted(mine.tick_s, START_S + 60.0)] < 0.5
-    assert mine.probability_launch[-1] > 0.95
+    # Ten others a day leave a slow launch before a scanner of 10 s a tenth of doubt.
+    assert mine.probability_launch[-1] > 0.9

@@ -15,8 +15,8 @@ FOLDERS = {
 
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
-    "opir_core": 246_000,
-    "opir_coverage": 37_100,
+    "opir_core": 246_300,
+    "opir_coverage": 37_200,
     "opir_dask": 800,
     "opir_dsp": 500,
     "opir_export": 20_400,
@@ -33,11 +33,11 @@ TOKENS: dict[str, int] = {
     "opir_sbirs": 400,
     "opir_scoring": 30_400,
     "opir_stonesoup": 5_500,
-    "opir_studies": 31_000,
+    "opir_studies": 31_100,
     "opir_testing": 33_300,
-    "opir_trackers": 124_000,
-    "benchmarks": 129_500,
-    "tests": 709_000,
+    "opir_trackers": 124_100,
+    "benchmarks": 129_900,
+    "tests": 711_700,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.
@@ -69,7 +69,7 @@ OVER: dict[str, dict[str, float]] = {
         "function_p90": 197,
         "function_most": 528,
         "not_nouns": 0.068,
-        "constants": 18.8,
+        "constants": 18.7,
     },
     "opir_readers": {
         "function_p90": 190,
@@ -89,12 +89,12 @@ OVER: dict[str, dict[str, float]] = {
     "opir_trackers": {
         "function_p90": 270,
         "function_most": 617,
-        "not_nouns": 0.133,
+        "not_nouns": 0.132,
         "constants": 24.1,
         "twins": 17,
     },
     "benchmarks": {
-        "function_p90": 291,
+        "function_p90": 286,
         "function_most": 622,
         "wide": 0.016,
         "not_nouns": 0.1,

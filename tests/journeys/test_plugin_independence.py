@@ -31,7 +31,9 @@ PLUGINS = sorted(
 #: Scenes by name, and the plugins that each needs.
 SCENES = {
     "first_light": {"opir_dsp"},
-    "pacific_test_range": {"opir_dsp", "opir_sbirs", "opir_nextgen", "opir_trackers"},
+    "pacific_test_range": {
+        *("opir_dsp", "opir_sbirs", "opir_nextgen", "opir_photons", "opir_trackers"),
+    },
 }
 
 #: What somebody else's plugins are like: they offer names of their own, under hooks that the scenes
