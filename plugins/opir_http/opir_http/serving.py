@@ -9,7 +9,7 @@ import stat
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -124,8 +124,8 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
         run = LiveRun(scene, plugins, live)
     except SceneError as error:
         raise SceneError(error.problems, source=arguments.scene) from error
-    for line in [*scene.automatic, *plan_warnings(run.plan)]:
-        warn(line)
+    for warning in plan_warnings(run.plan):
+        warn(warning)
     service = Service(run, settings)
     run.on_window = service.feed.put
     return service
@@ -257,7 +257,8 @@ async def _served(
     """
 
     def print_address() -> None:
-        sys.stdout.write(address_text(host, listening.getsockname()[1]))
+        notes = service.run.plan.scene.automatic
+        sys.stdout.write(start_text(host, listening.getsockname()[1], notes))
         sys.stdout.flush()
         on_start()
 
@@ -267,10 +268,11 @@ async def _served(
     return server.asked_at_s
 
 
-def address_text(host: str, port: int) -> str:
-    """Return the text printed once a service answers."""
+def start_text(host: str, port: int, notes: Iterable[str] = ()) -> str:
+    """Return the text printed once a service answers: its address, then notes on its scene."""
     address = f"http://{f'[{host}]' if ':' in host else host}:{port}"
-    return f"opir: {address}\nopir: {address}/page/api.html describes the HTTP interface\n"
+    lines = [address, f"{address}/page/api.html describes the HTTP interface", *notes]
+    return "".join(f"opir: {line}\n" for line in lines)
 
 
 def server_of(

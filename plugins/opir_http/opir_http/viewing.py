@@ -19,7 +19,7 @@ from opir_http.reading import instant_us, number_within, query
 from opir_http.replay import LONGEST_S, Replay
 from opir_http.routes import page_routes
 from opir_http.server import Server
-from opir_http.serving import address_text, bound_socket, token_of
+from opir_http.serving import bound_socket, start_text, token_of
 from opir_http.settings import HttpSettings
 
 _JSON = "application/json"
@@ -80,7 +80,7 @@ def view_application(replay: Replay) -> Litestar:
 
 async def _served(replay: Replay, token: str | None, listening: socket.socket, host: str) -> None:
     def print_address() -> None:
-        sys.stdout.write(address_text(host, listening.getsockname()[1]))
+        sys.stdout.write(start_text(host, listening.getsockname()[1]))
         sys.stdout.flush()
 
     await view_server(replay, token, print_address).serve(sockets=[listening])

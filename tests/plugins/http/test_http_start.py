@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from opir_http.arguments import add_arguments
-from opir_http.serving import service_of
+from opir_http.serving import service_of, start_text
 
 SCENE = {
     "scene": "start",
@@ -26,11 +26,13 @@ SCENE = {
     ids=str,
 )
 def test_the_service_says_which_detection_was_chosen(
-    changes: dict[str, str], line: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    changes: dict[str, str], line: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(json.dumps({**SCENE, **changes}))
     parser = argparse.ArgumentParser()
     add_arguments(parser)
-    service_of(parser.parse_args([str(path)]))
-    assert line in caplog.messages
+    service = service_of(parser.parse_args([str(path)]))
+    text = start_text("localhost", 80, service.run.plan.scene.automatic)
+    assert text.startswith("opir: http://localhost:80\n")
+    assert text.endswith(f"\nopir: {line}\n")

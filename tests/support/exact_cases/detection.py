@@ -476,6 +476,7 @@ LEFT_OUT = {
         "paired_figures": "differences against SciPy's paired test"
         " (tests/plugins/scoring/test_paired.py)",
         "comparison_text": "words (tests/plugins/scoring/test_paired.py)",
+        "percent_text": "words (tests/plugins/studies/test_some_launches.py)",
         "consistency": "SciPy's χ² quantiles (tests/plugins/scoring)",
         "containment": "counts, and SciPy's χ² quantile (tests/plugins/scoring)",
         **dict.fromkeys(
