@@ -130,7 +130,8 @@ def test_a_study_writes_its_report(tmp_path, capsys) -> None:
     ]
     assert main([*command, "--figures", str(figures)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[2].startswith("latency_s <= 1: met by 1 of 2 designs (50)")
+    assert lines[0] == "note: detection: constant, since the scene describes no light"
+    assert lines[4].startswith("latency_s <= 1: met by 1 of 2 designs (50)")
     assert lines[-2:] == [f"Report: {page}", f"Figures: {figures}"]
     assert "<h1>How soon is a launch seen?</h1>" in page.read_text(encoding="utf-8")
     assert (figures / "effect-latency_s.pdf").exists()

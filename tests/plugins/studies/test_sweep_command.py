@@ -22,8 +22,10 @@ def test_a_table_has_a_row_per_design(scene, capsys):
         == 0
     )
     printed = capsys.readouterr().out
-    assert printed.startswith("short: 2 designs, 10 runs; mean [95 % interval] over runs\n")
-    rows = [line.split() for line in printed.splitlines()]
+    note, _, table = printed.partition("\n\n")
+    assert note == "note: detection: constant, since the scene describes no light"
+    assert table.startswith("short: 2 designs, 10 runs; mean [95 % interval] over runs\n")
+    rows = [line.split() for line in table.splitlines()]
     assert [row[:2] for row in rows[3:5]] == [["100", "5"], ["400", "5"]]
     assert "minus the first design" in printed
     assert printed.endswith("All figures: short-study/results.csv\n")
