@@ -37,7 +37,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 33_300,
     "opir_trackers": 124_100,
     "benchmarks": 129_900,
-    "tests": 711_700,
+    "tests": 711_800,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -33,6 +33,8 @@ HOT = {
     "signature": {"model": "plume", "body_temperature_k": 3000.0, "body_area_m2": 40.0},
 }
 BRIGHT = {**FAR, "signature": {"model": "plume", "scale": 100.0}}
+#: Near the threshold: who knows the true type shows what the threshold does by detections alone.
+FAINT = {**TARGET, "signature": {"model": "plume", "scale": 1e-2}}
 LIGHT: dict[str, Any] = {"detection": {"model": "snr"}, "targets": [{**TARGET, **PLUME}]}
 SKY: dict[str, Any] = {
     **LIGHT,
@@ -73,7 +75,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = {
     "coasts alone": {"tracker": {"model": "imm", "motion": "coast"}},
     "boosts alone": {"tracker": {"model": "imm", "motion": "boost"}},
     "kepler-arc": {"tracker": {"model": "kepler-arc"}},
-    "paper": {**LIGHT, "classification": {"model": "paper"}},
+    "paper": {**LIGHT, "targets": [FAINT], "classification": {"model": "paper"}},
 }
 
 HOST = Host.discover()

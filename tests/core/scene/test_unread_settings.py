@@ -15,7 +15,7 @@ from opir_core.simulation.plan_checks import plan_warnings
 
 #: Parts of paths of settings that are read, and change nothing in some of these scenes: `notional`
 #: is the default, looks are too few to be interpolated, all bands are bright, a hot body reflects
-#: next to nothing, no line of sight passes the limb or another cell of cloud.
+#: next to nothing, no line of sight passes the limb or another cell of cloud, and no target is slow.
 WITHOUT_EFFECT = (
     ".focal_plane$",
     "probability_tolerance$",
@@ -23,6 +23,7 @@ WITHOUT_EFFECT = (
     "body_albedo$",
     "structure.limb.",
     "cloud.cover$",
+    "confirmation_speed_m_s$",
 )
 
 CASES: list[tuple[str, dict[str, Any], str]] = [
