@@ -1,7 +1,7 @@
 """Which tracks were seen too briefly to tell a launch from a light that stands still.
 
 Looks at a source, evenly over a time T, with the summed information J of its place, tell its
-velocity with the information J T² / 12 along each axis. Two motions that differ by v are told apart
+velocity with the information J T² / 12 along each axis. Two motions that differ by v are separated
 with the expected log odds of half of v² times this.
 """
 
