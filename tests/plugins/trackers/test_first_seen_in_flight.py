@@ -15,6 +15,10 @@ REACH_DEG = {"IRBM": 18.0, "ICBM": 70.0, "SLBM": 48.0}
 SLOTS: Mapping[int, tuple[float, ...]] = {1: (-100.0,), 2: (-130.0, -40.0)}
 
 
+#: Re-entries are as frequent as launches, and as straight and fast in a few lines of one sensor.
+IS_UNSURE = pytest.mark.xfail(reason="P(launch) ends at 0.68 with ten others a day", strict=True)
+
+
 def run_of(kind: str, seed: int, sensors: int) -> opir.Run:
     """Return a run of a launch under a deck of cloud up to 10 km, before heritage DSP."""
     rng = np.random.default_rng(seed)
@@ -83,10 +87,9 @@ def test_two_sensors_follow_from_the_third_line_on_and_date_the_launch(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [31, 32, 33])
+@pytest.mark.parametrize("seed", [31, pytest.param(32, marks=IS_UNSURE), 33])
 def test_one_sensor_follows_and_dates_a_launch_first_seen_in_flight(seed: int) -> None:
     estimates, _ = track_of(run_of("IRBM", seed, 1))
-    # Re-entries are as frequent as launches, and in a few lines of one sensor as straight and fast.
-    assert estimates.probability_launch[-1] > 0.5
+    assert estimates.probability_launch[-1] > 0.9
     late_s = estimates.launch[-1, 2] - LAUNCH_S
     assert abs(late_s) < 3.0 * np.sqrt(estimates.launch_covariance[-1, 2, 2])
