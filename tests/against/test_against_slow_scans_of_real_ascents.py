@@ -15,6 +15,10 @@ LATE_S = 105.0
 SENSOR = {"model": "DSP", "scan_period_ms": 10_000.0}
 
 
+#: A slow launch before a scanner of 10 s looks like an aircraft for longer than the run.
+IS_UNSURE = pytest.mark.xfail(reason="P(launch) ends at 0.91 with ten others a day", strict=True)
+
+
 def run_of(flight: str, seed: int) -> opir.Run:
     """Return a run of an ascent before two scanners, until it is some 60 km high."""
     target = {"id": flight, "model": "table", "type": "SLV", "file": str(ASCENTS / f"{flight}.csv")}
@@ -38,7 +42,13 @@ def run_of(flight: str, seed: int) -> opir.Run:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("flight", "seed"), [("crs8", 8), ("crs8", 50), ("fhdemo", 50), ("orbcomm2", 51)]
+    ("flight", "seed"),
+    [
+        pytest.param("crs8", 8, marks=IS_UNSURE),
+        ("crs8", 50),
+        ("fhdemo", 50),
+        ("orbcomm2", 51),
+    ],
 )
 def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight: str, seed: int) -> None:
     run = run_of(flight, seed)
@@ -48,5 +58,4 @@ def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight: str, seed: int)
     assert number[0] >= 0, "the launch has left the gate of a ground source"
     mine = run.tracks.take(np.flatnonzero(run.tracks.track == number[0]))
     assert mine.probability_launch[np.searchsorted(mine.tick_s, START_S + 60.0)] < 0.5
-    # Ten others a day leave a slow launch before a scanner of 10 s a tenth of doubt.
-    assert mine.probability_launch[-1] > 0.9
+    assert mine.probability_launch[-1] > 0.95
