@@ -183,7 +183,15 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
         with path.open(encoding="utf-8", newline="") as lines:
             return list(csv.DictReader(lines))
     table = pq.read_table(path) if path.suffix == ".parquet" else pa.ipc.open_file(path).read_all()
-    return table.to_pylist()
+    return table.cast(in_microseconds(table.schema), safe=False).to_pylist()
+
+
+def in_microseconds(schema: pa.Schema) -> pa.Schema:
+    """Return a schema with times in microseconds: Python has none in nanoseconds."""
+    times = pa.timestamp("us", "UTC")
+    return pa.schema(
+        [field.with_type(times) if pa.types.is_timestamp(field.type) else field for field in schema]
+    )
 
 
 def from_table(path: Path) -> Read:
