@@ -6,8 +6,10 @@ import io
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import redirect_stdout, suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -21,7 +23,7 @@ from opir_core.cli.main import main as opir
 from opir_core.host.components import CATALOGUE, Component, Constellation, plural
 from opir_core.host.host import Host
 from opir_core.reading.scene_schema import SceneFile
-from opir_core.scene.field_rows import field_rows, named_values, shown
+from opir_core.scene.field_rows import FieldRow, field_rows, named_values, shown
 from opir_core.scene.scene import SceneDrag
 from opir_core.scene.target_classes import TargetClass
 
@@ -29,6 +31,8 @@ DOCS = Path(__file__).resolve().parent
 HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|---|---|---|---|"
 #: So many satellites of a fleet are listed one by one.
 _FEW = 6
+#: A setting that so many components of a kind, and half of them, have is listed once for all.
+_MANY = 3
 
 PHOTONS = ("classification", "detection", "imagers", "radiometry")
 PLUGINS = [
@@ -198,12 +202,53 @@ def components_page() -> str:
     for hook, kind in CATALOGUE.items():
         names = host.names(hook)
         if names:
+            shared = shared_rows(host, hook, names)
             parts += [
                 "",
                 f"## {plural(kind.kind).capitalize()}",
-                *(line for name in names for line in entry(host, hook, name)),
+                *shared_lines(plural(kind.kind), shared),
+                *(line for name in names for line in entry(host, hook, name, shared)),
             ]
     return "\n".join([*parts, ""])
+
+
+def shared_rows(host: Host, hook: str, names: Sequence[str]) -> Mapping[str, str]:
+    """Return by key the table rows of settings that many components of a kind have with one meaning.
+
+    Each has the default that most of them give it.
+    """
+    variants: dict[str, list[FieldRow]] = {}
+    settings = [rows for name in names if (rows := settings_of(host.component(hook, name)))]
+    for row in chain.from_iterable(settings):
+        variants.setdefault(row.key, []).append(row)
+    most = max(_MANY, len(settings) / 2)
+    return {
+        key: Counter(map(table_row, rows)).most_common(1)[0][0]
+        for key, rows in variants.items()
+        if len(rows) >= most and len({(row.bounds, row.help) for row in rows}) == 1
+    }
+
+
+def shared_lines(kinds: str, shared: Mapping[str, str]) -> Iterator[str]:
+    """Yield the table of shared settings, once for all components of a kind."""
+    if shared:
+        yield from (
+            "",
+            (
+                f"Settings that {kinds} share. Below, a component lists its own settings, and those of"
+                " these for which it has another default."
+            ),
+            "",
+            HEAD,
+            *shared.values(),
+        )
+
+
+def settings_of(offered: object) -> Sequence[FieldRow]:
+    """Return the settings of a component, nested ones below their parent."""
+    if isinstance(offered, Component) and not isinstance(offered, Constellation | TargetClass):
+        return list(field_rows(offered.config))
+    return []
 
 
 def placed(satellite: Mapping[str, Any]) -> str:
@@ -219,8 +264,8 @@ def placed(satellite: Mapping[str, Any]) -> str:
     return f"({kind}, " + ", ".join(f"{name}: {value:g}" for name, value in elements.items()) + ")"
 
 
-def entry(host: Host, hook: str, name: str) -> Iterator[str]:
-    """Yield the lines of one component."""
+def entry(host: Host, hook: str, name: str, shared: Mapping[str, str]) -> Iterator[str]:
+    """Yield the lines of one component, without the settings that are as shared."""
     offered = host.component(hook, name)
     yield from (
         "",
@@ -236,7 +281,13 @@ def entry(host: Host, hook: str, name: str) -> Iterator[str]:
     elif isinstance(offered, TargetClass):
         yield from ("", *class_lines(offered))
     elif isinstance(offered, Component) and fields(offered.config):
-        yield from ("", HEAD, *rows(offered.config))
+        own = {row.key: table_row(row) for row in settings_of(offered)}
+        differing = [row for key, row in own.items() if row != shared.get(key)]
+        lacking = [f"`{key}`" for key in shared if key not in own and "." not in key]
+        if lacking:
+            yield from ("", f"It has no {', '.join(lacking)}.")
+        if differing:
+            yield from ("", HEAD, *differing)
         for preset, values in offered.presets.items():
             settings = ", ".join(f"`{key}: {shown(value)}`" for key, value in values.items())
             yield from ("", f"Preset `{preset}`: {settings}.")
@@ -273,10 +324,14 @@ def class_lines(kind: TargetClass) -> Iterator[str]:
 
 def rows(config: type) -> Iterator[str]:
     """Yield a table row for each field of a configuration class, nested ones below their parent."""
-    for row in field_rows(config):
-        default = row.default_text if row.is_required else f"`{row.default_text}`"
-        cells = (f"`{row.key}`", default, row.bounds, row.help, row.source)
-        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+    yield from map(table_row, field_rows(config))
+
+
+def table_row(row: FieldRow) -> str:
+    """Return the table row of a setting."""
+    default = row.default_text if row.is_required else f"`{row.default_text}`"
+    cells = (f"`{row.key}`", default, row.bounds, row.help, row.source)
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 
 def main() -> int:
