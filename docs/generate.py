@@ -6,51 +6,22 @@ import io
 import os
 import re
 import sys
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import redirect_stdout, suppress
-from itertools import chain
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
 from api_reference import api_pages
-from attrs import asdict, fields
 from claims import claims_page
+from component_pages import HEAD, PLUGINS, components_page, rows
 from modelled import modelled_pages
 
 from opir_core.cli.main import main as opir
-from opir_core.host.components import CATALOGUE, Component, Constellation, plural
 from opir_core.host.host import Host
 from opir_core.reading.scene_schema import SceneFile
-from opir_core.scene.field_rows import FieldRow, field_rows, named_values, shown
 from opir_core.scene.scene import SceneDrag
-from opir_core.scene.target_classes import TargetClass
 
 DOCS = Path(__file__).resolve().parent
-HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|---|---|---|---|"
-#: So many satellites of a fleet are listed one by one.
-_FEW = 6
-#: A setting that so many components of a kind, and half of them, have is listed once for all.
-_MANY = 3
-
-PHOTONS = ("classification", "detection", "imagers", "radiometry")
-PLUGINS = [
-    *PHOTONS,
-    "dsp",
-    "sbirs",
-    "nextgen",
-    "heo",
-    "leo",
-    "trackers",
-    "readers",
-    "export",
-    "studies",
-    "dask",
-    "render",
-    "report",
-    "coverage",
-]
 
 
 def pages() -> Mapping[Path, str]:
@@ -185,153 +156,6 @@ def helped(*words: str) -> str:
     with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
         opir([*words, "--help"])
     return "\n".join(line.rstrip() for line in text.getvalue().strip().splitlines())
-
-
-def components_page() -> str:
-    """Return the page of all components of the core and of the constellations beside it."""
-    host = Host.discover(PLUGINS)
-    parts = [
-        "# Components",
-        "",
-        (
-            "What the core and the constellations beside it offer, by kind. Defaults whose source is"
-            " *notional* are"
-        ),
-        "made up, plausible, and no real system's.",
-    ]
-    for hook, kind in CATALOGUE.items():
-        names = host.names(hook)
-        if names:
-            shared = shared_rows(host, hook, names)
-            parts += [
-                "",
-                f"## {plural(kind.kind).capitalize()}",
-                *shared_lines(plural(kind.kind), shared),
-                *(line for name in names for line in entry(host, hook, name, shared)),
-            ]
-    return "\n".join([*parts, ""])
-
-
-def shared_rows(host: Host, hook: str, names: Sequence[str]) -> Mapping[str, str]:
-    """Return by key the table rows of settings that many components of a kind have with one meaning.
-
-    Each has the default that most of them give it.
-    """
-    variants: dict[str, list[FieldRow]] = {}
-    settings = [rows for name in names if (rows := settings_of(host.component(hook, name)))]
-    for row in chain.from_iterable(settings):
-        variants.setdefault(row.key, []).append(row)
-    most = max(_MANY, len(settings) / 2)
-    return {
-        key: Counter(map(table_row, rows)).most_common(1)[0][0]
-        for key, rows in variants.items()
-        if len(rows) >= most and len({(row.bounds, row.help) for row in rows}) == 1
-    }
-
-
-def shared_lines(kinds: str, shared: Mapping[str, str]) -> Iterator[str]:
-    """Yield the table of shared settings, once for all components of a kind."""
-    if shared:
-        yield from (
-            "",
-            (
-                f"Settings that {kinds} share. Below, a component lists its own settings, and those of"
-                " these for which it has another default."
-            ),
-            "",
-            HEAD,
-            *shared.values(),
-        )
-
-
-def settings_of(offered: object) -> Sequence[FieldRow]:
-    """Return the settings of a component, nested ones below their parent."""
-    if isinstance(offered, Component) and not isinstance(offered, Constellation | TargetClass):
-        return list(field_rows(offered.config))
-    return []
-
-
-def placed(satellite: Mapping[str, Any]) -> str:
-    """Return where a satellite is, in a few words."""
-    if "orbital_slot_deg" in satellite:
-        return f"at {satellite['orbital_slot_deg']:g}°"
-    ((kind, elements),) = satellite["orbit"].items()
-    if kind == "walker":
-        return (
-            f"({elements['total']}/{elements['planes']}/{elements['phasing']}, no."
-            f" {elements['satellite']})"
-        )
-    return f"({kind}, " + ", ".join(f"{name}: {value:g}" for name, value in elements.items()) + ")"
-
-
-def entry(host: Host, hook: str, name: str, shared: Mapping[str, str]) -> Iterator[str]:
-    """Yield the lines of one component, without the settings that are as shared."""
-    offered = host.component(hook, name)
-    yield from (
-        "",
-        f"### `{name}`",
-        "",
-        f"{offered.summary}. From `{host.provenance(hook, name).distribution}`.",
-    )
-    if isinstance(offered, Constellation):
-        satellites = [f"{row['id']} {placed(row)}" for row in offered.satellites]
-        few = satellites if len(satellites) <= _FEW else [*satellites[:2], "…", satellites[-1]]
-        slots = ", ".join(few)
-        yield from ("", f"{len(satellites)} satellites with the model `{offered.model}`: {slots}.")
-    elif isinstance(offered, TargetClass):
-        yield from ("", *class_lines(offered))
-    elif isinstance(offered, Component) and fields(offered.config):
-        own = {row.key: table_row(row) for row in settings_of(offered)}
-        differing = [row for key, row in own.items() if row != shared.get(key)]
-        lacking = [f"`{key}`" for key in shared if key not in own and "." not in key]
-        if lacking:
-            yield from ("", f"It has no {', '.join(lacking)}.")
-        if differing:
-            yield from ("", HEAD, *differing)
-        for preset, values in offered.presets.items():
-            settings = ", ".join(f"`{key}: {shown(value)}`" for key, value in values.items())
-            yield from ("", f"Preset `{preset}`: {settings}.")
-        for text, value in named_values(offered.config).items():
-            yield from ("", f"`{text}` stands for `{shown(value)}`.")
-
-
-def class_lines(kind: TargetClass) -> Iterator[str]:
-    """Yield what is reported of a target class, what follows burnout, and its profiles."""
-    settings = asdict(kind.after_burnout)
-    resembled = "" if kind.resembles == kind.reported_type else f" It resembles {kind.resembles}."
-    yield (
-        f"Reported type: {kind.reported_type}.{resembled} After burnout:"
-        f" `{kind.after_burnout.model}`" + (f" {shown(settings)}." if settings else ".")
-    )
-    yield from (
-        "",
-        "| profile | burn time | burnout speed | range | peak | stages |",
-        "|---|---|---|---|---|---|",
-    )
-    for profile in kind.profiles:
-        limits = f"{profile.minimum_range_m / 1e3:g} to {profile.maximum_range_m / 1e3:g} km"
-        plume = kind.plumes[profile.name]
-        peaks = f"{shown(plume.peak_w_sr)} W/sr"
-        cells = (
-            profile.name,
-            f"{profile.burn_time_s:g} s",
-            f"{profile.burnout_speed_m_s:g} m/s",
-            limits,
-            peaks,
-        )
-        yield f"| {' | '.join(cells)} | {plume.stages} |"
-
-
-def rows(config: type) -> Iterator[str]:
-    """Yield a table row for each field of a configuration class, nested ones below their parent."""
-    yield from map(table_row, field_rows(config))
-
-
-def table_row(row: FieldRow) -> str:
-    """Return the table row of a setting."""
-    default = row.default_text if row.is_required else f"`{row.default_text}`"
-    cells = (f"`{row.key}`", default, row.bounds, row.help, row.source)
-    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 
 def main() -> int:
