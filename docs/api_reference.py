@@ -2,6 +2,7 @@
 
 import inspect
 import re
+import textwrap
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
@@ -69,7 +70,8 @@ def api_pages() -> Mapping[str, str]:
     """Return the pages of the public Python API by file name: an index, and one page for each
     package.
     """
-    pages = {f"{short(package)}.md": section(package) for package in PUBLIC}
+    homes = homes_of_names()
+    pages = {f"{short(package)}.md": section(package, homes) for package in PUBLIC}
     return {"README.md": _HEAD.format(rows="\n".join(map(index_row, PUBLIC))), **pages}
 
 
@@ -87,17 +89,51 @@ def summary_of(package: Any) -> str:
 
 def index_row(package: str) -> str:
     """Return the row of the index for one package."""
-    door = import_module(package)
-    names = [name for name in getattr(door, "__all__", ()) if not name.startswith("__")]
-    return f"| [`{package}`]({short(package)}.md) | {summary_of(door)} | {len(names)} |"
+    count = len(offered(package))
+    return (
+        f"| [`{package}`]({short(package)}.md) | {summary_of(import_module(package))} | {count} |"
+    )
 
 
-def section(package: str) -> str:
-    """Return the page of one package: its summary, then each of its names."""
+def homes_of_names() -> Mapping[int, str]:
+    """Return by the identity of a class or function the last package that offers it, whose page has
+    its entry.
+    """
+    return {
+        id(value): package
+        for package in PUBLIC
+        for _, value in offered(package)
+        if inspect.isclass(value) or inspect.isroutine(value)
+    }
+
+
+def offered(package: str) -> list[tuple[str, Any]]:
+    """Return the public names of a package, and what they are."""
     door = import_module(package)
     names = [name for name in getattr(door, "__all__", ()) if not name.startswith("__")]
-    head = [f"# {package}", "", f"{summary_of(door)} [All packages](README.md).", ""]
-    return "\n".join([*head, *(entry(name, getattr(door, name)) for name in names)])
+    return [(name, getattr(door, name)) for name in names]
+
+
+def section(package: str, homes: Mapping[int, str]) -> str:
+    """Return the page of one package: its summary, then each of its names.
+
+    A name that another package offers too has its entry on the page of the last of them, `homes`.
+    """
+    head = [
+        f"# {package}",
+        "",
+        f"{summary_of(import_module(package))} [All packages](README.md).",
+        "",
+    ]
+    rows = [(name, value, homes.get(id(value), package)) for name, value in offered(package)]
+    elsewhere = [
+        f"[{name}]({short(home)}.md#{name.lower()})" for name, _, home in rows if home != package
+    ]
+    if elsewhere:
+        head += [f"Also: {', '.join(elsewhere)}.", ""]
+    return "\n".join(
+        [*head, *(entry(name, value) for name, value, home in rows if home == package)]
+    )
 
 
 def entry(name: str, value: Any) -> str:
@@ -115,15 +151,30 @@ def entry(name: str, value: Any) -> str:
 def signature(name: str, value: Any) -> str:
     """Return a call as a user writes it, without the types' module paths."""
     try:
-        found = str(inspect.signature(value))
+        call = inspect.signature(value)
     except (TypeError, ValueError):
         return name
+    if inspect.isclass(value):
+        # The docstrings of records say what their fields are.
+        call = call.replace(
+            parameters=[row.replace(annotation=row.empty) for row in call.parameters.values()]
+        )
+    found = str(call)
     found = _ARRAY_LIKE.sub("ArrayLike", found)
     found = re.sub(r"(?:[A-Za-z_]\w*\.)+([A-Za-z_]\w*)", r"\1", found)
     found = re.sub(r"ndarray\[tuple\[[^\]]*\], dtype\[(\w+)\]\]", r"array of \1", found)
     found = re.sub(r"NOTHING|<(?:[^<>]|<[^<>]*>)*>", "...", found).replace("'", "")
     found = f"{name}{found.removesuffix(' -> None') if inspect.isclass(value) else found}"
-    return found if len(found) <= _WIDTH else _one_a_line(found)
+    if len(found) <= _WIDTH:
+        return found
+    return _filled(found) if inspect.isclass(value) else _one_a_line(found)
+
+
+def _filled(call: str) -> str:
+    """Return a call on lines of the page's width."""
+    return textwrap.fill(
+        call, _WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
+    )
 
 
 def _one_a_line(call: str) -> str:
