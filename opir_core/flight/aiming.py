@@ -386,14 +386,3 @@ def coast_ephemeris(
     return free_flight_ephemeris(
         flight.burnout_s, flight.impact_s, *states, forces=forces, tolerance_m=tolerance_m
     )
-
-
-def flight_ephemeris(
-    flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler"
-) -> Ephemeris:
-    """Return the ECEF ephemeris of the flights of n targets, ignition to impact; arguments as in
-    `coast_ephemeris`.
-    """
-    boost = boost_ephemeris(flight.path, tolerance_m)
-    coast = coast_ephemeris(flight, tolerance_m, forces)
-    return Ephemeris.joined([boost, coast])
