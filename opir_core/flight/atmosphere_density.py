@@ -5,10 +5,10 @@ at the layer's floor Z_b to 1 at its top. An integrator that uses one layer's po
 step, also slightly beyond the layer, meets no kink.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from math import inf, log, log1p, nextafter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,29 +92,19 @@ class AirLayers(NamedTuple):
     parameters: NDArray[np.float64]
 
 
-def log_density(parameters: NDArray[np.float64], height_m: FloatArray) -> FloatArray:
+def log_density(parameters: Any, height_m: Any) -> Any:
     """Return ln rho, rho in kg/m³, at heights (n,), m, each by the layer whose parameters, (13, n),
-    are given.
+    are given; or at one height, from 13 numbers.
     """
-    x: FloatArray = height_m - parameters[0]
+    x = height_m - parameters[0]
     x *= parameters[1] / (1.0 + parameters[2] * x)
     x -= 1.0
-    value: FloatArray = parameters[3] * x
+    value = parameters[3] * x
     for coefficient in parameters[4:-1]:
         value += coefficient
         value *= x
     value += parameters[-1]
     return value
-
-
-def log_density_alone(parameters: Sequence[float], height_m: float) -> float:
-    """Return ln rho at one height, with the operations of `log_density` in the same order."""
-    x = height_m - parameters[0]
-    x = x * (parameters[1] / (1.0 + parameters[2] * x)) - 1.0
-    value = parameters[3] * x
-    for coefficient in parameters[4:-1]:
-        value = (value + coefficient) * x
-    return value + parameters[-1]
 
 
 def density_kg_m3(
