@@ -12,11 +12,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import fields, frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.errors import ModelError
+from opir_core.flight.rows import Columns
 
 #: Targets (m,) and times (m,) to positions and velocities (m, 3), element by element.
 Motion = Callable[[RowArray, FloatArray], tuple[FloatArray, FloatArray]]
@@ -38,7 +39,7 @@ _ROUNDS = 40
 
 
 @frozen(eq=False, repr=False)
-class HermiteSegments:
+class HermiteSegments(Columns):
     """Polynomial segments of trajectories, sorted by target, then time.
 
     Columns (s,): `target`, and the span `start_s` to `end_s`. Position is the sum of
@@ -53,24 +54,14 @@ class HermiteSegments:
     def __len__(self) -> int:
         return len(self.target)
 
-    def take(self, rows: RowArray) -> "HermiteSegments":
-        """Return some of the segments."""
-        return HermiteSegments(
-            self.target[rows],
-            self.start_s[rows],
-            self.end_s[rows],
-            self.coefficients.take(rows, axis=-1),
-        )
-
 
 def merged_segments(parts: Sequence[HermiteSegments]) -> HermiteSegments:
     """Return the segments of all parts, sorted by target, then time."""
-    merged = HermiteSegments(
-        np.concatenate([part.target for part in parts]),
-        np.concatenate([part.start_s for part in parts]),
-        np.concatenate([part.end_s for part in parts]),
-        np.concatenate([part.coefficients for part in parts], axis=-1),
+    columns = (
+        np.concatenate([getattr(segments, column.name) for segments in parts], axis=-1)
+        for column in fields(HermiteSegments)
     )
+    merged = HermiteSegments(*columns)
     return merged.take(np.lexsort((merged.start_s, merged.target)))
 
 

@@ -77,7 +77,7 @@ def solved(
     is_near = range_rad <= _SLACK * farthest_rad
     rows = np.flatnonzero(is_near & (range_rad * _SLACK >= nearest_rad))
     if rows.size:
-        earliest.set(
+        earliest.put(
             rows, _earliest(shots.take(rows), table.take(rows), forces and forces.take(rows))
         )
     shots = evolve(shots, kick_rad=earliest.kick_rad, fineness=earliest.fineness, forces=forces)
@@ -87,7 +87,7 @@ def solved(
         part = lofted(
             shots.take(rows), table.take(rows), earliest.take(rows), loft[rows], apogee_m[rows]
         )
-        launches.set(rows, part)
+        launches.put(rows, part)
     radius_m = length(*components(shots.boosts.site.launch_m))
     return StagedSolution(launches, nearest_rad * radius_m, farthest_rad * radius_m)
 

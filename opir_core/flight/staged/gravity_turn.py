@@ -28,6 +28,7 @@ from opir_core.flight.dense_output import StepRecorder
 from opir_core.flight.dop853 import NODES, StepStart, stepped_in_columns
 from opir_core.flight.forces import ExponentialAtmosphere, ZonalField
 from opir_core.flight.gravity_and_drag import Gravity, height_m
+from opir_core.flight.rows import Columns, Rows
 from opir_core.flight.staged.staging import StageColumns, Staging
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class Leg:
 
 
 @frozen(eq=False, repr=False)
-class Boosts:
+class Boosts(Rows):
     """Boosts of n launches with one number of stages: sites, stages as columns, and times and
     coefficients (n,).
 
@@ -113,18 +114,6 @@ class Boosts:
     def __len__(self) -> int:
         return len(self.tail_off_s)
 
-    def take(self, rows: RowArray) -> "Boosts":
-        """Return some of the boosts."""
-        columns = (
-            self.vertical_rise_s,
-            self.pitch_over_s,
-            self.tail_off_s,
-            self.ballistic_coefficient_kg_m2,
-        )
-        site = self.site.take(rows)
-        stages = self.stages.take(rows)
-        return Boosts(site, stages, self.zonal, self.air, *(column[rows] for column in columns))
-
     def legs(self, cut_off_s: FloatArray) -> Iterator[Leg]:
         """Yield the legs of boosts whose last burn is cut off (n,) s after ignition, up to the
         tail-off of that.
@@ -147,7 +136,7 @@ class Boosts:
 
 
 @frozen(eq=False, repr=False)
-class BoostState:
+class BoostState(Columns):
     """Positions and velocities relative to the Earth (3, n), ECEF, and the summed error estimates
     of velocity (n,).
     """
@@ -161,12 +150,6 @@ class BoostState:
         """Return the states at ignition."""
         position = boosts.site.launch_m.T.copy()
         return cls(position, np.zeros_like(position), np.zeros(len(boosts)))
-
-    def take(self, rows: RowArray) -> "BoostState":
-        """Return the states of some of the boosts."""
-        return BoostState(
-            self.position_m[:, rows], self.velocity_m_s[:, rows], self.error_m_s[rows]
-        )
 
 
 class RightSide:

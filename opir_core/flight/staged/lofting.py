@@ -10,7 +10,6 @@ cut-off: Newton's method for the three unknowns therefore aims at a point and an
 """
 
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
@@ -20,6 +19,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.flight.gravity_and_drag import height_and_climb, height_m
 from opir_core.flight.landing import polar_rad
 from opir_core.flight.propagation import propagate
+from opir_core.flight.rows import Columns, Rows
 from opir_core.flight.staged.gravity_turn import fineness_needed
 from opir_core.flight.staged.shots import Reach, StagedShots
 from opir_core.flight.universal_anomaly import cross, dot, length
@@ -62,7 +62,7 @@ class Goal(IntEnum):
 
 
 @frozen(eq=False, repr=False)
-class Goals:
+class Goals(Rows):
     """The goals (n,) of shots and their values: apogee, m; cut-off, s since ignition; climb at
     burnout, m/s.
     """
@@ -74,10 +74,6 @@ class Goals:
     def of(cls, kind: Goal, value: FloatArray) -> "Goals":
         """Return one kind of goal for all shots."""
         return cls(np.full(len(value), kind), value)
-
-    def take(self, rows: RowArray) -> "Goals":
-        """Return some of the goals."""
-        return Goals(self.kind[rows], self.value[rows])
 
     def chosen(self, apogee: FloatArray, cut_off: FloatArray, climb: FloatArray) -> FloatArray:
         """Return for each shot the quantity (..., n) of its goal, each as metres."""
@@ -97,7 +93,7 @@ class Goals:
 
 
 @frozen(eq=False, repr=False)
-class Flights:
+class Flights(Columns):
     """Trial flights (n,): unknowns (3, n), misses towards east and north of the launch point,
     apogee and last climb.
 
@@ -112,25 +108,12 @@ class Flights:
     apogee_m: FloatArray
     climb_m_s: FloatArray
 
-    def columns(self) -> tuple[FloatArray, ...]:
-        """Return the unknowns and what they lead to, (..., n)."""
-        return self.unknown, self.east_m, self.north_m, self.apogee_m, self.climb_m_s
-
-    def take(self, rows: RowArray) -> "Flights":
-        """Return some of the flights."""
-        return Flights(*(column[..., rows] for column in self.columns()))
-
     def unless(self, is_bad: BoolArray) -> "Flights":
         """Return the flights without apogee and climb, nan, where they are bad."""
         apogee_m, climb_m_s = (
             np.where(is_bad, np.nan, column) for column in (self.apogee_m, self.climb_m_s)
         )
         return evolve(self, apogee_m=apogee_m, climb_m_s=climb_m_s)
-
-    def put(self, rows: RowArray, flights: "Flights") -> None:
-        """Replace some of the flights."""
-        for column, other in zip(self.columns(), flights.columns(), strict=True):
-            column[..., rows] = other
 
 
 def bounded_m(apogee_m: FloatArray) -> FloatArray:
@@ -375,7 +358,7 @@ def _walked(
 
 
 @frozen(eq=False, repr=False)
-class Launches:
+class Launches(Rows):
     """Launches (n,): azimuth and kick, rad, cut-off, s since ignition, `fineness`, and whether they
     reach their aims.
 
@@ -406,29 +389,9 @@ class Launches:
             apogees_m,
         )
 
-    def columns(self) -> tuple[Any, ...]:
-        """Return all columns (n, ...)."""
-        return (
-            self.azimuth_rad,
-            self.kick_rad,
-            self.cut_off_s,
-            self.fineness,
-            self.is_solved,
-            self.apogees_m,
-        )
-
     def unknown(self) -> FloatArray:
         """Return the unknowns (3, n)."""
         return unknowns(self.azimuth_rad, self.kick_rad, self.cut_off_s)
-
-    def take(self, rows: RowArray) -> "Launches":
-        """Return some of the launches."""
-        return Launches(*(column[rows] for column in self.columns()))
-
-    def set(self, rows: RowArray, launches: "Launches") -> None:
-        """Replace some of the launches."""
-        for column, other in zip(self.columns(), launches.columns(), strict=True):
-            column[rows] = other
 
 
 def lofted(
@@ -466,7 +429,7 @@ def lofted(
         solved = Launches(
             *azimuth_and_kick(flights.unknown), cut_off_s, part.fineness, is_solved, apogees_m
         )
-        launches.set(rows[is_solved], solved.take(np.flatnonzero(is_solved)))
+        launches.put(rows[is_solved], solved.take(np.flatnonzero(is_solved)))
     return launches
 
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, RowArray
+from opir_core.arrays import FloatArray
 from opir_core.flight.gravity_and_drag import height_and_climb
 from opir_core.flight.landing import AimedLanding, aimed_landing, polar_rad
+from opir_core.flight.rows import Rows
 from opir_core.flight.staged.gravity_turn import Boosts, BoostState, Leg, LegKind, Turn, burnout
 from opir_core.flight.staged.staging import Staging
 from opir_core.geometry.vectors import components, length
@@ -23,7 +24,7 @@ _CUTS = 13
 
 
 @frozen(eq=False, repr=False)
-class StagedShots:
+class StagedShots(Rows):
     """Boosts (n,) with their kicks, earliest and latest times of cut-off and aim points; `forces`
     None is two-body.
     """
@@ -55,22 +56,6 @@ class StagedShots:
             boosts, nothing, np.ones(len(stagings)), earliest, latest, aim_ecef_m, aim_height_m
         )
 
-    def take(self, rows: RowArray) -> "StagedShots":
-        """Return some of the shots."""
-        columns = (
-            self.kick_rad,
-            self.fineness,
-            self.earliest_s,
-            self.latest_s,
-            self.aim_ecef_m,
-            self.aim_height_m,
-        )
-        forces = None if self.forces is None else self.forces.take(rows)
-        kick, fineness, earliest, latest, aim_m, height_m = (column[rows] for column in columns)
-        return StagedShots(
-            self.boosts.take(rows), kick, fineness, earliest, latest, aim_m, height_m, forces
-        )
-
     def in_two_body_motion(self) -> "StagedShots":
         """Return the same shots with two-body motion after burnout."""
         return self if self.forces is None else evolve(self, forces=None)
@@ -95,7 +80,7 @@ class StagedShots:
 
 
 @frozen(eq=False, repr=False)
-class Reach:
+class Reach(Rows):
     """Ground angles that shots reach, by time of cut-off and kick.
 
     `kick_rad` (n, k) increases along its rows; `cut_off_s` (n, c); `range_rad` (n, k, c), nan for
@@ -136,10 +121,6 @@ class Reach:
             self.kick_rad[row, after] - self.kick_rad[row, last]
         )
         return np.where(reaches.any(axis=1) & (after > last), kick_rad, np.nan)
-
-    def take(self, rows: RowArray) -> "Reach":
-        """Return the table of some of the shots."""
-        return Reach(self.kick_rad[rows], self.cut_off_s[rows], self.range_rad[rows])
 
     def extremes_rad(self) -> tuple[FloatArray, FloatArray]:
         """Return the ranges (n,) of the flights of least energy for the earliest and for the latest

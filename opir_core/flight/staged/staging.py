@@ -18,6 +18,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
+from opir_core.flight.rows import Columns
 
 _TABLE = Path(__file__).parents[2] / "data" / "stagings.json"
 
@@ -112,7 +113,7 @@ class Staging:
 
 
 @frozen(eq=False, repr=False)
-class StageColumns:
+class StageColumns(Columns):
     """The stages of n boosts with s stages each, as columns (s, n).
 
     Times are since ignition: a stage's ignition and burn time; `amplitude_m_s2` and `q` are A and q
@@ -141,15 +142,6 @@ class StageColumns:
         share = 1.0 - tail / burn
         whole = -np.log1p(-q * share) / q * burn + 0.5 * tail / (1.0 - q * share)
         return cls(ignition, burn, speed / whole, q)
-
-    def take(self, rows: Any) -> "StageColumns":
-        """Return the stages of some of the boosts."""
-        return StageColumns(
-            self.ignition_s[:, rows],
-            self.burn_time_s[:, rows],
-            self.amplitude_m_s2[:, rows],
-            self.q[:, rows],
-        )
 
     def acceleration_m_s2(self, stage: int, time_s: FloatArray) -> FloatArray:
         """Return the thrust accelerations (n,) of a stage before its tail-off, at times since

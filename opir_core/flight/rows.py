@@ -1,0 +1,41 @@
+"""Records of arrays over n targets, and the same of some of the targets."""
+
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from opir_core.arrays import RowArray
+
+
+class Rows:
+    """A base of attrs records: arrays (n, ...), records of the same targets, and common values."""
+
+    __slots__ = ()
+
+    __attrs_attrs__: ClassVar[Any]
+
+    #: The axis of the targets in each array.
+    AXIS: ClassVar[int] = 0
+
+    def take(self, rows: RowArray) -> Self:
+        """Return the record of some of the targets."""
+        columns = {column.name: getattr(self, column.name) for column in self.__attrs_attrs__}
+        return type(self)(**{name: self._some(column, rows) for name, column in columns.items()})
+
+    def put(self, rows: RowArray, record: Self) -> None:
+        """Replace some of the targets."""
+        place: Any = rows if self.AXIS == 0 else (..., rows)
+        for column in self.__attrs_attrs__:
+            getattr(self, column.name)[place] = getattr(record, column.name)
+
+    def _some(self, column: Any, rows: RowArray) -> Any:
+        if isinstance(column, np.ndarray):
+            return column.take(rows, axis=self.AXIS)
+        return column.take(rows) if hasattr(column, "take") else column
+
+
+class Columns(Rows):
+    """As `Rows`, for arrays (..., n)."""
+
+    __slots__ = ()
+    AXIS = -1
