@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.flight.conic_impact import ON_SURFACE_M
 from opir_core.flight.dop853 import Step, StepStart
 from opir_core.flight.gravity_and_drag import height_and_climb
-
-_HALVINGS = 4
-_NEWTON_STEPS = 4
 
 
 class Rise(NamedTuple):
@@ -59,13 +57,13 @@ def crossing_fraction(
     side = np.where(down, 1.0, -1.0)
     low = np.zeros_like(end)
     high = end.copy()
-    for _ in range(_HALVINGS):
+    for _ in range(4):
         middle = 0.5 * (low + high)
         short = side * (rise.at(middle)[0] - boundary) > 0.0
         low = np.where(short, middle, low)
         high = np.where(short, high, middle)
     fraction = 0.5 * (low + high)
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(4):
         value, slope = rise.at(fraction)
         short = side * (value - boundary) > 0.0
         low = np.where(short, fraction, low)
@@ -113,22 +111,8 @@ def height_within(
 
 
 #: An arc within this distance, m, is on a boundary: between layers that moves an impact by
-#: micrometres. At the impact height it must also be within this time, s.
+#: micrometres.
 _NEAR_M = 0.1
-_NEAR_S = 1e-4
-
-#: Steps this short, s, are not shortened further.
-_SHORTEST_S = 1e-3
-
-#: A start this close to the impact height, m, is on it, so that rounding does not decide whether it
-#: first rises.
-_ON_SURFACE_M = 1e-6
-
-#: Gravity in the bound of a step's change of height, m/s².
-_FALL_M_S2 = 10.0
-
-#: A step may be this much longer than wanted, to end on a boundary.
-_STRETCH = 1.05
 
 
 class Seams(NamedTuple):
@@ -172,7 +156,7 @@ class AltitudeEvents:
         self.layer = np.searchsorted(self._seams.floors_m, self._height, side="right") - 1
         outside = self.layer < 0
         self.layer[outside] = 0
-        self._above = self._height >= self._target - _ON_SURFACE_M
+        self._above = self._height >= self._target - ON_SURFACE_M
         self._set_bounds()
         landing = self.settle(np.ones_like(outside))
         return landing._replace(sunk=landing.sunk | outside)
@@ -204,11 +188,11 @@ class AltitudeEvents:
         above = np.maximum(self._height - self._seams.floors_m[self.layer], 0.0)
         stride = self._seams.strides_m[self.layer] + self._seams.stride_shares[self.layer] * above
         rate = np.abs(self._climb)
-        allowed = np.minimum(
-            wanted, 2.0 * stride / (rate + np.sqrt(rate * rate + 2.0 * _FALL_M_S2 * stride))
-        )
+        # Gravity is taken as 10 m/s² in the bound of a step's change of height.
+        allowed = np.minimum(wanted, 2.0 * stride / (rate + np.sqrt(rate * rate + 20.0 * stride)))
         ahead = self._time_to_boundary()
-        count = np.ceil(ahead / (_STRETCH * allowed))
+        # A step may be this much longer than the longest one, to end on a boundary.
+        count = np.ceil(ahead / (1.05 * allowed))
         return allowed, np.where(ahead < np.inf, ahead / np.maximum(count, 1.0), allowed)
 
     def _time_to_boundary(self) -> FloatArray:
@@ -242,7 +226,8 @@ class AltitudeEvents:
         )
         down = rise.last < self._low - self._slack(self._next_climb)
         leaving = down | (rise.last > self._high + _NEAR_M)
-        candidate = candidate & (length > _SHORTEST_S)
+        # Steps this short, s, are not shortened further.
+        candidate = candidate & (length > 1e-3)
         index = np.flatnonzero(candidate & leaving)
         end = np.ones(index.size)
         turning = np.flatnonzero(candidate & ~leaving & (rise.first_rate * rise.last_rate < 0.0))
@@ -331,8 +316,9 @@ class AltitudeEvents:
 
     def _slack(self, climb: FloatArray) -> FloatArray:
         """Return the distance to the boundary below, m, within which an arc counts as on it."""
+        # At the impact height an arc must also be within 0.1 ms.
         return np.where(
-            self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), _NEAR_M
+            self._low == self._target, np.minimum(_NEAR_M, 1e-4 * np.abs(climb)), _NEAR_M
         )
 
     def _height_and_climb(

@@ -227,17 +227,8 @@ ON_SURFACE_M = 1e-6
 #: Margin of the spheres to the surface, m, so that the bracket encloses a crossing on a sphere.
 _MARGIN_M = 1.0
 
-#: An arc is steep above this slope: twice the steepest slope of the surface against a sphere.
-_STEEP = 2.0 * EARTH_FLATTENING
 
 _BLOCK = 8192
-_MOST_STEPS = 80
-
-#: A step this small, relative to the anomaly, is the last: Newton's method squares it.
-_LAST_STEP = 1e-10
-
-#: A halving this small, relative to the anomaly, leaves nothing to halve.
-_LAST_HALVING = 4.0 * float(np.finfo(float).eps)
 
 
 def kepler_impact(
@@ -303,7 +294,8 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
     inner = (EARTH_POLAR_RADIUS_M - _MARGIN_M + height) / arcs.length_m
     at_outer = arcs.radial_squared(outer)
     at_inner = arcs.radial_squared(inner)
-    least = (_STEEP * arcs.momentum) ** 2
+    # An arc is steep above this slope: twice the steepest slope of the surface against a sphere.
+    least = ((2.0 * EARTH_FLATTENING) * arcs.momentum) ** 2
     steep = (at_outer > least) & (at_inner > least)
     low, high = _steep_brackets(arcs, height, outer, inner)
     turning = 1.0 / arcs.alpha
@@ -347,7 +339,7 @@ def _descent(arcs: ConicArcs, height: FloatArray, low: FloatArray, high: FloatAr
     """
     s = 0.5 * (low + high)
     still = low < high
-    for _ in range(_MOST_STEPS):
+    for _ in range(80):
         (at,) = still.nonzero()
         if not at.size:
             break
@@ -358,7 +350,9 @@ def _descent(arcs: ConicArcs, height: FloatArray, low: FloatArray, high: FloatAr
         newton = s[at] - above / slope
         inside = (newton >= low[at]) & (newton <= high[at])
         trial = np.where(inside, newton, 0.5 * (low[at] + high[at]))
-        enough = np.where(inside, _LAST_STEP, _LAST_HALVING) * high[at]
+        # A Newton step this small, relative to the anomaly, is the last: the next would be its
+        # square. A halving of a few roundings leaves nothing to halve.
+        enough = np.where(inside, 1e-10, 4.0 * np.finfo(float).eps) * high[at]
         still[at] = np.abs(trial - s[at]) > enough
         s[at] = trial
     return s

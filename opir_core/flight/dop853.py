@@ -276,24 +276,9 @@ class Stages:
         return total
 
 
-class DenseOutput(NamedTuple):
-    """Positions and velocities in steps as polynomials: start values, and seven terms of shape (7,
-    3, n) each.
-
-    With u the fraction of the step and w = 1 - u, a value is start + u (t0 + w (t1 + u (t2 + w (t3
-    + u (t4 + w (t5 + u t6)))))) (Hairer, Nørsett and Wanner, Solving Ordinary Differential
-    Equations I, 2nd ed., II.6).
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    position_terms: FloatArray
-    velocity_terms: FloatArray
-
-
 def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
-    """Return u (t0 + w (t1 + u (t2 + ...))), the change since the start of the step; terms are (7,
-    ..., n).
+    """Return u (t0 + w (t1 + u (t2 + w (t3 + u (t4 + w (t5 + u t6)))))), the change of a state since
+    the start of its step, at fractions u of it, w = 1 - u; terms are (7, ..., n).
     """
     remaining = 1.0 - fraction
     value: FloatArray = terms[6] * fraction
@@ -305,25 +290,24 @@ def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
 
 def dense_output(
     right_side: ColumnAcceleration, start: StepStart, step: Step, h: FloatArray
-) -> DenseOutput:
-    """Return the dense output of steps, at the cost of three more accelerations each."""
+) -> FloatArray:
+    """Return the terms (7, 2, 3, n) of `nested` of positions and velocities in steps, at the cost of
+    three more accelerations each (Hairer, Nørsett and Wanner, II.6).
+    """
     stages = Stages(right_side, start, h, list(step.stages))
     for stage in range(STAGES + 1, len(NODES)):
         stages.append(stage)
-    moved = step.position - start.position
-    gained = step.velocity - start.velocity
-    position = np.empty((7, *moved.shape))
-    velocity = np.empty((7, *moved.shape))
-    position[:3] = _low_terms(moved, h * start.velocity, h * step.velocity)
-    velocity[:3] = _low_terms(gained, h * start.acceleration, h * step.acceleration)
-    for order, weights in enumerate(DENSE_POSITION):
-        position[3 + order] = stages.h2_sum(weights)
-    for order, weights in enumerate(DENSE_VELOCITY):
-        velocity[3 + order] = stages.h_sum(weights)
-    return DenseOutput(start.position, start.velocity, position, velocity)
-
-
-def _low_terms(
-    change: FloatArray, start_slope: FloatArray, end_slope: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return change, start_slope - change, 2.0 * change - start_slope - end_slope
+    terms = np.empty((7, 2, *start.position.shape))
+    for state, (change, start_slope, end_slope) in enumerate(
+        (
+            (step.position - start.position, h * start.velocity, h * step.velocity),
+            (step.velocity - start.velocity, h * start.acceleration, h * step.acceleration),
+        )
+    ):
+        terms[0, state] = change
+        terms[1, state] = start_slope - change
+        terms[2, state] = 2.0 * change - start_slope - end_slope
+    for order in range(4):
+        terms[3 + order, 0] = stages.h2_sum(DENSE_POSITION[order])
+        terms[3 + order, 1] = stages.h_sum(DENSE_VELOCITY[order])
+    return terms

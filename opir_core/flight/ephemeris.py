@@ -27,15 +27,9 @@ Motion = Callable[[RowArray, FloatArray], tuple[FloatArray, FloatArray]]
 #: % of the largest there.
 _ERROR_NODES = np.array([-0.71, -(3.0**-0.5), -0.25, 0.25, 3.0**-0.5, 0.71])
 
-#: A segment is accepted if its estimated error is at most this share of the tolerance; a split aims
-#: for half of it.
-_MARGIN = 0.8
 
 #: Segments fitted in one call of the motion.
 _FIT_BLOCK = 1024
-
-#: Rounds of splitting after which a fit is rejected: segments are then at most 2^-40 of the span.
-_ROUNDS = 40
 
 
 @frozen(eq=False, repr=False)
@@ -74,7 +68,9 @@ def fitted_segments(
     A motion that is not finite within a span, or too rough for the tolerance, is a `ModelError`.
     """
     done = []
-    for _ in range(_ROUNDS):
+    # Rounds of splitting after which a fit is rejected: segments are then at most 2^-40 of the
+    # span.
+    for _ in range(40):
         coefficients = np.empty((6, 3, len(target)))
         error_m = np.empty(len(target))
         for first in range(0, len(target), _FIT_BLOCK):
@@ -82,7 +78,9 @@ def fitted_segments(
             coefficients[..., rows], error_m[rows] = _fit_block(
                 motion, target[rows], start_s[rows], end_s[rows]
             )
-        fits = error_m <= _MARGIN * tolerance_m
+        # A segment is accepted if its estimated error is at most this share of the tolerance; a
+        # split aims for half of it.
+        fits = error_m <= 0.8 * tolerance_m
         done.append(
             HermiteSegments(target, start_s, end_s, coefficients).take(np.flatnonzero(fits))
         )
@@ -164,9 +162,6 @@ _BLOCK = 65536
 #: Bins of the time lookup per segment.
 _BINS_PER_SEGMENT = 16
 
-#: Runs of equal indices at least this long, on average, are repeated rather than gathered; the
-#: values are the same.
-_LONG_RUN = 4
 
 #: Breakpoints closer than this to another, or to an end, count as the same: an orbital velocity
 #: covers 8 um in it.
@@ -356,7 +351,9 @@ def _spread(index: RowArray) -> _Spread:
     not gathered.
     """
     edges = (index[1:] != index[:-1]).nonzero()[0]
-    if _LONG_RUN * (len(edges) + 1) > len(index):
+    # Runs of equal indices at least this long, on average, are repeated rather than gathered; the
+    # values are the same.
+    if 4 * (len(edges) + 1) > len(index):
         return lambda columns: columns.take(index, axis=-1)
     ends = np.append(edges, len(index) - 1)
     heads = index[ends]

@@ -14,9 +14,6 @@ from opir_core.geometry import eci_to_ecef_state
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
 
-#: Arcs are integrated this much beyond their end, s, so that rounded times lie within them.
-_BREATH_S = 1e-3
-
 
 def free_flight_ephemeris(
     start_s: FloatArray,
@@ -46,7 +43,9 @@ def free_flight_ephemeris(
 
         # Integrated once, to a hundredth of the tolerance, so that the motion is smooth for the
         # fit.
-        duration_s = end_s - start_s + _BREATH_S
+        # Arcs are integrated this much beyond their end, s, so that rounded times lie within
+        # them.
+        duration_s = end_s - start_s + 1e-3
         arcs = dense_arcs(
             position_eci_m, velocity_eci_m_s, duration_s, forces, tolerance_m=0.01 * tolerance_m
         )

@@ -21,41 +21,7 @@ from opir_core.flight.dop853 import Acceleration, Step, StepStart, stepped
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import Gravity, GravityAndDrag, height_and_climb
 
-#: Bounds of the tolerance, m: a looser one saves next to nothing at order 8, a tighter one is below
-#: rounding.
-LOOSEST_TOLERANCE_M = 0.1
-TIGHTEST_TOLERANCE_M = 1e-8
-
-#: A step may use a share of the tolerance equal to its length, or at least this length, over that
-#: of the arc.
-_SHORTEST_SHARE = 1.0 / 16.0
-_LONGEST_SHARE_S = 100.0
-
-#: The first step, in units of sqrt(r³/mu), at a tolerance of 1 m.
-_FIRST_STEP = 0.25
-
-#: Ratio of estimated to true local errors, at worst, where drag changes fast.
-_CAUTION_IN_AIR = 0.5
-
-#: An error of velocity this small, relative to circular speed, is rounding, which no shorter step
-#: would reduce.
-_ROUNDING = 4e-16
-
-#: The shortest time over which an error of velocity grows, in steps.
-_SHORTEST_GROWTH = 4.0
-
-#: The displacement of the impact by an error of velocity, over that error times the time of fall;
-#: and the shortest time of fall, s.
-_OBLIQUITY = 2.5
-_SHORTEST_FALL_S = 10.0
-
-_SAFETY = 0.9
 _GROWTH = (0.2, 6.0)
-
-#: Attempts at a step before an arc counts as not converged, and the shortest step over the time
-#: flown.
-_MOST_ATTEMPTS = 200_000
-_SHORTEST_STEP = 1e-14
 
 
 class IntegrationResult(IntEnum):
@@ -124,9 +90,12 @@ class Integration:
         self._recorder = recorder
         self._position, self._velocity = states
         self._duration = duration
-        self._tolerance = np.clip(tolerance, TIGHTEST_TOLERANCE_M, LOOSEST_TOLERANCE_M)
+        # A looser tolerance, m, saves next to nothing at order 8, a tighter one is below
+        # rounding.
+        self._tolerance = np.clip(tolerance, 1e-8, 0.1)
         if system.has_air:
-            self._tolerance *= _CAUTION_IN_AIR
+            # Ratio of estimated to true local errors, at worst, where drag changes fast.
+            self._tolerance *= 0.5
         self._index = np.arange(duration.size)
         self._elapsed = np.zeros(duration.size)
         self._planned = np.full(duration.size, np.inf)
@@ -136,7 +105,7 @@ class Integration:
         """Return the ends of the arcs."""
         with np.errstate(all="ignore"):
             self._begin()
-            for _ in range(_MOST_ATTEMPTS):
+            for _ in range(200_000):
                 if not self._index.size:
                     break
                 self._attempt()
@@ -151,8 +120,11 @@ class Integration:
         self._acceleration = self._right_side()(self._position, self._velocity)
         radius = np.sqrt(_square(self._position))
         circular_speed = np.sqrt(self._system.mu_m3_s2 / radius)
-        self._natural = _FIRST_STEP * radius / circular_speed * _eighth_root(self._tolerance)
-        self._rounding = _ROUNDING * circular_speed
+        # The first step, in units of sqrt(r³/mu), at a tolerance of 1 m.
+        self._natural = 0.25 * radius / circular_speed * _eighth_root(self._tolerance)
+        # An error of velocity this small, relative to circular speed, is rounding, which no
+        # shorter step would reduce.
+        self._rounding = 4e-16 * circular_speed
         self._horizon = self._time_left()
         outcome = self._outcome(self._duration == 0.0, landing)
         finite = np.isfinite(self._duration) & np.isfinite(self._position + self._velocity).all(
@@ -176,16 +148,16 @@ class Integration:
         h = np.copysign(length, self._duration)
         right_side = self._right_side()
         step = stepped(right_side, start, h)
-        share = (
-            np.maximum(length, np.minimum(self._horizon * _SHORTEST_SHARE, _LONGEST_SHARE_S))
-            / self._horizon
-        )
-        growth = np.maximum(self._time_left(), _SHORTEST_GROWTH * length)
+        # A step may use a share of the tolerance equal to its length, or at least this length,
+        # over that of the arc.
+        share = np.maximum(length, np.minimum(self._horizon * (1.0 / 16.0), 100.0)) / self._horizon
+        # The shortest time over which an error of velocity grows, in steps.
+        growth = np.maximum(self._time_left(), 4.0 * length)
         ratio = step.velocity_error / np.maximum(self._tolerance * share / growth, self._rounding)
         accepted = ratio <= 1.0
         self._planned[:] = np.inf
         self._natural = length * np.fmax(
-            np.minimum(_SAFETY / _eighth_root(ratio), _GROWTH[1]), _GROWTH[0]
+            np.minimum(0.9 / _eighth_root(ratio), _GROWTH[1]), _GROWTH[0]
         )
         np.copyto(
             self._natural, np.maximum(self._natural, wanted), where=accepted & (length < wanted)
@@ -221,7 +193,7 @@ class Integration:
         outcome = np.where(last, IntegrationResult.REACHED_END, IntegrationResult.UNDER_WAY).astype(
             np.int8
         )
-        stuck = ~(self._natural > _SHORTEST_STEP * (1.0 + np.abs(self._elapsed))) | ~np.isfinite(
+        stuck = ~(self._natural > 1e-14 * (1.0 + np.abs(self._elapsed))) | ~np.isfinite(
             self._acceleration[0]
         )
         outcome[stuck & ~last] = IntegrationResult.NOT_CONVERGED
@@ -291,7 +263,9 @@ class Integration:
         if self._levels is None or not self._levels.has_target:
             return remaining
         fall = self._levels.fall_time(_square(self._position), self._system.mu_m3_s2)
-        return np.minimum(remaining, _OBLIQUITY * np.maximum(fall, _SHORTEST_FALL_S))
+        # An impact is displaced by up to 2.5 times an error of velocity times the time of fall,
+        # which counts as 10 s at least.
+        return np.minimum(remaining, 2.5 * np.maximum(fall, 10.0))
 
     def _right_side(self, which: RowArray | None = None) -> Acceleration:
         layer = None if self._levels is None else self._levels.layer
@@ -313,12 +287,6 @@ def _eighth_root(column: FloatArray) -> FloatArray:
 
 #: Arcs per block: few enough for the stages of a step to stay in a second-level cache.
 _BLOCK = 1024
-
-#: The floor of the only layer without air, m.
-_BOTTOMLESS_M = -1e9
-
-#: A height change per step that is no bound, m.
-_BOUNDLESS_M = 1e12
 
 
 class ArcColumns(NamedTuple):
@@ -437,7 +405,8 @@ class BlockSystem:
         if self.has_air:
             seams = Seams(self._air.floors_m, self._air.strides_m, self._air.stride_shares)
         elif np.any(block.target > -np.inf):
-            seams = Seams(np.array([_BOTTOMLESS_M]), np.array([_BOUNDLESS_M]), np.zeros(1))
+            # One layer without a floor, in which no change of height is a bound.
+            seams = Seams(np.array([-1e9]), np.array([1e12]), np.zeros(1))
         else:
             return None
         return AltitudeEvents(seams, block.target, block.duration < 0.0)

@@ -31,9 +31,6 @@ from opir_core.flight.universal_anomaly import (
     universal_functions,
 )
 
-#: Beyond this number of turns double precision holds no digit of the phase.
-_MOST_TURNS = 2.0**50
-
 
 class ArcStart(NamedTuple):
     """Starts of arcs: columns of the state, and the arc in units of the start's distance and
@@ -106,12 +103,8 @@ def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
     if not turns.any():
         return time
     whole = turns / np.where(turns != 0.0, per_time, 1.0)
-    return np.where(np.abs(turns) > _MOST_TURNS, np.nan, time - whole)
-
-
-#: Within this many a e of the centre on the way in, the pericentre is as good a reference as the
-#: start.
-_NEAR = 3.0
+    # Beyond this number of turns double precision holds no digit of the phase.
+    return np.where(np.abs(turns) > 2.0**50, np.nan, time - whole)
 
 
 class Flybys(NamedTuple):
@@ -143,7 +136,9 @@ class Flybys(NamedTuple):
         r = self.pericentre * g0 + g2
         position = (self.pericentre - g2) * self.ahead + g1 * self.sideways
         velocity = (g0 * self.sideways - g1 * self.ahead) / r
-        at = np.flatnonzero((self.later < 0.0) & (-self.alpha * r > _NEAR * self.eccentricity))
+        # Within this many a e of the centre on the way in, the pericentre is as good a reference
+        # as the start.
+        at = np.flatnonzero((self.later < 0.0) & (-self.alpha * r > 3.0 * self.eccentricity))
         if at.size:
             position[:, at], velocity[:, at] = self._on_the_way_in(at, s[at], r[at])
         return position, velocity

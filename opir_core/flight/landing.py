@@ -16,9 +16,6 @@ from opir_core.geometry.vectors import components, length
 if TYPE_CHECKING:
     from opir_core.flight.forces import Forces
 
-#: The tolerance of a numerical impact, m, small beside the tolerances of aiming.
-_IMPACT_TOLERANCE_M = 1e-3
-
 
 @frozen(eq=False, repr=False)
 class AimedLanding:
@@ -71,7 +68,8 @@ def _impact(
         return kepler_impact(position_m, velocity_m_s, height_m)
     from opir_core.flight.propagation import impact
 
-    return impact(position_m, velocity_m_s, height_m, forces, tolerance_m=_IMPACT_TOLERANCE_M)
+    # The tolerance of a numerical impact, m, small beside the tolerances of aiming.
+    return impact(position_m, velocity_m_s, height_m, forces, tolerance_m=1e-3)
 
 
 def polar_rad(site: LaunchSite, point_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -20,7 +20,6 @@ from opir_core.geometry.vectors import components, length
 from opir_core.scene.target_classes import BoostProfile
 
 #: Iterations of Newton's method, and the share of its step of the finite differences.
-_ITERATIONS = 30
 _STEP = 1e-6
 
 #: The largest correction at once, of the unknowns' natural scale.
@@ -132,7 +131,7 @@ def _solved(ascents: _Ascents, unknowns: FloatArray) -> tuple[FloatArray, BoolAr
     converged.
     """
     errors = ascents.errors(unknowns)
-    for _ in range(_ITERATIONS):
+    for _ in range(30):
         is_open = ~(np.abs(errors).max(axis=0) <= _TOLERANCE)
         if not is_open.any():
             break

@@ -51,8 +51,6 @@ Functions: TypeAlias = tuple[NDArray[Real], NDArray[Real], NDArray[Real], NDArra
 _HALVINGS = 3
 _REACH = 60.0
 
-#: Halvings beyond: up to |sqrt(alpha) s| = 120, and to 3 900, beyond the range of doubles.
-_MORE_HALVINGS = (7, 12)
 
 #: Taylor coefficients of c2 and c3 in -alpha h². For |alpha h²| <= 60 / 64 the first term left out
 #: is below 5e-17 of the sum in double precision, below 5e-7 in single, which only serves for
@@ -77,7 +75,8 @@ def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Rea
     z = np.abs(alpha * s)
     z *= s
     (at,) = (z > _REACH).nonzero()
-    for halvings in _MORE_HALVINGS:
+    # Halvings beyond: up to |sqrt(alpha) s| = 120, and to 3 900, beyond the range of doubles.
+    for halvings in (7, 12):
         if not at.size:
             break
         for whole, part in zip(functions, _by_doubling(alpha[at], s[at], halvings), strict=True):
@@ -202,13 +201,6 @@ def excess_and_noise(
 
 Singles = NDArray[np.float32]
 
-_STEPS = 3
-_SIXTH = np.float32(1.0 / 6.0)
-_THIRD = np.float32(1.0 / 3.0)
-
-#: Above this sqrt(-alpha) s of the parabola-like guess, r grows exponentially.
-_EXPONENTIAL = 1.0
-
 
 def coarse_anomaly(arcs: UniversalArcs[np.float64]) -> FloatArray:
     """Return the anomaly at the end of each arc, by Laguerre's steps from a first guess; 0 where
@@ -216,7 +208,7 @@ def coarse_anomaly(arcs: UniversalArcs[np.float64]) -> FloatArray:
     """
     single = UniversalArcs(*(column.astype(np.float32) for column in arcs))
     s = _first_guess(single)
-    for _ in range(_STEPS):
+    for _ in range(3):
         s += laguerre_step(single, universal_functions(single.alpha, s))
         np.abs(s, out=s)
     s[~np.isfinite(s)] = 0.0
@@ -229,12 +221,13 @@ def _first_guess(arcs: UniversalArcs[np.float32]) -> Singles:
     """
     rho, sigma, alpha, time = arcs
     # The cube root to 4 %: a third of the exponent, by way of the bits of the number.
-    bits: NDArray[Any] = (time * time * _SIXTH).view(np.int32).astype(np.float32)
-    bits *= _THIRD
+    bits: NDArray[Any] = (time * time * np.float32(1.0 / 6.0)).view(np.int32).astype(np.float32)
+    bits *= np.float32(1.0 / 3.0)
     bits += np.float32(709_921_077.0)
     s = time / (rho + bits.astype(np.int32).view(np.float32))
     k = np.sqrt(np.maximum(-alpha, 0.0))
-    at = np.flatnonzero(k * s > _EXPONENTIAL)
+    # Above this sqrt(-alpha) s of the parabola-like guess, r grows exponentially.
+    at = np.flatnonzero(k * s > 1.0)
     if at.size:
         k = k[at]
         rho = rho[at]
@@ -251,15 +244,6 @@ def _logarithm(x: Singles) -> Singles:
     bits -= np.float32(127.0 - 0.043)
     bits *= np.float32(np.log(2.0))
     return bits
-
-
-#: Bisection alone needs about 1 100 halvings from the largest double to the smallest.
-_BRACKETED_STEPS = 2500
-
-
-#: Square of the largest step, over the scale on which r changes, for which the last correction is
-#: exact to rounding.
-_SMALL_SQUARED = 1e-8
 
 
 def solve_fast(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
@@ -281,7 +265,8 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
     low, high = _bracket(arcs)
     s = np.clip(coarse_anomaly(arcs), low, high)
     allowed = np.full_like(low, np.inf)
-    for _ in range(_BRACKETED_STEPS):
+    # Bisection alone needs about 1 100 halvings from the largest double to the smallest.
+    for _ in range(2500):
         functions = universal_functions(arcs.alpha, s)
         excess, noise = excess_and_noise(arcs, functions)
         low = np.where(excess < 0.0, s, low)
@@ -348,7 +333,9 @@ def _corrected(
     unevenness *= r
     unevenness += slope * slope
     unevenness *= step * step
-    left = ~(unevenness <= _SMALL_SQUARED * (r * r))
+    # Square of the largest step, over the scale on which r changes, for which the last correction
+    # is exact to rounding.
+    left = ~(unevenness <= 1e-8 * (r * r))
     bend *= 1.0 / 6.0
     slope *= 0.5
     for _ in range(2):

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 #: The tolerance of the miss, m.
 TOLERANCE_M = 0.1
 
-#: The smallest and the largest kick in a table, rad; the largest is a turn faster than any staging
-#: can fly.
-_KICKS_RAD = (0.002, 1.2)
 
 #: Kicks in a table.
 _KICKS = 25
@@ -36,16 +33,10 @@ _ITERATIONS = 25
 #: How much farther the best kick may fly than the best one in a table, as a factor: about 1.02.
 _SLACK = 1.05
 
-#: The miss, m, at which the azimuth is good enough for the finer table.
-_ROUGH_M = 1e3
 
 #: How much earlier a guess that does not come down is cut off, as a share of the last burn, and how
 #: often.
 _EARLIER = 0.01
-_RETREATS = 20
-
-#: Guesses from which an aim point that is not reached is tried again, each earlier by `_EARLIER`.
-_RESTARTS = 4
 
 
 @frozen(eq=False, repr=False)
@@ -70,7 +61,9 @@ def solved(
     """
     count = len(loft)
     range_rad, bearing_rad = polar_rad(shots.boosts.site, shots.aim_ecef_m)
-    grid = np.geomspace(*_KICKS_RAD, _KICKS)
+    # The smallest and the largest kick in a table, rad; the largest is a turn faster than any
+    # staging can fly.
+    grid = np.geomspace(0.002, 1.2, _KICKS)
     table = reach(shots, bearing_rad, np.broadcast_to(grid, (count, _KICKS)))
     nearest_rad, farthest_rad = table.extremes_rad()
     earliest = Launches.none(bearing_rad, shots.earliest_s)
@@ -103,7 +96,8 @@ def _earliest(shots: StagedShots, table: Reach, forces: "Forces | None") -> Laun
         shots, fineness=fineness_needed(shots.boosts, azimuth_rad, kick_rad, shots.latest_s)
     )
     cut_off_s = _coming_down(shots, azimuth_rad, cut_off_s)
-    azimuth_rad, cut_off_s = corrected(shots, azimuth_rad, cut_off_s, _ROUGH_M, _ITERATIONS)
+    # The miss, m, at which the azimuth is good enough for the finer table.
+    azimuth_rad, cut_off_s = corrected(shots, azimuth_rad, cut_off_s, 1e3, _ITERATIONS)
     table = reach(shots, azimuth_rad, _finer(table, shots.kick_rad))
     kick_rad, cut_off_s = _least_energy(table, range_rad)
     shots = evolve(shots, kick_rad=kick_rad)
@@ -127,7 +121,7 @@ def _coming_down(shots: StagedShots, azimuth_rad: FloatArray, cut_off_s: FloatAr
     cut_off_s = np.clip(cut_off_s, shots.earliest_s, shots.latest_s)
     step_s = _EARLIER * shots.boosts.stages.burn_time_s[-1]
     rows = np.arange(len(cut_off_s))
-    for _ in range(_RETREATS):
+    for _ in range(20):
         rows = rows[np.isnan(shots.take(rows).landing(azimuth_rad[rows], cut_off_s[rows]).miss_m)]
         if not rows.size:
             break
@@ -147,7 +141,9 @@ def _aimed(
     azimuth, cut_off_s = corrected(shots, azimuth_rad, guess_s, TOLERANCE_M, _ITERATIONS)
     miss_m = shots.landing(azimuth, cut_off_s).miss_m
     step_s = _EARLIER * shots.boosts.stages.burn_time_s[-1]
-    for retreat in range(1, _RESTARTS + 1):
+    # Guesses from which an aim point that is not reached is tried again, each earlier by
+    # `_EARLIER`.
+    for retreat in range(1, 5):
         rows = np.flatnonzero(~(miss_m <= TOLERANCE_M))
         if not rows.size:
             break

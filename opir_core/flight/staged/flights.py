@@ -13,7 +13,7 @@ from opir_core.flight.boost import launch_site
 from opir_core.flight.dense_output import DenseArcs, StepRecorder
 from opir_core.flight.forces import ForceModel
 from opir_core.flight.staged.aiming import StagedSolution, solved
-from opir_core.flight.staged.gravity_turn import Boosts, record_boosts
+from opir_core.flight.staged.gravity_turn import Boosts, burnout
 from opir_core.flight.staged.shots import StagedShots
 from opir_core.flight.staged.staging import Staging
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
@@ -58,9 +58,7 @@ class StagedFlights:
         """Return ECEF positions and velocities relative to the Earth (m, 3) in the boosts of
         targets at times (m,).
         """
-        last = self.arcs.first[1:] - 1
-        burn_s = (self.arcs.begin_s + self.arcs.length_s)[last]
-        elapsed_s = np.clip(time_s - self.ignition_s[target], 0.0, burn_s[target])
+        elapsed_s = np.clip(time_s - self.ignition_s[target], 0.0, self.arcs.end_s(target))
         return self.arcs.state(target, elapsed_s)
 
 
@@ -108,15 +106,14 @@ def staged_flights(
         for name, column in columns.items():
             whole = merged.setdefault(name, np.full((len(count), *column.shape[1:]), np.nan))
             whole[rows] = column
-        cut_off_s = merged["cut_off_s"][rows]
-        record_boosts(
-            recorder,
-            rows,
+        burnout(
             boosts,
             launches.azimuth_rad,
             launches.kick_rad,
-            cut_off_s,
+            columns["cut_off_s"],
             launches.fineness,
+            recorder,
+            rows,
         )
     is_solved = merged.pop("is_solved") > 0.0
     return StagedFlights(

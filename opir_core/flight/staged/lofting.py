@@ -28,26 +28,10 @@ from opir_core.geometry import ecef_to_eci_state
 #: The tolerance of the miss and of the apogee, m.
 TOLERANCE_M = 0.1
 
-#: The steepest flight of stages that could escape has this apogee, m: it lasts 15 h; free flight is
-#: followed for a day.
-MAX_APOGEE_M = 5e7
-
-_ITERATIONS = 40
-
-#: Newton's method gives up where this share of its step does not reduce the error.
-_LEAST_SHARE = 2.0**-7
 
 #: Steps of the finite differences of kick, rad, and cut-off, s.
 _STEPS = np.array([1e-5, 1e-5, 1e-3])
 
-#: The largest corrections at once: of kick, rad, and cut-off, as a share of the last burn.
-_LARGEST_KICK_RAD = 0.2
-_LARGEST_SHARE = 0.2
-
-#: What an error of cut-off or climb counts beside one of place: about as many metres as it moves
-#: the impact.
-_METRES_PER_S = 1e5
-_SECONDS_OF_CLIMB = 100.0
 
 #: The number of parts in which a goal is approached that is not reached at once.
 _PARTS = 8
@@ -77,10 +61,12 @@ class Goals(Rows):
 
     def chosen(self, apogee: FloatArray, cut_off: FloatArray, climb: FloatArray) -> FloatArray:
         """Return for each shot the quantity (..., n) of its goal, each as metres."""
+        # What an error of cut-off or climb counts beside one of place: about as many metres as it
+        # moves the impact.
         return np.where(
             self.kind == Goal.APOGEE,
             apogee,
-            np.where(self.kind == Goal.CUT_OFF, _METRES_PER_S * cut_off, _SECONDS_OF_CLIMB * climb),
+            np.where(self.kind == Goal.CUT_OFF, 1e5 * cut_off, 100.0 * climb),
         )
 
     def residual(self, flights: "Flights") -> FloatArray:
@@ -211,8 +197,9 @@ def _improved(
     residual = goals.residual(flights)
     error_m = length(residual)
     share = np.ones(len(error_m))
-    for _ in range(_ITERATIONS):
-        rows = np.flatnonzero((error_m > TOLERANCE_M) & (share > _LEAST_SHARE))
+    for _ in range(40):
+        # Newton's method gives up where this share of its step does not reduce the error.
+        rows = np.flatnonzero((error_m > TOLERANCE_M) & (share > 2.0**-7))
         if not rows.size:
             break
         part = shots.take(rows)
@@ -282,8 +269,9 @@ def _newton_step(shots: StagedShots, residual: FloatArray, slopes: FloatArray) -
             ]
         )
         step /= determinant
-        kick = np.hypot(step[0], step[1]) / _LARGEST_KICK_RAD
-        time = np.abs(step[2]) / (_LARGEST_SHARE * shots.boosts.stages.burn_time_s[-1])
+        # The largest corrections at once: of kick, rad, and cut-off, as a share of the last burn.
+        kick = np.hypot(step[0], step[1]) / 0.2
+        time = np.abs(step[2]) / (0.2 * shots.boosts.stages.burn_time_s[-1])
         return step / np.maximum(np.maximum(kick, time), 1.0)
 
 
@@ -446,7 +434,9 @@ def steep_side(shots: StagedShots, table: Reach, base: FloatArray, has_base: Boo
     if rows.size:
         part = shots.take(rows)
         start = inner.take(rows)
-        highest = Goals.of(Goal.APOGEE, np.full(rows.size, MAX_APOGEE_M))
+        # The steepest flight of stages that could escape has this apogee, m: it lasts 15 h; free
+        # flight is followed for a day.
+        highest = Goals.of(Goal.APOGEE, np.full(rows.size, 5e7))
         outer.put(rows, _end(part, start, highest, start.apogee_m))
     return Side(shots, inner, outer)
 

@@ -14,7 +14,7 @@ from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.flight.boost import launch_site
 from opir_core.flight.dense_output import StepRecorder
 from opir_core.flight.staged.flights import staged_flights
-from opir_core.flight.staged.gravity_turn import Boosts, record_boosts
+from opir_core.flight.staged.gravity_turn import Boosts, burnout
 from opir_core.flight.staged.staging import (
     Stage,
     StageColumns,
@@ -76,7 +76,7 @@ def recorded(staging, lat_deg, kick_rad):
     one = np.ones(1)
     azimuth = np.array([0.7])
     kick = np.array([kick_rad])
-    record_boosts(recorder, np.array([0]), boosts, azimuth, kick, cut_off_s, one)
+    burnout(boosts, azimuth, kick, cut_off_s, one, recorder, np.array([0]))
     return boosts, recorder.arcs(1), float(cut_off_s[0] + staging.tail_off_s)
 
 
