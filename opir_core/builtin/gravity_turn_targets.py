@@ -33,6 +33,7 @@ from opir_core.flight.staged.staging import (
     stagings,
     stagings_of_classes,
 )
+from opir_core.geometry import ecef_to_eci_state
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import Ballistic, TargetClass, core_profiles
@@ -146,7 +147,9 @@ def gravity_turn_targets(
 
 
 def _coast(flights: StagedFlights, forces: ForceModel) -> Ephemeris:
-    states = flights.burnout_position_eci_m, flights.burnout_velocity_eci_m_s
+    states = ecef_to_eci_state(
+        flights.burnout_position_ecef_m, flights.burnout_velocity_ecef_m_s, flights.burnout_s
+    )
     spans = flights.burnout_s, flights.impact_s
     return free_flight_ephemeris(*spans, *states, forces=forces, tolerance_m=EPHEMERIS_TOLERANCE_M)
 

@@ -15,35 +15,42 @@ from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.flight.conic_impact import ON_SURFACE_M
 from opir_core.flight.dop853 import Step, StepStart
 from opir_core.flight.gravity_and_drag import height_and_climb
+from opir_core.flight.universal_anomaly import dot, length
 
 
 class Rise(NamedTuple):
     """Heights, m, at both ends of steps, and the rates there times the length of the step, m."""
 
-    first: FloatArray
-    last: FloatArray
-    first_rate: FloatArray
-    last_rate: FloatArray
+    start: FloatArray
+    end: FloatArray
+    start_rate: FloatArray
+    end_rate: FloatArray
 
     def of(self, index: RowArray) -> "Rise":
         """Return the rows at `index`."""
         return Rise(*(column[index] for column in self))
 
+    def _coefficients(self) -> tuple[FloatArray, FloatArray]:
+        """Return those of the square and the cube of the cubic through the ends."""
+        change = self.end - self.start
+        return (
+            3.0 * change - 2.0 * self.start_rate - self.end_rate,
+            self.start_rate + self.end_rate - 2.0 * change,
+        )
+
     def at(self, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the cubic through the ends at a fraction of the step, and its derivative."""
-        bend = 3.0 * (self.last - self.first) - 2.0 * self.first_rate - self.last_rate
-        twist = self.first_rate + self.last_rate - 2.0 * (self.last - self.first)
-        value = self.first + fraction * (self.first_rate + fraction * (bend + fraction * twist))
-        return value, self.first_rate + fraction * (2.0 * bend + fraction * (3.0 * twist))
+        bend, twist = self._coefficients()
+        value = self.start + fraction * (self.start_rate + fraction * (bend + fraction * twist))
+        return value, self.start_rate + fraction * (2.0 * bend + fraction * (3.0 * twist))
 
     def turning_point(self) -> FloatArray:
         """Return the fraction at which the cubic turns, where its rates differ in sign at the two
         ends.
         """
-        bend = 3.0 * (self.last - self.first) - 2.0 * self.first_rate - self.last_rate
-        twist = self.first_rate + self.last_rate - 2.0 * (self.last - self.first)
-        root = np.sqrt(bend * bend - 3.0 * twist * self.first_rate)
-        return np.abs(self.first_rate) / (root - np.sign(self.first_rate) * bend)
+        bend, twist = self._coefficients()
+        root = np.sqrt(bend * bend - 3.0 * twist * self.start_rate)
+        return np.abs(self.start_rate) / (root - np.sign(self.start_rate) * bend)
 
 
 def crossing_fraction(
@@ -81,19 +88,19 @@ def state_within(
     """
     position, velocity, acceleration = (rows[:, index] for rows in start)
     end_position, end_velocity, end_acceleration = (rows[:, index] for rows in step[:3])
-    length = h[index]
-    slope = length * velocity
-    curve = length * length * acceleration
+    duration = h[index]
+    slope = duration * velocity
+    curve = duration * duration * acceleration
     p = end_position - position - slope - 0.5 * curve
-    q = length * end_velocity - slope - curve
-    s = length * length * end_acceleration - curve
+    q = duration * end_velocity - slope - curve
+    s = duration * duration * end_acceleration - curve
     c3 = 10.0 * p - 4.0 * q + 0.5 * s
     c4 = 7.0 * q - 15.0 * p - s
     c5 = 6.0 * p - 3.0 * q + 0.5 * s
     f = fraction
     moved = position + f * (slope + f * (0.5 * curve + f * (c3 + f * (c4 + f * c5))))
     rate = slope + f * (curve + f * (3.0 * c3 + f * (4.0 * c4 + f * (5.0 * c5))))
-    return moved, rate / length
+    return moved, rate / duration
 
 
 def height_within(
@@ -103,10 +110,7 @@ def height_within(
     by the quintic.
     """
     position, velocity = state_within(start, step, h, index, fraction)
-    inverse_radius = 1.0 / np.sqrt(
-        position[0] * position[0] + position[1] * position[1] + position[2] * position[2]
-    )
-    height, climb = height_and_climb(position, velocity, inverse_radius)
+    height, climb = height_and_climb(position, velocity, 1.0 / length(position))
     return height, climb * h[index]
 
 
@@ -161,10 +165,10 @@ class AltitudeEvents:
         landing = self.settle(np.ones_like(outside))
         return landing._replace(sunk=landing.sunk | outside)
 
-    def keep(self, kept: BoolArray) -> None:
-        """Drop the arcs that are not kept."""
+    def keep(self, under_way: BoolArray) -> None:
+        """Keep the arcs that are under way."""
         for name in self._COLUMNS:
-            setattr(self, name, getattr(self, name)[kept])
+            setattr(self, name, getattr(self, name)[under_way])
 
     _COLUMNS = (
         "_target",
@@ -178,7 +182,7 @@ class AltitudeEvents:
         "_high",
     )
 
-    def lengths(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def lengths(self, longest: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the longest steps, s, by accuracy and height, and equal steps that end on the
         boundary ahead.
 
@@ -189,20 +193,22 @@ class AltitudeEvents:
         stride = self._seams.strides_m[self.layer] + self._seams.stride_shares[self.layer] * above
         rate = np.abs(self._climb)
         # Gravity is taken as 10 m/s² in the bound of a step's change of height.
-        allowed = np.minimum(wanted, 2.0 * stride / (rate + np.sqrt(rate * rate + 20.0 * stride)))
-        ahead = self._time_to_boundary()
+        allowed = np.minimum(longest, 2.0 * stride / (rate + np.sqrt(rate * rate + 20.0 * stride)))
+        to_boundary = self._time_to_boundary()
         # A step may be this much longer than the longest one, to end on a boundary.
-        count = np.ceil(ahead / (1.05 * allowed))
-        return allowed, np.where(ahead < np.inf, ahead / np.maximum(count, 1.0), allowed)
+        count = np.ceil(to_boundary / (1.05 * allowed))
+        return allowed, np.where(
+            to_boundary < np.inf, to_boundary / np.maximum(count, 1.0), allowed
+        )
 
     def _time_to_boundary(self) -> FloatArray:
         """Return the times, s, to the boundary ahead along a parabola; infinite where it is not
         reached.
         """
         rate = np.abs(self._climb)
-        away = np.where(self._climb < 0.0, self._height - self._low, self._high - self._height)
+        distance = np.where(self._climb < 0.0, self._height - self._low, self._high - self._height)
         bend = np.where(self._climb < 0.0, -self._bend, self._bend)
-        time = 2.0 * away / (rate + np.sqrt(rate * rate + 2.0 * bend * away))
+        time = 2.0 * distance / (rate + np.sqrt(rate * rate + 2.0 * bend * distance))
         return np.where(time > 0.0, time, np.inf)
 
     def fall_time(self, radius_squared_m2: FloatArray, mu_m3_s2: float) -> FloatArray:
@@ -220,19 +226,19 @@ class AltitudeEvents:
         they first do.
         """
         self._next_height, self._next_climb = self._height_and_climb(step.position, step.velocity)
-        length = np.abs(h)
+        duration = np.abs(h)
         rise = Rise(
-            self._height, self._next_height, self._climb * length, self._next_climb * length
+            self._height, self._next_height, self._climb * duration, self._next_climb * duration
         )
-        down = rise.last < self._low - self._slack(self._next_climb)
-        leaving = down | (rise.last > self._high + _NEAR_M)
+        down = rise.end < self._low - self._slack(self._next_climb)
+        leaving = down | (rise.end > self._high + _NEAR_M)
         # Steps this short, s, are not shortened further.
-        candidate = candidate & (length > 1e-3)
+        candidate = candidate & (duration > 1e-3)
         index = np.flatnonzero(candidate & leaving)
         end = np.ones(index.size)
-        turning = np.flatnonzero(candidate & ~leaving & (rise.first_rate * rise.last_rate < 0.0))
+        turning = np.flatnonzero(candidate & ~leaving & (rise.start_rate * rise.end_rate < 0.0))
         if turning.size:
-            down[turning] = rise.first_rate[turning] < 0.0
+            down[turning] = rise.start_rate[turning] < 0.0
             fraction = rise.of(turning).turning_point()
             height, _ = height_within(start, step, h, turning, fraction)
             outside = (height < self._low[turning]) | (height > self._high[turning])
@@ -305,7 +311,7 @@ class AltitudeEvents:
         """Return the times, s, to the impact height of states (3, k) near it, of the arcs at
         `index`.
         """
-        height, climb = height_and_climb(position, velocity, _inverse_length(position))
+        height, climb = height_and_climb(position, velocity, 1.0 / length(position))
         return (self._target[index] - height) / climb
 
     def _set_bounds(self) -> None:
@@ -324,23 +330,12 @@ class AltitudeEvents:
     def _height_and_climb(
         self, position: FloatArray, velocity: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        height, climb = height_and_climb(position, velocity, _inverse_length(position))
+        height, climb = height_and_climb(position, velocity, 1.0 / length(position))
         return height, climb * self._direction
 
     def _curvature(self, start: StepStart, climb: FloatArray) -> FloatArray:
         """Return the second derivative of the radius, m/s², for that of the height."""
         position, velocity, acceleration = start
-        radial = (
-            position[0] * acceleration[0]
-            + position[1] * acceleration[1]
-            + position[2] * acceleration[2]
-        )
         squares = velocity * velocity
-        return (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(
-            position
-        )
-
-
-def _inverse_length(rows: FloatArray) -> FloatArray:
-    squares = rows * rows
-    return 1.0 / np.sqrt(squares[0] + squares[1] + squares[2])
+        radial = dot(position, acceleration) + squares[0] + squares[1] + squares[2]
+        return (radial - climb * climb) * (1.0 / length(position))

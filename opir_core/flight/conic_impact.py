@@ -161,9 +161,9 @@ def grazing_brackets(
     )
     outside[0] = start > on_surface_m
     falls = outside[:-1] & ~outside[1:]
-    first = np.argmax(falls, axis=0)
+    fall = np.argmax(falls, axis=0)
     column = np.arange(start.size)
-    low, high = (np.where(falls.any(axis=0), probes[first + k, column], np.nan) for k in (0, 1))
+    low, high = (np.where(falls.any(axis=0), probes[fall + k, column], np.nan) for k in (0, 1))
     at_once = on_surface & ~outside[1]
     return np.where(at_once, 0.0, low), np.where(at_once, 0.0, high)
 
@@ -175,10 +175,10 @@ def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatAr
     turn = arcs.turns()
     near_start = on_surface & ((cuts < _START) | (cuts > turn - _START))
     cuts = np.sort(np.where(near_start, np.nan, cuts), axis=0)
-    last = np.where(np.isfinite(turn), turn, 2.0 * np.nanmax(cuts, axis=0, initial=0.5))
-    cuts = np.where(np.isfinite(cuts), cuts, last)
-    marks = np.concatenate([np.zeros_like(last)[None], cuts, last[None]])
-    probes = np.empty((2 * len(marks) - 1, last.size))
+    end = np.where(np.isfinite(turn), turn, 2.0 * np.nanmax(cuts, axis=0, initial=0.5))
+    cuts = np.where(np.isfinite(cuts), cuts, end)
+    marks = np.concatenate([np.zeros_like(end)[None], cuts, end[None]])
+    probes = np.empty((2 * len(marks) - 1, end.size))
     probes[::2] = marks
     probes[1::2] = 0.5 * (marks[1:] + marks[:-1])
     return probes
@@ -253,8 +253,8 @@ def kepler_impact(
     duration = np.empty(height.shape)
     point = np.empty((height.size, 3))
     with np.errstate(all="ignore"):
-        for first in range(0, height.size, _BLOCK):
-            block = slice(first, first + _BLOCK)
+        for start in range(0, height.size, _BLOCK):
+            block = slice(start, start + _BLOCK)
             duration[block], point[block] = _impacts(
                 position[block], velocity[block], height[block], mu_m3_s2
             )

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from attrs import fields, frozen
+from attrs import frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, RowArray
@@ -49,13 +49,9 @@ class HermiteSegments(Columns):
         return len(self.target)
 
 
-def merged_segments(parts: Sequence[HermiteSegments]) -> HermiteSegments:
+def merged_segments(groups: Sequence[HermiteSegments]) -> HermiteSegments:
     """Return the segments of all parts, sorted by target, then time."""
-    columns = (
-        np.concatenate([getattr(segments, column.name) for segments in parts], axis=-1)
-        for column in fields(HermiteSegments)
-    )
-    merged = HermiteSegments(*columns)
+    merged = HermiteSegments.joined(groups)
     return merged.take(np.lexsort((merged.start_s, merged.target)))
 
 
@@ -73,8 +69,8 @@ def fitted_segments(
     for _ in range(40):
         coefficients = np.empty((6, 3, len(target)))
         error_m = np.empty(len(target))
-        for first in range(0, len(target), _FIT_BLOCK):
-            rows = slice(first, first + _FIT_BLOCK)
+        for start in range(0, len(target), _FIT_BLOCK):
+            rows = slice(start, start + _FIT_BLOCK)
             coefficients[..., rows], error_m[rows] = _fit_block(
                 motion, target[rows], start_s[rows], end_s[rows]
             )
@@ -87,12 +83,12 @@ def fitted_segments(
         if fits.all():
             return merged_segments(done)
         # Split into 2 to 8 parts: a smooth motion's error has the sixth power of length.
-        parts = (
+        counts = (
             np.ceil((error_m[~fits] / (0.5 * tolerance_m)) ** (1.0 / 6.0))
             .clip(2, 8)
             .astype(np.intp)
         )
-        target, start_s, end_s = _split(target[~fits], start_s[~fits], end_s[~fits], parts)
+        target, start_s, end_s = _split(target[~fits], start_s[~fits], end_s[~fits], counts)
     raise ModelError(
         f"the motion of target {target[0]} near {start_s[0]} s cannot be followed to within"
         f" {tolerance_m} m"
@@ -100,12 +96,12 @@ def fitted_segments(
 
 
 def _split(
-    target: RowArray, start_s: FloatArray, end_s: FloatArray, parts: RowArray
+    target: RowArray, start_s: FloatArray, end_s: FloatArray, counts: RowArray
 ) -> tuple[RowArray, FloatArray, FloatArray]:
     """Return spans cut into numbers of equal parts."""
-    parent = np.repeat(np.arange(len(parts)), parts)
-    rank = np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)
-    of = parts[parent]
+    parent = np.repeat(np.arange(len(counts)), counts)
+    rank = np.arange(len(parent)) - np.repeat(np.cumsum(counts) - counts, counts)
+    of = counts[parent]
     step_s = (end_s - start_s)[parent] / of
     edges = (start_s[parent] + rank * step_s, start_s[parent] + (rank + 1) * step_s)
     return target[parent], edges[0], np.where(rank + 1 == of, end_s[parent], edges[1])
@@ -238,16 +234,16 @@ class Ephemeris:
         return _indexed(fitted_segments(motion, target, lower, upper, tolerance_m), tolerance_m)
 
     @staticmethod
-    def joined(parts: Sequence["Ephemeris"]) -> "Ephemeris":
+    def joined(ephemerides: Sequence["Ephemeris"]) -> "Ephemeris":
         """Return the ephemeris of targets from consecutive parts of their spans."""
-        for before, after in pairwise(parts):
-            if not np.array_equal(before.end_s, after.start_s):
+        for ephemeris, continuation in pairwise(ephemerides):
+            if not np.array_equal(ephemeris.end_s, continuation.start_s):
                 raise ValueError(
                     "each part of a joined ephemeris must start when the one before it ends"
                 )
         return _indexed(
-            merged_segments([part.segments for part in parts]),
-            max(part.tolerance_m for part in parts),
+            merged_segments([ephemeris.segments for ephemeris in ephemerides]),
+            max(ephemeris.tolerance_m for ephemeris in ephemerides),
         )
 
     def position_m(self, target: ArrayLike, time_s: ArrayLike) -> FloatArray:
@@ -274,8 +270,8 @@ class Ephemeris:
         rows = rows.reshape(-1)
         times = times.reshape(-1)
         out = [np.empty((len(rows), 3)) for _ in columns]
-        for first in range(0, len(rows), _BLOCK):
-            block = slice(first, first + _BLOCK)
+        for start in range(0, len(rows), _BLOCK):
+            block = slice(start, start + _BLOCK)
             spread, x = self._located(rows[block].astype(np.intp, copy=False), times[block])
             for array, column in zip(out, columns, strict=True):
                 for axis, values in enumerate(column(self, spread, x)):
@@ -302,10 +298,10 @@ class Ephemeris:
         """Return the segments that contain the times, from the first segments in their lookup
         bins.
         """
-        late = (time_s >= self._next_s.take(segment)).nonzero()[0]
-        while late.size:
-            segment[late] += 1
-            late = late[time_s[late] >= self._next_s[segment[late]]]
+        rows = (time_s >= self._next_s.take(segment)).nonzero()[0]
+        while rows.size:
+            segment[rows] += 1
+            rows = rows[time_s[rows] >= self._next_s[segment[rows]]]
         return segment
 
 
@@ -327,9 +323,9 @@ _Column = Callable[[Ephemeris, _Spread, FloatArray], FloatArray]
 
 def _position(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArray:
     """Return positions (3, m), by Horner's rule."""
-    first, *rest = ephemeris.segments.coefficients
-    value: FloatArray = spread(first)
-    for coefficient in rest:
+    leading, *coefficients = ephemeris.segments.coefficients
+    value: FloatArray = spread(leading)
+    for coefficient in coefficients:
         value *= x
         value += spread(coefficient)
     return value
@@ -337,9 +333,9 @@ def _position(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArra
 
 def _velocity(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArray:
     """Return velocities (3, m): the derivative by Horner's rule, from x to time."""
-    first, *rest = ephemeris.segments.coefficients[:-1]
-    value: FloatArray = 5.0 * spread(first)
-    for power, coefficient in zip((4.0, 3.0, 2.0, 1.0), rest, strict=True):
+    leading, *coefficients = ephemeris.segments.coefficients[:-1]
+    value: FloatArray = 5.0 * spread(leading)
+    for power, coefficient in zip((4.0, 3.0, 2.0, 1.0), coefficients, strict=True):
         value *= x
         value += power * spread(coefficient)
     value *= spread(ephemeris._scales[1])
@@ -369,11 +365,11 @@ def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:
 
     Bins are uniform; one more than fit into the span catches its very end.
     """
-    first = np.flatnonzero(np.diff(segments.target, prepend=-1))
-    count = np.diff(first, append=len(segments))
-    last = first + count - 1
-    start_s = segments.start_s[first]
-    end_s = segments.end_s[last]
+    head = np.flatnonzero(np.diff(segments.target, prepend=-1))
+    count = np.diff(head, append=len(segments))
+    tail = head + count - 1
+    start_s = segments.start_s[head]
+    end_s = segments.end_s[tail]
     bins_per_s = _BINS_PER_SEGMENT * count / (end_s - start_s)
     bins = _BINS_PER_SEGMENT * count + 1
     first_bin = np.cumsum(bins) - bins
@@ -384,7 +380,7 @@ def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:
     np.maximum.at(bin_segment, first_bin[segments.target] + earliest, np.arange(len(segments)))
     spans = np.stack([start_s, end_s, bins_per_s])
     next_s = segments.end_s.copy()
-    next_s[last] = np.inf
+    next_s[tail] = np.inf
     scales = np.stack(
         [0.5 * (segments.start_s + segments.end_s), 2.0 / (segments.end_s - segments.start_s)]
     )

@@ -7,7 +7,7 @@ blocks that fit a cache.
 
 from collections.abc import Callable, Iterator
 from enum import IntEnum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from attrs import define
@@ -20,8 +20,7 @@ from opir_core.flight.conic_impact import ON_SURFACE_M
 from opir_core.flight.dop853 import Acceleration, Step, StepStart, stepped
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import Gravity, GravityAndDrag, height_and_climb
-
-_GROWTH = (0.2, 6.0)
+from opir_core.flight.universal_anomaly import dot, length
 
 
 class IntegrationResult(IntEnum):
@@ -60,17 +59,57 @@ Recorder = Callable[
 ]
 
 
-class System(Protocol):
-    """The forces on the arcs."""
+class ArcColumns(NamedTuple):
+    """The arcs of a call, flattened: `shape` is that of the broadcast leading axes."""
 
-    mu_m3_s2: float
-    has_air: bool
+    shape: tuple[int, ...]
+    position: FloatArray
+    velocity: FloatArray
+    duration: FloatArray
+    tolerance: FloatArray
+    ballistic_coefficient: FloatArray
+    target: FloatArray
+
+    def block(self, rows: slice) -> "ArcColumns":
+        """Return some of the arcs, as copies."""
+        position = self.position[:, rows].copy()
+        velocity = self.velocity[:, rows].copy()
+        return ArcColumns(
+            self.shape, position, velocity, *(column[rows].copy() for column in self[3:])
+        )
+
+
+class BlockSystem:
+    """The forces on the arcs of a block."""
+
+    def __init__(self, forces: Forces, ballistic_coefficient: FloatArray) -> None:
+        self.mu_m3_s2 = forces.gravity.mu_m3_s2
+        self.has_air = forces.drag is not None
+        self._gravity = Gravity(forces.gravity, forces.zonal)
+        if forces.drag is not None:
+            self._air = air_layers(forces.drag.atmosphere)
+            self._rotation = forces.drag.air_rotation_rad_s
+            self._log_half_inverse_beta = -np.log(2.0 * ballistic_coefficient)
 
     def acceleration(self, arcs: RowArray, layer: RowArray | None) -> Acceleration:
-        """Return the acceleration of the arcs of these numbers, each in its layer of the air, or
-        without air.
-        """
-        ...
+        """Return the right side for the arcs of these numbers, each in its layer of the air."""
+        if not self.has_air or layer is None:
+            return self._gravity
+        parameters = np.take(self._air.parameters, layer, axis=1)
+        return GravityAndDrag(
+            self._gravity, parameters, self._log_half_inverse_beta[arcs], self._rotation
+        )
+
+    def levels(self, block: ArcColumns) -> AltitudeEvents | None:
+        """Return the heights at which steps must end, or None without air and impact height."""
+        if self.has_air:
+            seams = Seams(self._air.floors_m, self._air.strides_m, self._air.stride_shares)
+        elif np.any(block.target > -np.inf):
+            # One layer without a floor, in which no change of height is a bound.
+            seams = Seams(np.array([-1e9]), np.array([1e12]), np.zeros(1))
+        else:
+            return None
+        return AltitudeEvents(seams, block.target, block.duration < 0.0)
 
 
 class Integration:
@@ -78,7 +117,7 @@ class Integration:
 
     def __init__(
         self,
-        system: System,
+        system: BlockSystem,
         states: tuple[FloatArray, FloatArray],
         duration: FloatArray,
         tolerance: FloatArray,
@@ -118,7 +157,7 @@ class Integration:
         )
         landing = None if self._levels is None else self._levels.begin(self._state())
         self._acceleration = self._right_side()(self._position, self._velocity)
-        radius = np.sqrt(_square(self._position))
+        radius = length(self._position)
         circular_speed = np.sqrt(self._system.mu_m3_s2 / radius)
         # The first step, in units of sqrt(r³/mu), at a tolerance of 1 m.
         self._natural = 0.25 * radius / circular_speed * _eighth_root(self._tolerance)
@@ -138,45 +177,49 @@ class Integration:
         layer.
         """
         start = self._state()
-        remaining = np.abs(self._duration - self._elapsed)
-        wanted = self._natural
-        length = wanted
+        remaining_s = np.abs(self._duration - self._elapsed)
+        longest = self._natural
+        step_s = longest
         if self._levels is not None:
-            wanted, length = self._levels.lengths(wanted)
-        even = remaining / np.ceil(remaining / wanted)
-        length = np.minimum(np.minimum(length, even), self._planned)
-        h = np.copysign(length, self._duration)
+            longest, step_s = self._levels.lengths(longest)
+        even = remaining_s / np.ceil(remaining_s / longest)
+        step_s = np.minimum(np.minimum(step_s, even), self._planned)
+        h = np.copysign(step_s, self._duration)
         right_side = self._right_side()
         step = stepped(right_side, start, h)
-        # A step may use a share of the tolerance equal to its length, or at least this length,
-        # over that of the arc.
-        share = np.maximum(length, np.minimum(self._horizon * (1.0 / 16.0), 100.0)) / self._horizon
-        # The shortest time over which an error of velocity grows, in steps.
-        growth = np.maximum(self._time_left(), 4.0 * length)
-        ratio = step.velocity_error / np.maximum(self._tolerance * share / growth, self._rounding)
+        ratio = step.velocity_error / self._allowed_error(step_s)
         accepted = ratio <= 1.0
         self._planned[:] = np.inf
-        self._natural = length * np.fmax(
-            np.minimum(0.9 / _eighth_root(ratio), _GROWTH[1]), _GROWTH[0]
-        )
+        self._natural = step_s * np.fmax(np.minimum(0.9 / _eighth_root(ratio), 6.0), 0.2)
         np.copyto(
-            self._natural, np.maximum(self._natural, wanted), where=accepted & (length < wanted)
+            self._natural, np.maximum(self._natural, longest), where=accepted & (step_s < longest)
         )
         if self._levels is not None:
             over, fraction = self._levels.shortened(start, step, h, accepted)
             accepted[over] = False
-            self._planned[over] = length[over] * fraction
-            self._natural[over] = wanted[over]
+            self._planned[over] = step_s[over] * fraction
+            self._natural[over] = longest[over]
         if self._recorder is not None:
             self._recorder(self._index, self._elapsed, h, start, step, accepted, right_side)
-        self._accept(step, accepted, h, accepted & (length >= remaining))
+        self._accept(step, accepted, h, accepted & (step_s >= remaining_s))
 
-    def _accept(self, step: Step, accepted: BoolArray, h: FloatArray, last: BoolArray) -> None:
+    def _allowed_error(self, step_s: FloatArray) -> FloatArray:
+        """Return the errors of velocity, m/s, that steps may add.
+
+        A step may use a share of the tolerance equal to its length over that of the arc, or to 100
+        s or a sixteenth of the arc if these are longer. An error of velocity grows for four steps
+        at least.
+        """
+        share = np.maximum(step_s, np.minimum(self._horizon * (1.0 / 16.0), 100.0)) / self._horizon
+        growth_s = np.maximum(self._time_left(), 4.0 * step_s)
+        return np.maximum(self._tolerance * share / growth_s, self._rounding)
+
+    def _accept(self, step: Step, accepted: BoolArray, h: FloatArray, at_end: BoolArray) -> None:
         np.copyto(self._position, step.position, where=accepted)
         np.copyto(self._velocity, step.velocity, where=accepted)
         np.copyto(self._acceleration, step.acceleration, where=accepted)
         np.copyto(self._elapsed, self._elapsed + h, where=accepted)
-        np.copyto(self._elapsed, self._duration, where=last)
+        np.copyto(self._elapsed, self._duration, where=at_end)
         landing = None if self._levels is None else self._levels.advance(self._state(), accepted)
         if landing is not None and self._system.has_air and landing.changed.any():
             changed = np.flatnonzero(landing.changed)
@@ -184,19 +227,19 @@ class Integration:
             self._acceleration[:, changed] = right_side(
                 self._position[:, changed], self._velocity[:, changed]
             )
-        self._drop(self._outcome(last, landing))
+        self._drop(self._outcome(at_end, landing))
 
     def _state(self) -> StepStart:
         return StepStart(self._position, self._velocity, self._acceleration)
 
-    def _outcome(self, last: BoolArray, landing: GroundContact | None) -> NDArray[np.int8]:
-        outcome = np.where(last, IntegrationResult.REACHED_END, IntegrationResult.UNDER_WAY).astype(
-            np.int8
-        )
+    def _outcome(self, at_end: BoolArray, landing: GroundContact | None) -> NDArray[np.int8]:
+        outcome = np.where(
+            at_end, IntegrationResult.REACHED_END, IntegrationResult.UNDER_WAY
+        ).astype(np.int8)
         stuck = ~(self._natural > 1e-14 * (1.0 + np.abs(self._elapsed))) | ~np.isfinite(
             self._acceleration[0]
         )
-        outcome[stuck & ~last] = IntegrationResult.NOT_CONVERGED
+        outcome[stuck & ~at_end] = IntegrationResult.NOT_CONVERGED
         if landing is not None:
             outcome[landing.sunk] = IntegrationResult.BELOW_AIR
             outcome[landing.impact] = IntegrationResult.IMPACT
@@ -211,13 +254,13 @@ class Integration:
         self._ends.outcome[arcs] = outcome[done]
         self._write(done[outcome[done] == IntegrationResult.REACHED_END])
         self._write_impacts(done[outcome[done] == IntegrationResult.IMPACT])
-        kept = outcome == IntegrationResult.UNDER_WAY
+        under_way = outcome == IntegrationResult.UNDER_WAY
         for name in ("_position", "_velocity", "_acceleration"):
-            setattr(self, name, getattr(self, name)[:, kept])
+            setattr(self, name, getattr(self, name)[:, under_way])
         for name in self._COLUMNS:
-            setattr(self, name, getattr(self, name)[kept])
+            setattr(self, name, getattr(self, name)[under_way])
         if self._levels is not None:
-            self._levels.keep(kept)
+            self._levels.keep(under_way)
 
     _COLUMNS = (
         "_index",
@@ -245,15 +288,15 @@ class Integration:
         position, velocity, acceleration = (
             rows[:, done] for rows in (self._position, self._velocity, self._acceleration)
         )
-        late = self._levels.time_to_target(position, velocity, done)
+        time = self._levels.time_to_target(position, velocity, done)
         for _ in range(2):
-            there = position + late * (velocity + 0.5 * late * acceleration)
-            speed = velocity + late * acceleration
-            late = late + self._levels.time_to_target(there, speed, done)
+            place = position + time * (velocity + 0.5 * time * acceleration)
+            speed = velocity + time * acceleration
+            time = time + self._levels.time_to_target(place, speed, done)
         arcs = self._index[done]
-        self._ends.elapsed[arcs] = np.maximum(self._elapsed[done] + late, 0.0)
-        self._ends.position[:, arcs] = position + late * (velocity + 0.5 * late * acceleration)
-        self._ends.velocity[:, arcs] = velocity + late * acceleration
+        self._ends.elapsed[arcs] = np.maximum(self._elapsed[done] + time, 0.0)
+        self._ends.position[:, arcs] = position + time * (velocity + 0.5 * time * acceleration)
+        self._ends.velocity[:, arcs] = velocity + time * acceleration
 
     def _time_left(self) -> FloatArray:
         """Return the time over which an error of velocity grows into one of position: to the end or
@@ -262,23 +305,16 @@ class Integration:
         remaining = np.abs(self._duration - self._elapsed)
         if self._levels is None or not self._levels.has_target:
             return remaining
-        fall = self._levels.fall_time(_square(self._position), self._system.mu_m3_s2)
+        fall = self._levels.fall_time(dot(self._position, self._position), self._system.mu_m3_s2)
         # An impact is displaced by up to 2.5 times an error of velocity times the time of fall,
         # which counts as 10 s at least.
         return np.minimum(remaining, 2.5 * np.maximum(fall, 10.0))
 
-    def _right_side(self, which: RowArray | None = None) -> Acceleration:
+    def _right_side(self, rows: RowArray | None = None) -> Acceleration:
         layer = None if self._levels is None else self._levels.layer
-        if which is None:
+        if rows is None:
             return self._system.acceleration(self._index, layer)
-        return self._system.acceleration(
-            self._index[which], None if layer is None else layer[which]
-        )
-
-
-def _square(rows: FloatArray) -> FloatArray:
-    squares = rows * rows
-    return squares[0] + squares[1] + squares[2]
+        return self._system.acceleration(self._index[rows], None if layer is None else layer[rows])
 
 
 def _eighth_root(column: FloatArray) -> FloatArray:
@@ -287,26 +323,6 @@ def _eighth_root(column: FloatArray) -> FloatArray:
 
 #: Arcs per block: few enough for the stages of a step to stay in a second-level cache.
 _BLOCK = 1024
-
-
-class ArcColumns(NamedTuple):
-    """The arcs of a call, flattened: `shape` is that of the broadcast leading axes."""
-
-    shape: tuple[int, ...]
-    position: FloatArray
-    velocity: FloatArray
-    duration: FloatArray
-    tolerance: FloatArray
-    ballistic_coefficient: FloatArray
-    target: FloatArray
-
-    def block(self, part: slice) -> "ArcColumns":
-        """Return some of the arcs, as copies."""
-        position = self.position[:, part].copy()
-        velocity = self.velocity[:, part].copy()
-        return ArcColumns(
-            self.shape, position, velocity, *(column[part].copy() for column in self[3:])
-        )
 
 
 def columns_of(
@@ -356,7 +372,7 @@ def columns_of(
 def come_down(columns: ArcColumns) -> RowArray:
     """Return the rows of arcs that start below their height and descend."""
     with np.errstate(all="ignore"):
-        inverse_radius = 1.0 / np.sqrt(_square(columns.position))
+        inverse_radius = 1.0 / length(columns.position)
         height, climb = height_and_climb(columns.position, columns.velocity, inverse_radius)
     down = (height < columns.target - ON_SURFACE_M) & (climb < 0.0) & ~np.isnan(columns.duration)
     return down.nonzero()[0]
@@ -366,47 +382,14 @@ def integrations(
     columns: ArcColumns, forces: Forces, recorder: Recorder | None = None
 ) -> Iterator[tuple[slice, Integration]]:
     """Yield the blocks of the arcs, each with its integration."""
-    for first in range(0, columns.duration.size, _BLOCK):
-        part = slice(first, first + _BLOCK)
-        block = columns.block(part)
+    for start in range(0, columns.duration.size, _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        block = columns.block(rows)
         system = BlockSystem(forces, block.ballistic_coefficient)
         states = block.position, block.velocity
         yield (
-            part,
+            rows,
             Integration(
                 system, states, block.duration, block.tolerance, system.levels(block), recorder
             ),
         )
-
-
-class BlockSystem:
-    """The forces on the arcs of a block."""
-
-    def __init__(self, forces: Forces, ballistic_coefficient: FloatArray) -> None:
-        self.mu_m3_s2 = forces.gravity.mu_m3_s2
-        self.has_air = forces.drag is not None
-        self._gravity = Gravity(forces.gravity, forces.zonal)
-        if forces.drag is not None:
-            self._air = air_layers(forces.drag.atmosphere)
-            self._rotation = forces.drag.air_rotation_rad_s
-            self._log_half_inverse_beta = -np.log(2.0 * ballistic_coefficient)
-
-    def acceleration(self, arcs: RowArray, layer: RowArray | None) -> Acceleration:
-        """Return the right side for the arcs of these numbers, each in its layer of the air."""
-        if not self.has_air or layer is None:
-            return self._gravity
-        parameters = np.take(self._air.parameters, layer, axis=1)
-        return GravityAndDrag(
-            self._gravity, parameters, self._log_half_inverse_beta[arcs], self._rotation
-        )
-
-    def levels(self, block: ArcColumns) -> AltitudeEvents | None:
-        """Return the heights at which steps must end, or None without air and impact height."""
-        if self.has_air:
-            seams = Seams(self._air.floors_m, self._air.strides_m, self._air.stride_shares)
-        elif np.any(block.target > -np.inf):
-            # One layer without a floor, in which no change of height is a bound.
-            seams = Seams(np.array([-1e9]), np.array([1e12]), np.zeros(1))
-        else:
-            return None
-        return AltitudeEvents(seams, block.target, block.duration < 0.0)

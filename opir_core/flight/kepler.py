@@ -102,9 +102,9 @@ def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
     turns[alpha <= 0.0] = 0.0
     if not turns.any():
         return time
-    whole = turns / np.where(turns != 0.0, per_time, 1.0)
+    turned = turns / np.where(turns != 0.0, per_time, 1.0)
     # Beyond this number of turns double precision holds no digit of the phase.
-    return np.where(np.abs(turns) > 2.0**50, np.nan, time - whole)
+    return np.where(np.abs(turns) > 2.0**50, np.nan, time - turned)
 
 
 class Flybys(NamedTuple):
@@ -118,7 +118,7 @@ class Flybys(NamedTuple):
     time: FloatArray
     eccentricity: FloatArray
     pericentre: FloatArray  #: distance
-    ahead: FloatArray  #: unit vector to the pericentre
+    to_pericentre: FloatArray  #: unit vector to the pericentre
     sideways: FloatArray  #: velocity there times the distance; zero on a straight line
     approach: FloatArray  #: universal anomaly from the start to the pericentre
     later: FloatArray  #: time since the pericentre; negative before it
@@ -134,8 +134,8 @@ class Flybys(NamedTuple):
         s, g0, g1, g2 = solution
         g1 = np.copysign(g1, self.later)
         r = self.pericentre * g0 + g2
-        position = (self.pericentre - g2) * self.ahead + g1 * self.sideways
-        velocity = (g0 * self.sideways - g1 * self.ahead) / r
+        position = (self.pericentre - g2) * self.to_pericentre + g1 * self.sideways
+        velocity = (g0 * self.sideways - g1 * self.to_pericentre) / r
         # Within this many a e of the centre on the way in, the pericentre is as good a reference
         # as the start.
         at = np.flatnonzero((self.later < 0.0) & (-self.alpha * r > 3.0 * self.eccentricity))
@@ -165,13 +165,13 @@ def flybys(
     momentum = cross(position, velocity)
     momentum_squared = dot(momentum, momentum)
     eccentricity = np.sqrt(1.0 - alpha * momentum_squared)
-    ahead = (cross(velocity, momentum) - position) / eccentricity
+    to_pericentre = (cross(velocity, momentum) - position) / eccentricity
     k = np.sqrt(-alpha)
     rise = -dot(position, velocity) * k
     approach = np.arcsinh(rise / eccentricity)
     later = time - (rise - approach) / (k * k * k)
     pericentre = momentum_squared / (1.0 + eccentricity)
-    sideways = cross(momentum, ahead)
+    sideways = cross(momentum, to_pericentre)
     return Flybys(
         position,
         velocity,
@@ -179,7 +179,7 @@ def flybys(
         time,
         eccentricity,
         pericentre,
-        ahead,
+        to_pericentre,
         sideways,
         approach / k,
         later,
@@ -246,20 +246,30 @@ def _propagated(
 
 
 def flat_states(
-    first: ArrayLike, second: ArrayLike, scalar: ArrayLike
+    vectors_1: ArrayLike, vectors_2: ArrayLike, scalar: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[int, ...]]:
     """Return two vectors (n, 3) and a number (n,) of each element, broadcast together, and their
     common shape.
     """
-    one, two, number = (np.asarray(x, dtype=np.float64) for x in (first, second, scalar))
-    for vectors in (one, two):
+    vectors_1, vectors_2, scalars = (
+        np.asarray(x, dtype=np.float64) for x in (vectors_1, vectors_2, scalar)
+    )
+    for vectors in (vectors_1, vectors_2):
         if vectors.ndim == 0 or vectors.shape[-1] != 3:
             raise ValueError(
                 f"expected vectors with a last axis of 3 (x, y, z), got shape {vectors.shape}"
             )
-    shape = np.broadcast_shapes(one.shape[:-1], two.shape[:-1], number.shape)
-    one, two = (x if x.shape[:-1] == shape else np.broadcast_to(x, (*shape, 3)) for x in (one, two))
-    return one.reshape(-1, 3), two.reshape(-1, 3), np.broadcast_to(number, shape).reshape(-1), shape
+    shape = np.broadcast_shapes(vectors_1.shape[:-1], vectors_2.shape[:-1], scalars.shape)
+    vectors_1, vectors_2 = (
+        x if x.shape[:-1] == shape else np.broadcast_to(x, (*shape, 3))
+        for x in (vectors_1, vectors_2)
+    )
+    return (
+        vectors_1.reshape(-1, 3),
+        vectors_2.reshape(-1, 3),
+        np.broadcast_to(scalars, shape).reshape(-1),
+        shape,
+    )
 
 
 def _in_blocks(
@@ -269,20 +279,20 @@ def _in_blocks(
     states together.
     """
     end = np.empty((2, duration.size, 3))
-    left = [np.empty(0, np.intp)]
-    for first in range(0, duration.size, _BLOCK):
-        block = slice(first, first + _BLOCK)
+    unsolved = [np.empty(0, np.intp)]
+    for begin in range(0, duration.size, _BLOCK):
+        block = slice(begin, begin + _BLOCK)
         start = start_of(position[block], velocity[block], duration[block], mu)
         unfinished = _propagate_with(start, solve_fast, end[:, block])
         if not np.isfinite(end[:, block].sum()):
             unfinished |= ~np.isfinite(end[:, block]).all(axis=(0, 2))
-        left.append(first + np.flatnonzero(unfinished))
+        unsolved.append(begin + np.flatnonzero(unfinished))
     status = np.zeros(duration.size, np.int8)
-    at = np.concatenate(left)
-    for first in range(0, at.size, _BLOCK):
-        part = at[first : first + _BLOCK]
-        end[:, part], status[part] = _propagated_bracketed(
-            position[part], velocity[part], duration[part], mu
+    at = np.concatenate(unsolved)
+    for begin in range(0, at.size, _BLOCK):
+        rows = at[begin : begin + _BLOCK]
+        end[:, rows], status[rows] = _propagated_bracketed(
+            position[rows], velocity[rows], duration[rows], mu
         )
     return end, status
 
@@ -332,23 +342,26 @@ def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArr
     arcs = start.arcs()
     at = np.flatnonzero(start.is_inbound_hyperbola())
     if not at.size:
-        solution, left = solver(arcs)
+        solution, unsolved = solver(arcs)
         _move(start, solution, end)
-        return left
-    part = start.at(at)
-    distance, to_speed = part.scales()
+        return unsolved
+    hyperbolas = start.at(at)
+    distance, to_speed = hyperbolas.scales()
     by = flybys(
-        np.stack(part[:3]) / distance, np.stack(part[3:6]) * to_speed, part.alpha, part.time
+        np.stack(hyperbolas[:3]) / distance,
+        np.stack(hyperbolas[3:6]) * to_speed,
+        hyperbolas.alpha,
+        hyperbolas.time,
     )
     arcs = UniversalArcs(*(column.copy() for column in arcs))
-    for column, some in zip(arcs, by.arcs(), strict=True):
-        column[at] = some
-    solution, left = solver(arcs)
+    for column, values in zip(arcs, by.arcs(), strict=True):
+        column[at] = values
+    solution, unsolved = solver(arcs)
     _move(start, solution, end)
     end_position, end_velocity = by.states(solution[:, at])
     end[0, at] = (end_position * distance).T
     end[1, at] = (end_velocity / to_speed).T
-    return left
+    return unsolved
 
 
 def _move(start: ArcStart, solution: FloatArray, end: FloatArray) -> None:
@@ -357,12 +370,16 @@ def _move(start: ArcStart, solution: FloatArray, end: FloatArray) -> None:
     """
     x, y, z, vx, vy, vz, rate, back, sigma, _, _ = start
     _, g0, g1, g2 = solution
-    ahead = g0 + sigma * g1
-    r = ahead + g2
+    radial = g0 + sigma * g1
+    r = radial + g2
     f = 1.0 - g2
     g = (g1 + sigma * g2) * back / rate
     f_rate = g1 * back * rate / -r
-    g_rate = ahead / r
-    for row, (first, second) in enumerate(((f, g), (f_rate, g_rate))):
+    g_rate = radial / r
+    for row, (from_position, from_velocity) in enumerate(((f, g), (f_rate, g_rate))):
         for axis, (start_position, start_velocity) in enumerate(((x, vx), (y, vy), (z, vz))):
-            np.add(first * start_position, second * start_velocity, out=end[row, :, axis])
+            np.add(
+                from_position * start_position,
+                from_velocity * start_velocity,
+                out=end[row, :, axis],
+            )

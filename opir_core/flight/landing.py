@@ -123,24 +123,24 @@ def corrected(
     """
     start = shot.landing(azimuth_rad, reach)
     # Rows: azimuth, reach, along, across, miss, share of Newton's step to take.
-    now = np.stack(
+    state = np.stack(
         [azimuth_rad, reach, start.along_m, start.across_m, start.miss_m, np.ones_like(azimuth_rad)]
     )
     for _ in range(iterations):
-        rows = np.flatnonzero(now[4] > tolerance_m)
+        rows = np.flatnonzero(state[4] > tolerance_m)
         if not rows.size:
             break
-        part = shot.take(rows)
-        (azimuth, reach, along, across, _, share) = now[:, rows]
-        turn, gain = _newton_step(part.in_two_body_motion(), azimuth, reach, along, across)
+        launches = shot.take(rows)
+        (azimuth, reach, along, across, _, share) = state[:, rows]
+        turn, gain = _newton_step(launches.in_two_body_motion(), azimuth, reach, along, across)
         azimuth = azimuth + share * turn
         reach = reach * (1.0 + share * gain)
-        trial = part.landing(azimuth, reach)
+        trial = launches.landing(azimuth, reach)
         nearer = trial.distance_m() < np.hypot(along, across)
-        now[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)
+        state[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)
         better = np.stack([azimuth, reach, trial.along_m, trial.across_m, trial.miss_m])
-        now[:5, rows[nearer]] = better[:, nearer]
-    return now[0], now[1]
+        state[:5, rows[nearer]] = better[:, nearer]
+    return state[0], state[1]
 
 
 def _newton_step(

@@ -48,10 +48,10 @@ def propagate(
     )
     position = np.empty((columns.duration.size, 3))
     velocity = np.empty((columns.duration.size, 3))
-    for part, integration in integrations:
+    for rows, integration in integrations:
         ends = integration.ends()
-        position[part] = ends.position.T
-        velocity[part] = ends.velocity.T
+        position[rows] = ends.position.T
+        velocity[rows] = ends.velocity.T
     return position.reshape(*columns.shape, 3), velocity.reshape(*columns.shape, 3)
 
 
@@ -64,9 +64,9 @@ def _integrated(*arguments: Any) -> Any:
     from opir_core.flight.integration import columns_of, come_down, integrations
 
     columns = columns_of(*arguments)
-    here = come_down(columns)
-    columns.duration[here] = 0.0
-    return columns, here, integrations(columns, arguments[4])
+    landed = come_down(columns)
+    columns.duration[landed] = 0.0
+    return columns, landed, integrations(columns, arguments[4])
 
 
 #: The default longest time of flight, s.
@@ -144,7 +144,7 @@ def impact_states_eci(
         return _kepler_impacts(position_m, velocity_m_s, height_m, within_s, forces)
     height = np.asarray(height_m, dtype=np.float64)
     height = np.where(np.isneginf(height), np.nan, height)
-    columns, here, integrations = _integrated(
+    columns, landed, integrations = _integrated(
         position_m, velocity_m_s, within_s, tolerance_m, forces, height
     )
     count = columns.duration.size
@@ -153,18 +153,18 @@ def impact_states_eci(
     position = np.empty((count, 3))
     velocity = np.empty((count, 3))
     reason = np.empty(count, np.int8)
-    for part, integration in integrations:
+    for rows, integration in integrations:
         ends = integration.ends()
-        reason[part] = _REASONS[ends.outcome]
-        hit = reason[part] == ImpactReason.IMPACT
-        duration[part] = np.where(hit, ends.elapsed, np.nan)
-        position[part], velocity[part] = (
+        reason[rows] = _REASONS[ends.outcome]
+        hit = reason[rows] == ImpactReason.IMPACT
+        duration[rows] = np.where(hit, ends.elapsed, np.nan)
+        position[rows], velocity[rows] = (
             np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity)
         )
-    duration[here] = 0.0
-    reason[here] = ImpactReason.IMPACT
-    position[here] = columns.position[:, here].T
-    velocity[here] = columns.velocity[:, here].T
+    duration[landed] = 0.0
+    reason[landed] = ImpactReason.IMPACT
+    position[landed] = columns.position[:, landed].T
+    velocity[landed] = columns.velocity[:, landed].T
     vectors = position.reshape(*shape, 3), velocity.reshape(*shape, 3)
     return ImpactStates(duration.reshape(shape), *vectors, reason.reshape(shape))
 
@@ -193,7 +193,7 @@ def _kepler_impacts(
     duration, point = _kepler_points(position_m, velocity_m_s, height_m, within_s, forces)
     velocity = propagate_kepler(position_m, velocity_m_s, duration, forces.gravity.mu_m3_s2)[1]
     inputs = (
-        np.asarray(each, dtype=np.float64).sum(axis=-1) for each in (position_m, velocity_m_s)
+        np.asarray(vectors, dtype=np.float64).sum(axis=-1) for vectors in (position_m, velocity_m_s)
     )
     finite = np.isfinite(
         sum(inputs)

@@ -1,5 +1,6 @@
 """Records of arrays over n targets, and the same of some of the targets."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -19,14 +20,21 @@ class Rows:
 
     def take(self, rows: RowArray) -> Self:
         """Return the record of some of the targets."""
-        columns = {column.name: getattr(self, column.name) for column in self.__attrs_attrs__}
-        return type(self)(**{name: self._some(column, rows) for name, column in columns.items()})
+        names = [column.name for column in self.__attrs_attrs__]
+        return type(self)(**{name: self._some(getattr(self, name), rows) for name in names})
 
     def put(self, rows: RowArray, record: Self) -> None:
         """Replace some of the targets."""
         place: Any = rows if self.AXIS == 0 else (..., rows)
         for column in self.__attrs_attrs__:
             getattr(self, column.name)[place] = getattr(record, column.name)
+
+    @classmethod
+    def joined(cls, records: Sequence[Self]) -> Self:
+        """Return the record of the targets of all records, in order."""
+        names = [column.name for column in cls.__attrs_attrs__]
+        columns = ([getattr(record, name) for record in records] for name in names)
+        return cls(*(np.concatenate(column, axis=cls.AXIS) for column in columns))
 
     def _some(self, column: Any, rows: RowArray) -> Any:
         if isinstance(column, np.ndarray):

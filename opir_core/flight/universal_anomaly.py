@@ -79,8 +79,10 @@ def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Rea
     for halvings in (7, 12):
         if not at.size:
             break
-        for whole, part in zip(functions, _by_doubling(alpha[at], s[at], halvings), strict=True):
-            whole[at] = part
+        for function, values in zip(
+            functions, _by_doubling(alpha[at], s[at], halvings), strict=True
+        ):
+            function[at] = values
         at = at[z[at] > _REACH * 4.0 ** (halvings - _HALVINGS)]
     return functions
 
@@ -271,13 +273,13 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
         excess, noise = excess_and_noise(arcs, functions)
         low = np.where(excess < 0.0, s, low)
         high = np.where(excess < 0.0, high, s)
-        found, left = _corrected(arcs, s, functions)
-        found[:, left] = np.stack([s, *functions[:3]])[:, left]
-        left &= ~(
+        rows, unsolved = _corrected(arcs, s, functions)
+        rows[:, unsolved] = np.stack([s, *functions[:3]])[:, unsolved]
+        unsolved &= ~(
             (np.abs(excess) <= noise) & (noise < np.inf) | (high - low <= 2.0 * _EPSILON * high)
         )
-        solution[:, where[~left]] = found[:, ~left]
-        at = np.flatnonzero(left)
+        solution[:, where[~unsolved]] = rows[:, ~unsolved]
+        at = np.flatnonzero(unsolved)
         if not at.size:
             break
         s, allowed = _next(low, high, np.abs(excess), allowed, s + laguerre_step(arcs, functions))
@@ -310,8 +312,10 @@ def _bracket(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, FloatArray]:
     low = np.zeros_like(high)
     short = np.flatnonzero(~closed & (high > 0.0))
     while short.size:
-        part = arcs.at(short)
-        short = short[excess_and_noise(part, universal_functions(part.alpha, high[short]))[0] < 0.0]
+        open_arcs = arcs.at(short)
+        short = short[
+            excess_and_noise(open_arcs, universal_functions(open_arcs.alpha, high[short]))[0] < 0.0
+        ]
         low[short] = high[short]
         high[short] *= 2.0
     return low, high
@@ -335,7 +339,7 @@ def _corrected(
     unevenness *= step * step
     # Square of the largest step, over the scale on which r changes, for which the last correction
     # is exact to rounding.
-    left = ~(unevenness <= 1e-8 * (r * r))
+    unsolved = ~(unevenness <= 1e-8 * (r * r))
     bend *= 1.0 / 6.0
     slope *= 0.5
     for _ in range(2):
@@ -344,7 +348,7 @@ def _corrected(
         mean *= step
         mean += r
         step = excess / mean
-    return _moved(arcs.alpha, s, functions, step), left
+    return _moved(arcs.alpha, s, functions, step), unsolved
 
 
 def _moved(

@@ -77,10 +77,10 @@ def solved(
     launches = earliest
     rows = np.flatnonzero(is_near)
     if rows.size:
-        part = lofted(
+        launched = lofted(
             shots.take(rows), table.take(rows), earliest.take(rows), loft[rows], apogee_m[rows]
         )
-        launches.put(rows, part)
+        launches.put(rows, launched)
     radius_m = length(*components(shots.boosts.site.launch_m))
     return StagedSolution(launches, nearest_rad * radius_m, farthest_rad * radius_m)
 
@@ -147,10 +147,10 @@ def _aimed(
         rows = np.flatnonzero(~(miss_m <= TOLERANCE_M))
         if not rows.size:
             break
-        part = shots.take(rows)
+        missing = shots.take(rows)
         earlier_s = np.maximum(guess_s - retreat * step_s, shots.earliest_s)[rows]
-        trial = corrected(part, azimuth_rad[rows], earlier_s, TOLERANCE_M, _ITERATIONS)
-        trial_m = part.landing(*trial).miss_m
+        trial = corrected(missing, azimuth_rad[rows], earlier_s, TOLERANCE_M, _ITERATIONS)
+        trial_m = missing.landing(*trial).miss_m
         nearer = trial_m < np.nan_to_num(miss_m[rows], nan=np.inf)
         azimuth[rows[nearer]], cut_off_s[rows[nearer]] = (column[nearer] for column in trial)
         miss_m[rows[nearer]] = trial_m[nearer]

@@ -14,7 +14,7 @@ from enum import IntEnum
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.flight.gravity_and_drag import height_and_climb, height_m
 from opir_core.flight.landing import polar_rad
@@ -47,35 +47,26 @@ class Goal(IntEnum):
 
 @frozen(eq=False, repr=False)
 class Goals(Rows):
-    """The goals (n,) of shots and their values: apogee, m; cut-off, s since ignition; climb at
+    """The kind of goal of shots, and its values (n,): apogee, m; cut-off, s since ignition; climb at
     burnout, m/s.
     """
 
-    kind: RowArray
+    kind: Goal
     value: FloatArray
-
-    @classmethod
-    def of(cls, kind: Goal, value: FloatArray) -> "Goals":
-        """Return one kind of goal for all shots."""
-        return cls(np.full(len(value), kind), value)
-
-    def chosen(self, apogee: FloatArray, cut_off: FloatArray, climb: FloatArray) -> FloatArray:
-        """Return for each shot the quantity (..., n) of its goal, each as metres."""
-        # What an error of cut-off or climb counts beside one of place: about as many metres as it
-        # moves the impact.
-        return np.where(
-            self.kind == Goal.APOGEE,
-            apogee,
-            np.where(self.kind == Goal.CUT_OFF, 1e5 * cut_off, 100.0 * climb),
-        )
 
     def residual(self, flights: "Flights") -> FloatArray:
         """Return the errors (3, n), m: east and north of the aim point, and of the goal."""
-        scaled = self.chosen(bounded_m(self.value), self.value, self.value)
-        third = (
-            self.chosen(bounded_m(flights.apogee_m), flights.unknown[2], flights.climb_m_s) - scaled
-        )
-        return np.stack([flights.east_m, flights.north_m, third])
+        values = flights.apogee_m, flights.unknown[2], flights.climb_m_s
+        error_m = self._metres(values[self.kind]) - self._metres(self.value)
+        return np.stack([flights.east_m, flights.north_m, error_m])
+
+    def _metres(self, value: FloatArray) -> FloatArray:
+        """Return values of goals (n,) as metres: what an error counts beside one of place is about
+        as many metres as it moves the impact.
+        """
+        if self.kind == Goal.APOGEE:
+            return bounded_m(value)
+        return {Goal.CUT_OFF: 1e5, Goal.CLIMB: 100.0}[self.kind] * value
 
 
 @frozen(eq=False, repr=False)
@@ -202,17 +193,17 @@ def _improved(
         rows = np.flatnonzero((error_m > TOLERANCE_M) & (share > 2.0**-7))
         if not rows.size:
             break
-        part = shots.take(rows)
+        group = shots.take(rows)
         aims = goals.take(rows)
-        step = share[rows] * _newton_step(part, residual[:, rows], slopes[:, :, rows])
+        step = share[rows] * _newton_step(group, residual[:, rows], slopes[:, :, rows])
         unknown = flights.unknown[:, rows] + step
         if by_broyden:
-            trial = flights_with(part, unknown)
+            trial = flights_with(group, unknown)
             trial_slopes = _broyden(
                 slopes[:, :, rows], aims.residual(trial) - residual[:, rows], step
             )
         else:
-            trial, trial_slopes = _with_slopes(part, aims, unknown)
+            trial, trial_slopes = _with_slopes(group, aims, unknown)
         trial_residual = aims.residual(trial)
         trial_m = length(trial_residual)
         nearer = trial_m < error_m[rows]
@@ -232,12 +223,12 @@ def _with_slopes(
     error).
     """
     count = unknown.shape[1]
-    every = np.tile(np.arange(count), 4)
+    rows = np.tile(np.arange(count), 4)
     moved = np.repeat(unknown[:, None, :], 4, axis=1)
     for number, step in enumerate(_STEPS.tolist()):
         moved[number, number + 1] += step
-    flights = flights_with(shots.take(every), moved.reshape(3, -1))
-    residual = goals.take(every).residual(flights).reshape(3, 4, count)
+    flights = flights_with(shots.take(rows), moved.reshape(3, -1))
+    residual = goals.take(rows).residual(flights).reshape(3, 4, count)
     return flights.take(np.arange(count)), (residual[:, 1:] - residual[:, :1]) / _STEPS[
         None, :, None
     ]
@@ -310,12 +301,12 @@ class Side:
         flights.
         """
         flights, error_m = jointly_aimed(
-            self.shots, Goals.of(Goal.APOGEE, apogee_m), self.start(apogee_m)
+            self.shots, Goals(Goal.APOGEE, apogee_m), self.start(apogee_m)
         )
         is_solved = error_m <= TOLERANCE_M
         rows = np.flatnonzero(~is_solved & self.has(apogee_m))
         if rows.size:
-            goals = Goals.of(Goal.APOGEE, apogee_m[rows])
+            goals = Goals(Goal.APOGEE, apogee_m[rows])
             start = self.inner.take(rows)
             walked, is_solved[rows] = _walked(self.shots.take(rows), goals, start.apogee_m, start)
             flights.put(rows, walked)
@@ -323,16 +314,16 @@ class Side:
 
 
 def _walked(
-    shots: StagedShots, goals: Goals, first: FloatArray, start: Flights
+    shots: StagedShots, goals: Goals, start_value: FloatArray, start: Flights
 ) -> tuple[Flights, BoolArray]:
     """Return flights (n,) nearest to goals, approached from `start` and its values `first`, whether
     they meet them.
     """
-    flights = start.take(np.arange(len(first)))
-    rows = np.flatnonzero(np.isfinite(first))
-    for part in range(1, _PARTS + 1):
-        share = part / _PARTS
-        value = (1.0 - share) * first[rows] + share * goals.value[rows]
+    flights = start.take(np.arange(len(start_value)))
+    rows = np.flatnonzero(np.isfinite(start_value))
+    for step in range(1, _PARTS + 1):
+        share = step / _PARTS
+        value = (1.0 - share) * start_value[rows] + share * goals.value[rows]
         aims = evolve(goals.take(rows), value=value)
         trial, error_m = jointly_aimed(shots.take(rows), aims, flights.unknown[:, rows])
         is_near = error_m <= TOLERANCE_M
@@ -340,7 +331,7 @@ def _walked(
         flights.put(rows, trial.take(np.flatnonzero(is_near)))
         if not rows.size:
             break
-    is_met = np.zeros(len(first), dtype=bool)
+    is_met = np.zeros(len(start_value), dtype=bool)
     is_met[rows] = True
     return flights, is_met
 
@@ -412,10 +403,10 @@ def lofted(
         launches.apogees_m[rows] = apogees_m
         wanted_m = np.where(has_apogee[rows], apogee_m[rows], side.between_m(np.abs(loft[rows])))
         flights, is_solved = side.with_apogee(wanted_m)
-        part = side.shots
-        cut_off_s = np.clip(flights.unknown[2], part.earliest_s, part.latest_s)
+        group = side.shots
+        cut_off_s = np.clip(flights.unknown[2], group.earliest_s, group.latest_s)
         solved = Launches(
-            *azimuth_and_kick(flights.unknown), cut_off_s, part.fineness, is_solved, apogees_m
+            *azimuth_and_kick(flights.unknown), cut_off_s, group.fineness, is_solved, apogees_m
         )
         launches.put(rows[is_solved], solved.take(np.flatnonzero(is_solved)))
     return launches
@@ -428,16 +419,16 @@ def steep_side(shots: StagedShots, table: Reach, base: FloatArray, has_base: Boo
     zero = np.zeros_like(shots.earliest_s)
     shots = _finer(shots, unknowns(zero, zero, shots.latest_s))
     inner = _inner_end(shots, base, has_base, unknowns(zero, zero, shots.earliest_s))
-    goals = Goals.of(Goal.CUT_OFF, shots.latest_s)
+    goals = Goals(Goal.CUT_OFF, shots.latest_s)
     outer, error_m = jointly_aimed(shots, goals, unknowns(zero, zero, shots.latest_s))
     rows = np.flatnonzero(error_m > TOLERANCE_M)
     if rows.size:
-        part = shots.take(rows)
+        group = shots.take(rows)
         start = inner.take(rows)
         # The steepest flight of stages that could escape has this apogee, m: it lasts 15 h; free
         # flight is followed for a day.
-        highest = Goals.of(Goal.APOGEE, np.full(rows.size, 5e7))
-        outer.put(rows, _end(part, start, highest, start.apogee_m))
+        highest = Goals(Goal.APOGEE, np.full(rows.size, 5e7))
+        outer.put(rows, _end(group, start, highest, start.apogee_m))
     return Side(shots, inner, outer)
 
 
@@ -449,11 +440,11 @@ def flat_side(shots: StagedShots, table: Reach, base: FloatArray, has_base: Bool
     earliest = unknowns(azimuth_rad, table.flat_kicks_rad(range_rad), shots.earliest_s)
     shots = _finer(shots, np.where(has_base, base, earliest))
     inner = _inner_end(shots, base, has_base, earliest)
-    level = Goals.of(Goal.CLIMB, np.zeros_like(inner.climb_m_s))
+    level = Goals(Goal.CLIMB, np.zeros_like(inner.climb_m_s))
     return Side(shots, inner, _end(shots, inner, level, inner.climb_m_s))
 
 
-def _end(shots: StagedShots, inner: Flights, goals: Goals, first: FloatArray) -> Flights:
+def _end(shots: StagedShots, inner: Flights, goals: Goals, value: FloatArray) -> Flights:
     """Return the flights (n,) with goals, from inner ends and their values `first`; or with the
     latest cut-off.
 
@@ -463,19 +454,19 @@ def _end(shots: StagedShots, inner: Flights, goals: Goals, first: FloatArray) ->
     rows = np.flatnonzero(error_m > TOLERANCE_M)
     if rows.size:
         flights.put(
-            rows, _walked(shots.take(rows), goals.take(rows), first[rows], inner.take(rows))[0]
+            rows, _walked(shots.take(rows), goals.take(rows), value[rows], inner.take(rows))[0]
         )
     rows = np.flatnonzero(flights.unknown[2] > shots.latest_s)
     if rows.size:
-        part = shots.take(rows)
+        group = shots.take(rows)
         nearest = inner.unknown[:, rows]
         span = flights.unknown[:, rows] - nearest
         # About the inner end the cut-off is a parabola.
-        share = np.sqrt((part.latest_s - nearest[2]) / span[2])
-        late, error_m = jointly_aimed(
-            part, Goals.of(Goal.CUT_OFF, part.latest_s), nearest + share * span
+        share = np.sqrt((group.latest_s - nearest[2]) / span[2])
+        flattened, error_m = jointly_aimed(
+            group, Goals(Goal.CUT_OFF, group.latest_s), nearest + share * span
         )
-        flights.put(rows, late.unless(error_m > TOLERANCE_M))
+        flights.put(rows, flattened.unless(error_m > TOLERANCE_M))
     return flights
 
 
@@ -495,7 +486,7 @@ def _inner_end(
     flights = flights_with(shots, np.where(has_base, base, start))
     rows = np.flatnonzero(~has_base)
     if rows.size:
-        goals = Goals.of(Goal.CUT_OFF, shots.earliest_s[rows])
-        found, error_m = jointly_aimed(shots.take(rows), goals, start[:, rows])
-        flights.put(rows, found.unless(error_m > TOLERANCE_M))
+        goals = Goals(Goal.CUT_OFF, shots.earliest_s[rows])
+        aimed, error_m = jointly_aimed(shots.take(rows), goals, start[:, rows])
+        flights.put(rows, aimed.unless(error_m > TOLERANCE_M))
     return flights

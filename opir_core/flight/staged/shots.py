@@ -96,16 +96,16 @@ class Reach(Rows):
 
         Where the earliest of all already reaches farther, the answer is extrapolated from it.
         """
-        far = self.range_rad >= range_rad[:, None, None]
-        far[:, :, 0] = False
-        late = np.maximum(far.argmax(axis=2), 1)
-        row, kick = np.indices(late.shape)
-        low = self.range_rad[row, kick, late - 1]
-        high = self.range_rad[row, kick, late]
+        reaches = self.range_rad >= range_rad[:, None, None]
+        reaches[:, :, 0] = False
+        upper = np.maximum(reaches.argmax(axis=2), 1)
+        row, kick = np.indices(upper.shape)
+        low = self.range_rad[row, kick, upper - 1]
+        high = self.range_rad[row, kick, upper]
         share = (range_rad[:, None] - low) / np.maximum(high - low, 1e-12)
-        early_s = self.cut_off_s[row, late - 1]
-        late_s = self.cut_off_s[row, late]
-        return np.where(far.any(axis=2), early_s + share * (late_s - early_s), np.nan)
+        early_s = self.cut_off_s[row, upper - 1]
+        late_s = self.cut_off_s[row, upper]
+        return np.where(reaches.any(axis=2), early_s + share * (late_s - early_s), np.nan)
 
     def flat_kicks_rad(self, range_rad: FloatArray) -> FloatArray:
         """Return the largest kicks (n,) that reach ground angles (n,) with the earliest cut-off;
@@ -113,14 +113,16 @@ class Reach(Rows):
         """
         angle_rad = self.range_rad[:, :, 0]
         reaches = angle_rad >= range_rad[:, None]
-        last = angle_rad.shape[1] - 1 - reaches[:, ::-1].argmax(axis=1)
-        after = np.minimum(last + 1, angle_rad.shape[1] - 1)
-        row = np.arange(len(last))
-        share = (angle_rad[row, last] - range_rad) / (angle_rad[row, last] - angle_rad[row, after])
-        kick_rad = self.kick_rad[row, last] + share * (
-            self.kick_rad[row, after] - self.kick_rad[row, last]
+        row_end = angle_rad.shape[1] - 1 - reaches[:, ::-1].argmax(axis=1)
+        neighbour = np.minimum(row_end + 1, angle_rad.shape[1] - 1)
+        row = np.arange(len(row_end))
+        share = (angle_rad[row, row_end] - range_rad) / (
+            angle_rad[row, row_end] - angle_rad[row, neighbour]
         )
-        return np.where(reaches.any(axis=1) & (after > last), kick_rad, np.nan)
+        kick_rad = self.kick_rad[row, row_end] + share * (
+            self.kick_rad[row, neighbour] - self.kick_rad[row, row_end]
+        )
+        return np.where(reaches.any(axis=1) & (neighbour > row_end), kick_rad, np.nan)
 
     def extremes_rad(self) -> tuple[FloatArray, FloatArray]:
         """Return the ranges (n,) of the flights of least energy for the earliest and for the latest
@@ -135,22 +137,24 @@ class Reach(Rows):
 def reach(shots: StagedShots, azimuth_rad: FloatArray, kick_rad: FloatArray) -> Reach:
     """Return how far shots reach with kicks (n, k), in two-body free flight."""
     count, kicks = kick_rad.shape
-    every = np.repeat(np.arange(count), kicks)
-    boosts = shots.boosts.take(every)
-    azimuth = azimuth_rad[every]
+    rows = np.repeat(np.arange(count), kicks)
+    boosts = shots.boosts.take(rows)
+    azimuth = azimuth_rad[rows]
     share = np.linspace(0.0, 1.0, _CUTS)
     cut_off_s = shots.earliest_s[:, None] + (shots.latest_s - shots.earliest_s)[:, None] * share
     turn = Turn(boosts, azimuth, kick_rad.ravel())
-    state = turn.flown(BoostState.at_rest(boosts), _but_last(boosts, cut_off_s[every, 0]))
+    state = turn.flown(BoostState.at_rest(boosts), _but_last(boosts, cut_off_s[rows, 0]))
     range_rad = np.empty((count * kicks, _CUTS))
-    last = len(boosts.stages.burn_time_s) - 1
-    earlier_s = cut_off_s[every, 0]
+    final_stage = len(boosts.stages.burn_time_s) - 1
+    earlier_s = cut_off_s[rows, 0]
     for cut in range(_CUTS):
-        cut_s = cut_off_s[every, cut]
+        cut_s = cut_off_s[rows, cut]
         if cut:
-            state = turn.flown(state, [Leg(LegKind.PART, last, earlier_s, cut_s)])
-        end = turn.flown(state, [Leg(LegKind.TAIL_OFF, last, cut_s, cut_s + boosts.tail_off_s)])
-        range_rad[:, cut] = _range_rad(shots.take(every), azimuth, end)
+            state = turn.flown(state, [Leg(LegKind.PART, final_stage, earlier_s, cut_s)])
+        end = turn.flown(
+            state, [Leg(LegKind.TAIL_OFF, final_stage, cut_s, cut_s + boosts.tail_off_s)]
+        )
+        range_rad[:, cut] = _range_rad(shots.take(rows), azimuth, end)
         earlier_s = cut_s
     table = range_rad.reshape(count, kicks, _CUTS)
     # A larger kick than one into the ground is one into the ground, whatever a trial that has
