@@ -76,10 +76,12 @@ class ClassFlights(Trajectories):
         """
         if self.coast is None:
             return self.boost.position_m(target, time_s)
-        late = time_s > self.burnout_s[target]
-        boost = self.boost.position_m(target, np.where(late, np.nan, time_s))
+        coasting = time_s > self.burnout_s[target]
+        boost = self.boost.position_m(target, np.where(coasting, np.nan, time_s))
         return np.where(
-            late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost
+            coasting[:, None],
+            self.coast.position_m(target, np.where(coasting, time_s, np.nan)),
+            boost,
         )
 
 
@@ -124,18 +126,18 @@ class AimedFlights(ClassFlights):
 
 
 def classes_of(
-    configs: "Sequence[ClassConfig]", context: TargetContext, model: str, own: str = ""
+    configs: "Sequence[ClassConfig]", context: TargetContext, model: str, name: str = ""
 ) -> tuple[TargetClass, ...]:
     """Return the classes of targets; raises `SceneError` for those that another model flies after
     burnout.
 
-    `own` is the name of the target model where it is not that of its classes.
+    `name` is the name of the target model where it is not that of its classes.
     """
     classes = tuple(context.target_class(config.type) for config in configs)
     problems = [
         Problem(
             f"{path}.type",
-            f"{kind.name} has the model {kind.after_burnout.model}, not {own or model}; omit model",
+            f"{kind.name} has the model {kind.after_burnout.model}, not {name or model}; omit model",
         )
         for kind, path in zip(classes, context.paths, strict=True)
         if kind.after_burnout.model != model
@@ -156,17 +158,19 @@ def forces_of_targets(configs: "Sequence[ClassConfig]", context: TargetContext) 
     if isinstance(forces, str) or forces.drag is None:
         return forces
     usual = float(forces.drag.ballistic_coefficient_kg_m2)
-    own = (config.ballistic_coefficient_kg_m2 for config in configs)
-    return forces.with_ballistic_coefficients([usual if value is None else value for value in own])
+    coefficients = (config.ballistic_coefficient_kg_m2 for config in configs)
+    return forces.with_ballistic_coefficients(
+        [usual if value is None else value for value in coefficients]
+    )
 
 
-def other_ranges(kind: TargetClass, chosen: BoostProfile) -> str:
+def other_ranges(kind: TargetClass, flown: BoostProfile) -> str:
     """Return which ranges the other profiles of a class have."""
-    others = (profile for profile in kind.profiles if profile.name != chosen.name)
     return "".join(
-        f"; of type {kind.name} there is also {other.name}, {other.minimum_range_m / 1e3:g} to"
-        f" {other.maximum_range_m / 1e3:g} km"
-        for other in others
+        f"; of type {kind.name} there is also {profile.name}, {profile.minimum_range_m / 1e3:g} to"
+        f" {profile.maximum_range_m / 1e3:g} km"
+        for profile in kind.profiles
+        if profile.name != flown.name
     )
 
 

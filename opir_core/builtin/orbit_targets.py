@@ -125,8 +125,8 @@ def _orbits(flight: Insertion) -> list[dict[str, float]]:
     radius_m = np.sqrt(np.sum(position**2, axis=1))
     momentum = np.cross(position, velocity)
     axis_m = 1.0 / (2.0 / radius_m - np.sum(velocity**2, axis=1) / EARTH_MU_M3_S2)
-    away = np.cross(velocity, momentum) / EARTH_MU_M3_S2 - position / radius_m[:, None]
-    eccentricity = np.sqrt(np.sum(away**2, axis=1))
+    to_perigee = np.cross(velocity, momentum) / EARTH_MU_M3_S2 - position / radius_m[:, None]
+    eccentricity = np.sqrt(np.sum(to_perigee**2, axis=1))
     inclination_rad = np.arctan2(np.hypot(momentum[:, 0], momentum[:, 1]), momentum[:, 2])
     period_s = 2.0 * np.pi * np.sqrt(axis_m**3 / EARTH_MU_M3_S2)
     names = ("altitude_m", "semi_major_axis_m", "eccentricity", "inclination_deg", "period_s")

@@ -79,8 +79,8 @@ def _named_profile(name: str, kind: TargetClass) -> BoostProfile:
     """Return the profile of a name: one of the class, or of the core; `ValueError` if there is
     none.
     """
-    own = {profile.name: profile for profile in kind.profiles}
-    return own[name] if name in own else boost_profile(name)
+    profiles = {profile.name: profile for profile in kind.profiles}
+    return profiles[name] if name in profiles else boost_profile(name)
 
 
 def _profile(

@@ -39,11 +39,6 @@ class Ellipsoid(NamedTuple):
 WGS84 = Ellipsoid(EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING)
 
 
-#: Nearer to the centre than this share of the semi-major axis, bisection replaces Bowring's
-#: formula.
-_DEEP = 0.2
-
-
 def normal_at_foot(
     rho: FloatArray, z: FloatArray, semi_major_m: ArrayLike, semi_minor_m: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
@@ -66,7 +61,9 @@ def normal_at_foot(
         out = rho - evolute_rho * (cosine * cosine * cosine)
         sine, cosine = _unit(b * up, a * out)
     sine, cosine = _unit(up, out)
-    deep = distance < _DEEP * a
+    # Nearer to the centre than this share of the semi-major axis, bisection replaces Bowring's
+    # formula.
+    deep = distance < 0.2 * a
     return _with_bisected(sine, cosine, rho, z, a, b, deep) if np.any(deep) else (sine, cosine)
 
 

@@ -58,17 +58,17 @@ def length(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     return np.sqrt(x * x + y * y + z * z)
 
 
-def dot(one: ArrayLike, other: ArrayLike) -> FloatArray:
+def dot(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Return the scalar products (...) of vectors (..., 3), which broadcast."""
-    (ax, ay, az), (bx, by, bz) = components(one), components(other)
+    (ax, ay, az), (bx, by, bz) = components(a), components(b)
     return ax * bx + ay * by + az * bz
 
 
-def angle_between_rad(one: ArrayLike, other: ArrayLike) -> FloatArray:
+def angle_between_rad(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Return the angles (...) between vectors (..., 3), rad, in [0, pi]; accurate to rounding near
     0 and pi too.
     """
-    (ax, ay, az), (bx, by, bz) = components(one), components(other)
+    (ax, ay, az), (bx, by, bz) = components(a), components(b)
     across = length(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     return np.arctan2(across, ax * bx + ay * by + az * bz)
 
@@ -94,8 +94,8 @@ def _root_and_remainder(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the root of a sum of squares, and its error from the errors of sum and squares."""
     root: FloatArray = np.sqrt(squared)
-    again, again_error = _exact_square(root)
-    residual = (squared - again) + (sum_error + (square_errors - again_error))
+    square, square_error = _exact_square(root)
+    residual = (squared - square) + (sum_error + (square_errors - square_error))
     return root, residual / (2.0 * root + NEVER_ZERO)
 
 
@@ -115,5 +115,5 @@ def exact_sum(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     Programming 2, 4.2.2).
     """
     total = x + y
-    part = total - x
-    return total, (x - (total - part)) + (y - part)
+    addend = total - x
+    return total, (x - (total - addend)) + (y - addend)

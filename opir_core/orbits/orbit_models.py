@@ -96,8 +96,6 @@ KEPT_SPANS = 64
 #: fitting one.
 _SEGMENTS = 16
 
-#: The most samples of a motion for one span. Smooth ones need 150 to 1 000.
-_MOST_SAMPLES = 8192
 
 #: Times this far from the scene epoch (777 days) or farther have no position: numbers of spans have
 #: 16 bits.
@@ -167,7 +165,8 @@ class MovingOrbit:
         def state(_target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
             nonlocal samples
             samples += len(time_s)
-            if samples > _MOST_SAMPLES:
+            # The most samples of a motion for one span. Smooth ones need 150 to 1 000.
+            if samples > 8192:
                 raise ModelError("the motion is too rough")
             return self.motion.state_ecef(time_s)
 
@@ -179,9 +178,9 @@ class MovingOrbit:
 
 def _rows_by_number(numbers: FloatArray, rows: RowArray) -> Iterator[tuple[int, RowArray]]:
     """Yield each number of the rows, with its rows in order."""
-    part = numbers[rows].astype(np.int16)
-    order = np.argsort(part, kind="stable")
-    edges = np.flatnonzero(np.diff(part[order])) + 1
+    codes = numbers[rows].astype(np.int16)
+    order = np.argsort(codes, kind="stable")
+    edges = np.flatnonzero(np.diff(codes[order])) + 1
     for group in np.split(rows[order], edges) if len(rows) else ():
         yield int(numbers[group[0]]), group
 
@@ -344,10 +343,10 @@ def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
             m for m in messages if config.satellite in (str(m.get(name)) for name in _OMM_NAMES)
         ]
     if len(messages) != 1:
-        which = "" if config.satellite is None else f" of {config.satellite}"
-        hint = "; say which with satellite" if messages and not which else ""
+        satellite = "" if config.satellite is None else f" of {config.satellite}"
+        hint = "; say which with satellite" if messages and not satellite else ""
         raise _refused(
-            config, f"holds {len(messages) or 'no'} OMM{which}; exactly one is needed{hint}"
+            config, f"holds {len(messages) or 'no'} OMM{satellite}; exactly one is needed{hint}"
         )
     if complaint := omm_complaint(messages[0]):
         raise _refused(config, complaint)

@@ -111,8 +111,8 @@ def _phase_at(turn: FloatArray, start: float, period_ns: int) -> IntArray:
 
     Turn and start are rounded down to ns one by one, so that another start moves all offsets alike.
     """
-    known = np.nan_to_num(turn)
-    place = np.floor((known - np.floor(known)) * period_ns).astype(np.int64)
+    turns = np.nan_to_num(turn)
+    place = np.floor((turns - np.floor(turns)) * period_ns).astype(np.int64)
     return (place + math.floor(start * period_ns)) % period_ns
 
 
