@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from geographiclib.geodesic import Geodesic
 
-from opir_core.builtin.configs import AimConfig, BallisticConfig, LaunchConfig
+from opir_core import SceneError
+from opir_core.builtin import BallisticConfig
+from opir_core.builtin.configs import AimConfig, LaunchConfig
 from opir_core.builtin.targets import ballistic_targets
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.errors import SceneError
-from opir_core.interfaces.contexts import TargetContext
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.plugin import TARGET_TYPES, TargetContext
 
 CALIFORNIA = (34.73, -120.57)
 KWAJALEIN = (9.0, 167.7)

@@ -6,13 +6,20 @@ from attrs import evolve
 from hypothesis import given, strategies as st
 from scipy.stats import binom
 
+from opir_core import ModelError
 from opir_core.builtin.classification import confusion_classifier, no_answer, true_type
 from opir_core.builtin.configs import ConfusionConfig
-from opir_core.errors import ModelError
-from opir_core.interfaces.contexts import ModelContext, SensorContext
-from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.plugin import (
+    REPORTED_TYPES,
+    TARGET_TYPES,
+    ClassifierInputs,
+    ModelContext,
+    NoConfig,
+    ScanningSensorConfig,
+    SensorContext,
+    scanning_sensor,
+)
+from opir_core.scene import UNKNOWN_TYPE
 
 MATRIX = {
     "ICBM": {"ICBM": 0.7, "IRBM": 0.1, "SRBM": 0.05, "UNKNOWN": 0.15},

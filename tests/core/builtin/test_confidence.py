@@ -8,9 +8,7 @@ from hypothesis import given, strategies as st
 
 from opir_core.builtin.classification import full_confidence, no_confidence, weighted_confidence
 from opir_core.builtin.configs import WeightedConfig
-from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin import NoConfig
+from opir_core.plugin import ClassifierInputs, ModelContext, NoConfig
 
 CONTEXT = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
 

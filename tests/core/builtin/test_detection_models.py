@@ -10,14 +10,19 @@ from attrs import evolve
 from hypothesis import given, strategies as st
 from scipy.stats import binom
 
+from opir_core import ModelError
 from opir_core.builtin.configs import ConstantConfig
 from opir_core.builtin.detection import always_detection, constant_detection, never_detection
-from opir_core.errors import ModelError
-from opir_core.interfaces.contexts import ModelContext, SensorContext
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.records import Exposures
-from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.plugin import (
+    TARGET_TYPES,
+    Band,
+    Exposures,
+    ModelContext,
+    NoConfig,
+    ScanningSensorConfig,
+    SensorContext,
+    scanning_sensor,
+)
 
 
 class FakeDraws:

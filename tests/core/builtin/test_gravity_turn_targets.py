@@ -7,9 +7,7 @@ import json
 import pytest
 from geographiclib.geodesic import Geodesic
 
-from opir_core.errors import SceneError
-from opir_core.planning.plan import compile_plan
-from opir_core.reading import scene_from_mapping
+from opir_core import SceneError, compile_plan, scene_from_mapping
 
 LAUNCH = (34.0, -120.0)
 

@@ -13,13 +13,10 @@ from opir_scoring.scorecards import scorecard
 from opir_testing.bench import bench_scene
 from opir_trackers import plugin as trackers
 
+from opir_core import Host, SceneError, compile_plan, run_of_plan, scene_from_mapping
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
-from opir_core.errors import SceneError
 from opir_core.geometry import ecef_to_eci
-from opir_core.host.host import Host
-from opir_core.planning.plan import compile_plan
-from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.simulation.run import run_of_plan
+from opir_core.reading import scene_mapping
 
 HOST = Host.of(trackers, light, snr)
 LAUNCH = {"lat_deg": 28.5, "lon_deg": -80.6, "time_s": 5.0}

@@ -10,18 +10,12 @@ import pytest
 from attrs import fields, has
 from repository import ROOT
 
-from opir_core.builtin import plugin, target_models
-from opir_core.builtin.configs import (
-    BallisticConfig,
-    ConfusionConfig,
-    ConstantConfig,
-    WeightedConfig,
-)
+from opir_core import Detections
+from opir_core.builtin import BallisticConfig, plugin, target_models
+from opir_core.builtin.configs import ConfusionConfig, ConstantConfig, WeightedConfig
 from opir_core.host.components import CATALOGUE
-from opir_core.interfaces.contexts import ModelContext, TrackerContext
-from opir_core.interfaces.records import Detections
-from opir_core.plugin import NoConfig, ScanningSensorConfig
-from opir_core.scene.fields import info_of
+from opir_core.plugin import ModelContext, NoConfig, ScanningSensorConfig, TrackerContext
+from opir_core.scene import info_of
 
 HEAVY = ("numpy", "scipy", "msgspec", "yaml")
 

@@ -15,8 +15,8 @@ import pytest
 from file_sinks import encoder, python, sink
 from opir_testing.doubles import stub_window
 
-from opir_core.errors import ModelError, SinkError
-from opir_core.interfaces.outputs import Delivery
+from opir_core import ModelError, SinkError
+from opir_core.plugin import Delivery
 
 FULL = Path("/dev/full")
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")

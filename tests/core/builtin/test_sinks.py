@@ -11,8 +11,8 @@ from opir_testing.doubles import stub_window
 
 from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.builtin.sinks import LineFile
-from opir_core.interfaces.outputs import Delivery, Encoder
 from opir_core.output.events import encoder_input
+from opir_core.plugin import Delivery, Encoder
 from opir_core.scene.fields import field_infos
 
 

@@ -9,10 +9,9 @@ from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.flight.aiming import aim, surface_range_m
-from opir_core.flight.boost import boost_profile, boost_profiles
-from opir_core.flight.conic_impact import kepler_impact
-from opir_core.flight.forces import Forces, ZonalField
+from opir_core.flight import Forces, aim, boost_profile, boost_profiles, kepler_impact
+from opir_core.flight.aiming import surface_range_m
+from opir_core.flight.forces import ZonalField
 from opir_core.geometry import (
     Geodetic,
     ecef_to_geodetic,

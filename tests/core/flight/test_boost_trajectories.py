@@ -10,14 +10,8 @@ from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.flight.boost import (
-    ascent,
-    boost_path,
-    boost_profile,
-    boost_profiles,
-    launch_site,
-    vertical_climb_s,
-)
+from opir_core.flight import ascent, boost_path, boost_profile, boost_profiles, launch_site
+from opir_core.flight.boost import vertical_climb_s
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
 
 PROFILES = tuple(boost_profiles().values())

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_POLAR_RADIUS_M
-from opir_core.flight.conic_impact import kepler_impact
-from opir_core.flight.kepler import propagate_kepler
+from opir_core.flight import kepler_impact, propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
 
 pytestmark = pytest.mark.filterwarnings("error")

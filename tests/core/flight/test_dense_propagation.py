@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from opir_core.flight import Drag, Forces, impact_states_eci, propagate
 from opir_core.flight.dense_output import dense_arcs
-from opir_core.flight.forces import Drag, Forces
-from opir_core.flight.propagation import impact_states_eci, propagate
 
 pytestmark = pytest.mark.filterwarnings("error")
 

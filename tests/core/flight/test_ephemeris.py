@@ -7,8 +7,8 @@ import pytest
 from hypothesis import example, given, strategies as st
 
 from examples import examples
-from opir_core.errors import ModelError
-from opir_core.flight.ephemeris import Ephemeris
+from opir_core import ModelError
+from opir_core.flight import Ephemeris
 
 RATE = np.array([1e-3, 2e-3, 5e-4])
 RADIUS = np.array([7e6, 6.6e6, 4.2e7])

@@ -9,10 +9,10 @@ import pytest
 from attrs import evolve
 
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.forces import Drag, Forces
+from opir_core.flight import Drag, Forces
 from opir_core.flight.glide import GlideShape, glide_ephemeris, glide_flight
 from opir_core.geometry import Geodetic, ecef_to_geodetic, geodesic_direct, geodetic_to_ecef
-from opir_core.scene.target_classes import core_target_class
+from opir_core.scene import core_target_class
 
 KIND = core_target_class("HGV")
 (PROFILE,) = KIND.profiles

@@ -11,7 +11,7 @@ from geographiclib.geodesic import Geodesic
 from scipy.integrate import quad
 
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.flight.boost import launch_site
+from opir_core.flight import launch_site
 from opir_core.flight.dense_output import StepRecorder
 from opir_core.flight.staged.flights import staged_flights
 from opir_core.flight.staged.gravity_turn import Boosts, burnout
@@ -24,8 +24,8 @@ from opir_core.flight.staged.staging import (
     stagings_of_classes,
 )
 from opir_core.geometry import Geodetic
-from opir_core.scene.scene import TARGET_TYPES
-from opir_core.scene.target_classes import core_target_class
+from opir_core.plugin import TARGET_TYPES
+from opir_core.scene import core_target_class
 
 NO_AIR = 1e15
 

@@ -5,9 +5,16 @@ import pytest
 from hypothesis import given, strategies as st
 
 from examples import examples
-from opir_core.flight.conic_impact import kepler_impact
-from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
-from opir_core.flight.propagation import ImpactReason, impact, impact_states_eci, propagate
+from opir_core.flight import (
+    Drag,
+    Forces,
+    ImpactReason,
+    impact,
+    impact_states_eci,
+    kepler_impact,
+    propagate,
+)
+from opir_core.flight.forces import ExponentialAtmosphere, ZonalField
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
 
 pytestmark = pytest.mark.filterwarnings("error")

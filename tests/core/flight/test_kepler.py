@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.kepler import KeplerStatus, kepler_status, propagate_kepler
+from opir_core.flight import KeplerStatus, kepler_status, propagate_kepler
 from opir_core.flight.universal_anomaly import solve_bracketed
 
 pytestmark = pytest.mark.filterwarnings("error")

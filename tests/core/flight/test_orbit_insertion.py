@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.flight import propagate_kepler
 from opir_core.flight.boost import ascent_of_shape
-from opir_core.flight.kepler import propagate_kepler
 from opir_core.flight.orbit_insertion import insertion
 from opir_core.geometry import Geodetic, ecef_to_geodetic
-from opir_core.scene.target_classes import core_target_class
+from opir_core.scene import core_target_class
 
 (PROFILE,) = core_target_class("SLV").profiles
 

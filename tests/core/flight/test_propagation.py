@@ -7,9 +7,8 @@ from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.flight.forces import Drag, Forces, ZonalField
-from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.propagation import propagate
+from opir_core.flight import Drag, Forces, propagate, propagate_kepler
+from opir_core.flight.forces import ZonalField
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -11,8 +11,8 @@ from free_flights import MODELS, flights
 from hypothesis import given, strategies as st
 
 from examples import examples
-from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
-from opir_core.flight.propagation import propagate
+from opir_core.flight import Drag, Forces, propagate
+from opir_core.flight.forces import ExponentialAtmosphere
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -6,7 +6,7 @@ from geographiclib.geodesic import Geodesic
 from hypothesis import example, given, strategies as st
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.geometry.sphere import AzimuthalEquidistant, great_circle_m, unit_vectors
+from opir_core.geometry import AzimuthalEquidistant, great_circle_m, unit_vectors
 
 SPHERE = Geodesic(EARTH_EQUATORIAL_RADIUS_M, 0.0)
 places = st.tuples(st.floats(-np.pi / 2, np.pi / 2), st.floats(-np.pi, np.pi))

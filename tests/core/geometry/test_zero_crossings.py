@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, strategies as st
 
-from opir_core.geometry.crossings import intervals_below, zero_crossings
+from opir_core.geometry import zero_crossings
+from opir_core.geometry.crossings import intervals_below
 
 
 def test_every_zero_of_a_sine_is_found():

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from opir_core.errors import PluginError, SceneError
+from opir_core import PluginError, SceneError
 from opir_core.geometry import gmst_rad
 from opir_core.orbits import (
     CircularConfig,

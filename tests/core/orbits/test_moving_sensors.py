@@ -11,10 +11,14 @@ from hypothesis import given, strategies as st
 from opir_testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 from examples import examples
-from opir_core.interfaces.records import Detections
-from opir_core.orbits import circular_elements, highly_elliptical_elements, slot_elements
-from opir_core.orbits.orbit_models import SPAN_S, MovingOrbit, TwoBodyMotion
-from opir_core.simulation.engine import Engine
+from opir_core import Detections, Engine
+from opir_core.orbits import (
+    MovingOrbit,
+    circular_elements,
+    highly_elliptical_elements,
+    slot_elements,
+)
+from opir_core.orbits.orbit_models import SPAN_S, TwoBodyMotion
 
 #: A burn across the seam of two spans.
 IGNITION_S = SPAN_S - 15.0

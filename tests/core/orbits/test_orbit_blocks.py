@@ -8,11 +8,8 @@ from attrs import asdict, frozen
 from space_station import LINE_1, LINE_2, OMM
 
 from opir_core.orbits import OrbitConfig
-from opir_core.reading.nodes import InvalidNode
-from opir_core.reading.plain_data import node_of_data
-from opir_core.reading.strict_yaml import node_of_yaml
-from opir_core.reading.structuring import class_reader
-from opir_core.scene.fields import nested
+from opir_core.plugin import nested
+from opir_core.reading import InvalidNode, class_reader, node_of_data, node_of_yaml
 
 KINDS = "slot, kepler, circular, walker, molniya, tundra, tle, omm, omm_file"
 CIRCULAR = {"altitude_km": 1200.0, "inclination_deg": 53.0, "lon_asc_node_deg": 0.0}

@@ -11,15 +11,16 @@ from hypothesis import given, strategies as st
 from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import ecef_to_eci_state
-from opir_core.orbits import Elements, OrbitConfig, SlotConfig, circular_elements, orbit_of
-from opir_core.orbits.orbit_models import (
-    FARTHEST_S,
-    KEPT_SPANS,
-    SPAN_S,
+from opir_core.orbits import (
+    Elements,
     GeostationaryOrbit,
     MovingOrbit,
-    TwoBodyMotion,
+    OrbitConfig,
+    SlotConfig,
+    circular_elements,
+    orbit_of,
 )
+from opir_core.orbits.orbit_models import FARTHEST_S, KEPT_SPANS, SPAN_S, TwoBodyMotion
 
 angles = st.floats(-6.3, 6.3)
 EPOCH_US = 1_775_044_800_000_000

@@ -12,11 +12,16 @@ import pytest
 from attrs import NOTHING, Factory, fields, frozen, has
 from repository import ROOT
 
-from opir_core.orbits import MolniyaConfig, OrbitConfig, SlotConfig, orbit_of
-from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
-from opir_core.reading.strict_yaml import node_of_yaml
-from opir_core.reading.structuring import class_reader
-from opir_core.scene.fields import nested
+from opir_core.orbits import (
+    MolniyaConfig,
+    OrbitConfig,
+    Sgp4Motion,
+    SlotConfig,
+    orbit_of,
+    satellite_of_tle,
+)
+from opir_core.plugin import nested
+from opir_core.reading import class_reader, node_of_yaml
 
 PAGE = (ROOT / "docs" / "reference" / "orbits.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)

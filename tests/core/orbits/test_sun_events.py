@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from opir_testing import stub_sensor
 
-from opir_core.geometry import is_sunlit, nadir_angle_rad
-from opir_core.geometry.sun import sun_ecef_m
+from opir_core.geometry import is_sunlit, nadir_angle_rad, sun_ecef_m
 from opir_core.orbits import (
     CircularConfig,
     OrbitConfig,

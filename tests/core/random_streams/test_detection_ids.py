@@ -6,13 +6,8 @@ import numpy as np
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from opir_core.random_streams.detection_ids import (
-    id_key,
-    stream_key_words,
-    uuid8_words,
-    uuid_characters,
-    uuid_text,
-)
+from opir_core.random_streams import id_key, uuid8_words, uuid_characters, uuid_text
+from opir_core.random_streams.detection_ids import stream_key_words
 
 WORD = st.integers(0, 2**64 - 1)
 SCAN = st.integers(-(2**63), 2**63 - 1)

@@ -7,15 +7,16 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy import stats
 
-from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
-from opir_core.random_streams.philox import (
-    Reader,
+from opir_core.random_streams import (
+    PairStreams,
     Stream,
+    WindowNumbers,
     further_words,
     normal_pairs,
     stream_key,
     uniforms_of,
 )
+from opir_core.random_streams.philox import Reader
 
 
 def raw(count: int, seed: int = 1) -> np.ndarray:

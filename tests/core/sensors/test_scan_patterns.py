@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from opir_core.constants import GEOSTATIONARY_RADIUS_M
-from opir_core.sensors.scan_patterns import AlignedScan, SpinSweep, StepStareSweep, scan_pattern
+from opir_core.sensors import AlignedScan
+from opir_core.sensors.scan_patterns import SpinSweep, StepStareSweep, scan_pattern
 
 PERIOD_NS = 200_000_000
 HALF_ANGLE_RAD = math.radians(10.0)

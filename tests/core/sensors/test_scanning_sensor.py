@@ -16,9 +16,14 @@ from opir_core.constants import (
     EARTH_ROTATION_RAD_S,
     GEOSTATIONARY_RADIUS_M,
 )
-from opir_core.interfaces.contexts import SensorContext
-from opir_core.orbits.orbit_models import GeostationaryOrbit
-from opir_core.plugin import ScanningSensorConfig, cited, scanning_sensor, with_defaults
+from opir_core.orbits import GeostationaryOrbit
+from opir_core.plugin import (
+    ScanningSensorConfig,
+    SensorContext,
+    cited,
+    scanning_sensor,
+    with_defaults,
+)
 from opir_core.scene.fields import field_infos
 
 NEEDED = {
