@@ -11,8 +11,7 @@ from attrs import fields, has
 from repository import ROOT
 
 from opir_core import Detections
-from opir_core.builtin import BallisticConfig, plugin, target_models
-from opir_core.builtin.configs import ConfusionConfig, ConstantConfig, WeightedConfig
+from opir_core.builtin import plugin, target_models
 from opir_core.host.components import CATALOGUE
 from opir_core.plugin import ModelContext, NoConfig, ScanningSensorConfig, TrackerContext
 from opir_core.scene import info_of
@@ -51,20 +50,30 @@ def test_every_model_without_sensors_can_be_built(hook):
         assert component.build(component.config(), context) is not None
 
 
-@pytest.mark.parametrize(
-    "config",
-    [ConstantConfig, ConfusionConfig, WeightedConfig, BallisticConfig, ScanningSensorConfig],
-)
-def test_every_field_of_a_configuration_says_what_it_is(config):
+def assert_documented(config):
     for attribute in fields(config):
         info = info_of(attribute)
         assert info.help, attribute.name
         assert info.source, attribute.name
         if has(attribute.type):
-            test_every_field_of_a_configuration_says_what_it_is(attribute.type)
+            assert_documented(attribute.type)
 
 
-def test_describing_the_built_in_components_imports_nothing_heavy():
+@pytest.mark.parametrize(
+    "config",
+    [
+        ScanningSensorConfig,
+        offered("opir_detection_models")["constant"].config,
+        offered("opir_classifiers")["paper"].config,
+        offered("opir_confidence_models")["weighted"].config,
+        offered("opir_target_models")["ballistic"].config,
+    ],
+)
+def test_every_field_of_a_configuration_says_what_it_is(config):
+    assert_documented(config)
+
+
+def test_describing_built_in_components_imports_nothing_heavy():
     hooks = "; ".join(f"list(plugin.{hook}())" for hook in MODELS)
     code = f"import sys; from opir_core.builtin import plugin; {hooks}; print(*sys.modules)"
     done = subprocess.run(

@@ -71,8 +71,8 @@ def test_a_pipe_that_does_not_block_is_waited_for(monkeypatch: pytest.MonkeyPatc
     heard = bytearray()
 
     def listen() -> None:
-        while part := os.read(read_end, 1000):
-            heard.extend(part)
+        while block := os.read(read_end, 1000):
+            heard.extend(block)
 
     out = on_pipe(write_end, monkeypatch)
     listener = threading.Thread(target=listen)
