@@ -62,9 +62,9 @@ def test_what_the_mutants_are_made_of_is_sound() -> None:
     from opir_testing.contracts import PASSED, conformance_results
 
     for hook, name in sorted(broken_components.SOUND):
-        bad = [
+        failed = [
             row
             for row in conformance_results(contract_of_mutant(hook, name))
             if row.state != PASSED
         ]
-        assert not bad, (name, bad)
+        assert not failed, (name, failed)

@@ -172,7 +172,7 @@ def test_the_time_of_launch_only_shifts_the_flight():
     np.testing.assert_allclose(shifted.burnout_position_eci_m[:, 0], turned, rtol=1e-9, atol=1e-2)
 
 
-def test_a_target_is_aimed_as_if_alone():
+def test_aims_do_not_depend_on_other_targets():
     def results(*columns):
         flight, _ = flights(*columns)
         return flight.azimuth_rad, flight.burnout_speed_m_s, flight.impact_ecef_m
@@ -207,7 +207,7 @@ def test_ranges_no_class_member_flies_are_reported(range_m, name, words):
         assert np.isnan(column).all()
 
 
-def test_one_impossible_target_leaves_the_others_alone():
+def test_an_impossible_target_does_not_change_others():
     latitude = np.full(3, 0.3)
     profiles = [boost_profile("SRBM")] * 3
     flight, _ = flights(latitude, 0.2, 1.0, np.array([3e5, 3e6, 4e5]), profiles)

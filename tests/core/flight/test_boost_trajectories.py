@@ -56,7 +56,7 @@ def test_flight_rises_straight_up_before_pitch_over():
         np.testing.assert_allclose(offset @ np.stack([east, north], axis=1), 0.0, atol=1e-9)
 
 
-def test_burnout_has_the_speed_and_the_flight_path_angle_of_the_profile():
+def test_burnout_is_that_of_the_profile():
     path = a_path()
     position, velocity = path.state(EVERYONE, path.burnout_s)
     speed = np.linalg.norm(velocity, axis=1)
@@ -100,7 +100,7 @@ def test_the_circle_of_the_launch_plane_osculates_the_ellipsoid(
     )
 
 
-def test_height_of_the_path_is_height_above_the_ellipsoid_near_the_launch():
+def test_heights_are_above_the_ellipsoid_near_the_launch():
     """Over the first 10 km downrange sphere and ellipsoid part by less than 5 m."""
     path = a_path(height_m=500.0)
     times = np.array([60.0 if profile.name == "ICBM_liquid" else 30.0 for profile in PROFILES])
@@ -142,7 +142,7 @@ def test_outside_the_burn_there_is_no_state(offset_s):
     assert np.isfinite(path.state(EVERYONE, path.burnout_s)).all()
 
 
-def test_a_target_flies_as_if_alone():
+def test_boosts_do_not_depend_on_other_targets():
     times = np.linspace(0.0, 65.0, 301)
 
     def states(azimuth_rad, profiles):
@@ -187,5 +187,5 @@ def test_any_launch_climbs_all_the_way(latitude, longitude, azimuth, burn_time, 
     assert (np.diff(np.linalg.norm(velocity, axis=1)) > 0.0).all()
 
 
-def test_profiles_of_one_name_and_burn_time_are_one():
+def test_profiles_of_one_name_and_burn_time_are_equal():
     assert boost_profile("SRBM").with_burn_time(65.0) == boost_profile("SRBM")

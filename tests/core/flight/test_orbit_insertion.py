@@ -115,7 +115,7 @@ def test_the_height_follows_from_the_equatorial_radius(everywhere):
     assert (above_m < 21.5e3).all()
 
 
-def test_a_target_flies_as_if_alone():
+def test_flights_do_not_depend_on_other_targets():
     def states(latitude, longitude, height_m, *columns):
         place = Geodetic(latitude, longitude, height_m)
         flight = insertion(place, *columns, [PROFILE] * len(latitude))

@@ -86,9 +86,9 @@ def test_an_inclined_slot_draws_the_figure_eight_of_the_page():
     slot = OrbitConfig(slot=SlotConfig(lon_deg=-75.0, inclination_deg=5.0))
     x, y, z = orbit_of(slot, 0).position_ecef_m(day_s).T
     latitude = np.arctan2(z, np.hypot(x, y))
-    away = np.arctan2(y, x) - np.radians(-75.0)
+    offset = np.arctan2(y, x) - np.radians(-75.0)
     assert abs(latitude.max() - inclination) < 1e-6
-    assert abs(away.max() - np.arcsin(np.tan(inclination / 2) ** 2)) < 1e-8
+    assert abs(offset.max() - np.arcsin(np.tan(inclination / 2) ** 2)) < 1e-8
 
 
 def test_a_molniya_satellite_is_north_for_the_share_of_the_page():
@@ -101,7 +101,7 @@ def test_a_molniya_satellite_is_north_for_the_share_of_the_page():
     assert f"spends {share:.0%}".replace("%", " %") in " ".join(PAGE.split())
 
 
-def test_the_element_set_of_the_page_is_at_the_distance_that_sgp4_gives():
+def test_the_page_s_element_set_is_at_the_distance_of_sgp4():
     (lines,) = [
         tuple(re.findall(r"^    - (.*)$", block, re.MULTILINE))
         for block in BLOCKS

@@ -124,7 +124,7 @@ def test_the_default_field_of_regard_covers_the_earth_and_a_limb():
     assert limb_rad < sensor.field_of_regard_half_angle_rad < 1.2 * limb_rad
 
 
-def test_heirs_have_their_own_defaults_with_the_inherited_unit_and_range():
+def test_heirs_have_their_own_defaults_in_inherited_units():
     config = HeirConfig(orbital_slot_deg=1.0)
     assert config.scan_period_ns == 40_000_000
     infos = field_infos(HeirConfig)
