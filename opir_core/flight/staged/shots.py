@@ -116,12 +116,12 @@ class Reach(Rows):
         row_end = angle_rad.shape[1] - 1 - reaches[:, ::-1].argmax(axis=1)
         neighbour = np.minimum(row_end + 1, angle_rad.shape[1] - 1)
         row = np.arange(len(row_end))
-        share = (angle_rad[row, row_end] - range_rad) / (
-            angle_rad[row, row_end] - angle_rad[row, neighbour]
+        angle_step = angle_rad[row, row_end] - angle_rad[row, neighbour]
+        share = (angle_rad[row, row_end] - range_rad) / np.where(
+            neighbour > row_end, angle_step, 1.0
         )
-        kick_rad = self.kick_rad[row, row_end] + share * (
-            self.kick_rad[row, neighbour] - self.kick_rad[row, row_end]
-        )
+        kick_step = self.kick_rad[row, neighbour] - self.kick_rad[row, row_end]
+        kick_rad = self.kick_rad[row, row_end] + share * kick_step
         return np.where(reaches.any(axis=1) & (neighbour > row_end), kick_rad, np.nan)
 
     def extremes_rad(self) -> tuple[FloatArray, FloatArray]:
