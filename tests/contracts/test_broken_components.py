@@ -2,9 +2,8 @@
 
 import broken_components
 import pytest
-from opir_testing import ConformanceError
+from opir_testing import ConformanceError, Contract
 from opir_testing.contracts import contract_for
-from opir_testing.contracts.contract import Contract
 
 MUTANTS = sorted(
     (mutant, test)

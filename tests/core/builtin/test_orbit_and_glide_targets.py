@@ -8,8 +8,7 @@ import numpy as np
 import opir_photons.detection.plugin as snr
 import opir_photons.radiometry.plugin as light
 import pytest
-from opir_scoring.evidence import evidence_of_run
-from opir_scoring.scorecards import scorecard
+from opir_scoring import evidence_of_run, scorecard
 from opir_testing.bench import bench_scene
 from opir_trackers import plugin as trackers
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from file_sinks import encoder, python, sink
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
 from opir_core import ModelError, SinkError
 from opir_core.plugin import Delivery

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from core_components import HOST
 from file_sinks import encoder, python, sink
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
-from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.builtin.sinks import LineFile
 from opir_core.output.events import encoder_input
-from opir_core.plugin import Delivery, Encoder
+from opir_core.plugin import Delivery, Encoder, EventEncoder, SinkModel
 from opir_core.scene.fields import field_infos
 
 
@@ -21,13 +21,8 @@ def never() -> Encoder:
 
 
 def test_sinks_and_encoders_are_those_of_the_documentation() -> None:
-    assert [sink.name for sink in SINKS] == ["jsonl", "memory", "null"]
-    assert [encoder.name for encoder in ENCODERS] == [
-        "forge",
-        "forge-bands",
-        "forge-tracks",
-        "tracks",
-    ]
+    assert HOST.names(SinkModel) == ["jsonl", "memory", "null"]
+    assert HOST.names(EventEncoder) == ["forge", "forge-bands", "forge-tracks", "tracks"]
 
 
 def test_jsonl_writes_what_the_encoder_makes(tmp_path: Path) -> None:
@@ -78,7 +73,7 @@ def test_a_large_window_is_written_block_by_block(tmp_path: Path) -> None:
             maximum = max(maximum, len(window.detections))
             return inner.encode(window)
 
-    out = LineFile(str(path), Watched())
+    out = sink("jsonl", make_encoder=Watched, path=str(path))
     out.write(stub_window(2 * encoder_input.BLOCK_ROWS + 1))
     assert out.close() == Delivery(delivered=2 * encoder_input.BLOCK_ROWS + 1)
     assert maximum == encoder_input.BLOCK_ROWS
@@ -147,7 +142,8 @@ def test_memory_and_null_make_no_encoder() -> None:
         assert out.close() == Delivery(delivered=4)
 
 
-@pytest.mark.parametrize("component", SINKS, ids=lambda component: component.name)
-def test_defaults_of_every_field_are_reported(component: Any) -> None:
+@pytest.mark.parametrize("name", ["jsonl", "memory", "null"])
+def test_defaults_of_every_field_are_reported(name: str) -> None:
+    component = HOST.component(SinkModel, name)
     assert all(info.help for info in field_infos(component.config).values())
     assert component.summary
