@@ -3,7 +3,7 @@ for the truth.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import BallisticConfig, PlaceConfig
 from opir_core.errors import Problem, SceneError
+from opir_core.flight.aiming import boost_ephemeris, surface_range_m
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.interfaces.contexts import TargetContext
@@ -20,10 +21,11 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:
-    from opir_core.builtin.target_models import ClassConfig, GlideConfig
+    from opir_core.builtin.target_models import ClassConfig, GlideConfig, GravityTurnConfig
     from opir_core.flight.aiming import Aim
     from opir_core.flight.forces import ForceModel
     from opir_core.flight.glide import GlideFlight
+    from opir_core.flight.orbit_insertion import Insertion
 
 #: How far the interpolated positions may be from the profile's, m.
 EPHEMERIS_TOLERANCE_M = 0.01
@@ -142,9 +144,49 @@ def classes_of(
         for kind, path in zip(classes, context.paths, strict=True)
         if kind.after_burnout.model != model
     ]
+    refuse(problems)
+    return classes
+
+
+def refuse(problems: Sequence[Problem]) -> None:
+    """Raise `SceneError` with the problems, if there are any."""
     if problems:
         raise SceneError(problems)
-    return classes
+
+
+def aims_of(
+    configs: "Sequence[BallisticConfig | GlideConfig | GravityTurnConfig]",
+) -> tuple[Geodetic, Geodetic, FloatArray]:
+    """Return launch and aim points of targets, and their distances (n,), m."""
+    launch, aim = (
+        geodetic_columns(getattr(config, place) for config in configs)
+        for place in ("launch", "aim")
+    )
+    return launch, aim, surface_range_m(*launch[:2], *aim[:2])
+
+
+def class_flights(
+    record: Callable[..., Trajectories],
+    flight: "Aim | GlideFlight | Insertion",
+    configs: "Sequence[ClassConfig]",
+    context: TargetContext,
+    coast: Callable[[], Ephemeris],
+    **columns: Any,
+) -> Trajectories:
+    """Return targets whose boosts follow class profiles, with their flight and other columns.
+
+    `coast` makes the flight after burnout, where a sensor follows it.
+    """
+    return record(
+        ids=context.ids,
+        ignition_s=flight.path.ignition_s,
+        burnout_s=flight.burnout_s,
+        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
+        coast=coast() if context.free_flight else None,
+        flight=flight,
+        configs=tuple(configs),
+        **{"turns_s": flight.path.breakpoints_s(), **columns},
+    )
 
 
 def ignitions_s(configs: "Sequence[ClassConfig]") -> FloatArray:

@@ -10,17 +10,17 @@ from opir_core.arrays import FloatArray
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
     ClassFlights,
+    aims_of,
     classes_of,
     forces_of_targets,
-    geodetic_columns,
     ignitions_s,
     plain_place,
     plain_places,
     plain_states,
+    refuse,
 )
 from opir_core.builtin.target_models import GravityTurnConfig
-from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import surface_range_m
+from opir_core.errors import Problem
 from opir_core.flight.burns import plain_gaps_s
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.forces import ForceModel
@@ -110,12 +110,8 @@ def gravity_turn_targets(
     Raises `SceneError` with a problem for each target whose stages are impossible or do not reach
     its aim point.
     """
-    launch, aim_point = (
-        geodetic_columns(getattr(config, place) for config in configs)
-        for place in ("launch", "aim")
-    )
+    launch, aim_point, range_m = aims_of(configs)
     classes = classes_of(configs, context, Ballistic.model, "gravity-turn")
-    range_m = surface_range_m(*launch[:2], *aim_point[:2])
     flown = _stagings(configs, classes, range_m, context.paths)
     loft, early_s = (
         np.array([getattr(config, name) for config in configs], dtype=np.float64)
@@ -125,9 +121,7 @@ def gravity_turn_targets(
     forces = forces_of_targets(configs, context)
     apogee_m = 1e3 * np.array([config.apogee_km for config in configs], dtype=np.float64)
     flights = staged_flights(launch, aim_point, ignition_s, flown, loft, early_s, forces, apogee_m)
-    problems = _problems(configs, flown, flights, range_m, context.paths)
-    if problems:
-        raise SceneError(problems)
+    refuse(_problems(configs, flown, flights, range_m, context.paths))
     end_s = flights.burnout_s
     edges_s = flights.edges_s
     return GravityTurnTargets(
@@ -183,8 +177,7 @@ def _stagings(
         if fault:
             problems.append(Problem(f"{path}.stages", fault))
         flown.append(staging)
-    if problems:
-        raise SceneError(problems)
+    refuse(problems)
     return tuple(flown)
 
 
