@@ -37,8 +37,6 @@ from opir_core.flight.gravity_and_drag import (
     height_m as height_m,
 )
 from opir_core.flight.kepler import (
-    KeplerStatus as KeplerStatus,
-    kepler_status as kepler_status,
     propagate_kepler as propagate_kepler,
 )
 from opir_core.flight.propagation import (

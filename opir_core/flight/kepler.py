@@ -13,7 +13,6 @@ except while the arc is still far out on its way in: there the start is the bett
 """
 
 from collections.abc import Callable
-from enum import IntEnum
 from math import isfinite, pi
 from typing import NamedTuple
 
@@ -192,17 +191,6 @@ Solver = Callable[[UniversalArcs[np.float64]], tuple[FloatArray, BoolArray]]
 _BLOCK = 16384
 
 
-class KeplerStatus(IntEnum):
-    """Whether a state could be propagated, and if not, why its result is `nan`."""
-
-    OK = 0
-    NOT_FINITE = 1  #: an input is nan or infinite
-    AT_CENTRE = 2  #: the arc starts in the centre of attraction, where gravity has no direction
-    OUT_OF_RANGE = 3  #: squares or products of the inputs leave the range of double precision
-    PHASE_LOST = 4  #: too many turns for double precision to hold a digit of the phase
-    NOT_REACHED = 5  #: the end is in the centre or beyond the range of double precision, or there is no solution
-
-
 def propagate_kepler(
     position_m: ArrayLike,
     velocity_m_s: ArrayLike,
@@ -218,31 +206,17 @@ def propagate_kepler(
     straight line through the centre is reflected, the limit of thin ellipses.
 
     The relative error of the position is below 1e-12, or below ten times the effect of rounding
-    each input to double precision. Where there is no result it is `nan`, for the reason that
-    `kepler_status` returns. An element has the same bits alone and in any batch.
+    each input to double precision. `nan` where an input is not finite, where the arc starts or ends
+    in the centre of attraction, where squares or products of the inputs leave the range of double
+    precision, and beyond 2^50 turns, which leave no digit of the phase. An element has the same
+    bits alone and in any batch.
     """
-    return _propagated(position_m, velocity_m_s, duration_s, mu_m3_s2)[:2]
-
-
-def kepler_status(
-    position_m: ArrayLike,
-    velocity_m_s: ArrayLike,
-    duration_s: ArrayLike,
-    mu_m3_s2: float = EARTH_MU_M3_S2,
-) -> NDArray[np.int8]:
-    """Return the `KeplerStatus` of each result of `propagate_kepler` for the same arguments."""
-    return _propagated(position_m, velocity_m_s, duration_s, mu_m3_s2)[2]
-
-
-def _propagated(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, duration_s: ArrayLike, mu_m3_s2: float
-) -> tuple[FloatArray, FloatArray, NDArray[np.int8]]:
     if not (isfinite(mu_m3_s2) and mu_m3_s2 > 0.0):
         raise ValueError(f"mu_m3_s2 must be positive and finite, got {mu_m3_s2}")
     position, velocity, duration, shape = flat_states(position_m, velocity_m_s, duration_s)
     with np.errstate(all="ignore"):
-        end, status = _in_blocks(position, velocity, duration, float(mu_m3_s2))
-    return end[0].reshape(*shape, 3), end[1].reshape(*shape, 3), status.reshape(shape)
+        end = _in_blocks(position, velocity, duration, float(mu_m3_s2))
+    return end[0].reshape(*shape, 3), end[1].reshape(*shape, 3)
 
 
 def flat_states(
@@ -274,9 +248,9 @@ def flat_states(
 
 def _in_blocks(
     position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
-) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return the end states (2, n, 3) and their status: a fast pass in blocks, then the remaining
-    states together.
+) -> FloatArray:
+    """Return the end states (2, n, 3): a fast pass in blocks, then the remaining states
+    together.
     """
     end = np.empty((2, duration.size, 3))
     unsolved = [np.empty(0, np.intp)]
@@ -287,20 +261,17 @@ def _in_blocks(
         if not np.isfinite(end[:, block].sum()):
             unfinished |= ~np.isfinite(end[:, block]).all(axis=(0, 2))
         unsolved.append(begin + np.flatnonzero(unfinished))
-    status = np.zeros(duration.size, np.int8)
     at = np.concatenate(unsolved)
     for begin in range(0, at.size, _BLOCK):
         rows = at[begin : begin + _BLOCK]
-        end[:, rows], status[rows] = _propagated_bracketed(
-            position[rows], velocity[rows], duration[rows], mu
-        )
-    return end, status
+        end[:, rows] = _bracketed(position[rows], velocity[rows], duration[rows], mu)
+    return end
 
 
-def _propagated_bracketed(
+def _bracketed(
     position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
-) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return end states (2, n, 3) and status of the states without a solution in the fast pass."""
+) -> FloatArray:
+    """Return end states (2, n, 3) of the states without a solution in the fast pass."""
     start = start_of(position, velocity, duration, mu)
     at = np.flatnonzero(start.is_finite())
     followed = np.empty((2, at.size, 3))
@@ -308,31 +279,7 @@ def _propagated_bracketed(
     end = np.full((2, duration.size, 3), np.nan)
     end[:, at] = followed
     end[:, ~np.isfinite(end).all(axis=(0, 2))] = np.nan
-    return end, _reasons(position, velocity, duration, start, end)
-
-
-def _reasons(
-    position: FloatArray,
-    velocity: FloatArray,
-    duration: FloatArray,
-    start: ArcStart,
-    end: FloatArray,
-) -> NDArray[np.int8]:
-    """Return the status of each element: the first that applies."""
-    finite = (
-        np.isfinite(position).all(axis=1)
-        & np.isfinite(velocity).all(axis=1)
-        & np.isfinite(duration)
-    )
-    first_that_applies = {
-        KeplerStatus.OK: np.isfinite(end[0, :, 0]),
-        KeplerStatus.NOT_FINITE: ~finite,
-        KeplerStatus.AT_CENTRE: (position == 0.0).all(axis=1),
-        KeplerStatus.OUT_OF_RANGE: ~np.isfinite(start.rate + start.sigma + start.alpha),
-        KeplerStatus.PHASE_LOST: ~np.isfinite(start.time),
-    }
-    codes = [np.int8(code) for code in first_that_applies]
-    return np.select(list(first_that_applies.values()), codes, np.int8(KeplerStatus.NOT_REACHED))
+    return end
 
 
 def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArray:

@@ -9,7 +9,7 @@ from lone_rows import assert_rows_alone
 
 from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight import KeplerStatus, kepler_status, propagate_kepler
+from opir_core.flight import propagate_kepler
 from opir_core.flight.universal_anomaly import solve_bracketed
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -100,7 +100,6 @@ def test_memory_order_and_broadcasting_change_nothing():
 def test_shapes():
     position, velocity = propagate_kepler([7e6, 0, 0], [0, 7e3, 0], 10)
     assert position.shape == velocity.shape == (3,)
-    assert kepler_status([7e6, 0, 0], [0, 7e3, 0], 10).shape == ()
     position, velocity = propagate_kepler(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
     assert position.shape == velocity.shape == (0, 3)
 
@@ -142,24 +141,23 @@ FALL = [7e6, 0, 0], [0, 7e3, 0], 10.0
 
 
 @pytest.mark.parametrize(
-    ("start", "status"),
+    "start",
     [
-        (FALL, KeplerStatus.OK),
-        (([np.nan, 0, 0], *FALL[1:]), KeplerStatus.NOT_FINITE),
-        (([np.inf, 0, 0], *FALL[1:]), KeplerStatus.NOT_FINITE),
-        ((FALL[0], [np.nan, 7e3, 0], 10.0), KeplerStatus.NOT_FINITE),
-        ((FALL[0], [np.inf, 7e3, 0], 10.0), KeplerStatus.NOT_FINITE),
-        ((*FALL[:2], np.nan), KeplerStatus.NOT_FINITE),
-        ((*FALL[:2], np.inf), KeplerStatus.NOT_FINITE),
-        (([0, 0, 0], *FALL[1:]), KeplerStatus.AT_CENTRE),
-        (([1e200, 0, 0], *FALL[1:]), KeplerStatus.OUT_OF_RANGE),
-        (([1e-200, 0, 0], *FALL[1:]), KeplerStatus.OUT_OF_RANGE),
-        ((*FALL[:2], 1e22), KeplerStatus.PHASE_LOST),
+        ([np.nan, 0, 0], *FALL[1:]),
+        ([np.inf, 0, 0], *FALL[1:]),
+        (FALL[0], [np.nan, 7e3, 0], 10.0),
+        (FALL[0], [np.inf, 7e3, 0], 10.0),
+        (*FALL[:2], np.nan),
+        (*FALL[:2], np.inf),
+        ([0, 0, 0], *FALL[1:]),
+        ([1e200, 0, 0], *FALL[1:]),
+        ([1e-200, 0, 0], *FALL[1:]),
+        (*FALL[:2], 1e22),
     ],
 )
-def test_status_says_why(start, status):
-    assert kepler_status(*start) == status
-    assert np.isnan(propagate_kepler(*start)).all() == (status != KeplerStatus.OK)
+def test_arcs_without_an_end_are_nan(start):
+    assert np.isnan(propagate_kepler(*start)).all()
+    assert np.isfinite(propagate_kepler(*FALL)).all()
 
 
 def test_a_bad_element_does_not_touch_its_neighbours():
@@ -183,19 +181,14 @@ def test_a_bad_element_does_not_touch_its_neighbours():
     *[st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3)] * 2,
     st.floats(),
 )
-def test_any_doubles_give_a_number_or_a_reason(position, velocity, duration):
+def test_any_doubles_give_a_state_or_nan(position, velocity, duration):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        end, end_velocity = propagate_kepler(position, velocity, duration)
-        status = kepler_status(position, velocity, duration)
-    has_end = np.isfinite(end).all() and np.isfinite(end_velocity).all()
-    assert has_end == (status == KeplerStatus.OK)
-    if not has_end:
-        assert np.isnan(end).all()
-        assert np.isnan(end_velocity).all()
-    scale = max(np.max(np.abs(position)), 1e-300), max(np.max(np.abs(velocity)), 1e-300)
-    if 1e3 < scale[0] < 1e12 and scale[1] < 1e8 and abs(duration) < 1e10:
-        assert has_end
+        end = np.array(propagate_kepler(position, velocity, duration))
+    assert np.isfinite(end).all() or np.isnan(end).all()
+    distance = max(np.max(np.abs(position)), 1e-300)
+    if 1e3 < distance < 1e12 and np.max(np.abs(velocity)) < 1e8 and abs(duration) < 1e10:
+        assert np.isfinite(end).all()
 
 
 def test_everything_converges_in_the_sure_pass(monkeypatch):

@@ -307,13 +307,6 @@ def orbit_positions(rng, n):
 
 CASES = (
     Case("flight.propagate_kepler", arcs, flight.propagate_kepler, two_body, share=0.3, digits=56),
-    Case(
-        "flight.kepler_status",
-        arcs,
-        flight.kepler_status,
-        lambda *_: mp.mpf(0),
-        digits=20,
-    ),
     Case("orbits.Elements.perigee_state_eci", _ellipse, _perigee_states, perigee_state, fixed=(5,)),
     Case(
         "orbits.synchronous_semi_major_axis_m",
@@ -425,7 +418,6 @@ LEFT_OUT = {
         "Drag": "a record; drag is held to SciPy (tests/against/test_against_scipy_propagation.py)",
         "Ephemeris": "through boost_ephemeris and coast_ephemeris",
         "Forces": "a record",
-        "KeplerStatus": "names of reasons",
         **dict.fromkeys(
             ("ascent", "boost_path", "launch_site"), "through aim, whose bound flies the path"
         ),
