@@ -29,7 +29,7 @@ from opir_core.geometry import (
     geodesic_inverse,
     geodetic_to_ecef,
 )
-from opir_core.geometry.vectors import components, dot, length
+from opir_core.geometry.vectors import FloatPair, components, dot, floats, length
 from opir_core.scene.target_classes import BoostProfile
 
 if TYPE_CHECKING:
@@ -52,18 +52,14 @@ class LaunchSolution(Rows):
         """Return the same launches with two-body motion."""
         return self if self.forces is None else evolve(self, forces=None)
 
-    def burnout(
-        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def burnout(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> FloatPair:
         """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
         plane = self.site.plane(azimuth_rad)
         height_m = self.course.burnout_height_m(speed_m_s)
         swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
         return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
 
-    def release(
-        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def release(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> FloatPair:
         """Return positions and velocities, as `burnout` does, at which free flight begins: those at
         burnout.
         """
@@ -91,7 +87,7 @@ def aimed_launches(
     shot: LaunchSolution,
     range_m: FloatArray,
     profiles: Sequence[BoostProfile],
-    guess: Callable[[Any], tuple[FloatArray, FloatArray]],
+    guess: Callable[[Any], FloatPair],
     tolerance_m: float,
 ) -> AimedLaunches:
     """Return the launches that hit their aim points to within the tolerance.
@@ -139,7 +135,7 @@ def _complaint(profile: BoostProfile, range_m: float, within: bool) -> str:
     return f"{distance}; {limits}"
 
 
-def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
+def _guess(shot: LaunchSolution) -> FloatPair:
     """Return first guesses of azimuths and burnout speeds."""
     # First for a sphere at rest, with burnout at the launch point.
     psi, azimuth_rad = polar_rad(shot.site, shot.aim_ecef_m)
@@ -161,7 +157,7 @@ def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
 
 def _guess_in_rotation(
     shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, duration_s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return better azimuths and burnout speeds, from a guess and its time of free flight.
 
     The aim point is rotated by that time and hit in the inertial frame, from the burnout point and
@@ -200,7 +196,7 @@ def hitting_speed_m_s(
     return half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
 
 
-def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _direction(vectors: FloatArray) -> FloatPair:
     """Return unit vectors and lengths."""
     size = length(*components(vectors))
     return vectors / size[:, None], size
@@ -256,7 +252,7 @@ def aim(
     """
     n = len(profiles)
     launch, aim_point = (
-        Geodetic(*(np.broadcast_to(np.asarray(v, dtype=np.float64), (n,)) for v in place))
+        Geodetic(*(np.broadcast_to(floats(v), (n,)) for v in place))
         for place in (launch, aim_point)
     )
     range_m = surface_range_m(*launch[:2], *aim_point[:2])
@@ -296,7 +292,7 @@ def surface_range_m(
     fails, the geodesic.
     """
     arguments = (latitude_1_rad, longitude_1_rad, latitude_2_rad, longitude_2_rad)
-    places = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in arguments))
+    places = np.broadcast_arrays(*(floats(v) for v in arguments))
     distance = np.asarray(_lambert_range_m(*places))
     beyond = distance > 1.59e7
     if beyond.any():

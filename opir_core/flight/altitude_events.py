@@ -16,6 +16,7 @@ from opir_core.flight.conic_impact import ON_SURFACE_M
 from opir_core.flight.dop853 import Step, StepStart
 from opir_core.flight.gravity_and_drag import height_and_climb
 from opir_core.flight.universal_anomaly import dot, length
+from opir_core.geometry.vectors import FloatPair
 
 
 class Rise(NamedTuple):
@@ -30,7 +31,7 @@ class Rise(NamedTuple):
         """Return the rows at `index`."""
         return Rise(*(column[index] for column in self))
 
-    def _coefficients(self) -> tuple[FloatArray, FloatArray]:
+    def _coefficients(self) -> FloatPair:
         """Return those of the square and the cube of the cubic through the ends."""
         change = self.end - self.start
         return (
@@ -38,7 +39,7 @@ class Rise(NamedTuple):
             self.start_rate + self.end_rate - 2.0 * change,
         )
 
-    def at(self, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def at(self, fraction: FloatArray) -> FloatPair:
         """Return the cubic through the ends at a fraction of the step, and its derivative."""
         bend, twist = self._coefficients()
         value = self.start + fraction * (self.start_rate + fraction * (bend + fraction * twist))
@@ -82,7 +83,7 @@ def crossing_fraction(
 
 def state_within(
     start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return positions and velocities within steps at `index`, by the quintic through the states at
     both ends.
     """
@@ -105,7 +106,7 @@ def state_within(
 
 def height_within(
     start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return heights, m, at a fraction of steps, and their rates times the length of the step, m,
     by the quintic.
     """
@@ -182,7 +183,7 @@ class AltitudeEvents:
         "_high",
     )
 
-    def lengths(self, longest: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def lengths(self, longest: FloatArray) -> FloatPair:
         """Return the longest steps, s, by accuracy and height, and equal steps that end on the
         boundary ahead.
 
@@ -327,9 +328,7 @@ class AltitudeEvents:
             self._low == self._target, np.minimum(_NEAR_M, 1e-4 * np.abs(climb)), _NEAR_M
         )
 
-    def _height_and_climb(
-        self, position: FloatArray, velocity: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _height_and_climb(self, position: FloatArray, velocity: FloatArray) -> FloatPair:
         height, climb = height_and_climb(position, velocity, 1.0 / length(position))
         return height, climb * self._direction
 

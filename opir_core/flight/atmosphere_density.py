@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.flight.forces import US_STANDARD_1976, ExponentialAtmosphere
+from opir_core.geometry.vectors import floats
 
 #: The lowest height of the models, m: that of the 1976 standard.
 LOWEST_HEIGHT_M = -5000.0
@@ -69,7 +70,7 @@ def density_kg_m3(
     within 1e-9; from there to 1000 km within 0.5 % of its table; zero above.
     """
     layers = air_layers(atmosphere)
-    height = np.asarray(height_m, dtype=np.float64)
+    height = floats(height_m)
     # Every model has no air left at 1e6 km.
     flat = np.minimum(height.reshape(-1), 1e9)
     layer = np.searchsorted(layers.floors_m, flat, side="right") - 1

@@ -25,6 +25,7 @@ from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
 from opir_core.flight.rows import Columns, Rows
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
+from opir_core.geometry.vectors import FloatPair, floats
 from opir_core.scene.target_classes import (
     Ballistic,
     BoostProfile,
@@ -119,7 +120,7 @@ def ascent(profiles: Sequence[BoostProfile], burnout_flight_path_angle_rad: Arra
     angles (n,).
     """
     burn, start, k, n = shape_of(profiles)
-    angle = np.asarray(burnout_flight_path_angle_rad, dtype=np.float64)
+    angle = floats(burnout_flight_path_angle_rad)
     return ascent_of_shape(burn, start, k, n, 0.5 * np.pi - np.broadcast_to(angle, burn.shape))
 
 
@@ -257,7 +258,7 @@ class LaunchPlane(Rows):
         swept_rad: FloatArray,
         speed_m_s: FloatArray,
         lean_rad: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> FloatPair:
         """Return ECEF position and velocity relative to the Earth, (n, 3), from the course in the
         plane, (n,).
 
@@ -303,9 +304,7 @@ def launch_site(
     """Return the launch sites at geodetic coordinates that broadcast to (n,); at a pole longitude
     orients the axes.
     """
-    columns = np.broadcast_arrays(
-        *(np.asarray(v, dtype=np.float64) for v in (latitude_rad, longitude_rad, height_m))
-    )
+    columns = np.broadcast_arrays(*(floats(v) for v in (latitude_rad, longitude_rad, height_m)))
     latitude, longitude, height = (np.atleast_1d(column).ravel() for column in columns)
     sine = np.sin(latitude)
     w = 1.0 - EARTH_ECCENTRICITY_SQUARED * sine * sine
@@ -329,7 +328,7 @@ class BoostPath:
     _climb_series_s: FloatArray
     _swept_series_rad: FloatArray
 
-    def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(self, target: RowArray, time_s: FloatArray) -> FloatPair:
         """Return ECEF positions and velocities relative to the Earth (m, 3) of targets (m,) at
         times (m,).
 
@@ -371,7 +370,7 @@ def boost_path(
     (n,).
     """
     plane = site.plane(azimuth_rad)
-    ignition = np.broadcast_to(np.asarray(ignition_s, dtype=np.float64), azimuth_rad.shape)
+    ignition = np.broadcast_to(floats(ignition_s), azimuth_rad.shape)
     swept_series = course.swept_series_rad(burnout_speed_m_s, plane.radius_m)
     burnout = ignition + course.burn_time_s
     return BoostPath(

@@ -24,6 +24,7 @@ from opir_core.constants import (
 from opir_core.flight.kepler import flat_states
 from opir_core.flight.universal_anomaly import cross, dot, length, universal_functions
 from opir_core.geometry.ellipsoid import height_along_normal, normal_at_foot
+from opir_core.geometry.vectors import FloatPair
 
 #: Below this alpha T², two terms of the series of the arctangent suffice for a bracket.
 _SERIES = 1e-6
@@ -48,7 +49,7 @@ class ConicArcs(NamedTuple):
             return self
         return ConicArcs(*(column[..., index] for column in self))
 
-    def times_and_positions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def times_and_positions(self, s: FloatArray) -> FloatPair:
         """Return times since the start, s, and positions (3, n), m."""
         _, g1, g2, g3 = universal_functions(self.alpha, s)
         positions = (
@@ -60,7 +61,7 @@ class ConicArcs(NamedTuple):
         """Return geodetic heights, m."""
         return self.heights_and_slopes(s)[0]
 
-    def heights_and_slopes(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def heights_and_slopes(self, s: FloatArray) -> FloatPair:
         """Return geodetic heights, m, and their derivatives in the anomaly."""
         g0, g1, g2, _ = universal_functions(self.alpha, s)
         x, y, z = (
@@ -144,9 +145,7 @@ _COEFFICIENTS = np.linalg.inv(
 _START = 1e-6
 
 
-def grazing_brackets(
-    arcs: ConicArcs, height_m: FloatArray, on_surface_m: float
-) -> tuple[FloatArray, FloatArray]:
+def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float) -> FloatPair:
     """Return anomalies that bracket the first descent of each arc through the surface; `nan`
     without one.
 
@@ -236,7 +235,7 @@ def kepler_impact(
     velocity_m_s: ArrayLike,
     height_m: ArrayLike = 0.0,
     mu_m3_s2: float = EARTH_MU_M3_S2,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the times to impact, s, and the impact points, m (ECI), of two-body arcs.
 
     Position and velocity (..., 3) are in an inertial frame about the Earth's centre with z along
@@ -263,7 +262,7 @@ def kepler_impact(
 
 def _impacts(
     position: FloatArray, velocity: FloatArray, height: FloatArray, mu: float
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return times (n,) and points (n, 3) of impact."""
     duration = np.full(height.shape, np.nan)
     point = np.full((height.size, 3), np.nan)
@@ -286,7 +285,7 @@ def _impacts(
     return duration, point
 
 
-def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _brackets(arcs: ConicArcs, height: FloatArray) -> FloatPair:
     """Return anomalies that bracket the first descent of each arc through the surface; `nan`
     without one.
     """
@@ -317,7 +316,7 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _steep_brackets(
     arcs: ConicArcs, height: FloatArray, outer: FloatArray, inner: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the anomalies of the first descents through the two spheres.
 
     A start that falls between them has yet to fall through the surface, or is on it: then the

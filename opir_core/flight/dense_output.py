@@ -11,6 +11,7 @@ from opir_core.flight.dop853 import ColumnAcceleration, Step, StepStart, dense_o
 from opir_core.flight.forces import J2, ForceModel, forces_of
 from opir_core.flight.integration import columns_of, integrations
 from opir_core.flight.propagation import TOLERANCE_M
+from opir_core.geometry.vectors import floats
 
 
 def dense_arcs(
@@ -30,7 +31,7 @@ def dense_arcs(
     """
     forces = forces_of(forces)
     # How much less accurate positions within a step are than at its end.
-    finer = np.asarray(tolerance_m, dtype=np.float64) / 16.0
+    finer = floats(tolerance_m) / 16.0
     columns = columns_of(position_m, velocity_m_s, duration_s, finer, forces)
     recorder = StepRecorder()
     for block, integration in integrations(columns, forces, recorder):
@@ -68,9 +69,7 @@ class DenseArcs:
         for a number out of range.
         """
         count = self.start.size - 1
-        arcs, time = np.broadcast_arrays(
-            np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64)
-        )
+        arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), floats(time_s))
         if arcs.size and (int(arcs.min()) < 0 or int(arcs.max()) >= count):
             raise IndexError(f"arc numbers must be from 0 to {count - 1}")
         flat = np.full((arcs.size, 2, 3), np.nan)

@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.errors import ModelError
 from opir_core.flight.rows import Columns
+from opir_core.geometry.vectors import FloatPair, floats
 
 #: Targets (m,) and times (m,) to positions and velocities (m, 3), element by element.
-Motion = Callable[[RowArray, FloatArray], tuple[FloatArray, FloatArray]]
+Motion = Callable[[RowArray, FloatArray], FloatPair]
 
 #: Points of error estimation: the extremes of (x³ - x)², the error of a smooth motion, and 0.71,
 #: where that of a motion with a power 3/2 at an end is largest; the true largest error is within 5
@@ -109,7 +110,7 @@ def _split(
 
 def _fit_block(
     motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     middle_s = 0.5 * (start_s + end_s)
     half_s = 0.5 * (end_s - start_s)
     times_s = np.stack([start_s, middle_s, end_s, *(middle_s + x * half_s for x in _ERROR_NODES)])
@@ -208,20 +209,14 @@ class Ephemeris:
         smooth; those outside a span are ignored. `ModelError` for a motion that is not finite, or
         too rough for the tolerance.
         """
-        start, end = np.broadcast_arrays(
-            *(np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (start_s, end_s))
-        )
+        start, end = np.broadcast_arrays(*(np.atleast_1d(floats(v)) for v in (start_s, end_s)))
         if not (np.isfinite(start) & np.isfinite(end) & (start < end)).all():
             raise ValueError("every span of an ephemeris must start before it ends")
         if not tolerance_m > 0.0:
             raise ValueError(
                 f"the tolerance of an ephemeris must be above zero, not {tolerance_m} m"
             )
-        inner = (
-            np.empty((len(start), 0))
-            if breakpoints_s is None
-            else np.asarray(breakpoints_s, dtype=np.float64)
-        )
+        inner = np.empty((len(start), 0)) if breakpoints_s is None else floats(breakpoints_s)
         inner = np.clip(inner, start[:, None], end[:, None])
         cuts = np.sort(np.concatenate([start[:, None], inner, end[:, None]], axis=1), axis=1)
         _join_close(cuts)
@@ -252,7 +247,7 @@ class Ephemeris:
         """
         return self._evaluated(target, time_s, (_position,))[0]
 
-    def state(self, target: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def state(self, target: ArrayLike, time_s: ArrayLike) -> FloatPair:
         """Return positions (..., 3), m, and velocities (..., 3), m/s, of targets at times, which
         broadcast.
         """
@@ -263,7 +258,7 @@ class Ephemeris:
         self, target: ArrayLike, time_s: ArrayLike, columns: "Sequence[_Column]"
     ) -> list[FloatArray]:
         """Return one (..., 3) array for each of the columns, computed block by block."""
-        rows, times = np.broadcast_arrays(np.asarray(target), np.asarray(time_s, dtype=np.float64))
+        rows, times = np.broadcast_arrays(np.asarray(target), floats(time_s))
         if rows.size and not (rows.min() >= 0 and rows.max() < len(self)):
             raise IndexError(f"target index outside 0 to {len(self) - 1}")
         shape = rows.shape

@@ -39,7 +39,7 @@ from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.landing import polar_rad
 from opir_core.flight.rows import Rows
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
-from opir_core.geometry.vectors import components, dot, length
+from opir_core.geometry.vectors import FloatPair, components, dot, length
 from opir_core.scene.target_classes import BoostProfile
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class GlidePath(Rows):
             np.sinh(self.start) / np.sinh(self.end)
         )
 
-    def state(self, since_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(self, since_s: FloatArray) -> FloatPair:
         """Return ECEF positions and velocities relative to the Earth (n, 3) at times (n,) since
         burnout.
         """
@@ -186,9 +186,7 @@ class GlideLaunch(LaunchSolution):
         """Return the glides of launches whose ascents have turned."""
         return GlidePath.from_burnout(*self.burnout(azimuth_rad, speed_m_s), self.shape)
 
-    def release(
-        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def release(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> FloatPair:
         """Return positions and velocities at the end of the glide, nan where it would end below the
         ground.
         """
@@ -224,7 +222,7 @@ class GlideFlight:
     path: BoostPath
     glide: GlidePath
 
-    def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(self, target: RowArray, time_s: FloatArray) -> FloatPair:
         """Return ECEF positions and velocities (m, 3) of targets (m,) in their glides at times
         (m,).
         """
@@ -278,7 +276,7 @@ def glide_flight(
     )
 
 
-def _guess(shot: GlideLaunch) -> tuple[FloatArray, FloatArray]:
+def _guess(shot: GlideLaunch) -> FloatPair:
     """Return first guesses of azimuths and burnout speeds: those whose glide is as long as the way.
 
     The way that boost and fall cover is half the burn at the burnout speed.

@@ -16,6 +16,7 @@ from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RAD
 from opir_core.flight.atmosphere_density import log_density
 from opir_core.flight.dop853 import FloatAcceleration
 from opir_core.flight.forces import ZonalField
+from opir_core.geometry.vectors import FloatPair
 
 
 def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
@@ -31,16 +32,14 @@ def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
 
 def height_and_climb(
     position: FloatArray, velocity: FloatArray, inverse_radius: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return heights, m, and their rates, m/s: the velocity along the ellipsoid's normal."""
     height, stretched_z, inverse_norm = _height_and_normal(inverse_radius, *position)
     along = position[0] * velocity[0] + position[1] * velocity[1] + stretched_z * velocity[2]
     return height, along * inverse_norm
 
 
-def height_and_up(
-    position: FloatArray, inverse_radius: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def height_and_up(position: FloatArray, inverse_radius: FloatArray) -> FloatPair:
     """Return heights (n,), m, and the directions (3, n) in which they grow, to 1e-7 rad."""
     height, stretched_z, inverse_norm = _height_and_normal(inverse_radius, *position)
     up = position.copy()
@@ -110,7 +109,7 @@ class Gravity:
         """Return accelerations (3, n), m/s², at positions (3, n), m, from the Earth's centre."""
         return self.with_inverse_radius(position)[0]
 
-    def with_inverse_radius(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def with_inverse_radius(self, position: FloatArray) -> FloatPair:
         """Return the accelerations, m/s², and 1/r, 1/m."""
         squares = position * position
         zz = squares[2]

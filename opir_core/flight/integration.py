@@ -21,6 +21,7 @@ from opir_core.flight.dop853 import Acceleration, Step, StepStart, stepped
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import Gravity, GravityAndDrag, height_and_climb
 from opir_core.flight.universal_anomaly import dot, length
+from opir_core.geometry.vectors import floats
 
 
 class IntegrationResult(IntEnum):
@@ -338,15 +339,13 @@ def columns_of(
     `ValueError` where a state is not a vector of three, shapes do not fit or a tolerance is not
     positive.
     """
-    vectors = [np.asarray(vector, dtype=np.float64) for vector in (position_m, velocity_m_s)]
+    vectors = [floats(vector) for vector in (position_m, velocity_m_s)]
     if any(vector.ndim == 0 or vector.shape[-1] != 3 for vector in vectors):
         raise ValueError(
             f"states need a last axis of 3, got shapes {vectors[0].shape} and {vectors[1].shape}"
         )
     beta = 1.0 if forces.drag is None else forces.drag.ballistic_coefficient_kg_m2
-    scalars = [
-        np.asarray(scalar, dtype=np.float64) for scalar in (duration_s, tolerance_m, beta, height_m)
-    ]
+    scalars = [floats(scalar) for scalar in (duration_s, tolerance_m, beta, height_m)]
     if not bool(np.all(scalars[1] > 0.0)):
         raise ValueError("tolerance_m must be positive")
     shape = np.broadcast_shapes(

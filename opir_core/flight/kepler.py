@@ -29,6 +29,7 @@ from opir_core.flight.universal_anomaly import (
     solve_fast,
     universal_functions,
 )
+from opir_core.geometry.vectors import FloatPair, floats
 
 
 class ArcStart(NamedTuple):
@@ -60,7 +61,7 @@ class ArcStart(NamedTuple):
         eccentricity_squared = 1.0 + x * (2.0 + x - self.sigma * self.sigma)
         return (x > 1.0) & (self.time * self.sigma < -0.5) & (x * x > 9.0 * eccentricity_squared)
 
-    def scales(self) -> tuple[FloatArray, FloatArray]:
+    def scales(self) -> FloatPair:
         """Return the distance of each start, m, and the signed factor from its velocity to circular
         speeds.
         """
@@ -128,7 +129,7 @@ class Flybys(NamedTuple):
             self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later)
         )
 
-    def states(self, solution: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def states(self, solution: FloatArray) -> FloatPair:
         """Return positions and velocities, (3, n), at the solved anomalies."""
         s, g0, g1, g2 = solution
         g1 = np.copysign(g1, self.later)
@@ -142,9 +143,7 @@ class Flybys(NamedTuple):
             position[:, at], velocity[:, at] = self._on_the_way_in(at, s[at], r[at])
         return position, velocity
 
-    def _on_the_way_in(
-        self, at: NDArray[np.intp], s: FloatArray, r: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _on_the_way_in(self, at: NDArray[np.intp], s: FloatArray, r: FloatArray) -> FloatPair:
         """Return positions and velocities of some arcs from their starts, by Lagrange's f and g."""
         _, g1, g2, g3 = universal_functions(self.alpha[at], self.approach[at] - s)
         position = self.position[:, at]
@@ -196,7 +195,7 @@ def propagate_kepler(
     velocity_m_s: ArrayLike,
     duration_s: ArrayLike,
     mu_m3_s2: float = EARTH_MU_M3_S2,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return position, m, and velocity, m/s, after `duration_s` on the two-body arc through the
     given state.
 
@@ -225,9 +224,7 @@ def flat_states(
     """Return two vectors (n, 3) and a number (n,) of each element, broadcast together, and their
     common shape.
     """
-    vectors_1, vectors_2, scalars = (
-        np.asarray(x, dtype=np.float64) for x in (vectors_1, vectors_2, scalar)
-    )
+    vectors_1, vectors_2, scalars = (floats(x) for x in (vectors_1, vectors_2, scalar))
     for vectors in (vectors_1, vectors_2):
         if vectors.ndim == 0 or vectors.shape[-1] != 3:
             raise ValueError(

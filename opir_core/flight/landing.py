@@ -11,7 +11,7 @@ from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.boost import LaunchSite
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef
-from opir_core.geometry.vectors import components, length
+from opir_core.geometry.vectors import FloatPair, components, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import Forces
@@ -41,7 +41,7 @@ def aimed_landing(
     site: LaunchSite,
     aim_ecef_m: FloatArray,
     aim_height_m: FloatArray,
-    release: tuple[FloatArray, FloatArray],
+    release: FloatPair,
     forces: "Forces | None",
 ) -> AimedLanding:
     """Return the impacts of free flights from a release: positions and velocities over the Earth
@@ -63,7 +63,7 @@ def aimed_landing(
 
 def _impact(
     position_m: FloatArray, velocity_m_s: FloatArray, height_m: FloatArray, forces: "Forces | None"
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     if forces is None:
         return kepler_impact(position_m, velocity_m_s, height_m)
     from opir_core.flight.propagation import impact
@@ -72,7 +72,7 @@ def _impact(
     return impact(position_m, velocity_m_s, height_m, forces, tolerance_m=1e-3)
 
 
-def polar_rad(site: LaunchSite, point_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def polar_rad(site: LaunchSite, point_ecef_m: FloatArray) -> FloatPair:
     """Return angle from the launch point and bearing at it, geocentric, of points (n, 3)."""
     x, y, z = components(point_ecef_m)
     ex, ey, ez = components(site.axes[:, 0])
@@ -117,7 +117,7 @@ def corrected(
     reach: FloatArray,
     tolerance_m: float,
     iterations: int = _ITERATIONS,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the unknowns after Newton's method for each target; a step that does not reduce the
     miss is halved.
     """
@@ -149,7 +149,7 @@ def _newton_step(
     reach: FloatArray,
     along_m: FloatArray,
     across_m: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the corrections of azimuth, rad, and of reach, as a share of it, of bounded size."""
     count = len(azimuth_rad)
     azimuths = np.concatenate([azimuth_rad, azimuth_rad + _STEP, azimuth_rad])

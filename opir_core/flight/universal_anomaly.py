@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
+from opir_core.geometry.vectors import FloatPair
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -190,7 +191,7 @@ def laguerre_step(arcs: UniversalArcs[Real], functions: Functions[Real]) -> NDAr
 
 def excess_and_noise(
     arcs: UniversalArcs[np.float64], functions: Functions[np.float64]
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the time at the anomaly less the time of the arc, and the rounding error of the
     difference.
     """
@@ -294,7 +295,7 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
 
 def _next(
     low: FloatArray, high: FloatArray, excess: FloatArray, allowed: FloatArray, trial: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the next anomaly and the excess allowed there: the trial while the excess halves, else
     the midpoint.
     """
@@ -302,7 +303,7 @@ def _next(
     return np.where(helps, trial, 0.5 * (low + high)), np.where(helps, 0.5 * excess, np.inf)
 
 
-def _bracket(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, FloatArray]:
+def _bracket(arcs: UniversalArcs[np.float64]) -> FloatPair:
     """Return bounds of the anomaly: one turn of a closed orbit, else doubled until they enclose the
     time.
     """

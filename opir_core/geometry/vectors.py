@@ -18,6 +18,10 @@ NEVER_ZERO = 1e-150
 _SPLITTER = 134217729.0
 
 
+#: Two arrays of one shape.
+FloatPair = tuple[FloatArray, FloatArray]
+
+
 def floats(values: ArrayLike) -> FloatArray:
     """Return values as a float64 array, without a copy where they are one."""
     return np.asarray(values, dtype=np.float64)
@@ -91,7 +95,7 @@ def lengths_and_remainders(
 
 def _root_and_remainder(
     squared: FloatArray, sum_error: FloatArray, square_errors: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the root of a sum of squares, and its error from the errors of sum and squares."""
     root: FloatArray = np.sqrt(squared)
     square, square_error = _exact_square(root)
@@ -99,7 +103,7 @@ def _root_and_remainder(
     return root, residual / (2.0 * root + NEVER_ZERO)
 
 
-def _exact_square(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _exact_square(x: FloatArray) -> FloatPair:
     """Return the rounded square and its rounding error, exactly (Dekker, Numer. Math. 18, 1971,
     224-242).
     """
@@ -110,7 +114,7 @@ def _exact_square(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return square, ((high * high - square) + 2.0 * high * low) + low * low
 
 
-def exact_sum(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+def exact_sum(x: FloatArray, y: FloatArray) -> FloatPair:
     """Return the rounded sum and its rounding error, exactly (Knuth, The Art of Computer
     Programming 2, 4.2.2).
     """

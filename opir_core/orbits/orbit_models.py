@@ -18,6 +18,7 @@ from opir_core.errors import ModelError, PluginError, Problem, SceneError, insta
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef, eci_to_ecef_state, gmst_rad
+from opir_core.geometry.vectors import FloatPair, floats
 from opir_core.interfaces.file_contents import BadFileError
 from opir_core.orbits.configs import (
     CircularConfig,
@@ -45,7 +46,7 @@ class TwoBodyMotion:
 
     elements: Elements
 
-    def state_eci(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state_eci(self, time_s: FloatArray) -> FloatPair:
         """Return positions, m, and velocities, m/s, (n, 3) in ECI at scene times (n,)."""
         position, velocity = (np.array(vector) for vector in self.elements.perigee_state_eci())
         return propagate_kepler(
@@ -56,7 +57,7 @@ class TwoBodyMotion:
         """Return positions (n, 3) in ECEF at scene times (n,)."""
         return eci_to_ecef(self.state_eci(time_s)[0], time_s)
 
-    def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state_ecef(self, time_s: FloatArray) -> FloatPair:
         """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) in
         ECEF.
         """
@@ -108,7 +109,7 @@ class EarthFixedMotion(Protocol):
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) at scene times (n,)."""
 
-    def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state_ecef(self, time_s: FloatArray) -> FloatPair:
         """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) at scene
         times (n,).
         """
@@ -134,7 +135,7 @@ class MovingOrbit:
         """Return positions (n, 3) at scene times (n,); nan at times that are not finite, or
         `FARTHEST_S` from 0.
         """
-        time = np.asarray(time_s, dtype=np.float64)
+        time = floats(time_s)
         span = np.floor(time / SPAN_S)
         if len(span) and abs(time[0]) < FARTHEST_S and (span == span[0]).all():
             return self._position_m(int(span[0]), time)
@@ -162,7 +163,7 @@ class MovingOrbit:
         cuts_s = start_s + np.arange(1, _SEGMENTS)[None, :] * (SPAN_S / _SEGMENTS)
         samples = 0
 
-        def state(_target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        def state(_target: RowArray, time_s: FloatArray) -> FloatPair:
             nonlocal samples
             samples += len(time_s)
             # The most samples of a motion for one span. Smooth ones need 150 to 1 000.

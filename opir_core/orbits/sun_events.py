@@ -15,7 +15,7 @@ from opir_core.geometry import nadir_angle_rad
 from opir_core.geometry.crossings import intervals_below
 from opir_core.geometry.frames import Epoch
 from opir_core.geometry.sun import shadow_margins_rad, sun_ecef_m
-from opir_core.geometry.vectors import components, dot, length, vector
+from opir_core.geometry.vectors import components, dot, floats, length, vector
 from opir_core.interfaces.protocols import Orbit, Sensor
 
 #: Longest step between samples, s. The Sun stands behind the Earth, or in a sensor's field, once in
@@ -130,7 +130,7 @@ def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLik
     Vakser, Protein Science 10 (2001), 1572-1583.
     """
     cap_1, cap_2, separation = np.broadcast_arrays(
-        *(np.asarray(angles, np.float64) for angles in (one_rad, other_rad, apart_rad))
+        *(floats(angles) for angles in (one_rad, other_rad, apart_rad))
     )
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         at_1 = _arc(cap_2, separation, cap_1)

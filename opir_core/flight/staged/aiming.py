@@ -16,7 +16,7 @@ from opir_core.flight.landing import corrected, polar_rad
 from opir_core.flight.staged.gravity_turn import fineness_needed
 from opir_core.flight.staged.lofting import Launches, lofted
 from opir_core.flight.staged.shots import Reach, StagedShots, reach
-from opir_core.geometry.vectors import components, length
+from opir_core.geometry.vectors import FloatPair, components, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import Forces
@@ -129,9 +129,7 @@ def _coming_down(shots: StagedShots, azimuth_rad: FloatArray, cut_off_s: FloatAr
     return cut_off_s
 
 
-def _aimed(
-    shots: StagedShots, azimuth_rad: FloatArray, guess_s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _aimed(shots: StagedShots, azimuth_rad: FloatArray, guess_s: FloatArray) -> FloatPair:
     """Return the azimuths and times of cut-off that reach the aim points; trials that miss start
     again, earlier.
 
@@ -157,7 +155,7 @@ def _aimed(
     return azimuth, cut_off_s
 
 
-def _least_energy(table: Reach, range_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _least_energy(table: Reach, range_rad: FloatArray) -> FloatPair:
     """Return the kicks and times (n,) of the earliest cut-off; out of reach, those that come
     nearest.
 

@@ -24,6 +24,7 @@ from opir_core.flight.staged.gravity_turn import fineness_needed
 from opir_core.flight.staged.shots import Reach, StagedShots
 from opir_core.flight.universal_anomaly import cross, dot, length
 from opir_core.geometry import ecef_to_eci_state
+from opir_core.geometry.vectors import FloatPair
 
 #: The tolerance of the miss and of the apogee, m.
 TOLERANCE_M = 0.1
@@ -102,7 +103,7 @@ def bounded_m(apogee_m: FloatArray) -> FloatArray:
         return radius_m * (apogee_m / (radius_m + apogee_m))
 
 
-def azimuth_and_kick(unknown: FloatArray) -> tuple[FloatArray, FloatArray]:
+def azimuth_and_kick(unknown: FloatArray) -> FloatPair:
     """Return azimuths and kicks (n,), rad, of unknowns (3, n)."""
     return np.arctan2(unknown[0], unknown[1]), np.hypot(unknown[0], unknown[1])
 
@@ -127,7 +128,7 @@ def flights_with(shots: StagedShots, unknown: FloatArray) -> Flights:
     return Flights(unknown, east_m - aim_east_m, north_m - aim_north_m, apogee_m, climb)
 
 
-def _offsets_m(shots: StagedShots, point_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _offsets_m(shots: StagedShots, point_ecef_m: FloatArray) -> FloatPair:
     """Return the offsets (n,) of points towards east and north of the launch points: azimuthal,
     equidistant.
     """

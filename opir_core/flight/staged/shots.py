@@ -14,7 +14,7 @@ from opir_core.flight.landing import AimedLanding, aimed_landing, polar_rad
 from opir_core.flight.rows import Rows
 from opir_core.flight.staged.gravity_turn import Boosts, BoostState, Leg, LegKind, Turn, burnout
 from opir_core.flight.staged.staging import Staging
-from opir_core.geometry.vectors import components, length
+from opir_core.geometry.vectors import FloatPair, components, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import Forces
@@ -60,9 +60,7 @@ class StagedShots(Rows):
         """Return the same shots with two-body motion after burnout."""
         return self if self.forces is None else evolve(self, forces=None)
 
-    def burnout(
-        self, azimuth_rad: FloatArray, cut_off_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def burnout(self, azimuth_rad: FloatArray, cut_off_s: FloatArray) -> FloatPair:
         """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
         end = burnout(self.boosts, azimuth_rad, self.kick_rad, cut_off_s, self.fineness)
         return end.position_m.T, end.velocity_m_s.T
@@ -124,7 +122,7 @@ class Reach(Rows):
         kick_rad = self.kick_rad[row, row_end] + share * kick_step
         return np.where(reaches.any(axis=1) & (neighbour > row_end), kick_rad, np.nan)
 
-    def extremes_rad(self) -> tuple[FloatArray, FloatArray]:
+    def extremes_rad(self) -> FloatPair:
         """Return the ranges (n,) of the flights of least energy for the earliest and for the latest
         cut-off.
         """
