@@ -2,67 +2,63 @@
 warnings.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
 from lone_rows import assert_rows_alone
 
 import opir_core.geometry as geometry
 from opir_core.geometry import (
-    azimuth_elevation_range,
-    azimuth_elevation_range_in_axes,
-    east_north_up_axes,
     ecef_to_eci,
-    ecef_to_eci_state,
     ecef_to_geodetic,
-    eci_to_ecef,
-    eci_to_ecef_state,
-    elevation_rad,
-    geodetic_to_ecef,
     gmst_rad,
-    grazing_height_m,
-    intersection_with_ellipsoid,
     is_occluded,
     is_sunlit,
     julian_date,
-    line_of_sight,
-    local_axes,
-    nadir_angle_rad,
     sun_position_ecef_m,
-    sun_position_eci_m,
-    sun_position_of_date_m,
-    sunlit_fraction,
 )
 
 EPOCH = np.datetime64("2026-04-01T12:00:00")
 
-# name: (function of arrays, the trailing shape of each argument)
-FUNCTIONS = {
-    "azimuth_elevation_range": (azimuth_elevation_range, [(3,), (3,)]),
-    "azimuth_elevation_range_in_axes": (azimuth_elevation_range_in_axes, [(3,), (3, 3)]),
-    "east_north_up_axes": (east_north_up_axes, [(), ()]),
-    "ecef_to_eci": (ecef_to_eci, [(3,), ()]),
-    "ecef_to_eci_state": (ecef_to_eci_state, [(3,), (3,), ()]),
-    "ecef_to_geodetic": (ecef_to_geodetic, [(3,)]),
-    "eci_to_ecef": (eci_to_ecef, [(3,), ()]),
-    "eci_to_ecef_state": (eci_to_ecef_state, [(3,), (3,), ()]),
-    "elevation_rad": (elevation_rad, [(3,), (3,)]),
-    "geodetic_to_ecef": (geodetic_to_ecef, [(), (), ()]),
-    "gmst_rad": (lambda time: gmst_rad(EPOCH, time), [()]),
-    "grazing_height_m": (grazing_height_m, [(3,), (3,)]),
-    "intersection_with_ellipsoid": (intersection_with_ellipsoid, [(3,), (3,), ()]),
-    "is_occluded": (is_occluded, [(3,), (3,), ()]),
-    "is_sunlit": (is_sunlit, [(3,), (3,)]),
-    "julian_date": (lambda time: julian_date(EPOCH, time), [()]),
-    "line_of_sight": (line_of_sight, [(3,), (), ()]),
-    "local_axes": (local_axes, [(3,)]),
-    "nadir_angle_rad": (nadir_angle_rad, [(3,), (3,)]),
-    "sun_position_ecef_m": (lambda time: sun_position_ecef_m(EPOCH, time), [()]),
-    "sun_position_eci_m": (lambda time: sun_position_eci_m(EPOCH, time), [()]),
-    "sun_position_of_date_m": (sun_position_of_date_m, [()]),
-    "sunlit_fraction": (sunlit_fraction, [(3,), (3,)]),
+#: The trailing shape of each argument of functions of arrays, by name; `None` is the epoch.
+ARGUMENTS = {
+    "azimuth_elevation_range": [(3,), (3,)],
+    "azimuth_elevation_range_in_axes": [(3,), (3, 3)],
+    "east_north_up_axes": [(), ()],
+    "ecef_to_eci": [(3,), ()],
+    "ecef_to_eci_state": [(3,), (3,), ()],
+    "ecef_to_geodetic": [(3,)],
+    "eci_to_ecef": [(3,), ()],
+    "eci_to_ecef_state": [(3,), (3,), ()],
+    "elevation_rad": [(3,), (3,)],
+    "geodetic_to_ecef": [(), (), ()],
+    "gmst_rad": [None, ()],
+    "grazing_height_m": [(3,), (3,)],
+    "intersection_with_ellipsoid": [(3,), (3,), ()],
+    "is_occluded": [(3,), (3,), ()],
+    "is_sunlit": [(3,), (3,)],
+    "julian_date": [None, ()],
+    "line_of_sight": [(3,), (), ()],
+    "local_axes": [(3,)],
+    "nadir_angle_rad": [(3,), (3,)],
+    "sun_position_ecef_m": [None, ()],
+    "sun_position_eci_m": [None, ()],
+    "sun_position_of_date_m": [()],
+    "sunlit_fraction": [(3,), (3,)],
 }
+
+
+def of_arrays(name):
+    """Return a function of arrays alone, and the trailing shapes of its arguments."""
+    function = getattr(geometry, name)
+    if ARGUMENTS[name][0] is None:
+        return partial(function, EPOCH), ARGUMENTS[name][1:]
+    return function, ARGUMENTS[name]
+
+
 every_function = pytest.mark.parametrize(
-    ("function", "trailing"), FUNCTIONS.values(), ids=FUNCTIONS.keys()
+    ("function", "trailing"), [of_arrays(name) for name in ARGUMENTS], ids=list(ARGUMENTS)
 )
 
 
@@ -85,7 +81,7 @@ def test_every_public_function_is_tried_here():
     elsewhere |= {"angle_between_rad", "components", "dot", "length", "vector", "zero_crossings"}
     elsewhere |= {"shadow_margins_rad", "sun_ecef_m"}
     public = {name for name in geometry.__all__ if name[0].islower()}
-    assert public == set(FUNCTIONS) | elsewhere
+    assert public == set(ARGUMENTS) | elsewhere
 
 
 def test_public_names_are_sorted():
