@@ -7,7 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-from attrs import fields, has
 from core_components import HOST, built
 from repository import ROOT
 
@@ -19,12 +18,10 @@ from opir_core.plugin import (
     ConfidenceModel,
     DetectionModel,
     ModelContext,
-    ScanningSensorConfig,
     TargetModel,
     TrackerContext,
     TrackerModel,
 )
-from opir_core.scene import info_of
 
 HEAVY = ("numpy", "scipy", "msgspec", "yaml")
 
@@ -54,29 +51,6 @@ def test_every_kind_of_model_has_an_honest_one_or_a_null(kind):
 def test_every_model_without_sensors_can_be_built(kind):
     context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
     assert all(built(kind, name, context) is not None for name in MODELS[kind])
-
-
-def assert_documented(config):
-    for attribute in fields(config):
-        info = info_of(attribute)
-        assert info.help, attribute.name
-        assert info.source, attribute.name
-        if has(attribute.type):
-            assert_documented(attribute.type)
-
-
-@pytest.mark.parametrize(
-    "config",
-    [
-        ScanningSensorConfig,
-        offered(DetectionModel)["constant"].config,
-        offered(ClassifierModel)["paper"].config,
-        offered(ConfidenceModel)["weighted"].config,
-        offered(TargetModel)["ballistic"].config,
-    ],
-)
-def test_every_field_of_a_configuration_says_what_it_is(config):
-    assert_documented(config)
 
 
 def test_describing_built_in_components_imports_nothing_heavy():

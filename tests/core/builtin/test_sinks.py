@@ -13,7 +13,6 @@ from opir_testing import stub_window
 from opir_core.builtin.sinks import LineFile
 from opir_core.output.events import encoder_input
 from opir_core.plugin import Delivery, Encoder, EventEncoder, SinkModel
-from opir_core.scene.fields import field_infos
 
 
 def never() -> Encoder:
@@ -140,10 +139,3 @@ def test_memory_and_null_make_no_encoder() -> None:
         out = sink(name, make_encoder=never)
         out.write(stub_window(4))
         assert out.close() == Delivery(delivered=4)
-
-
-@pytest.mark.parametrize("name", ["jsonl", "memory", "null"])
-def test_defaults_of_every_field_are_reported(name: str) -> None:
-    component = HOST.component(SinkModel, name)
-    assert all(info.help for info in field_infos(component.config).values())
-    assert component.summary
