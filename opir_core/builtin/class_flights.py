@@ -89,7 +89,7 @@ class ClassFlights(Trajectories):
 
 @define(eq=False, kw_only=True, repr=False)
 class AimedFlights(ClassFlights):
-    """Targets from ignition to burnout, or to impact, and what is known of their flight to the aim
+    """Targets from ignition to burnout, or to impact, with their flight to the aim
     point.
     """
 
@@ -97,7 +97,7 @@ class AimedFlights(ClassFlights):
     configs: "tuple[BallisticConfig | GlideConfig, ...]"
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: what was asked for, burnout, what follows it, and impact.
+        """Return one mapping a target: settings, burnout, the glide if there is one, and impact.
 
         Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
         are scene times.
@@ -123,7 +123,7 @@ class AimedFlights(ClassFlights):
         ]
 
     def on_the_way(self) -> Sequence[Mapping[str, Any]]:
-        """Return what the truth says of each target between burnout and impact."""
+        """Return the rows of each target's truth between burnout and impact."""
         return [{}] * len(self.ids)
 
 

@@ -57,7 +57,7 @@ class GravityTurnTargets(ClassFlights):
         return self.flights.burns_s
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: what was asked for, stages, gaps, burnout and impact.
+        """Return one mapping a target: settings, stages, gaps, burnout and impact.
 
         Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
         are scene times.
@@ -260,7 +260,7 @@ def _out_of_reach(
 
 
 def _apogee_words(apogees_m: FloatArray) -> str:
-    """Return the intervals of apogees in reach, or "" if there is none."""
+    """Return the intervals of apogees in reach, or "" without any."""
     flattest, flat, steep, steepest = (apogees_m / 1e3).tolist()
     intervals = [(flattest, flat), (steep, steepest)]
     if flat == steep:

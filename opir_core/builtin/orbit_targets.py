@@ -1,4 +1,4 @@
-"""The target model `orbit`: boost on a class profile into a circular orbit; there is no impact."""
+"""The target model `orbit`: boost on a class profile into a circular orbit, without impact."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -38,7 +38,7 @@ class OrbitTargets(ClassFlights):
     configs: tuple[InsertionConfig, ...]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: what was asked for, burnout, and the orbit at burnout.
+        """Return one mapping a target: settings, burnout, and the orbit at burnout.
 
         Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
         are scene times.

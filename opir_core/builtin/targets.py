@@ -57,7 +57,7 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
 def _unknown_profiles(
     configs: Sequence[BallisticConfig], classes: Sequence[TargetClass]
 ) -> dict[int, str]:
-    """Return, by row, what is wrong with the profiles that are named and do not exist."""
+    """Return, by row, the errors of profiles that are named and do not exist."""
     complaints = {}
     for row, (config, kind) in enumerate(zip(configs, classes, strict=True)):
         try:

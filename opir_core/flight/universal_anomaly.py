@@ -258,7 +258,7 @@ def solve_fast(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
 
 
 def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
-    """Return rows s, G0, G1, G2 at the end of each arc, and where there is no solution: there they
+    """Return rows s, G0, G1, G2 at the end of each arc, and which arcs have no solution; their rows
     are `nan`.
 
     Laguerre's steps inside a bracket, with bisection where they do not converge.

@@ -56,8 +56,8 @@ def zero_crossings(
     """Return where functions (n,) of time change sign between start and stop (n,), s, to within
     `tolerance_s`.
 
-    Samples are at most `step_s` apart. Zero counts as positive; nan has no sign: there is no
-    crossing beside it.
+    Samples are at most `step_s` apart. Zero counts as positive; nan has no sign and
+    no crossing beside it.
     """
     if not len(start_s):
         return Crossings(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.bool_))

@@ -124,7 +124,8 @@ def intersection_with_ellipsoid(
     height = floats(height_m)
     a = WGS84.equatorial_radius_m + height
     b = WGS84.polar_radius_m + height
-    (ox, oy, oz), (dx, dy, dz) = components(origin_ecef_m), components(direction)
+    ox, oy, oz = components(origin_ecef_m)
+    dx, dy, dz = components(direction)
     x = ox / a
     y = oy / a
     z = oz / b

@@ -176,8 +176,8 @@ def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> NDArray[np.bo
     """Return whether positions (..., 3) are outside the umbra: any part of the Sun's disc is in
     view.
 
-    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`. What is `nan` there is not
-    sunlit.
+    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`. Positions with `nan`
+    there are in the dark.
     """
     return shadow_margins_rad(position_m, sun_position_m).umbra > 0.0
 

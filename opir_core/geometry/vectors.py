@@ -64,7 +64,8 @@ def length(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
 
 def dot(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Return the scalar products (...) of vectors (..., 3), which broadcast."""
-    (ax, ay, az), (bx, by, bz) = components(a), components(b)
+    ax, ay, az = components(a)
+    bx, by, bz = components(b)
     return ax * bx + ay * by + az * bz
 
 
@@ -72,7 +73,8 @@ def angle_between_rad(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Return the angles (...) between vectors (..., 3), rad, in [0, pi]; accurate to rounding near
     0 and pi too.
     """
-    (ax, ay, az), (bx, by, bz) = components(a), components(b)
+    ax, ay, az = components(a)
+    bx, by, bz = components(b)
     across = length(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     return np.arctan2(across, ax * bx + ay * by + az * bz)
 

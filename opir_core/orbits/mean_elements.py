@@ -108,7 +108,7 @@ def omm_complaint(omm: Mapping[str, Any] | None) -> str | None:
 
 
 def omm_number(value: Any) -> float:
-    """Return a number of an OMM, which some publishers write as text; nan where it is none."""
+    """Return a number of an OMM, which some publishers write as text; nan for any other value."""
     try:
         return math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
@@ -116,8 +116,8 @@ def omm_number(value: Any) -> float:
 
 
 def omm_epoch(value: Any) -> datetime:
-    """Return the epoch of an OMM, without a zone; UTC. Raises `ValueError` where it is no time in
-    UTC.
+    """Return the epoch of an OMM, without a zone; UTC. Raises `ValueError` for any other
+    text.
     """
     text = str(value).strip().removesuffix("Z")
     if text[4:5] == "-" and text[7:8].isdigit():  # a day of the year, 2026-091T12:00:00
@@ -134,8 +134,8 @@ def omm_name(omm: Mapping[str, Any]) -> str:
 
 
 def age_warning(name: str, age_days: float) -> str | None:
-    """Return what the age of elements at the scene's epoch does to a position, None where it is too
-    young to matter.
+    """Return a warning about the position error of elements as old as this at the scene's epoch, None
+    if they are young enough.
     """
     days = abs(age_days)
     # Elements farther from the scene than this give a warning, for SGP4 errs by 1 to 3 km a day.
@@ -202,7 +202,7 @@ def _power(text: str) -> float:
 
 
 def _as_power(text: str) -> str:
-    """Return a number as such a field, or how one is written where the text is none."""
+    """Return a number as such a field, or how to write one."""
     number = omm_number(text)
     if "." not in text or not 1e-10 <= abs(number) < 1e9:
         return "a sign or a blank, five digits, and the power of ten with its sign, like ' 11606-4'"

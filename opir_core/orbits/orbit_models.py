@@ -126,7 +126,7 @@ class MovingOrbit:
 
     motion: EarthFixedMotion
     tolerance_m: float = 1e-3
-    #: What of the elements may be an error.
+    #: Warnings about the elements.
     warnings: tuple[str, ...] = ()
     is_stationary: bool = field(default=False, init=False)
     _spans: dict[int, Ephemeris | None] = field(factory=dict, init=False, repr=False)
@@ -158,7 +158,7 @@ class MovingOrbit:
         )
 
     def _fitted(self, number: int) -> Ephemeris | None:
-        """Return the polynomials of a span, or None where there are none to the tolerance."""
+        """Return the polynomials of a span, or None where none meet the tolerance."""
         start_s = number * SPAN_S
         cuts_s = start_s + np.arange(1, _SEGMENTS)[None, :] * (SPAN_S / _SEGMENTS)
         samples = 0

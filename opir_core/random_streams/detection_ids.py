@@ -91,8 +91,8 @@ def uuid_text(words: WordArray) -> list[str]:
 
 
 def uuid_words(texts: Sequence[str]) -> WordArray:
-    """Return ids (n, 2) from their texts, the inverse of `uuid_text`; `ValueError` if one is no
-    UUID.
+    """Return ids (n, 2) from their texts, the inverse of `uuid_text`; `ValueError` for other
+    texts.
     """
     words = np.empty((len(texts), 2), dtype=np.uint64)
     for row, text in enumerate(texts):

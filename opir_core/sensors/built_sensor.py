@@ -90,7 +90,7 @@ def _orbit(config: ScanningSensorConfig, context: SensorContext) -> Orbit:
 
 def _half_angle_deg(config: ScanningSensorConfig, orbit: Orbit) -> float:
     """Return the half angle of the field of regard: as set, or the Earth's disk from the orbit's
-    least height in half a day, as far as the orbit is known, with a margin for what is beyond the
+    least height in half a day, as far as the orbit is known, with a margin beyond the
     limb."""
     if config.field_of_regard_half_angle_deg is not None:
         return config.field_of_regard_half_angle_deg

@@ -343,8 +343,8 @@ class Launches(Rows):
     reach their aims.
 
     `apogees_m` (n, 4) are those of the flattest flight, of the highest flat and of the lowest steep
-    one, and of the steepest; nan where there is none, and where nothing was asked that depends on
-    them.
+    one, and of the steepest; nan without such a flight, and where no setting depends
+    on them.
     """
 
     azimuth_rad: FloatArray
