@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import (
     EARTH_EQUATORIAL_RADIUS_M,
     EARTH_FLATTENING,
@@ -187,14 +187,7 @@ def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
     """Return the anomalies (4, n) of the cuts, or nearest approaches, of each arc with the
     ellipsoid of that height.
     """
-    samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
-    largest = np.argmax(np.abs(samples), axis=0)
-    column = np.arange(height_m.size)
-    turned = np.stack([samples[(largest + k) % 5, column] for k in range(5)])
-    coefficients = [
-        sum(factor * sample for factor, sample in zip(row, turned, strict=True))
-        for row in _COEFFICIENTS
-    ]
+    largest, coefficients = _quartic(arcs, height_m)
     companions = np.zeros((height_m.size, 4, 4))
     companions[:, (1, 2, 3), (0, 1, 2)] = 1.0
     for k in range(4):
@@ -204,6 +197,20 @@ def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
     cosine = np.cos(_ANGLES[largest])
     sine = np.sin(_ANGLES[largest])
     return np.stack([arcs.anomalies(cosine - t * sine, -sine - t * cosine) for t in tangents])
+
+
+def _quartic(arcs: ConicArcs, height_m: FloatArray) -> tuple[RowArray, list[FloatArray]]:
+    """Return the numbers of the angles with the largest samples, and the coefficients of the
+    quartics, lowest power first, in the tangent of the angle from there.
+    """
+    samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
+    largest = np.argmax(np.abs(samples), axis=0)
+    column = np.arange(height_m.size)
+    turned = [samples[(largest + k) % 5, column] for k in range(5)]
+    return largest, [
+        sum(factor * sample for factor, sample in zip(row, turned, strict=True))
+        for row in _COEFFICIENTS
+    ]
 
 
 def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -> FloatArray:
@@ -307,11 +314,16 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> FloatPair:
         )
     (deep,) = (outer > 1.0).nonzero()
     if deep.size:
-        above, climb = arcs.at(deep).heights_and_slopes(np.zeros(deep.size))
-        down = deep[(above < height[deep] - ON_SURFACE_M) & (climb < 0.0)]
-        low[down] = 0.0
-        high[down] = 0.0
+        landed = deep[_have_come_down(arcs.at(deep), height[deep])]
+        low[landed] = 0.0
+        high[landed] = 0.0
     return low, high
+
+
+def _have_come_down(arcs: ConicArcs, height: FloatArray) -> BoolArray:
+    """Return which arcs start below their heights and descend."""
+    above, climb = arcs.heights_and_slopes(np.zeros(height.size))
+    return (above < height - ON_SURFACE_M) & (climb < 0.0)
 
 
 def _steep_brackets(

@@ -91,18 +91,22 @@ class DenseArcs:
         inside = (time[rows] * np.sign(end) >= 0.0) & (np.abs(time[rows]) <= np.abs(end))
         rows = rows[inside]
         time = time[rows]
-        # The last step that begins no later than the time, by bisection.
-        step = self.start[arcs[rows]]
-        high = self.start[arcs[rows] + 1] - 1
+        step = self._step_at(arcs[rows], time)
+        fraction = ((time - self.begin_s[step]) / self.length_s[step])[:, None, None]
+        terms = np.moveaxis(self.terms[step], 1, 0)
+        states[rows] = self.states[step] + nested(terms, fraction)
+        return states
+
+    def _step_at(self, arcs: RowArray, time: FloatArray) -> RowArray:
+        """Return the last steps that begin no later than the times, by bisection."""
+        step = self.start[arcs]
+        high = self.start[arcs + 1] - 1
         while np.any(step < high):
             middle = (step + high + 1) // 2
             later = np.abs(self.begin_s[middle]) > np.abs(time)
             np.copyto(high, middle - 1, where=later & (step < high))
             np.copyto(step, middle, where=~later)
-        fraction = ((time - self.begin_s[step]) / self.length_s[step])[:, np.newaxis, np.newaxis]
-        terms = np.moveaxis(self.terms[step], 1, 0)
-        states[rows] = self.states[step] + nested(terms, fraction)
-        return states
+        return step
 
 
 @define(eq=False, repr=False)

@@ -114,22 +114,28 @@ def _fit_block(
     middle_s = 0.5 * (start_s + end_s)
     half_s = 0.5 * (end_s - start_s)
     times_s = np.stack([start_s, middle_s, end_s, *(middle_s + x * half_s for x in _ERROR_NODES)])
-    position, velocity = motion(np.tile(target, len(times_s)), times_s.ravel())
-    finite = (np.isfinite(position) & np.isfinite(velocity)).all(axis=-1)
+    position, velocity = _sampled(motion, target, times_s)
+    coefficients = _hermite_quintic(position[:3], velocity[:3] * half_s)
+    error = np.zeros(len(target))
+    for x, exact in zip(_ERROR_NODES, position[3:], strict=True):
+        miss = horner(coefficients, x) - exact
+        error = np.maximum(error, np.sqrt(miss[0] ** 2 + miss[1] ** 2 + miss[2] ** 2))
+    return coefficients, error
+
+
+def _sampled(motion: Motion, target: RowArray, times_s: FloatArray) -> list[FloatArray]:
+    """Return positions and velocities (k, 3, m) at times (k, m); `ModelError` where they are not
+    finite.
+    """
+    states = motion(np.tile(target, len(times_s)), times_s.ravel())
+    finite = np.isfinite(states).all(axis=(0, 2))
     if not finite.all():
         row = int(np.argmin(finite))
         raise ModelError(
             f"the motion of target {target[row % len(target)]} is not finite at {times_s.flat[row]}"
             f" s"
         )
-    p = position.reshape(*times_s.shape, 3).transpose(0, 2, 1)
-    d = velocity.reshape(*times_s.shape, 3)[:3].transpose(0, 2, 1) * half_s
-    coefficients = _hermite_quintic(p[:3], d)
-    error = np.zeros(len(target))
-    for x, exact in zip(_ERROR_NODES, p[3:], strict=True):
-        miss = horner(coefficients, x) - exact
-        error = np.maximum(error, np.sqrt(miss[0] ** 2 + miss[1] ** 2 + miss[2] ** 2))
-    return coefficients, error
+    return [column.reshape(*times_s.shape, 3).transpose(0, 2, 1) for column in states]
 
 
 def horner(coefficients: FloatArray, x: float) -> FloatArray:
@@ -217,12 +223,7 @@ class Ephemeris:
                 f"the tolerance of an ephemeris must be above zero, not {tolerance_m} m"
             )
         inner = np.empty((len(start), 0)) if breakpoints_s is None else floats(breakpoints_s)
-        inner = np.clip(inner, start[:, None], end[:, None])
-        cuts = np.sort(np.concatenate([start[:, None], inner, end[:, None]], axis=1), axis=1)
-        _join_close(cuts)
-        cuts[:, 1:-1] = np.where(
-            end[:, None] - cuts[:, 1:-1] < _ONE_BREAK_S, end[:, None], cuts[:, 1:-1]
-        )
+        cuts = _cuts_s(start[:, None], inner, end[:, None])
         target, gap = np.nonzero(cuts[:, :-1] < cuts[:, 1:])
         lower = cuts[target, gap]
         upper = cuts[target, gap + 1]
@@ -298,6 +299,17 @@ class Ephemeris:
             segment[rows] += 1
             rows = rows[time_s[rows] >= self._next_s[segment[rows]]]
         return segment
+
+
+def _cuts_s(start_s: FloatArray, inner_s: FloatArray, end_s: FloatArray) -> FloatArray:
+    """Return the times (n, k + 2) at which spans are cut, ascending; breakpoints (n, k) outside a
+    span, or close to another or to an end, fall on that.
+    """
+    inner_s = np.clip(inner_s, start_s, end_s)
+    cuts = np.sort(np.concatenate([start_s, inner_s, end_s], axis=1), axis=1)
+    _join_close(cuts)
+    cuts[:, 1:-1] = np.where(end_s - cuts[:, 1:-1] < _ONE_BREAK_S, end_s, cuts[:, 1:-1])
+    return cuts
 
 
 def _join_close(cuts: FloatArray) -> None:

@@ -160,7 +160,7 @@ def impact_states_eci(
         hit = reason[rows] == ImpactReason.IMPACT
         duration[rows] = np.where(hit, ends.elapsed, np.nan)
         position[rows], velocity[rows] = (
-            np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity)
+            np.where(hit, column, np.nan).T for column in (ends.position, ends.velocity)
         )
     duration[landed] = 0.0
     reason[landed] = ImpactReason.IMPACT

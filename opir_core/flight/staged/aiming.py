@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.flight.landing import corrected, polar_rad
 from opir_core.flight.staged.gravity_turn import fineness_needed
 from opir_core.flight.staged.lofting import Launches, lofted
@@ -165,19 +165,29 @@ def _least_energy(table: Reach, range_rad: FloatArray) -> FloatPair:
     row = np.arange(len(range_rad))
     best = np.where(np.isnan(needed_s), np.inf, needed_s).argmin(axis=1)
     middle = np.clip(best, 1, needed_s.shape[1] - 2)
-    before_s, here_s, after_s = (needed_s[row, middle + step] for step in (-1, 0, 1))
-    bend = before_s - 2.0 * here_s + after_s
-    inside = (middle == best) & np.isfinite(bend) & (bend > 0.0)
-    shift = np.where(inside, 0.5 * (before_s - after_s) / np.where(inside, bend, 1.0), 0.0)
+    lower_s, middle_s, upper_s = (needed_s[row, middle + step] for step in (-1, 0, 1))
+    shift, gain_s = _vertex(lower_s, middle_s, upper_s, middle == best)
     log_kick = np.log(table.kick_rad)
     spacing = log_kick[row, middle + 1] - log_kick[row, middle]
     kick_rad = np.exp(log_kick[row, best] + shift * spacing)
-    time_s = needed_s[row, best] - np.where(inside, 0.25 * (before_s - after_s) * shift, 0.0)
+    time_s = needed_s[row, best] - gain_s
     farthest = np.nanargmax(np.nan_to_num(table.range_rad[:, :, -1], nan=-1.0), axis=1)
     is_near = np.isfinite(needed_s).any(axis=1)
     return np.where(is_near, kick_rad, table.kick_rad[row, farthest]), np.where(
         is_near, time_s, table.cut_off_s[:, -1]
     )
+
+
+def _vertex(
+    lower: FloatArray, middle: FloatArray, upper: FloatArray, is_inner: BoolArray
+) -> FloatPair:
+    """Return the steps from the middle to the vertices of parabolas through three values, and how
+    much lower these are; 0 where the middle is not the least, or at an end.
+    """
+    bend = lower - 2.0 * middle + upper
+    has_vertex = is_inner & np.isfinite(bend) & (bend > 0.0)
+    shift = np.where(has_vertex, 0.5 * (lower - upper) / np.where(has_vertex, bend, 1.0), 0.0)
+    return shift, np.where(has_vertex, 0.25 * (lower - upper) * shift, 0.0)
 
 
 def _finer(table: Reach, kick_rad: FloatArray) -> FloatArray:

@@ -402,15 +402,19 @@ def lofted(
         apogees_m = launches.apogees_m[rows]
         apogees_m[:, ends] = np.stack([side.inner.apogee_m, side.outer.apogee_m], axis=1)
         launches.apogees_m[rows] = apogees_m
-        wanted_m = np.where(has_apogee[rows], apogee_m[rows], side.between_m(np.abs(loft[rows])))
-        flights, is_solved = side.with_apogee(wanted_m)
-        group = side.shots
-        cut_off_s = np.clip(flights.unknown[2], group.earliest_s, group.latest_s)
-        solved = Launches(
-            *azimuth_and_kick(flights.unknown), cut_off_s, group.fineness, is_solved, apogees_m
-        )
-        launches.put(rows[is_solved], solved.take(np.flatnonzero(is_solved)))
+        goal_m = np.where(has_apogee[rows], apogee_m[rows], side.between_m(np.abs(loft[rows])))
+        solved = _launches(side, goal_m, apogees_m)
+        launches.put(rows[solved.is_solved], solved.take(np.flatnonzero(solved.is_solved)))
     return launches
+
+
+def _launches(side: Side, apogee_m: FloatArray, apogees_m: FloatArray) -> Launches:
+    """Return the launches of the flights of a side with apogees (n,), m."""
+    flights, is_solved = side.with_apogee(apogee_m)
+    shots = side.shots
+    cut_off_s = np.clip(flights.unknown[2], shots.earliest_s, shots.latest_s)
+    azimuth_rad, kick_rad = azimuth_and_kick(flights.unknown)
+    return Launches(azimuth_rad, kick_rad, cut_off_s, shots.fineness, is_solved, apogees_m)
 
 
 def steep_side(shots: StagedShots, table: Reach, base: FloatArray, has_base: BoolArray) -> Side:

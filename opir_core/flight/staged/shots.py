@@ -2,7 +2,7 @@
 reach.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -141,29 +141,29 @@ def reach(shots: StagedShots, azimuth_rad: FloatArray, kick_rad: FloatArray) -> 
     share = np.linspace(0.0, 1.0, _CUTS)
     cut_off_s = shots.earliest_s[:, None] + (shots.latest_s - shots.earliest_s)[:, None] * share
     turn = Turn(boosts, azimuth, kick_rad.ravel())
-    state = turn.flown(BoostState.at_rest(boosts), _but_last(boosts, cut_off_s[rows, 0]))
-    range_rad = np.empty((count * kicks, _CUTS))
-    final_stage = len(boosts.stages.burn_time_s) - 1
-    earlier_s = cut_off_s[rows, 0]
-    for cut in range(_CUTS):
-        cut_s = cut_off_s[rows, cut]
-        if cut:
-            state = turn.flown(state, [Leg(LegKind.PART, final_stage, earlier_s, cut_s)])
-        end = turn.flown(
-            state, [Leg(LegKind.TAIL_OFF, final_stage, cut_s, cut_s + boosts.tail_off_s)]
-        )
-        range_rad[:, cut] = _range_rad(shots.take(rows), azimuth, end)
-        earlier_s = cut_s
-    table = range_rad.reshape(count, kicks, _CUTS)
+    ranges = [
+        _range_rad(shots.take(rows), azimuth, end) for end in _burnouts(turn, cut_off_s[rows])
+    ]
+    table = np.stack(ranges, axis=1).reshape(count, kicks, _CUTS)
     # A larger kick than one into the ground is one into the ground, whatever a trial that has
     # passed through it does.
     table[np.logical_or.accumulate(np.isnan(table), axis=1)] = np.nan
     return Reach(kick_rad, cut_off_s, table)
 
 
-def _but_last(boosts: Boosts, cut_off_s: FloatArray) -> list[Leg]:
-    """Return the legs up to a time of cut-off, without the tail-off."""
-    return list(boosts.legs(cut_off_s))[:-1]
+def _burnouts(turn: Turn, cut_off_s: FloatArray) -> Iterator[BoostState]:
+    """Yield the states at burnout of boosts (n,) for each of their times of cut-off (n, c)."""
+    boosts = turn.boosts
+    final_stage = len(boosts.stages.burn_time_s) - 1
+    state = BoostState.at_rest(boosts)
+    legs = list(boosts.legs(cut_off_s[:, 0]))[:-1]
+    for cut in range(cut_off_s.shape[1]):
+        cut_s = cut_off_s[:, cut]
+        if cut:
+            legs = [Leg(LegKind.PART, final_stage, cut_off_s[:, cut - 1], cut_s)]
+        state = turn.flown(state, legs)
+        tail = Leg(LegKind.TAIL_OFF, final_stage, cut_s, cut_s + boosts.tail_off_s)
+        yield turn.flown(state, [tail])
 
 
 def _range_rad(shots: StagedShots, azimuth_rad: FloatArray, end: BoostState) -> FloatArray:
