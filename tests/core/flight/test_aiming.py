@@ -70,6 +70,7 @@ def test_every_class_hits_from_anywhere_to_anywhere():
     flight, aims = random_flights(1000, 3)
     assert_hits(flight, aims)
     assert (flight.impact_s > flight.burnout_s).all()
+    assert ((flight.azimuth_rad >= 0.0) & (flight.azimuth_rad < 2 * np.pi)).all()
 
 
 def test_the_impact_is_that_of_the_burnout_state():

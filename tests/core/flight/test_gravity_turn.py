@@ -64,6 +64,14 @@ def test_a_burn_gains_its_ideal_speed_and_grows_as_asked(growth):
     assert thrust(60.0) / thrust(0.0) == pytest.approx(growth, rel=2e-9)
 
 
+def test_stages_are_joined_and_taken_in_order():
+    short, long = (StageColumns.of([stagings()[name]]) for name in ("SRBM", "SRBM_long"))
+    columns = StageColumns.joined([short, long]).take(np.array([1, 0]))
+    expected = StageColumns.of([stagings()["SRBM_long"], stagings()["SRBM"]])
+    np.testing.assert_array_equal(columns.burn_time_s, expected.burn_time_s)
+    np.testing.assert_array_equal(columns.q, expected.q)
+
+
 def recorded(staging, lat_deg, kick_rad):
     """Return the arcs of one boost, and its time of burnout."""
     boosts = Boosts.of(launch_site(math.radians(lat_deg), 0.3, 0.0), [staging], "kepler")
