@@ -277,8 +277,8 @@ class Stages:
 
 
 def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
-    """Return u (t0 + w (t1 + u (t2 + w (t3 + u (t4 + w (t5 + u t6)))))), the change of a state since
-    the start of its step, at fractions u of it, w = 1 - u; terms are (7, ..., n).
+    """Return u (t0 + w (t1 + u (t2 + w (t3 + u (t4 + w (t5 + u t6)))))), the change of a state
+    since the start of its step, at fractions u of it, w = 1 - u; terms are (7, ..., n).
     """
     remaining = 1.0 - fraction
     value: FloatArray = terms[6] * fraction
@@ -291,8 +291,8 @@ def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
 def dense_output(
     right_side: ColumnAcceleration, start: StepStart, step: Step, h: FloatArray
 ) -> FloatArray:
-    """Return the terms (7, 2, 3, n) of `nested` of positions and velocities in steps, at the cost of
-    three more accelerations each (Hairer, Nørsett and Wanner, II.6).
+    """Return the terms (7, 2, 3, n) of `nested` of positions and velocities in steps, at the cost
+    of three more accelerations each (Hairer, Nørsett and Wanner, II.6).
     """
     stages = Stages(right_side, start, h, list(step.stages))
     for stage in range(STAGES + 1, len(NODES)):

@@ -57,8 +57,8 @@ def _height_and_normal(
     sqrt: Any = np.sqrt,
     minimum: Any = np.minimum,
 ) -> tuple[Any, Any, Any]:
-    """Return the height, m, z stretched towards the normal, and the reciprocal length of (x, y, it),
-    1/m: of rows (n,), or of numbers with the `sqrt` and `minimum` of numbers.
+    """Return the height, m, z stretched towards the normal, and the reciprocal length of (x, y,
+    it), 1/m: of rows (n,), or of numbers with the `sqrt` and `minimum` of numbers.
     """
     # k = 1 - e² q (1 + e² s² (1/2 - q)), with q = a/r and s = z/r. Clamped at q = 2, so that the
     # height stays negative and finite towards the centre.

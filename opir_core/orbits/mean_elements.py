@@ -134,8 +134,8 @@ def omm_name(omm: Mapping[str, Any]) -> str:
 
 
 def age_warning(name: str, age_days: float) -> str | None:
-    """Return a warning about the position error of elements as old as this at the scene's epoch, None
-    if they are young enough.
+    """Return a warning about the position error of elements as old as this at the scene's epoch,
+    None if they are young enough.
     """
     days = abs(age_days)
     # Elements farther from the scene than this give a warning, for SGP4 errs by 1 to 3 km a day.

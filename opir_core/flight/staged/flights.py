@@ -25,12 +25,12 @@ class StagedColumns(Rows):
     """The flights of n targets: columns (n,), vectors (n, 3), intervals (n, k, 2).
 
     `azimuth_rad` is clockwise from true north. `cut_off_s` is since ignition: that of the flight to
-    the aim point, less the early shutdown; `earliest_s` and `latest_s` are its limits. `burns_s` are the scene times
-    of ignition and burnout of each stage, nan where a target has fewer; `edges_s` (n, e) those at
-    which the thrust is not smooth. `is_solved` says whether the aim point is reached without the
-    early shutdown; `nearest_m` and `farthest_m` are about how far the stages fly with the best kick
-    and the earliest and the latest cut-off; `apogees_m` (n, 4) are the limits of apogee
-    (`opir_core.flight.staged.lofting.Launches`).
+    the aim point, less the early shutdown; `earliest_s` and `latest_s` are its limits. `burns_s`
+    are the scene times of ignition and burnout of each stage, nan where a target has fewer;
+    `edges_s` (n, e) those at which the thrust is not smooth. `is_solved` says whether the aim point
+    is reached without the early shutdown; `nearest_m` and `farthest_m` are about how far the stages
+    fly with the best kick and the earliest and the latest cut-off; `apogees_m` (n, 4) are the
+    limits of apogee (`opir_core.flight.staged.lofting.Launches`).
     """
 
     azimuth_rad: FloatArray

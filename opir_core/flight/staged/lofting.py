@@ -48,8 +48,8 @@ class Goal(IntEnum):
 
 @frozen(eq=False, repr=False)
 class Goals(Rows):
-    """The kind of goal of shots, and its values (n,): apogee, m; cut-off, s since ignition; climb at
-    burnout, m/s.
+    """The kind of goal of shots, and its values (n,): apogee, m; cut-off, s since ignition; climb
+    at burnout, m/s.
     """
 
     kind: Goal
