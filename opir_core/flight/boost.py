@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
-from opir_core.flight.rows import Columns, Rows
+from opir_core.flight.rows import Rows, TrailingRows
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
 from opir_core.geometry.vectors import FloatPair, floats
 from opir_core.scene.target_classes import (
@@ -63,7 +63,7 @@ _DEGREE = 32
 
 
 @frozen(eq=False, repr=False)
-class Ascent(Columns):
+class Ascent(TrailingRows):
     """The ascents of n targets for unit burnout speed, given by profile and burnout flight path
     angle.
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.errors import ModelError
-from opir_core.flight.rows import Columns
+from opir_core.flight.rows import TrailingRows
 from opir_core.geometry.vectors import FloatPair, floats
 
 #: Targets (m,) and times (m,) to positions and velocities (m, 3), element by element.
@@ -34,7 +34,7 @@ _FIT_BLOCK = 1024
 
 
 @frozen(eq=False, repr=False)
-class HermiteSegments(Columns):
+class HermiteSegments(TrailingRows):
     """Polynomial segments of trajectories, sorted by target, then time.
 
     Columns (s,): `target`, and the span `start_s` to `end_s`. Position is the sum of
@@ -52,7 +52,7 @@ class HermiteSegments(Columns):
 
 def merged_segments(groups: Sequence[HermiteSegments]) -> HermiteSegments:
     """Return the segments of all parts, sorted by target, then time."""
-    merged = HermiteSegments.joined(groups)
+    merged = HermiteSegments.concatenate(groups)
     return merged.take(np.lexsort((merged.start_s, merged.target)))
 
 

@@ -23,14 +23,14 @@ class Rows:
         names = [column.name for column in self.__attrs_attrs__]
         return type(self)(**{name: self._some(getattr(self, name), rows) for name in names})
 
-    def put(self, rows: RowArray, record: Self) -> None:
-        """Replace some of the targets."""
+    def overwrite(self, rows: RowArray, record: Self) -> None:
+        """Overwrite some of the targets with those of another record."""
         place: Any = rows if self.AXIS == 0 else (..., rows)
         for column in self.__attrs_attrs__:
             getattr(self, column.name)[place] = getattr(record, column.name)
 
     @classmethod
-    def joined(cls, records: Sequence[Self]) -> Self:
+    def concatenate(cls, records: Sequence[Self]) -> Self:
         """Return the record of the targets of all records, in order."""
         names = [column.name for column in cls.__attrs_attrs__]
         columns = ([getattr(record, name) for record in records] for name in names)
@@ -42,7 +42,7 @@ class Rows:
         return column.take(rows) if hasattr(column, "take") else column
 
 
-class Columns(Rows):
+class TrailingRows(Rows):
     """As `Rows`, for arrays (..., n)."""
 
     __slots__ = ()

@@ -70,7 +70,7 @@ def solved(
     is_near = range_rad <= _SLACK * farthest_rad
     rows = np.flatnonzero(is_near & (range_rad * _SLACK >= nearest_rad))
     if rows.size:
-        earliest.put(
+        earliest.overwrite(
             rows, _earliest(shots.take(rows), table.take(rows), forces and forces.take(rows))
         )
     shots = evolve(shots, kick_rad=earliest.kick_rad, fineness=earliest.fineness, forces=forces)
@@ -80,7 +80,7 @@ def solved(
         launched = lofted(
             shots.take(rows), table.take(rows), earliest.take(rows), loft[rows], apogee_m[rows]
         )
-        launches.put(rows, launched)
+        launches.overwrite(rows, launched)
     radius_m = length(*components(shots.boosts.site.launch_m))
     return StagedSolution(launches, nearest_rad * radius_m, farthest_rad * radius_m)
 

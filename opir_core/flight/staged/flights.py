@@ -111,7 +111,7 @@ def staged_flights(
         burnout(boosts, *boost, recorder, rows)
         groups.append(_flown(shots, solution, cut_off_s, ignition_s[rows], int(count.max())))
         targets.append(rows)
-    columns = StagedColumns.joined(groups).take(np.argsort(np.concatenate(targets)))
+    columns = StagedColumns.concatenate(groups).take(np.argsort(np.concatenate(targets)))
     return StagedFlights(**asdict(columns, recurse=False), arcs=recorder.arcs(len(count)))
 
 

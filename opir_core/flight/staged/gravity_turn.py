@@ -28,7 +28,7 @@ from opir_core.flight.dense_output import StepRecorder
 from opir_core.flight.dop853 import NODES, StepStart, stepped_in_columns
 from opir_core.flight.forces import ExponentialAtmosphere, ZonalField
 from opir_core.flight.gravity_and_drag import Gravity, height_m
-from opir_core.flight.rows import Columns, Rows
+from opir_core.flight.rows import Rows, TrailingRows
 from opir_core.flight.staged.staging import StageColumns, Staging
 from opir_core.flight.universal_anomaly import dot, length
 
@@ -135,7 +135,7 @@ class Boosts(Rows):
 
 
 @frozen(eq=False, repr=False)
-class BoostState(Columns):
+class BoostState(TrailingRows):
     """Positions and velocities relative to the Earth (3, n), ECEF, and the summed error estimates
     of velocity (n,).
     """
@@ -285,7 +285,7 @@ def burnout(
         group = boosts.take(rows)
         numbers = None if arcs is None else arcs[rows]
         turn = Turn(group, azimuth_rad[rows], kick_rad[rows], int(factor), recorder, numbers)
-        end.put(rows, turn.flown(BoostState.at_rest(group), group.legs(cut_off_s[rows])))
+        end.overwrite(rows, turn.flown(BoostState.at_rest(group), group.legs(cut_off_s[rows])))
     return end
 
 

@@ -19,7 +19,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.flight.gravity_and_drag import height_and_climb, height_m
 from opir_core.flight.landing import polar_rad
 from opir_core.flight.propagation import propagate
-from opir_core.flight.rows import Columns, Rows
+from opir_core.flight.rows import Rows, TrailingRows
 from opir_core.flight.staged.gravity_turn import fineness_needed
 from opir_core.flight.staged.shots import Reach, StagedShots
 from opir_core.flight.universal_anomaly import cross, dot, length
@@ -71,7 +71,7 @@ class Goals(Rows):
 
 
 @frozen(eq=False, repr=False)
-class Flights(Columns):
+class Flights(TrailingRows):
     """Trial flights (n,): unknowns (3, n), misses towards east and north of the launch point,
     apogee and last climb.
 
@@ -213,7 +213,7 @@ def _improved(
         error_m[better] = trial_m[nearer]
         residual[:, better] = trial_residual[:, nearer]
         slopes[:, :, better] = trial_slopes[:, :, nearer]
-        flights.put(better, trial.take(np.flatnonzero(nearer)))
+        flights.overwrite(better, trial.take(np.flatnonzero(nearer)))
     return flights, error_m
 
 
@@ -310,7 +310,7 @@ class Side:
             goals = Goals(Goal.APOGEE, apogee_m[rows])
             start = self.inner.take(rows)
             walked, is_solved[rows] = _walked(self.shots.take(rows), goals, start.apogee_m, start)
-            flights.put(rows, walked)
+            flights.overwrite(rows, walked)
         return flights, is_solved & self.has(apogee_m)
 
 
@@ -329,7 +329,7 @@ def _walked(
         trial, error_m = jointly_aimed(shots.take(rows), aims, flights.unknown[:, rows])
         is_near = error_m <= TOLERANCE_M
         rows = rows[is_near]
-        flights.put(rows, trial.take(np.flatnonzero(is_near)))
+        flights.overwrite(rows, trial.take(np.flatnonzero(is_near)))
         if not rows.size:
             break
     is_met = np.zeros(len(start_value), dtype=bool)
@@ -404,7 +404,7 @@ def lofted(
         launches.apogees_m[rows] = apogees_m
         goal_m = np.where(has_apogee[rows], apogee_m[rows], side.between_m(np.abs(loft[rows])))
         solved = _launches(side, goal_m, apogees_m)
-        launches.put(rows[solved.is_solved], solved.take(np.flatnonzero(solved.is_solved)))
+        launches.overwrite(rows[solved.is_solved], solved.take(np.flatnonzero(solved.is_solved)))
     return launches
 
 
@@ -433,7 +433,7 @@ def steep_side(shots: StagedShots, table: Reach, base: FloatArray, has_base: Boo
         # The steepest flight of stages that could escape has this apogee, m: it lasts 15 h; free
         # flight is followed for a day.
         highest = Goals(Goal.APOGEE, np.full(rows.size, 5e7))
-        outer.put(rows, _end(group, start, highest, start.apogee_m))
+        outer.overwrite(rows, _end(group, start, highest, start.apogee_m))
     return Side(shots, inner, outer)
 
 
@@ -458,7 +458,7 @@ def _end(shots: StagedShots, inner: Flights, goals: Goals, value: FloatArray) ->
     flights, error_m = jointly_aimed(shots, goals, inner.unknown)
     rows = np.flatnonzero(error_m > TOLERANCE_M)
     if rows.size:
-        flights.put(
+        flights.overwrite(
             rows, _walked(shots.take(rows), goals.take(rows), value[rows], inner.take(rows))[0]
         )
     rows = np.flatnonzero(flights.unknown[2] > shots.latest_s)
@@ -471,7 +471,7 @@ def _end(shots: StagedShots, inner: Flights, goals: Goals, value: FloatArray) ->
         flattened, error_m = jointly_aimed(
             group, Goals(Goal.CUT_OFF, group.latest_s), nearest + share * span
         )
-        flights.put(rows, flattened.unless(error_m > TOLERANCE_M))
+        flights.overwrite(rows, flattened.unless(error_m > TOLERANCE_M))
     return flights
 
 
@@ -493,5 +493,5 @@ def _inner_end(
     if rows.size:
         goals = Goals(Goal.CUT_OFF, shots.earliest_s[rows])
         aimed, error_m = jointly_aimed(shots.take(rows), goals, start[:, rows])
-        flights.put(rows, aimed.unless(error_m > TOLERANCE_M))
+        flights.overwrite(rows, aimed.unless(error_m > TOLERANCE_M))
     return flights

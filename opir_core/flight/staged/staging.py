@@ -18,7 +18,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.flight.rows import Columns
+from opir_core.flight.rows import TrailingRows
 
 _TABLE = Path(__file__).parents[2] / "data" / "stagings.json"
 
@@ -113,7 +113,7 @@ class Staging:
 
 
 @frozen(eq=False, repr=False)
-class StageColumns(Columns):
+class StageColumns(TrailingRows):
     """The stages of n boosts with s stages each, as columns (s, n).
 
     Times are since ignition: a stage's ignition and burn time; `amplitude_m_s2` and `q` are A and q

@@ -66,7 +66,7 @@ def test_a_burn_gains_its_ideal_speed_and_grows_as_asked(growth):
 
 def test_stages_are_joined_and_taken_in_order():
     short, long = (StageColumns.of([stagings()[name]]) for name in ("SRBM", "SRBM_long"))
-    columns = StageColumns.joined([short, long]).take(np.array([1, 0]))
+    columns = StageColumns.concatenate([short, long]).take(np.array([1, 0]))
     expected = StageColumns.of([stagings()["SRBM_long"], stagings()["SRBM"]])
     np.testing.assert_array_equal(columns.burn_time_s, expected.burn_time_s)
     np.testing.assert_array_equal(columns.q, expected.q)
