@@ -20,10 +20,15 @@ import numpy as np
 from results_csv import read_csv, write_csv
 from timing import median_s, multiply_ns
 
-from opir_core.flight.aiming import Aim, aim, boost_ephemeris, flight_ephemeris
-from opir_core.flight.boost import boost_profiles
-from opir_core.flight.ephemeris import Ephemeris
-from opir_core.flight.kepler import propagate_kepler
+from opir_core.flight import (
+    Aim,
+    Ephemeris,
+    aim,
+    boost_ephemeris,
+    boost_profiles,
+    coast_ephemeris,
+    propagate_kepler,
+)
 from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 
 TOLERANCES_M = (10.0, 1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)
@@ -229,7 +234,9 @@ def main() -> None:
     flight = flights(options.targets)
     spans = {
         "boost": lambda f, tolerance: boost_ephemeris(f.path, tolerance),
-        "flight": flight_ephemeris,
+        "flight": lambda f, tolerance: Ephemeris.joined(
+            [boost_ephemeris(f.path, tolerance), coast_ephemeris(f, tolerance)]
+        ),
     }
     rows = [
         measured(span, build, flight, tolerance, options)

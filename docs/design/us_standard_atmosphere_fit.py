@@ -4,7 +4,7 @@ well they fit.
 Below 86 km the standard is a formula. Above, it is a table of integrals over six gases; within 0.5
 % two polynomials in ln rho are the same, and, unlike interpolation between the table's heights,
 have no kinks for an integrator to meet. It printed the coefficients in
-`opir_core/flight/atmosphere_density.py`.
+`opir_core/data/us_standard_1976.json`.
 """
 
 import numpy as np

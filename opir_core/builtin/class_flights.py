@@ -3,7 +3,7 @@ for the truth.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import BallisticConfig, PlaceConfig
 from opir_core.errors import Problem, SceneError
+from opir_core.flight.aiming import boost_ephemeris, surface_range_m
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.interfaces.contexts import TargetContext
@@ -20,10 +21,11 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:
-    from opir_core.builtin.target_models import ClassConfig, GlideConfig
+    from opir_core.builtin.target_models import ClassConfig, GlideConfig, GravityTurnConfig
     from opir_core.flight.aiming import Aim
     from opir_core.flight.forces import ForceModel
     from opir_core.flight.glide import GlideFlight
+    from opir_core.flight.orbit_insertion import Insertion
 
 #: How far the interpolated positions may be from the profile's, m.
 EPHEMERIS_TOLERANCE_M = 0.01
@@ -76,16 +78,18 @@ class ClassFlights(Trajectories):
         """
         if self.coast is None:
             return self.boost.position_m(target, time_s)
-        late = time_s > self.burnout_s[target]
-        boost = self.boost.position_m(target, np.where(late, np.nan, time_s))
+        coasting = time_s > self.burnout_s[target]
+        boost = self.boost.position_m(target, np.where(coasting, np.nan, time_s))
         return np.where(
-            late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost
+            coasting[:, None],
+            self.coast.position_m(target, np.where(coasting, time_s, np.nan)),
+            boost,
         )
 
 
 @define(eq=False, kw_only=True, repr=False)
 class AimedFlights(ClassFlights):
-    """Targets from ignition to burnout, or to impact, and what is known of their flight to the aim
+    """Targets from ignition to burnout, or to impact, with their flight to the aim
     point.
     """
 
@@ -93,7 +97,7 @@ class AimedFlights(ClassFlights):
     configs: "tuple[BallisticConfig | GlideConfig, ...]"
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: what was asked for, burnout, what follows it, and impact.
+        """Return one mapping a target: settings, burnout, the glide if there is one, and impact.
 
         Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
         are scene times.
@@ -119,30 +123,70 @@ class AimedFlights(ClassFlights):
         ]
 
     def on_the_way(self) -> Sequence[Mapping[str, Any]]:
-        """Return what the truth says of each target between burnout and impact."""
+        """Return the rows of each target's truth between burnout and impact."""
         return [{}] * len(self.ids)
 
 
 def classes_of(
-    configs: "Sequence[ClassConfig]", context: TargetContext, model: str, own: str = ""
+    configs: "Sequence[ClassConfig]", context: TargetContext, model: str, name: str = ""
 ) -> tuple[TargetClass, ...]:
     """Return the classes of targets; raises `SceneError` for those that another model flies after
     burnout.
 
-    `own` is the name of the target model where it is not that of its classes.
+    `name` is the name of the target model where it is not that of its classes.
     """
     classes = tuple(context.target_class(config.type) for config in configs)
     problems = [
         Problem(
             f"{path}.type",
-            f"{kind.name} has the model {kind.after_burnout.model}, not {own or model}; omit model",
+            f"{kind.name} has the model {kind.after_burnout.model}, not {name or model}; omit model",
         )
         for kind, path in zip(classes, context.paths, strict=True)
         if kind.after_burnout.model != model
     ]
+    refuse(problems)
+    return classes
+
+
+def refuse(problems: Sequence[Problem]) -> None:
+    """Raise `SceneError` with the problems, if there are any."""
     if problems:
         raise SceneError(problems)
-    return classes
+
+
+def aims_of(
+    configs: "Sequence[BallisticConfig | GlideConfig | GravityTurnConfig]",
+) -> tuple[Geodetic, Geodetic, FloatArray]:
+    """Return launch and aim points of targets, and their distances (n,), m."""
+    launch, aim = (
+        geodetic_columns(getattr(config, place) for config in configs)
+        for place in ("launch", "aim")
+    )
+    return launch, aim, surface_range_m(*launch[:2], *aim[:2])
+
+
+def class_flights(
+    record: Callable[..., Trajectories],
+    flight: "Aim | GlideFlight | Insertion",
+    configs: "Sequence[ClassConfig]",
+    context: TargetContext,
+    coast: Callable[[], Ephemeris],
+    **columns: Any,
+) -> Trajectories:
+    """Return targets whose boosts follow class profiles, with their flight and other columns.
+
+    `coast` makes the flight after burnout, where a sensor follows it.
+    """
+    return record(
+        ids=context.ids,
+        ignition_s=flight.path.ignition_s,
+        burnout_s=flight.burnout_s,
+        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
+        coast=coast() if context.free_flight else None,
+        flight=flight,
+        configs=tuple(configs),
+        **{"turns_s": flight.path.breakpoints_s(), **columns},
+    )
 
 
 def ignitions_s(configs: "Sequence[ClassConfig]") -> FloatArray:
@@ -156,17 +200,19 @@ def forces_of_targets(configs: "Sequence[ClassConfig]", context: TargetContext) 
     if isinstance(forces, str) or forces.drag is None:
         return forces
     usual = float(forces.drag.ballistic_coefficient_kg_m2)
-    own = (config.ballistic_coefficient_kg_m2 for config in configs)
-    return forces.with_ballistic_coefficients([usual if value is None else value for value in own])
+    coefficients = (config.ballistic_coefficient_kg_m2 for config in configs)
+    return forces.with_ballistic_coefficients(
+        [usual if value is None else value for value in coefficients]
+    )
 
 
-def other_ranges(kind: TargetClass, chosen: BoostProfile) -> str:
+def other_ranges(kind: TargetClass, flown: BoostProfile) -> str:
     """Return which ranges the other profiles of a class have."""
-    others = (profile for profile in kind.profiles if profile.name != chosen.name)
     return "".join(
-        f"; of type {kind.name} there is also {other.name}, {other.minimum_range_m / 1e3:g} to"
-        f" {other.maximum_range_m / 1e3:g} km"
-        for other in others
+        f"; of type {kind.name} there is also {profile.name}, {profile.minimum_range_m / 1e3:g} to"
+        f" {profile.maximum_range_m / 1e3:g} km"
+        for profile in kind.profiles
+        if profile.name != flown.name
     )
 
 

@@ -64,7 +64,7 @@ class TrueType(PairClassifier):
     def pair_type(
         self, _sensor: IndexArray, target: IndexArray, _rng: RandomDraws
     ) -> NDArray[np.uint8]:
-        """Return codes (n,) of the targets' types; what is no missile is UNKNOWN."""
+        """Return codes (n,) of the targets' types; other emitters are UNKNOWN."""
         return self.type_code[target]
 
 
@@ -82,7 +82,7 @@ class NoClassifier(PairClassifier):
 
 
 def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Classifier:
-    """Return the classifier `paper`; what is no target is always UNKNOWN.
+    """Return the classifier `paper`; sources other than targets are always UNKNOWN.
 
     Raises `ModelError` where neither the configuration nor the sensor says how a class that the
     scene launches is reported, and where the configuration has a matrix for a sensor type that the
@@ -91,7 +91,7 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
     _refuse_unknowns(config, context)
     names, class_number = context.emitter_classes()
     thresholds = np.zeros((len(context.sensors), len(names), len(context.reported_types) - 1))
-    # What is no target is UNKNOWN: its draw lies above the thresholds of the types before, and
+    # Other sources are UNKNOWN: their draw lies above the thresholds of the types before, and
     # below those after.
     thresholds[:, :, UNKNOWN_TYPE:] = 1.0
     launched = [

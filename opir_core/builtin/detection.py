@@ -43,7 +43,7 @@ class ConstantDetection(DetectionProbability):
         return self.pair_probability(exposures.sensor, exposures.target)
 
     def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
-        """Return the bands that confirm; there is no SNR in this model, so it is nan."""
+        """Return the bands that confirm; SNR is nan in this model."""
         counts = self.band_count[exposures.sensor]
         bands = (
             _all_bands(counts) if self.band_confirmation >= 1.0 else self._confirmed(counts, rng)

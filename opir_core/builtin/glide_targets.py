@@ -10,16 +10,17 @@ import numpy as np
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
     AimedFlights,
+    aims_of,
+    class_flights,
     classes_of,
     forces_of_targets,
-    geodetic_columns,
     ignitions_s,
     other_ranges,
     plain_states,
+    refuse,
 )
 from opir_core.builtin.target_models import GlideConfig
-from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import boost_ephemeris, surface_range_m
+from opir_core.errors import Problem
 from opir_core.flight.glide import GlideFlight, GlideShape, glide_ephemeris, glide_flight
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
@@ -48,41 +49,34 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
     Raises `SceneError` with a problem for each target whose class does not glide, or whose aim
     point is out of reach.
     """
-    launch, aim_point = (
-        geodetic_columns(getattr(config, place) for config in configs)
-        for place in ("launch", "aim")
-    )
+    launch, aim_point, range_m = aims_of(configs)
     classes = classes_of(configs, context, EquilibriumGlide.model)
-    ranges_m = surface_range_m(*launch[:2], *aim_point[:2]).tolist()
-    profiles = tuple(kind.profile(range_m) for kind, range_m in zip(classes, ranges_m, strict=True))
+    profiles = tuple(
+        kind.profile(distance_m) for kind, distance_m in zip(classes, range_m.tolist(), strict=True)
+    )
     forces = forces_of_targets(configs, context)
     flight = glide_flight(
         launch, aim_point, ignitions_s(configs), profiles, _shape(classes), forces=forces
     )
-    problems = [
-        Problem(f"{path}.aim", complaint + other_ranges(kind, profile))
-        for path, complaint, kind, profile in zip(
-            context.paths, flight.complaints, classes, profiles, strict=True
-        )
-        if complaint
-    ]
-    if problems:
-        raise SceneError(problems)
-    turns_s = np.concatenate([flight.path.breakpoints_s(), flight.release_s[:, None]], axis=1)
-    return GlideTargets(
+    refuse(
+        [
+            Problem(f"{path}.aim", complaint + other_ranges(kind, profile))
+            for path, complaint, kind, profile in zip(
+                context.paths, flight.complaints, classes, profiles, strict=True
+            )
+            if complaint
+        ]
+    )
+    return class_flights(
+        GlideTargets,
+        flight,
+        configs,
+        context,
+        lambda: glide_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces),
         classes=classes,
         profiles=profiles,
-        ids=context.ids,
-        ignition_s=flight.path.ignition_s,
-        burnout_s=flight.burnout_s,
         final_s=flight.impact_s,
-        turns_s=turns_s,
-        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
-        coast=glide_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces)
-        if context.free_flight
-        else None,
-        flight=flight,
-        configs=tuple(configs),
+        turns_s=np.concatenate([flight.path.breakpoints_s(), flight.release_s[:, None]], axis=1),
     )
 
 

@@ -10,17 +10,17 @@ from opir_core.arrays import FloatArray
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
     ClassFlights,
+    aims_of,
     classes_of,
     forces_of_targets,
-    geodetic_columns,
     ignitions_s,
     plain_place,
     plain_places,
     plain_states,
+    refuse,
 )
 from opir_core.builtin.target_models import GravityTurnConfig
-from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import surface_range_m
+from opir_core.errors import Problem
 from opir_core.flight.burns import plain_gaps_s
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.forces import ForceModel
@@ -33,6 +33,7 @@ from opir_core.flight.staged.staging import (
     stagings,
     stagings_of_classes,
 )
+from opir_core.geometry import ecef_to_eci_state
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.target_classes import Ballistic, TargetClass, core_profiles
@@ -56,7 +57,7 @@ class GravityTurnTargets(ClassFlights):
         return self.flights.burns_s
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: what was asked for, stages, gaps, burnout and impact.
+        """Return one mapping a target: settings, stages, gaps, burnout and impact.
 
         Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
         are scene times.
@@ -109,13 +110,9 @@ def gravity_turn_targets(
     Raises `SceneError` with a problem for each target whose stages are impossible or do not reach
     its aim point.
     """
-    launch, aim_point = (
-        geodetic_columns(getattr(config, place) for config in configs)
-        for place in ("launch", "aim")
-    )
+    launch, aim_point, range_m = aims_of(configs)
     classes = classes_of(configs, context, Ballistic.model, "gravity-turn")
-    range_m = surface_range_m(*launch[:2], *aim_point[:2])
-    chosen = _stagings(configs, classes, range_m, context.paths)
+    flown = _stagings(configs, classes, range_m, context.paths)
     loft, early_s = (
         np.array([getattr(config, name) for config in configs], dtype=np.float64)
         for name in ("loft", "early_shutdown_s")
@@ -123,15 +120,13 @@ def gravity_turn_targets(
     ignition_s = ignitions_s(configs)
     forces = forces_of_targets(configs, context)
     apogee_m = 1e3 * np.array([config.apogee_km for config in configs], dtype=np.float64)
-    flights = staged_flights(launch, aim_point, ignition_s, chosen, loft, early_s, forces, apogee_m)
-    problems = _problems(configs, chosen, flights, range_m, context.paths)
-    if problems:
-        raise SceneError(problems)
+    flights = staged_flights(launch, aim_point, ignition_s, flown, loft, early_s, forces, apogee_m)
+    refuse(_problems(configs, flown, flights, range_m, context.paths))
     end_s = flights.burnout_s
     edges_s = flights.edges_s
     return GravityTurnTargets(
         classes=classes,
-        profiles=tuple(core_profiles()[staging.profile] for staging in chosen),
+        profiles=tuple(core_profiles()[staging.profile] for staging in flown),
         ids=context.ids,
         ignition_s=ignition_s,
         burnout_s=end_s,
@@ -141,12 +136,14 @@ def gravity_turn_targets(
         coast=_coast(flights, forces) if context.free_flight else None,
         flights=flights,
         configs=tuple(configs),
-        stagings=chosen,
+        stagings=flown,
     )
 
 
 def _coast(flights: StagedFlights, forces: ForceModel) -> Ephemeris:
-    states = flights.burnout_position_eci_m, flights.burnout_velocity_eci_m_s
+    states = ecef_to_eci_state(
+        flights.burnout_position_ecef_m, flights.burnout_velocity_ecef_m_s, flights.burnout_s
+    )
     spans = flights.burnout_s, flights.impact_s
     return free_flight_ephemeris(*spans, *states, forces=forces, tolerance_m=EPHEMERIS_TOLERANCE_M)
 
@@ -159,15 +156,15 @@ def _stagings(
 ) -> tuple[Staging, ...]:
     """Return the staging of each target; raises `SceneError` for unknown and impossible ones."""
     problems = list[Problem]()
-    chosen = list[Staging]()
+    flown = list[Staging]()
     for config, kind, distance_m, path in zip(
         configs, classes, range_m.tolist(), paths, strict=True
     ):
         presets = kind.own(stagings_of_classes()) or tuple(stagings().values())
         if config.staging is not None and config.staging not in stagings():
-            known = ", ".join(stagings())
+            names = ", ".join(stagings())
             problems.append(
-                Problem(f"{path}.staging", f"no staging {config.staging!r}; there are {known}")
+                Problem(f"{path}.staging", f"no staging {config.staging!r}; there are {names}")
             )
             continue
         preset = (
@@ -179,39 +176,38 @@ def _stagings(
         fault = staging.fault()
         if fault:
             problems.append(Problem(f"{path}.stages", fault))
-        chosen.append(staging)
-    if problems:
-        raise SceneError(problems)
-    return tuple(chosen)
+        flown.append(staging)
+    refuse(problems)
+    return tuple(flown)
 
 
 def _with_settings(preset: Staging, config: GravityTurnConfig) -> Staging:
     """Return a preset with what a target sets itself."""
-    own: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "vertical_rise_s": config.vertical_rise_s,
         "pitch_over_s": config.pitch_over_s,
         "tail_off_s": config.tail_off_s,
         "ballistic_coefficient_kg_m2": config.boost_ballistic_coefficient_kg_m2,
     }
     if config.stages:
-        own["name"] = "own"
-        own["stages"] = tuple(
+        settings["name"] = "own"
+        settings["stages"] = tuple(
             Stage(stage.burn_time_s, stage.ideal_speed_m_s, stage.growth, stage.gap_s)
             for stage in config.stages
         )
-    return evolve(preset, **{name: value for name, value in own.items() if value is not None})
+    return evolve(preset, **{name: value for name, value in settings.items() if value is not None})
 
 
 def _problems(
     configs: Sequence[GravityTurnConfig],
-    chosen: Sequence[Staging],
+    flown: Sequence[Staging],
     flights: StagedFlights,
     range_m: FloatArray,
     paths: Sequence[str],
 ) -> list[Problem]:
     """Return the problems of targets that cannot fly as configured."""
     problems = []
-    for row, (config, staging, path) in enumerate(zip(configs, chosen, paths, strict=True)):
+    for row, (config, staging, path) in enumerate(zip(configs, flown, paths, strict=True)):
         if not flights.is_solved[row]:
             problems.append(_out_of_reach(config, staging, flights, row, float(range_m[row]), path))
         elif flights.cut_off_s[row] < flights.earliest_s[row]:
@@ -264,10 +260,9 @@ def _out_of_reach(
 
 
 def _apogee_words(apogees_m: FloatArray) -> str:
-    """Return the intervals of apogees in reach, or "" if there is none."""
+    """Return the intervals of apogees in reach, or "" without any."""
     flattest, flat, steep, steepest = (apogees_m / 1e3).tolist()
     intervals = [(flattest, flat), (steep, steepest)]
     if flat == steep:
         intervals = [(flattest, steepest)]
-    known = [f"{low:.0f} to {high:.0f} km" for low, high in intervals if low <= high]
-    return " or ".join(known)
+    return " or ".join(f"{low:.0f} to {high:.0f} km" for low, high in intervals if low <= high)

@@ -1,4 +1,4 @@
-"""The target model `orbit`: boost on a class profile into a circular orbit; there is no impact."""
+"""The target model `orbit`: boost on a class profile into a circular orbit, without impact."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,17 +9,18 @@ from attrs import define
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
     ClassFlights,
+    class_flights,
     classes_of,
     forces_of_targets,
     geodetic_columns,
     ignitions_s,
     plain_place,
     plain_states,
+    refuse,
 )
 from opir_core.builtin.target_models import InsertionConfig
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
-from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import boost_ephemeris
+from opir_core.errors import Problem
 from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.orbit_insertion import Insertion, insertion
 from opir_core.interfaces.contexts import TargetContext
@@ -37,7 +38,7 @@ class OrbitTargets(ClassFlights):
     configs: tuple[InsertionConfig, ...]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: what was asked for, burnout, and the orbit at burnout.
+        """Return one mapping a target: settings, burnout, and the orbit at burnout.
 
         Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times
         are scene times.
@@ -75,39 +76,36 @@ def orbit_targets(configs: Sequence[InsertionConfig], context: TargetContext) ->
     )
     launch = geodetic_columns(config.launch for config in configs)
     flight = insertion(launch, ignitions_s(configs), azimuth_rad, altitude_m, profiles)
-    problems = [
-        Problem(
-            path,
-            f"no ascent of {profile.name} was found that ends in a circular orbit at"
-            f" {height / 1e3:g} km",
-        )
-        for path, profile, height, reached in zip(
-            context.paths, profiles, altitude_m.tolist(), flight.converged.tolist(), strict=True
-        )
-        if not reached
-    ]
-    if problems:
-        raise SceneError(problems)
+    refuse(
+        [
+            Problem(
+                path,
+                f"no ascent of {profile.name} was found that ends in a circular orbit at"
+                f" {height / 1e3:g} km",
+            )
+            for path, profile, height, reached in zip(
+                context.paths, profiles, altitude_m.tolist(), flight.converged.tolist(), strict=True
+            )
+            if not reached
+        ]
+    )
     final_s = flight.burnout_s + np.array([config.followed_s for config in configs])
-    state = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
-    accuracy: Mapping[str, Any] = {
-        "forces": forces_of_targets(configs, context),
-        "tolerance_m": EPHEMERIS_TOLERANCE_M,
-    }
-    return OrbitTargets(
+    return class_flights(
+        OrbitTargets,
+        flight,
+        configs,
+        context,
+        lambda: free_flight_ephemeris(
+            flight.burnout_s,
+            final_s,
+            flight.burnout_position_eci_m,
+            flight.burnout_velocity_eci_m_s,
+            forces=forces_of_targets(configs, context),
+            tolerance_m=EPHEMERIS_TOLERANCE_M,
+        ),
         classes=classes,
         profiles=profiles,
-        ids=context.ids,
-        ignition_s=flight.path.ignition_s,
-        burnout_s=flight.burnout_s,
         final_s=final_s,
-        turns_s=flight.path.breakpoints_s(),
-        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
-        coast=free_flight_ephemeris(flight.burnout_s, final_s, *state, **accuracy)
-        if context.free_flight
-        else None,
-        flight=flight,
-        configs=tuple(configs),
     )
 
 
@@ -125,8 +123,8 @@ def _orbits(flight: Insertion) -> list[dict[str, float]]:
     radius_m = np.sqrt(np.sum(position**2, axis=1))
     momentum = np.cross(position, velocity)
     axis_m = 1.0 / (2.0 / radius_m - np.sum(velocity**2, axis=1) / EARTH_MU_M3_S2)
-    away = np.cross(velocity, momentum) / EARTH_MU_M3_S2 - position / radius_m[:, None]
-    eccentricity = np.sqrt(np.sum(away**2, axis=1))
+    to_perigee = np.cross(velocity, momentum) / EARTH_MU_M3_S2 - position / radius_m[:, None]
+    eccentricity = np.sqrt(np.sum(to_perigee**2, axis=1))
     inclination_rad = np.arctan2(np.hypot(momentum[:, 0], momentum[:, 1]), momentum[:, 2])
     period_s = 2.0 * np.pi * np.sqrt(axis_m**3 / EARTH_MU_M3_S2)
     names = ("altitude_m", "semi_major_axis_m", "eccentricity", "inclination_deg", "period_s")

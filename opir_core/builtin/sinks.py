@@ -131,9 +131,9 @@ class LineFile(Sink):
         withheld ones.
         """
         for block in encoder_blocks(window, self._encoder):
-            kept = only_encodable(block, self._encoder)
-            withheld = len(block.detections) - len(kept.detections)
-            yield self._encoder.encode(kept), self._count(kept), withheld
+            encodable = only_encodable(block, self._encoder)
+            withheld = len(block.detections) - len(encodable.detections)
+            yield self._encoder.encode(encodable), self._count(encodable), withheld
 
     def write_encoded(self, window: Window, blocks: Iterable[tuple[Lines, int, int]]) -> None:
         """Write a window's lines, as `encoded` yields them."""
@@ -172,11 +172,11 @@ class LineFile(Sink):
                 written += _written(self._descriptor, memoryview(lines)[written:])
         except OSError as error:
             lines = bytes(lines)
-            whole = lines.rfind(b"\n", 0, written) + 1
-            self._incomplete += written - whole
+            complete = lines.rfind(b"\n", 0, written) + 1
+            self._incomplete += written - complete
             with suppress(OSError):  # else before the next line
                 self._remove_incomplete()
-            self._delivered += lines.count(b"\n", 0, whole)
+            self._delivered += lines.count(b"\n", 0, complete)
             raise self._failure(error) from error
         self._delivered += events
 
@@ -233,10 +233,10 @@ def _remove_damaged_lines(path: str, descriptor: int) -> None:
     with Path(path).open("rb") as lines:
         lines.seek(max(0, status.st_size - _UNSYNCED))
         end = lines.read()
-    whole = end.find(b"\0") if b"\0" in end else len(end)
-    whole = end.rfind(b"\n", 0, whole) + 1
-    if end[whole : whole + 1] in (b"{", b"\0"):
-        os.ftruncate(descriptor, status.st_size - len(end) + whole)
+    complete = end.find(b"\0") if b"\0" in end else len(end)
+    complete = end.rfind(b"\n", 0, complete) + 1
+    if end[complete : complete + 1] in (b"{", b"\0"):
+        os.ftruncate(descriptor, status.st_size - len(end) + complete)
 
 
 def _standard_output() -> int:

@@ -7,15 +7,17 @@ from collections.abc import Mapping, Sequence
 from opir_core.builtin.class_flights import (
     EPHEMERIS_TOLERANCE_M,
     AimedFlights,
+    aims_of,
+    class_flights,
     classes_of,
     forces_of_targets,
-    geodetic_columns,
     ignitions_s,
     other_ranges,
+    refuse,
 )
 from opir_core.builtin.configs import BallisticConfig
-from opir_core.errors import Problem, SceneError
-from opir_core.flight.aiming import aim, boost_ephemeris, coast_ephemeris, surface_range_m
+from opir_core.errors import Problem
+from opir_core.flight.aiming import aim, coast_ephemeris
 from opir_core.flight.boost import boost_profile
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
@@ -28,43 +30,34 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
     Raises `SceneError` with a problem for each target whose class is not ballistic, whose profile
     is unknown or whose aim point is out of reach.
     """
-    launch, aim_point = (
-        geodetic_columns(getattr(config, place) for config in configs)
-        for place in ("launch", "aim")
-    )
+    launch, aim_point, range_m = aims_of(configs)
     classes = classes_of(configs, context, Ballistic.model)
     unknown = _unknown_profiles(configs, classes)
-    ranges_m = surface_range_m(*launch[:2], *aim_point[:2]).tolist()
     profiles = tuple(
-        _profile(config, kind, range_m, row in unknown)
-        for row, (config, kind, range_m) in enumerate(zip(configs, classes, ranges_m, strict=True))
+        _profile(config, kind, distance_m, row in unknown)
+        for row, (config, kind, distance_m) in enumerate(
+            zip(configs, classes, range_m.tolist(), strict=True)
+        )
     )
     forces = forces_of_targets(configs, context)
     flight = aim(launch, aim_point, ignitions_s(configs), profiles, forces=forces)
-    problems = _problems(unknown, flight.complaints, classes, profiles, context.paths)
-    if problems:
-        raise SceneError(problems)
-    return AimedFlights(
+    refuse(_problems(unknown, flight.complaints, classes, profiles, context.paths))
+    return class_flights(
+        AimedFlights,
+        flight,
+        configs,
+        context,
+        lambda: coast_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces),
         classes=classes,
         profiles=profiles,
-        ids=context.ids,
-        ignition_s=flight.path.ignition_s,
-        burnout_s=flight.burnout_s,
         final_s=flight.impact_s,
-        turns_s=flight.path.breakpoints_s(),
-        boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
-        coast=coast_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces)
-        if context.free_flight
-        else None,
-        flight=flight,
-        configs=tuple(configs),
     )
 
 
 def _unknown_profiles(
     configs: Sequence[BallisticConfig], classes: Sequence[TargetClass]
 ) -> dict[int, str]:
-    """Return, by row, what is wrong with the profiles that are named and do not exist."""
+    """Return, by row, the errors of profiles that are named and do not exist."""
     complaints = {}
     for row, (config, kind) in enumerate(zip(configs, classes, strict=True)):
         try:
@@ -79,8 +72,8 @@ def _named_profile(name: str, kind: TargetClass) -> BoostProfile:
     """Return the profile of a name: one of the class, or of the core; `ValueError` if there is
     none.
     """
-    own = {profile.name: profile for profile in kind.profiles}
-    return own[name] if name in own else boost_profile(name)
+    profiles = {profile.name: profile for profile in kind.profiles}
+    return profiles[name] if name in profiles else boost_profile(name)
 
 
 def _profile(

@@ -3,7 +3,6 @@ from opir_core.flight.aiming import (
     aim as aim,
     boost_ephemeris as boost_ephemeris,
     coast_ephemeris as coast_ephemeris,
-    flight_ephemeris as flight_ephemeris,
 )
 from opir_core.flight.atmosphere_density import (
     LOWEST_HEIGHT_M as LOWEST_HEIGHT_M,
@@ -38,12 +37,7 @@ from opir_core.flight.gravity_and_drag import (
     height_m as height_m,
 )
 from opir_core.flight.kepler import (
-    KeplerStatus as KeplerStatus,
-    kepler_status as kepler_status,
     propagate_kepler as propagate_kepler,
-)
-from opir_core.flight.lambert_solver import (
-    lambert as lambert,
 )
 from opir_core.flight.propagation import (
     ImpactReason as ImpactReason,

@@ -8,19 +8,20 @@ derivatives of two-body arcs under all forces, from a guess within a few percent
 Flights become ephemerides in ECEF, from ignition to impact.
 """
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
-from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
 from opir_core.flight.boost import Ascent, BoostPath, LaunchSite, ascent, boost_path, launch_site
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.landing import AimedLanding, aimed_landing, corrected, polar_rad
+from opir_core.flight.rows import Rows
 from opir_core.geometry import (
     Geodetic,
     ecef_to_eci,
@@ -28,7 +29,7 @@ from opir_core.geometry import (
     geodesic_inverse,
     geodetic_to_ecef,
 )
-from opir_core.geometry.vectors import components, dot, length
+from opir_core.geometry.vectors import FloatPair, components, dot, floats, length
 from opir_core.scene.target_classes import BoostProfile
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
 
 @frozen(eq=False, repr=False)
-class LaunchSolution:
+class LaunchSolution(Rows):
     """Launches (n,) with the ECEF position (n, 3) and height (n,) of their aim points; `forces`
     None is two-body.
     """
@@ -47,33 +48,18 @@ class LaunchSolution:
     aim_height_m: FloatArray
     forces: "Forces | None" = None
 
-    def take(self, rows: RowArray) -> "LaunchSolution":
-        """Return some of the launches."""
-        forces = None if self.forces is None else self.forces.take(rows)
-        return LaunchSolution(
-            self.site.take(rows),
-            self.course.take(rows),
-            self.aim_ecef_m[rows],
-            self.aim_height_m[rows],
-            forces,
-        )
-
     def in_two_body_motion(self) -> "LaunchSolution":
         """Return the same launches with two-body motion."""
         return self if self.forces is None else evolve(self, forces=None)
 
-    def burnout(
-        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def burnout(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> FloatPair:
         """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
         plane = self.site.plane(azimuth_rad)
         height_m = self.course.burnout_height_m(speed_m_s)
         swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
         return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
 
-    def release(
-        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def release(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> FloatPair:
         """Return positions and velocities, as `burnout` does, at which free flight begins: those at
         burnout.
         """
@@ -81,37 +67,75 @@ class LaunchSolution:
 
     def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> AimedLanding:
         """Return the impacts of flights; the inertial frame is ECEF frozen at the release."""
-        site = self.site
-        aim_m = self.aim_ecef_m
-        height_m = self.aim_height_m
-        return aimed_landing(
-            site, aim_m, height_m, self.release(azimuth_rad, speed_m_s), self.forces
-        )
+        release = self.release(azimuth_rad, speed_m_s)
+        return aimed_landing(self.site, self.aim_ecef_m, self.aim_height_m, release, self.forces)
+
+
+@frozen(eq=False, repr=False)
+class AimedLaunches:
+    """Launches (n,) at their aim points; nan, with complaints, where no flight comes down there."""
+
+    azimuth_rad: FloatArray
+    speed_m_s: FloatArray
+    landing: AimedLanding
+    converged: BoolArray
+    complaints: tuple[str, ...]
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
-def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths (rad) and burnout speeds (m/s) of flights that hit the aim points to within
-    the tolerance.
+def aimed_launches(
+    shot: LaunchSolution,
+    range_m: FloatArray,
+    profiles: Sequence[BoostProfile],
+    guess: Callable[[Any], FloatPair],
+    tolerance_m: float,
+) -> AimedLaunches:
+    """Return the launches that hit their aim points to within the tolerance.
 
-    Without a solution, those of the nearest trial; trials without impact are nan.
+    Those in the range limits of their profiles are solved, from `guess` in two-body motion. Without
+    a solution azimuth and speed are those of the nearest trial, nan for trials without impact.
     """
-    return solved_from(shot, *_guess(shot.in_two_body_motion()), tolerance_m)
+    shortest_m, longest_m = _range_limits_m(profiles)
+    within = (range_m >= shortest_m) & (range_m <= longest_m)
+    rows = np.flatnonzero(within)
+    trials = shot.take(rows)
+    two_body = trials.in_two_body_motion()
+    unknowns = corrected(two_body, *guess(two_body), tolerance_m)
+    if two_body is not trials:
+        unknowns = corrected(trials, *unknowns, tolerance_m)
+    azimuth_rad = np.full(len(profiles), np.nan)
+    speed_m_s = azimuth_rad.copy()
+    azimuth_rad[rows], speed_m_s[rows] = unknowns
+    landing = shot.landing(azimuth_rad, speed_m_s)
+    converged = landing.miss_m <= tolerance_m
+    complaints = tuple(
+        "" if is_hit else _complaint(profile, distance_m, is_within)
+        for is_hit, profile, distance_m, is_within in zip(
+            converged, profiles, range_m, within, strict=True
+        )
+    )
+    return AimedLaunches(azimuth_rad, speed_m_s, landing, converged, complaints)
 
 
-@np.errstate(invalid="ignore", divide="ignore", over="ignore")
-def solved_from(
-    shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths and burnout speeds as `solved` does, from initial guesses."""
-    two_body = shot.in_two_body_motion()
-    azimuth_rad, speed_m_s = corrected(two_body, azimuth_rad, speed_m_s, tolerance_m)
-    if two_body is shot:
-        return azimuth_rad, speed_m_s
-    return corrected(shot, azimuth_rad, speed_m_s, tolerance_m)
+def _range_limits_m(profiles: Sequence[BoostProfile]) -> FloatArray:
+    """Return the shortest and longest ranges (2, n) of profiles."""
+    limits = [(profile.minimum_range_m, profile.maximum_range_m) for profile in profiles]
+    return np.array(limits, dtype=np.float64).reshape(-1, 2).T
 
 
-def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
+def _complaint(profile: BoostProfile, range_m: float, within: bool) -> str:
+    """Return why a target cannot reach its aim point."""
+    distance = f"the aim point is {range_m / 1e3:.0f} km from the launch point"
+    limits = (
+        f"{profile.name} flies {profile.minimum_range_m / 1e3:g} to"
+        f" {profile.maximum_range_m / 1e3:g} km"
+    )
+    if within:
+        limits = f"no flight of {profile.name} was found that comes down on it, although {limits}"
+    return f"{distance}; {limits}"
+
+
+def _guess(shot: LaunchSolution) -> FloatPair:
     """Return first guesses of azimuths and burnout speeds."""
     # First for a sphere at rest, with burnout at the launch point.
     psi, azimuth_rad = polar_rad(shot.site, shot.aim_ecef_m)
@@ -133,7 +157,7 @@ def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
 
 def _guess_in_rotation(
     shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, duration_s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return better azimuths and burnout speeds, from a guess and its time of free flight.
 
     The aim point is rotated by that time and hit in the inertial frame, from the burnout point and
@@ -144,16 +168,15 @@ def _guess_in_rotation(
     _, inertial = ecef_to_eci_state(position, relative, 0.0)
     aim = ecef_to_eci(shot.aim_ecef_m, np.where(np.isfinite(duration_s), duration_s, 0.0))
     up, radius_m = _direction(position)
-    ahead, _ = _direction(_level(aim, up))
+    heading, _ = _direction(_level(aim, up))
     level_m_s = length(*components(_level(inertial, up)))
     gamma = np.arctan2(dot(inertial, up), level_m_s)
-    psi = np.arctan2(dot(aim, ahead), dot(aim, up))
+    psi = np.arctan2(dot(aim, heading), dot(aim, up))
     speed = hitting_speed_m_s(radius_m, length(*components(aim)), gamma, psi)[:, None]
-    wanted = speed * (np.sin(gamma)[:, None] * up + np.cos(gamma)[:, None] * ahead) - (
-        inertial - relative
-    )
-    turn = np.arctan2(dot(np.cross(wanted, relative), up), dot(_level(wanted, up), relative))
-    return azimuth_rad + turn, length(*components(wanted))
+    course = np.sin(gamma)[:, None] * up + np.cos(gamma)[:, None] * heading
+    burnout = speed * course - (inertial - relative)
+    turn = np.arctan2(dot(np.cross(burnout, relative), up), dot(_level(burnout, up), relative))
+    return azimuth_rad + turn, length(*components(burnout))
 
 
 def hitting_speed_m_s(
@@ -173,7 +196,7 @@ def hitting_speed_m_s(
     return half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
 
 
-def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _direction(vectors: FloatArray) -> FloatPair:
     """Return unit vectors and lengths."""
     size = length(*components(vectors))
     return vectors / size[:, None], size
@@ -182,13 +205,6 @@ def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _level(vectors: FloatArray, up: FloatArray) -> FloatArray:
     """Return the components of vectors perpendicular to unit vectors."""
     return vectors - dot(vectors, up)[:, None] * up
-
-
-#: The mean radius of the Earth, m (IUGG: (2 a + b)/3 of WGS 84).
-_MEAN_RADIUS_M = EARTH_EQUATORIAL_RADIUS_M * (1.0 - EARTH_FLATTENING / 3.0)
-
-#: Up to here Lambert's formula is within 90 m of the geodesic, m.
-_LAMBERT_REACH_M = 1.59e7
 
 
 @frozen(eq=False)
@@ -235,35 +251,31 @@ def aim(
     tolerance, are reported in `complaints`.
     """
     n = len(profiles)
-    launch, aim_point = (Geodetic(*(_column(v, n) for v in place)) for place in (launch, aim_point))
-    range_m = surface_range_m(
-        launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad
+    launch, aim_point = (
+        Geodetic(*(np.broadcast_to(floats(v), (n,)) for v in place))
+        for place in (launch, aim_point)
     )
+    range_m = surface_range_m(*launch[:2], *aim_point[:2])
     course = ascent(profiles, _flight_path_angle_rad(range_m, profiles))
     site = launch_site(*launch)
     aim_m = geodetic_to_ecef(*aim_point)
     shot = LaunchSolution(site, course, aim_m, aim_point.height_m, forces_on(forces, n))
-    azimuth_rad = np.full(n, np.nan)
-    speed_m_s = np.full(n, np.nan)
-    rows = np.flatnonzero(within_range_limits(range_m, profiles))
-    azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
-    landing = shot.landing(azimuth_rad, speed_m_s)
-    converged = landing.miss_m <= tolerance_m
-    path = boost_path(site, _column(ignition_s, n), azimuth_rad, speed_m_s, course)
+    aimed = aimed_launches(shot, range_m, profiles, _guess, tolerance_m)
+    path = boost_path(site, ignition_s, aimed.azimuth_rad, aimed.speed_m_s, course)
     ecef = path.state(np.arange(n), path.burnout_s)
     return Aim(
         range_m,
-        np.remainder(azimuth_rad, 2.0 * np.pi),
-        speed_m_s,
+        np.remainder(aimed.azimuth_rad, 2.0 * np.pi),
+        aimed.speed_m_s,
         0.5 * np.pi - course.turn_rad,
         path.burnout_s,
         *ecef,
         *ecef_to_eci_state(*ecef, path.burnout_s),
-        path.burnout_s + landing.duration_s,
-        landing.impact_ecef_m,
-        landing.miss_m,
-        converged,
-        range_complaints(range_m, profiles, converged),
+        path.burnout_s + aimed.landing.duration_s,
+        aimed.landing.impact_ecef_m,
+        aimed.landing.miss_m,
+        aimed.converged,
+        aimed.complaints,
         path,
     )
 
@@ -280,11 +292,11 @@ def surface_range_m(
     fails, the geodesic.
     """
     arguments = (latitude_1_rad, longitude_1_rad, latitude_2_rad, longitude_2_rad)
-    places = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in arguments))
+    places = np.broadcast_arrays(*(floats(v) for v in arguments))
     distance = np.asarray(_lambert_range_m(*places))
-    far = distance > _LAMBERT_REACH_M
-    if far.any():
-        distance[far] = geodesic_inverse(*(v[far] for v in places)).distance_m
+    beyond = distance > 1.59e7
+    if beyond.any():
+        distance[beyond] = geodesic_inverse(*(v[beyond] for v in places)).distance_m
     return distance
 
 
@@ -332,39 +344,9 @@ def _flight_path_angle_rad(range_m: FloatArray, profiles: Sequence[BoostProfile]
     """
     reference_rad = np.array([profile.burnout_flight_path_angle_rad for profile in profiles])
     reference_m = np.array([profile.reference_range_m for profile in profiles])
-    return reference_rad + 0.25 * (reference_m - range_m) / _MEAN_RADIUS_M
-
-
-def within_range_limits(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> BoolArray:
-    """Return which ranges (n,) are within the limits of the profiles."""
-    shortest = np.array([profile.minimum_range_m for profile in profiles])
-    longest = np.array([profile.maximum_range_m for profile in profiles])
-    return (range_m >= shortest) & (range_m <= longest)
-
-
-def range_complaints(
-    range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray
-) -> tuple[str, ...]:
-    """Return for each target the reason why it cannot reach its aim point, or an empty string."""
-    within = within_range_limits(range_m, profiles)
-    complaints = []
-    for row, profile in enumerate(profiles):
-        distance = f"the aim point is {range_m[row] / 1e3:.0f} km from the launch point"
-        limits = (
-            f"{profile.name} flies {profile.minimum_range_m / 1e3:g} to"
-            f" {profile.maximum_range_m / 1e3:g} km"
-        )
-        found = (
-            f"no flight of {profile.name} was found that comes down on it, although "
-            if within[row]
-            else ""
-        )
-        complaints.append("" if converged[row] else f"{distance}; {found}{limits}")
-    return tuple(complaints)
-
-
-def _column(values: ArrayLike, n: int) -> FloatArray:
-    return np.broadcast_to(np.asarray(values, dtype=np.float64), (n,))
+    # The mean radius of the Earth (IUGG: (2 a + b)/3 of WGS 84).
+    mean_radius_m = EARTH_EQUATORIAL_RADIUS_M * (1.0 - EARTH_FLATTENING / 3.0)
+    return reference_rad + 0.25 * (reference_m - range_m) / mean_radius_m
 
 
 def boost_ephemeris(path: BoostPath, tolerance_m: float = 0.01) -> Ephemeris:
@@ -386,14 +368,3 @@ def coast_ephemeris(
     return free_flight_ephemeris(
         flight.burnout_s, flight.impact_s, *states, forces=forces, tolerance_m=tolerance_m
     )
-
-
-def flight_ephemeris(
-    flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler"
-) -> Ephemeris:
-    """Return the ECEF ephemeris of the flights of n targets, ignition to impact; arguments as in
-    `coast_ephemeris`.
-    """
-    boost = boost_ephemeris(flight.path, tolerance_m)
-    coast = coast_ephemeris(flight, tolerance_m, forces)
-    return Ephemeris.joined([boost, coast])

@@ -12,40 +12,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.flight.conic_impact import ON_SURFACE_M
 from opir_core.flight.dop853 import Step, StepStart
 from opir_core.flight.gravity_and_drag import height_and_climb
-
-_HALVINGS = 4
-_NEWTON_STEPS = 4
+from opir_core.flight.universal_anomaly import dot, length
+from opir_core.geometry.vectors import FloatPair
 
 
 class Rise(NamedTuple):
     """Heights, m, at both ends of steps, and the rates there times the length of the step, m."""
 
-    first: FloatArray
-    last: FloatArray
-    first_rate: FloatArray
-    last_rate: FloatArray
+    start: FloatArray
+    end: FloatArray
+    start_rate: FloatArray
+    end_rate: FloatArray
 
     def of(self, index: RowArray) -> "Rise":
         """Return the rows at `index`."""
         return Rise(*(column[index] for column in self))
 
-    def at(self, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _coefficients(self) -> FloatPair:
+        """Return those of the square and the cube of the cubic through the ends."""
+        change = self.end - self.start
+        return (
+            3.0 * change - 2.0 * self.start_rate - self.end_rate,
+            self.start_rate + self.end_rate - 2.0 * change,
+        )
+
+    def at(self, fraction: FloatArray) -> FloatPair:
         """Return the cubic through the ends at a fraction of the step, and its derivative."""
-        bend = 3.0 * (self.last - self.first) - 2.0 * self.first_rate - self.last_rate
-        twist = self.first_rate + self.last_rate - 2.0 * (self.last - self.first)
-        value = self.first + fraction * (self.first_rate + fraction * (bend + fraction * twist))
-        return value, self.first_rate + fraction * (2.0 * bend + fraction * (3.0 * twist))
+        bend, twist = self._coefficients()
+        value = self.start + fraction * (self.start_rate + fraction * (bend + fraction * twist))
+        return value, self.start_rate + fraction * (2.0 * bend + fraction * (3.0 * twist))
 
     def turning_point(self) -> FloatArray:
         """Return the fraction at which the cubic turns, where its rates differ in sign at the two
         ends.
         """
-        bend = 3.0 * (self.last - self.first) - 2.0 * self.first_rate - self.last_rate
-        twist = self.first_rate + self.last_rate - 2.0 * (self.last - self.first)
-        root = np.sqrt(bend * bend - 3.0 * twist * self.first_rate)
-        return np.abs(self.first_rate) / (root - np.sign(self.first_rate) * bend)
+        bend, twist = self._coefficients()
+        root = np.sqrt(bend * bend - 3.0 * twist * self.start_rate)
+        return np.abs(self.start_rate) / (root - np.sign(self.start_rate) * bend)
 
 
 def crossing_fraction(
@@ -59,13 +65,13 @@ def crossing_fraction(
     side = np.where(down, 1.0, -1.0)
     low = np.zeros_like(end)
     high = end.copy()
-    for _ in range(_HALVINGS):
+    for _ in range(4):
         middle = 0.5 * (low + high)
         short = side * (rise.at(middle)[0] - boundary) > 0.0
         low = np.where(short, middle, low)
         high = np.where(short, high, middle)
     fraction = 0.5 * (low + high)
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(4):
         value, slope = rise.at(fraction)
         short = side * (value - boundary) > 0.0
         low = np.where(short, fraction, low)
@@ -77,58 +83,41 @@ def crossing_fraction(
 
 def state_within(
     start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return positions and velocities within steps at `index`, by the quintic through the states at
     both ends.
     """
     position, velocity, acceleration = (rows[:, index] for rows in start)
     end_position, end_velocity, end_acceleration = (rows[:, index] for rows in step[:3])
-    length = h[index]
-    slope = length * velocity
-    curve = length * length * acceleration
+    duration = h[index]
+    slope = duration * velocity
+    curve = duration * duration * acceleration
     p = end_position - position - slope - 0.5 * curve
-    q = length * end_velocity - slope - curve
-    s = length * length * end_acceleration - curve
+    q = duration * end_velocity - slope - curve
+    s = duration * duration * end_acceleration - curve
     c3 = 10.0 * p - 4.0 * q + 0.5 * s
     c4 = 7.0 * q - 15.0 * p - s
     c5 = 6.0 * p - 3.0 * q + 0.5 * s
     f = fraction
     moved = position + f * (slope + f * (0.5 * curve + f * (c3 + f * (c4 + f * c5))))
     rate = slope + f * (curve + f * (3.0 * c3 + f * (4.0 * c4 + f * (5.0 * c5))))
-    return moved, rate / length
+    return moved, rate / duration
 
 
 def height_within(
     start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return heights, m, at a fraction of steps, and their rates times the length of the step, m,
     by the quintic.
     """
     position, velocity = state_within(start, step, h, index, fraction)
-    inverse_radius = 1.0 / np.sqrt(
-        position[0] * position[0] + position[1] * position[1] + position[2] * position[2]
-    )
-    height, climb = height_and_climb(position, velocity, inverse_radius)
+    height, climb = height_and_climb(position, velocity, 1.0 / length(position))
     return height, climb * h[index]
 
 
 #: An arc within this distance, m, is on a boundary: between layers that moves an impact by
-#: micrometres. At the impact height it must also be within this time, s.
+#: micrometres.
 _NEAR_M = 0.1
-_NEAR_S = 1e-4
-
-#: Steps this short, s, are not shortened further.
-_SHORTEST_S = 1e-3
-
-#: A start this close to the impact height, m, is on it, so that rounding does not decide whether it
-#: first rises.
-_ON_SURFACE_M = 1e-6
-
-#: Gravity in the bound of a step's change of height, m/s².
-_FALL_M_S2 = 10.0
-
-#: A step may be this much longer than wanted, to end on a boundary.
-_STRETCH = 1.05
 
 
 class Seams(NamedTuple):
@@ -172,15 +161,15 @@ class AltitudeEvents:
         self.layer = np.searchsorted(self._seams.floors_m, self._height, side="right") - 1
         outside = self.layer < 0
         self.layer[outside] = 0
-        self._above = self._height >= self._target - _ON_SURFACE_M
+        self._above = self._height >= self._target - ON_SURFACE_M
         self._set_bounds()
         landing = self.settle(np.ones_like(outside))
         return landing._replace(sunk=landing.sunk | outside)
 
-    def keep(self, kept: BoolArray) -> None:
-        """Drop the arcs that are not kept."""
+    def keep(self, under_way: BoolArray) -> None:
+        """Keep the arcs that are under way."""
         for name in self._COLUMNS:
-            setattr(self, name, getattr(self, name)[kept])
+            setattr(self, name, getattr(self, name)[under_way])
 
     _COLUMNS = (
         "_target",
@@ -194,7 +183,7 @@ class AltitudeEvents:
         "_high",
     )
 
-    def lengths(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def lengths(self, longest: FloatArray) -> FloatPair:
         """Return the longest steps, s, by accuracy and height, and equal steps that end on the
         boundary ahead.
 
@@ -204,21 +193,23 @@ class AltitudeEvents:
         above = np.maximum(self._height - self._seams.floors_m[self.layer], 0.0)
         stride = self._seams.strides_m[self.layer] + self._seams.stride_shares[self.layer] * above
         rate = np.abs(self._climb)
-        allowed = np.minimum(
-            wanted, 2.0 * stride / (rate + np.sqrt(rate * rate + 2.0 * _FALL_M_S2 * stride))
+        # Gravity is taken as 10 m/s² in the bound of a step's change of height.
+        allowed = np.minimum(longest, 2.0 * stride / (rate + np.sqrt(rate * rate + 20.0 * stride)))
+        to_boundary = self._time_to_boundary()
+        # A step may be this much longer than the longest one, to end on a boundary.
+        count = np.ceil(to_boundary / (1.05 * allowed))
+        return allowed, np.where(
+            to_boundary < np.inf, to_boundary / np.maximum(count, 1.0), allowed
         )
-        ahead = self._time_to_boundary()
-        count = np.ceil(ahead / (_STRETCH * allowed))
-        return allowed, np.where(ahead < np.inf, ahead / np.maximum(count, 1.0), allowed)
 
     def _time_to_boundary(self) -> FloatArray:
         """Return the times, s, to the boundary ahead along a parabola; infinite where it is not
         reached.
         """
         rate = np.abs(self._climb)
-        away = np.where(self._climb < 0.0, self._height - self._low, self._high - self._height)
+        distance = np.where(self._climb < 0.0, self._height - self._low, self._high - self._height)
         bend = np.where(self._climb < 0.0, -self._bend, self._bend)
-        time = 2.0 * away / (rate + np.sqrt(rate * rate + 2.0 * bend * away))
+        time = 2.0 * distance / (rate + np.sqrt(rate * rate + 2.0 * bend * distance))
         return np.where(time > 0.0, time, np.inf)
 
     def fall_time(self, radius_squared_m2: FloatArray, mu_m3_s2: float) -> FloatArray:
@@ -236,18 +227,19 @@ class AltitudeEvents:
         they first do.
         """
         self._next_height, self._next_climb = self._height_and_climb(step.position, step.velocity)
-        length = np.abs(h)
+        duration = np.abs(h)
         rise = Rise(
-            self._height, self._next_height, self._climb * length, self._next_climb * length
+            self._height, self._next_height, self._climb * duration, self._next_climb * duration
         )
-        down = rise.last < self._low - self._slack(self._next_climb)
-        leaving = down | (rise.last > self._high + _NEAR_M)
-        candidate = candidate & (length > _SHORTEST_S)
+        down = rise.end < self._low - self._slack(self._next_climb)
+        leaving = down | (rise.end > self._high + _NEAR_M)
+        # Steps this short, s, are not shortened further.
+        candidate = candidate & (duration > 1e-3)
         index = np.flatnonzero(candidate & leaving)
         end = np.ones(index.size)
-        turning = np.flatnonzero(candidate & ~leaving & (rise.first_rate * rise.last_rate < 0.0))
+        turning = np.flatnonzero(candidate & ~leaving & (rise.start_rate * rise.end_rate < 0.0))
         if turning.size:
-            down[turning] = rise.first_rate[turning] < 0.0
+            down[turning] = rise.start_rate[turning] < 0.0
             fraction = rise.of(turning).turning_point()
             height, _ = height_within(start, step, h, turning, fraction)
             outside = (height < self._low[turning]) | (height > self._high[turning])
@@ -320,7 +312,7 @@ class AltitudeEvents:
         """Return the times, s, to the impact height of states (3, k) near it, of the arcs at
         `index`.
         """
-        height, climb = height_and_climb(position, velocity, _inverse_length(position))
+        height, climb = height_and_climb(position, velocity, 1.0 / length(position))
         return (self._target[index] - height) / climb
 
     def _set_bounds(self) -> None:
@@ -331,30 +323,18 @@ class AltitudeEvents:
 
     def _slack(self, climb: FloatArray) -> FloatArray:
         """Return the distance to the boundary below, m, within which an arc counts as on it."""
+        # At the impact height an arc must also be within 0.1 ms.
         return np.where(
-            self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), _NEAR_M
+            self._low == self._target, np.minimum(_NEAR_M, 1e-4 * np.abs(climb)), _NEAR_M
         )
 
-    def _height_and_climb(
-        self, position: FloatArray, velocity: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        height, climb = height_and_climb(position, velocity, _inverse_length(position))
+    def _height_and_climb(self, position: FloatArray, velocity: FloatArray) -> FloatPair:
+        height, climb = height_and_climb(position, velocity, 1.0 / length(position))
         return height, climb * self._direction
 
     def _curvature(self, start: StepStart, climb: FloatArray) -> FloatArray:
         """Return the second derivative of the radius, m/s², for that of the height."""
         position, velocity, acceleration = start
-        radial = (
-            position[0] * acceleration[0]
-            + position[1] * acceleration[1]
-            + position[2] * acceleration[2]
-        )
         squares = velocity * velocity
-        return (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(
-            position
-        )
-
-
-def _inverse_length(rows: FloatArray) -> FloatArray:
-    squares = rows * rows
-    return 1.0 / np.sqrt(squares[0] + squares[1] + squares[2])
+        radial = dot(position, acceleration) + squares[0] + squares[1] + squares[2]
+        return (radial - climb * climb) * (1.0 / length(position))

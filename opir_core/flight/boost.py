@@ -18,12 +18,14 @@ from math import factorial
 from types import MappingProxyType
 
 import numpy as np
-from attrs import fields, frozen
+from attrs import frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
+from opir_core.flight.rows import Rows, TrailingRows
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
+from opir_core.geometry.vectors import FloatPair, floats
 from opir_core.scene.target_classes import (
     Ballistic,
     BoostProfile,
@@ -61,7 +63,7 @@ _DEGREE = 32
 
 
 @frozen(eq=False, repr=False)
-class Ascent:
+class Ascent(TrailingRows):
     """The ascents of n targets for unit burnout speed, given by profile and burnout flight path
     angle.
 
@@ -80,9 +82,10 @@ class Ascent:
     sweep_rate_s: FloatArray
     climb_s: FloatArray
 
-    def take(self, rows: RowArray) -> "Ascent":
-        """Return some of the ascents."""
-        return Ascent(*(getattr(self, column.name)[..., rows] for column in fields(Ascent)))
+    def with_turn(self, turn_rad: FloatArray) -> "Ascent":
+        """Return the ascents with other burnout flight path angles from the vertical (n,)."""
+        shape = self.burn_time_s, self.pitch_start_s, self.speed_shape, self.pitch_exponent
+        return ascent_of_shape(*shape, turn_rad)
 
     def burnout_height_m(self, burnout_speed_m_s: FloatArray) -> FloatArray:
         """Return the height at burnout, (n,)."""
@@ -116,14 +119,15 @@ def ascent(profiles: Sequence[BoostProfile], burnout_flight_path_angle_rad: Arra
     """Return the ascents of targets with these profiles, one per target, and burnout flight path
     angles (n,).
     """
-    burn, start, k, n = (
-        np.array([getattr(profile, name) for profile in profiles], dtype=np.float64)
-        for name in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
-    )
-    turn = 0.5 * np.pi - np.broadcast_to(
-        np.asarray(burnout_flight_path_angle_rad, dtype=np.float64), burn.shape
-    )
-    return ascent_of_shape(burn, start, k, n, turn)
+    burn, start, k, n = shape_of(profiles)
+    angle = floats(burnout_flight_path_angle_rad)
+    return ascent_of_shape(burn, start, k, n, 0.5 * np.pi - np.broadcast_to(angle, burn.shape))
+
+
+def shape_of(profiles: Sequence[BoostProfile]) -> FloatArray:
+    """Return burn times, pitch starts, speed shapes and pitch exponents (4, n) of profiles."""
+    names = ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
+    return np.array([[getattr(profile, name) for profile in profiles] for name in names], float)
 
 
 def ascent_of_shape(
@@ -238,7 +242,7 @@ def _applied(matrix: FloatArray, columns: FloatArray) -> FloatArray:
 
 
 @frozen(eq=False, repr=False)
-class LaunchPlane:
+class LaunchPlane(Rows):
     """The vertical plane of each of n launches: vectors (n, 3) in ECEF, and the radius (n,) of the
     circle in it.
     """
@@ -254,7 +258,7 @@ class LaunchPlane:
         swept_rad: FloatArray,
         speed_m_s: FloatArray,
         lean_rad: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> FloatPair:
         """Return ECEF position and velocity relative to the Earth, (n, 3), from the course in the
         plane, (n,).
 
@@ -268,18 +272,12 @@ class LaunchPlane:
         velocity = self._combined(speed_m_s * np.cos(tilt), speed_m_s * np.sin(tilt))
         return self.launch_m + self._combined(rise, along), velocity
 
-    def take(self, target: RowArray) -> "LaunchPlane":
-        """Return the rows of some targets."""
-        return LaunchPlane(
-            self.launch_m[target], self.up[target], self.heading[target], self.radius_m[target]
-        )
-
     def _combined(self, rise: FloatArray, along: FloatArray) -> FloatArray:
         return rise[:, None] * self.up + along[:, None] * self.heading
 
 
 @frozen(eq=False, repr=False)
-class LaunchSite:
+class LaunchSite(Rows):
     """The sites of n launches: position (n, 3) and axes east, north, up (n, 3, 3) in ECEF, radii of
     curvature (n,).
     """
@@ -299,15 +297,6 @@ class LaunchSite:
         heading = sine[:, None] * self.axes[:, 0] + cosine[:, None] * self.axes[:, 1]
         return LaunchPlane(self.launch_m, self.axes[:, 2], heading, 1.0 / curvature)
 
-    def take(self, target: RowArray) -> "LaunchSite":
-        """Return the sites of some launches."""
-        return LaunchSite(
-            *(
-                v[target]
-                for v in (self.launch_m, self.axes, self.meridian_radius_m, self.normal_radius_m)
-            )
-        )
-
 
 def launch_site(
     latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike
@@ -315,9 +304,7 @@ def launch_site(
     """Return the launch sites at geodetic coordinates that broadcast to (n,); at a pole longitude
     orients the axes.
     """
-    columns = np.broadcast_arrays(
-        *(np.asarray(v, dtype=np.float64) for v in (latitude_rad, longitude_rad, height_m))
-    )
+    columns = np.broadcast_arrays(*(floats(v) for v in (latitude_rad, longitude_rad, height_m)))
     latitude, longitude, height = (np.atleast_1d(column).ravel() for column in columns)
     sine = np.sin(latitude)
     w = 1.0 - EARTH_ECCENTRICITY_SQUARED * sine * sine
@@ -341,7 +328,7 @@ class BoostPath:
     _climb_series_s: FloatArray
     _swept_series_rad: FloatArray
 
-    def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(self, target: RowArray, time_s: FloatArray) -> FloatPair:
         """Return ECEF positions and velocities relative to the Earth (m, 3) of targets (m,) at
         times (m,).
 
@@ -383,7 +370,7 @@ def boost_path(
     (n,).
     """
     plane = site.plane(azimuth_rad)
-    ignition = np.broadcast_to(np.asarray(ignition_s, dtype=np.float64), azimuth_rad.shape)
+    ignition = np.broadcast_to(floats(ignition_s), azimuth_rad.shape)
     swept_series = course.swept_series_rad(burnout_speed_m_s, plane.radius_m)
     burnout = ignition + course.burn_time_s
     return BoostPath(

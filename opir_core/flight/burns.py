@@ -32,12 +32,12 @@ def in_gap(gaps_s: FloatArray, target: IndexArray, time_s: FloatArray) -> BoolAr
     return dark
 
 
-def joined_burns_s(parts: Sequence[FloatArray]) -> FloatArray:
+def joined_burns_s(groups: Sequence[FloatArray]) -> FloatArray:
     """Return the burns of the targets of all parts, in order, filled up with nan."""
-    most = max(part.shape[1] for part in parts)
+    count = max(burns_s.shape[1] for burns_s in groups)
     filled = [
-        np.pad(part, ((0, 0), (0, most - part.shape[1]), (0, 0)), constant_values=np.nan)
-        for part in parts
+        np.pad(burns_s, ((0, 0), (0, count - burns_s.shape[1]), (0, 0)), constant_values=np.nan)
+        for burns_s in groups
     ]
     return np.concatenate(filled)
 

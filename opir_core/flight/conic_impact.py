@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import (
     EARTH_EQUATORIAL_RADIUS_M,
     EARTH_FLATTENING,
@@ -24,6 +24,7 @@ from opir_core.constants import (
 from opir_core.flight.kepler import flat_states
 from opir_core.flight.universal_anomaly import cross, dot, length, universal_functions
 from opir_core.geometry.ellipsoid import height_along_normal, normal_at_foot
+from opir_core.geometry.vectors import FloatPair
 
 #: Below this alpha T², two terms of the series of the arctangent suffice for a bracket.
 _SERIES = 1e-6
@@ -48,7 +49,7 @@ class ConicArcs(NamedTuple):
             return self
         return ConicArcs(*(column[..., index] for column in self))
 
-    def times_and_positions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def times_and_positions(self, s: FloatArray) -> FloatPair:
         """Return times since the start, s, and positions (3, n), m."""
         _, g1, g2, g3 = universal_functions(self.alpha, s)
         positions = (
@@ -60,7 +61,7 @@ class ConicArcs(NamedTuple):
         """Return geodetic heights, m."""
         return self.heights_and_slopes(s)[0]
 
-    def heights_and_slopes(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def heights_and_slopes(self, s: FloatArray) -> FloatPair:
         """Return geodetic heights, m, and their derivatives in the anomaly."""
         g0, g1, g2, _ = universal_functions(self.alpha, s)
         x, y, z = (
@@ -144,9 +145,7 @@ _COEFFICIENTS = np.linalg.inv(
 _START = 1e-6
 
 
-def grazing_brackets(
-    arcs: ConicArcs, height_m: FloatArray, on_surface_m: float
-) -> tuple[FloatArray, FloatArray]:
+def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float) -> FloatPair:
     """Return anomalies that bracket the first descent of each arc through the surface; `nan`
     without one.
 
@@ -161,9 +160,9 @@ def grazing_brackets(
     )
     outside[0] = start > on_surface_m
     falls = outside[:-1] & ~outside[1:]
-    first = np.argmax(falls, axis=0)
+    fall = np.argmax(falls, axis=0)
     column = np.arange(start.size)
-    low, high = (np.where(falls.any(axis=0), probes[first + k, column], np.nan) for k in (0, 1))
+    low, high = (np.where(falls.any(axis=0), probes[fall + k, column], np.nan) for k in (0, 1))
     at_once = on_surface & ~outside[1]
     return np.where(at_once, 0.0, low), np.where(at_once, 0.0, high)
 
@@ -175,10 +174,10 @@ def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatAr
     turn = arcs.turns()
     near_start = on_surface & ((cuts < _START) | (cuts > turn - _START))
     cuts = np.sort(np.where(near_start, np.nan, cuts), axis=0)
-    last = np.where(np.isfinite(turn), turn, 2.0 * np.nanmax(cuts, axis=0, initial=0.5))
-    cuts = np.where(np.isfinite(cuts), cuts, last)
-    marks = np.concatenate([np.zeros_like(last)[None], cuts, last[None]])
-    probes = np.empty((2 * len(marks) - 1, last.size))
+    end = np.where(np.isfinite(turn), turn, 2.0 * np.nanmax(cuts, axis=0, initial=0.5))
+    cuts = np.where(np.isfinite(cuts), cuts, end)
+    marks = np.concatenate([np.zeros_like(end)[None], cuts, end[None]])
+    probes = np.empty((2 * len(marks) - 1, end.size))
     probes[::2] = marks
     probes[1::2] = 0.5 * (marks[1:] + marks[:-1])
     return probes
@@ -188,14 +187,7 @@ def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
     """Return the anomalies (4, n) of the cuts, or nearest approaches, of each arc with the
     ellipsoid of that height.
     """
-    samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
-    largest = np.argmax(np.abs(samples), axis=0)
-    column = np.arange(height_m.size)
-    turned = np.stack([samples[(largest + k) % 5, column] for k in range(5)])
-    coefficients = [
-        sum(factor * sample for factor, sample in zip(row, turned, strict=True))
-        for row in _COEFFICIENTS
-    ]
+    largest, coefficients = _quartic(arcs, height_m)
     companions = np.zeros((height_m.size, 4, 4))
     companions[:, (1, 2, 3), (0, 1, 2)] = 1.0
     for k in range(4):
@@ -205,6 +197,20 @@ def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
     cosine = np.cos(_ANGLES[largest])
     sine = np.sin(_ANGLES[largest])
     return np.stack([arcs.anomalies(cosine - t * sine, -sine - t * cosine) for t in tangents])
+
+
+def _quartic(arcs: ConicArcs, height_m: FloatArray) -> tuple[RowArray, list[FloatArray]]:
+    """Return the numbers of the angles with the largest samples, and the coefficients of the
+    quartics, lowest power first, in the tangent of the angle from there.
+    """
+    samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
+    largest = np.argmax(np.abs(samples), axis=0)
+    column = np.arange(height_m.size)
+    turned = [samples[(largest + k) % 5, column] for k in range(5)]
+    return largest, [
+        sum(factor * sample for factor, sample in zip(row, turned, strict=True))
+        for row in _COEFFICIENTS
+    ]
 
 
 def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -> FloatArray:
@@ -227,17 +233,8 @@ ON_SURFACE_M = 1e-6
 #: Margin of the spheres to the surface, m, so that the bracket encloses a crossing on a sphere.
 _MARGIN_M = 1.0
 
-#: An arc is steep above this slope: twice the steepest slope of the surface against a sphere.
-_STEEP = 2.0 * EARTH_FLATTENING
 
 _BLOCK = 8192
-_MOST_STEPS = 80
-
-#: A step this small, relative to the anomaly, is the last: Newton's method squares it.
-_LAST_STEP = 1e-10
-
-#: A halving this small, relative to the anomaly, leaves nothing to halve.
-_LAST_HALVING = 4.0 * float(np.finfo(float).eps)
 
 
 def kepler_impact(
@@ -245,7 +242,7 @@ def kepler_impact(
     velocity_m_s: ArrayLike,
     height_m: ArrayLike = 0.0,
     mu_m3_s2: float = EARTH_MU_M3_S2,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the times to impact, s, and the impact points, m (ECI), of two-body arcs.
 
     Position and velocity (..., 3) are in an inertial frame about the Earth's centre with z along
@@ -262,8 +259,8 @@ def kepler_impact(
     duration = np.empty(height.shape)
     point = np.empty((height.size, 3))
     with np.errstate(all="ignore"):
-        for first in range(0, height.size, _BLOCK):
-            block = slice(first, first + _BLOCK)
+        for start in range(0, height.size, _BLOCK):
+            block = slice(start, start + _BLOCK)
             duration[block], point[block] = _impacts(
                 position[block], velocity[block], height[block], mu_m3_s2
             )
@@ -272,7 +269,7 @@ def kepler_impact(
 
 def _impacts(
     position: FloatArray, velocity: FloatArray, height: FloatArray, mu: float
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return times (n,) and points (n, 3) of impact."""
     duration = np.full(height.shape, np.nan)
     point = np.full((height.size, 3), np.nan)
@@ -295,7 +292,7 @@ def _impacts(
     return duration, point
 
 
-def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _brackets(arcs: ConicArcs, height: FloatArray) -> FloatPair:
     """Return anomalies that bracket the first descent of each arc through the surface; `nan`
     without one.
     """
@@ -303,7 +300,8 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
     inner = (EARTH_POLAR_RADIUS_M - _MARGIN_M + height) / arcs.length_m
     at_outer = arcs.radial_squared(outer)
     at_inner = arcs.radial_squared(inner)
-    least = (_STEEP * arcs.momentum) ** 2
+    # An arc is steep above this slope: twice the steepest slope of the surface against a sphere.
+    least = ((2.0 * EARTH_FLATTENING) * arcs.momentum) ** 2
     steep = (at_outer > least) & (at_inner > least)
     low, high = _steep_brackets(arcs, height, outer, inner)
     turning = 1.0 / arcs.alpha
@@ -316,16 +314,21 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
         )
     (deep,) = (outer > 1.0).nonzero()
     if deep.size:
-        above, climb = arcs.at(deep).heights_and_slopes(np.zeros(deep.size))
-        down = deep[(above < height[deep] - ON_SURFACE_M) & (climb < 0.0)]
-        low[down] = 0.0
-        high[down] = 0.0
+        landed = deep[_have_come_down(arcs.at(deep), height[deep])]
+        low[landed] = 0.0
+        high[landed] = 0.0
     return low, high
+
+
+def _have_come_down(arcs: ConicArcs, height: FloatArray) -> BoolArray:
+    """Return which arcs start below their heights and descend."""
+    above, climb = arcs.heights_and_slopes(np.zeros(height.size))
+    return (above < height - ON_SURFACE_M) & (climb < 0.0)
 
 
 def _steep_brackets(
     arcs: ConicArcs, height: FloatArray, outer: FloatArray, inner: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the anomalies of the first descents through the two spheres.
 
     A start that falls between them has yet to fall through the surface, or is on it: then the
@@ -347,7 +350,7 @@ def _descent(arcs: ConicArcs, height: FloatArray, low: FloatArray, high: FloatAr
     """
     s = 0.5 * (low + high)
     still = low < high
-    for _ in range(_MOST_STEPS):
+    for _ in range(80):
         (at,) = still.nonzero()
         if not at.size:
             break
@@ -358,7 +361,9 @@ def _descent(arcs: ConicArcs, height: FloatArray, low: FloatArray, high: FloatAr
         newton = s[at] - above / slope
         inside = (newton >= low[at]) & (newton <= high[at])
         trial = np.where(inside, newton, 0.5 * (low[at] + high[at]))
-        enough = np.where(inside, _LAST_STEP, _LAST_HALVING) * high[at]
+        # A Newton step this small, relative to the anomaly, is the last: the next would be its
+        # square. A halving of a few roundings leaves nothing to halve.
+        enough = np.where(inside, 1e-10, 4.0 * np.finfo(float).eps) * high[at]
         still[at] = np.abs(trial - s[at]) > enough
         s[at] = trial
     return s

@@ -11,6 +11,7 @@ from opir_core.flight.dop853 import ColumnAcceleration, Step, StepStart, dense_o
 from opir_core.flight.forces import J2, ForceModel, forces_of
 from opir_core.flight.integration import columns_of, integrations
 from opir_core.flight.propagation import TOLERANCE_M
+from opir_core.geometry.vectors import floats
 
 
 def dense_arcs(
@@ -29,17 +30,14 @@ def dense_arcs(
     factor within a step than at its end.
     """
     forces = forces_of(forces)
-    finer = np.asarray(tolerance_m, dtype=np.float64) / _FINER
+    # How much less accurate positions within a step are than at its end.
+    finer = floats(tolerance_m) / 16.0
     columns = columns_of(position_m, velocity_m_s, duration_s, finer, forces)
     recorder = StepRecorder()
-    for part, integration in integrations(columns, forces, recorder):
-        recorder.first_arc = part.start
+    for block, integration in integrations(columns, forces, recorder):
+        recorder.first_arc = block.start
         integration.ends()
     return recorder.arcs(columns.duration.size)
-
-
-#: How much less accurate positions within a step are than at its end.
-_FINER = 16.0
 
 
 #: Queries evaluated together, few enough for their coefficients to stay in a second-level cache.
@@ -50,13 +48,13 @@ _BLOCK = 512
 class DenseArcs:
     """Arcs as the polynomials of their steps, sorted by arc and then in the order of integration.
 
-    `first` (arcs + 1,) is the index of the first step of each arc; `begin_s` and `length_s`
+    `start` (arcs + 1,) is the index of the first step of each arc; `begin_s` and `length_s`
     (steps,) are the start and the signed length of each step; `states` (steps, 2, 3) are position
     and velocity at the start, and `terms` (steps, 7, 2, 3) their dense output
-    (`dop853.DenseOutput`).
+    (`dop853.nested`).
     """
 
-    first: RowArray
+    start: RowArray
     begin_s: FloatArray
     length_s: FloatArray
     states: FloatArray
@@ -70,43 +68,45 @@ class DenseArcs:
         order. `nan` outside the duration of an arc, and where the arc has no state. `IndexError`
         for a number out of range.
         """
-        count = self.first.size - 1
-        arcs, time = np.broadcast_arrays(
-            np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64)
-        )
+        count = self.start.size - 1
+        arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), floats(time_s))
         if arcs.size and (int(arcs.min()) < 0 or int(arcs.max()) >= count):
             raise IndexError(f"arc numbers must be from 0 to {count - 1}")
         flat = np.full((arcs.size, 2, 3), np.nan)
         for begin in range(0, arcs.size, _BLOCK):
-            part = slice(begin, begin + _BLOCK)
-            flat[part] = self._states(arcs.reshape(-1)[part], time.reshape(-1)[part])
+            block = slice(begin, begin + _BLOCK)
+            flat[block] = self._states(arcs.reshape(-1)[block], time.reshape(-1)[block])
         states = flat.reshape(*arcs.shape, 2, 3)
         return states[..., 0, :], states[..., 1, :]
 
+    def end_s(self, arc: RowArray) -> FloatArray:
+        """Return the durations (m,), s, of arcs that have steps."""
+        end_step = self.start[arc + 1] - 1
+        return self.begin_s[end_step] + self.length_s[end_step]
+
     def _states(self, arcs: RowArray, time: FloatArray) -> FloatArray:
-        first = self.first[arcs]
-        last = self.first[arcs + 1] - 1
         states = np.full((arcs.size, 2, 3), np.nan)
-        known = np.flatnonzero(last >= first)
-        first = first[known]
-        last = last[known]
-        time = time[known]
-        end = self.begin_s[last] + self.length_s[last]
-        inside = (time * np.sign(end) >= 0.0) & (np.abs(time) <= np.abs(end))
-        known = known[inside]
-        time = time[inside]
-        # The last step that begins no later than the time, by bisection.
-        step = first[inside].copy()
-        high = last[inside].copy()
+        rows = np.flatnonzero(self.start[arcs + 1] > self.start[arcs])
+        end = self.end_s(arcs[rows])
+        inside = (time[rows] * np.sign(end) >= 0.0) & (np.abs(time[rows]) <= np.abs(end))
+        rows = rows[inside]
+        time = time[rows]
+        step = self._step_at(arcs[rows], time)
+        fraction = ((time - self.begin_s[step]) / self.length_s[step])[:, None, None]
+        terms = np.moveaxis(self.terms[step], 1, 0)
+        states[rows] = self.states[step] + nested(terms, fraction)
+        return states
+
+    def _step_at(self, arcs: RowArray, time: FloatArray) -> RowArray:
+        """Return the last steps that begin no later than the times, by bisection."""
+        step = self.start[arcs]
+        high = self.start[arcs + 1] - 1
         while np.any(step < high):
             middle = (step + high + 1) // 2
             later = np.abs(self.begin_s[middle]) > np.abs(time)
             np.copyto(high, middle - 1, where=later & (step < high))
             np.copyto(step, middle, where=~later)
-        fraction = ((time - self.begin_s[step]) / self.length_s[step])[:, np.newaxis, np.newaxis]
-        terms = np.moveaxis(self.terms[step], 1, 0)
-        states[known] = self.states[step] + nested(terms, fraction)
-        return states
+        return step
 
 
 @define(eq=False, repr=False)
@@ -116,7 +116,7 @@ class StepRecorder:
     """
 
     first_arc: int = 0
-    _kept: list[tuple[RowArray, FloatArray, FloatArray, FloatArray, FloatArray]] = field(
+    _steps: list[tuple[RowArray, FloatArray, FloatArray, FloatArray, FloatArray]] = field(
         factory=list
     )
 
@@ -131,21 +131,17 @@ class StepRecorder:
         right_side: ColumnAcceleration,
     ) -> None:
         """Record the accepted steps."""
-        dense = dense_output(right_side, start, step, h)
-        kept = np.flatnonzero(accepted)
-        states = np.stack([dense.position[:, kept].T, dense.velocity[:, kept].T], axis=1)
-        both = (dense.position_terms, dense.velocity_terms)
-        terms = np.stack([np.transpose(each[:, :, kept], (2, 0, 1)) for each in both], axis=2)
-        self._kept.append((index[kept] + self.first_arc, begin[kept], h[kept], states, terms))
+        rows = np.flatnonzero(accepted)
+        states = np.stack([start.position[:, rows].T, start.velocity[:, rows].T], axis=1)
+        terms = np.moveaxis(dense_output(right_side, start, step, h)[..., rows], -1, 0)
+        self._steps.append((index[rows] + self.first_arc, begin[rows], h[rows], states, terms))
 
     def arcs(self, count: int) -> DenseArcs:
         """Return the recorded steps as `count` arcs."""
-        if not self._kept:
-            return DenseArcs(np.zeros(count + 1, np.intp), *(np.empty(shape) for shape in _EMPTY))
-        arc, *columns = (np.concatenate(column) for column in zip(*self._kept, strict=True))
+        if not self._steps:
+            shapes = ((0,), (0,), (0, 2, 3), (0, 7, 2, 3))
+            return DenseArcs(np.zeros(count + 1, np.intp), *(np.empty(shape) for shape in shapes))
+        arc, *columns = (np.concatenate(column) for column in zip(*self._steps, strict=True))
         order = np.argsort(arc, kind="stable")
-        first = np.searchsorted(arc[order], np.arange(count + 1))
-        return DenseArcs(first, *(column[order] for column in columns))
-
-
-_EMPTY = ((0,), (0,), (0, 2, 3), (0, 7, 2, 3))
+        start = np.searchsorted(arc[order], np.arange(count + 1))
+        return DenseArcs(start, *(column[order] for column in columns))

@@ -17,28 +17,24 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.errors import ModelError
+from opir_core.flight.rows import TrailingRows
+from opir_core.geometry.vectors import FloatPair, floats
 
 #: Targets (m,) and times (m,) to positions and velocities (m, 3), element by element.
-Motion = Callable[[RowArray, FloatArray], tuple[FloatArray, FloatArray]]
+Motion = Callable[[RowArray, FloatArray], FloatPair]
 
 #: Points of error estimation: the extremes of (x³ - x)², the error of a smooth motion, and 0.71,
 #: where that of a motion with a power 3/2 at an end is largest; the true largest error is within 5
 #: % of the largest there.
 _ERROR_NODES = np.array([-0.71, -(3.0**-0.5), -0.25, 0.25, 3.0**-0.5, 0.71])
 
-#: A segment is accepted if its estimated error is at most this share of the tolerance; a split aims
-#: for half of it.
-_MARGIN = 0.8
 
 #: Segments fitted in one call of the motion.
 _FIT_BLOCK = 1024
 
-#: Rounds of splitting after which a fit is rejected: segments are then at most 2^-40 of the span.
-_ROUNDS = 40
-
 
 @frozen(eq=False, repr=False)
-class HermiteSegments:
+class HermiteSegments(TrailingRows):
     """Polynomial segments of trajectories, sorted by target, then time.
 
     Columns (s,): `target`, and the span `start_s` to `end_s`. Position is the sum of
@@ -53,24 +49,10 @@ class HermiteSegments:
     def __len__(self) -> int:
         return len(self.target)
 
-    def take(self, rows: RowArray) -> "HermiteSegments":
-        """Return some of the segments."""
-        return HermiteSegments(
-            self.target[rows],
-            self.start_s[rows],
-            self.end_s[rows],
-            self.coefficients.take(rows, axis=-1),
-        )
 
-
-def merged_segments(parts: Sequence[HermiteSegments]) -> HermiteSegments:
+def merged_segments(groups: Sequence[HermiteSegments]) -> HermiteSegments:
     """Return the segments of all parts, sorted by target, then time."""
-    merged = HermiteSegments(
-        np.concatenate([part.target for part in parts]),
-        np.concatenate([part.start_s for part in parts]),
-        np.concatenate([part.end_s for part in parts]),
-        np.concatenate([part.coefficients for part in parts], axis=-1),
-    )
+    merged = HermiteSegments.concatenate(groups)
     return merged.take(np.lexsort((merged.start_s, merged.target)))
 
 
@@ -83,27 +65,31 @@ def fitted_segments(
     A motion that is not finite within a span, or too rough for the tolerance, is a `ModelError`.
     """
     done = []
-    for _ in range(_ROUNDS):
+    # Rounds of splitting after which a fit is rejected: segments are then at most 2^-40 of the
+    # span.
+    for _ in range(40):
         coefficients = np.empty((6, 3, len(target)))
         error_m = np.empty(len(target))
-        for first in range(0, len(target), _FIT_BLOCK):
-            rows = slice(first, first + _FIT_BLOCK)
+        for start in range(0, len(target), _FIT_BLOCK):
+            rows = slice(start, start + _FIT_BLOCK)
             coefficients[..., rows], error_m[rows] = _fit_block(
                 motion, target[rows], start_s[rows], end_s[rows]
             )
-        fits = error_m <= _MARGIN * tolerance_m
+        # A segment is accepted if its estimated error is at most this share of the tolerance; a
+        # split aims for half of it.
+        fits = error_m <= 0.8 * tolerance_m
         done.append(
             HermiteSegments(target, start_s, end_s, coefficients).take(np.flatnonzero(fits))
         )
         if fits.all():
             return merged_segments(done)
         # Split into 2 to 8 parts: a smooth motion's error has the sixth power of length.
-        parts = (
+        counts = (
             np.ceil((error_m[~fits] / (0.5 * tolerance_m)) ** (1.0 / 6.0))
             .clip(2, 8)
             .astype(np.intp)
         )
-        target, start_s, end_s = _split(target[~fits], start_s[~fits], end_s[~fits], parts)
+        target, start_s, end_s = _split(target[~fits], start_s[~fits], end_s[~fits], counts)
     raise ModelError(
         f"the motion of target {target[0]} near {start_s[0]} s cannot be followed to within"
         f" {tolerance_m} m"
@@ -111,12 +97,12 @@ def fitted_segments(
 
 
 def _split(
-    target: RowArray, start_s: FloatArray, end_s: FloatArray, parts: RowArray
+    target: RowArray, start_s: FloatArray, end_s: FloatArray, counts: RowArray
 ) -> tuple[RowArray, FloatArray, FloatArray]:
     """Return spans cut into numbers of equal parts."""
-    parent = np.repeat(np.arange(len(parts)), parts)
-    rank = np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)
-    of = parts[parent]
+    parent = np.repeat(np.arange(len(counts)), counts)
+    rank = np.arange(len(parent)) - np.repeat(np.cumsum(counts) - counts, counts)
+    of = counts[parent]
     step_s = (end_s - start_s)[parent] / of
     edges = (start_s[parent] + rank * step_s, start_s[parent] + (rank + 1) * step_s)
     return target[parent], edges[0], np.where(rank + 1 == of, end_s[parent], edges[1])
@@ -124,26 +110,32 @@ def _split(
 
 def _fit_block(
     motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     middle_s = 0.5 * (start_s + end_s)
     half_s = 0.5 * (end_s - start_s)
     times_s = np.stack([start_s, middle_s, end_s, *(middle_s + x * half_s for x in _ERROR_NODES)])
-    position, velocity = motion(np.tile(target, len(times_s)), times_s.ravel())
-    finite = (np.isfinite(position) & np.isfinite(velocity)).all(axis=-1)
+    position, velocity = _sampled(motion, target, times_s)
+    coefficients = _hermite_quintic(position[:3], velocity[:3] * half_s)
+    error = np.zeros(len(target))
+    for x, exact in zip(_ERROR_NODES, position[3:], strict=True):
+        miss = horner(coefficients, x) - exact
+        error = np.maximum(error, np.sqrt(miss[0] ** 2 + miss[1] ** 2 + miss[2] ** 2))
+    return coefficients, error
+
+
+def _sampled(motion: Motion, target: RowArray, times_s: FloatArray) -> list[FloatArray]:
+    """Return positions and velocities (k, 3, m) at times (k, m); `ModelError` where they are not
+    finite.
+    """
+    states = motion(np.tile(target, len(times_s)), times_s.ravel())
+    finite = np.isfinite(states).all(axis=(0, 2))
     if not finite.all():
         row = int(np.argmin(finite))
         raise ModelError(
             f"the motion of target {target[row % len(target)]} is not finite at {times_s.flat[row]}"
             f" s"
         )
-    p = position.reshape(*times_s.shape, 3).transpose(0, 2, 1)
-    d = velocity.reshape(*times_s.shape, 3)[:3].transpose(0, 2, 1) * half_s
-    coefficients = _hermite_quintic(p[:3], d)
-    error = np.zeros(len(target))
-    for x, exact in zip(_ERROR_NODES, p[3:], strict=True):
-        miss = horner(coefficients, x) - exact
-        error = np.maximum(error, np.sqrt(miss[0] ** 2 + miss[1] ** 2 + miss[2] ** 2))
-    return coefficients, error
+    return [column.reshape(*times_s.shape, 3).transpose(0, 2, 1) for column in states]
 
 
 def horner(coefficients: FloatArray, x: float) -> FloatArray:
@@ -173,9 +165,6 @@ _BLOCK = 65536
 #: Bins of the time lookup per segment.
 _BINS_PER_SEGMENT = 16
 
-#: Runs of equal indices at least this long, on average, are repeated rather than gathered; the
-#: values are the same.
-_LONG_RUN = 4
 
 #: Breakpoints closer than this to another, or to an end, count as the same: an orbital velocity
 #: covers 8 um in it.
@@ -226,42 +215,31 @@ class Ephemeris:
         smooth; those outside a span are ignored. `ModelError` for a motion that is not finite, or
         too rough for the tolerance.
         """
-        start, end = np.broadcast_arrays(
-            *(np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (start_s, end_s))
-        )
+        start, end = np.broadcast_arrays(*(np.atleast_1d(floats(v)) for v in (start_s, end_s)))
         if not (np.isfinite(start) & np.isfinite(end) & (start < end)).all():
             raise ValueError("every span of an ephemeris must start before it ends")
         if not tolerance_m > 0.0:
             raise ValueError(
                 f"the tolerance of an ephemeris must be above zero, not {tolerance_m} m"
             )
-        inner = (
-            np.empty((len(start), 0))
-            if breakpoints_s is None
-            else np.asarray(breakpoints_s, dtype=np.float64)
-        )
-        inner = np.clip(inner, start[:, None], end[:, None])
-        cuts = np.sort(np.concatenate([start[:, None], inner, end[:, None]], axis=1), axis=1)
-        _join_close(cuts)
-        cuts[:, 1:-1] = np.where(
-            end[:, None] - cuts[:, 1:-1] < _ONE_BREAK_S, end[:, None], cuts[:, 1:-1]
-        )
+        inner = np.empty((len(start), 0)) if breakpoints_s is None else floats(breakpoints_s)
+        cuts = _cuts_s(start[:, None], inner, end[:, None])
         target, gap = np.nonzero(cuts[:, :-1] < cuts[:, 1:])
         lower = cuts[target, gap]
         upper = cuts[target, gap + 1]
         return _indexed(fitted_segments(motion, target, lower, upper, tolerance_m), tolerance_m)
 
     @staticmethod
-    def joined(parts: Sequence["Ephemeris"]) -> "Ephemeris":
+    def joined(ephemerides: Sequence["Ephemeris"]) -> "Ephemeris":
         """Return the ephemeris of targets from consecutive parts of their spans."""
-        for before, after in pairwise(parts):
-            if not np.array_equal(before.end_s, after.start_s):
+        for ephemeris, continuation in pairwise(ephemerides):
+            if not np.array_equal(ephemeris.end_s, continuation.start_s):
                 raise ValueError(
                     "each part of a joined ephemeris must start when the one before it ends"
                 )
         return _indexed(
-            merged_segments([part.segments for part in parts]),
-            max(part.tolerance_m for part in parts),
+            merged_segments([ephemeris.segments for ephemeris in ephemerides]),
+            max(ephemeris.tolerance_m for ephemeris in ephemerides),
         )
 
     def position_m(self, target: ArrayLike, time_s: ArrayLike) -> FloatArray:
@@ -270,7 +248,7 @@ class Ephemeris:
         """
         return self._evaluated(target, time_s, (_position,))[0]
 
-    def state(self, target: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def state(self, target: ArrayLike, time_s: ArrayLike) -> FloatPair:
         """Return positions (..., 3), m, and velocities (..., 3), m/s, of targets at times, which
         broadcast.
         """
@@ -281,15 +259,15 @@ class Ephemeris:
         self, target: ArrayLike, time_s: ArrayLike, columns: "Sequence[_Column]"
     ) -> list[FloatArray]:
         """Return one (..., 3) array for each of the columns, computed block by block."""
-        rows, times = np.broadcast_arrays(np.asarray(target), np.asarray(time_s, dtype=np.float64))
+        rows, times = np.broadcast_arrays(np.asarray(target), floats(time_s))
         if rows.size and not (rows.min() >= 0 and rows.max() < len(self)):
             raise IndexError(f"target index outside 0 to {len(self) - 1}")
         shape = rows.shape
         rows = rows.reshape(-1)
         times = times.reshape(-1)
         out = [np.empty((len(rows), 3)) for _ in columns]
-        for first in range(0, len(rows), _BLOCK):
-            block = slice(first, first + _BLOCK)
+        for start in range(0, len(rows), _BLOCK):
+            block = slice(start, start + _BLOCK)
             spread, x = self._located(rows[block].astype(np.intp, copy=False), times[block])
             for array, column in zip(out, columns, strict=True):
                 for axis, values in enumerate(column(self, spread, x)):
@@ -316,11 +294,22 @@ class Ephemeris:
         """Return the segments that contain the times, from the first segments in their lookup
         bins.
         """
-        late = (time_s >= self._next_s.take(segment)).nonzero()[0]
-        while late.size:
-            segment[late] += 1
-            late = late[time_s[late] >= self._next_s[segment[late]]]
+        rows = (time_s >= self._next_s.take(segment)).nonzero()[0]
+        while rows.size:
+            segment[rows] += 1
+            rows = rows[time_s[rows] >= self._next_s[segment[rows]]]
         return segment
+
+
+def _cuts_s(start_s: FloatArray, inner_s: FloatArray, end_s: FloatArray) -> FloatArray:
+    """Return the times (n, k + 2) at which spans are cut, ascending; breakpoints (n, k) outside a
+    span, or close to another or to an end, fall on that.
+    """
+    inner_s = np.clip(inner_s, start_s, end_s)
+    cuts = np.sort(np.concatenate([start_s, inner_s, end_s], axis=1), axis=1)
+    _join_close(cuts)
+    cuts[:, 1:-1] = np.where(end_s - cuts[:, 1:-1] < _ONE_BREAK_S, end_s, cuts[:, 1:-1])
+    return cuts
 
 
 def _join_close(cuts: FloatArray) -> None:
@@ -341,9 +330,9 @@ _Column = Callable[[Ephemeris, _Spread, FloatArray], FloatArray]
 
 def _position(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArray:
     """Return positions (3, m), by Horner's rule."""
-    first, *rest = ephemeris.segments.coefficients
-    value: FloatArray = spread(first)
-    for coefficient in rest:
+    leading, *coefficients = ephemeris.segments.coefficients
+    value: FloatArray = spread(leading)
+    for coefficient in coefficients:
         value *= x
         value += spread(coefficient)
     return value
@@ -351,9 +340,9 @@ def _position(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArra
 
 def _velocity(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArray:
     """Return velocities (3, m): the derivative by Horner's rule, from x to time."""
-    first, *rest = ephemeris.segments.coefficients[:-1]
-    value: FloatArray = 5.0 * spread(first)
-    for power, coefficient in zip((4.0, 3.0, 2.0, 1.0), rest, strict=True):
+    leading, *coefficients = ephemeris.segments.coefficients[:-1]
+    value: FloatArray = 5.0 * spread(leading)
+    for power, coefficient in zip((4.0, 3.0, 2.0, 1.0), coefficients, strict=True):
         value *= x
         value += power * spread(coefficient)
     value *= spread(ephemeris._scales[1])
@@ -365,7 +354,9 @@ def _spread(index: RowArray) -> _Spread:
     not gathered.
     """
     edges = (index[1:] != index[:-1]).nonzero()[0]
-    if _LONG_RUN * (len(edges) + 1) > len(index):
+    # Runs of equal indices at least this long, on average, are repeated rather than gathered; the
+    # values are the same.
+    if 4 * (len(edges) + 1) > len(index):
         return lambda columns: columns.take(index, axis=-1)
     ends = np.append(edges, len(index) - 1)
     heads = index[ends]
@@ -381,11 +372,11 @@ def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:
 
     Bins are uniform; one more than fit into the span catches its very end.
     """
-    first = np.flatnonzero(np.diff(segments.target, prepend=-1))
-    count = np.diff(first, append=len(segments))
-    last = first + count - 1
-    start_s = segments.start_s[first]
-    end_s = segments.end_s[last]
+    head = np.flatnonzero(np.diff(segments.target, prepend=-1))
+    count = np.diff(head, append=len(segments))
+    tail = head + count - 1
+    start_s = segments.start_s[head]
+    end_s = segments.end_s[tail]
     bins_per_s = _BINS_PER_SEGMENT * count / (end_s - start_s)
     bins = _BINS_PER_SEGMENT * count + 1
     first_bin = np.cumsum(bins) - bins
@@ -396,7 +387,7 @@ def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:
     np.maximum.at(bin_segment, first_bin[segments.target] + earliest, np.arange(len(segments)))
     spans = np.stack([start_s, end_s, bins_per_s])
     next_s = segments.end_s.copy()
-    next_s[last] = np.inf
+    next_s[tail] = np.inf
     scales = np.stack(
         [0.5 * (segments.start_s + segments.end_s), 2.0 / (segments.end_s - segments.start_s)]
     )

@@ -10,12 +10,10 @@ from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.ephemeris import Ephemeris, Motion
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef_state
+from opir_core.geometry.vectors import FloatPair
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
-
-#: Arcs are integrated this much beyond their end, s, so that rounded times lie within them.
-_BREATH_S = 1e-3
 
 
 def free_flight_ephemeris(
@@ -36,7 +34,7 @@ def free_flight_ephemeris(
     inertial: Motion
     if is_kepler:
 
-        def inertial(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        def inertial(target: RowArray, time_s: FloatArray) -> FloatPair:
             return propagate_kepler(
                 position_eci_m[target], velocity_eci_m_s[target], time_s - start_s[target]
             )
@@ -46,15 +44,17 @@ def free_flight_ephemeris(
 
         # Integrated once, to a hundredth of the tolerance, so that the motion is smooth for the
         # fit.
-        duration_s = end_s - start_s + _BREATH_S
+        # Arcs are integrated this much beyond their end, s, so that rounded times lie within
+        # them.
+        duration_s = end_s - start_s + 1e-3
         arcs = dense_arcs(
             position_eci_m, velocity_eci_m_s, duration_s, forces, tolerance_m=0.01 * tolerance_m
         )
 
-        def inertial(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        def inertial(target: RowArray, time_s: FloatArray) -> FloatPair:
             return arcs.state(target, np.maximum(time_s - start_s[target], 0.0))
 
-    def state(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(target: RowArray, time_s: FloatArray) -> FloatPair:
         return eci_to_ecef_state(*inertial(target, time_s), time_s)
 
     return Ephemeris.build(state, start_s, end_s, tolerance_m=tolerance_m)

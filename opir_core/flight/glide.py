@@ -23,61 +23,51 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_POLAR_RADIUS_M
 from opir_core.flight.aiming import (
     LaunchSolution,
+    aimed_launches,
     forces_on,
-    range_complaints,
-    solved_from,
     surface_range_m,
-    within_range_limits,
 )
-from opir_core.flight.boost import BoostPath, ascent, ascent_of_shape, boost_path, launch_site
+from opir_core.flight.boost import BoostPath, ascent, boost_path, launch_site
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.landing import polar_rad
+from opir_core.flight.rows import Rows
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
-from opir_core.geometry.vectors import components, dot, length
+from opir_core.geometry.vectors import FloatPair, components, dot, length
 from opir_core.scene.target_classes import BoostProfile
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
 
-#: Corrections of the burnout flight path angle; each leaves about a thousandth of the error.
-_TURN_STEPS = 5
-
 
 @frozen(eq=False, repr=False)
-class GlideShape:
+class GlideShape(Rows):
     """The constants of n glides: lift-to-drag ratio, final speed and scale height, columns (n,)."""
 
     lift_to_drag: FloatArray
     final_speed_m_s: FloatArray
     scale_height_m: FloatArray
 
-    def take(self, rows: RowArray) -> "GlideShape":
-        """Return some of the glides."""
-        return GlideShape(
-            self.lift_to_drag[rows], self.final_speed_m_s[rows], self.scale_height_m[rows]
-        )
-
 
 @frozen(eq=False, repr=False)
-class GlidePath:
+class GlidePath(Rows):
     """The equilibrium glides of n targets from their burnout: columns (n,), directions (n, 3) in
     ECEF.
 
-    `up` is the geocentric direction at burnout, `ahead` that of flight at right angles to it;
+    `up` is the geocentric direction at burnout, `heading` that of flight at right angles to it;
     `height_m` the height above the ellipsoid along `up`; `start` and `end` the parameters a at
     burnout and at the final speed.
     """
 
     shape: GlideShape
     up: FloatArray
-    ahead: FloatArray
+    heading: FloatArray
     radius_m: FloatArray
     height_m: FloatArray
     start: FloatArray
@@ -105,11 +95,6 @@ class GlidePath:
             np.arctanh(shape.final_speed_m_s / circular_m_s),
         )
 
-    def take(self, rows: RowArray) -> "GlidePath":
-        """Return some of the glides."""
-        columns = (self.up, self.ahead, self.radius_m, self.height_m, self.start, self.end)
-        return GlidePath(self.shape.take(rows), *(column[rows] for column in columns))
-
     @property
     def time_scale_s(self) -> FloatArray:
         """Return E v_c/g, (n,): the glide's parameter falls by 1 in that time."""
@@ -129,7 +114,7 @@ class GlidePath:
             np.sinh(self.start) / np.sinh(self.end)
         )
 
-    def state(self, since_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(self, since_s: FloatArray) -> FloatPair:
         """Return ECEF positions and velocities relative to the Earth (n, 3) at times (n,) since
         burnout.
         """
@@ -139,8 +124,8 @@ class GlidePath:
         rate = self.shape.lift_to_drag * np.tanh(a) * drag_free
         sine = np.sin(swept)[:, None]
         cosine = np.cos(swept)[:, None]
-        outward = cosine * self.up + sine * self.ahead
-        onward = cosine * self.ahead - sine * self.up
+        outward = cosine * self.up + sine * self.heading
+        onward = cosine * self.heading - sine * self.up
         ground_m = _ground_radius_m(outward)
         slope_m = _ground_slope_m(outward, onward)
         height_m = self.height_m - 2.0 * self.shape.scale_height_m * np.log(
@@ -181,52 +166,27 @@ def _ground_slope_m(direction: FloatArray, onward: FloatArray) -> FloatArray:
 class GlideLaunch(LaunchSolution):
     """Launches (n,) whose flights glide after burnout, with the constants of their glides."""
 
-    shape: GlideShape | None = None
-
-    def take(self, rows: RowArray) -> "GlideLaunch":
-        """Return some of the launches."""
-        plain = super().take(rows)
-        return GlideLaunch(
-            plain.site,
-            plain.course,
-            plain.aim_ecef_m,
-            plain.aim_height_m,
-            plain.forces,
-            self._shape.take(rows),
-        )
-
-    @property
-    def _shape(self) -> GlideShape:
-        assert self.shape is not None
-        return self.shape
+    shape: GlideShape = field(kw_only=True)
 
     def turned(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> "GlideLaunch":
         """Return the launches with ascents that end in the direction in which their glides
         begin.
         """
         launch = self
-        for _ in range(_TURN_STEPS):
+        # Each correction leaves about a thousandth of the error.
+        for _ in range(5):
             position, velocity = launch.burnout(azimuth_rad, speed_m_s)
-            glide = GlidePath.from_burnout(position, velocity, self._shape)
+            glide = GlidePath.from_burnout(position, velocity, self.shape)
             climb_m_s = dot(velocity, glide.up)
             turn_rad = launch.course.turn_rad + (climb_m_s - glide.climb_at_start_m_s()) / speed_m_s
-            course = launch.course
-            columns = (
-                course.burn_time_s,
-                course.pitch_start_s,
-                course.speed_shape,
-                course.pitch_exponent,
-            )
-            launch = evolve(launch, course=ascent_of_shape(*columns, turn_rad))
+            launch = evolve(launch, course=launch.course.with_turn(turn_rad))
         return launch
 
     def glide(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> GlidePath:
         """Return the glides of launches whose ascents have turned."""
-        return GlidePath.from_burnout(*self.burnout(azimuth_rad, speed_m_s), self._shape)
+        return GlidePath.from_burnout(*self.burnout(azimuth_rad, speed_m_s), self.shape)
 
-    def release(
-        self, azimuth_rad: FloatArray, speed_m_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def release(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> FloatPair:
         """Return positions and velocities at the end of the glide, nan where it would end below the
         ground.
         """
@@ -262,7 +222,7 @@ class GlideFlight:
     path: BoostPath
     glide: GlidePath
 
-    def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(self, target: RowArray, time_s: FloatArray) -> FloatPair:
         """Return ECEF positions and velocities (m, 3) of targets (m,) in their glides at times
         (m,).
         """
@@ -290,14 +250,10 @@ def glide_flight(
     range_m = surface_range_m(*launch[:2], *aim_point[:2])
     site = launch_site(*launch)
     course = ascent(profiles, np.zeros(n))
-    shot = GlideLaunch(site, course, aim_m, aim_point.height_m, forces_on(forces, n), shape)
-    azimuth_rad = np.full(n, np.nan)
-    speed_m_s = np.full(n, np.nan)
-    rows = np.flatnonzero(within_range_limits(range_m, profiles))
-    part = shot.take(rows)
-    azimuth_rad[rows], speed_m_s[rows] = solved_from(part, *_guess(part), tolerance_m)
-    landing = shot.landing(azimuth_rad, speed_m_s)
-    converged = landing.miss_m <= tolerance_m
+    shot = GlideLaunch(site, course, aim_m, aim_point.height_m, forces_on(forces, n), shape=shape)
+    aimed = aimed_launches(shot, range_m, profiles, _guess, tolerance_m)
+    azimuth_rad = aimed.azimuth_rad
+    speed_m_s = aimed.speed_m_s
     turned = shot.turned(azimuth_rad, speed_m_s)
     path = boost_path(site, ignition_s, azimuth_rad, speed_m_s, turned.course)
     burnout = path.state(np.arange(n), path.burnout_s)
@@ -310,30 +266,32 @@ def glide_flight(
         *burnout,
         release_s,
         *glide.state(glide.duration_s),
-        release_s + landing.duration_s,
-        landing.impact_ecef_m,
-        landing.miss_m,
-        converged,
-        range_complaints(range_m, profiles, converged),
+        release_s + aimed.landing.duration_s,
+        aimed.landing.impact_ecef_m,
+        aimed.landing.miss_m,
+        aimed.converged,
+        aimed.complaints,
         path,
         glide,
     )
 
 
-def _guess(shot: GlideLaunch) -> tuple[FloatArray, FloatArray]:
+def _guess(shot: GlideLaunch) -> FloatPair:
     """Return first guesses of azimuths and burnout speeds: those whose glide is as long as the way.
 
     The way that boost and fall cover is half the burn at the burnout speed.
     """
     psi, azimuth_rad = polar_rad(shot.site, shot.aim_ecef_m)
-    shape = shot._shape
+    shape = shot.shape
     radius_m = length(*components(shot.site.launch_m))
     circular_m_s = np.sqrt(EARTH_MU_M3_S2 / radius_m)
-    left = 1.0 - (shape.final_speed_m_s / circular_m_s) ** 2
+    final_share = 1.0 - (shape.final_speed_m_s / circular_m_s) ** 2
     glided = psi
     speed_m_s = np.zeros_like(psi)
     for _ in range(3):
-        speed_m_s = circular_m_s * np.sqrt(1.0 - left * np.exp(-2.0 * glided / shape.lift_to_drag))
+        speed_m_s = circular_m_s * np.sqrt(
+            1.0 - final_share * np.exp(-2.0 * glided / shape.lift_to_drag)
+        )
         glided = np.maximum(psi - 0.5 * shot.course.burn_time_s * speed_m_s / radius_m, 0.0)
     return azimuth_rad, speed_m_s
 

@@ -5,20 +5,18 @@ Drag needs the geodetic height above the WGS 84 ellipsoid, here in closed form. 
 within one layer of the air during a step.
 """
 
-from collections.abc import Callable
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
-from opir_core.flight.atmosphere_density import log_density, log_density_alone
+from opir_core.flight.atmosphere_density import log_density
+from opir_core.flight.dop853 import FloatAcceleration
 from opir_core.flight.forces import ZonalField
-
-#: The expansion is clamped at this a/r, so that the height stays negative and finite towards the
-#: centre.
-_DEEPEST = 2.0
+from opir_core.geometry.vectors import FloatPair
 
 
 def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
@@ -29,41 +27,21 @@ def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
     from 5 km below the ellipsoid to geostationary height; below the ellipsoid's evolute only the
     sign is meaningful.
     """
-    return _height_and_normal(position, inverse_radius)[0]
-
-
-def height_alone_m(x: float, y: float, z: float, inverse_radius: float) -> float:
-    """Return the height, m, of one position, with the operations of `height_m` in the same
-    order.
-    """
-    e2 = EARTH_ECCENTRICITY_SQUARED
-    ratio = min(EARTH_EQUATORIAL_RADIUS_M * inverse_radius, _DEEPEST)
-    sine = z * inverse_radius
-    stretched_z = z / (((0.5 - ratio) * (sine * sine) * e2 + 1.0) * ratio * -e2 + 1.0)
-    equatorial = x * x + y * y
-    inverse_norm = 1.0 / sqrt(stretched_z * stretched_z + equatorial)
-    normal_z = stretched_z * inverse_norm
-    foot = sqrt(normal_z * normal_z * -e2 + 1.0) * EARTH_EQUATORIAL_RADIUS_M
-    return (z * stretched_z + equatorial) * inverse_norm - foot
+    return _height_and_normal(inverse_radius, *position)[0]
 
 
 def height_and_climb(
     position: FloatArray, velocity: FloatArray, inverse_radius: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return heights, m, and their rates, m/s: the velocity along the ellipsoid's normal."""
-    height, stretched_z, inverse_norm = _height_and_normal(position, inverse_radius)
-    climb = position[0] * velocity[0]
-    climb += position[1] * velocity[1]
-    climb += stretched_z * velocity[2]
-    climb *= inverse_norm
-    return height, climb
+    height, stretched_z, inverse_norm = _height_and_normal(inverse_radius, *position)
+    along = position[0] * velocity[0] + position[1] * velocity[1] + stretched_z * velocity[2]
+    return height, along * inverse_norm
 
 
-def height_and_up(
-    position: FloatArray, inverse_radius: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def height_and_up(position: FloatArray, inverse_radius: FloatArray) -> FloatPair:
     """Return heights (n,), m, and the directions (3, n) in which they grow, to 1e-7 rad."""
-    height, stretched_z, inverse_norm = _height_and_normal(position, inverse_radius)
+    height, stretched_z, inverse_norm = _height_and_normal(inverse_radius, *position)
     up = position.copy()
     up[2] = stretched_z
     up *= inverse_norm
@@ -71,12 +49,20 @@ def height_and_up(
 
 
 def _height_and_normal(
-    position: FloatArray, inverse_radius: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, y, z = position
-    # k = 1 - e² q (1 + e² s² (1/2 - q)), with q = a/r and s = z/r.
-    ratio = EARTH_EQUATORIAL_RADIUS_M * inverse_radius
-    np.minimum(ratio, _DEEPEST, out=ratio)
+    inverse_radius: Any,
+    x: Any,
+    y: Any,
+    z: Any,
+    *,
+    sqrt: Any = np.sqrt,
+    minimum: Any = np.minimum,
+) -> tuple[Any, Any, Any]:
+    """Return the height, m, z stretched towards the normal, and the reciprocal length of (x, y,
+    it), 1/m: of rows (n,), or of numbers with the `sqrt` and `minimum` of numbers.
+    """
+    # k = 1 - e² q (1 + e² s² (1/2 - q)), with q = a/r and s = z/r. Clamped at q = 2, so that the
+    # height stays negative and finite towards the centre.
+    ratio = minimum(EARTH_EQUATORIAL_RADIUS_M * inverse_radius, 2.0)
     sine_squared = z * inverse_radius
     sine_squared *= sine_squared
     factor = 0.5 - ratio
@@ -89,25 +75,18 @@ def _height_and_normal(
     stretched_z = z / factor
     equatorial = x * x
     equatorial += y * y
-    inverse_norm = stretched_z * stretched_z
-    inverse_norm += equatorial
-    np.sqrt(inverse_norm, out=inverse_norm)
-    np.divide(1.0, inverse_norm, out=inverse_norm)
+    inverse_norm = 1.0 / sqrt(stretched_z * stretched_z + equatorial)
     foot = stretched_z * inverse_norm
     foot *= foot
     foot *= -EARTH_ECCENTRICITY_SQUARED
     foot += 1.0
-    np.sqrt(foot, out=foot)
+    foot = sqrt(foot)
     foot *= EARTH_EQUATORIAL_RADIUS_M
     height = z * stretched_z
     height += equatorial
     height *= inverse_norm
     height -= foot
     return height, stretched_z, inverse_norm
-
-
-#: A right side for one arc: position and velocity as six numbers in, acceleration as three out.
-Alone = Callable[[float, float, float, float, float, float], tuple[float, float, float]]
 
 
 class Gravity:
@@ -130,7 +109,7 @@ class Gravity:
         """Return accelerations (3, n), m/s², at positions (3, n), m, from the Earth's centre."""
         return self.with_inverse_radius(position)[0]
 
-    def with_inverse_radius(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def with_inverse_radius(self, position: FloatArray) -> FloatPair:
         """Return the accelerations, m/s², and 1/r, 1/m."""
         squares = position * position
         zz = squares[2]
@@ -148,18 +127,11 @@ class Gravity:
         acceleration[2] += axial
         return acceleration, inverse_radius
 
-    def alone(self, arc: int = 0) -> Alone:
+    def of_arc(self, arc: int) -> FloatAcceleration:
         """Return the acceleration as a function of one arc's numbers: the same operations in the
         same order.
         """
-        with_inverse_radius = self.alone_with_inverse_radius
-
-        def acceleration(
-            x: float, y: float, z: float, *_velocity: float
-        ) -> tuple[float, float, float]:
-            return with_inverse_radius(x, y, z)[:3]
-
-        return acceleration
+        return lambda x, y, z, *velocity: self.alone_with_inverse_radius(x, y, z)[:3]
 
     def alone_with_inverse_radius(
         self, x: float, y: float, z: float
@@ -170,32 +142,17 @@ class Gravity:
         inverse_square = 1.0 / (x * x + y * y + z * z)
         inverse_radius = sqrt(inverse_square)
         ss = z * z * inverse_square
-        weight = inverse_square * self._j2
-        radial = (ss * -7.5 + 1.5) * weight + 1.0
-        axial = weight * z * 3.0
-        if self._j3:
-            weight = inverse_square * self._j3
-            radial -= weight * inverse_square * z * (17.5 * ss - 7.5)
-            axial += weight * (7.5 * ss - 1.5)
-        if self._j4:
-            weight = inverse_square * inverse_square * self._j4
-            radial -= weight * ((39.375 * ss - 26.25) * ss + 1.875)
-            axial += weight * z * (17.5 * ss - 7.5)
+        radial, axial = self._harmonics(inverse_square, z, ss)
         attraction = inverse_square * inverse_radius * -self._mu
         radial *= attraction
         return x * radial, y * radial, z * radial + axial * attraction, inverse_radius
 
-    def _harmonics(
-        self, inverse_square: FloatArray, z: FloatArray, ss: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return 1 - Σ J_n (R/r)^n P'_{n+1}(s) and r Σ J_n (R/r)^n P'_n(s), given 1/r² and s²."""
+    def _harmonics(self, inverse_square: Any, z: Any, ss: Any) -> tuple[Any, Any]:
+        """Return 1 - Σ J_n (R/r)^n P'_{n+1}(s) and r Σ J_n (R/r)^n P'_n(s), given 1/r² and s²: rows
+        or numbers."""
         weight = inverse_square * self._j2
-        radial = ss * -7.5
-        radial += 1.5
-        radial *= weight
-        radial += 1.0
-        axial = weight * z
-        axial *= 3.0
+        radial = (ss * -7.5 + 1.5) * weight + 1.0
+        axial = weight * z * 3.0
         if self._j3:
             weight = inverse_square * self._j3
             radial -= weight * inverse_square * z * (17.5 * ss - 7.5)
@@ -246,7 +203,7 @@ class GravityAndDrag:
         acceleration -= wind
         return acceleration
 
-    def alone(self, arc: int) -> Alone:
+    def of_arc(self, arc: int) -> FloatAcceleration:
         """Return the acceleration as a function of one arc's numbers: the same operations in the
         same order.
         """
@@ -259,10 +216,10 @@ class GravityAndDrag:
             x: float, y: float, z: float, vx: float, vy: float, vz: float
         ) -> tuple[float, float, float]:
             ax, ay, az, inverse_radius = gravity(x, y, z)
-            height = height_alone_m(x, y, z, inverse_radius)
+            height, _, _ = _height_and_normal(inverse_radius, x, y, z, sqrt=sqrt, minimum=min)
             wx = vx + omega * y
             wy = vy - omega * x
-            factor = float(np.exp(log_density_alone(parameters, height) + logarithm))
+            factor = float(np.exp(log_density(parameters, height) + logarithm))
             factor *= sqrt(wx * wx + wy * wy + vz * vz)
             return ax - wx * factor, ay - wy * factor, az - vz * factor
 

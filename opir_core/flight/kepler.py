@@ -13,7 +13,6 @@ except while the arc is still far out on its way in: there the start is the bett
 """
 
 from collections.abc import Callable
-from enum import IntEnum
 from math import isfinite, pi
 from typing import NamedTuple
 
@@ -30,9 +29,7 @@ from opir_core.flight.universal_anomaly import (
     solve_fast,
     universal_functions,
 )
-
-#: Beyond this number of turns double precision holds no digit of the phase.
-_MOST_TURNS = 2.0**50
+from opir_core.geometry.vectors import FloatPair, floats
 
 
 class ArcStart(NamedTuple):
@@ -64,7 +61,7 @@ class ArcStart(NamedTuple):
         eccentricity_squared = 1.0 + x * (2.0 + x - self.sigma * self.sigma)
         return (x > 1.0) & (self.time * self.sigma < -0.5) & (x * x > 9.0 * eccentricity_squared)
 
-    def scales(self) -> tuple[FloatArray, FloatArray]:
+    def scales(self) -> FloatPair:
         """Return the distance of each start, m, and the signed factor from its velocity to circular
         speeds.
         """
@@ -105,13 +102,9 @@ def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
     turns[alpha <= 0.0] = 0.0
     if not turns.any():
         return time
-    whole = turns / np.where(turns != 0.0, per_time, 1.0)
-    return np.where(np.abs(turns) > _MOST_TURNS, np.nan, time - whole)
-
-
-#: Within this many a e of the centre on the way in, the pericentre is as good a reference as the
-#: start.
-_NEAR = 3.0
+    turned = turns / np.where(turns != 0.0, per_time, 1.0)
+    # Beyond this number of turns double precision holds no digit of the phase.
+    return np.where(np.abs(turns) > 2.0**50, np.nan, time - turned)
 
 
 class Flybys(NamedTuple):
@@ -125,7 +118,7 @@ class Flybys(NamedTuple):
     time: FloatArray
     eccentricity: FloatArray
     pericentre: FloatArray  #: distance
-    ahead: FloatArray  #: unit vector to the pericentre
+    to_pericentre: FloatArray  #: unit vector to the pericentre
     sideways: FloatArray  #: velocity there times the distance; zero on a straight line
     approach: FloatArray  #: universal anomaly from the start to the pericentre
     later: FloatArray  #: time since the pericentre; negative before it
@@ -136,21 +129,21 @@ class Flybys(NamedTuple):
             self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later)
         )
 
-    def states(self, solution: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def states(self, solution: FloatArray) -> FloatPair:
         """Return positions and velocities, (3, n), at the solved anomalies."""
         s, g0, g1, g2 = solution
         g1 = np.copysign(g1, self.later)
         r = self.pericentre * g0 + g2
-        position = (self.pericentre - g2) * self.ahead + g1 * self.sideways
-        velocity = (g0 * self.sideways - g1 * self.ahead) / r
-        at = np.flatnonzero((self.later < 0.0) & (-self.alpha * r > _NEAR * self.eccentricity))
+        position = (self.pericentre - g2) * self.to_pericentre + g1 * self.sideways
+        velocity = (g0 * self.sideways - g1 * self.to_pericentre) / r
+        # Within this many a e of the centre on the way in, the pericentre is as good a reference
+        # as the start.
+        at = np.flatnonzero((self.later < 0.0) & (-self.alpha * r > 3.0 * self.eccentricity))
         if at.size:
             position[:, at], velocity[:, at] = self._on_the_way_in(at, s[at], r[at])
         return position, velocity
 
-    def _on_the_way_in(
-        self, at: NDArray[np.intp], s: FloatArray, r: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _on_the_way_in(self, at: NDArray[np.intp], s: FloatArray, r: FloatArray) -> FloatPair:
         """Return positions and velocities of some arcs from their starts, by Lagrange's f and g."""
         _, g1, g2, g3 = universal_functions(self.alpha[at], self.approach[at] - s)
         position = self.position[:, at]
@@ -170,13 +163,13 @@ def flybys(
     momentum = cross(position, velocity)
     momentum_squared = dot(momentum, momentum)
     eccentricity = np.sqrt(1.0 - alpha * momentum_squared)
-    ahead = (cross(velocity, momentum) - position) / eccentricity
+    to_pericentre = (cross(velocity, momentum) - position) / eccentricity
     k = np.sqrt(-alpha)
     rise = -dot(position, velocity) * k
     approach = np.arcsinh(rise / eccentricity)
     later = time - (rise - approach) / (k * k * k)
     pericentre = momentum_squared / (1.0 + eccentricity)
-    sideways = cross(momentum, ahead)
+    sideways = cross(momentum, to_pericentre)
     return Flybys(
         position,
         velocity,
@@ -184,7 +177,7 @@ def flybys(
         time,
         eccentricity,
         pericentre,
-        ahead,
+        to_pericentre,
         sideways,
         approach / k,
         later,
@@ -197,23 +190,12 @@ Solver = Callable[[UniversalArcs[np.float64]], tuple[FloatArray, BoolArray]]
 _BLOCK = 16384
 
 
-class KeplerStatus(IntEnum):
-    """Whether a state could be propagated, and if not, why its result is `nan`."""
-
-    OK = 0
-    NOT_FINITE = 1  #: an input is nan or infinite
-    AT_CENTRE = 2  #: the arc starts in the centre of attraction, where gravity has no direction
-    OUT_OF_RANGE = 3  #: squares or products of the inputs leave the range of double precision
-    PHASE_LOST = 4  #: too many turns for double precision to hold a digit of the phase
-    NOT_REACHED = 5  #: the end is in the centre or beyond the range of double precision, or there is no solution
-
-
 def propagate_kepler(
     position_m: ArrayLike,
     velocity_m_s: ArrayLike,
     duration_s: ArrayLike,
     mu_m3_s2: float = EARTH_MU_M3_S2,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return position, m, and velocity, m/s, after `duration_s` on the two-body arc through the
     given state.
 
@@ -223,79 +205,70 @@ def propagate_kepler(
     straight line through the centre is reflected, the limit of thin ellipses.
 
     The relative error of the position is below 1e-12, or below ten times the effect of rounding
-    each input to double precision. Where there is no result it is `nan`, for the reason that
-    `kepler_status` returns. An element has the same bits alone and in any batch.
+    each input to double precision. `nan` where an input is not finite, where the arc starts or ends
+    in the centre of attraction, where squares or products of the inputs leave the range of double
+    precision, and beyond 2^50 turns, which leave no digit of the phase. An element has the same
+    bits alone and in any batch.
     """
-    return _propagated(position_m, velocity_m_s, duration_s, mu_m3_s2)[:2]
-
-
-def kepler_status(
-    position_m: ArrayLike,
-    velocity_m_s: ArrayLike,
-    duration_s: ArrayLike,
-    mu_m3_s2: float = EARTH_MU_M3_S2,
-) -> NDArray[np.int8]:
-    """Return the `KeplerStatus` of each result of `propagate_kepler` for the same arguments."""
-    return _propagated(position_m, velocity_m_s, duration_s, mu_m3_s2)[2]
-
-
-def _propagated(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, duration_s: ArrayLike, mu_m3_s2: float
-) -> tuple[FloatArray, FloatArray, NDArray[np.int8]]:
     if not (isfinite(mu_m3_s2) and mu_m3_s2 > 0.0):
         raise ValueError(f"mu_m3_s2 must be positive and finite, got {mu_m3_s2}")
     position, velocity, duration, shape = flat_states(position_m, velocity_m_s, duration_s)
     with np.errstate(all="ignore"):
-        end, status = _in_blocks(position, velocity, duration, float(mu_m3_s2))
-    return end[0].reshape(*shape, 3), end[1].reshape(*shape, 3), status.reshape(shape)
+        end = _in_blocks(position, velocity, duration, float(mu_m3_s2))
+    return end[0].reshape(*shape, 3), end[1].reshape(*shape, 3)
 
 
 def flat_states(
-    first: ArrayLike, second: ArrayLike, scalar: ArrayLike
+    vectors_1: ArrayLike, vectors_2: ArrayLike, scalar: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[int, ...]]:
     """Return two vectors (n, 3) and a number (n,) of each element, broadcast together, and their
     common shape.
     """
-    one, two, number = (np.asarray(x, dtype=np.float64) for x in (first, second, scalar))
-    for vectors in (one, two):
+    vectors_1, vectors_2, scalars = (floats(x) for x in (vectors_1, vectors_2, scalar))
+    for vectors in (vectors_1, vectors_2):
         if vectors.ndim == 0 or vectors.shape[-1] != 3:
             raise ValueError(
                 f"expected vectors with a last axis of 3 (x, y, z), got shape {vectors.shape}"
             )
-    shape = np.broadcast_shapes(one.shape[:-1], two.shape[:-1], number.shape)
-    one, two = (x if x.shape[:-1] == shape else np.broadcast_to(x, (*shape, 3)) for x in (one, two))
-    return one.reshape(-1, 3), two.reshape(-1, 3), np.broadcast_to(number, shape).reshape(-1), shape
+    shape = np.broadcast_shapes(vectors_1.shape[:-1], vectors_2.shape[:-1], scalars.shape)
+    vectors_1, vectors_2 = (
+        x if x.shape[:-1] == shape else np.broadcast_to(x, (*shape, 3))
+        for x in (vectors_1, vectors_2)
+    )
+    return (
+        vectors_1.reshape(-1, 3),
+        vectors_2.reshape(-1, 3),
+        np.broadcast_to(scalars, shape).reshape(-1),
+        shape,
+    )
 
 
 def _in_blocks(
     position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
-) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return the end states (2, n, 3) and their status: a fast pass in blocks, then the remaining
-    states together.
+) -> FloatArray:
+    """Return the end states (2, n, 3): a fast pass in blocks, then the remaining states
+    together.
     """
     end = np.empty((2, duration.size, 3))
-    left = [np.empty(0, np.intp)]
-    for first in range(0, duration.size, _BLOCK):
-        block = slice(first, first + _BLOCK)
+    unsolved = [np.empty(0, np.intp)]
+    for begin in range(0, duration.size, _BLOCK):
+        block = slice(begin, begin + _BLOCK)
         start = start_of(position[block], velocity[block], duration[block], mu)
         unfinished = _propagate_with(start, solve_fast, end[:, block])
         if not np.isfinite(end[:, block].sum()):
             unfinished |= ~np.isfinite(end[:, block]).all(axis=(0, 2))
-        left.append(first + np.flatnonzero(unfinished))
-    status = np.zeros(duration.size, np.int8)
-    at = np.concatenate(left)
-    for first in range(0, at.size, _BLOCK):
-        part = at[first : first + _BLOCK]
-        end[:, part], status[part] = _propagated_bracketed(
-            position[part], velocity[part], duration[part], mu
-        )
-    return end, status
+        unsolved.append(begin + np.flatnonzero(unfinished))
+    at = np.concatenate(unsolved)
+    for begin in range(0, at.size, _BLOCK):
+        rows = at[begin : begin + _BLOCK]
+        end[:, rows] = _bracketed(position[rows], velocity[rows], duration[rows], mu)
+    return end
 
 
-def _propagated_bracketed(
+def _bracketed(
     position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
-) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return end states (2, n, 3) and status of the states without a solution in the fast pass."""
+) -> FloatArray:
+    """Return end states (2, n, 3) of the states without a solution in the fast pass."""
     start = start_of(position, velocity, duration, mu)
     at = np.flatnonzero(start.is_finite())
     followed = np.empty((2, at.size, 3))
@@ -303,31 +276,7 @@ def _propagated_bracketed(
     end = np.full((2, duration.size, 3), np.nan)
     end[:, at] = followed
     end[:, ~np.isfinite(end).all(axis=(0, 2))] = np.nan
-    return end, _reasons(position, velocity, duration, start, end)
-
-
-def _reasons(
-    position: FloatArray,
-    velocity: FloatArray,
-    duration: FloatArray,
-    start: ArcStart,
-    end: FloatArray,
-) -> NDArray[np.int8]:
-    """Return the status of each element: the first that applies."""
-    finite = (
-        np.isfinite(position).all(axis=1)
-        & np.isfinite(velocity).all(axis=1)
-        & np.isfinite(duration)
-    )
-    first_that_applies = {
-        KeplerStatus.OK: np.isfinite(end[0, :, 0]),
-        KeplerStatus.NOT_FINITE: ~finite,
-        KeplerStatus.AT_CENTRE: (position == 0.0).all(axis=1),
-        KeplerStatus.OUT_OF_RANGE: ~np.isfinite(start.rate + start.sigma + start.alpha),
-        KeplerStatus.PHASE_LOST: ~np.isfinite(start.time),
-    }
-    codes = [np.int8(code) for code in first_that_applies]
-    return np.select(list(first_that_applies.values()), codes, np.int8(KeplerStatus.NOT_REACHED))
+    return end
 
 
 def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArray:
@@ -337,23 +286,26 @@ def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArr
     arcs = start.arcs()
     at = np.flatnonzero(start.is_inbound_hyperbola())
     if not at.size:
-        solution, left = solver(arcs)
+        solution, unsolved = solver(arcs)
         _move(start, solution, end)
-        return left
-    part = start.at(at)
-    distance, to_speed = part.scales()
+        return unsolved
+    hyperbolas = start.at(at)
+    distance, to_speed = hyperbolas.scales()
     by = flybys(
-        np.stack(part[:3]) / distance, np.stack(part[3:6]) * to_speed, part.alpha, part.time
+        np.stack(hyperbolas[:3]) / distance,
+        np.stack(hyperbolas[3:6]) * to_speed,
+        hyperbolas.alpha,
+        hyperbolas.time,
     )
     arcs = UniversalArcs(*(column.copy() for column in arcs))
-    for column, some in zip(arcs, by.arcs(), strict=True):
-        column[at] = some
-    solution, left = solver(arcs)
+    for column, values in zip(arcs, by.arcs(), strict=True):
+        column[at] = values
+    solution, unsolved = solver(arcs)
     _move(start, solution, end)
     end_position, end_velocity = by.states(solution[:, at])
     end[0, at] = (end_position * distance).T
     end[1, at] = (end_velocity / to_speed).T
-    return left
+    return unsolved
 
 
 def _move(start: ArcStart, solution: FloatArray, end: FloatArray) -> None:
@@ -362,12 +314,16 @@ def _move(start: ArcStart, solution: FloatArray, end: FloatArray) -> None:
     """
     x, y, z, vx, vy, vz, rate, back, sigma, _, _ = start
     _, g0, g1, g2 = solution
-    ahead = g0 + sigma * g1
-    r = ahead + g2
+    radial = g0 + sigma * g1
+    r = radial + g2
     f = 1.0 - g2
     g = (g1 + sigma * g2) * back / rate
     f_rate = g1 * back * rate / -r
-    g_rate = ahead / r
-    for row, (first, second) in enumerate(((f, g), (f_rate, g_rate))):
+    g_rate = radial / r
+    for row, (from_position, from_velocity) in enumerate(((f, g), (f_rate, g_rate))):
         for axis, (start_position, start_velocity) in enumerate(((x, vx), (y, vy), (z, vz))):
-            np.add(first * start_position, second * start_velocity, out=end[row, :, axis])
+            np.add(
+                from_position * start_position,
+                from_velocity * start_velocity,
+                out=end[row, :, axis],
+            )

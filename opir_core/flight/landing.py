@@ -11,13 +11,10 @@ from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.boost import LaunchSite
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef
-from opir_core.geometry.vectors import components, length
+from opir_core.geometry.vectors import FloatPair, components, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import Forces
-
-#: The tolerance of a numerical impact, m, small beside the tolerances of aiming.
-_IMPACT_TOLERANCE_M = 1e-3
 
 
 @frozen(eq=False, repr=False)
@@ -44,7 +41,7 @@ def aimed_landing(
     site: LaunchSite,
     aim_ecef_m: FloatArray,
     aim_height_m: FloatArray,
-    release: tuple[FloatArray, FloatArray],
+    release: FloatPair,
     forces: "Forces | None",
 ) -> AimedLanding:
     """Return the impacts of free flights from a release: positions and velocities over the Earth
@@ -66,15 +63,16 @@ def aimed_landing(
 
 def _impact(
     position_m: FloatArray, velocity_m_s: FloatArray, height_m: FloatArray, forces: "Forces | None"
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     if forces is None:
         return kepler_impact(position_m, velocity_m_s, height_m)
     from opir_core.flight.propagation import impact
 
-    return impact(position_m, velocity_m_s, height_m, forces, tolerance_m=_IMPACT_TOLERANCE_M)
+    # The tolerance of a numerical impact, m, small beside the tolerances of aiming.
+    return impact(position_m, velocity_m_s, height_m, forces, tolerance_m=1e-3)
 
 
-def polar_rad(site: LaunchSite, point_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def polar_rad(site: LaunchSite, point_ecef_m: FloatArray) -> FloatPair:
     """Return angle from the launch point and bearing at it, geocentric, of points (n, 3)."""
     x, y, z = components(point_ecef_m)
     ex, ey, ez = components(site.axes[:, 0])
@@ -119,30 +117,30 @@ def corrected(
     reach: FloatArray,
     tolerance_m: float,
     iterations: int = _ITERATIONS,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the unknowns after Newton's method for each target; a step that does not reduce the
     miss is halved.
     """
     start = shot.landing(azimuth_rad, reach)
     # Rows: azimuth, reach, along, across, miss, share of Newton's step to take.
-    now = np.stack(
+    state = np.stack(
         [azimuth_rad, reach, start.along_m, start.across_m, start.miss_m, np.ones_like(azimuth_rad)]
     )
     for _ in range(iterations):
-        rows = np.flatnonzero(now[4] > tolerance_m)
+        rows = np.flatnonzero(state[4] > tolerance_m)
         if not rows.size:
             break
-        part = shot.take(rows)
-        (azimuth, reach, along, across, _, share) = now[:, rows]
-        turn, gain = _newton_step(part.in_two_body_motion(), azimuth, reach, along, across)
+        launches = shot.take(rows)
+        (azimuth, reach, along, across, _, share) = state[:, rows]
+        turn, gain = _newton_step(launches.in_two_body_motion(), azimuth, reach, along, across)
         azimuth = azimuth + share * turn
         reach = reach * (1.0 + share * gain)
-        trial = part.landing(azimuth, reach)
+        trial = launches.landing(azimuth, reach)
         nearer = trial.distance_m() < np.hypot(along, across)
-        now[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)
+        state[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)
         better = np.stack([azimuth, reach, trial.along_m, trial.across_m, trial.miss_m])
-        now[:5, rows[nearer]] = better[:, nearer]
-    return now[0], now[1]
+        state[:5, rows[nearer]] = better[:, nearer]
+    return state[0], state[1]
 
 
 def _newton_step(
@@ -151,7 +149,7 @@ def _newton_step(
     reach: FloatArray,
     along_m: FloatArray,
     across_m: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the corrections of azimuth, rad, and of reach, as a share of it, of bounded size."""
     count = len(azimuth_rad)
     azimuths = np.concatenate([azimuth_rad, azimuth_rad + _STEP, azimuth_rad])

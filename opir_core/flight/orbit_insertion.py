@@ -14,13 +14,20 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
-from opir_core.flight.boost import BoostPath, LaunchSite, ascent_of_shape, boost_path, launch_site
+from opir_core.flight.boost import (
+    BoostPath,
+    LaunchSite,
+    ascent_of_shape,
+    boost_path,
+    launch_site,
+    shape_of,
+)
+from opir_core.flight.universal_anomaly import cross, dot
 from opir_core.geometry import Geodetic, ecef_to_eci_state
 from opir_core.geometry.vectors import components, length
 from opir_core.scene.target_classes import BoostProfile
 
 #: Iterations of Newton's method, and the share of its step of the finite differences.
-_ITERATIONS = 30
 _STEP = 1e-6
 
 #: The largest correction at once, of the unknowns' natural scale.
@@ -107,10 +114,7 @@ def insertion(
     `azimuth_rad` is the launch azimuth over the rotating Earth, clockwise from true north;
     `altitude_m` that of the orbit above the equatorial radius.
     """
-    burn, start, shape, exponent = (
-        np.array([getattr(profile, name) for profile in profiles], dtype=np.float64)
-        for name in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
-    )
+    burn, start, shape, exponent = shape_of(profiles)
     radius_m = EARTH_EQUATORIAL_RADIUS_M + altitude_m
     ascents = _Ascents(launch_site(*launch), azimuth_rad, burn, start, shape, radius_m)
     right_angle = np.full(len(profiles), 0.5 * np.pi)
@@ -132,15 +136,15 @@ def _solved(ascents: _Ascents, unknowns: FloatArray) -> tuple[FloatArray, BoolAr
     converged.
     """
     errors = ascents.errors(unknowns)
-    for _ in range(_ITERATIONS):
+    for _ in range(30):
         is_open = ~(np.abs(errors).max(axis=0) <= _TOLERANCE)
         if not is_open.any():
             break
         # Each unknown of order one: a logarithm or an angle.
         slopes = np.stack(
             [
-                (ascents.errors(unknowns + _STEP * one[:, None]) - errors) / _STEP
-                for one in np.eye(3)
+                (ascents.errors(unknowns + _STEP * axis[:, None]) - errors) / _STEP
+                for axis in np.eye(3)
             ]
         )
         step = _step(slopes, errors)
@@ -165,8 +169,4 @@ def _step(slopes: FloatArray, errors: FloatArray) -> FloatArray:
 
 def _triple(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """Return the determinants (n,) of the matrices with columns a, b and c, (3, n)."""
-    return (
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-        + a[1] * (b[2] * c[0] - b[0] * c[2])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
+    return dot(a, cross(b, c))

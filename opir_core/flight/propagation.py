@@ -10,6 +10,7 @@ from opir_core.arrays import FloatArray
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.forces import J2, ForceModel, Forces, forces_of
 from opir_core.flight.kepler import propagate_kepler
+from opir_core.geometry.vectors import FloatPair, floats
 
 #: The default tolerance of position, m.
 TOLERANCE_M = 1e-3
@@ -22,7 +23,7 @@ def propagate(
     forces: ForceModel = J2,
     *,
     tolerance_m: ArrayLike = TOLERANCE_M,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return positions, m, and velocities, m/s, both (..., 3), after the durations, s, of either
     sign.
 
@@ -48,10 +49,10 @@ def propagate(
     )
     position = np.empty((columns.duration.size, 3))
     velocity = np.empty((columns.duration.size, 3))
-    for part, integration in integrations:
+    for rows, integration in integrations:
         ends = integration.ends()
-        position[part] = ends.position.T
-        velocity[part] = ends.velocity.T
+        position[rows] = ends.position.T
+        velocity[rows] = ends.velocity.T
     return position.reshape(*columns.shape, 3), velocity.reshape(*columns.shape, 3)
 
 
@@ -64,9 +65,9 @@ def _integrated(*arguments: Any) -> Any:
     from opir_core.flight.integration import columns_of, come_down, integrations
 
     columns = columns_of(*arguments)
-    here = come_down(columns)
-    columns.duration[here] = 0.0
-    return columns, here, integrations(columns, arguments[4])
+    landed = come_down(columns)
+    columns.duration[landed] = 0.0
+    return columns, landed, integrations(columns, arguments[4])
 
 
 #: The default longest time of flight, s.
@@ -102,7 +103,7 @@ def impact(
     *,
     within_s: ArrayLike = WITHIN_S,
     tolerance_m: ArrayLike = TOLERANCE_M,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return times to impact (...), s, and points of impact (..., 3), m, in ECI, as
     `impact_states_eci` does.
     """
@@ -142,9 +143,9 @@ def impact_states_eci(
     forces = forces_of(forces)
     if forces.is_kepler:
         return _kepler_impacts(position_m, velocity_m_s, height_m, within_s, forces)
-    height = np.asarray(height_m, dtype=np.float64)
+    height = floats(height_m)
     height = np.where(np.isneginf(height), np.nan, height)
-    columns, here, integrations = _integrated(
+    columns, landed, integrations = _integrated(
         position_m, velocity_m_s, within_s, tolerance_m, forces, height
     )
     count = columns.duration.size
@@ -153,18 +154,18 @@ def impact_states_eci(
     position = np.empty((count, 3))
     velocity = np.empty((count, 3))
     reason = np.empty(count, np.int8)
-    for part, integration in integrations:
+    for rows, integration in integrations:
         ends = integration.ends()
-        reason[part] = _REASONS[ends.outcome]
-        hit = reason[part] == ImpactReason.IMPACT
-        duration[part] = np.where(hit, ends.elapsed, np.nan)
-        position[part], velocity[part] = (
-            np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity)
+        reason[rows] = _REASONS[ends.outcome]
+        hit = reason[rows] == ImpactReason.IMPACT
+        duration[rows] = np.where(hit, ends.elapsed, np.nan)
+        position[rows], velocity[rows] = (
+            np.where(hit, column, np.nan).T for column in (ends.position, ends.velocity)
         )
-    duration[here] = 0.0
-    reason[here] = ImpactReason.IMPACT
-    position[here] = columns.position[:, here].T
-    velocity[here] = columns.velocity[:, here].T
+    duration[landed] = 0.0
+    reason[landed] = ImpactReason.IMPACT
+    position[landed] = columns.position[:, landed].T
+    velocity[landed] = columns.velocity[:, landed].T
     vectors = position.reshape(*shape, 3), velocity.reshape(*shape, 3)
     return ImpactStates(duration.reshape(shape), *vectors, reason.reshape(shape))
 
@@ -192,14 +193,8 @@ def _kepler_impacts(
 ) -> ImpactStates:
     duration, point = _kepler_points(position_m, velocity_m_s, height_m, within_s, forces)
     velocity = propagate_kepler(position_m, velocity_m_s, duration, forces.gravity.mu_m3_s2)[1]
-    inputs = (
-        np.asarray(each, dtype=np.float64).sum(axis=-1) for each in (position_m, velocity_m_s)
-    )
-    finite = np.isfinite(
-        sum(inputs)
-        + np.asarray(height_m, dtype=np.float64)
-        + np.asarray(within_s, dtype=np.float64)
-    )
+    inputs = (floats(vectors).sum(axis=-1) for vectors in (position_m, velocity_m_s))
+    finite = np.isfinite(sum(inputs) + floats(height_m) + floats(within_s))
     hit = ~np.isnan(duration)
     reason = np.where(
         hit, ImpactReason.IMPACT, np.where(finite, ImpactReason.NO_DESCENT, ImpactReason.NOT_FINITE)
@@ -213,10 +208,10 @@ def _kepler_points(
     height_m: ArrayLike,
     within_s: ArrayLike,
     forces: Forces,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return times to impact (...) and points of impact (..., 3) of two-body arcs, `nan` for longer
     times.
     """
     duration, point = kepler_impact(position_m, velocity_m_s, height_m, forces.gravity.mu_m3_s2)
-    soon = duration <= np.asarray(within_s, dtype=np.float64)
+    soon = duration <= floats(within_s)
     return np.where(soon, duration, np.nan), np.where(soon[..., np.newaxis], point, np.nan)

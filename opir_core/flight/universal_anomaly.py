@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
+from opir_core.geometry.vectors import FloatPair
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -51,8 +52,6 @@ Functions: TypeAlias = tuple[NDArray[Real], NDArray[Real], NDArray[Real], NDArra
 _HALVINGS = 3
 _REACH = 60.0
 
-#: Halvings beyond: up to |sqrt(alpha) s| = 120, and to 3 900, beyond the range of doubles.
-_MORE_HALVINGS = (7, 12)
 
 #: Taylor coefficients of c2 and c3 in -alpha h². For |alpha h²| <= 60 / 64 the first term left out
 #: is below 5e-17 of the sum in double precision, below 5e-7 in single, which only serves for
@@ -77,11 +76,14 @@ def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Rea
     z = np.abs(alpha * s)
     z *= s
     (at,) = (z > _REACH).nonzero()
-    for halvings in _MORE_HALVINGS:
+    # Halvings beyond: up to |sqrt(alpha) s| = 120, and to 3 900, beyond the range of doubles.
+    for halvings in (7, 12):
         if not at.size:
             break
-        for whole, part in zip(functions, _by_doubling(alpha[at], s[at], halvings), strict=True):
-            whole[at] = part
+        for function, values in zip(
+            functions, _by_doubling(alpha[at], s[at], halvings), strict=True
+        ):
+            function[at] = values
         at = at[z[at] > _REACH * 4.0 ** (halvings - _HALVINGS)]
     return functions
 
@@ -189,7 +191,7 @@ def laguerre_step(arcs: UniversalArcs[Real], functions: Functions[Real]) -> NDAr
 
 def excess_and_noise(
     arcs: UniversalArcs[np.float64], functions: Functions[np.float64]
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the time at the anomaly less the time of the arc, and the rounding error of the
     difference.
     """
@@ -202,13 +204,6 @@ def excess_and_noise(
 
 Singles = NDArray[np.float32]
 
-_STEPS = 3
-_SIXTH = np.float32(1.0 / 6.0)
-_THIRD = np.float32(1.0 / 3.0)
-
-#: Above this sqrt(-alpha) s of the parabola-like guess, r grows exponentially.
-_EXPONENTIAL = 1.0
-
 
 def coarse_anomaly(arcs: UniversalArcs[np.float64]) -> FloatArray:
     """Return the anomaly at the end of each arc, by Laguerre's steps from a first guess; 0 where
@@ -216,7 +211,7 @@ def coarse_anomaly(arcs: UniversalArcs[np.float64]) -> FloatArray:
     """
     single = UniversalArcs(*(column.astype(np.float32) for column in arcs))
     s = _first_guess(single)
-    for _ in range(_STEPS):
+    for _ in range(3):
         s += laguerre_step(single, universal_functions(single.alpha, s))
         np.abs(s, out=s)
     s[~np.isfinite(s)] = 0.0
@@ -229,12 +224,13 @@ def _first_guess(arcs: UniversalArcs[np.float32]) -> Singles:
     """
     rho, sigma, alpha, time = arcs
     # The cube root to 4 %: a third of the exponent, by way of the bits of the number.
-    bits: NDArray[Any] = (time * time * _SIXTH).view(np.int32).astype(np.float32)
-    bits *= _THIRD
+    bits: NDArray[Any] = (time * time * np.float32(1.0 / 6.0)).view(np.int32).astype(np.float32)
+    bits *= np.float32(1.0 / 3.0)
     bits += np.float32(709_921_077.0)
     s = time / (rho + bits.astype(np.int32).view(np.float32))
     k = np.sqrt(np.maximum(-alpha, 0.0))
-    at = np.flatnonzero(k * s > _EXPONENTIAL)
+    # Above this sqrt(-alpha) s of the parabola-like guess, r grows exponentially.
+    at = np.flatnonzero(k * s > 1.0)
     if at.size:
         k = k[at]
         rho = rho[at]
@@ -253,15 +249,6 @@ def _logarithm(x: Singles) -> Singles:
     return bits
 
 
-#: Bisection alone needs about 1 100 halvings from the largest double to the smallest.
-_BRACKETED_STEPS = 2500
-
-
-#: Square of the largest step, over the scale on which r changes, for which the last correction is
-#: exact to rounding.
-_SMALL_SQUARED = 1e-8
-
-
 def solve_fast(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
     """Return rows s, G0, G1, G2 at the end of each arc, and where they are not exact: arcs close
     past the centre.
@@ -271,7 +258,7 @@ def solve_fast(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
 
 
 def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
-    """Return rows s, G0, G1, G2 at the end of each arc, and where there is no solution: there they
+    """Return rows s, G0, G1, G2 at the end of each arc, and which arcs have no solution; their rows
     are `nan`.
 
     Laguerre's steps inside a bracket, with bisection where they do not converge.
@@ -281,18 +268,19 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
     low, high = _bracket(arcs)
     s = np.clip(coarse_anomaly(arcs), low, high)
     allowed = np.full_like(low, np.inf)
-    for _ in range(_BRACKETED_STEPS):
+    # Bisection alone needs about 1 100 halvings from the largest double to the smallest.
+    for _ in range(2500):
         functions = universal_functions(arcs.alpha, s)
         excess, noise = excess_and_noise(arcs, functions)
         low = np.where(excess < 0.0, s, low)
         high = np.where(excess < 0.0, high, s)
-        found, left = _corrected(arcs, s, functions)
-        found[:, left] = np.stack([s, *functions[:3]])[:, left]
-        left &= ~(
+        rows, unsolved = _corrected(arcs, s, functions)
+        rows[:, unsolved] = np.stack([s, *functions[:3]])[:, unsolved]
+        unsolved &= ~(
             (np.abs(excess) <= noise) & (noise < np.inf) | (high - low <= 2.0 * _EPSILON * high)
         )
-        solution[:, where[~left]] = found[:, ~left]
-        at = np.flatnonzero(left)
+        solution[:, where[~unsolved]] = rows[:, ~unsolved]
+        at = np.flatnonzero(unsolved)
         if not at.size:
             break
         s, allowed = _next(low, high, np.abs(excess), allowed, s + laguerre_step(arcs, functions))
@@ -307,7 +295,7 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
 
 def _next(
     low: FloatArray, high: FloatArray, excess: FloatArray, allowed: FloatArray, trial: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the next anomaly and the excess allowed there: the trial while the excess halves, else
     the midpoint.
     """
@@ -315,7 +303,7 @@ def _next(
     return np.where(helps, trial, 0.5 * (low + high)), np.where(helps, 0.5 * excess, np.inf)
 
 
-def _bracket(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, FloatArray]:
+def _bracket(arcs: UniversalArcs[np.float64]) -> FloatPair:
     """Return bounds of the anomaly: one turn of a closed orbit, else doubled until they enclose the
     time.
     """
@@ -325,8 +313,10 @@ def _bracket(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, FloatArray]:
     low = np.zeros_like(high)
     short = np.flatnonzero(~closed & (high > 0.0))
     while short.size:
-        part = arcs.at(short)
-        short = short[excess_and_noise(part, universal_functions(part.alpha, high[short]))[0] < 0.0]
+        open_arcs = arcs.at(short)
+        short = short[
+            excess_and_noise(open_arcs, universal_functions(open_arcs.alpha, high[short]))[0] < 0.0
+        ]
         low[short] = high[short]
         high[short] *= 2.0
     return low, high
@@ -348,7 +338,9 @@ def _corrected(
     unevenness *= r
     unevenness += slope * slope
     unevenness *= step * step
-    left = ~(unevenness <= _SMALL_SQUARED * (r * r))
+    # Square of the largest step, over the scale on which r changes, for which the last correction
+    # is exact to rounding.
+    unsolved = ~(unevenness <= 1e-8 * (r * r))
     bend *= 1.0 / 6.0
     slope *= 0.5
     for _ in range(2):
@@ -357,7 +349,7 @@ def _corrected(
         mean *= step
         mean += r
         step = excess / mean
-    return _moved(arcs.alpha, s, functions, step), left
+    return _moved(arcs.alpha, s, functions, step), unsolved
 
 
 def _moved(

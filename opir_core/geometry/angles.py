@@ -14,10 +14,6 @@ from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84, normal_at_foot
 from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
-#: Half the spacing of doubles at 2 pi: an azimuth closer to a full turn would round to it, so it is
-#: 0.
-_LESS_THAN_ROUNDING = 4.5e-16
-
 _Vector = tuple[FloatArray, FloatArray, FloatArray]
 _Rows = tuple[_Vector, _Vector, _Vector]
 
@@ -140,7 +136,9 @@ def _angles(offset: _Vector, rows: _Rows) -> AzimuthElevationRange:
     """Return azimuth, elevation and range of an offset."""
     east, north, up = (_along(row, offset) for row in rows)
     turned = np.arctan2(east + 0.0, north + 0.0)
-    azimuth = np.maximum(turned + (turned < -_LESS_THAN_ROUNDING) * (2.0 * np.pi), 0.0)
+    # Half the spacing of doubles at 2 pi: an azimuth closer to a full turn would round to it, so
+    # it is 0.
+    azimuth = np.maximum(turned + (turned < -4.5e-16) * (2.0 * np.pi), 0.0)
     elevation = _elevation(east, north, up)
     return AzimuthElevationRange(azimuth + 0.0 * elevation, elevation, length(*offset) + 0.0 * up)
 

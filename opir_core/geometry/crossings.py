@@ -16,9 +16,6 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 #: functions is meant.
 RowFunction = Callable[[IntArray, FloatArray], FloatArray]
 
-#: The share of a bracket that a step of the golden-section search leaves.
-_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-
 
 class Crossings(NamedTuple):
     """Zero crossings, sorted by row, then time: row, time, s, and whether the function rises, each
@@ -40,8 +37,8 @@ class _Brackets(NamedTuple):
     at_stop: FloatArray
 
     @classmethod
-    def joined(cls, parts: "list[_Brackets]") -> "_Brackets":
-        row, *ends = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    def joined(cls, groups: "list[_Brackets]") -> "_Brackets":
+        row, *ends = (np.concatenate(columns) for columns in zip(*groups, strict=True))
         return cls(row.astype(np.int64), *ends)
 
     def take(self, rows: BoolArray | IntArray) -> "_Brackets":
@@ -59,8 +56,8 @@ def zero_crossings(
     """Return where functions (n,) of time change sign between start and stop (n,), s, to within
     `tolerance_s`.
 
-    Samples are at most `step_s` apart. Zero counts as positive; nan has no sign: there is no
-    crossing beside it.
+    Samples are at most `step_s` apart. Zero counts as positive; nan has no sign and
+    no crossing beside it.
     """
     if not len(start_s):
         return Crossings(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.bool_))
@@ -92,10 +89,10 @@ def intervals_below(
     if stop_s <= start_s:
         return np.empty((0, 2))
     ends = np.array([start_s]), np.array([stop_s])
-    found = zero_crossings(
+    crossings = zero_crossings(
         lambda _, time_s: function(time_s), *ends, step_s=step_s, tolerance_s=tolerance_s
     )
-    edges = np.concatenate([ends[0], found.time_s, ends[1]])
+    edges = np.concatenate([ends[0], crossings.time_s, ends[1]])
     # Between two crossings the sign is that of the middle.
     is_below = function(0.5 * (edges[:-1] + edges[1:])) < 0.0
     padded = np.concatenate([[False], is_below, [False]])
@@ -130,30 +127,47 @@ def _around_extrema(
     # With one sign all along, the extremum of |f| that may lie beyond zero is the least of sign ·
     # f.
     sign = np.where(doubles.at_start < 0.0, -1.0, 1.0)
-    low = doubles.start_s
-    high = doubles.stop_s
-    inner = high - _GOLDEN * (high - low)
-    outer = low + _GOLDEN * (high - low)
-    at_inner, at_outer = (sign * function(doubles.row, time_s) for time_s in (inner, outer))
-    for _ in range(_iterations(high - low, tolerance_s, _GOLDEN)):
+    middle, size = _least(
+        lambda time_s: sign * function(doubles.row, time_s),
+        doubles.start_s,
+        doubles.stop_s,
+        tolerance_s,
+    )
+    value = sign * size
+    beyond = np.flatnonzero((value < 0.0) != (sign < 0.0))
+    down = _Brackets(doubles.row, doubles.start_s, middle, doubles.at_start, value)
+    up = _Brackets(doubles.row, middle, doubles.stop_s, value, doubles.at_stop)
+    return [down.take(beyond), up.take(beyond)]
+
+
+def _least(
+    function: Callable[[FloatArray], FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    tolerance_s: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the times (k,) of the minima of functions in intervals, and their values, by
+    golden-section search.
+    """
+    share = (np.sqrt(5.0) - 1.0) / 2.0
+    inner = high - share * (high - low)
+    outer = low + share * (high - low)
+    at_inner = function(inner)
+    at_outer = function(outer)
+    for _ in range(_iterations(high - low, tolerance_s, share)):
         is_left = at_inner < at_outer
         low = np.where(is_left, low, inner)
         high = np.where(is_left, outer, high)
         # One of the two inner points stays inside; the other is new.
-        kept = np.where(is_left, inner, outer)
-        at_kept = np.where(is_left, at_inner, at_outer)
-        fresh = np.where(is_left, high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))
-        at_fresh = sign * function(doubles.row, fresh)
-        inner = np.where(is_left, fresh, kept)
-        outer = np.where(is_left, kept, fresh)
-        at_inner = np.where(is_left, at_fresh, at_kept)
-        at_outer = np.where(is_left, at_kept, at_fresh)
-    middle = np.where(at_inner < at_outer, inner, outer)
-    value = sign * np.minimum(at_inner, at_outer)
-    beyond = np.flatnonzero((value < 0.0) != (sign < 0.0))
-    before = _Brackets(doubles.row, doubles.start_s, middle, doubles.at_start, value)
-    after = _Brackets(doubles.row, middle, doubles.stop_s, value, doubles.at_stop)
-    return [before.take(beyond), after.take(beyond)]
+        probe = np.where(is_left, high - share * (high - low), low + share * (high - low))
+        at_probe = function(probe)
+        next_outer = np.where(is_left, inner, probe)
+        at_next_outer = np.where(is_left, at_inner, at_probe)
+        inner = np.where(is_left, probe, outer)
+        at_inner = np.where(is_left, at_probe, at_outer)
+        outer = next_outer
+        at_outer = at_next_outer
+    return np.where(at_inner < at_outer, inner, outer), np.minimum(at_inner, at_outer)
 
 
 def _nearest_to_zero(samples: _Brackets) -> _Brackets:
@@ -163,38 +177,27 @@ def _nearest_to_zero(samples: _Brackets) -> _Brackets:
     The extremum of a parabola or of a corner is at most as far from the nearest sample as that is
     from its neighbours.
     """
-    last = np.flatnonzero(np.diff(samples.row, append=-1) != 0)
-    first = np.concatenate([[0], last[:-1] + 1])
+    tail = np.flatnonzero(np.diff(samples.row, append=-1) != 0)
+    head = np.concatenate([[0], tail[:-1] + 1])
     one_sign = _has_one_sign(samples)
     size = np.abs(samples.at_start)
     next_size = np.abs(samples.at_stop)
     rise = np.abs(next_size - size)
     # At the ends of a row the extremum is beside the outermost sample, in one step.
-    early = (size[first] <= next_size[first]) & (
-        size[first] <= np.maximum(rise[first], rise[first + 1])
-    )
-    late = (next_size[last] <= size[last]) & (
-        next_size[last] <= np.maximum(rise[last], rise[last - 1])
-    )
-    outer = np.concatenate([first[early], last[late]])
+    at_head = size[head] <= np.minimum(next_size[head], np.maximum(rise[head], rise[head + 1]))
+    at_tail = next_size[tail] <= np.minimum(size[tail], np.maximum(rise[tail], rise[tail - 1]))
+    outer = np.concatenate([head[at_head], tail[at_tail]])
     single = samples.take(outer[one_sign[outer]])
-    left = np.delete(np.arange(len(size)), last)
-    right = left + 1
+    step = np.delete(np.arange(len(size)), tail)
+    step = step[one_sign[step] & one_sign[step + 1]]
+    dip = next_size[step]
     # Of two equal samples beside a dip only one is its nearest; in the first step that is the
     # outermost.
-    is_equal_nearest = np.isin(left, first, invert=True) & (next_size[left] == size[left])
-    lowest = ((next_size[left] < size[left]) | is_equal_nearest) & (
-        next_size[left] < next_size[right]
-    )
-    near = next_size[left] <= np.maximum(rise[left], rise[right])
-    both = left[one_sign[left] & one_sign[right] & lowest & near]
-    double = _Brackets(
-        samples.row[both],
-        samples.start_s[both],
-        samples.stop_s[both + 1],
-        samples.at_start[both],
-        samples.at_stop[both + 1],
-    )
+    is_equal_nearest = np.isin(step, head, invert=True) & (dip == size[step])
+    is_lowest = ((dip < size[step]) | is_equal_nearest) & (dip < next_size[step + 1])
+    start = step[is_lowest & (dip <= np.maximum(rise[step], rise[step + 1]))]
+    ends = samples.take(start + 1)
+    double = samples.take(start)._replace(stop_s=ends.stop_s, at_stop=ends.at_stop)
     return _Brackets.joined([single, double])
 
 
@@ -212,8 +215,8 @@ def _bisected(function: RowFunction, brackets: _Brackets, tolerance_s: float) ->
 
 def _has_one_sign(brackets: _Brackets) -> BoolArray:
     """Return which brackets have finite values of one sign at both ends."""
-    alike = (brackets.at_start < 0.0) == (brackets.at_stop < 0.0)
-    return alike & np.isfinite(brackets.at_start + brackets.at_stop)
+    same_sign = (brackets.at_start < 0.0) == (brackets.at_stop < 0.0)
+    return same_sign & np.isfinite(brackets.at_start + brackets.at_stop)
 
 
 def _iterations(width_s: FloatArray, tolerance_s: float, share: float) -> int:

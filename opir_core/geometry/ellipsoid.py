@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING
-from opir_core.geometry.vectors import floats
+from opir_core.geometry.vectors import FloatPair, floats
 
 
 class Ellipsoid(NamedTuple):
@@ -39,14 +39,9 @@ class Ellipsoid(NamedTuple):
 WGS84 = Ellipsoid(EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING)
 
 
-#: Nearer to the centre than this share of the semi-major axis, bisection replaces Bowring's
-#: formula.
-_DEEP = 0.2
-
-
 def normal_at_foot(
     rho: FloatArray, z: FloatArray, semi_major_m: ArrayLike, semi_minor_m: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return sine and cosine of the latitude of the outward normal at the foot of points (rho >= 0,
     z), m.
 
@@ -66,7 +61,9 @@ def normal_at_foot(
         out = rho - evolute_rho * (cosine * cosine * cosine)
         sine, cosine = _unit(b * up, a * out)
     sine, cosine = _unit(up, out)
-    deep = distance < _DEEP * a
+    # Nearer to the centre than this share of the semi-major axis, bisection replaces Bowring's
+    # formula.
+    deep = distance < 0.2 * a
     return _with_bisected(sine, cosine, rho, z, a, b, deep) if np.any(deep) else (sine, cosine)
 
 
@@ -105,7 +102,7 @@ def _with_bisected(
     a: FloatArray,
     b: FloatArray,
     deep: NDArray[np.bool_],
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the normals with those of the deep points replaced by bisection."""
     shape = np.shape(deep)
     sine = np.array(np.broadcast_to(sine, shape))
@@ -118,9 +115,7 @@ def _with_bisected(
     return sine, cosine
 
 
-def _bisected_normal(
-    rho: FloatArray, z: FloatArray, a: FloatArray, b: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _bisected_normal(rho: FloatArray, z: FloatArray, a: FloatArray, b: FloatArray) -> FloatPair:
     """Return sine and cosine of the normal's latitude for z >= 0, at the centre and on the evolute
     too.
 
@@ -142,7 +137,7 @@ def _bisected_normal(
     return _unit(a * sine, b * cosine)
 
 
-def _unit(sine: FloatArray, cosine: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _unit(sine: FloatArray, cosine: FloatArray) -> FloatPair:
     """Return a pair scaled to the unit circle."""
     norm = np.sqrt(sine * sine + cosine * cosine)
     return sine / norm, cosine / norm

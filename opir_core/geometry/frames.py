@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry.vectors import components, floats, select, vector
+from opir_core.geometry.vectors import FloatPair, components, floats, select, vector
 
 Epoch = ArrayLike | np.datetime64
 
@@ -58,7 +58,7 @@ def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     return select(angle < 2.0 * np.pi, angle, angle * 0.0)
 
 
-def day_and_second(epoch: Epoch, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def day_and_second(epoch: Epoch, time_s: ArrayLike) -> FloatPair:
     """Return whole days since 1970 and seconds since their midnight."""
     instant = np.asarray(epoch, dtype="datetime64")
     midnight = instant.astype("datetime64[D]")
@@ -82,7 +82,7 @@ def eci_to_ecef(position_m: ArrayLike, time_s: ArrayLike) -> FloatArray:
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def ecef_to_eci_state(
     position_m: ArrayLike, velocity_m_s: ArrayLike, time_s: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return position (m) and velocity (m/s) in ECI of a state given in ECEF: v + omega x r,
     rotated.
     """
@@ -96,7 +96,7 @@ def ecef_to_eci_state(
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def eci_to_ecef_state(
     position_m: ArrayLike, velocity_m_s: ArrayLike, time_s: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return position (m) and velocity (m/s) relative to the rotating Earth of a state given in
     ECI.
     """

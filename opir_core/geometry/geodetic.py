@@ -20,10 +20,7 @@ from opir_core.geometry.vectors import (
 
 #: pi / 2 as the sum of two doubles.
 _HALF_PI = 1.5707963267948966
-_HALF_PI_REST = 6.123233995736766e-17
-
-#: Nearer than 1 m to the centre of curvature a point's own normal is better than a further step.
-_AT_CENTRE_M2 = 1.0
+_HALF_PI_REMAINDER = 6.123233995736766e-17
 
 
 class Geodetic(NamedTuple):
@@ -110,7 +107,7 @@ def _longitude(x: FloatArray, y: FloatArray) -> FloatArray:
     )
     quarters = select(beside, side, select(behind, 2.0 * side, 0.0))
     longitude, rounding = exact_sum(quarters * _HALF_PI, angle)
-    return longitude + (rounding + quarters * _HALF_PI_REST)
+    return longitude + (rounding + quarters * _HALF_PI_REMAINDER)
 
 
 def _latitude(
@@ -135,23 +132,27 @@ def _latitude(
     norm = np.sqrt(b * b * sine * sine + a * a * cosine * cosine)
     parametric_sine = b * np.abs(sine) / norm
     parametric_cosine = a * cosine / norm
-    up, up_rest = exact_sum(
+    up, up_remainder = exact_sum(
         np.abs(z), evolute_z * (parametric_sine * parametric_sine * parametric_sine)
     )
-    out, out_rest = exact_sum(
+    out, out_remainder = exact_sum(
         rho, -evolute_rho * (parametric_cosine * parametric_cosine * parametric_cosine)
     )
     to_centre_squared = up * up + out * out
-    rest = (up_rest * out - (out_rest + rho_remainder) * up) / (to_centre_squared + NEVER_ZERO)
-    at_centre = to_centre_squared < _AT_CENTRE_M2
+    remainder_rad = (up_remainder * out - (out_remainder + rho_remainder) * up) / (
+        to_centre_squared + NEVER_ZERO
+    )
+    # Nearer than 1 m to the centre of curvature a point's own normal is better than a further
+    # step.
+    at_centre = to_centre_squared < 1.0
     if np.any(at_centre):
         up = select(at_centre, np.abs(sine), up)
         out = select(at_centre, cosine, out)
-        rest = select(at_centre, 0.0, rest)
+        remainder_rad = select(at_centre, 0.0, remainder_rad)
     steep = up > out
     angle = np.arctan2(select(steep, -out, up), select(steep, up, out))
     latitude, rounding = exact_sum(select(steep, _HALF_PI, 0.0), angle)
-    latitude = latitude + (rounding + (rest + select(steep, _HALF_PI_REST, 0.0)))
+    latitude = latitude + (rounding + (remainder_rad + select(steep, _HALF_PI_REMAINDER, 0.0)))
     return select(sine < 0.0, -latitude, latitude)
 
 

@@ -19,13 +19,6 @@ from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, s
 _A = WGS84.equatorial_radius_m
 _B = WGS84.polar_radius_m
 
-#: The search ends when no point of the segment can be lower than the lowest so far by more than
-#: this, m.
-_NEGLIGIBLE_M = 1e-9
-
-#: Every other step halves the bracket: steps enough to exhaust a double's digits.
-_MOST_STEPS = 120
-
 
 class Normal(NamedTuple):
     """The upward normal of the ellipsoid under a point, and the point's height, m."""
@@ -63,27 +56,40 @@ def least_height_inside_m(observer_ecef_m: FloatArray, target_ecef_m: FloatArray
     slope_high, height_high = _slope(observer_ecef_m, target_ecef_m, high)
     least = np.minimum(height_low, height_high)
     active = np.arange(count)
-    for step in range(_MOST_STEPS):
-        left = low[active]
-        right = high[active]
+    # Every other step halves the bracket: steps enough to exhaust a double's digits.
+    for step in range(120):
+        start = low[active]
+        stop = high[active]
         falling = slope_low[active]
         rising = slope_high[active]
-        guess = 0.5 * (left + right)
+        guess = 0.5 * (start + stop)
         if step % 2 == 0:
-            secant = left - falling * ((right - left) / (rising - falling))
-            guess = np.where((secant > left) & (secant < right), secant, guess)
+            secant = start - falling * ((stop - start) / (rising - falling))
+            guess = np.where((secant > start) & (secant < stop), secant, guess)
         slope, height = _slope(observer_ecef_m[active], target_ecef_m[active], guess)
         least[active] = np.minimum(least[active], height)
         down = slope < 0.0
-        low[active] = np.where(down, guess, left)
+        low[active] = np.where(down, guess, start)
         slope_low[active] = np.where(down, slope, falling)
-        high[active] = np.where(down, right, guess)
+        high[active] = np.where(down, stop, guess)
         slope_high[active] = np.where(down, rising, slope)
         flattest = np.minimum(-slope_low[active], slope_high[active])
-        active = active[flattest * (high[active] - low[active]) > _NEGLIGIBLE_M]
+        # The search ends when no point of the segment can be lower than the lowest so far by more
+        # than this, m.
+        active = active[flattest * (high[active] - low[active]) > 1e-9]
         if not active.size:
             break
     return least
+
+
+_Vector = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def _segment(observer: ArrayLike, target: ArrayLike) -> tuple[_Vector, _Vector]:
+    """Return the components of the observer's position and of the way to the target."""
+    ox, oy, oz = components(observer)
+    tx, ty, tz = components(target)
+    return (ox, oy, oz), (tx - ox, ty - oy, tz - oz)
 
 
 def _slope(
@@ -92,11 +98,7 @@ def _slope(
     """Return the change of height with the share of the segment covered, and the height there,
     m.
     """
-    ox, oy, oz = components(observer)
-    tx, ty, tz = components(target)
-    dx = tx - ox
-    dy = ty - oy
-    dz = tz - oz
+    (ox, oy, oz), (dx, dy, dz) = _segment(observer, target)
     up = normal(ox + share * dx, oy + share * dy, oz + share * dz)
     return up.x * dx + up.y * dy + up.z * dz, up.height
 
@@ -122,7 +124,8 @@ def intersection_with_ellipsoid(
     height = floats(height_m)
     a = WGS84.equatorial_radius_m + height
     b = WGS84.polar_radius_m + height
-    (ox, oy, oz), (dx, dy, dz) = components(origin_ecef_m), components(direction)
+    ox, oy, oz = components(origin_ecef_m)
+    dx, dy, dz = components(direction)
     x = ox / a
     y = oy / a
     z = oz / b
@@ -198,11 +201,7 @@ def closest_to_centre_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) ->
     Their height there is at most this minus the polar radius, for the sphere of that radius lies in
     the ellipsoid.
     """
-    ox, oy, oz = components(observer_ecef_m)
-    tx, ty, tz = components(target_ecef_m)
-    dx = tx - ox
-    dy = ty - oy
-    dz = tz - oz
+    (ox, oy, oz), (dx, dy, dz) = _segment(observer_ecef_m, target_ecef_m)
     share = -(ox * dx + oy * dy + oz * dz) / (dx * dx + dy * dy + dz * dz + NEVER_ZERO)
     share = np.minimum(np.maximum(share, 0.0), 1.0)
     return length(ox + share * dx, oy + share * dy, oz + share * dz)
@@ -210,20 +209,17 @@ def closest_to_centre_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) ->
 
 def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
     """Return the minima of height along the segments."""
-    ox, oy, oz = components(observer_ecef_m)
+    (ox, oy, oz), (dx, dy, dz) = _segment(observer_ecef_m, target_ecef_m)
     tx, ty, tz = components(target_ecef_m)
-    dx = tx - ox
-    dy = ty - oy
-    dz = tz - oz
     observer = normal(ox, oy, oz)
     target = normal(tx, ty, tz)
     falls = observer.x * dx + observer.y * dy + observer.z * dz < 0.0
     rises = target.x * dx + target.y * dy + target.z * dz > 0.0
     # From the end nearer to the Earth: an error of direction has the shorter arm there.
-    near = tx * tx + ty * ty + tz * tz < ox * ox + oy * oy + oz * oz
-    px = select(near, tx, ox)
-    py = select(near, ty, oy)
-    pz = select(near, tz, oz)
+    is_lower = tx * tx + ty * ty + tz * tz < ox * ox + oy * oy + oz * oz
+    px = select(is_lower, tx, ox)
+    py = select(is_lower, ty, oy)
+    pz = select(is_lower, tz, oz)
     return _Dip(
         falls & rises,
         _line_height(px, py, pz, dx, dy, dz),

@@ -27,17 +27,18 @@ def unit_vectors(place: FloatArray) -> FloatArray:
     return vectors
 
 
-def great_circle_m(one: FloatArray, other: FloatArray) -> FloatArray:
+def great_circle_m(start: FloatArray, end: FloatArray) -> FloatArray:
     """Return great-circle distances (n,), m, between places (n, 2 or more), latitude and longitude
     first, rad.
 
     From the haversine and its complement: exact to rounding from short distances to antipodes.
     """
-    both = np.cos(other[:, 0]) * np.cos(one[:, 0])
-    turn = 0.5 * (other[:, 1] - one[:, 1])
-    near = np.sin(0.5 * (other[:, 0] - one[:, 0])) ** 2 + both * np.sin(turn) ** 2
-    far = np.sin(0.5 * (other[:, 0] + one[:, 0])) ** 2 + both * np.cos(turn) ** 2
-    return 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arctan2(np.sqrt(np.abs(near)), np.sqrt(np.abs(far)))
+    spread = np.cos(end[:, 0]) * np.cos(start[:, 0])
+    turn = 0.5 * (end[:, 1] - start[:, 1])
+    haversine = np.sin(0.5 * (end[:, 0] - start[:, 0])) ** 2 + spread * np.sin(turn) ** 2
+    complement = np.sin(0.5 * (end[:, 0] + start[:, 0])) ** 2 + spread * np.cos(turn) ** 2
+    half_angle = np.arctan2(np.sqrt(np.abs(haversine)), np.sqrt(np.abs(complement)))
+    return 2.0 * EARTH_EQUATORIAL_RADIUS_M * half_angle
 
 
 @frozen(eq=False)
@@ -55,11 +56,10 @@ class AzimuthalEquidistant:
         """Return the map about the direction of a vector (3,) from the Earth's centre."""
         x, y, z = (up / np.sqrt(up @ up)).tolist()
         longitude = atan2(y, x)
-        east = -sin(longitude)
-        ahead = cos(longitude)
-        return cls(
-            np.array([[east, ahead, 0.0], [-z * ahead, z * east, x * ahead - y * east], [x, y, z]])
-        )
+        east_x = -sin(longitude)
+        east_y = cos(longitude)
+        north = [-z * east_y, z * east_x, x * east_y - y * east_x]
+        return cls(np.array([[east_x, east_y, 0.0], north, [x, y, z]]))
 
     @property
     def centre(self) -> tuple[float, float]:

@@ -32,14 +32,6 @@ SUN_RADIUS_M = 6.957e8
 #: Step of the Sun's position in ECI, s, linear between: an error of at most 1e-7 rad.
 _SUN_STEP_S = 3600.0
 
-#: Dynamical time minus UTC, s: 32.184 s and the 37 leap seconds in force since 2017 (IERS Bulletin
-#: C).
-_DYNAMICAL_TIME_AHEAD_S = 69.184
-
-#: The constant of aberration, rad (20.49552 arcseconds, IAU 1976), by which the Sun lags behind its
-#: place.
-_ABERRATION_RAD = np.radians(20.49552 / 3600.0)
-
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_of_date_m(julian_date: ArrayLike) -> FloatArray:
@@ -82,9 +74,9 @@ def _dynamical_centuries(day: FloatArray, second: FloatArray | float) -> FloatAr
 
     Apart, for one double holds a Julian date to 4e-5 s: 8e-12 rad of the Sun's direction.
     """
-    return np.asarray(
-        (day + (second + _DYNAMICAL_TIME_AHEAD_S) / SECONDS_PER_DAY) / DAYS_PER_CENTURY
-    )
+    # Dynamical time minus UTC, s: 32.184 s and the 37 leap seconds in force since 2017 (IERS
+    # Bulletin C).
+    return np.asarray((day + (second + 69.184) / SECONDS_PER_DAY) / DAYS_PER_CENTURY)
 
 
 def _obliquity_rad(centuries: FloatArray) -> FloatArray:
@@ -98,7 +90,13 @@ def _position_m(
     """Return apparent positions of the Sun, with nutations, rad."""
     anomaly = np.radians(357.5277233 + 35999.05034 * centuries)
     radius_au = 1.000140612 - 0.016708617 * np.cos(anomaly) - 0.000139589 * np.cos(2.0 * anomaly)
-    longitude = geometric_longitude_rad(centuries) - _ABERRATION_RAD / radius_au + in_longitude
+    # The constant of aberration, rad (20.49552 arcseconds, IAU 1976), by which the Sun lags
+    # behind its place.
+    longitude = (
+        geometric_longitude_rad(centuries)
+        - np.radians(20.49552 / 3600.0) / radius_au
+        + in_longitude
+    )
     obliquity = _obliquity_rad(centuries) + in_obliquity
     distance = ASTRONOMICAL_UNIT_M * radius_au
     aside = distance * np.sin(longitude)
@@ -125,19 +123,19 @@ def sun_ecef_m(time_s: FloatArray, epoch_us: int) -> FloatArray:
     if not len(time_s):
         return np.empty((0, 3))
     hour = np.floor(time_s / _SUN_STEP_S)
-    first = float(hour.min())
-    knots = _sun_knots_eci_m(epoch_us, first, float(hour.max()) + 2.0)
-    row = (hour - first).astype(np.int64)
+    start = float(hour.min())
+    knots = _sun_knots_eci_m(epoch_us, start, float(hour.max()) + 2.0)
+    row = (hour - start).astype(np.int64)
     share = (time_s / _SUN_STEP_S - hour)[:, None]
     return eci_to_ecef(knots[row] + share * (knots[row + 1] - knots[row]), time_s)
 
 
 @lru_cache(maxsize=64)
-def _sun_knots_eci_m(epoch_us: int, first: float, behind: float) -> FloatArray:
+def _sun_knots_eci_m(epoch_us: int, start: float, stop: float) -> FloatArray:
     """Return the Sun's positions (k, 3) in ECI at the steps from the first to the one before
-    `behind`.
+    `stop`.
     """
-    return sun_position_eci_m(np.datetime64(epoch_us, "us"), np.arange(first, behind) * _SUN_STEP_S)
+    return sun_position_eci_m(np.datetime64(epoch_us, "us"), np.arange(start, stop) * _SUN_STEP_S)
 
 
 class _Discs(NamedTuple):
@@ -178,8 +176,8 @@ def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> NDArray[np.bo
     """Return whether positions (..., 3) are outside the umbra: any part of the Sun's disc is in
     view.
 
-    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`. What is `nan` there is not
-    sunlit.
+    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`. Positions with `nan`
+    there are in the dark.
     """
     return shadow_margins_rad(position_m, sun_position_m).umbra > 0.0
 

@@ -18,6 +18,10 @@ NEVER_ZERO = 1e-150
 _SPLITTER = 134217729.0
 
 
+#: Two arrays of one shape.
+FloatPair = tuple[FloatArray, FloatArray]
+
+
 def floats(values: ArrayLike) -> FloatArray:
     """Return values as a float64 array, without a copy where they are one."""
     return np.asarray(values, dtype=np.float64)
@@ -58,17 +62,19 @@ def length(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     return np.sqrt(x * x + y * y + z * z)
 
 
-def dot(one: ArrayLike, other: ArrayLike) -> FloatArray:
+def dot(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Return the scalar products (...) of vectors (..., 3), which broadcast."""
-    (ax, ay, az), (bx, by, bz) = components(one), components(other)
+    ax, ay, az = components(a)
+    bx, by, bz = components(b)
     return ax * bx + ay * by + az * bz
 
 
-def angle_between_rad(one: ArrayLike, other: ArrayLike) -> FloatArray:
+def angle_between_rad(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Return the angles (...) between vectors (..., 3), rad, in [0, pi]; accurate to rounding near
     0 and pi too.
     """
-    (ax, ay, az), (bx, by, bz) = components(one), components(other)
+    ax, ay, az = components(a)
+    bx, by, bz = components(b)
     across = length(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     return np.arctan2(across, ax * bx + ay * by + az * bz)
 
@@ -91,15 +97,15 @@ def lengths_and_remainders(
 
 def _root_and_remainder(
     squared: FloatArray, sum_error: FloatArray, square_errors: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatPair:
     """Return the root of a sum of squares, and its error from the errors of sum and squares."""
     root: FloatArray = np.sqrt(squared)
-    again, again_error = _exact_square(root)
-    residual = (squared - again) + (sum_error + (square_errors - again_error))
+    square, square_error = _exact_square(root)
+    residual = (squared - square) + (sum_error + (square_errors - square_error))
     return root, residual / (2.0 * root + NEVER_ZERO)
 
 
-def _exact_square(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _exact_square(x: FloatArray) -> FloatPair:
     """Return the rounded square and its rounding error, exactly (Dekker, Numer. Math. 18, 1971,
     224-242).
     """
@@ -110,10 +116,10 @@ def _exact_square(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return square, ((high * high - square) + 2.0 * high * low) + low * low
 
 
-def exact_sum(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+def exact_sum(x: FloatArray, y: FloatArray) -> FloatPair:
     """Return the rounded sum and its rounding error, exactly (Knuth, The Art of Computer
     Programming 2, 4.2.2).
     """
     total = x + y
-    part = total - x
-    return total, (x - (total - part)) + (y - part)
+    addend = total - x
+    return total, (x - (total - addend)) + (y - addend)

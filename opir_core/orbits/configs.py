@@ -72,19 +72,19 @@ def _right_ascension() -> Any:
 
 def _require(*complaints: str | None) -> None:
     """Raise `ValueError` with all complaints, if there are any."""
-    found = [complaint for complaint in complaints if complaint]
-    if found:
-        raise ValueError("; ".join(found))
+    errors = [complaint for complaint in complaints if complaint]
+    if errors:
+        raise ValueError("; ".join(errors))
 
 
 def _choice_complaint(config: Any, *names: str) -> str | None:
     """Return the complaint unless exactly one of the attributes is given."""
-    given = [name for name in names if getattr(config, name) is not None]
-    if len(given) == 1:
+    settings = [name for name in names if getattr(config, name) is not None]
+    if len(settings) == 1:
         return None
-    return (
-        f"{' and '.join(given)} exclude each other" if given else f"give one of {', '.join(names)}"
-    )
+    if settings:
+        return f"{' and '.join(settings)} exclude each other"
+    return f"give one of {', '.join(names)}"
 
 
 def _perigee_complaint(semi_major_axis_km: float, eccentricity: float) -> str | None:

@@ -114,9 +114,9 @@ def mean_anomaly_rad(true_anomaly_rad: float, eccentricity: float) -> float:
     2.2).
     """
     half_rad = 0.5 * math.remainder(true_anomaly_rad, 2.0 * math.pi)
-    across = math.sqrt(1.0 - eccentricity) * math.sin(half_rad)
-    ahead = math.sqrt(1.0 + eccentricity) * math.cos(half_rad)
-    eccentric_rad = 2.0 * math.atan2(across, ahead)
+    sideways = math.sqrt(1.0 - eccentricity) * math.sin(half_rad)
+    forward = math.sqrt(1.0 + eccentricity) * math.cos(half_rad)
+    eccentric_rad = 2.0 * math.atan2(sideways, forward)
     return eccentric_rad - eccentricity * math.sin(eccentric_rad)
 
 

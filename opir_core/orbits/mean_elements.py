@@ -66,23 +66,18 @@ _MOST_TURNS_A_DAY = 18.0
 #: where a sign is lost.
 _MOST_BSTAR = 10.0
 
-#: Elements farther from the scene than this, days, give a warning, for SGP4 errs by so much a day,
-#: km.
-_OLD_DAYS = 14.0
-_ERROR_KM_DAY = (1.0, 3.0)
-
 
 def tle_complaint(lines: tuple[str, str] | None) -> str | None:
     """Return the errors in the two lines of a TLE (no title line), or None."""
     if lines is None:
         return None
-    found = [
+    errors = [
         f"line {number + 1} {words}"
         for number, line in enumerate(lines)
         for words in _line_complaints(number, line)
     ]
-    if found:
-        return "; ".join(found)
+    if errors:
+        return "; ".join(errors)
     if lines[0][2:7] != lines[1][2:7]:
         return f"the lines are of two objects, {lines[0][2:7]} and {lines[1][2:7]}"
     if lines[0][62] == _SGP4_XP:
@@ -99,21 +94,21 @@ def omm_complaint(omm: Mapping[str, Any] | None) -> str | None:
     missing = [name for name in ("EPOCH", *OMM_NUMBERS) if name not in omm]
     if missing:
         return f"{', '.join(missing)} missing"
-    found = [
+    errors = [
         f"{name}: {omm[name]!r} is not {words[0]}"
         for name, words in _OMM_WORDS.items()
         if name in omm and str(omm[name]).upper() not in words
     ]
     if str(omm.get("EPHEMERIS_TYPE", "0")) == _SGP4_XP:
-        found.append("EPHEMERIS_TYPE: these are elements for SGP4-XP, a theory that is not public")
-    found += _number_complaints(omm)
+        errors.append("EPHEMERIS_TYPE: these are elements for SGP4-XP, a theory that is not public")
+    errors += _number_complaints(omm)
     if _epoch_complaint(omm["EPOCH"]):
-        found.append(_epoch_complaint(omm["EPOCH"]))
-    return "; ".join(found) or None
+        errors.append(_epoch_complaint(omm["EPOCH"]))
+    return "; ".join(errors) or None
 
 
 def omm_number(value: Any) -> float:
-    """Return a number of an OMM, which some publishers write as text; nan where it is none."""
+    """Return a number of an OMM, which some publishers write as text; nan for any other value."""
     try:
         return math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
@@ -121,8 +116,8 @@ def omm_number(value: Any) -> float:
 
 
 def omm_epoch(value: Any) -> datetime:
-    """Return the epoch of an OMM, without a zone; UTC. Raises `ValueError` where it is no time in
-    UTC.
+    """Return the epoch of an OMM, without a zone; UTC. Raises `ValueError` for any other
+    text.
     """
     text = str(value).strip().removesuffix("Z")
     if text[4:5] == "-" and text[7:8].isdigit():  # a day of the year, 2026-091T12:00:00
@@ -139,14 +134,15 @@ def omm_name(omm: Mapping[str, Any]) -> str:
 
 
 def age_warning(name: str, age_days: float) -> str | None:
-    """Return what the age of elements at the scene's epoch does to a position, None where it is too
-    young to matter.
+    """Return a warning about the position error of elements as old as this at the scene's epoch,
+    None if they are young enough.
     """
     days = abs(age_days)
-    if days <= _OLD_DAYS:
+    # Elements farther from the scene than this give a warning, for SGP4 errs by 1 to 3 km a day.
+    if days <= 14.0:
         return None
     age = f"{days:.0f} days" if days < 2.0 * 365.25 else f"{days / 365.25:.1f} years"
-    low, high = (days * error_km for error_km in _ERROR_KM_DAY)
+    low, high = (days * error_km for error_km in (1.0, 3.0))
     where = f"{low:.0f} to {high:.0f} km away" if high < 5000.0 else "anywhere along its orbit"
     return (
         f"the elements of {name} are {age} {'older' if age_days > 0.0 else 'younger'} than the"
@@ -169,21 +165,21 @@ def _line_complaints(number: int, line: str) -> list[str]:
         return [f"has {len(line)} characters, not the {_TLE_LENGTH} of a TLE"]
     if line[:2] != f"{number + 1} ":
         return [f"starts with {line[:2]!r}, not {number + 1} and a blank"]
-    found = [words for field in _TLE_NUMBERS[number] if (words := _field_complaint(line, *field))]
+    errors = [words for field in _TLE_NUMBERS[number] if (words := _field_complaint(line, *field))]
     total = (
         sum(int(character) if character.isdigit() else character == "-" for character in line[:-1])
         % 10
     )
     if line[-1] != str(total):
-        found.append(f"has the checksum {line[-1]}, and its digits come to {total}")
-    return found
+        errors.append(f"has the checksum {line[-1]}, and its digits come to {total}")
+    return errors
 
 
-def _field_complaint(line: str, name: str, first: int, end: int, form: str) -> str:
-    text = line[first:end]
+def _field_complaint(line: str, name: str, start: int, end: int, form: str) -> str:
+    text = line[start:end]
     if not re.fullmatch(form, text) or not any(map(str.isdigit, text)):
         hint = f"; write {_as_power(text)}" if form == _POWER else ""
-        return f"has no number for the {name} in columns {first + 1} to {end}: {text!r}{hint}"
+        return f"has no number for the {name} in columns {start + 1} to {end}: {text!r}{hint}"
     if name == "drag term B*" and abs(_power(text)) > _MOST_BSTAR:
         return (
             f"has the {name} {_power(text):g}, more than any satellite's ({_MOST_BSTAR:g}); is a"
@@ -206,7 +202,7 @@ def _power(text: str) -> float:
 
 
 def _as_power(text: str) -> str:
-    """Return a number as such a field, or how one is written where the text is none."""
+    """Return a number as such a field, or how to write one."""
     number = omm_number(text)
     if "." not in text or not 1e-10 <= abs(number) < 1e9:
         return "a sign or a blank, five digits, and the power of ten with its sign, like ' 11606-4'"
@@ -216,21 +212,21 @@ def _as_power(text: str) -> str:
 
 def _number_complaints(omm: Mapping[str, Any]) -> list[str]:
     numbers = {name: omm_number(omm[name]) for name in OMM_NUMBERS}
-    found = [
+    errors = [
         f"{name}: {omm[name]!r} is not a number"
         for name, number in numbers.items()
         if not math.isfinite(number)
     ]
     motion, eccentricity, inclination = (numbers[name] for name in OMM_NUMBERS[:3])
     if math.isfinite(motion) and not 0.0 < motion <= _MOST_TURNS_A_DAY:
-        found.append(f"MEAN_MOTION: {motion!r} is outside (0, {_MOST_TURNS_A_DAY:g}] turns a day")
+        errors.append(f"MEAN_MOTION: {motion!r} is outside (0, {_MOST_TURNS_A_DAY:g}] turns a day")
     if math.isfinite(eccentricity) and not 0.0 <= eccentricity < 1.0:
-        found.append(f"ECCENTRICITY: {eccentricity!r} is outside [0, 1)")
+        errors.append(f"ECCENTRICITY: {eccentricity!r} is outside [0, 1)")
     if math.isfinite(inclination) and not 0.0 <= inclination <= 180.0:
-        found.append(f"INCLINATION: {inclination!r} is outside [0, 180] deg")
+        errors.append(f"INCLINATION: {inclination!r} is outside [0, 180] deg")
     if math.isfinite(numbers["BSTAR"]) and abs(numbers["BSTAR"]) > _MOST_BSTAR:
-        found.append(f"BSTAR: {numbers['BSTAR']!r} is outside [-{_MOST_BSTAR:g}, {_MOST_BSTAR:g}]")
-    return found
+        errors.append(f"BSTAR: {numbers['BSTAR']!r} is outside [-{_MOST_BSTAR:g}, {_MOST_BSTAR:g}]")
+    return errors
 
 
 def _epoch_complaint(value: Any) -> str:

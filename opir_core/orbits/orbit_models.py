@@ -18,6 +18,7 @@ from opir_core.errors import ModelError, PluginError, Problem, SceneError, insta
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef, eci_to_ecef_state, gmst_rad
+from opir_core.geometry.vectors import FloatPair, floats
 from opir_core.interfaces.file_contents import BadFileError
 from opir_core.orbits.configs import (
     CircularConfig,
@@ -45,7 +46,7 @@ class TwoBodyMotion:
 
     elements: Elements
 
-    def state_eci(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state_eci(self, time_s: FloatArray) -> FloatPair:
         """Return positions, m, and velocities, m/s, (n, 3) in ECI at scene times (n,)."""
         position, velocity = (np.array(vector) for vector in self.elements.perigee_state_eci())
         return propagate_kepler(
@@ -56,7 +57,7 @@ class TwoBodyMotion:
         """Return positions (n, 3) in ECEF at scene times (n,)."""
         return eci_to_ecef(self.state_eci(time_s)[0], time_s)
 
-    def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state_ecef(self, time_s: FloatArray) -> FloatPair:
         """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) in
         ECEF.
         """
@@ -96,8 +97,6 @@ KEPT_SPANS = 64
 #: fitting one.
 _SEGMENTS = 16
 
-#: The most samples of a motion for one span. Smooth ones need 150 to 1 000.
-_MOST_SAMPLES = 8192
 
 #: Times this far from the scene epoch (777 days) or farther have no position: numbers of spans have
 #: 16 bits.
@@ -110,7 +109,7 @@ class EarthFixedMotion(Protocol):
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) at scene times (n,)."""
 
-    def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state_ecef(self, time_s: FloatArray) -> FloatPair:
         """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) at scene
         times (n,).
         """
@@ -127,7 +126,7 @@ class MovingOrbit:
 
     motion: EarthFixedMotion
     tolerance_m: float = 1e-3
-    #: What of the elements may be an error.
+    #: Warnings about the elements.
     warnings: tuple[str, ...] = ()
     is_stationary: bool = field(default=False, init=False)
     _spans: dict[int, Ephemeris | None] = field(factory=dict, init=False, repr=False)
@@ -136,7 +135,7 @@ class MovingOrbit:
         """Return positions (n, 3) at scene times (n,); nan at times that are not finite, or
         `FARTHEST_S` from 0.
         """
-        time = np.asarray(time_s, dtype=np.float64)
+        time = floats(time_s)
         span = np.floor(time / SPAN_S)
         if len(span) and abs(time[0]) < FARTHEST_S and (span == span[0]).all():
             return self._position_m(int(span[0]), time)
@@ -159,15 +158,16 @@ class MovingOrbit:
         )
 
     def _fitted(self, number: int) -> Ephemeris | None:
-        """Return the polynomials of a span, or None where there are none to the tolerance."""
+        """Return the polynomials of a span, or None where none meet the tolerance."""
         start_s = number * SPAN_S
         cuts_s = start_s + np.arange(1, _SEGMENTS)[None, :] * (SPAN_S / _SEGMENTS)
         samples = 0
 
-        def state(_target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        def state(_target: RowArray, time_s: FloatArray) -> FloatPair:
             nonlocal samples
             samples += len(time_s)
-            if samples > _MOST_SAMPLES:
+            # The most samples of a motion for one span. Smooth ones need 150 to 1 000.
+            if samples > 8192:
                 raise ModelError("the motion is too rough")
             return self.motion.state_ecef(time_s)
 
@@ -179,9 +179,9 @@ class MovingOrbit:
 
 def _rows_by_number(numbers: FloatArray, rows: RowArray) -> Iterator[tuple[int, RowArray]]:
     """Yield each number of the rows, with its rows in order."""
-    part = numbers[rows].astype(np.int16)
-    order = np.argsort(part, kind="stable")
-    edges = np.flatnonzero(np.diff(part[order])) + 1
+    codes = numbers[rows].astype(np.int16)
+    order = np.argsort(codes, kind="stable")
+    edges = np.flatnonzero(np.diff(codes[order])) + 1
     for group in np.split(rows[order], edges) if len(rows) else ():
         yield int(numbers[group[0]]), group
 
@@ -344,10 +344,10 @@ def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
             m for m in messages if config.satellite in (str(m.get(name)) for name in _OMM_NAMES)
         ]
     if len(messages) != 1:
-        which = "" if config.satellite is None else f" of {config.satellite}"
-        hint = "; say which with satellite" if messages and not which else ""
+        satellite = "" if config.satellite is None else f" of {config.satellite}"
+        hint = "; say which with satellite" if messages and not satellite else ""
         raise _refused(
-            config, f"holds {len(messages) or 'no'} OMM{which}; exactly one is needed{hint}"
+            config, f"holds {len(messages) or 'no'} OMM{satellite}; exactly one is needed{hint}"
         )
     if complaint := omm_complaint(messages[0]):
         raise _refused(config, complaint)

@@ -28,14 +28,6 @@ if TYPE_CHECKING:
 _US_PER_DAY = 86_400_000_000
 _UNIX_JULIAN_DATE = 2440587.5
 
-#: The epoch from which SGP4 counts days.
-_DAY_ZERO = datetime(1949, 12, 31)
-
-#: Step of the finite differences for velocities, s: SGP4's own velocities differ from the rates of
-#: its positions by up to 4 m/s. Truncation (1e-7 m/s in a low orbit) and rounding (1e-6 m/s) are
-#: negligible.
-_STEP_S = 4.0
-
 
 @frozen(eq=False)
 class Sgp4Motion:
@@ -97,10 +89,11 @@ class Sgp4Motion:
         """Return positions and their rates of change, m/s, (n, 3) in the pseudo-Earth-fixed
         frame.
         """
-        before, early, late, after = (
-            self.position_ecef_m(time_s + k * _STEP_S) for k in (-2.0, -1.0, 1.0, 2.0)
-        )
-        velocity = (8.0 * (late - early) - (after - before)) / (12.0 * _STEP_S)
+        # SGP4's own velocities differ from the rates of its positions by up to 4 m/s. Truncation
+        # (1e-7 m/s in a low orbit) and rounding (1e-6 m/s) of finite differences are negligible.
+        step_s = 4.0
+        p0, p1, p3, p4 = (self.position_ecef_m(time_s + k * step_s) for k in (-2.0, -1.0, 1.0, 2.0))
+        velocity = (8.0 * (p3 - p1) - (p4 - p0)) / (12.0 * step_s)
         return self.position_ecef_m(time_s), velocity
 
 
@@ -128,11 +121,12 @@ def satellite_of_omm(omm: Mapping[str, Any]) -> "Satrec":
         angle / 180.0 * np.pi for angle in degrees
     )
     satellite = sgp4.Satrec()
+    # The epoch from which SGP4 counts days.
     satellite.sgp4init(
         sgp4.WGS72,
         "i",
         0,  # the number of the satellite, which the theory does not use
-        (omm_epoch(omm["EPOCH"]) - _DAY_ZERO) / timedelta(days=1),
+        (omm_epoch(omm["EPOCH"]) - datetime(1949, 12, 31)) / timedelta(days=1),
         numbers["BSTAR"],
         0.0,
         0.0,

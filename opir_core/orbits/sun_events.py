@@ -15,7 +15,7 @@ from opir_core.geometry import nadir_angle_rad
 from opir_core.geometry.crossings import intervals_below
 from opir_core.geometry.frames import Epoch
 from opir_core.geometry.sun import shadow_margins_rad, sun_ecef_m
-from opir_core.geometry.vectors import components, dot, length, vector
+from opir_core.geometry.vectors import components, dot, floats, length, vector
 from opir_core.interfaces.protocols import Orbit, Sensor
 
 #: Longest step between samples, s. The Sun stands behind the Earth, or in a sensor's field, once in
@@ -73,10 +73,10 @@ def eclipse_intervals(orbit: Orbit, epoch: Epoch, start_s: float, stop_s: float)
 
     outer = intervals_below(penumbra, start_s, stop_s, step_s=_STEP_S)
     inner = intervals_below(umbra, start_s, stop_s, step_s=_STEP_S)
-    whole = np.full(outer.shape, np.nan)
+    umbras = np.full(outer.shape, np.nan)
     middle = 0.5 * (inner[:, 0] + inner[:, 1])
-    whole[np.searchsorted(outer[:, 1], middle)] = inner
-    return Eclipses(outer[:, 0], whole[:, 0], whole[:, 1], outer[:, 1])
+    umbras[np.searchsorted(outer[:, 1], middle)] = inner
+    return Eclipses(outer[:, 0], umbras[:, 0], umbras[:, 1], outer[:, 1])
 
 
 def outage_intervals(sensor: Sensor, epoch: Epoch, start_s: float, stop_s: float) -> Outages:
@@ -88,13 +88,15 @@ def outage_intervals(sensor: Sensor, epoch: Epoch, start_s: float, stop_s: float
     (`numpy.datetime64`, UTC).
     """
     epoch_us = _microseconds(epoch)
-    found = outage_times_s(sensor, epoch_us, start_s, stop_s)
-    azimuth = np.stack([_sun_azimuth_rad(sensor, time_s, epoch_us) for time_s in found.T], axis=1)
-    closest_s, nearest = _closest(sensor, found, epoch_us)
+    outages_s = outage_times_s(sensor, epoch_us, start_s, stop_s)
+    azimuth = np.stack(
+        [_sun_azimuth_rad(sensor, time_s, epoch_us) for time_s in outages_s.T], axis=1
+    )
+    closest_s, nearest = _closest(sensor, outages_s, epoch_us)
     field = sensor.field_of_regard_half_angle_rad
     exclusion = sensor.solar_exclusion_rad
     lost = cap_overlap_sr(field, exclusion, nearest) / (4.0 * np.pi * np.sin(0.5 * field) ** 2)
-    return Outages(found[:, 0], found[:, 1], azimuth, closest_s, nearest, lost)
+    return Outages(outages_s[:, 0], outages_s[:, 1], azimuth, closest_s, nearest, lost)
 
 
 def outage_times_s(
@@ -112,8 +114,8 @@ def outage_times_s(
         """
         position = sensor.orbit.position_ecef_m(time_s)
         sun = sun_ecef_m(time_s, epoch_us)
-        near = nadir_angle_rad(position, sun) - reach_rad
-        return np.maximum(near, -shadow_margins_rad(position, sun).umbra)
+        clearance = nadir_angle_rad(position, sun) - reach_rad
+        return np.maximum(clearance, -shadow_margins_rad(position, sun).umbra)
 
     if sensor.solar_exclusion_rad <= 0.0:
         return np.empty((0, 2))
@@ -127,26 +129,28 @@ def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLik
     Arguments broadcast; half angles are above 0 and at most pi. Source: A. Tovchigrechko and I. A.
     Vakser, Protein Science 10 (2001), 1572-1583.
     """
-    one, other, apart = np.broadcast_arrays(
-        *(np.asarray(each, np.float64) for each in (one_rad, other_rad, apart_rad))
+    cap_1, cap_2, separation = np.broadcast_arrays(
+        *(floats(angles) for angles in (one_rad, other_rad, apart_rad))
     )
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        at_one = _arc(other, apart, one)
-        at_other = _arc(one, apart, other)
+        at_1 = _arc(cap_2, separation, cap_1)
+        at_2 = _arc(cap_1, separation, cap_2)
         common = 2.0 * (
-            np.pi - _arc(apart, one, other) - at_one * np.cos(one) - at_other * np.cos(other)
+            np.pi - _arc(separation, cap_1, cap_2) - at_1 * np.cos(cap_1) - at_2 * np.cos(cap_2)
         )
-    smaller = 4.0 * np.pi * np.sin(0.5 * np.minimum(one, other)) ** 2
-    whole = 4.0 * np.pi * (np.sin(0.5 * one) ** 2 + np.sin(0.5 * other) ** 2 - 1.0)
+    smaller = 4.0 * np.pi * np.sin(0.5 * np.minimum(cap_1, cap_2)) ** 2
+    covered = 4.0 * np.pi * (np.sin(0.5 * cap_1) ** 2 + np.sin(0.5 * cap_2) ** 2 - 1.0)
     overlap = np.where(
-        apart <= np.abs(one - other), smaller, np.where(apart >= one + other, 0.0, common)
+        separation <= np.abs(cap_1 - cap_2),
+        smaller,
+        np.where(separation >= cap_1 + cap_2, 0.0, common),
     )
-    return np.where(apart >= 2.0 * np.pi - one - other, whole, overlap)
+    return np.where(separation >= 2.0 * np.pi - cap_1 - cap_2, covered, overlap)
 
 
-def _arc(opposite: FloatArray, side: FloatArray, other: FloatArray) -> FloatArray:
+def _arc(opposite: FloatArray, side: FloatArray, base: FloatArray) -> FloatArray:
     """Return the angle of a spherical triangle between two sides, by the law of cosines."""
-    cosine = (np.cos(opposite) - np.cos(side) * np.cos(other)) / (np.sin(side) * np.sin(other))
+    cosine = (np.cos(opposite) - np.cos(side) * np.cos(base)) / (np.sin(side) * np.sin(base))
     return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 

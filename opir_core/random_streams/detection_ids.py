@@ -15,18 +15,6 @@ from opir_core.random_streams.philox import mixed
 
 _PURPOSE = b"opir-detection"
 
-# Steps of the two halves from scan to scan: odd, so that multiplication by them is a bijection of
-# 64-bit words. The fractions of the golden ratio and of the square root of 2, to the nearest odd
-# word.
-_HIGH_STEP = np.uint64(0x9E3779B97F4A7C15)
-_LOW_STEP = np.uint64(0x6A09E667F3BCC909)
-
-# Version in bits 48-51, variant in bits 64-65 (RFC 9562, section 5.8).
-_VERSION_CLEARED = np.uint64(0xFFFFFFFFFFFF0FFF)
-_VERSION = np.uint64(0x8000)
-_VARIANT_CLEARED = np.uint64(0x3FFFFFFFFFFFFFFF)
-_VARIANT = np.uint64(0x8000000000000000)
-
 _HEX_PAIRS = np.frombuffer(b"".join(b"%02x" % byte for byte in range(256)), dtype=np.uint16)
 _HYPHEN = ord("-")
 _TEXT_LENGTH = 36
@@ -42,22 +30,20 @@ def _groups(places: Sequence[int], length: int) -> np.dtype[np.void]:
     )
 
 
-#: Rows of digits alone and of whole texts: fields of several characters are copied at once, in half
-#: the time.
+#: Rows of digits: fields of several characters are copied at once, in half the time.
 _DIGITS = _groups((0, 8, 12, 16, 20), 32)
-_TEXT = _groups((0, 9, 14, 19, 24), _TEXT_LENGTH)
 
 
-def id_key(*parts: str | int) -> tuple[int, int]:
-    """Return the 128-bit key of a stream named by its parts, as two 64-bit halves.
+def id_key(*names: str | int) -> tuple[int, int]:
+    """Return the 128-bit key of a stream by its names, as two 64-bit halves.
 
-    Parts are hashed (BLAKE2b) with type and length, so that different sequences of parts hash
+    Names are hashed (BLAKE2b) with type and length, so that different sequences of names hash
     different bytes.
     """
     digest = blake2b(digest_size=16, person=_PURPOSE)
-    for part in parts:
-        text = str(part).encode()
-        digest.update(b"%s%d:" % (b"i" if isinstance(part, int) else b"s", len(text)))
+    for name in names:
+        text = str(name).encode()
+        digest.update(b"%s%d:" % (b"i" if isinstance(name, int) else b"s", len(text)))
         digest.update(text)
     key = digest.digest()
     return int.from_bytes(key[:8], "big"), int.from_bytes(key[8:], "big")
@@ -85,8 +71,14 @@ def uuid8_words(key_words: WordArray, scan: IntArray) -> WordArray:
     low = key_words[:, 1]
     count = scan.astype(np.uint64)
     words = np.empty((len(count), 2), dtype=np.uint64)
-    words[:, 0] = mixed(mixed(count * _HIGH_STEP + high) ^ low) & _VERSION_CLEARED | _VERSION
-    words[:, 1] = mixed(mixed(count * _LOW_STEP + low) ^ high) & _VARIANT_CLEARED | _VARIANT
+    # Steps of the two halves from scan to scan: odd, so that multiplication by them is a bijection
+    # of 64-bit words. The fractions of the golden ratio and of the square root of 2, to the nearest
+    # odd word.
+    words[:, 0] = mixed(mixed(count * 0x9E3779B97F4A7C15 + high) ^ low)
+    words[:, 1] = mixed(mixed(count * 0x6A09E667F3BCC909 + low) ^ high)
+    # Version in bits 48-51, variant in bits 64-65 (RFC 9562, section 5.8).
+    words &= np.array([0xFFFFFFFFFFFF0FFF, 0x3FFFFFFFFFFFFFFF], dtype=np.uint64)
+    words |= np.array([0x8000, 0x8000000000000000], dtype=np.uint64)
     return words
 
 
@@ -97,8 +89,8 @@ def uuid_text(words: WordArray) -> list[str]:
 
 
 def uuid_words(texts: Sequence[str]) -> WordArray:
-    """Return ids (n, 2) from their texts, the inverse of `uuid_text`; `ValueError` if one is no
-    UUID.
+    """Return ids (n, 2) from their texts, the inverse of `uuid_text`; `ValueError` for other
+    texts.
     """
     words = np.empty((len(texts), 2), dtype=np.uint64)
     for row, text in enumerate(texts):
@@ -114,7 +106,7 @@ def uuid_characters(words: WordArray) -> NDArray[np.uint8]:
     octets = words.astype(">u8").view(np.uint8)
     digits = np.take(_HEX_PAIRS, octets).view(_DIGITS)[:, 0]
     text = np.full((len(words), _TEXT_LENGTH), _HYPHEN, dtype=np.uint8)
-    groups = text.view(_TEXT)[:, 0]
+    groups = text.view(_groups((0, 9, 14, 19, 24), _TEXT_LENGTH))[:, 0]
     for name in _DIGITS.fields or ():
         groups[name] = digits[name]
     return text

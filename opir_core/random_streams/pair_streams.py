@@ -25,13 +25,6 @@ from opir_core.random_streams.philox import (
     uniforms_of,
 )
 
-#: Words of all pairs that are kept for later windows, for each purpose: 16 MB. Reading a stream
-#: costs as much as 1 000 words of it, so that a window of some ten looks of each pair is read
-#: ahead; twice as many save a tenth more.
-_KEPT_WORDS = 1 << 21
-#: Most words of one pair that are kept.
-_MOST_KEPT = 256
-
 
 class PairStreams:
     """The streams of all pairs of a run, keyed when first read.
@@ -51,7 +44,7 @@ class PairStreams:
         self._scan_names = names if scan_names is None else scan_names
         self._reader = Reader()
         self._keys: dict[str, dict[int, int]] = {}
-        self._kept: dict[str, _KeptWords] = {}
+        self._read_words: dict[str, _ReadWords] = {}
         self._constants: dict[tuple[str, int], FloatArray] = {}
 
     def words(
@@ -80,16 +73,16 @@ class PairStreams:
         """
         flat = into.reshape(-1)
         words = into.shape[1]
-        if purpose not in self._kept:
-            self._kept[purpose] = _KeptWords(len(self._names))
-        kept = self._kept[purpose]
+        if purpose not in self._read_words:
+            self._read_words[purpose] = _ReadWords(len(self._names))
+        store = self._read_words[purpose]
         columns = pairs, first_scan * words, scans * words, at * words
-        is_short = columns[2] <= kept.longest
+        is_short = columns[2] <= store.longest
         short, long = ([column[rows] for column in columns] for rows in (is_short, ~is_short))
-        lacking = kept.lacking(*short[:3])
+        lacking = store.lacking(*short[:3])
         if len(lacking[0]):
-            self._read(kept.words.reshape(-1), purpose, *lacking)
-        kept.copy(flat, *short)
+            self._read(store.words.reshape(-1), purpose, *lacking)
+        store.copy(flat, *short)
         self._read(flat, purpose, *long)
 
     def _read(
@@ -97,7 +90,7 @@ class PairStreams:
         into: WordArray,
         purpose: str,
         pairs: IntArray,
-        first: IntArray,
+        start: IntArray,
         count: IntArray,
         at: IntArray,
     ) -> None:
@@ -105,21 +98,21 @@ class PairStreams:
         `at`.
         """
         keys = self._keys.setdefault(purpose, {})
-        for pair, start, words, place in zip(
-            *(column.tolist() for column in (pairs, first, count, at)), strict=True
+        for pair, begin, words, place in zip(
+            *(column.tolist() for column in (pairs, start, count, at)), strict=True
         ):
             key = keys.get(pair)
             if key is None:
                 key = stream_key(self._seed, *self._scan_names[pair], purpose)
                 keys[pair] = key
-            into[place : place + words] = self._reader.words(key, start, words)
+            into[place : place + words] = self._reader.words(key, begin, words)
 
     def constants(self, purpose: str, words: int) -> FloatArray:
         """Return (pairs, words) numbers in [0, 1), one row for all scans of a pair."""
         key = (purpose, words)
         if key not in self._constants:
             keys = [stream_key(self._seed, *names, f"{purpose}:pair") for names in self._names]
-            raw = [self._reader.words(each, 0, words) for each in keys]
+            raw = [self._reader.words(stream, 0, words) for stream in keys]
             self._constants[key] = uniforms_of(
                 np.concatenate([*raw, np.empty(0, np.uint64)])
             ).reshape(-1, words)
@@ -138,7 +131,7 @@ class PairStreams:
                 keys.pop(pair, None)
 
 
-class _KeptWords:
+class _ReadWords:
     """The next words of each pair's stream of one purpose: streams are read for several windows at
     once.
 
@@ -146,37 +139,42 @@ class _KeptWords:
     """
 
     def __init__(self, pairs: int) -> None:
-        self._width = min(_MOST_KEPT, _KEPT_WORDS // max(pairs, 1))
+        # At most 256 words of a pair, and 16 MB of all pairs for each purpose. Reading a stream
+        # costs as much as 1 000 words of it, so that a window of some ten looks of each pair is
+        # read in advance; twice as many save a tenth more.
+        self._width = min(256, (1 << 21) // max(pairs, 1))
         self.longest = self._width // 2
         self.words = np.empty((pairs, self._width), dtype=np.uint64)
-        self._first = np.full(pairs, -self._width, dtype=np.int64)
+        self._start = np.full(pairs, -self._width, dtype=np.int64)
 
     def lacking(
-        self, pairs: IntArray, first: IntArray, count: IntArray
+        self, pairs: IntArray, start: IntArray, count: IntArray
     ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
         """Return pairs, first words, numbers of words and places in `words` of what must be read
         before `copy`.
         """
-        ahead = first - self._first[pairs]
-        rows = np.flatnonzero((ahead < 0) | (ahead + count > self._width))
+        offset = start - self._start[pairs]
+        rows = np.flatnonzero((offset < 0) | (offset + count > self._width))
         pairs = pairs[rows]
-        first = first[rows]
-        self._first[pairs] = first
-        return pairs, first, np.full(len(rows), self._width), pairs * self._width
+        start = start[rows]
+        self._start[pairs] = start
+        return pairs, start, np.full(len(rows), self._width), pairs * self._width
 
     def copy(
-        self, into: WordArray, pairs: IntArray, first: IntArray, count: IntArray, at: IntArray
+        self, into: WordArray, pairs: IntArray, first_word: IntArray, count: IntArray, at: IntArray
     ) -> None:
         """Copy `count` words of each pair, from word `first` of its stream on, to the place
         `at`.
         """
         place = np.arange(int(count.sum()))
-        start = np.cumsum(count) - count
-        source = place + np.repeat(pairs * self._width + first - self._first[pairs] - start, count)
+        place_of_pair = np.cumsum(count) - count
+        source = place + np.repeat(
+            pairs * self._width + first_word - self._start[pairs] - place_of_pair, count
+        )
         if len(place) == len(into):
             self.words.reshape(-1).take(source, out=into, mode="clip")
         else:
-            into[place + np.repeat(at - start, count)] = self.words.reshape(-1).take(source)
+            into[place + np.repeat(at - place_of_pair, count)] = self.words.reshape(-1).take(source)
 
 
 class WindowNumbers:
@@ -235,20 +233,20 @@ class WindowNumbers:
         """
         behind = np.searchsorted(rows, self._ends)
         count = np.diff(behind, prepend=0)
-        chosen = np.flatnonzero(count)
-        behind = behind[chosen]
-        count = count[chosen]
-        first = rows[behind - count]
-        last = rows[behind - 1]
-        scan = self._first_scan[chosen] + first - (self._ends - self._scans)[chosen]
-        span = last - first + 1
+        places = np.flatnonzero(count)
+        behind = behind[places]
+        count = count[places]
+        start = rows[behind - count]
+        end = rows[behind - 1]
+        scan = self._first_scan[places] + start - (self._ends - self._scans)[places]
+        span = end - start + 1
         at = np.cumsum(span) - span
         read = np.empty((int(span.sum()), words), dtype=np.uint64)
-        self._streams.fill(read, purpose, self._active[chosen], scan, span, at)
+        self._streams.fill(read, purpose, self._active[places], scan, span, at)
         return (
             read
             if len(read) == len(rows)
-            else read.take(rows + np.repeat(at - first, count), axis=0)
+            else read.take(rows + np.repeat(at - start, count), axis=0)
         )
 
     def of(self, rows: IntArray, pair: IntArray, seeds: WordArray | None = None) -> "RowDraws":
@@ -258,10 +256,10 @@ class WindowNumbers:
         return RowDraws(self, self._streams, rows, pair, seeds)
 
     def _draw(self, into: WordArray, purpose: str, pairs: BoolArray) -> None:
-        chosen = np.flatnonzero(pairs)
-        scans = self._scans[chosen]
-        at = self._ends[chosen] - scans
-        self._streams.fill(into, purpose, self._active[chosen], self._first_scan[chosen], scans, at)
+        places = np.flatnonzero(pairs)
+        scans = self._scans[places]
+        at = self._ends[places] - scans
+        self._streams.fill(into, purpose, self._active[places], self._first_scan[places], scans, at)
 
 
 @frozen(eq=False, repr=False)
@@ -311,10 +309,6 @@ class RowDraws:
         return RowDraws(self.numbers, self.streams, self.rows[rows], self.pair[rows], seeds)
 
 
-#: Mean number of false alarms in a block, and the largest number of its scans.
-_PER_BLOCK = 256.0
-_MOST_SCANS = 1 << 20
-
 #: Random numbers for time and direction: scan in the block, distance from nadir, angle about nadir.
 PLACE_WORDS = 3
 
@@ -340,7 +334,8 @@ class FalseAlarmStream:
         self._sensor = sensor
         self._number = number
         self._words = words + PLACE_WORDS
-        self._scans = int(min(max(1.0, _PER_BLOCK / rate), _MOST_SCANS))
+        # The scans of a block: 256 false alarms in the mean, and a million scans at most.
+        self._scans = int(min(max(1.0, 256.0 / rate), 1 << 20))
         self._table = poisson_table(rate * self._scans)
         self._counts = Stream(stream_key(seed, name, "noise-count"))
         self._numbers = Stream(stream_key(seed, name, "noise"))
@@ -353,26 +348,28 @@ class FalseAlarmStream:
         period_ns = self._sensor.scan.period_ns
         block_ns = self._scans * period_ns
         # Looks of a scan are up to one period after its start.
-        first = max((start_ns - period_ns) // block_ns, 0)
-        counts = self._block_counts(first, max(-(-end_ns // block_ns), first + 1) - first)
+        first_block = max((start_ns - period_ns) // block_ns, 0)
+        counts = self._block_counts(
+            first_block, max(-(-end_ns // block_ns), first_block + 1) - first_block
+        )
         room = len(self._table) * self._words
-        parts = [
-            self._numbers.words((first + row) * room, count * self._words)
+        words = [
+            self._numbers.words((first_block + row) * room, count * self._words)
             for row, count in enumerate(counts.tolist())
             if count
         ]
-        uniforms = uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(
+        uniforms = uniforms_of(np.concatenate([*words, np.empty(0, dtype=np.uint64)])).reshape(
             -1, self._words
         )
-        block = np.repeat(first + np.arange(len(counts)), counts)
+        block = np.repeat(first_block + np.arange(len(counts)), counts)
         place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
-        near = np.flatnonzero(
+        in_reach = np.flatnonzero(
             (scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns)
         )
         serial = block * len(self._table) + place
         sensor = np.full(len(scan), self._number, dtype=np.int32)
-        return Drawn(sensor, scan, serial, uniforms).take(near)
+        return Drawn(sensor, scan, serial, uniforms).take(in_reach)
 
     def phase_ns(self, sensor_m: FloatArray, target_m: FloatArray) -> IntArray:
         """Return the scan phases, ns, at which the sensor at positions (n, 3) looks at positions
@@ -380,19 +377,19 @@ class FalseAlarmStream:
         """
         return self._sensor.scan.phase_ns(sensor_m, target_m, self._phase)
 
-    def _block_counts(self, first: int, blocks: int) -> IntArray:
+    def _block_counts(self, first_block: int, blocks: int) -> IntArray:
         """Return the numbers of false alarms in blocks of scans."""
         return np.searchsorted(
-            self._table, uniforms_of(self._counts.words(first, blocks)), side="right"
+            self._table, uniforms_of(self._counts.words(first_block, blocks)), side="right"
         )
 
 
 @lru_cache(maxsize=64)
 def poisson_table(mean: float) -> FloatArray:
     """Return the cumulative Poisson probabilities of 0, 1, 2, … events, up to a negligible tail."""
-    most = int(mean + 12.0 * math.sqrt(mean) + 40.0)
-    number = np.arange(most + 1)
-    log_factorial = np.array([math.lgamma(n + 1.0) for n in range(most + 1)])
+    maximum = int(mean + 12.0 * math.sqrt(mean) + 40.0)
+    number = np.arange(maximum + 1)
+    log_factorial = np.array([math.lgamma(n + 1.0) for n in range(maximum + 1)])
     cumulative = np.cumsum(np.exp(number * math.log(mean) - mean - log_factorial))
     # Every number in [0, 1) is below the last: rounding must not leave a gap.
     cumulative[-1] = 1.0

@@ -26,22 +26,9 @@ SCHEME = (
 )
 
 _WORDS_PER_BLOCK = 4
-_HALF_MASK = (1 << 64) - 1
 _SEPARATOR = b"\x1f"
-_LOW_BITS = np.uint64(11)
-_UNIT = 2.0**-53
-_ANGLE_BITS = np.uint64(24)
-_DIRECTION_BITS = np.uint64(12)
-_DIRECTION_MASK = np.uint64((1 << 12) - 1)
-_WEYL = np.uint64(0x9E3779B97F4A7C15)
-_MIXING = (
-    (np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)),
-    (np.uint64(27), np.uint64(0x94D049BB133111EB)),
-)
-_LAST_SHIFT = np.uint64(31)
-#: Words converted to normal numbers at once: all columns stay in the processor's cache.
-_AT_ONCE = 8192
-_REST_RAD = 2.0 * np.pi * 2.0**-24
+
+#: Of the 4096 directions of normal pairs.
 _COSINES = np.cos(2.0 * np.pi * 2.0**-12 * np.arange(1 << 12))
 _SINES = np.sin(2.0 * np.pi * 2.0**-12 * np.arange(1 << 12))
 
@@ -78,11 +65,11 @@ class Reader:
             "uinteger": 0,
         }
 
-    def words(self, key: int, first: int, count: int) -> NDArray[np.uint64]:
+    def words(self, key: int, start: int, count: int) -> NDArray[np.uint64]:
         """Return `count` raw words of the stream with a 128-bit key, from word `first` on."""
-        block, skipped = divmod(first, _WORDS_PER_BLOCK)
-        self._place["key"] = (key & _HALF_MASK, key >> 64)
-        self._place["counter"] = (block & _HALF_MASK, block >> 64, 0, 0)
+        block, skipped = divmod(start, _WORDS_PER_BLOCK)
+        self._place["key"] = divmod(key, 1 << 64)[::-1]
+        self._place["counter"] = (*divmod(block, 1 << 64)[::-1], 0, 0)
         self._generator.state = self._state
         return self._generator.random_raw(skipped + count)[skipped:]
 
@@ -102,9 +89,9 @@ class Stream:
 
 def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
     """Return numbers in [0, 1) from the upper 53 bits of raw words; overwrites the words."""
-    words >>= _LOW_BITS
+    words >>= 11
     numbers = _floats(words)
-    numbers *= _UNIT
+    numbers *= 2.0**-53
     return numbers
 
 
@@ -115,17 +102,18 @@ def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDA
     SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA
     2014), read anywhere.
     """
-    return mixed(seeds + numbers * _WEYL)
+    return mixed(seeds + numbers * 0x9E3779B97F4A7C15)
 
 
 def mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Return 64-bit words mixed one to one, in place: the finaliser of SplitMix64, Stafford's
     variant 13.
     """
-    for shift, factor in _MIXING:
-        words ^= words >> shift
-        words *= factor
-    words ^= words >> _LAST_SHIFT
+    words ^= words >> 30
+    words *= 0xBF58476D1CE4E5B9
+    words ^= words >> 27
+    words *= 0x94D049BB133111EB
+    words ^= words >> 31
     return words
 
 
@@ -139,28 +127,30 @@ def normal_pairs(words: NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
     """
     cosine = np.empty(len(words))
     sine = np.empty(len(words))
-    for start in range(0, len(words), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
-        _write_pairs(words[part], cosine[part], sine[part])
+    # Few enough at once for all columns to stay in the processor's cache.
+    size = 8192
+    for start in range(0, len(words), size):
+        rows = slice(start, start + size)
+        _write_pairs(words[rows], cosine[rows], sine[rows])
     return cosine, sine
 
 
 def _write_pairs(words: NDArray[np.uint64], cosine: FloatArray, sine: FloatArray) -> None:
-    bits = words >> _ANGLE_BITS
+    bits = words >> np.uint64(24)
     radius = _floats(bits)
     radius *= -(2.0**-40)
     radius += 1.0
     np.log(radius, out=radius)
     radius *= -2.0
     np.sqrt(radius, out=radius)
-    direction = np.bitwise_and(words, _DIRECTION_MASK, out=bits).view(np.int64)
+    direction = np.bitwise_and(words, 0xFFF, out=bits).view(np.int64)
     _COSINES.take(direction, out=cosine, mode="clip")
     _SINES.take(direction, out=sine, mode="clip")
-    np.right_shift(words, _DIRECTION_BITS, out=bits)
-    bits &= _DIRECTION_MASK
-    rest = _floats(bits)
-    rest *= _REST_RAD
-    _turn(cosine, sine, rest)
+    np.right_shift(words, 12, out=bits)
+    bits &= 0xFFF
+    remainder_rad = _floats(bits)
+    remainder_rad *= 2.0 * np.pi * 2.0**-24
+    _turn(cosine, sine, remainder_rad)
     cosine *= radius
     sine *= radius
 

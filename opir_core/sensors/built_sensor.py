@@ -90,7 +90,7 @@ def _orbit(config: ScanningSensorConfig, context: SensorContext) -> Orbit:
 
 def _half_angle_deg(config: ScanningSensorConfig, orbit: Orbit) -> float:
     """Return the half angle of the field of regard: as set, or the Earth's disk from the orbit's
-    least height in half a day, as far as the orbit is known, with a margin for what is beyond the
+    least height in half a day, as far as the orbit is known, with a margin beyond the
     limb."""
     if config.field_of_regard_half_angle_deg is not None:
         return config.field_of_regard_half_angle_deg
@@ -160,13 +160,14 @@ def _focal_planes(
     if config.focal_plane is None:
         return ()
     changes: Any = config.band_focal_plane
-    own = [evolve(config.focal_plane, **changes.get(band.name, {})) for band in bands]
+    planes = [evolve(config.focal_plane, **changes.get(band.name, {})) for band in bands]
     times = [
-        (min(one.integration_time_ms, period_ms), max(one.lag_s, period_ms * 1e-3)) for one in own
+        (min(plane.integration_time_ms, period_ms), max(plane.lag_s, period_ms * 1e-3))
+        for plane in planes
     ]
     return tuple(
-        evolve(one, integration_time_ms=ms, lag_s=s)
-        for one, (ms, s) in zip(own, times, strict=True)
+        evolve(plane, integration_time_ms=ms, lag_s=s)
+        for plane, (ms, s) in zip(planes, times, strict=True)
     )
 
 

@@ -190,19 +190,19 @@ class RadiometerConfig:
 
 def focal_plane_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
     """Return the error in a focal plane beside the sensor's other settings, or None."""
-    known = {
+    names = {
         name
-        for name, each in fields_dict(FocalPlaneConfig).items()
-        if each.type in (float, int, float | None)
+        for name, field_ in fields_dict(FocalPlaneConfig).items()
+        if field_.type in (float, int, float | None)
     }
     # Frames are subtracted from one another in all bands alike.
-    known -= {"lag_s", "registration_urad", "drift_urad_s"}
+    names -= {"lag_s", "registration_urad", "drift_urad_s"}
     changes: Any = config.band_focal_plane
     for settings in changes.values():
-        if unknown := sorted(set(settings) - known):
+        if unknown := sorted(set(settings) - names):
             return (
                 f"band_focal_plane: {unknown[0]} is no setting of focal_plane; known:"
-                f" {', '.join(sorted(known))}"
+                f" {', '.join(sorted(names))}"
             )
         # A value out of range is a `ValueError` with its name.
         evolve(FocalPlaneConfig(), **settings)
@@ -249,9 +249,9 @@ def unknown_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> st
             f" {', '.join(bands)}"
         )
     for name in ("band_nei_w_m2", "band_focal_plane", "plausible_ratios"):
-        given = getattr(config, name)
-        unknown = [band for band in given if band not in bands]
-        if unknown and given != _default(config, name):
+        by_band = getattr(config, name)
+        unknown = [band for band in by_band if band not in bands]
+        if unknown and by_band != _default(config, name):
             return f"{name}: {unknown[0]} is not one of the sensor's bands, {', '.join(bands)}"
     return None
 

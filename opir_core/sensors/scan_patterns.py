@@ -11,6 +11,7 @@ import numpy as np
 from attrs import define
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_core.geometry.vectors import floats
 from opir_core.interfaces.protocols import ScanPattern
 
 
@@ -111,8 +112,8 @@ def _phase_at(turn: FloatArray, start: float, period_ns: int) -> IntArray:
 
     Turn and start are rounded down to ns one by one, so that another start moves all offsets alike.
     """
-    known = np.nan_to_num(turn)
-    place = np.floor((known - np.floor(known)) * period_ns).astype(np.int64)
+    turns = np.nan_to_num(turn)
+    place = np.floor((turns - np.floor(turns)) * period_ns).astype(np.int64)
     return (place + math.floor(start * period_ns)) % period_ns
 
 
@@ -123,10 +124,8 @@ def _east_north_down(
 
     nan where a position is not finite or the sensor at the Earth's centre.
     """
-    sensor = _finite_or_nan(
-        np.broadcast_to(np.asarray(sensor_ecef_m, dtype=np.float64), np.shape(target_ecef_m))
-    )
-    dx, dy, dz = (_finite_or_nan(np.asarray(target_ecef_m, dtype=np.float64)) - sensor).T
+    sensor = _finite_or_nan(np.broadcast_to(floats(sensor_ecef_m), np.shape(target_ecef_m)))
+    dx, dy, dz = (_finite_or_nan(floats(target_ecef_m)) - sensor).T
     x, y, z = sensor.T
     across = np.hypot(x, y)
     radius = np.where((across == 0.0) & (z == 0.0), np.nan, np.hypot(across, z))

@@ -65,7 +65,7 @@ def scanning_words(config: type[ScanningSensorConfig]) -> str:
     """Return a sensor's defaults in words: `staring, 0.1 s; SWIR 2.5-3, MWIR 4-5 um; weighed by
     likelihood`.
     """
-    defaults = {each.name: each.default for each in fields(config)}
+    defaults = {setting.name: setting.default for setting in fields(config)}
     bands = [
         f"{name} {low_um:g}-{high_um:g}" for name, (low_um, high_um) in defaults["bands"].items()
     ]

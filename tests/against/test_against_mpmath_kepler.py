@@ -15,8 +15,7 @@ from hypothesis import given, strategies as st
 
 from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.kepler import kepler_status, propagate_kepler
-from opir_core.flight.lambert_solver import lambert
+from opir_core.flight.kepler import propagate_kepler
 from opir_core.flight.universal_anomaly import universal_functions
 
 EPSILON = 2.2e-16
@@ -52,7 +51,6 @@ def condition_number(state, end):
 
 def assert_within_the_bar(position, velocity, duration):
     found, _ = propagate_kepler(position, velocity, duration)
-    assert kepler_status(position, velocity, duration) == 0
     state = [mpmath.mpf(float(value)) for value in (*position, *velocity, duration, EARTH_MU_M3_S2)]
     end, _ = exact_end(state)
     error = float(
@@ -201,19 +199,3 @@ def test_universal_functions(z, scale):
     growth = max(1.0, np.sqrt(abs(z)))
     for value, reference, size in zip(found, expected, sizes, strict=True):
         assert abs(value[0] - float(reference)) <= 8.0 * growth * EPSILON * size + 1e-300
-
-
-@examples(40)
-@given(straight_states(powers_of_ten(-3.0, 1.0)), st.floats(1.0, 3600.0))
-def test_lambert_arrives(state, duration):
-    """The velocities found carry the start to the end, in 50 digits, as nearly as rounding them
-    allows.
-    """
-    aim, _ = propagate_kepler(*state, duration)
-    found, _ = lambert(state[0], aim, duration)
-    start = [mpmath.mpf(float(value)) for value in (*state[0], *found, duration, EARTH_MU_M3_S2)]
-    end, _ = exact_end(start)
-    error = float(
-        norm([mpmath.mpf(float(a)) - b for a, b in zip(aim, end, strict=True)]) / norm(end)
-    )
-    assert error <= 1e-13 or error <= 20.0 * condition_number(start, end) * EPSILON

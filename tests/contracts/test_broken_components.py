@@ -2,9 +2,8 @@
 
 import broken_components
 import pytest
-from opir_testing import ConformanceError
+from opir_testing import ConformanceError, Contract
 from opir_testing.contracts import contract_for
-from opir_testing.contracts.contract import Contract
 
 MUTANTS = sorted(
     (mutant, test)
@@ -62,9 +61,9 @@ def test_what_the_mutants_are_made_of_is_sound() -> None:
     from opir_testing.contracts import PASSED, conformance_results
 
     for hook, name in sorted(broken_components.SOUND):
-        bad = [
+        failed = [
             row
             for row in conformance_results(contract_of_mutant(hook, name))
             if row.state != PASSED
         ]
-        assert not bad, (name, bad)
+        assert not failed, (name, failed)

@@ -45,7 +45,7 @@ def test_every_kind_has_a_contract_with_promises_in_words() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_kept_is_reported_promise_by_promise_and_pytest_is_not_needed() -> None:
+def test_results_are_reported_one_by_one_without_pytest() -> None:
     done = opir("check", "weighted")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
@@ -149,8 +149,8 @@ def test_expected_failures_are_strict_in_pytest(
     pytester: pytest.Pytester, name: str, expected: dict[str, str], outcomes: dict[str, int]
 ) -> None:
     pytester.makepyfile(CONTRACT_FILE.format(name=name, expected=expected))
-    chosen = "test_confidences_are_independent"
-    pytester.runpytest_inprocess(*ALONE, "-k", chosen).assert_outcomes(**outcomes)
+    test = "test_confidences_are_independent"
+    pytester.runpytest_inprocess(*ALONE, "-k", test).assert_outcomes(**outcomes)
 
 
 def test_an_expected_failure_of_no_test_is_refused_by_pytest(pytester: pytest.Pytester) -> None:

@@ -9,7 +9,7 @@ import pytest
 from opir_testing.contracts import HOMES
 from repository import ROOT
 
-from opir_core.host.host import Host
+from opir_core import Host
 
 TESTS = ROOT / "tests"
 

@@ -2,7 +2,7 @@
 
 from opir_testing import TargetClassContract
 
-from opir_core.scene.target_classes import core_target_classes
+from opir_core.scene import core_target_classes
 
 
 class TestIcbm(TargetClassContract):

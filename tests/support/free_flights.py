@@ -14,14 +14,18 @@ MODELS = {
 }
 
 
-def flights(count, seed=0):
-    """Return states shortly after burnout, all over the Earth, that fly for 20 to 45 minutes."""
+def flights(
+    count, seed=0, *, angle_deg=(20.0, 45.0), speed_m_s=(6300.0, 7200.0), height_m=(150e3, 300e3)
+):
+    """Return states shortly after burnout, all over the Earth; by default they fly for 20 to 45
+    minutes.
+    """
     random = np.random.default_rng(seed)
     up = random.normal(size=(count, 3))
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     along = np.cross(up, random.normal(size=(count, 3)))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    angle = np.radians(random.uniform(20.0, 45.0, (count, 1)))
-    speed = random.uniform(6300.0, 7200.0, (count, 1))
-    height = random.uniform(150e3, 300e3, (count, 1))
+    angle = np.radians(random.uniform(*angle_deg, (count, 1)))
+    speed = random.uniform(*speed_m_s, (count, 1))
+    height = random.uniform(*height_m, (count, 1))
     return up * (6371e3 + height), speed * (np.sin(angle) * up + np.cos(angle) * along)

@@ -28,20 +28,16 @@ from opir_core.flight.dense_output import StepRecorder
 from opir_core.flight.dop853 import NODES, StepStart, stepped_in_columns
 from opir_core.flight.forces import ExponentialAtmosphere, ZonalField
 from opir_core.flight.gravity_and_drag import Gravity, height_m
+from opir_core.flight.rows import Rows, TrailingRows
 from opir_core.flight.staged.staging import StageColumns, Staging
+from opir_core.flight.universal_anomaly import dot, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
 
-#: The air of boosts in scenes without drag (Curtis, Orbital Mechanics for Engineering Students,
-#: appendix D.40).
-TEXTBOOK_AIR = ExponentialAtmosphere(density_kg_m3=1.225, scale_height_m=7500.0)
 
 #: The tolerance of the summed error estimates of velocity, m/s: at most 0.2 m at an impact.
 TOLERANCE_M_S = 2e-5
-
-#: Doublings of the number of steps after which a boost counts as not converged.
-_DOUBLINGS = 5
 
 
 class LegKind(IntEnum):
@@ -77,7 +73,7 @@ class Leg:
 
 
 @frozen(eq=False, repr=False)
-class Boosts:
+class Boosts(Rows):
     """Boosts of n launches with one number of stages: sites, stages as columns, and times and
     coefficients (n,).
 
@@ -99,7 +95,11 @@ class Boosts:
         if they have drag.
         """
         zonal: tuple[str, ...] = ()
-        air: ExponentialAtmosphere | str = TEXTBOOK_AIR
+        # The air of boosts in scenes without drag (Curtis, Orbital Mechanics for Engineering
+        # Students, appendix D.40).
+        air: ExponentialAtmosphere | str = ExponentialAtmosphere(
+            density_kg_m3=1.225, scale_height_m=7500.0
+        )
         if not isinstance(forces, str):
             zonal = forces.zonal
             air = air if forces.drag is None else forces.drag.atmosphere
@@ -113,18 +113,6 @@ class Boosts:
     def __len__(self) -> int:
         return len(self.tail_off_s)
 
-    def take(self, rows: RowArray) -> "Boosts":
-        """Return some of the boosts."""
-        columns = (
-            self.vertical_rise_s,
-            self.pitch_over_s,
-            self.tail_off_s,
-            self.ballistic_coefficient_kg_m2,
-        )
-        site = self.site.take(rows)
-        stages = self.stages.take(rows)
-        return Boosts(site, stages, self.zonal, self.air, *(column[rows] for column in columns))
-
     def legs(self, cut_off_s: FloatArray) -> Iterator[Leg]:
         """Yield the legs of boosts whose last burn is cut off (n,) s after ignition, up to the
         tail-off of that.
@@ -133,21 +121,21 @@ class Boosts:
         zero = np.zeros(len(self))
         yield Leg(LegKind.RISE, 0, zero, self.vertical_rise_s)
         yield Leg(LegKind.PITCH_OVER, 0, self.vertical_rise_s, turn_s)
-        last = len(self.stages.burn_time_s) - 1
+        final_stage = len(self.stages.burn_time_s) - 1
         for number, (ignition_s, burn_s) in enumerate(
             zip(self.stages.ignition_s, self.stages.burn_time_s, strict=True)
         ):
             start_s = turn_s if number == 0 else ignition_s
             stop_s = ignition_s + burn_s
-            cut_s = cut_off_s if number == last else stop_s - self.tail_off_s
+            cut_s = cut_off_s if number == final_stage else stop_s - self.tail_off_s
             yield Leg(LegKind.BURN, number, start_s, cut_s)
             yield Leg(LegKind.TAIL_OFF, number, cut_s, cut_s + self.tail_off_s)
-            if number < last:
+            if number < final_stage:
                 yield Leg(LegKind.GAP, number, stop_s, self.stages.ignition_s[number + 1])
 
 
 @frozen(eq=False, repr=False)
-class BoostState:
+class BoostState(TrailingRows):
     """Positions and velocities relative to the Earth (3, n), ECEF, and the summed error estimates
     of velocity (n,).
     """
@@ -161,12 +149,6 @@ class BoostState:
         """Return the states at ignition."""
         position = boosts.site.launch_m.T.copy()
         return cls(position, np.zeros_like(position), np.zeros(len(boosts)))
-
-    def take(self, rows: RowArray) -> "BoostState":
-        """Return the states of some of the boosts."""
-        return BoostState(
-            self.position_m[:, rows], self.velocity_m_s[:, rows], self.error_m_s[rows]
-        )
 
 
 class RightSide:
@@ -199,8 +181,7 @@ class RightSide:
         """Return accelerations (3, n), m/s²."""
         acceleration, inverse_radius = self._gravity.with_inverse_radius(position)
         density = _density(height_m(position, inverse_radius), self._boosts.air)
-        squares = velocity * velocity
-        speed = np.sqrt(squares[0] + squares[1] + squares[2])
+        speed = length(velocity)
         acceleration -= (density * speed * self._half_inverse_beta) * velocity
         acceleration[0] += EARTH_ROTATION_RAD_S * (
             EARTH_ROTATION_RAD_S * position[0] + 2.0 * velocity[1]
@@ -218,8 +199,8 @@ class RightSide:
         leg = self._leg
         if leg.kind != LegKind.TAIL_OFF:
             return stages.acceleration_m_s2(leg.stage, time_s)
-        left = (leg.stop_s - time_s) / np.maximum(leg.stop_s - leg.start_s, 1e-9)
-        return stages.acceleration_m_s2(leg.stage, leg.start_s) * left
+        share = (leg.stop_s - time_s) / np.maximum(leg.stop_s - leg.start_s, 1e-9)
+        return stages.acceleration_m_s2(leg.stage, leg.start_s) * share
 
     def _direction(self, time_s: FloatArray, velocity: FloatArray, speed: FloatArray) -> FloatArray:
         if self._leg.kind == LegKind.RISE:
@@ -229,9 +210,9 @@ class RightSide:
             return along
         share = (time_s - self._leg.start_s) / (self._leg.stop_s - self._leg.start_s)
         lead = self._kick_rad * np.sin(np.pi * share) ** 2
-        ahead = self._heading - _dot(self._heading, along) * along
-        ahead /= np.sqrt(_dot(ahead, ahead))
-        return np.cos(lead) * along + np.sin(lead) * ahead
+        sideways = self._heading - dot(self._heading, along) * along
+        sideways /= length(sideways)
+        return np.cos(lead) * along + np.sin(lead) * sideways
 
 
 def _density(height_m: FloatArray, air: ExponentialAtmosphere | str) -> FloatArray:
@@ -240,11 +221,6 @@ def _density(height_m: FloatArray, air: ExponentialAtmosphere | str) -> FloatArr
         return density_kg_m3(height_m, air)
     density = air.density_kg_m3 * np.exp((air.base_height_m - height_m) / air.scale_height_m)
     return np.where(height_m >= LOWEST_HEIGHT_M, density, np.nan)
-
-
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    product = one * other
-    return product[0] + product[1] + product[2]
 
 
 @frozen(eq=False, repr=False)
@@ -294,22 +270,23 @@ def burnout(
     kick_rad: FloatArray,
     cut_off_s: FloatArray,
     fineness: FloatArray,
+    recorder: StepRecorder | None = None,
+    arcs: RowArray | None = None,
 ) -> BoostState:
     """Return the states at burnout of boosts (n,), each integrated with its own `fineness`, a
     factor of its steps.
+
+    A recorder gets the steps, in ECEF and by time since ignition, as those of arcs of these numbers
+    (n,).
     """
-    position = np.empty((3, len(boosts)))
-    velocity = np.empty((3, len(boosts)))
-    error = np.empty(len(boosts))
+    end = BoostState.at_rest(boosts)
     for factor in np.unique(fineness).tolist():
         rows = np.flatnonzero(fineness == factor)
-        part = boosts.take(rows)
-        turn = Turn(part, azimuth_rad[rows], kick_rad[rows], int(factor))
-        end = turn.flown(BoostState.at_rest(part), part.legs(cut_off_s[rows]))
-        position[:, rows] = end.position_m
-        velocity[:, rows] = end.velocity_m_s
-        error[rows] = end.error_m_s
-    return BoostState(position, velocity, error)
+        group = boosts.take(rows)
+        numbers = None if arcs is None else arcs[rows]
+        turn = Turn(group, azimuth_rad[rows], kick_rad[rows], int(factor), recorder, numbers)
+        end.overwrite(rows, turn.flown(BoostState.at_rest(group), group.legs(cut_off_s[rows])))
+    return end
 
 
 def fineness_needed(
@@ -320,29 +297,11 @@ def fineness_needed(
     """
     fineness = np.ones(len(boosts))
     rows = np.arange(len(boosts))
-    for _ in range(_DOUBLINGS):
+    # Doublings of the number of steps after which a boost counts as not converged.
+    for _ in range(5):
         columns = azimuth_rad[rows], kick_rad[rows], cut_off_s[rows], fineness[rows]
         rows = rows[burnout(boosts.take(rows), *columns).error_m_s > TOLERANCE_M_S]
         if not rows.size:
             break
         fineness[rows] *= 2.0
     return fineness
-
-
-def record_boosts(
-    recorder: StepRecorder,
-    numbers: RowArray,
-    boosts: Boosts,
-    azimuth_rad: FloatArray,
-    kick_rad: FloatArray,
-    cut_off_s: FloatArray,
-    fineness: FloatArray,
-) -> None:
-    """Record boosts up to burnout as the arcs of these numbers (n,), in ECEF, by time since
-    ignition.
-    """
-    for factor in np.unique(fineness).tolist():
-        rows = np.flatnonzero(fineness == factor)
-        part = boosts.take(rows)
-        turn = Turn(part, azimuth_rad[rows], kick_rad[rows], int(factor), recorder, numbers[rows])
-        turn.flown(BoostState.at_rest(part), part.legs(cut_off_s[rows]))

@@ -10,44 +10,29 @@ cut-off: Newton's method for the three unknowns therefore aims at a point and an
 """
 
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.flight.gravity_and_drag import height_and_climb, height_m
 from opir_core.flight.landing import polar_rad
 from opir_core.flight.propagation import propagate
+from opir_core.flight.rows import Rows, TrailingRows
 from opir_core.flight.staged.gravity_turn import fineness_needed
 from opir_core.flight.staged.shots import Reach, StagedShots
 from opir_core.flight.universal_anomaly import cross, dot, length
 from opir_core.geometry import ecef_to_eci_state
+from opir_core.geometry.vectors import FloatPair
 
 #: The tolerance of the miss and of the apogee, m.
 TOLERANCE_M = 0.1
 
-#: The steepest flight of stages that could escape has this apogee, m: it lasts 15 h; free flight is
-#: followed for a day.
-MAX_APOGEE_M = 5e7
-
-_ITERATIONS = 40
-
-#: Newton's method gives up where this share of its step does not reduce the error.
-_LEAST_SHARE = 2.0**-7
 
 #: Steps of the finite differences of kick, rad, and cut-off, s.
 _STEPS = np.array([1e-5, 1e-5, 1e-3])
 
-#: The largest corrections at once: of kick, rad, and cut-off, as a share of the last burn.
-_LARGEST_KICK_RAD = 0.2
-_LARGEST_SHARE = 0.2
-
-#: What an error of cut-off or climb counts beside one of place: about as many metres as it moves
-#: the impact.
-_METRES_PER_S = 1e5
-_SECONDS_OF_CLIMB = 100.0
 
 #: The number of parts in which a goal is approached that is not reached at once.
 _PARTS = 8
@@ -62,42 +47,31 @@ class Goal(IntEnum):
 
 
 @frozen(eq=False, repr=False)
-class Goals:
-    """The goals (n,) of shots and their values: apogee, m; cut-off, s since ignition; climb at
-    burnout, m/s.
+class Goals(Rows):
+    """The kind of goal of shots, and its values (n,): apogee, m; cut-off, s since ignition; climb
+    at burnout, m/s.
     """
 
-    kind: RowArray
+    kind: Goal
     value: FloatArray
-
-    @classmethod
-    def of(cls, kind: Goal, value: FloatArray) -> "Goals":
-        """Return one kind of goal for all shots."""
-        return cls(np.full(len(value), kind), value)
-
-    def take(self, rows: RowArray) -> "Goals":
-        """Return some of the goals."""
-        return Goals(self.kind[rows], self.value[rows])
-
-    def chosen(self, apogee: FloatArray, cut_off: FloatArray, climb: FloatArray) -> FloatArray:
-        """Return for each shot the quantity (..., n) of its goal, each as metres."""
-        return np.where(
-            self.kind == Goal.APOGEE,
-            apogee,
-            np.where(self.kind == Goal.CUT_OFF, _METRES_PER_S * cut_off, _SECONDS_OF_CLIMB * climb),
-        )
 
     def residual(self, flights: "Flights") -> FloatArray:
         """Return the errors (3, n), m: east and north of the aim point, and of the goal."""
-        scaled = self.chosen(bounded_m(self.value), self.value, self.value)
-        third = (
-            self.chosen(bounded_m(flights.apogee_m), flights.unknown[2], flights.climb_m_s) - scaled
-        )
-        return np.stack([flights.east_m, flights.north_m, third])
+        values = flights.apogee_m, flights.unknown[2], flights.climb_m_s
+        error_m = self._metres(values[self.kind]) - self._metres(self.value)
+        return np.stack([flights.east_m, flights.north_m, error_m])
+
+    def _metres(self, value: FloatArray) -> FloatArray:
+        """Return values of goals (n,) as metres: what an error counts beside one of place is about
+        as many metres as it moves the impact.
+        """
+        if self.kind == Goal.APOGEE:
+            return bounded_m(value)
+        return {Goal.CUT_OFF: 1e5, Goal.CLIMB: 100.0}[self.kind] * value
 
 
 @frozen(eq=False, repr=False)
-class Flights:
+class Flights(TrailingRows):
     """Trial flights (n,): unknowns (3, n), misses towards east and north of the launch point,
     apogee and last climb.
 
@@ -112,25 +86,12 @@ class Flights:
     apogee_m: FloatArray
     climb_m_s: FloatArray
 
-    def columns(self) -> tuple[FloatArray, ...]:
-        """Return the unknowns and what they lead to, (..., n)."""
-        return self.unknown, self.east_m, self.north_m, self.apogee_m, self.climb_m_s
-
-    def take(self, rows: RowArray) -> "Flights":
-        """Return some of the flights."""
-        return Flights(*(column[..., rows] for column in self.columns()))
-
     def unless(self, is_bad: BoolArray) -> "Flights":
         """Return the flights without apogee and climb, nan, where they are bad."""
         apogee_m, climb_m_s = (
             np.where(is_bad, np.nan, column) for column in (self.apogee_m, self.climb_m_s)
         )
         return evolve(self, apogee_m=apogee_m, climb_m_s=climb_m_s)
-
-    def put(self, rows: RowArray, flights: "Flights") -> None:
-        """Replace some of the flights."""
-        for column, other in zip(self.columns(), flights.columns(), strict=True):
-            column[..., rows] = other
 
 
 def bounded_m(apogee_m: FloatArray) -> FloatArray:
@@ -142,7 +103,7 @@ def bounded_m(apogee_m: FloatArray) -> FloatArray:
         return radius_m * (apogee_m / (radius_m + apogee_m))
 
 
-def azimuth_and_kick(unknown: FloatArray) -> tuple[FloatArray, FloatArray]:
+def azimuth_and_kick(unknown: FloatArray) -> FloatPair:
     """Return azimuths and kicks (n,), rad, of unknowns (3, n)."""
     return np.arctan2(unknown[0], unknown[1]), np.hypot(unknown[0], unknown[1])
 
@@ -167,7 +128,7 @@ def flights_with(shots: StagedShots, unknown: FloatArray) -> Flights:
     return Flights(unknown, east_m - aim_east_m, north_m - aim_north_m, apogee_m, climb)
 
 
-def _offsets_m(shots: StagedShots, point_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _offsets_m(shots: StagedShots, point_ecef_m: FloatArray) -> FloatPair:
     """Return the offsets (n,) of points towards east and north of the launch points: azimuthal,
     equidistant.
     """
@@ -228,21 +189,22 @@ def _improved(
     residual = goals.residual(flights)
     error_m = length(residual)
     share = np.ones(len(error_m))
-    for _ in range(_ITERATIONS):
-        rows = np.flatnonzero((error_m > TOLERANCE_M) & (share > _LEAST_SHARE))
+    for _ in range(40):
+        # Newton's method gives up where this share of its step does not reduce the error.
+        rows = np.flatnonzero((error_m > TOLERANCE_M) & (share > 2.0**-7))
         if not rows.size:
             break
-        part = shots.take(rows)
+        group = shots.take(rows)
         aims = goals.take(rows)
-        step = share[rows] * _newton_step(part, residual[:, rows], slopes[:, :, rows])
+        step = share[rows] * _newton_step(group, residual[:, rows], slopes[:, :, rows])
         unknown = flights.unknown[:, rows] + step
         if by_broyden:
-            trial = flights_with(part, unknown)
+            trial = flights_with(group, unknown)
             trial_slopes = _broyden(
                 slopes[:, :, rows], aims.residual(trial) - residual[:, rows], step
             )
         else:
-            trial, trial_slopes = _with_slopes(part, aims, unknown)
+            trial, trial_slopes = _with_slopes(group, aims, unknown)
         trial_residual = aims.residual(trial)
         trial_m = length(trial_residual)
         nearer = trial_m < error_m[rows]
@@ -251,7 +213,7 @@ def _improved(
         error_m[better] = trial_m[nearer]
         residual[:, better] = trial_residual[:, nearer]
         slopes[:, :, better] = trial_slopes[:, :, nearer]
-        flights.put(better, trial.take(np.flatnonzero(nearer)))
+        flights.overwrite(better, trial.take(np.flatnonzero(nearer)))
     return flights, error_m
 
 
@@ -262,12 +224,12 @@ def _with_slopes(
     error).
     """
     count = unknown.shape[1]
-    every = np.tile(np.arange(count), 4)
+    rows = np.tile(np.arange(count), 4)
     moved = np.repeat(unknown[:, None, :], 4, axis=1)
     for number, step in enumerate(_STEPS.tolist()):
         moved[number, number + 1] += step
-    flights = flights_with(shots.take(every), moved.reshape(3, -1))
-    residual = goals.take(every).residual(flights).reshape(3, 4, count)
+    flights = flights_with(shots.take(rows), moved.reshape(3, -1))
+    residual = goals.take(rows).residual(flights).reshape(3, 4, count)
     return flights.take(np.arange(count)), (residual[:, 1:] - residual[:, :1]) / _STEPS[
         None, :, None
     ]
@@ -299,8 +261,9 @@ def _newton_step(shots: StagedShots, residual: FloatArray, slopes: FloatArray) -
             ]
         )
         step /= determinant
-        kick = np.hypot(step[0], step[1]) / _LARGEST_KICK_RAD
-        time = np.abs(step[2]) / (_LARGEST_SHARE * shots.boosts.stages.burn_time_s[-1])
+        # The largest corrections at once: of kick, rad, and cut-off, as a share of the last burn.
+        kick = np.hypot(step[0], step[1]) / 0.2
+        time = np.abs(step[2]) / (0.2 * shots.boosts.stages.burn_time_s[-1])
         return step / np.maximum(np.maximum(kick, time), 1.0)
 
 
@@ -339,49 +302,49 @@ class Side:
         flights.
         """
         flights, error_m = jointly_aimed(
-            self.shots, Goals.of(Goal.APOGEE, apogee_m), self.start(apogee_m)
+            self.shots, Goals(Goal.APOGEE, apogee_m), self.start(apogee_m)
         )
         is_solved = error_m <= TOLERANCE_M
         rows = np.flatnonzero(~is_solved & self.has(apogee_m))
         if rows.size:
-            goals = Goals.of(Goal.APOGEE, apogee_m[rows])
+            goals = Goals(Goal.APOGEE, apogee_m[rows])
             start = self.inner.take(rows)
             walked, is_solved[rows] = _walked(self.shots.take(rows), goals, start.apogee_m, start)
-            flights.put(rows, walked)
+            flights.overwrite(rows, walked)
         return flights, is_solved & self.has(apogee_m)
 
 
 def _walked(
-    shots: StagedShots, goals: Goals, first: FloatArray, start: Flights
+    shots: StagedShots, goals: Goals, start_value: FloatArray, start: Flights
 ) -> tuple[Flights, BoolArray]:
     """Return flights (n,) nearest to goals, approached from `start` and its values `first`, whether
     they meet them.
     """
-    flights = start.take(np.arange(len(first)))
-    rows = np.flatnonzero(np.isfinite(first))
-    for part in range(1, _PARTS + 1):
-        share = part / _PARTS
-        value = (1.0 - share) * first[rows] + share * goals.value[rows]
+    flights = start.take(np.arange(len(start_value)))
+    rows = np.flatnonzero(np.isfinite(start_value))
+    for step in range(1, _PARTS + 1):
+        share = step / _PARTS
+        value = (1.0 - share) * start_value[rows] + share * goals.value[rows]
         aims = evolve(goals.take(rows), value=value)
         trial, error_m = jointly_aimed(shots.take(rows), aims, flights.unknown[:, rows])
         is_near = error_m <= TOLERANCE_M
         rows = rows[is_near]
-        flights.put(rows, trial.take(np.flatnonzero(is_near)))
+        flights.overwrite(rows, trial.take(np.flatnonzero(is_near)))
         if not rows.size:
             break
-    is_met = np.zeros(len(first), dtype=bool)
+    is_met = np.zeros(len(start_value), dtype=bool)
     is_met[rows] = True
     return flights, is_met
 
 
 @frozen(eq=False, repr=False)
-class Launches:
+class Launches(Rows):
     """Launches (n,): azimuth and kick, rad, cut-off, s since ignition, `fineness`, and whether they
     reach their aims.
 
     `apogees_m` (n, 4) are those of the flattest flight, of the highest flat and of the lowest steep
-    one, and of the steepest; nan where there is none, and where nothing was asked that depends on
-    them.
+    one, and of the steepest; nan without such a flight, and where no setting depends
+    on them.
     """
 
     azimuth_rad: FloatArray
@@ -406,29 +369,9 @@ class Launches:
             apogees_m,
         )
 
-    def columns(self) -> tuple[Any, ...]:
-        """Return all columns (n, ...)."""
-        return (
-            self.azimuth_rad,
-            self.kick_rad,
-            self.cut_off_s,
-            self.fineness,
-            self.is_solved,
-            self.apogees_m,
-        )
-
     def unknown(self) -> FloatArray:
         """Return the unknowns (3, n)."""
         return unknowns(self.azimuth_rad, self.kick_rad, self.cut_off_s)
-
-    def take(self, rows: RowArray) -> "Launches":
-        """Return some of the launches."""
-        return Launches(*(column[rows] for column in self.columns()))
-
-    def set(self, rows: RowArray, launches: "Launches") -> None:
-        """Replace some of the launches."""
-        for column, other in zip(self.columns(), launches.columns(), strict=True):
-            column[rows] = other
 
 
 def lofted(
@@ -459,15 +402,19 @@ def lofted(
         apogees_m = launches.apogees_m[rows]
         apogees_m[:, ends] = np.stack([side.inner.apogee_m, side.outer.apogee_m], axis=1)
         launches.apogees_m[rows] = apogees_m
-        wanted_m = np.where(has_apogee[rows], apogee_m[rows], side.between_m(np.abs(loft[rows])))
-        flights, is_solved = side.with_apogee(wanted_m)
-        part = side.shots
-        cut_off_s = np.clip(flights.unknown[2], part.earliest_s, part.latest_s)
-        solved = Launches(
-            *azimuth_and_kick(flights.unknown), cut_off_s, part.fineness, is_solved, apogees_m
-        )
-        launches.set(rows[is_solved], solved.take(np.flatnonzero(is_solved)))
+        goal_m = np.where(has_apogee[rows], apogee_m[rows], side.between_m(np.abs(loft[rows])))
+        solved = _launches(side, goal_m, apogees_m)
+        launches.overwrite(rows[solved.is_solved], solved.take(np.flatnonzero(solved.is_solved)))
     return launches
+
+
+def _launches(side: Side, apogee_m: FloatArray, apogees_m: FloatArray) -> Launches:
+    """Return the launches of the flights of a side with apogees (n,), m."""
+    flights, is_solved = side.with_apogee(apogee_m)
+    shots = side.shots
+    cut_off_s = np.clip(flights.unknown[2], shots.earliest_s, shots.latest_s)
+    azimuth_rad, kick_rad = azimuth_and_kick(flights.unknown)
+    return Launches(azimuth_rad, kick_rad, cut_off_s, shots.fineness, is_solved, apogees_m)
 
 
 def steep_side(shots: StagedShots, table: Reach, base: FloatArray, has_base: BoolArray) -> Side:
@@ -477,14 +424,16 @@ def steep_side(shots: StagedShots, table: Reach, base: FloatArray, has_base: Boo
     zero = np.zeros_like(shots.earliest_s)
     shots = _finer(shots, unknowns(zero, zero, shots.latest_s))
     inner = _inner_end(shots, base, has_base, unknowns(zero, zero, shots.earliest_s))
-    goals = Goals.of(Goal.CUT_OFF, shots.latest_s)
+    goals = Goals(Goal.CUT_OFF, shots.latest_s)
     outer, error_m = jointly_aimed(shots, goals, unknowns(zero, zero, shots.latest_s))
     rows = np.flatnonzero(error_m > TOLERANCE_M)
     if rows.size:
-        part = shots.take(rows)
+        group = shots.take(rows)
         start = inner.take(rows)
-        highest = Goals.of(Goal.APOGEE, np.full(rows.size, MAX_APOGEE_M))
-        outer.put(rows, _end(part, start, highest, start.apogee_m))
+        # The steepest flight of stages that could escape has this apogee, m: it lasts 15 h; free
+        # flight is followed for a day.
+        highest = Goals(Goal.APOGEE, np.full(rows.size, 5e7))
+        outer.overwrite(rows, _end(group, start, highest, start.apogee_m))
     return Side(shots, inner, outer)
 
 
@@ -496,11 +445,11 @@ def flat_side(shots: StagedShots, table: Reach, base: FloatArray, has_base: Bool
     earliest = unknowns(azimuth_rad, table.flat_kicks_rad(range_rad), shots.earliest_s)
     shots = _finer(shots, np.where(has_base, base, earliest))
     inner = _inner_end(shots, base, has_base, earliest)
-    level = Goals.of(Goal.CLIMB, np.zeros_like(inner.climb_m_s))
+    level = Goals(Goal.CLIMB, np.zeros_like(inner.climb_m_s))
     return Side(shots, inner, _end(shots, inner, level, inner.climb_m_s))
 
 
-def _end(shots: StagedShots, inner: Flights, goals: Goals, first: FloatArray) -> Flights:
+def _end(shots: StagedShots, inner: Flights, goals: Goals, value: FloatArray) -> Flights:
     """Return the flights (n,) with goals, from inner ends and their values `first`; or with the
     latest cut-off.
 
@@ -509,20 +458,20 @@ def _end(shots: StagedShots, inner: Flights, goals: Goals, first: FloatArray) ->
     flights, error_m = jointly_aimed(shots, goals, inner.unknown)
     rows = np.flatnonzero(error_m > TOLERANCE_M)
     if rows.size:
-        flights.put(
-            rows, _walked(shots.take(rows), goals.take(rows), first[rows], inner.take(rows))[0]
+        flights.overwrite(
+            rows, _walked(shots.take(rows), goals.take(rows), value[rows], inner.take(rows))[0]
         )
     rows = np.flatnonzero(flights.unknown[2] > shots.latest_s)
     if rows.size:
-        part = shots.take(rows)
+        group = shots.take(rows)
         nearest = inner.unknown[:, rows]
         span = flights.unknown[:, rows] - nearest
         # About the inner end the cut-off is a parabola.
-        share = np.sqrt((part.latest_s - nearest[2]) / span[2])
-        late, error_m = jointly_aimed(
-            part, Goals.of(Goal.CUT_OFF, part.latest_s), nearest + share * span
+        share = np.sqrt((group.latest_s - nearest[2]) / span[2])
+        flattened, error_m = jointly_aimed(
+            group, Goals(Goal.CUT_OFF, group.latest_s), nearest + share * span
         )
-        flights.put(rows, late.unless(error_m > TOLERANCE_M))
+        flights.overwrite(rows, flattened.unless(error_m > TOLERANCE_M))
     return flights
 
 
@@ -542,7 +491,7 @@ def _inner_end(
     flights = flights_with(shots, np.where(has_base, base, start))
     rows = np.flatnonzero(~has_base)
     if rows.size:
-        goals = Goals.of(Goal.CUT_OFF, shots.earliest_s[rows])
-        found, error_m = jointly_aimed(shots.take(rows), goals, start[:, rows])
-        flights.put(rows, found.unless(error_m > TOLERANCE_M))
+        goals = Goals(Goal.CUT_OFF, shots.earliest_s[rows])
+        aimed, error_m = jointly_aimed(shots.take(rows), goals, start[:, rows])
+        flights.overwrite(rows, aimed.unless(error_m > TOLERANCE_M))
     return flights

@@ -2,18 +2,19 @@
 reach.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, RowArray
+from opir_core.arrays import FloatArray
 from opir_core.flight.gravity_and_drag import height_and_climb
 from opir_core.flight.landing import AimedLanding, aimed_landing, polar_rad
+from opir_core.flight.rows import Rows
 from opir_core.flight.staged.gravity_turn import Boosts, BoostState, Leg, LegKind, Turn, burnout
 from opir_core.flight.staged.staging import Staging
-from opir_core.geometry.vectors import components, length
+from opir_core.geometry.vectors import FloatPair, components, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import Forces
@@ -23,7 +24,7 @@ _CUTS = 13
 
 
 @frozen(eq=False, repr=False)
-class StagedShots:
+class StagedShots(Rows):
     """Boosts (n,) with their kicks, earliest and latest times of cut-off and aim points; `forces`
     None is two-body.
     """
@@ -55,29 +56,11 @@ class StagedShots:
             boosts, nothing, np.ones(len(stagings)), earliest, latest, aim_ecef_m, aim_height_m
         )
 
-    def take(self, rows: RowArray) -> "StagedShots":
-        """Return some of the shots."""
-        columns = (
-            self.kick_rad,
-            self.fineness,
-            self.earliest_s,
-            self.latest_s,
-            self.aim_ecef_m,
-            self.aim_height_m,
-        )
-        forces = None if self.forces is None else self.forces.take(rows)
-        kick, fineness, earliest, latest, aim_m, height_m = (column[rows] for column in columns)
-        return StagedShots(
-            self.boosts.take(rows), kick, fineness, earliest, latest, aim_m, height_m, forces
-        )
-
     def in_two_body_motion(self) -> "StagedShots":
         """Return the same shots with two-body motion after burnout."""
         return self if self.forces is None else evolve(self, forces=None)
 
-    def burnout(
-        self, azimuth_rad: FloatArray, cut_off_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def burnout(self, azimuth_rad: FloatArray, cut_off_s: FloatArray) -> FloatPair:
         """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
         end = burnout(self.boosts, azimuth_rad, self.kick_rad, cut_off_s, self.fineness)
         return end.position_m.T, end.velocity_m_s.T
@@ -95,7 +78,7 @@ class StagedShots:
 
 
 @frozen(eq=False, repr=False)
-class Reach:
+class Reach(Rows):
     """Ground angles that shots reach, by time of cut-off and kick.
 
     `kick_rad` (n, k) increases along its rows; `cut_off_s` (n, c); `range_rad` (n, k, c), nan for
@@ -111,16 +94,16 @@ class Reach:
 
         Where the earliest of all already reaches farther, the answer is extrapolated from it.
         """
-        far = self.range_rad >= range_rad[:, None, None]
-        far[:, :, 0] = False
-        late = np.maximum(far.argmax(axis=2), 1)
-        row, kick = np.indices(late.shape)
-        low = self.range_rad[row, kick, late - 1]
-        high = self.range_rad[row, kick, late]
+        reaches = self.range_rad >= range_rad[:, None, None]
+        reaches[:, :, 0] = False
+        upper = np.maximum(reaches.argmax(axis=2), 1)
+        row, kick = np.indices(upper.shape)
+        low = self.range_rad[row, kick, upper - 1]
+        high = self.range_rad[row, kick, upper]
         share = (range_rad[:, None] - low) / np.maximum(high - low, 1e-12)
-        early_s = self.cut_off_s[row, late - 1]
-        late_s = self.cut_off_s[row, late]
-        return np.where(far.any(axis=2), early_s + share * (late_s - early_s), np.nan)
+        early_s = self.cut_off_s[row, upper - 1]
+        late_s = self.cut_off_s[row, upper]
+        return np.where(reaches.any(axis=2), early_s + share * (late_s - early_s), np.nan)
 
     def flat_kicks_rad(self, range_rad: FloatArray) -> FloatArray:
         """Return the largest kicks (n,) that reach ground angles (n,) with the earliest cut-off;
@@ -128,20 +111,18 @@ class Reach:
         """
         angle_rad = self.range_rad[:, :, 0]
         reaches = angle_rad >= range_rad[:, None]
-        last = angle_rad.shape[1] - 1 - reaches[:, ::-1].argmax(axis=1)
-        after = np.minimum(last + 1, angle_rad.shape[1] - 1)
-        row = np.arange(len(last))
-        share = (angle_rad[row, last] - range_rad) / (angle_rad[row, last] - angle_rad[row, after])
-        kick_rad = self.kick_rad[row, last] + share * (
-            self.kick_rad[row, after] - self.kick_rad[row, last]
+        row_end = angle_rad.shape[1] - 1 - reaches[:, ::-1].argmax(axis=1)
+        neighbour = np.minimum(row_end + 1, angle_rad.shape[1] - 1)
+        row = np.arange(len(row_end))
+        angle_step = angle_rad[row, row_end] - angle_rad[row, neighbour]
+        share = (angle_rad[row, row_end] - range_rad) / np.where(
+            neighbour > row_end, angle_step, 1.0
         )
-        return np.where(reaches.any(axis=1) & (after > last), kick_rad, np.nan)
+        kick_step = self.kick_rad[row, neighbour] - self.kick_rad[row, row_end]
+        kick_rad = self.kick_rad[row, row_end] + share * kick_step
+        return np.where(reaches.any(axis=1) & (neighbour > row_end), kick_rad, np.nan)
 
-    def take(self, rows: RowArray) -> "Reach":
-        """Return the table of some of the shots."""
-        return Reach(self.kick_rad[rows], self.cut_off_s[rows], self.range_rad[rows])
-
-    def extremes_rad(self) -> tuple[FloatArray, FloatArray]:
+    def extremes_rad(self) -> FloatPair:
         """Return the ranges (n,) of the flights of least energy for the earliest and for the latest
         cut-off.
         """
@@ -154,33 +135,35 @@ class Reach:
 def reach(shots: StagedShots, azimuth_rad: FloatArray, kick_rad: FloatArray) -> Reach:
     """Return how far shots reach with kicks (n, k), in two-body free flight."""
     count, kicks = kick_rad.shape
-    every = np.repeat(np.arange(count), kicks)
-    boosts = shots.boosts.take(every)
-    azimuth = azimuth_rad[every]
+    rows = np.repeat(np.arange(count), kicks)
+    boosts = shots.boosts.take(rows)
+    azimuth = azimuth_rad[rows]
     share = np.linspace(0.0, 1.0, _CUTS)
     cut_off_s = shots.earliest_s[:, None] + (shots.latest_s - shots.earliest_s)[:, None] * share
     turn = Turn(boosts, azimuth, kick_rad.ravel())
-    state = turn.flown(BoostState.at_rest(boosts), _but_last(boosts, cut_off_s[every, 0]))
-    range_rad = np.empty((count * kicks, _CUTS))
-    last = len(boosts.stages.burn_time_s) - 1
-    earlier_s = cut_off_s[every, 0]
-    for cut in range(_CUTS):
-        cut_s = cut_off_s[every, cut]
-        if cut:
-            state = turn.flown(state, [Leg(LegKind.PART, last, earlier_s, cut_s)])
-        end = turn.flown(state, [Leg(LegKind.TAIL_OFF, last, cut_s, cut_s + boosts.tail_off_s)])
-        range_rad[:, cut] = _range_rad(shots.take(every), azimuth, end)
-        earlier_s = cut_s
-    table = range_rad.reshape(count, kicks, _CUTS)
+    ranges = [
+        _range_rad(shots.take(rows), azimuth, end) for end in _burnouts(turn, cut_off_s[rows])
+    ]
+    table = np.stack(ranges, axis=1).reshape(count, kicks, _CUTS)
     # A larger kick than one into the ground is one into the ground, whatever a trial that has
     # passed through it does.
     table[np.logical_or.accumulate(np.isnan(table), axis=1)] = np.nan
     return Reach(kick_rad, cut_off_s, table)
 
 
-def _but_last(boosts: Boosts, cut_off_s: FloatArray) -> list[Leg]:
-    """Return the legs up to a time of cut-off, without the tail-off."""
-    return list(boosts.legs(cut_off_s))[:-1]
+def _burnouts(turn: Turn, cut_off_s: FloatArray) -> Iterator[BoostState]:
+    """Yield the states at burnout of boosts (n,) for each of their times of cut-off (n, c)."""
+    boosts = turn.boosts
+    final_stage = len(boosts.stages.burn_time_s) - 1
+    state = BoostState.at_rest(boosts)
+    legs = list(boosts.legs(cut_off_s[:, 0]))[:-1]
+    for cut in range(cut_off_s.shape[1]):
+        cut_s = cut_off_s[:, cut]
+        if cut:
+            legs = [Leg(LegKind.PART, final_stage, cut_off_s[:, cut - 1], cut_s)]
+        state = turn.flown(state, legs)
+        tail = Leg(LegKind.TAIL_OFF, final_stage, cut_s, cut_s + boosts.tail_off_s)
+        yield turn.flown(state, [tail])
 
 
 def _range_rad(shots: StagedShots, azimuth_rad: FloatArray, end: BoostState) -> FloatArray:

@@ -18,6 +18,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
+from opir_core.flight.rows import TrailingRows
 
 _TABLE = Path(__file__).parents[2] / "data" / "stagings.json"
 
@@ -69,9 +70,10 @@ class Staging:
         """Return when the last burn may be cut off at the earliest: after a tenth of it and after
         the pitch-over, s.
         """
-        before = sum(stage.burn_time_s + stage.gap_s for stage in self.stages[:-1])
+        final_ignition_s = sum(stage.burn_time_s + stage.gap_s for stage in self.stages[:-1])
         return max(
-            before + 0.1 * self.stages[-1].burn_time_s, self.vertical_rise_s + self.pitch_over_s
+            final_ignition_s + 0.1 * self.stages[-1].burn_time_s,
+            self.vertical_rise_s + self.pitch_over_s,
         )
 
     @property
@@ -95,24 +97,23 @@ class Staging:
                 return (
                     f"stage {number} burns for {stage.burn_time_s:g} s, no longer than its tail-off"
                 )
-            first = float(columns.amplitude_m_s2[number - 1, 0])
-            most = first * max(1.0, stage.growth)
-            if most > MOST_ACCELERATION_M_S2:
+            lift_off = float(columns.amplitude_m_s2[number - 1, 0])
+            peak = lift_off * max(1.0, stage.growth)
+            if peak > MOST_ACCELERATION_M_S2:
                 return (
-                    f"stage {number} reaches {most:.0f} m/s²; at most {MOST_ACCELERATION_M_S2:g}"
-                    f" are simulated:"
-                    " a longer burn, less speed or less growth helps"
+                    f"stage {number} reaches {peak:.0f} m/s²; at most {MOST_ACCELERATION_M_S2:g}"
+                    f" are simulated: a longer burn, less speed or less growth helps"
                 )
-            if number == 1 and first < LEAST_ACCELERATION_M_S2:
+            if number == 1 and lift_off < LEAST_ACCELERATION_M_S2:
                 return (
-                    f"stage 1 begins with {first:.2f} m/s²: no lift-off; a shorter burn or less"
+                    f"stage 1 begins with {lift_off:.2f} m/s²: no lift-off; a shorter burn or less"
                     f" growth helps"
                 )
         return ""
 
 
 @frozen(eq=False, repr=False)
-class StageColumns:
+class StageColumns(TrailingRows):
     """The stages of n boosts with s stages each, as columns (s, n).
 
     Times are since ignition: a stage's ignition and burn time; `amplitude_m_s2` and `q` are A and q
@@ -139,17 +140,8 @@ class StageColumns:
         q = 1.0 - 1.0 / growth
         q = np.where(np.abs(q) < _LEAST_Q, _LEAST_Q, q)
         share = 1.0 - tail / burn
-        whole = -np.log1p(-q * share) / q * burn + 0.5 * tail / (1.0 - q * share)
-        return cls(ignition, burn, speed / whole, q)
-
-    def take(self, rows: Any) -> "StageColumns":
-        """Return the stages of some of the boosts."""
-        return StageColumns(
-            self.ignition_s[:, rows],
-            self.burn_time_s[:, rows],
-            self.amplitude_m_s2[:, rows],
-            self.q[:, rows],
-        )
+        unit_speed_s = -np.log1p(-q * share) / q * burn + 0.5 * tail / (1.0 - q * share)
+        return cls(ignition, burn, speed / unit_speed_s, q)
 
     def acceleration_m_s2(self, stage: int, time_s: FloatArray) -> FloatArray:
         """Return the thrust accelerations (n,) of a stage before its tail-off, at times since
@@ -183,7 +175,9 @@ def staging_for(presets: Sequence[Staging], range_m: float) -> Staging:
     """
     return min(
         presets,
-        key=lambda each: max(each.minimum_range_m - range_m, range_m - each.maximum_range_m, 0.0),
+        key=lambda staging: max(
+            staging.minimum_range_m - range_m, range_m - staging.maximum_range_m, 0.0
+        ),
     )
 
 

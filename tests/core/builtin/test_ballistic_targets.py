@@ -7,28 +7,32 @@ import math
 
 import numpy as np
 import pytest
+from core_components import HOST
 from geographiclib.geodesic import Geodesic
 
-from opir_core.builtin.configs import AimConfig, BallisticConfig, LaunchConfig
-from opir_core.builtin.targets import ballistic_targets
+from opir_core import SceneError
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.errors import SceneError
-from opir_core.interfaces.contexts import TargetContext
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.plugin import TARGET_TYPES, TargetContext, TargetModel
+from opir_core.reading import InvalidNode, class_reader, node_of_data
 
+BALLISTIC = HOST.component(TargetModel, "ballistic")
 CALIFORNIA = (34.73, -120.57)
 KWAJALEIN = (9.0, 167.7)
 KAUAI = (22.02, -159.78)
 MARSHALL = (11.0, 171.0)
 
 
-def a_target(kind, launch, aim, time_s=0.0, **settings):
-    return BallisticConfig(
-        type=kind,
-        launch=LaunchConfig(lat_deg=launch[0], lon_deg=launch[1], time_s=time_s),
-        aim=AimConfig(lat_deg=aim[0], lon_deg=aim[1]),
-        **settings,
-    )
+def a_target(kind, launch, aim, time_s=0.0, *, heights_m=(0.0, 0.0), **settings):
+    places = [
+        {"lat_deg": latitude, "lon_deg": longitude, "height_m": height_m}
+        for (latitude, longitude), height_m in zip((launch, aim), heights_m, strict=True)
+    ]
+    ends = {"launch": {**places[0], "time_s": time_s}, "aim": places[1]}
+    return read({"type": kind, **ends, **settings})
+
+
+def read(settings):
+    return class_reader(BALLISTIC.config)(node_of_data(settings))
 
 
 def built(*configs):
@@ -36,7 +40,7 @@ def built(*configs):
     context = TargetContext(
         ids=tuple(f"T{n}" for n in numbers), paths=tuple(f"targets[{n}]" for n in numbers)
     )
-    return ballistic_targets(configs, context)
+    return BALLISTIC.build(configs, context)
 
 
 RANGE_TEST = (
@@ -79,7 +83,7 @@ def test_types_and_burning_times(targets):
     assert (targets.burnout_s - targets.ignition_s).tolist() == [250.0, 140.0, 65.0]
 
 
-def test_a_target_starts_at_its_launch_point_and_ends_its_boost_at_the_burnout_of_the_truth(
+def test_a_boost_goes_from_its_launch_point_to_its_burnout(
     targets,
 ):
     for start, end, truth in zip(*ends_of(targets), targets.truth(), strict=True):
@@ -90,8 +94,8 @@ def test_a_target_starts_at_its_launch_point_and_ends_its_boost_at_the_burnout_o
 
 def test_positions_outside_the_burn_are_nan(targets):
     index = np.array([0, 0, 0, 1], dtype=np.int32)
-    found = targets.position_ecef_m(index, np.array([9.999, 10.0, 260.001, 10.0]))
-    assert np.isnan(found).all(axis=1).tolist() == [True, False, True, True]
+    position = targets.position_ecef_m(index, np.array([9.999, 10.0, 260.001, 10.0]))
+    assert np.isnan(position).all(axis=1).tolist() == [True, False, True, True]
 
 
 def test_the_arc_from_burnout_comes_down_on_the_aim_point(targets):
@@ -143,35 +147,31 @@ def test_truth_is_plain_and_names_its_targets(targets):
 def test_a_target_does_not_depend_on_the_others(targets):
     alone = built(RANGE_TEST[1])
     times = np.linspace(40.0, 180.0, 301)
-    here = targets.position_ecef_m(np.full(301, 1, np.int32), times)
-    assert here.tobytes() == alone.position_ecef_m(np.zeros(301, np.int32), times).tobytes()
+    index = np.zeros(301, np.int32)
+    position = targets.position_ecef_m(index + np.int32(1), times)
+    assert position.tobytes() == alone.position_ecef_m(index, times).tobytes()
     assert {**targets.truth()[1], "id": "T0"} == alone.truth()[0]
 
 
 def test_profile_and_burn_time_can_be_given():
-    found = built(
+    flown = built(
         a_target("ICBM", CALIFORNIA, KWAJALEIN, profile="ICBM_solid"),
         a_target("ICBM", CALIFORNIA, KWAJALEIN, burn_time_s=200.0),
     )
-    assert found.burnout_s.tolist() == [170.0, 200.0]
-    assert [truth["profile"] for truth in found.truth()] == ["ICBM_solid", "ICBM_liquid"]
-    assert all(truth["miss_m"] <= 10.0 for truth in found.truth())
+    assert flown.burnout_s.tolist() == [170.0, 200.0]
+    assert [truth["profile"] for truth in flown.truth()] == ["ICBM_solid", "ICBM_liquid"]
+    assert all(truth["miss_m"] <= 10.0 for truth in flown.truth())
 
 
 def test_heights_of_launch_and_aim_count():
-    config = BallisticConfig(
-        type="SRBM",
-        launch=LaunchConfig(lat_deg=11.0, lon_deg=171.0, height_m=1500.0),
-        aim=AimConfig(lat_deg=9.0, lon_deg=167.7, height_m=3000.0),
-    )
-    targets = built(config)
+    targets = built(a_target("SRBM", MARSHALL, KWAJALEIN, heights_m=(1500.0, 3000.0)))
     (truth,) = targets.truth()
     assert truth["impact"]["height_m"] == pytest.approx(3000.0, abs=0.01)
     start, _ = ends_of(targets)
     assert np.linalg.norm(start[0] - ecef_m(truth["launch"])) < 0.011
 
 
-def test_all_targets_out_of_reach_are_reported_at_once_with_the_distance_and_the_ranges():
+def test_all_targets_out_of_reach_are_reported_at_once():
     with pytest.raises(SceneError) as refusal:
         built(
             a_target("SRBM", CALIFORNIA, KWAJALEIN),
@@ -198,24 +198,19 @@ def test_all_targets_out_of_reach_are_reported_at_once_with_the_distance_and_the
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"type": 7}, "not text"),
-        ({"burn_time_s": 0.0}, r"outside \[10, 1000\] s"),
-        ({"profile": 7}, "not text"),
+        ({"type": 7}, "text is needed"),
+        ({"burn_time_s": 0.0}, "outside [10, 1000] s"),
+        ({"profile": 7}, "text is needed"),
+        *(
+            ({place: {"lat_deg": 0.0, "lon_deg": 0.0, key: value}}, "outside")
+            for place in ("launch", "aim")
+            for key, value in (("lat_deg", 90.1), ("lon_deg", 180.1), ("height_m", 9001.0))
+        ),
     ],
 )
-def test_settings_that_cannot_be_meant_are_refused(settings, words):
-    places = {
-        "launch": LaunchConfig(lat_deg=0.0, lon_deg=0.0),
-        "aim": AimConfig(lat_deg=1.0, lon_deg=1.0),
-    }
-    with pytest.raises(ValueError, match=words):
-        BallisticConfig(**{"type": "SRBM", **places, **settings})
-
-
-@pytest.mark.parametrize(
-    ("place", "value"), [("lat_deg", 90.1), ("lon_deg", 180.1), ("height_m", 9001.0)]
-)
-@pytest.mark.parametrize("kind", [LaunchConfig, AimConfig])
-def test_places_off_the_globe_are_refused(kind, place, value):
-    with pytest.raises(ValueError, match="outside"):
-        kind(**{"lat_deg": 0.0, "lon_deg": 0.0, place: value})
+def test_invalid_settings_are_refused(settings, words):
+    place = {"lat_deg": 0.0, "lon_deg": 0.0}
+    with pytest.raises(InvalidNode) as caught:
+        read({"type": "SRBM", "launch": place, "aim": place, **settings})
+    (complaint,) = caught.value.complaints
+    assert words in complaint.message

@@ -2,17 +2,23 @@
 
 import numpy as np
 import pytest
-from attrs import evolve
+from attrs import evolve, fields
+from core_components import built
 from hypothesis import given, strategies as st
 from scipy.stats import binom
 
-from opir_core.builtin.classification import confusion_classifier, no_answer, true_type
-from opir_core.builtin.configs import ConfusionConfig
-from opir_core.errors import ModelError
-from opir_core.interfaces.contexts import ModelContext, SensorContext
-from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+from opir_core import ModelError
+from opir_core.plugin import (
+    REPORTED_TYPES,
+    TARGET_TYPES,
+    ClassifierInputs,
+    ClassifierModel,
+    ModelContext,
+    ScanningSensorConfig,
+    SensorContext,
+    scanning_sensor,
+)
+from opir_core.scene import UNKNOWN_TYPE
 
 MATRIX = {
     "ICBM": {"ICBM": 0.7, "IRBM": 0.1, "SRBM": 0.05, "UNKNOWN": 0.15},
@@ -53,14 +59,9 @@ def context_of(sensors, types=TARGET_TYPES):
 
 def sightings_of(sensor, target):
     rows = len(sensor)
-    floats = np.zeros(rows)
-    counts = np.ones(rows, np.int64)
-    index = [np.asarray(values, dtype=np.int32) for values in (sensor, target)]
-    bands = counts.astype(np.uint8)
-    so_far = counts.astype(np.int32)
-    return ClassifierInputs(
-        floats, *index, floats, floats, bands, counts, counts, so_far, floats, np.empty((rows, 0))
-    )
+    columns = {column.name: np.zeros(rows) for column in fields(ClassifierInputs)}
+    index = {"sensor": np.array(sensor, np.int32), "target": np.array(target, np.int32)}
+    return ClassifierInputs(**columns | index)
 
 
 def reported(classifier, sensor, target, numbers):
@@ -84,14 +85,14 @@ def reported(classifier, sensor, target, numbers):
     ],
 )
 def test_a_draw_falls_into_the_row_of_the_true_type(true_type_name, number, answer):
-    classifier = confusion_classifier(ConfusionConfig(), context_of([a_sensor()]))
+    classifier = built(ClassifierModel, "paper", context_of([a_sensor()]))
     assert reported(classifier, [0], [TARGET_TYPES.index(true_type_name)], [number]) == [answer]
 
 
 @pytest.mark.parametrize("true_type_name", TARGET_TYPES)
 def test_types_are_reported_as_often_as_the_matrix_says(true_type_name):
     rows = 40_000
-    classifier = confusion_classifier(ConfusionConfig(), context_of([a_sensor()]))
+    classifier = built(ClassifierModel, "paper", context_of([a_sensor()]))
     numbers = np.random.default_rng([11, len(true_type_name)]).random(rows)
     target = [TARGET_TYPES.index(true_type_name)] * rows
     codes = classifier.reported_type(sightings_of([0] * rows, target), FakeDraws(numbers))
@@ -109,20 +110,20 @@ def rows_of_confusion(draw):
 
 @given(rows_of_confusion(), st.floats(min_value=0.0, max_value=1.0, exclude_max=True))
 def test_no_type_without_a_probability_is_ever_reported(row, number):
-    classifier = confusion_classifier(
-        ConfusionConfig(), context_of([a_sensor({"ICBM": row})], ["ICBM"])
-    )
+    context = context_of([a_sensor({"ICBM": row})], ["ICBM"])
+    classifier = built(ClassifierModel, "paper", context)
     for drawn in (number, 0.0, 1.0 - 2**-53):
         assert row[reported(classifier, [0], [0], [drawn])[0]] > 0.0
 
 
-def test_each_sensor_has_its_own_matrix_and_the_configuration_overrides_by_row():
+def test_matrices_are_per_sensor_and_overridden_by_row():
     sensors = [
         a_sensor(type_name="A"),
         a_sensor({"ICBM": {"SRBM": 1.0}, "SRBM": {"ICBM": 1.0}}, type_name="B"),
     ]
-    config = ConfusionConfig(matrices={"B": {"ICBM": {"IRBM": 1.0}}})
-    classifier = confusion_classifier(config, context_of(sensors, ["ICBM", "SRBM"]))
+    matrices = {"B": {"ICBM": {"IRBM": 1.0}}}
+    context = context_of(sensors, ["ICBM", "SRBM"])
+    classifier = built(ClassifierModel, "paper", context, matrices=matrices)
     assert reported(classifier, [0, 1, 0, 1], [0, 0, 1, 1], [0.0] * 4) == [
         "ICBM",
         "IRBM",
@@ -133,24 +134,24 @@ def test_each_sensor_has_its_own_matrix_and_the_configuration_overrides_by_row()
 
 def test_a_sensor_without_a_row_is_reported_what_to_do():
     sensors = [a_sensor({"ICBM": {"ICBM": 1.0}}, name="X-7", type_name="SPY")]
-    confusion_classifier(ConfusionConfig(), context_of(sensors, ["ICBM"]))
+    built(ClassifierModel, "paper", context_of(sensors, ["ICBM"]))
     with pytest.raises(
         ModelError, match=r"X-7 \(SPY\).*IRBM.*confusion.*matrices\.SPY.*classification: none"
     ):
-        confusion_classifier(ConfusionConfig(), context_of(sensors, ["IRBM"]))
+        built(ClassifierModel, "paper", context_of(sensors, ["IRBM"]))
 
 
 def test_a_row_that_a_plugin_got_wrong_is_refused():
     sensor = evolve(a_sensor(name="X-7"), confusion={"ICBM": {"ICBM": 0.5}})
     with pytest.raises(ModelError, match=r"X-7 .* sums to 0\.5"):
-        confusion_classifier(ConfusionConfig(), context_of([sensor], ["ICBM"]))
+        built(ClassifierModel, "paper", context_of([sensor], ["ICBM"]))
 
 
-def test_a_matrix_for_a_sensor_type_that_the_scene_has_not_is_refused():
-    config = ConfusionConfig(matrices={"DPS": {"ICBM": {"IRBM": 1.0}}})
+def test_a_matrix_for_an_absent_sensor_type_is_refused():
+    matrices = {"DPS": {"ICBM": {"IRBM": 1.0}}}
     sensors = [a_sensor(name="S-1", type_name="DSP"), a_sensor(name="S-2", type_name="LEO")]
     with pytest.raises(ModelError) as error:
-        confusion_classifier(config, context_of(sensors, ["ICBM"]))
+        built(ClassifierModel, "paper", context_of(sensors, ["ICBM"]), matrices=matrices)
     assert str(error.value) == (
         "classification: matrices.DPS is for sensors of type DPS, and the scene has none; the"
         " nearest is 'DSP';"
@@ -160,15 +161,14 @@ def test_a_matrix_for_a_sensor_type_that_the_scene_has_not_is_refused():
 
 def test_matrices_are_checked_when_they_are_read():
     with pytest.raises(ValueError, match=r"DSP: ICBM: the row sums to 0\.6"):
-        ConfusionConfig(matrices={"DSP": {"ICBM": {"ICBM": 0.6}}})
+        built(ClassifierModel, "paper", None, matrices={"DSP": {"ICBM": {"ICBM": 0.6}}})
 
 
-def test_the_null_classifiers():
-    context = context_of([a_sensor({})])
+@pytest.mark.parametrize(
+    ("name", "codes"),
+    [("always", [2, 0, 1]), ("none", [UNKNOWN_TYPE] * 3), ("never", [UNKNOWN_TYPE] * 3)],
+)
+def test_the_null_classifiers(name, codes):
+    classifier = built(ClassifierModel, name, context_of([a_sensor({})]))
     sightings = sightings_of([0, 0, 0], [2, 0, 1])
-    no_draws = FakeDraws([])
-    assert true_type(NoConfig(), context).reported_type(sightings, no_draws).tolist() == [2, 0, 1]
-    assert (
-        no_answer(NoConfig(), context).reported_type(sightings, no_draws).tolist()
-        == [UNKNOWN_TYPE] * 3
-    )
+    assert classifier.reported_type(sightings, FakeDraws([])).tolist() == codes

@@ -4,40 +4,33 @@ import math
 
 import numpy as np
 import pytest
+from attrs import fields
+from core_components import built
 from hypothesis import given, strategies as st
+from lone_rows import assert_rows_alone
 
-from opir_core.builtin.classification import full_confidence, no_confidence, weighted_confidence
-from opir_core.builtin.configs import WeightedConfig
-from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin import NoConfig
+from opir_core.plugin import ClassifierInputs, ConfidenceModel, ModelContext
 
 CONTEXT = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
 
 
 def sightings(band_count, band_total, detection_count, elevation_rad):
     rows = len(band_count)
-    index = np.zeros(rows, np.int32)
-    floats = np.zeros(rows)
+    columns = {column.name: np.zeros(rows) for column in fields(ClassifierInputs)}
+    finite = np.where(np.isfinite(elevation_rad), elevation_rad, math.nan)
     return ClassifierInputs(
-        time_s=floats,
-        sensor=index,
-        target=index,
-        range_m=floats,
-        elevation_sine=np.array(
-            [math.sin(angle) if math.isfinite(angle) else math.nan for angle in elevation_rad]
-        ),
-        bands=np.zeros(rows, np.uint8),
-        band_count=np.array(band_count, dtype=np.int64),
-        band_total=np.array(band_total, dtype=np.int64),
-        detection_count=np.array(detection_count, dtype=np.int32),
-        snr=floats,
-        band_irradiance_w_m2=np.empty((rows, 0)),
+        **columns
+        | {
+            "elevation_sine": np.sin(finite),
+            "band_count": np.array(band_count, dtype=np.int64),
+            "band_total": np.array(band_total, dtype=np.int64),
+            "detection_count": np.array(detection_count, dtype=np.int32),
+        }
     )
 
 
 def weighted(*columns, **weights):
-    return weighted_confidence(WeightedConfig(**weights), CONTEXT).confidence(sightings(*columns))
+    return built(ConfidenceModel, "weighted", CONTEXT, **weights).confidence(sightings(*columns))
 
 
 @pytest.mark.parametrize(
@@ -51,25 +44,25 @@ def weighted(*columns, **weights):
     ],
 )
 def test_the_papers_formula(band_count, band_total, detection_count, elevation_deg, expected):
-    found = weighted([band_count], [band_total], [detection_count], [math.radians(elevation_deg)])
-    assert found[0] == pytest.approx(expected, abs=1e-15)
+    confidence = weighted(
+        [band_count], [band_total], [detection_count], [math.radians(elevation_deg)]
+    )
+    assert confidence[0] == pytest.approx(expected, abs=1e-15)
 
 
 def test_the_count_term_is_full_at_nine_detections_and_stays_so():
     counts = [*range(1, 13), 2**31 - 1]
-    found = weighted([0] * 13, [1] * 13, counts, [0.0] * 13, band=0.0, count=1.0, geometry=0.0)
-    assert found.tolist() == [min(1.0, math.log10(1 + n)) for n in counts]
-    assert (np.diff(found[:9]) > 0).all()
-    assert found[7] < 1.0
-    assert found[8:].tolist() == [1.0] * 5
+    confidence = weighted([0] * 13, [1] * 13, counts, [0.0] * 13, band=0.0, count=1.0, geometry=0.0)
+    assert confidence.tolist() == [min(1.0, math.log10(1 + n)) for n in counts]
+    assert (np.diff(confidence[:9]) > 0).all()
+    assert confidence[7] < 1.0
+    assert confidence[8:].tolist() == [1.0] * 5
 
 
 @st.composite
 def weights(draw):
-    first, second = sorted(
-        (draw(st.floats(min_value=0, max_value=1)), draw(st.floats(min_value=0, max_value=1)))
-    )
-    return {"band": first, "count": second - first, "geometry": 1.0 - second}
+    low, high = sorted(draw(st.floats(min_value=0, max_value=1)) for _ in range(2))
+    return {"band": low, "count": high - low, "geometry": 1.0 - high}
 
 
 @given(
@@ -82,8 +75,8 @@ def weights(draw):
 def test_confidence_is_in_0_to_1_for_every_input(
     weights, band_count, band_total, detection_count, elevation_rad
 ):
-    found = weighted([band_count], [band_total], [detection_count], [elevation_rad], **weights)
-    assert 0.0 <= found[0] <= 1.0
+    confidence = weighted([band_count], [band_total], [detection_count], [elevation_rad], **weights)
+    assert 0.0 <= confidence[0] <= 1.0
 
 
 @given(
@@ -92,31 +85,26 @@ def test_confidence_is_in_0_to_1_for_every_input(
     st.floats(min_value=-math.pi / 2, max_value=math.pi / 2),
 )
 def test_more_of_anything_is_never_less_confidence(bands, count, elevation_rad):
-    here = weighted([bands], [9], [count], [elevation_rad])
-    for more in (
-        ([bands + 1], [9], [count], [elevation_rad]),
-        ([bands], [9], [count + 1], [elevation_rad]),
-    ):
-        assert weighted(*more)[0] >= here[0]
     higher = min(elevation_rad + 0.01, math.pi / 2)
-    assert weighted([bands], [9], [count], [higher])[0] >= here[0]
+    confidence = weighted(
+        [bands, bands + 1, bands, bands],
+        [9] * 4,
+        [count, count, count + 1, count],
+        [*[elevation_rad] * 3, higher],
+    )
+    assert (confidence >= confidence[0]).all()
 
 
 def test_a_confidence_does_not_depend_on_the_rest_of_the_batch():
     rng = np.random.default_rng(5)
-    columns = [
-        rng.integers(1, 4, 97),
-        np.full(97, 3),
-        rng.integers(1, 50, 97),
-        rng.uniform(-0.2, 1.5, 97),
-    ]
-    whole = weighted(*columns)
-    alone = [weighted(*([column[row]] for column in columns))[0] for row in range(97)]
-    assert whole.tolist() == alone
+    bands = rng.integers(1, 4, 97), np.full(97, 3)
+    columns = *bands, rng.integers(1, 50, 97), rng.uniform(-0.2, 1.5, 97)
+    rows = [slice(row, row + 1) for row in range(97)]
+    assert_rows_alone(lambda *some: (weighted(*some),), *columns, rows=rows)
 
 
 @pytest.mark.parametrize(
-    ("given_weights", "words"),
+    ("settings", "words"),
     [
         ({"band": 0.5}, r"sum to 1.1, not to 1"),
         ({"band": -0.1, "count": 0.8}, r"outside \[0, 1\]"),
@@ -124,17 +112,18 @@ def test_a_confidence_does_not_depend_on_the_rest_of_the_batch():
         ({"band": float("nan")}, "not a finite number"),
     ],
 )
-def test_weights_that_are_none_are_refused(given_weights, words):
+def test_invalid_weights_are_refused(settings, words):
     with pytest.raises(ValueError, match=words):
-        WeightedConfig(**given_weights)
+        built(ConfidenceModel, "weighted", CONTEXT, **settings)
 
 
 def test_weights_that_sum_to_1_within_1e_9_are_taken():
-    found = weighted([1], [1], [9], [math.pi / 2], band=0.4 + 5e-10)
-    assert found[0] == 1.0
+    confidence = weighted([1], [1], [9], [math.pi / 2], band=0.4 + 5e-10)
+    assert confidence[0] == 1.0
 
 
-def test_the_null_models():
+@pytest.mark.parametrize(("name", "confidence"), [("always", 1.0), ("never", 0.0)])
+def test_the_null_models(name, confidence):
+    model = built(ConfidenceModel, name, CONTEXT)
     rows = sightings([1, 2], [2, 2], [1, 5], [0.1, 0.2])
-    assert full_confidence(NoConfig(), CONTEXT).confidence(rows).tolist() == [1.0, 1.0]
-    assert no_confidence(NoConfig(), CONTEXT).confidence(rows).tolist() == [0.0, 0.0]
+    assert model.confidence(rows).tolist() == [confidence] * 2

@@ -8,18 +8,14 @@ import numpy as np
 import opir_photons.detection.plugin as snr
 import opir_photons.radiometry.plugin as light
 import pytest
-from opir_scoring.evidence import evidence_of_run
-from opir_scoring.scorecards import scorecard
+from opir_scoring import evidence_of_run, scorecard
 from opir_testing.bench import bench_scene
 from opir_trackers import plugin as trackers
 
+from opir_core import Host, SceneError, compile_plan, run_of_plan, scene_from_mapping
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
-from opir_core.errors import SceneError
 from opir_core.geometry import ecef_to_eci
-from opir_core.host.host import Host
-from opir_core.planning.plan import compile_plan
-from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.simulation.run import run_of_plan
+from opir_core.reading import scene_mapping
 
 HOST = Host.of(trackers, light, snr)
 LAUNCH = {"lat_deg": 28.5, "lon_deg": -80.6, "time_s": 5.0}
@@ -77,7 +73,7 @@ def test_a_model_of_another_flight_is_refused(target, words):
     assert problems_of(target) == {"targets[0].type": words}
 
 
-def test_keys_of_another_model_are_refused_with_where_they_belong():
+def test_keys_of_another_model_are_refused_with_their_place():
     with pytest.raises(
         SceneError, match=r"targets\[0\].aim: unknown key; it belongs to the target models"
     ):
@@ -117,11 +113,11 @@ def test_the_truth_of_a_glide_goes_over_its_end_to_the_aim_point():
     assert truth["miss_m"] < 0.01
 
 
-def test_sensors_that_follow_bodies_see_orbits_as_long_as_the_scene_says():
+def test_orbits_are_seen_as_long_as_the_scene_says():
     plan = plan_of({**SLV, "followed_s": 150.0}, follows=True)
     assert plan.targets.end_s[0] == plan.targets.burnout_s[0] + 150.0
-    seen = run_of_plan(plan).truth.emission_time_s
-    assert plan.targets.burnout_s[0] + 140.0 < seen.max() <= plan.targets.end_s[0]
+    time_s = run_of_plan(plan).truth.emission_time_s
+    assert plan.targets.burnout_s[0] + 140.0 < time_s.max() <= plan.targets.end_s[0]
     assert plan_of(SLV).targets.end_s[0] == plan.targets.burnout_s[0]
 
 
@@ -175,9 +171,9 @@ def test_summaries_and_scores_do_without_an_impact():
 def test_no_tracker_predicts_an_impact_of_a_body_in_orbit():
     plan = plan_of({**SLV, "followed_s": 300.0}, follows=True, tracker="imm", duration_s=800.0)
     tracks = run_of_plan(plan).tracks
-    late = tracks.take(tracks.tick_s > plan.targets.burnout_s[0] + 60.0)
-    assert len(late) > 100
-    assert np.isnan(late.impact).all()
+    coasting = tracks.take(tracks.tick_s > plan.targets.burnout_s[0] + 60.0)
+    assert len(coasting) > 100
+    assert np.isnan(coasting.impact).all()
 
 
 def test_bodies_of_gliders_are_warmer_than_those_of_others():
@@ -196,7 +192,7 @@ def test_bodies_of_gliders_are_warmer_than_those_of_others():
     }
     plan = compile_plan(scene_of(HGV, ICBM, duration_s=600.0, **changes), HOST)
     run = run_of_plan(plan)
-    late = run.truth.emission_time_s > plan.targets.burnout_s[run.truth.target] + 1.0
-    seen = np.bincount(run.truth.target[late], minlength=2)
-    assert seen[0] > 100
-    assert seen[1] == 0
+    after_burnout = run.truth.emission_time_s > plan.targets.burnout_s[run.truth.target] + 1.0
+    looks = np.bincount(run.truth.target[after_burnout], minlength=2)
+    assert looks[0] > 100
+    assert looks[1] == 0

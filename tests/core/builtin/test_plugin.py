@@ -7,72 +7,57 @@ import sys
 
 import numpy as np
 import pytest
-from attrs import fields, has
+from core_components import HOST, built
 from repository import ROOT
 
-from opir_core.builtin import plugin, target_models
-from opir_core.builtin.configs import (
-    BallisticConfig,
-    ConfusionConfig,
-    ConstantConfig,
-    WeightedConfig,
+from opir_core import Detections
+from opir_core.plugin import (
+    AtmosphereModel,
+    BackgroundModel,
+    ClassifierModel,
+    ConfidenceModel,
+    DetectionModel,
+    ModelContext,
+    TargetModel,
+    TrackerContext,
+    TrackerModel,
 )
-from opir_core.host.components import CATALOGUE
-from opir_core.interfaces.contexts import ModelContext, TrackerContext
-from opir_core.interfaces.records import Detections
-from opir_core.plugin import NoConfig, ScanningSensorConfig
-from opir_core.scene.fields import info_of
 
 HEAVY = ("numpy", "scipy", "msgspec", "yaml")
 
 MODELS = {
-    "opir_detection_models": {"constant", "always", "never"},
-    "opir_classifiers": {"paper", "none", "always", "never"},
-    "opir_confidence_models": {"weighted", "always", "never"},
-    "opir_trackers": {"none"},
-    "opir_target_models": {"ballistic", "gravity-turn", "orbit", "glide"},
-    "opir_atmosphere_models": {"clear"},
-    "opir_background_models": {"none"},
+    DetectionModel: {"constant", "always", "never"},
+    ClassifierModel: {"paper", "none", "always", "never"},
+    ConfidenceModel: {"weighted", "always", "never"},
+    TrackerModel: {"none"},
+    TargetModel: {"ballistic", "gravity-turn", "orbit", "glide"},
+    AtmosphereModel: {"clear"},
+    BackgroundModel: {"none"},
 }
 
 
-def offered(hook):
-    offers = [*getattr(plugin, hook)(), *getattr(target_models, hook, list)()]
-    return {component.name: component for component in offers}
+def offered(kind):
+    return {name: HOST.component(kind, name) for name in HOST.names(kind)}
 
 
-@pytest.mark.parametrize("hook", MODELS)
-def test_every_kind_of_model_has_an_honest_one_or_a_null(hook):
-    components = offered(hook)
-    assert set(components) == MODELS[hook]
-    assert all(isinstance(component, CATALOGUE[hook]) for component in components.values())
+@pytest.mark.parametrize("kind", MODELS)
+def test_every_kind_of_model_has_an_honest_one_or_a_null(kind):
+    components = offered(kind)
+    assert set(components) == MODELS[kind]
+    assert all(isinstance(component, kind) for component in components.values())
 
 
-@pytest.mark.parametrize(
-    "hook", ["opir_detection_models", "opir_classifiers", "opir_confidence_models"]
-)
-def test_every_model_without_sensors_can_be_built(hook):
+@pytest.mark.parametrize("kind", [DetectionModel, ClassifierModel, ConfidenceModel])
+def test_every_model_without_sensors_can_be_built(kind):
     context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
-    for component in offered(hook).values():
-        assert component.build(component.config(), context) is not None
+    assert all(built(kind, name, context) is not None for name in MODELS[kind])
 
 
-@pytest.mark.parametrize(
-    "config",
-    [ConstantConfig, ConfusionConfig, WeightedConfig, BallisticConfig, ScanningSensorConfig],
-)
-def test_every_field_of_a_configuration_says_what_it_is(config):
-    for attribute in fields(config):
-        info = info_of(attribute)
-        assert info.help, attribute.name
-        assert info.source, attribute.name
-        if has(attribute.type):
-            test_every_field_of_a_configuration_says_what_it_is(attribute.type)
-
-
-def test_describing_the_built_in_components_imports_nothing_heavy():
-    hooks = "; ".join(f"list(plugin.{hook}())" for hook in MODELS)
-    code = f"import sys; from opir_core.builtin import plugin; {hooks}; print(*sys.modules)"
+def test_describing_built_in_components_imports_nothing_heavy():
+    hooks = "opir_detection_models", "opir_classifiers", "opir_confidence_models", "opir_trackers"
+    hooks += "opir_target_models", "opir_atmosphere_models", "opir_background_models"
+    listed = "; ".join(f"list(plugin.{hook}())" for hook in hooks)
+    code = f"import sys; from opir_core.builtin import plugin; {listed}; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
@@ -82,7 +67,7 @@ def test_describing_the_built_in_components_imports_nothing_heavy():
 
 def test_the_null_tracker_follows_nothing():
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=1.0)
-    tracker = offered("opir_trackers")["none"].build(NoConfig(), context)
+    tracker = built(TrackerModel, "none", context)
     assert tracker.cadence_s is None
     assert tracker.associate(Detections.empty()).shape == (0,)
     assert len(tracker.step(0.0, Detections.empty())) == 0

@@ -4,19 +4,22 @@ whole lines.
 
 import io
 import json
+import math
 import os
 import socket
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from file_sinks import encoder, python, sink
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
-from opir_core.errors import ModelError, SinkError
-from opir_core.interfaces.outputs import Delivery
+from opir_core import ModelError, SinkError
+from opir_core.plugin import Delivery
 
 FULL = Path("/dev/full")
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
@@ -42,21 +45,30 @@ def test_a_reader_that_is_gone_is_an_error_with_a_count(monkeypatch: pytest.Monk
     assert out.close() == Delivery(delivered=0, dropped=3)
 
 
-def test_a_reader_that_goes_away_is_an_error_with_a_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    read_end, write_end = os.pipe()
+@contextmanager
+def listening(read_end: int, at_most: float) -> Iterator[bytearray]:
+    """Hear what is written to a pipe: all of it, or until the listener leaves."""
     heard = bytearray()
 
     def listen() -> None:
-        while len(heard) < 100_000:
-            heard.extend(os.read(read_end, 4096))
+        while len(heard) < at_most and (block := os.read(read_end, 4096)):
+            heard.extend(block)
         os.close(read_end)
 
-    out = on_pipe(write_end, monkeypatch)
     listener = threading.Thread(target=listen)
     listener.start()
-    with pytest.raises(SinkError, match="its reader stopped reading") as caught:
-        out.write(stub_window(1000))
+    yield heard
     listener.join()
+
+
+def test_a_reader_that_goes_away_is_an_error_with_a_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    read_end, write_end = os.pipe()
+    out = on_pipe(write_end, monkeypatch)
+    with (
+        listening(read_end, 100_000) as heard,
+        pytest.raises(SinkError, match="its reader stopped reading") as caught,
+    ):
+        out.write(stub_window(1000))
     reported = out.close()
     assert f"after {reported.delivered} events" in str(caught.value)
     assert reported.delivered + reported.dropped == 1000
@@ -68,19 +80,10 @@ def test_a_reader_that_goes_away_is_an_error_with_a_count(monkeypatch: pytest.Mo
 def test_a_pipe_that_does_not_block_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     read_end, write_end = os.pipe()
     os.set_blocking(write_end, False)
-    heard = bytearray()
-
-    def listen() -> None:
-        while part := os.read(read_end, 1000):
-            heard.extend(part)
-
     out = on_pipe(write_end, monkeypatch)
-    listener = threading.Thread(target=listen)
-    listener.start()
-    out.write(stub_window(1000))
-    assert out.close() == Delivery(delivered=1000)
-    listener.join()
-    os.close(read_end)
+    with listening(read_end, math.inf) as heard:
+        out.write(stub_window(1000))
+        assert out.close() == Delivery(delivered=1000)
     assert bytes(heard) == encoder().encode(stub_window(1000))
 
 

@@ -6,23 +6,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from core_components import HOST
 from file_sinks import encoder, python, sink
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
-from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.builtin.sinks import LineFile
-from opir_core.interfaces.outputs import Delivery, Encoder
 from opir_core.output.events import encoder_input
-from opir_core.scene.fields import field_infos
+from opir_core.plugin import Delivery, Encoder, EventEncoder, SinkModel
 
 
 def never() -> Encoder:
     raise AssertionError("this sink has nothing to encode")
 
 
-def test_the_sinks_and_encoders_are_those_the_documentation_names() -> None:
-    assert [each.name for each in SINKS] == ["jsonl", "memory", "null"]
-    assert [each.name for each in ENCODERS] == ["forge", "forge-bands", "forge-tracks", "tracks"]
+def test_sinks_and_encoders_are_those_of_the_documentation() -> None:
+    assert HOST.names(SinkModel) == ["jsonl", "memory", "null"]
+    assert HOST.names(EventEncoder) == ["forge", "forge-bands", "forge-tracks", "tracks"]
 
 
 def test_jsonl_writes_what_the_encoder_makes(tmp_path: Path) -> None:
@@ -61,7 +60,7 @@ def test_jsonl_holds_nothing_back(tmp_path: Path) -> None:
 
 def test_a_large_window_is_written_block_by_block(tmp_path: Path) -> None:
     path = tmp_path / "events.jsonl"
-    most = 0
+    maximum = 0
     inner = encoder()
 
     class Watched(Encoder):
@@ -69,14 +68,14 @@ def test_a_large_window_is_written_block_by_block(tmp_path: Path) -> None:
         schema_version = inner.schema_version
 
         def encode(self, window: Any) -> bytes:
-            nonlocal most
-            most = max(most, len(window.detections))
+            nonlocal maximum
+            maximum = max(maximum, len(window.detections))
             return inner.encode(window)
 
-    out = LineFile(str(path), Watched())
+    out = sink("jsonl", make_encoder=Watched, path=str(path))
     out.write(stub_window(2 * encoder_input.BLOCK_ROWS + 1))
     assert out.close() == Delivery(delivered=2 * encoder_input.BLOCK_ROWS + 1)
-    assert most == encoder_input.BLOCK_ROWS
+    assert maximum == encoder_input.BLOCK_ROWS
     assert path.read_bytes().count(b"\n") == 2 * encoder_input.BLOCK_ROWS + 1
 
 
@@ -93,9 +92,7 @@ def test_a_killed_run_leaves_whole_lines(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("torn", ["", '{"detection_id":"04', "words of someone else"])
-def test_a_line_that_a_killed_run_left_unfinished_is_taken_off_by_the_next_that_appends(
-    tmp_path: Path, torn: str
-) -> None:
+def test_an_unfinished_line_of_a_killed_run_is_removed(tmp_path: Path, torn: str) -> None:
     path = tmp_path / "events.jsonl"
     path.write_text(f'{{"a":1}}\n{torn}', encoding="utf-8")
     LineFile(str(path), encoder(), appends=True).close()
@@ -122,15 +119,15 @@ def test_standard_output_stays_open_after_the_sink_is_closed() -> None:
 
 
 def test_memory_keeps_windows_and_shows_events() -> None:
-    kept = sink("memory")
+    memory = sink("memory")
     windows = [stub_window(2), stub_window(0), stub_window(1, first_scan=2)]
     for window in windows:
-        kept.write(window)
-    assert kept.close() == Delivery(delivered=3)
-    assert kept.windows == windows
-    assert len(kept) == 3
-    assert kept.lines() == b"".join(map(encoder().encode, windows))
-    assert [event["timestamp"][17:19] for event in kept.events()] == ["00", "01", "02"]
+        memory.write(window)
+    assert memory.close() == Delivery(delivered=3)
+    assert memory.windows == windows
+    assert len(memory) == 3
+    assert memory.lines() == b"".join(map(encoder().encode, windows))
+    assert [event["timestamp"][17:19] for event in memory.events()] == ["00", "01", "02"]
 
 
 def test_memory_without_events_has_none() -> None:
@@ -142,9 +139,3 @@ def test_memory_and_null_make_no_encoder() -> None:
         out = sink(name, make_encoder=never)
         out.write(stub_window(4))
         assert out.close() == Delivery(delivered=4)
-
-
-@pytest.mark.parametrize("component", SINKS, ids=lambda each: each.name)
-def test_defaults_of_every_field_are_reported(component: Any) -> None:
-    assert all(info.help for info in field_infos(component.config).values())
-    assert component.summary

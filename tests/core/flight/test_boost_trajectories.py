@@ -7,17 +7,12 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from lone_rows import assert_rows_alone
 
 from examples import examples
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.flight.boost import (
-    ascent,
-    boost_path,
-    boost_profile,
-    boost_profiles,
-    launch_site,
-    vertical_climb_s,
-)
+from opir_core.flight import ascent, boost_path, boost_profile, boost_profiles, launch_site
+from opir_core.flight.boost import vertical_climb_s
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
 
 PROFILES = tuple(boost_profiles().values())
@@ -42,12 +37,11 @@ def a_path(
 
 
 def test_flight_starts_at_rest_at_the_launch_point():
-    path = a_path(height_m=1234.0, ignition_s=17.0)
-    position, velocity = path.state(EVERYONE, np.full(len(PROFILES), 17.0))
-    assert (
-        position.tobytes()
-        == np.tile(geodetic_to_ecef(0.6, -2.1, 1234.0), (len(PROFILES), 1)).tobytes()
+    position, velocity = a_path(height_m=1234.0, ignition_s=17.0).state(
+        EVERYONE, 17.0 + 0 * EVERYONE
     )
+    launch_m = np.tile(geodetic_to_ecef(0.6, -2.1, 1234.0), (len(PROFILES), 1))
+    assert position.tobytes() == launch_m.tobytes()
     assert not velocity.any()
 
 
@@ -62,7 +56,7 @@ def test_flight_rises_straight_up_before_pitch_over():
         np.testing.assert_allclose(offset @ np.stack([east, north], axis=1), 0.0, atol=1e-9)
 
 
-def test_burnout_has_the_speed_and_the_flight_path_angle_of_the_profile():
+def test_burnout_is_that_of_the_profile():
     path = a_path()
     position, velocity = path.state(EVERYONE, path.burnout_s)
     speed = np.linalg.norm(velocity, axis=1)
@@ -106,7 +100,7 @@ def test_the_circle_of_the_launch_plane_osculates_the_ellipsoid(
     )
 
 
-def test_height_of_the_path_is_height_above_the_ellipsoid_near_the_launch():
+def test_heights_are_above_the_ellipsoid_near_the_launch():
     """Over the first 10 km downrange sphere and ellipsoid part by less than 5 m."""
     path = a_path(height_m=500.0)
     times = np.array([60.0 if profile.name == "ICBM_liquid" else 30.0 for profile in PROFILES])
@@ -121,10 +115,9 @@ def test_height_of_the_path_is_height_above_the_ellipsoid_near_the_launch():
 
 def test_nothing_jumps_at_pitch_over():
     path = a_path()
-    pitch_over = np.array([profile.pitch_start_s for profile in PROFILES])
-    before, after = (path.state(EVERYONE, pitch_over + step) for step in (-1e-9, 1e-9))
-    np.testing.assert_allclose(after[0], before[0], atol=1e-6)
-    np.testing.assert_allclose(after[1], before[1], atol=0.01)
+    states = [path.state(EVERYONE, path.breakpoints_s()[:, 0] + step) for step in (-1e-9, 1e-9)]
+    for start, end, tolerance in zip(*states, (1e-6, 0.01), strict=True):
+        np.testing.assert_allclose(end, start, atol=tolerance)
 
 
 @pytest.mark.parametrize("span", [(0.001, 0.999), (1e-6, 1e-3)])
@@ -135,37 +128,33 @@ def test_velocity_is_the_derivative_of_position(span):
         elapsed = np.array(
             [p.pitch_start_s + share * (p.burn_time_s - p.pitch_start_s) for p in PROFILES]
         )
-        (ahead, _), (behind, _) = (path.state(EVERYONE, elapsed + h) for h in (step / 2, -step / 2))
+        start, end = (path.state(EVERYONE, elapsed + h)[0] for h in (-step / 2, step / 2))
         _, velocity = path.state(EVERYONE, elapsed)
         kink = 60.0 * np.sqrt(step) if share < 1e-4 else 0.05
-        np.testing.assert_allclose((ahead - behind) / step, velocity, atol=kink)
+        np.testing.assert_allclose((end - start) / step, velocity, atol=kink)
 
 
-def test_outside_the_burn_there_is_no_state():
+@pytest.mark.parametrize("offset_s", [-0.001, 1e6, np.nan, np.inf])
+def test_outside_the_burn_there_is_no_state(offset_s):
     path = a_path(ignition_s=100.0)
-    for times in (
-        np.full(len(PROFILES), 99.999),
-        path.burnout_s + 1e-6,
-        np.full(len(PROFILES), np.nan),
-        np.full(len(PROFILES), np.inf),
-    ):
-        position, velocity = path.state(EVERYONE, times)
-        assert np.isnan(position).all()
-        assert np.isnan(velocity).all()
-    assert np.isfinite(path.state(EVERYONE, path.burnout_s)[0]).all()
+    assert np.isnan(path.state(EVERYONE, path.ignition_s + offset_s)).all()
+    assert np.isnan(path.state(EVERYONE, path.burnout_s + 1e-6)).all()
+    assert np.isfinite(path.state(EVERYONE, path.burnout_s)).all()
 
 
-def test_a_target_flies_as_if_alone():
-    together = a_path(azimuth_rad=np.arange(float(len(PROFILES))))
+def test_boosts_do_not_depend_on_other_targets():
     times = np.linspace(0.0, 65.0, 301)
-    for row, profile in enumerate(PROFILES):
-        alone = a_path(azimuth_rad=float(row), profiles=(profile,))
-        mine = together.state(np.full(301, row), times)
-        his = alone.state(np.zeros(301, dtype=int), times)
-        single = [alone.state(np.zeros(1, dtype=int), times[k : k + 1])[0][0] for k in (0, 17, 300)]
-        assert mine[0].tobytes() == his[0].tobytes()
-        assert mine[1].tobytes() == his[1].tobytes()
-        assert np.array(single).tobytes() == his[0][[0, 17, 300]].tobytes()
+
+    def states(azimuth_rad, profiles):
+        path = a_path(azimuth_rad=azimuth_rad, profiles=profiles)
+        targets = np.arange(len(profiles))
+        return (np.stack([path.state(targets, 0 * targets + time) for time in times], axis=2)[0],)
+
+    azimuth = np.arange(float(len(PROFILES)))
+    rows = [slice(row, row + 1) for row in EVERYONE]
+    assert_rows_alone(states, azimuth, np.array(PROFILES), rows=rows)
+    path = a_path(azimuth_rad=azimuth)
+    assert_rows_alone(lambda time_s: path.state(np.full(len(time_s), 2), time_s), times)
 
 
 @pytest.mark.parametrize("shape", [1e-300, 1e-12, 1e-6, 1e-3, 0.5, 3.0, 30.0])
@@ -177,8 +166,8 @@ def test_vertical_climb_loses_nothing_for_any_shape(shape):
         with mpmath.workdps(700):
             y = mpmath.mpf(shape) * elapsed / 100
             expected = 100 * (mpmath.expm1(y) - y) / (mpmath.mpf(shape) * mpmath.expm1(shape))
-        found = vertical_climb_s(np.array([elapsed]), np.array([100.0]), np.array([shape]))
-        assert found[0] == pytest.approx(float(expected), rel=2e-14)
+        climb = vertical_climb_s(np.array([elapsed]), np.array([100.0]), np.array([shape]))
+        assert climb[0] == pytest.approx(float(expected), rel=2e-14)
 
 
 @examples(60)
@@ -198,5 +187,5 @@ def test_any_launch_climbs_all_the_way(latitude, longitude, azimuth, burn_time, 
     assert (np.diff(np.linalg.norm(velocity, axis=1)) > 0.0).all()
 
 
-def test_profiles_of_one_name_and_burn_time_are_one():
+def test_profiles_of_one_name_and_burn_time_are_equal():
     assert boost_profile("SRBM").with_burn_time(65.0) == boost_profile("SRBM")

@@ -4,11 +4,12 @@ import math
 
 import pytest
 
-from opir_core.flight.boost import boost_profile, boost_profiles
-from opir_core.scene.target_classes import Ballistic, core_target_class, core_target_classes
+from opir_core.flight import boost_profile, boost_profiles
+from opir_core.plugin import Ballistic
+from opir_core.scene import core_target_class, core_target_classes
 
 
-def test_the_boost_profiles_are_those_of_the_classes_that_fly_ballistic():
+def test_boost_profiles_are_those_of_ballistic_classes():
     flown = [
         kind for kind in core_target_classes().values() if isinstance(kind.after_burnout, Ballistic)
     ]

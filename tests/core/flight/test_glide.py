@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 from attrs import evolve
+from lone_rows import assert_rows_alone
 
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.forces import Drag, Forces
+from opir_core.flight import Drag, Forces
 from opir_core.flight.glide import GlideShape, glide_ephemeris, glide_flight
 from opir_core.geometry import Geodetic, ecef_to_geodetic, geodesic_direct, geodetic_to_ecef
-from opir_core.scene.target_classes import core_target_class
+from opir_core.scene import core_target_class
 
 KIND = core_target_class("HGV")
 (PROFILE,) = KIND.profiles
@@ -29,15 +30,19 @@ def shape_of(count, **changes):
 
 
 def launches(count, seed):
+    """Return places, aim points and times of launches from anywhere over any range."""
     rng = np.random.default_rng(seed)
     latitude = np.arcsin(rng.uniform(-1, 1, count))
     longitude = rng.uniform(-np.pi, np.pi, count)
     range_m = rng.uniform(1.0005 * PROFILE.minimum_range_m, 0.9995 * PROFILE.maximum_range_m, count)
-    there = Geodetic(
-        *geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m),
-        np.zeros(count),
+    bearing = rng.uniform(0, 2 * np.pi, count)
+    aims = geodesic_direct(latitude, longitude, bearing, range_m)
+    ground = np.zeros(count)
+    return (
+        Geodetic(latitude, longitude, ground),
+        Geodetic(*aims, ground),
+        rng.uniform(0, 1e4, count),
     )
-    return Geodetic(latitude, longitude, np.zeros(count)), there, rng.uniform(0.0, 1e4, count)
 
 
 @pytest.fixture(scope="module")
@@ -54,11 +59,11 @@ def level_speed_m_s(position, velocity):
 def test_every_aim_point_is_hit(everywhere):
     assert everywhere.converged.all()
     assert not any(everywhere.complaints)
-    _, there, _ = launches(COUNT, 1)
-    assert np.linalg.norm(everywhere.impact_ecef_m - geodetic_to_ecef(*there), axis=1).max() <= 0.01
+    _, aims, _ = launches(COUNT, 1)
+    assert np.linalg.norm(everywhere.impact_ecef_m - geodetic_to_ecef(*aims), axis=1).max() <= 0.01
 
 
-def test_the_range_of_the_glide_is_that_of_eggers_allen_and_neice(everywhere):
+def test_the_range_is_that_of_eggers_allen_and_neice(everywhere):
     """s = (E r/2) ln((1 - v_f²/v_c²)/(1 - v_0²/v_c²)), measured as the angle between the ends."""
     start = everywhere.burnout_position_ecef_m
     end = everywhere.release_position_ecef_m
@@ -86,21 +91,19 @@ def test_the_glide_ends_at_the_final_speed(everywhere):
     assert np.abs(scale - 1.0).max() < 0.01
 
 
-def test_the_duration_of_the_glide_is_that_of_constant_drag_over_weight_less_centrifugal_force(
-    everywhere,
-):
+def test_the_duration_of_the_glide_is_that_of_constant_drag(everywhere):
     """t = (E v_c/2g) ln((1 + v_0/v_c)(1 - v_f/v_c)/((1 - v_0/v_c)(1 + v_f/v_c)))."""
-    start = everywhere.burnout_position_ecef_m
-    radius_m = np.linalg.norm(start, axis=1)
+    position = everywhere.burnout_position_ecef_m
+    radius_m = np.linalg.norm(position, axis=1)
     circular = np.sqrt(EARTH_MU_M3_S2 / radius_m)
-    first = level_speed_m_s(start, everywhere.burnout_velocity_ecef_m_s) / circular
-    last = 1500.0 / circular
+    start = level_speed_m_s(position, everywhere.burnout_velocity_ecef_m_s) / circular
+    end = 1500.0 / circular
     scale_s = 0.5 * KIND.after_burnout.lift_to_drag * circular * radius_m**2 / EARTH_MU_M3_S2
-    expected_s = scale_s * np.log((1 + first) * (1 - last) / ((1 - first) * (1 + last)))
+    expected_s = scale_s * np.log((1 + start) * (1 - end) / ((1 - start) * (1 + end)))
     np.testing.assert_allclose(everywhere.release_s - everywhere.burnout_s, expected_s, rtol=1e-12)
 
 
-def test_the_descent_keeps_lift_equal_to_weight_less_centrifugal_force(everywhere):
+def test_lift_equals_weight_less_centrifugal_force(everywhere):
     """rho v²/(1 - v²/v_c²) is constant: with density exp(-h/H), h falls by H ln of the ratio."""
     share = np.linspace(0.0, 1.0, 21)[:, None]
     since_s = share * (everywhere.release_s - everywhere.burnout_s)
@@ -118,28 +121,24 @@ def test_the_descent_keeps_lift_equal_to_weight_less_centrifugal_force(everywher
     np.testing.assert_allclose(lift, np.broadcast_to(lift[0], lift.shape), rtol=2e-4)
 
 
-def test_position_and_velocity_do_not_jump_at_burnout_and_release(everywhere):
+def test_states_do_not_jump_at_burnout_and_release(everywhere):
     everyone = np.arange(COUNT)
     boost = everywhere.path.state(everyone, everywhere.burnout_s)
     glide = everywhere.state(everyone, everywhere.burnout_s)
-    np.testing.assert_allclose(glide[0], boost[0], atol=1e-6)
-    np.testing.assert_allclose(glide[1], boost[1], atol=1e-6)
+    np.testing.assert_allclose(np.array(glide), np.array(boost), atol=1e-6)
     ephemeris = glide_ephemeris(everywhere)
-    before, after = (
-        ephemeris.state(everyone, everywhere.release_s + step) for step in (-1e-3, 1e-3)
-    )
-    np.testing.assert_allclose(after[0], before[0], atol=4.0)
-    np.testing.assert_allclose(after[1], before[1], atol=0.1)
+    states = [ephemeris.state(everyone, everywhere.release_s + step) for step in (-1e-3, 1e-3)]
+    for start, end, tolerance in zip(*states, (4.0, 0.1), strict=True):
+        np.testing.assert_allclose(end, start, atol=tolerance)
 
 
-def test_velocity_is_the_derivative_of_position(everywhere):
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
+def test_velocity_is_the_derivative_of_position(everywhere, share):
     everyone = np.arange(COUNT)
-    for share in (0.01, 0.5, 0.99):
-        time_s = everywhere.burnout_s + share * (everywhere.release_s - everywhere.burnout_s)
-        ahead, behind = (everywhere.state(everyone, time_s + step)[0] for step in (0.05, -0.05))
-        np.testing.assert_allclose(
-            (ahead - behind) / 0.1, everywhere.state(everyone, time_s)[1], atol=1e-3
-        )
+    time_s = everywhere.burnout_s + share * (everywhere.release_s - everywhere.burnout_s)
+    start, end = (everywhere.state(everyone, time_s + step)[0] for step in (-0.05, 0.05))
+    velocity = everywhere.state(everyone, time_s)[1]
+    np.testing.assert_allclose((end - start) / 0.1, velocity, atol=1e-3)
 
 
 def test_the_ephemeris_goes_from_burnout_to_impact(everywhere):
@@ -160,23 +159,25 @@ def test_the_ephemeris_goes_from_burnout_to_impact(everywhere):
 
 def test_heights_fall_and_stay_in_the_air(everywhere):
     everyone = np.arange(COUNT)
-    last = np.full(COUNT, np.inf)
-    for share in np.linspace(0.0, 1.0, 15):
-        time_s = everywhere.burnout_s + share * (everywhere.release_s - everywhere.burnout_s)
-        height_m = ecef_to_geodetic(everywhere.state(everyone, time_s)[0]).height_m
-        assert (height_m < last).all()
-        last = height_m
+    times_s = np.linspace(everywhere.burnout_s, everywhere.release_s, 15)
+    heights_m = np.array(
+        [ecef_to_geodetic(everywhere.state(everyone, time_s)[0]).height_m for time_s in times_s]
+    )
+    assert (np.diff(heights_m, axis=0) < 0.0).all()
     assert (ecef_to_geodetic(everywhere.burnout_position_ecef_m).height_m < 70e3).all()
-    assert (last > 15e3).all()
+    assert (heights_m[-1] > 15e3).all()
+
+
+def one_flight(latitude_rad, bearing_rad, range_m):
+    start = Geodetic(np.array([latitude_rad]), np.zeros(1), np.zeros(1))
+    end = geodesic_direct(start.latitude_rad, 0.0, bearing_rad, range_m)
+    aim = Geodetic(*end, np.zeros(1))
+    return glide_flight(start, aim, np.zeros(1), [PROFILE], shape_of(1))
 
 
 def test_the_reference_range_takes_the_reference_burnout_speed():
     """Launched at the pole; sphere and ellipsoid differ by a quarter of a percent in speed."""
-    pole = Geodetic(np.array([0.5 * math.pi]), np.zeros(1), np.zeros(1))
-    there = Geodetic(
-        *geodesic_direct(pole.latitude_rad, 0.0, 0.0, PROFILE.reference_range_m), np.zeros(1)
-    )
-    flight = glide_flight(pole, there, np.zeros(1), [PROFILE], shape_of(1))
+    flight = one_flight(0.5 * math.pi, 0.0, PROFILE.reference_range_m)
     assert flight.burnout_speed_m_s[0] == pytest.approx(PROFILE.burnout_speed_m_s, rel=0.003)
     assert flight.burnout_s[0] == PROFILE.burn_time_s
 
@@ -196,28 +197,26 @@ def test_aim_points_are_hit_under_forces_after_the_glide(forces):
     )
 
 
-def test_a_flight_is_the_same_alone_and_among_others(everywhere):
-    place, there, ignition_s = launches(COUNT, 1)
-    for row in (0, 17, 299):
-        part = slice(row, row + 1)
-        here, aim = (Geodetic(*(column[part] for column in each)) for each in (place, there))
-        alone = glide_flight(here, aim, ignition_s[part], [PROFILE], shape_of(1))
-        assert (
-            alone.burnout_velocity_ecef_m_s.tobytes()
-            == everywhere.burnout_velocity_ecef_m_s[part].tobytes()
+def test_a_flight_is_the_same_alone_and_among_others():
+    def results(latitude, longitude, height_m, *aims_and_time):
+        *aims, ignition_s = aims_and_time
+        count = len(latitude)
+        place = Geodetic(latitude, longitude, height_m)
+        flight = glide_flight(
+            place, Geodetic(*aims), ignition_s, [PROFILE] * count, shape_of(count)
         )
-        assert alone.impact_s.tobytes() == everywhere.impact_s[part].tobytes()
+        return flight.burnout_velocity_ecef_m_s, flight.impact_s
+
+    place, aims, ignition_s = launches(COUNT, 1)
+    rows = [slice(row, row + 1) for row in (0, 17, 299)]
+    assert_rows_alone(results, *place, *aims, ignition_s, rows=rows)
 
 
-@pytest.mark.parametrize(
-    ("range_m", "words"), [(1.5e6, "HGV flies 2000 to 8000 km"), (9e6, "HGV flies 2000 to 8000 km")]
-)
-def test_ranges_beyond_the_limits_are_refused(range_m, words):
-    here = Geodetic(np.array([0.3]), np.zeros(1), np.zeros(1))
-    there = Geodetic(*geodesic_direct(here.latitude_rad, 0.0, 1.0, range_m), np.zeros(1))
-    flight = glide_flight(here, there, np.zeros(1), [PROFILE], shape_of(1))
+@pytest.mark.parametrize("range_m", [1.5e6, 9e6])
+def test_ranges_beyond_the_limits_are_refused(range_m):
+    flight = one_flight(0.3, 1.0, range_m)
     assert not flight.converged.any()
-    assert words in flight.complaints[0]
+    assert "HGV flies 2000 to 8000 km" in flight.complaints[0]
 
 
 def test_a_glide_that_would_end_underground_is_refused():

@@ -2,12 +2,21 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
+from free_flights import EXPONENTIAL, flights
 from hypothesis import given, strategies as st
+from lone_rows import assert_rows_alone
 
 from examples import examples
-from opir_core.flight.conic_impact import kepler_impact
-from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
-from opir_core.flight.propagation import ImpactReason, impact, impact_states_eci, propagate
+from opir_core.flight import (
+    Drag,
+    Forces,
+    ImpactReason,
+    impact,
+    impact_states_eci,
+    kepler_impact,
+    propagate,
+)
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -16,29 +25,21 @@ MODELS = {
     "kepler": "kepler",
     "j2": Forces(),
     "us76": Forces(drag=Drag(2000.0)),
-    "exp": Forces(drag=Drag(2000.0, ExponentialAtmosphere(1.225, 7200.0))),
+    "exp": Forces(drag=Drag(2000.0, EXPONENTIAL)),
 }
+HIGH_M = 6378137.0 + 500e3
 NUMERICAL = [name for name in MODELS if name != "kepler"]
 
 
-def shots(count, seed=0, fastest=7200.0):
-    random = np.random.default_rng(seed)
-    up = random.normal(size=(count, 3))
-    up /= np.linalg.norm(up, axis=1, keepdims=True)
-    along = np.cross(up, random.normal(size=(count, 3)))
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    angle = np.radians(random.uniform(20.0, 60.0, (count, 1)))
-    speed = random.uniform(1500.0, fastest, (count, 1))
-    height = random.uniform(60e3, 300e3, (count, 1))
-    return up * (6371e3 + height), speed * (np.sin(angle) * up + np.cos(angle) * along)
+def shots(count, seed=0):
+    speed_m_s = 1500.0, 7200.0
+    return flights(count, seed, angle_deg=(20.0, 60.0), speed_m_s=speed_m_s, height_m=(60e3, 300e3))
 
 
 @pytest.mark.parametrize("name", list(MODELS))
 def test_without_a_height_it_is_that_of_the_ellipsoid(name):
-    position, velocity = shots(3)
     states, at_zero = (
-        impact_states_eci(position, velocity, *height, forces=MODELS[name])
-        for height in ((), (0.0,))
+        impact_states_eci(*shots(3), *height, forces=MODELS[name]) for height in ((), (0.0,))
     )
     assert np.array_equal(states.position_m, at_zero.position_m)
 
@@ -51,14 +52,14 @@ def test_impacts_are_on_the_height_and_on_the_arc(name, height_m):
     states = impact_states_eci(position, velocity, height_m, MODELS[name], tolerance_m=1e-6)
     hit = states.reason == ImpactReason.IMPACT
     assert hit.sum() >= 30
-    assert np.abs(ecef_to_geodetic(states.position_m[hit]).height_m - height_m).max() <= 1e-6
-    there, speed = propagate(
-        position[hit], velocity[hit], states.duration_s[hit], MODELS[name], tolerance_m=1e-6
-    )
-    np.testing.assert_allclose(states.position_m[hit], there, rtol=0.0, atol=1e-5)
-    np.testing.assert_allclose(states.velocity_m_s[hit], speed, rtol=0.0, atol=1e-6)
-    descent = (states.velocity_m_s[hit] * states.position_m[hit]).sum(axis=1)
-    assert (descent < 0.0).all()
+    point = states.position_m[hit]
+    speed = states.velocity_m_s[hit]
+    assert np.abs(ecef_to_geodetic(point).height_m - height_m).max() <= 1e-6
+    start = position[hit], velocity[hit]
+    end = propagate(*start, states.duration_s[hit], MODELS[name], tolerance_m=1e-6)
+    np.testing.assert_allclose(point, end[0], rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(speed, end[1], rtol=0.0, atol=1e-6)
+    assert ((speed * point).sum(axis=1) < 0.0).all()
 
 
 @pytest.mark.parametrize("name", list(MODELS))
@@ -77,25 +78,24 @@ def test_an_impact_is_the_first(name):
 @pytest.mark.parametrize("tolerance_m", [1e-1, 1e-2, 1e-4, 1e-6])
 @pytest.mark.parametrize("height_m", [0.0, 40e3])
 def test_without_oblateness_it_is_the_closed_form(tolerance_m, height_m):
-    position, velocity = shots(200, seed=3)
-    round_field = Forces(gravity=ZonalField(j2=0.0))
-    duration, point = impact(position, velocity, height_m, round_field, tolerance_m=tolerance_m)
-    exact_duration, exact_point = kepler_impact(position, velocity, height_m)
+    start = shots(200, seed=3)
+    round_field = Forces(gravity=evolve(Forces().gravity, j2=0.0))
+    duration, point = impact(*start, height_m, round_field, tolerance_m=tolerance_m)
+    exact_duration, exact_point = kepler_impact(*start, height_m)
     assert np.linalg.norm(point - exact_point, axis=1).max() <= max(tolerance_m, 2e-6)
     assert np.abs(duration - exact_duration).max() <= max(1e-3 * tolerance_m, 1e-9)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "tolerance_m",
-    [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize("tolerance_m", [1e-1, 1e-3, 1e-5])
 @pytest.mark.parametrize("name", NUMERICAL)
 def test_errors_stay_within_the_tolerance(name, tolerance_m):
-    position, velocity = shots(150, seed=4)
-    _, exact = impact(position, velocity, 0.0, MODELS[name], tolerance_m=1e-8)
-    _, found = impact(position, velocity, 0.0, MODELS[name], tolerance_m=tolerance_m)
-    assert np.linalg.norm(found - exact, axis=1).max() <= tolerance_m
+    start = shots(150, seed=4)
+    exact, point = (
+        impact(*start, 0.0, MODELS[name], tolerance_m=tolerance)[1]
+        for tolerance in (1e-8, tolerance_m)
+    )
+    assert np.linalg.norm(point - exact, axis=1).max() <= tolerance_m
 
 
 def test_thin_air_is_no_air():
@@ -108,38 +108,30 @@ def test_thin_air_is_no_air():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NUMERICAL)
 def test_results_do_not_depend_on_the_company(name):
-    position, velocity = shots(60, seed=6)
-    height = np.linspace(0.0, 50e3, 60)
-    whole = impact_states_eci(position, velocity, height, MODELS[name])
-    for chosen in ([3], [59, 0, 31], list(range(1, 60, 2))):
-        some = impact_states_eci(position[chosen], velocity[chosen], height[chosen], MODELS[name])
-        for part, everything in zip(some, whole, strict=True):
-            np.testing.assert_array_equal(part, everything[chosen])
+    def states(*columns):
+        return impact_states_eci(*columns, MODELS[name])
+
+    rows = ([3], [59, 0, 31], list(range(1, 60, 2)))
+    assert_rows_alone(states, *shots(60, seed=6), np.linspace(0.0, 50e3, 60), rows=rows)
 
 
 @pytest.mark.parametrize("name", list(MODELS))
-def test_reasons_for_no_impact(name):
-    radius = 6378137.0
-    around = [0.0, 7.6e3, 0.0]
-    within = 7200.0
-    cases = [
-        ([radius + 500e3, 0.0, 0.0], around, ImpactReason.NO_DESCENT),
-        ([radius + 500e3, 0.0, 0.0], [12e3, 0.0, 0.0], ImpactReason.NO_DESCENT),
-        ([np.nan, 0.0, 0.0], around, ImpactReason.NOT_FINITE),
-        ([radius + 500e3, 0.0, 0.0], [0.0, 3e3, 0.0], ImpactReason.IMPACT),
-    ]
-    position, velocity, reasons = (np.array(each) for each in zip(*cases, strict=True))
-    states = impact_states_eci(position, velocity, 0.0, MODELS[name], within_s=within)
-    np.testing.assert_array_equal(states.reason, reasons)
-    np.testing.assert_array_equal(np.isnan(states.duration_s), reasons != ImpactReason.IMPACT)
-    assert np.isnan(states.position_m[:3]).all()
-    assert np.isnan(states.velocity_m_s[:3]).all()
-    soon = impact_states_eci(position[3], velocity[3], 0.0, MODELS[name], within_s=10.0)
-    assert soon.reason == ImpactReason.NO_DESCENT
-    assert (
-        impact_states_eci(position[3], velocity[3], np.nan, MODELS[name]).reason
-        == ImpactReason.NOT_FINITE
-    )
+@pytest.mark.parametrize(
+    ("start", "within_s", "reason"),
+    [
+        ([[HIGH_M, 0.0, 0.0], [0.0, 7.6e3, 0.0]], 7200.0, ImpactReason.NO_DESCENT),
+        ([[HIGH_M, 0.0, 0.0], [12e3, 0.0, 0.0]], 7200.0, ImpactReason.NO_DESCENT),
+        ([[np.nan, 0.0, 0.0], [0.0, 7.6e3, 0.0]], 7200.0, ImpactReason.NOT_FINITE),
+        ([[HIGH_M, 0.0, 0.0], [0.0, 3e3, 0.0], np.nan], 7200.0, ImpactReason.NOT_FINITE),
+        ([[HIGH_M, 0.0, 0.0], [0.0, 3e3, 0.0]], 7200.0, ImpactReason.IMPACT),
+        ([[HIGH_M, 0.0, 0.0], [0.0, 3e3, 0.0]], 10.0, ImpactReason.NO_DESCENT),
+    ],
+)
+def test_reasons_for_no_impact(name, start, within_s, reason):
+    states = impact_states_eci(*start, forces=MODELS[name], within_s=within_s)
+    assert states.reason == reason
+    for column in states[:3]:
+        assert np.isnan(column).all() == (reason != ImpactReason.IMPACT)
 
 
 def test_drag_ends_below_the_air_model():
@@ -161,14 +153,14 @@ def test_a_start_on_the_ground(name, latitude):
     np.testing.assert_allclose(point, ground, rtol=0.0, atol=1e-5)
 
 
+@pytest.mark.parametrize("height_m", [4e3, 5.0])
 @pytest.mark.parametrize("name", list(MODELS))
-def test_a_start_below_the_height_first_rises_through_it(name):
-    start = np.array([6378137.0, 0.0, 0.0])
-    upward = np.array([2500.0, 300.0, 100.0])
-    duration, point = impact(start, upward, 4e3, MODELS[name])
-    at_ground, _ = impact(start, upward, 0.0, MODELS[name])
+def test_a_start_below_the_height_first_rises_through_it(name, height_m):
+    start = [6378137.0, 0.0, 0.0], [2500.0, 300.0, 100.0]
+    duration, point = impact(*start, height_m, MODELS[name])
+    at_ground, _ = impact(*start, 0.0, MODELS[name])
     assert 20.0 < duration < at_ground
-    assert ecef_to_geodetic(point).height_m == pytest.approx(4e3, abs=1e-6)
+    assert ecef_to_geodetic(point).height_m == pytest.approx(height_m, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", list(MODELS))
@@ -190,21 +182,18 @@ def test_a_start_below_that_descends_has_come_down(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["kepler", "j2", "us76"])
 @pytest.mark.parametrize("depth_m", [-50.0, -0.5, -0.01, 0.01, 0.5, 50.0])
-def test_a_perigee_just_below_the_height_is_an_impact_and_just_above_is_none(name, depth_m):
+def test_only_a_perigee_below_the_height_is_an_impact(name, depth_m):
     """Grazing arcs: the sign of the perigee's depth decides, however shallow."""
-    start = np.array([6378137.0 + 400e3, 0.0, 0.0])
-    velocity = np.array([0.0, 7600.0, 0.0])
+    start = np.array([6378137.0 + 400e3, 0.0, 0.0]), np.array([0.0, 7600.0, 0.0])
     times = np.linspace(100.0, 3000.0, 400)
     for _ in range(4):
-        arc, _ = propagate(start, velocity, times, MODELS[name], tolerance_m=1e-6)
+        arc, _ = propagate(*start, times, MODELS[name], tolerance_m=1e-6)
         heights = ecef_to_geodetic(arc).height_m
-        lowest = np.argmin(heights)
+        lowest = times[np.argmin(heights)]
         spread = times[1] - times[0]
-        times = np.linspace(times[lowest] - spread, times[lowest] + spread, 400)
-    perigee = heights.min()
-    states = impact_states_eci(
-        start, velocity, perigee + depth_m, MODELS[name], within_s=4000.0, tolerance_m=1e-6
-    )
+        times = np.linspace(lowest - spread, lowest + spread, 400)
+    settings = {"within_s": 4000.0, "tolerance_m": 1e-6}
+    states = impact_states_eci(*start, heights.min() + depth_m, MODELS[name], **settings)
     assert (states.reason == ImpactReason.IMPACT) == (depth_m > 0.0)
 
 

@@ -11,8 +11,8 @@ from free_flights import MODELS, flights
 from hypothesis import given, strategies as st
 
 from examples import examples
-from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
-from opir_core.flight.propagation import propagate
+from opir_core.flight import Drag, Forces, propagate
+from opir_core.flight.forces import ExponentialAtmosphere
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -106,7 +106,7 @@ def test_a_tolerance_has_to_be_positive(tolerance_m):
 
 
 @pytest.mark.parametrize(
-    ("make", "what"),
+    ("make", "words"),
     [
         (lambda: Forces(zonal=("j5",)), "j5"),
         (lambda: Drag(0.0), "ballistic_coefficient_kg_m2"),
@@ -117,8 +117,8 @@ def test_a_tolerance_has_to_be_positive(tolerance_m):
         (lambda: propagate([7e6, 0.0, 0.0], [0.0, 7e3, 0.0], 10.0, "newton"), "newton"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(make, what):
-    with pytest.raises(ValueError, match=what):
+def test_invalid_arguments_are_refused(make, words):
+    with pytest.raises(ValueError, match=words):
         make()
 
 

@@ -22,7 +22,7 @@ for home, name in {names}:
 
 
 @pytest.mark.slow
-def test_a_name_is_what_it_says_even_after_its_module_was_imported() -> None:
+def test_a_name_is_no_module_after_its_module_was_imported() -> None:
     values = {name: getattr(opir_core.flight, name) for name in opir_core.flight.__all__}
     names = [
         (value.__module__, name)

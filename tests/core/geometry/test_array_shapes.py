@@ -2,66 +2,63 @@
 warnings.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
+from lone_rows import assert_rows_alone
 
 import opir_core.geometry as geometry
 from opir_core.geometry import (
-    azimuth_elevation_range,
-    azimuth_elevation_range_in_axes,
-    east_north_up_axes,
     ecef_to_eci,
-    ecef_to_eci_state,
     ecef_to_geodetic,
-    eci_to_ecef,
-    eci_to_ecef_state,
-    elevation_rad,
-    geodetic_to_ecef,
     gmst_rad,
-    grazing_height_m,
-    intersection_with_ellipsoid,
     is_occluded,
     is_sunlit,
     julian_date,
-    line_of_sight,
-    local_axes,
-    nadir_angle_rad,
     sun_position_ecef_m,
-    sun_position_eci_m,
-    sun_position_of_date_m,
-    sunlit_fraction,
 )
 
 EPOCH = np.datetime64("2026-04-01T12:00:00")
 
-# name: (function of arrays, the trailing shape of each argument)
-FUNCTIONS = {
-    "azimuth_elevation_range": (azimuth_elevation_range, [(3,), (3,)]),
-    "azimuth_elevation_range_in_axes": (azimuth_elevation_range_in_axes, [(3,), (3, 3)]),
-    "east_north_up_axes": (east_north_up_axes, [(), ()]),
-    "ecef_to_eci": (ecef_to_eci, [(3,), ()]),
-    "ecef_to_eci_state": (ecef_to_eci_state, [(3,), (3,), ()]),
-    "ecef_to_geodetic": (ecef_to_geodetic, [(3,)]),
-    "eci_to_ecef": (eci_to_ecef, [(3,), ()]),
-    "eci_to_ecef_state": (eci_to_ecef_state, [(3,), (3,), ()]),
-    "elevation_rad": (elevation_rad, [(3,), (3,)]),
-    "geodetic_to_ecef": (geodetic_to_ecef, [(), (), ()]),
-    "gmst_rad": (lambda time: gmst_rad(EPOCH, time), [()]),
-    "grazing_height_m": (grazing_height_m, [(3,), (3,)]),
-    "intersection_with_ellipsoid": (intersection_with_ellipsoid, [(3,), (3,), ()]),
-    "is_occluded": (is_occluded, [(3,), (3,), ()]),
-    "is_sunlit": (is_sunlit, [(3,), (3,)]),
-    "julian_date": (lambda time: julian_date(EPOCH, time), [()]),
-    "line_of_sight": (line_of_sight, [(3,), (), ()]),
-    "local_axes": (local_axes, [(3,)]),
-    "nadir_angle_rad": (nadir_angle_rad, [(3,), (3,)]),
-    "sun_position_ecef_m": (lambda time: sun_position_ecef_m(EPOCH, time), [()]),
-    "sun_position_eci_m": (lambda time: sun_position_eci_m(EPOCH, time), [()]),
-    "sun_position_of_date_m": (sun_position_of_date_m, [()]),
-    "sunlit_fraction": (sunlit_fraction, [(3,), (3,)]),
+#: The trailing shape of each argument of functions of arrays, by name; `None` is the epoch.
+ARGUMENTS = {
+    "azimuth_elevation_range": [(3,), (3,)],
+    "azimuth_elevation_range_in_axes": [(3,), (3, 3)],
+    "east_north_up_axes": [(), ()],
+    "ecef_to_eci": [(3,), ()],
+    "ecef_to_eci_state": [(3,), (3,), ()],
+    "ecef_to_geodetic": [(3,)],
+    "eci_to_ecef": [(3,), ()],
+    "eci_to_ecef_state": [(3,), (3,), ()],
+    "elevation_rad": [(3,), (3,)],
+    "geodetic_to_ecef": [(), (), ()],
+    "gmst_rad": [None, ()],
+    "grazing_height_m": [(3,), (3,)],
+    "intersection_with_ellipsoid": [(3,), (3,), ()],
+    "is_occluded": [(3,), (3,), ()],
+    "is_sunlit": [(3,), (3,)],
+    "julian_date": [None, ()],
+    "line_of_sight": [(3,), (), ()],
+    "local_axes": [(3,)],
+    "nadir_angle_rad": [(3,), (3,)],
+    "sun_position_ecef_m": [None, ()],
+    "sun_position_eci_m": [None, ()],
+    "sun_position_of_date_m": [()],
+    "sunlit_fraction": [(3,), (3,)],
 }
+
+
+def of_arrays(name):
+    """Return a function of arrays alone, and the trailing shapes of its arguments."""
+    function = getattr(geometry, name)
+    if ARGUMENTS[name][0] is None:
+        return partial(function, EPOCH), ARGUMENTS[name][1:]
+    return function, ARGUMENTS[name]
+
+
 every_function = pytest.mark.parametrize(
-    ("function", "trailing"), FUNCTIONS.values(), ids=FUNCTIONS.keys()
+    ("function", "trailing"), [of_arrays(name) for name in ARGUMENTS], ids=list(ARGUMENTS)
 )
 
 
@@ -84,7 +81,7 @@ def test_every_public_function_is_tried_here():
     elsewhere |= {"angle_between_rad", "components", "dot", "length", "vector", "zero_crossings"}
     elsewhere |= {"shadow_margins_rad", "sun_ecef_m"}
     public = {name for name in geometry.__all__ if name[0].islower()}
-    assert public == set(FUNCTIONS) | elsewhere
+    assert public == set(ARGUMENTS) | elsewhere
 
 
 def test_public_names_are_sorted():
@@ -96,30 +93,20 @@ def test_any_slice_gives_the_same_bytes(function, trailing):
     """Lengths and offsets on both sides of every vector width, strided and reversed columns, single
     elements.
     """
-    whole_arguments = arguments((203,), trailing)
-    whole = columns(function(*whole_arguments))
     cuts = [
         slice(start, start + count)
         for start in (0, 1, 3, 8)
         for count in (1, 2, 3, 4, 7, 8, 9, 16, 33)
     ]
-    for cut in [*cuts, slice(None, None, 3), slice(None, None, -1)]:
-        for part, full in zip(
-            columns(function(*(a[cut] for a in whole_arguments))), whole, strict=True
-        ):
-            assert part.tobytes() == full[cut].tobytes()
-    for index in (0, 57, 202):
-        for part, full in zip(
-            columns(function(*(a[index] for a in whole_arguments))), whole, strict=True
-        ):
-            assert np.asarray(part).tobytes() == full[index].tobytes()
+    rows = [*cuts, slice(None, None, 3), slice(None, None, -1), 0, 57, 202]
+    assert_rows_alone(lambda *a: columns(function(*a)), *arguments((203,), trailing), rows=rows)
 
 
 @every_function
 def test_leading_axes_broadcast(function, trailing):
-    whole = [a[:, None] if number % 2 else a for number, a in enumerate(arguments((4,), trailing))]
-    outer = columns(function(*whole))
-    spread = [np.broadcast_to(a, (4, 4, *shape)) for a, shape in zip(whole, trailing, strict=True)]
+    values = [a[:, None] if number % 2 else a for number, a in enumerate(arguments((4,), trailing))]
+    outer = columns(function(*values))
+    spread = [np.broadcast_to(a, (4, 4, *shape)) for a, shape in zip(values, trailing, strict=True)]
     for result, full in zip(outer, columns(function(*spread)), strict=True):
         if len(trailing) > 1:
             assert result.shape == full.shape
@@ -128,10 +115,10 @@ def test_leading_axes_broadcast(function, trailing):
 
 @every_function
 def test_scalars_and_lists_serve_as_arrays(function, trailing):
-    given = arguments((), trailing)
+    values = arguments((), trailing)
     for result, listed in zip(
-        columns(function(*given)),
-        columns(function(*(a.tolist() for a in map(np.asarray, given)))),
+        columns(function(*values)),
+        columns(function(*(a.tolist() for a in map(np.asarray, values)))),
         strict=True,
     ):
         assert np.asarray(listed).tobytes() == np.asarray(result).tobytes()
@@ -145,23 +132,23 @@ def test_no_elements_give_no_elements(function, trailing):
 
 
 @every_function
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200, -1e308])
-def test_what_is_not_finite_or_too_large_never_warns(function, trailing, bad):
+@pytest.mark.parametrize("faulty", [np.nan, np.inf, -np.inf, 1e200, -1e308])
+def test_what_is_not_finite_or_too_large_never_warns(function, trailing, faulty):
     """Warnings are errors in this suite. Each component of each argument in turn; the neighbour is
     unmoved.
     """
     clean = arguments((2,), trailing)
-    good = columns(function(*clean))
+    results = columns(function(*clean))
     for number, shape in enumerate(trailing):
         for place in np.ndindex(*shape):
             spoilt = [a.copy() for a in clean]
-            spoilt[number][(0, *place)] = bad
-            for result, unspoilt in zip(columns(function(*spoilt)), good, strict=True):
+            spoilt[number][(0, *place)] = faulty
+            for result, unspoilt in zip(columns(function(*spoilt)), results, strict=True):
                 assert result[1:].tobytes() == unspoilt[1:].tobytes()
                 # Azimuth does not ask the upward axis, nor elevation which of the level ones is
                 # north.
                 if (
-                    np.isnan(bad)
+                    np.isnan(faulty)
                     and result.dtype == np.float64
                     and result.ndim == 1
                     and shape != (3, 3)
@@ -169,14 +156,14 @@ def test_what_is_not_finite_or_too_large_never_warns(function, trailing, bad):
                     assert np.isnan(result[0])
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_booleans_of_what_is_not_finite_are_the_dark_ones(bad):
-    point = np.array([bad, 7e6, 0.0])
+@pytest.mark.parametrize("faulty", [np.nan, np.inf, -np.inf])
+def test_booleans_of_what_is_not_finite_are_the_dark_ones(faulty):
+    point = np.array([faulty, 7e6, 0.0])
     sun = np.array([1.5e11, 0.0, 0.0])
     assert is_occluded(point, [7e6, 0.0, 0.0])
     assert is_occluded([7e6, 0.0, 0.0], point)
-    assert not is_sunlit([7e6, bad, 0.0], sun)
-    assert not is_sunlit([7e6, 0.0, 0.0], [1.5e11, bad, 0.0])
+    assert not is_sunlit([7e6, faulty, 0.0], sun)
+    assert not is_sunlit([7e6, 0.0, 0.0], [1.5e11, faulty, 0.0])
 
 
 def test_a_wrong_last_axis_is_refused_by_name():

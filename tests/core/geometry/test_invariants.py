@@ -78,30 +78,30 @@ def test_position_to_geodetic_and_back(position):
 @given(places)
 def test_geodetic_to_position_and_back(place):
     latitude, longitude, height = place
-    found = ecef_to_geodetic(geodetic_to_ecef(latitude, longitude, height))
+    restored = ecef_to_geodetic(geodetic_to_ecef(latitude, longitude, height))
     rounding = 6e-16 + 1e-9 / (6.3e6 + height)
-    assert abs(found.latitude_rad - latitude) <= rounding
-    assert abs(np.sin(found.longitude_rad - longitude)) * np.cos(latitude) <= rounding
-    assert abs(found.height_m - height) <= 3e-9 + 6e-16 * abs(height)
+    assert abs(restored.latitude_rad - latitude) <= rounding
+    assert abs(np.sin(restored.longitude_rad - longitude)) * np.cos(latitude) <= rounding
+    assert abs(restored.height_m - height) <= 3e-9 + 6e-16 * abs(height)
 
 
 @given(positions, st.floats(-10.0, 10.0))
 def test_geodetic_is_symmetric_about_the_axis_and_the_equator(position, angle):
-    one = ecef_to_geodetic(position)
+    geodetic = ecef_to_geodetic(position)
     turned = ecef_to_geodetic(spun(position, angle))
     mirrored = ecef_to_geodetic(position * [1.0, 1.0, -1.0])
-    assert abs(turned.height_m - one.height_m) <= 6e-9 + 1e-15 * length(position)
-    assert mirrored.height_m == one.height_m
+    assert abs(turned.height_m - geodetic.height_m) <= 6e-9 + 1e-15 * length(position)
+    assert mirrored.height_m == geodetic.height_m
     if position[2] != 0.0:
-        assert mirrored.latitude_rad == -one.latitude_rad
-    assert mirrored.longitude_rad == one.longitude_rad
+        assert mirrored.latitude_rad == -geodetic.latitude_rad
+    assert mirrored.longitude_rad == geodetic.longitude_rad
 
 
 @given(positions, times)
 def test_inertial_frame_and_back(position, time):
-    there = ecef_to_eci(position, time)
-    assert length(eci_to_ecef(there, time) - position) <= 6e-16 * length(position)
-    assert there[2] == position[2]
+    inertial = ecef_to_eci(position, time)
+    assert length(eci_to_ecef(inertial, time) - position) <= 6e-16 * length(position)
+    assert inertial[2] == position[2]
     assert length(ecef_to_eci(position, 0.0) - position) == 0.0
 
 
@@ -120,12 +120,12 @@ def test_inertial_state_and_back(position, velocity, time):
 def test_inertial_velocity_is_the_change_of_inertial_position(position, velocity, time):
     step = 0.5
     _, inertial = ecef_to_eci_state(position, velocity, time)
-    ahead, behind = (ecef_to_eci(position + velocity * s, time + s) for s in (step, -step))
+    end, start = (ecef_to_eci(position + velocity * s, time + s) for s in (step, -step))
     curvature = EARTH_ROTATION_RAD_S**2 * (
         length(velocity) + EARTH_ROTATION_RAD_S * length(position)
     )
     assert (
-        length((ahead - behind) / (2 * step) - inertial)
+        length((end - start) / (2 * step) - inertial)
         <= step**2 * curvature + 4e-15 * length(position) + 1e-12
     )
 
@@ -135,12 +135,12 @@ def test_line_of_sight_undoes_azimuth_and_elevation(place, azimuth, elevation, d
     observer = geodetic_to_ecef(*place)
     ray = line_of_sight(observer, azimuth, elevation)
     assert abs(length(ray) - 1.0) <= 6e-16
-    found = azimuth_elevation_range(observer, observer + distance * ray)
+    look = azimuth_elevation_range(observer, observer + distance * ray)
     rounding = 2e-15 + 4e-16 * length(observer) / distance
-    assert abs(found.elevation_rad - elevation) <= rounding
-    assert abs(np.sin(found.azimuth_rad - azimuth)) * np.cos(elevation) <= rounding
-    assert abs(found.range_m - distance) <= 6e-16 * (length(observer) + distance)
-    assert 0.0 <= found.azimuth_rad < 2.0 * np.pi
+    assert abs(look.elevation_rad - elevation) <= rounding
+    assert abs(np.sin(look.azimuth_rad - azimuth)) * np.cos(elevation) <= rounding
+    assert abs(look.range_m - distance) <= 6e-16 * (length(observer) + distance)
+    assert 0.0 <= look.azimuth_rad < 2.0 * np.pi
 
 
 @given(positions, positions, st.floats(-10.0, 10.0))
@@ -148,19 +148,19 @@ def test_looks_are_symmetric_about_the_axis(observer, target, angle):
     # On the axis longitude is a convention, and near the centre the vertical is ill-conditioned.
     if np.hypot(observer[0], observer[1]) < 1e6 or length(target - observer) < 1e3:
         return
-    one = azimuth_elevation_range(observer, target)
-    other = azimuth_elevation_range(spun(observer, angle), spun(target, angle))
+    look = azimuth_elevation_range(observer, target)
+    turned = azimuth_elevation_range(spun(observer, angle), spun(target, angle))
     rounding = (
         3e-15 * (length(observer) + length(target)) * (1 / length(target - observer) + 1 / 1e6)
     )
-    assert abs(other.elevation_rad - one.elevation_rad) <= 1e-15 + rounding
+    assert abs(turned.elevation_rad - look.elevation_rad) <= 1e-15 + rounding
     assert (
-        abs(np.sin(other.azimuth_rad - one.azimuth_rad)) * np.cos(one.elevation_rad)
+        abs(np.sin(turned.azimuth_rad - look.azimuth_rad)) * np.cos(look.elevation_rad)
         <= 1e-15 + rounding
     )
-    assert abs(other.range_m - one.range_m) <= 1e-15 * (length(observer) + length(target))
-    assert elevation_rad(observer, target) == one.elevation_rad
-    assert azimuth_elevation_range_in_axes(target - observer, local_axes(observer)) == one
+    assert abs(turned.range_m - look.range_m) <= 1e-15 * (length(observer) + length(target))
+    assert elevation_rad(observer, target) == look.elevation_rad
+    assert azimuth_elevation_range_in_axes(target - observer, local_axes(observer)) == look
 
 
 @given(places)
@@ -171,9 +171,9 @@ def test_local_axes_by_position_and_by_angles_are_the_same(place):
 
 
 @given(places, places)
-def test_nadir_angle_and_angle_at_the_target_close_the_triangle(one, other):
-    sensor = geodetic_to_ecef(*one)
-    target = geodetic_to_ecef(*other)
+def test_nadir_angle_and_angle_at_the_target_close_the_triangle(sensor_place, target_place):
+    sensor = geodetic_to_ecef(*sensor_place)
+    target = geodetic_to_ecef(*target_place)
     if length(target - sensor) < 1e5:
         return
     central = np.arctan2(length(np.cross(sensor, target)), np.sum(sensor * target))
@@ -200,7 +200,7 @@ def test_grazing_height_is_symmetric_and_never_above_the_ends(observer, target, 
 @given(positions, positions, st.floats(-2e6, 1e5))
 @example(np.array([4.2e7, 0.0, 0.0]), np.array([-4.2e7, 1e3, 0.0]), -1e5)
 @example(np.array([4.2e7, 0.0, 0.0]), np.array([0.0, 6.37e6, 0.0]), -10.0)
-def test_inexact_grazing_heights_are_upper_bounds_below_the_limit(observer, target, limit_m):
+def test_inexact_grazing_heights_are_bounds_below_the_limit(observer, target, limit_m):
     exact, quick = (
         grazing_height_m(observer, target, exact_above_m=limit) for limit in (-np.inf, limit_m)
     )

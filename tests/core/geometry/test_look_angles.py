@@ -110,40 +110,35 @@ def test_nadir_angle_ends():
 
 
 @pytest.mark.slow
-def test_least_height_against_a_search_along_the_segment():
-    """A golden-section search over heights: signed distance to a convex body has one minimum on a
-    line.
-    """
-    rng = np.random.default_rng(1)
-    ratio = (np.sqrt(5.0) - 1.0) / 2.0
-    for lowest, highest, bound in (
+@pytest.mark.parametrize(
+    ("lowest", "highest", "bound"),
+    [
         (1e1, 1e5, 1e-8),
         (1e3, 6.3e6, 1e-8),
         (3e6, 8e6, 1e-8),
         (6.38e6, 7e6, 1e-8),
         (6.4e6, 4.3e7, 5e-8),
-    ):
-        ends = rng.normal(size=(2, 250, 3))
-        ends *= rng.uniform(lowest, highest, (2, 250, 1)) / np.linalg.norm(
-            ends, axis=2, keepdims=True
+    ],
+)
+def test_least_height_against_a_search_along_the_segment(lowest, highest, bound):
+    """Narrowed to the neighbours of the least of 21 heights, again and again: signed distance to a
+    convex body has one minimum on a line.
+    """
+    ends = np.random.default_rng(1).normal(size=(2, 250, 3))
+    radius = np.random.default_rng(2).uniform(lowest, highest, (2, 250, 1))
+    observer, target = ends * radius / np.linalg.norm(ends, axis=2, keepdims=True)
+    grid = np.linspace(0.0, 1.0, 21)
+    low = np.zeros((250, 1))
+    high = np.ones((250, 1))
+    for _ in range(14):
+        shares = low + (high - low) * grid
+        points = observer[:, None] + shares[..., None] * (target - observer)[:, None]
+        heights = ecef_to_geodetic(points).height_m
+        least = heights.argmin(axis=1)[:, None]
+        low, high = (
+            np.take_along_axis(shares, np.clip(least + step, 0, 20), axis=1) for step in (-1, 1)
         )
-        observer, target = ends
-
-        def height(share, observer=observer, target=target):
-            return ecef_to_geodetic(observer + share[:, None] * (target - observer)).height_m
-
-        low = np.zeros(250)
-        high = np.ones(250)
-        for _ in range(75):
-            left = high - ratio * (high - low)
-            right = low + ratio * (high - low)
-            falls = height(left) < height(right)
-            low = np.where(falls, low, left)
-            high = np.where(falls, right, high)
-        searched = np.minimum(
-            height(0.5 * (low + high)), np.minimum(height(0.0 * low), height(0.0 * low + 1.0))
-        )
-        assert np.max(np.abs(grazing_height_m(observer, target) - searched)) < bound
+    assert np.max(np.abs(grazing_height_m(observer, target) - heights.min(axis=1))) < bound
 
 
 def test_least_height_through_the_middle_of_the_earth():
@@ -171,7 +166,7 @@ def test_least_height_counts_the_ends():
 
 
 @pytest.mark.parametrize("margin_m", [-1e4, 0.0, 1e4, 1e5])
-def test_occlusion_is_the_least_height_below_the_margin_between_the_ends(margin_m):
+def test_occlusion_is_a_least_height_below_the_margin(margin_m):
     rng = np.random.default_rng(2)
     target = rng.normal(size=(20000, 3))
     target *= (6.38e6 + rng.uniform(0.0, 1e6, (20000, 1))) / np.linalg.norm(
@@ -217,7 +212,7 @@ def test_a_miss_is_nan_and_so_is_what_has_no_ray():
     )
 
 
-def test_the_longer_ellipsoid_is_within_30_cm_of_constant_height_at_100_km():
+def test_the_longer_ellipsoid_is_30_cm_off_constant_height():
     directions = np.random.default_rng(3).normal(size=(2000, 3))
     heights = ecef_to_geodetic(
         intersection_with_ellipsoid(5e7 * directions, -directions, 1e5)

@@ -6,7 +6,7 @@ from geographiclib.geodesic import Geodesic
 from hypothesis import example, given, strategies as st
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.geometry.sphere import AzimuthalEquidistant, great_circle_m, unit_vectors
+from opir_core.geometry import AzimuthalEquidistant, great_circle_m, unit_vectors
 
 SPHERE = Geodesic(EARTH_EQUATORIAL_RADIUS_M, 0.0)
 places = st.tuples(st.floats(-np.pi / 2, np.pi / 2), st.floats(-np.pi, np.pi))
@@ -19,18 +19,18 @@ places = st.tuples(st.floats(-np.pi / 2, np.pi / 2), st.floats(-np.pi, np.pi))
 def test_directions_and_distances_are_those_of_geographiclib(
     centre: tuple[float, float], place: tuple[float, float]
 ) -> None:
-    there = SPHERE.Inverse(*np.degrees([*centre, *place]).tolist())
+    line = SPHERE.Inverse(*np.degrees([*centre, *place]).tolist())
     assert great_circle_m(np.array([centre]), np.array([place]))[0] == pytest.approx(
-        there["s12"], abs=1e-6
+        line["s12"], abs=1e-6
     )
     chart = AzimuthalEquidistant.about(unit_vectors(np.array([centre]))[0])
     east, north = chart.points(np.array([place]))[0].tolist()
-    assert np.hypot(east, north) == pytest.approx(there["s12"], abs=1e-6)
-    if 1.0 < there["s12"] < 2.0e7 and abs(centre[0]) < 1.57:
-        turn = np.arctan2(east, north) - np.radians(there["azi1"])
+    assert np.hypot(east, north) == pytest.approx(line["s12"], abs=1e-6)
+    if 1.0 < line["s12"] < 2.0e7 and abs(centre[0]) < 1.57:
+        turn = np.arctan2(east, north) - np.radians(line["azi1"])
         assert (
-            abs(np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi) * there["s12"]
-            < 0.5 + 1e-6 * there["s12"]
+            abs(np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi) * line["s12"]
+            < 0.5 + 1e-6 * line["s12"]
         )
 
 
@@ -40,6 +40,6 @@ def test_directions_and_distances_are_those_of_geographiclib(
 @example((np.pi / 2 - 1e-3, 0.3), (np.pi / 2 - 1e-9, 2.0))
 def test_places_are_found_again(centre: tuple[float, float], place: tuple[float, float]) -> None:
     chart = AzimuthalEquidistant.about(unit_vectors(np.array([centre]))[0])
-    again = chart.places(chart.points(np.array([place])))
-    assert great_circle_m(again, np.array([place]))[0] < 1e-5
+    restored = chart.places(chart.points(np.array([place])))
+    assert great_circle_m(restored, np.array([place]))[0] < 1e-5
     assert great_circle_m(np.array([chart.centre]), np.array([centre]))[0] < 1e-6

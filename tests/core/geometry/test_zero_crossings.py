@@ -6,28 +6,29 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, strategies as st
 
-from opir_core.geometry.crossings import intervals_below, zero_crossings
+from opir_core.geometry import zero_crossings
+from opir_core.geometry.crossings import intervals_below
 
 
 def test_every_zero_of_a_sine_is_found():
-    found = zero_crossings(
+    crossings = zero_crossings(
         lambda _, time_s: np.sin(time_s), np.array([0.5]), np.array([20.0]), step_s=0.9
     )
-    assert found.time_s == pytest.approx(np.pi * np.arange(1, 7), abs=1e-3)
-    assert found.rises.tolist() == [False, True] * 3
+    assert crossings.time_s == pytest.approx(np.pi * np.arange(1, 7), abs=1e-3)
+    assert crossings.rises.tolist() == [False, True] * 3
 
 
 def test_rows_have_functions_and_ends_of_their_own():
     shift = np.array([0.0, 1.0, 2.0])
-    found = zero_crossings(
+    crossings = zero_crossings(
         lambda row, time_s: time_s - 3.0 - shift[row],
         np.array([0.0, 0.0, 4.5]),
         np.array([10.0, 3.5, 6.0]),
         step_s=1.0,
         tolerance_s=1e-6,
     )
-    assert found.row.tolist() == [0, 2]
-    assert found.time_s == pytest.approx([3.0, 5.0], abs=1e-6)
+    assert crossings.row.tolist() == [0, 2]
+    assert crossings.time_s == pytest.approx([3.0, 5.0], abs=1e-6)
 
 
 @example(25.0, 1.0, "parabola", False)
@@ -49,10 +50,10 @@ def test_a_dip_between_two_samples_is_found(centre_s, half_s, shape, is_negated)
         off = np.abs(time_s - centre_s) / half_s
         return sign * (off**2 - 1.0 if shape == "parabola" else off - 1.0)
 
-    found = zero_crossings(
+    crossings = zero_crossings(
         lambda _, time_s: function(time_s), np.zeros(1), np.full(1, 100.0), step_s=10.0
     )
-    assert found.time_s == pytest.approx(edges[(edges > 0.0) & (edges < 100.0)], abs=1.5e-3)
+    assert crossings.time_s == pytest.approx(edges[(edges > 0.0) & (edges < 100.0)], abs=1.5e-3)
 
 
 def test_intervals_are_cut_at_the_ends():
@@ -65,18 +66,18 @@ def test_intervals_are_cut_at_the_ends():
 
 
 def test_nan_has_no_sign():
-    found = zero_crossings(
+    crossings = zero_crossings(
         lambda _, time_s: np.where((time_s > 2.0) & (time_s < 4.5), np.nan, np.sin(time_s)),
         np.array([1.0]),
         np.array([9.0]),
         step_s=0.5,
     )
-    assert found.time_s == pytest.approx([2.0 * np.pi], abs=1e-3)
+    assert crossings.time_s == pytest.approx([2.0 * np.pi], abs=1e-3)
 
 
 def test_no_rows_have_no_crossings():
-    found = zero_crossings(lambda _, time_s: time_s, np.empty(0), np.empty(0), step_s=1.0)
-    assert [len(column) for column in found] == [0, 0, 0]
+    crossings = zero_crossings(lambda _, time_s: time_s, np.empty(0), np.empty(0), step_s=1.0)
+    assert [len(column) for column in crossings] == [0, 0, 0]
 
 
 def test_a_function_far_from_zero_is_sampled_and_no_more():

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from space_station import LINE_1, LINE_2, OMM
 
+from opir_core import compile_plan, scene_from_mapping
 from opir_core.orbits import OrbitConfig, orbit_of
-from opir_core.planning.plan import compile_plan
-from opir_core.reading import scene_from_mapping
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation import plan_warnings
 
 DAY_US = 86_400_000_000
 LINES = (LINE_1, LINE_2)

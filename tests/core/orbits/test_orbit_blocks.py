@@ -8,11 +8,8 @@ from attrs import asdict, frozen
 from space_station import LINE_1, LINE_2, OMM
 
 from opir_core.orbits import OrbitConfig
-from opir_core.reading.nodes import InvalidNode
-from opir_core.reading.plain_data import node_of_data
-from opir_core.reading.strict_yaml import node_of_yaml
-from opir_core.reading.structuring import class_reader
-from opir_core.scene.fields import nested
+from opir_core.plugin import nested
+from opir_core.reading import InvalidNode, class_reader, node_of_data, node_of_yaml
 
 KINDS = "slot, kepler, circular, walker, molniya, tundra, tle, omm, omm_file"
 CIRCULAR = {"altitude_km": 1200.0, "inclination_deg": 53.0, "lon_asc_node_deg": 0.0}
@@ -208,10 +205,10 @@ def test_an_omm_is_read_as_yaml_and_as_json_would_give_it():
     ],
 )
 def test_what_is_wrong_is_said_where_it_stands(orbit, path, words):
-    found = complaints(orbit)
-    assert found[0][0] == path
-    assert words in found[0][1]
-    assert len(found) == 1
+    errors = complaints(orbit)
+    assert errors[0][0] == path
+    assert words in errors[0][1]
+    assert len(errors) == 1
 
 
 def test_naming_orbits_imports_neither_numpy_nor_sgp4():
@@ -248,7 +245,7 @@ def with_checksum(line):
         ("    nan ", "a sign or a blank, five digits"),
     ],
 )
-def test_a_drag_term_that_is_written_otherwise_is_reported_with_its_columns(field, reported):
+def test_an_invalid_drag_term_is_reported_with_its_columns(field, reported):
     ((path, message),) = complaints(
         {"tle": [with_checksum(f"{LINE_1[:53]}{field}{LINE_1[61:68]}"), LINE_2]}
     )
@@ -265,7 +262,7 @@ def test_drag_terms_as_they_are_published_are_read(field):
 
 
 @pytest.mark.parametrize(
-    ("line", "first", "text", "reported"),
+    ("line", "start", "text", "reported"),
     [
         (
             1,
@@ -301,22 +298,22 @@ def test_drag_terms_as_they_are_published_are_read(field):
         ),
     ],
 )
-def test_every_field_of_a_tle_is_named(line, first, text, reported):
+def test_every_field_of_a_tle_is_named(line, start, text, reported):
     lines = [LINE_1, LINE_2]
     was = lines[line - 1]
-    lines[line - 1] = with_checksum(f"{was[:first]}{text}{was[first + len(text) : 68]}")
+    lines[line - 1] = with_checksum(f"{was[:start]}{text}{was[start + len(text) : 68]}")
     ((_, message),) = complaints({"tle": lines})
     assert message.startswith(reported)
 
 
-def test_all_that_is_wrong_with_a_tle_and_an_omm_is_reported_at_once():
+def test_all_errors_of_a_tle_and_of_an_omm_are_reported_at_once():
     lines = [f"{LINE_1[:53]}1.16e-05{LINE_1[61:68]}9", LINE_2.replace("0006703", " .00067")]
     ((_, message),) = complaints({"tle": lines})
-    heads = [part.partition(" has ")[0] for part in message.split("; ") if " has " in part]
+    heads = [words.partition(" has ")[0] for words in message.split("; ") if " has " in words]
     assert heads == ["line 1", "line 1", "line 2", "line 2"]
     wrong = {"BSTAR": "1,2e-5", "INCLINATION": 200, "EPOCH": "now", "TIME_SYSTEM": "TAI"}
     ((_, message),) = complaints({"omm": {**OMM, **wrong}})
-    assert [part.partition(":")[0] for part in message.split("; ")] == [
+    assert [words.partition(":")[0] for words in message.split("; ")] == [
         "TIME_SYSTEM",
         "BSTAR",
         "INCLINATION",

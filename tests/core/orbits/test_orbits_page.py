@@ -12,11 +12,16 @@ import pytest
 from attrs import NOTHING, Factory, fields, frozen, has
 from repository import ROOT
 
-from opir_core.orbits import MolniyaConfig, OrbitConfig, SlotConfig, orbit_of
-from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
-from opir_core.reading.strict_yaml import node_of_yaml
-from opir_core.reading.structuring import class_reader
-from opir_core.scene.fields import nested
+from opir_core.orbits import (
+    MolniyaConfig,
+    OrbitConfig,
+    Sgp4Motion,
+    SlotConfig,
+    orbit_of,
+    satellite_of_tle,
+)
+from opir_core.plugin import nested
+from opir_core.reading import class_reader, node_of_yaml
 
 PAGE = (ROOT / "docs" / "reference" / "orbits.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
@@ -81,9 +86,9 @@ def test_an_inclined_slot_draws_the_figure_eight_of_the_page():
     slot = OrbitConfig(slot=SlotConfig(lon_deg=-75.0, inclination_deg=5.0))
     x, y, z = orbit_of(slot, 0).position_ecef_m(day_s).T
     latitude = np.arctan2(z, np.hypot(x, y))
-    away = np.arctan2(y, x) - np.radians(-75.0)
+    offset = np.arctan2(y, x) - np.radians(-75.0)
     assert abs(latitude.max() - inclination) < 1e-6
-    assert abs(away.max() - np.arcsin(np.tan(inclination / 2) ** 2)) < 1e-8
+    assert abs(offset.max() - np.arcsin(np.tan(inclination / 2) ** 2)) < 1e-8
 
 
 def test_a_molniya_satellite_is_north_for_the_share_of_the_page():
@@ -96,7 +101,7 @@ def test_a_molniya_satellite_is_north_for_the_share_of_the_page():
     assert f"spends {share:.0%}".replace("%", " %") in " ".join(PAGE.split())
 
 
-def test_the_element_set_of_the_page_is_at_the_distance_that_sgp4_gives():
+def test_the_page_s_element_set_is_at_the_distance_of_sgp4():
     (lines,) = [
         tuple(re.findall(r"^    - (.*)$", block, re.MULTILINE))
         for block in BLOCKS

@@ -5,17 +5,19 @@ import itertools
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from lone_rows import assert_rows_alone
 from scipy import stats
 
-from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
-from opir_core.random_streams.philox import (
-    Reader,
+from opir_core.random_streams import (
+    PairStreams,
     Stream,
+    WindowNumbers,
     further_words,
     normal_pairs,
     stream_key,
     uniforms_of,
 )
+from opir_core.random_streams.philox import Reader
 
 
 def raw(count: int, seed: int = 1) -> np.ndarray:
@@ -29,21 +31,21 @@ def raw(count: int, seed: int = 1) -> np.ndarray:
     st.lists(st.integers(0, 300), max_size=4),
 )
 def test_any_slice_of_a_stream_is_the_same_however_it_is_read(
-    first: int, scans: int, words: int, cuts: list[int]
+    start: int, scans: int, words: int, cuts: list[int]
 ) -> None:
     key = stream_key(7, "S-1", "T-1", "detection")
-    whole = Stream(key, words).words(first, scans)
     stream = Stream(key, words)
     edges = sorted({0, scans, *(cut for cut in cuts if cut < scans)})
-    parts = [stream.words(first + low, high - low) for low, high in itertools.pairwise(edges)]
-    assert np.array_equal(np.concatenate([*parts, np.empty(0, dtype=np.uint64)]), whole)
+    slices = [stream.words(start + low, high - low) for low, high in itertools.pairwise(edges)]
+    expected = Stream(key, words).words(start, scans)
+    assert np.array_equal(np.concatenate([*slices, np.empty(0, dtype=np.uint64)]), expected)
 
 
 def test_going_back_gives_the_same_words_again() -> None:
     stream = Stream(stream_key(7, "a"))
-    ahead = stream.words(1000, 10)
+    words = stream.words(1000, 10)
     stream.words(0, 3)
-    assert np.array_equal(stream.words(1000, 10), ahead)
+    assert np.array_equal(stream.words(1000, 10), words)
 
 
 def test_words_are_those_of_numpys_philox() -> None:
@@ -54,64 +56,48 @@ def test_words_are_those_of_numpys_philox() -> None:
 
 
 @given(st.integers(0, 2**128 - 1), st.integers(0, 2**66), st.integers(0, 40))
-def test_a_reader_that_is_sent_anywhere_reads_what_a_generator_made_there_reads(
-    key: int, first: int, count: int
+def test_a_reader_reads_what_a_generator_placed_there_reads(
+    key: int, start: int, count: int
 ) -> None:
     reader = Reader()
     reader.words(7, 11, 13)
-    made = np.random.Philox(key=key, counter=first // 4).random_raw(first % 4 + count)[first % 4 :]
-    assert np.array_equal(reader.words(key, first, count), made)
+    generator = np.random.Philox(key=key, counter=start // 4)
+    expected = generator.random_raw(start % 4 + count)[start % 4 :]
+    assert np.array_equal(reader.words(key, start, count), expected)
 
 
 def test_all_pairs_and_purposes_of_a_run_share_one_generator(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made = []
+    calls = []
     philox = np.random.Philox
-    monkeypatch.setattr(np.random, "Philox", lambda **place: made.append(place) or philox(**place))
+    monkeypatch.setattr(np.random, "Philox", lambda **place: calls.append(place) or philox(**place))
     pairs = np.arange(50)
     streams = PairStreams(1, [("S", f"T-{number}") for number in pairs])
-    for first in (0, 7, 14):
-        numbers = WindowNumbers(streams, pairs, pairs + first, np.full(50, 7))
+    for start in (0, 7, 14):
+        numbers = WindowNumbers(streams, pairs, pairs + start, np.full(50, 7))
         numbers.words("detection")
         numbers.of(np.arange(350), np.repeat(pairs, 7)).normals("measurement", 3)
     streams.constants("classification", 1)
-    assert len(made) == 1
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize("pairs", [3, 20_000])
 @pytest.mark.parametrize("words", [1, 2])
-def test_windows_that_read_ahead_jump_back_or_are_long_read_what_a_generator_reads(
-    pairs: int, words: int
-) -> None:
+def test_windows_anywhere_read_what_a_generator_reads(pairs: int, words: int) -> None:
+    """One window after the other, back again, long ones, and one far away."""
     streams = PairStreams(1, [("S", f"T-{number}") for number in range(pairs)])
-    windows = [
-        (0, 7),
-        (7, 30),
-        (37, 30),
-        (30, 9),
-        (60, 500),
-        (560, 1),
-        (561, 100),
-        (661, 30),
-        (2**40, 30),
-    ]
-    for first, scans in windows:
-        some = np.array([0, 2])
-        read = streams.words(
-            "detection",
-            words,
-            some,
-            np.array([first, first + 5]),
-            np.array([scans, scans // 2 + 1]),
-        )
-        parts = (0, first, scans), (2, first + 5, scans // 2 + 1)
-        keys = [stream_key(1, "S", f"T-{pair}", "detection") for pair, _, _ in parts]
-        made = [
-            Stream(key, words).words(start, count)
-            for key, (_, start, count) in zip(keys, parts, strict=True)
+    starts = [0, 7, 37, 30, 60, 560, 561, 661, 2**40]
+    counts = [7, 30, 30, 9, 500, 1, 100, 30, 30]
+    numbers = np.array([0, 2])
+    for start, count in zip(starts, counts, strict=True):
+        scans = np.array([start, start + 5]), np.array([count, count // 2 + 1])
+        expected = [
+            Stream(stream_key(1, "S", f"T-{pair}", "detection"), words).words(*place)
+            for pair, *place in zip(numbers, *(column.tolist() for column in scans), strict=True)
         ]
-        assert np.array_equal(read, np.concatenate(made))
+        read = streams.words("detection", words, numbers, *scans)
+        assert np.array_equal(read, np.concatenate(expected))
 
 
 def test_a_stream_is_read_for_several_windows_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,8 +106,8 @@ def test_a_stream_is_read_for_several_windows_at_once(monkeypatch: pytest.Monkey
     words = Reader.words
     monkeypatch.setattr(Reader, "words", lambda *place: calls.append(place) or words(*place))
     streams = PairStreams(1, [("S", f"T-{number}") for number in pairs])
-    for first in range(0, 200, 20):
-        WindowNumbers(streams, pairs, np.full(50, first), np.full(50, 20)).words("detection")
+    for start in range(0, 200, 20):
+        WindowNumbers(streams, pairs, np.full(50, start), np.full(50, 20)).words("detection")
     assert len(calls) == 50
 
 
@@ -149,37 +135,31 @@ def test_extreme_words_give_finite_numbers() -> None:
 
 
 def test_normal_pairs_are_standard_normal_and_independent() -> None:
-    first, second = normal_pairs(raw(400_000, seed=5))
-    for column in (first, second, (first + second) / np.sqrt(2.0), (first - second) / np.sqrt(2.0)):
+    a, b = normal_pairs(raw(400_000, seed=5))
+    for column in (a, b, (a + b) / np.sqrt(2.0), (a - b) / np.sqrt(2.0)):
         assert stats.kstest(column, "norm").pvalue > 0.001
-    assert abs(np.corrcoef(first, second)[0, 1]) < 3.29 / np.sqrt(len(first))
-    assert stats.kstest(np.hypot(first, second) ** 2 / 2.0, "expon").pvalue > 0.001
+    assert abs(np.corrcoef(a, b)[0, 1]) < 3.29 / np.sqrt(len(a))
+    assert stats.kstest(np.hypot(a, b) ** 2 / 2.0, "expon").pvalue > 0.001
 
 
 def test_normal_pairs_are_box_and_mullers_to_1e_12() -> None:
     words = raw(10_000, seed=9)
-    radius = np.sqrt(-2.0 * np.log1p(-(words >> np.uint64(24)).astype(float) * 2.0**-40))
-    turns = (words & np.uint64(4095)).astype(float) / 4096 + (
-        (words >> np.uint64(12)) & np.uint64(4095)
-    ) / 2.0**24
-    first, second = normal_pairs(words)
-    assert first == pytest.approx(radius * np.cos(2.0 * np.pi * turns), abs=3e-12)
-    assert second == pytest.approx(radius * np.sin(2.0 * np.pi * turns), abs=3e-12)
+    radius = np.sqrt(-2.0 * np.log1p(-(words >> 24).astype(float) * 2.0**-40))
+    turns = (words & 4095).astype(float) / 4096 + ((words >> 12) & 4095) / 2.0**24
+    columns = np.array(normal_pairs(words))
+    directions = np.array([np.cos(2.0 * np.pi * turns), np.sin(2.0 * np.pi * turns)])
+    np.testing.assert_allclose(columns, radius * directions, rtol=0.0, atol=3e-12)
 
 
 def test_normal_pairs_are_the_same_however_many_are_made_at_once() -> None:
-    words = raw(50_000, seed=10)
-    whole = np.array(normal_pairs(words))
-    parts = [
-        np.array(normal_pairs(words[start : start + 777])) for start in range(0, len(words), 777)
-    ]
-    assert whole.tobytes() == np.concatenate(parts, axis=1).tobytes()
+    rows = [slice(start, start + 777) for start in range(0, 50_000, 777)]
+    assert_rows_alone(normal_pairs, raw(50_000, seed=10), rows=rows)
 
 
 def test_further_words_are_those_of_splitmix64() -> None:
     # The first five of the seed 1234567, as Rosetta Code's page "Pseudo-random numbers/Splitmix64"
     # has them.
-    known = [
+    expected = [
         6457827717110365317,
         3203168211198807973,
         9817491932198370423,
@@ -187,53 +167,49 @@ def test_further_words_are_those_of_splitmix64() -> None:
         16408922859458223821,
     ]
     seeds = np.full(5, 1234567, dtype=np.uint64)
-    numbers = np.arange(1, 6, dtype=np.uint64)
-    assert further_words(seeds, numbers).tolist() == known
+    assert further_words(seeds, np.arange(1, 6, dtype=np.uint64)).tolist() == expected
 
 
-def test_normals_spun_from_a_looks_word_are_normal_and_know_nothing_of_its_direction_or_of_other_purposes() -> (
-    None
-):
-    """10 tests of normality, 132 rank correlations of values and of sizes: 99.9 % in all
-    (Bonferroni).
+def test_normals_of_a_look_s_word_are_normal_and_independent() -> None:
+    """Of its direction and of other purposes: 10 tests of normality, 132 rank correlations of
+    values and of sizes: 99.9 % in all (Bonferroni).
     """
     words = raw(60_000, seed=4)
     none = np.zeros(0, dtype=np.int64)
     rows = np.arange(len(words))
     rng = WindowNumbers(PairStreams(1, []), none, none, none).of(rows, rows, words)
-    spun = [*rng.normals("measurement", 5).T, *rng.normals("other", 5).T]
-    known = [*normal_pairs(words), *spun]
-    for column in spun:
+    derived = [*rng.normals("measurement", 5).T, *rng.normals("other", 5).T]
+    columns = np.array([*normal_pairs(words), *derived])
+    for column in derived:
         assert stats.kstest(column, "norm").pvalue > 0.001 / 142
-    most = stats.norm.isf(0.0005 / 142) / np.sqrt(len(words))
-    for values in (np.stack(known), np.abs(known)):
+    bound = stats.norm.isf(0.0005 / 142) / np.sqrt(len(words))
+    for values in (columns, np.abs(columns)):
         # Spearman's rank correlation of each pair of columns.
         correlation = np.corrcoef(stats.rankdata(values, axis=1))
-        assert np.abs(correlation[np.triu_indices(len(known), 1)]).max() < most
-    part = rng.take(slice(100, 200)).normals("measurement", 5)
-    assert np.array_equal(part, rng.normals("measurement", 5)[100:200])
-    assert np.array_equal(part[:, :2], rng.normals("measurement", 2)[100:200])
+        assert np.abs(correlation[np.triu_indices(len(columns), 1)]).max() < bound
+    taken = rng.take(slice(100, 200)).normals("measurement", 5)
+    assert np.array_equal(taken, rng.normals("measurement", 5)[100:200])
+    assert np.array_equal(taken[:, :2], rng.normals("measurement", 2)[100:200])
 
 
-def test_a_window_hands_out_the_same_numbers_whichever_rows_ask_first() -> None:
+def test_numbers_do_not_depend_on_which_rows_ask_first() -> None:
     names = [("S", "T-1"), ("S", "T-2"), ("S", "T-3")]
     columns = np.array([0, 2]), np.array([5, 0]), np.array([4, 3])
 
     def numbers() -> WindowNumbers:
         return WindowNumbers(PairStreams(1, names), *columns)
 
-    whole = numbers().words("line-of-sight")
+    words = numbers().words("line-of-sight")
     row = np.arange(7)
     pair = np.repeat(columns[0], columns[2])
-    late_first = numbers()
+    window = numbers()
     for rows in (slice(5, 6), slice(1, 7), slice(0, 7)):
-        found = late_first.of_rows("line-of-sight", 1, row[rows], pair[rows])[:, 0]
-        assert np.array_equal(found, whole[rows])
-    assert np.array_equal(
-        numbers().words("line-of-sight", np.array([False, True])), [0, 0, 0, 0, *whole[4:]]
-    )
-    both = numbers().of(row, pair).normals("x", 3)
-    assert np.array_equal(both[2:5], numbers().of(row, pair).take(slice(2, 5)).normals("x", 3))
+        of_rows = window.of_rows("line-of-sight", 1, row[rows], pair[rows])[:, 0]
+        assert np.array_equal(of_rows, words[rows])
+    masked = numbers().words("line-of-sight", np.array([False, True]))
+    assert np.array_equal(masked, [0, 0, 0, 0, *words[4:]])
+    normals = numbers().of(row, pair).normals("x", 3)
+    assert np.array_equal(normals[2:5], numbers().of(row, pair).take(slice(2, 5)).normals("x", 3))
 
 
 def test_pairs_of_a_run_do_not_share_numbers() -> None:

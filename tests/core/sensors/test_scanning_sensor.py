@@ -16,9 +16,14 @@ from opir_core.constants import (
     EARTH_ROTATION_RAD_S,
     GEOSTATIONARY_RADIUS_M,
 )
-from opir_core.interfaces.contexts import SensorContext
-from opir_core.orbits.orbit_models import GeostationaryOrbit
-from opir_core.plugin import ScanningSensorConfig, cited, scanning_sensor, with_defaults
+from opir_core.orbits import GeostationaryOrbit
+from opir_core.plugin import (
+    ScanningSensorConfig,
+    SensorContext,
+    cited,
+    scanning_sensor,
+    with_defaults,
+)
 from opir_core.scene.fields import field_infos
 
 NEEDED = {
@@ -119,7 +124,7 @@ def test_the_default_field_of_regard_covers_the_earth_and_a_limb():
     assert limb_rad < sensor.field_of_regard_half_angle_rad < 1.2 * limb_rad
 
 
-def test_heirs_have_their_own_defaults_with_the_inherited_unit_and_range():
+def test_heirs_have_their_own_defaults_in_inherited_units():
     config = HeirConfig(orbital_slot_deg=1.0)
     assert config.scan_period_ns == 40_000_000
     infos = field_infos(HeirConfig)

@@ -49,51 +49,6 @@ def falls(rng, n):
     return position, velocity, rng.choice([0.0, 0.0, 1e3, -400.0], n)
 
 
-def transfers(rng, n):
-    """Return ends (n, 3) and durations (n,) of arcs of less than a turn."""
-    first = draws.positions(rng, n, 6.4e6, 4e7)
-    second = draws.positions(rng, n, 6.4e6, 4e7)
-    beside = rng.random(n) < 0.2
-    near = first[beside] * (
-        1.0
-        + draws.log_uniform(rng, int(beside.sum()), 1e-12, 1e-2)[:, None]
-        * rng.normal(size=(int(beside.sum()), 3))
-    )
-    second[beside] = near
-    opposite = rng.random(n) < 0.1
-    off = draws.log_uniform(rng, n, 1e-15, 1e-3)[:, None] * draws.directions(rng, n)
-    there = -rng.uniform(0.3, 3.0, (n, 1)) * (
-        first + np.sqrt((first**2).sum(axis=1, keepdims=True)) * off
-    )
-    second[opposite] = there[opposite]
-    return first, second, draws.log_uniform(rng, n, 1.0, 1e6)
-
-
-def lambert_miss(rng, n):
-    """Return how far arcs of `lambert` end from where they should, over what rounding the velocity
-    alone does.
-    """
-    columns = transfers(rng, n)
-    velocity, _ = flight.lambert(*columns)
-    miss = np.zeros(n)
-    bound = np.ones(n)
-    for row in range(n):
-        if not np.isfinite(velocity[row]).all():
-            miss[row] = np.inf
-            continue
-        start = [mp.mpf(float(v)) for v in (*columns[0][row], *velocity[row], columns[2][row])]
-        end = two_body(start[:3], start[3:6], start[6])[0]
-        goal = [mp.mpf(float(v)) for v in columns[1][row]]
-        miss[row] = float(norm(less(end, goal)))
-        step = mp.mpf(10) ** -20
-        moved = mp.mpf(0)
-        for place in range(7):
-            other = [*start[:place], start[place] * (1 + step), *start[place + 1 :]]
-            moved += norm(less(two_body(other[:3], other[3:6], other[6])[0], end)) / step
-        bound[row] = 10.0 * float(moved + norm(goal)) * 2.0**-53
-    return columns, miss, bound
-
-
 def kepler_impacts(rng, n):
     """Return how far the heights of impacts are from those asked for, over the bound of the
     docstring and rounding.
@@ -181,11 +136,11 @@ def boosts(rng, n):
     return (*launch, ignition, time_s), miss, np.full(n, tolerance) + 8e3 * np.spacing(time_s)
 
 
-def coasts(rng, n, of=flight.coast_ephemeris):
+def coasts(rng, n):
     """Return the errors of ephemerides of free flight at drawn times, over their tolerances."""
     _, _, ignition, _, found = launches(rng, n)
     tolerance = float(10.0 ** rng.uniform(-4.0, 0.0))
-    ephemeris = of(found, tolerance)
+    ephemeris = flight.coast_ephemeris(found, tolerance)
     time_s = found.burnout_s + draws.uniform(rng, n, 0.0, 1.0, (0.0, 1.0)) * (
         found.impact_s - found.burnout_s
     )
@@ -201,10 +156,6 @@ def coasts(rng, n, of=flight.coast_ephemeris):
         end = fixed(two_body(start, speed, time - mp.mpf(float(found.burnout_s[row])))[0], time)
         miss[row] = float(norm(less([mp.mpf(float(v)) for v in at[row]], end)))
     return (ignition, time_s), miss, tolerance + 2e4 * np.spacing(time_s)
-
-
-def flights(rng, n):
-    return coasts(rng, n, flight.flight_ephemeris)
 
 
 NAMES = ("j2", "j3", "j4")
@@ -356,13 +307,6 @@ def orbit_positions(rng, n):
 
 CASES = (
     Case("flight.propagate_kepler", arcs, flight.propagate_kepler, two_body, share=0.3, digits=56),
-    Case(
-        "flight.kepler_status",
-        arcs,
-        flight.kepler_status,
-        lambda *_: mp.mpf(0),
-        digits=20,
-    ),
     Case("orbits.Elements.perigee_state_eci", _ellipse, _perigee_states, perigee_state, fixed=(5,)),
     Case(
         "orbits.synchronous_semi_major_axis_m",
@@ -444,13 +388,6 @@ CASES = (
 
 BOUNDS = (
     Bound(
-        "flight.lambert",
-        "ten times what rounding the velocity does to the end",
-        lambert_miss,
-        share=0.1,
-        digits=56,
-    ),
-    Bound(
         "flight.kepler_impact",
         "1e-6 m and rounding of the time",
         kepler_impacts,
@@ -460,7 +397,6 @@ BOUNDS = (
     Bound("flight.aim", "0.01 m and rounding of the time", aims, share=0.1, digits=56),
     Bound("flight.boost_ephemeris", "the tolerance", boosts, share=0.2),
     Bound("flight.coast_ephemeris", "the tolerance", coasts, share=0.1, digits=56),
-    Bound("flight.flight_ephemeris", "the tolerance", flights, share=0.1, digits=56),
     Bound("flight.propagate", "the tolerance, j2 to j4", under_forces, share=0.3),
     Bound("flight.impact", "0.001 m, j2 to j4", forced_impacts, share=0.2),
     Bound("orbits.orbit_of", "0.01 m and rounding of the phase", orbit_positions, share=0.1),
@@ -480,9 +416,8 @@ LEFT_OUT = {
         "Aim": "a record",
         "BoostProfile": "a record",
         "Drag": "a record; drag is held to SciPy (tests/against/test_against_scipy_propagation.py)",
-        "Ephemeris": "through boost_ephemeris, coast_ephemeris and flight_ephemeris",
+        "Ephemeris": "through boost_ephemeris and coast_ephemeris",
         "Forces": "a record",
-        "KeplerStatus": "names of reasons",
         **dict.fromkeys(
             ("ascent", "boost_path", "launch_site"), "through aim, whose bound flies the path"
         ),

@@ -24,7 +24,13 @@ from opir_photons.radiometry import (
 )
 from scipy.stats import binom, geom
 
-from opir_core.flight import aim, boost_profile, flight_ephemeris
+from opir_core.flight import (
+    Ephemeris,
+    aim,
+    boost_ephemeris,
+    boost_profile,
+    coast_ephemeris,
+)
 from opir_core.geometry import Geodetic
 
 PROBABILITIES = np.array([0.0, 1e-12, 0.05, 0.35, 0.6, 0.95, 1.0])
@@ -155,7 +161,7 @@ def test_a_whole_flight_from_launch_to_aim_point() -> None:
         for latitude, longitude in ((5.0, -100.0), (40.0, -60.0))
     )
     flight = aim(launch, target, 0.0, [boost_profile("ICBM_solid")])
-    whole = flight_ephemeris(flight)
+    whole = Ephemeris.joined([boost_ephemeris(flight.path), coast_ephemeris(flight)])
     assert whole.position_m(0, whole.end_s[0]) == pytest.approx(flight.impact_ecef_m[0], abs=0.01)
     assert whole.position_m(0, whole.start_s[0]) == pytest.approx(
         flight.path.plane.launch_m[0], abs=0.01
