@@ -10,24 +10,49 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from opir_core._version import __version__
 from opir_core.cli.streams import open_streams
 
-#: The core's commands: the module of `opir_core.cli`, and the summary. For a command `new-plugin`
-#: the module has `new_plugin_arguments(parser)` and `new_plugin(arguments) -> exit code`.
+
+class CoreCommand(NamedTuple):
+    """A command of the core: its module in `opir_core.cli`, its group in the help, its summary.
+
+    For a command `new-plugin` the module has `new_plugin_arguments(parser)` and
+    `new_plugin(arguments) -> exit code`.
+    """
+
+    module: str
+    group: str
+    summary: str
+
+
 COMMANDS = {
-    "run": ("run", "simulate a scene; write events, truth, tracks and manifest"),
-    "validate": ("explain", "check a scene without simulating it"),
-    "explain": ("explain", "show what a scene computes, and what it skips and why"),
-    "plugins": ("components", "list the installed plugins and their components"),
-    "describe": (
-        "components",
-        "show the settings of a component: units, ranges, defaults, sources",
+    "run": CoreCommand("run", "run", "simulate a scene; write events, truth, tracks and manifest"),
+    "validate": CoreCommand("explain", "run", "check a scene without simulating it"),
+    "explain": CoreCommand(
+        "explain", "look", "show what a scene computes, and what it skips and why"
     ),
-    "schema": ("schema", "print the JSON Schema of an event"),
-    "completion": ("completion", "print a completion script for a shell"),
+    "plugins": CoreCommand(
+        "components", "maintain", "list the installed plugins and their components"
+    ),
+    "describe": CoreCommand(
+        "components", "look", "show the settings of a component: units, ranges, defaults, sources"
+    ),
+    "schema": CoreCommand("schema", "data", "print the JSON Schema of an event"),
+    "completion": CoreCommand("completion", "maintain", "print a completion script for a shell"),
+}
+
+#: The groups of commands in the help, in its order; a command of a plugin that states none of them
+#: is in the last one.
+GROUPS = {
+    "run": "run a scene",
+    "study": "study many runs",
+    "look": "look at scenes and runs",
+    "data": "convert data",
+    "maintain": "maintain the installation",
+    "other": "other commands",
 }
 
 EXIT_CODES = """\
@@ -135,12 +160,33 @@ def _empty_parser(names: Iterable[str]) -> tuple[argparse.ArgumentParser, Any]:
     )
     parser.add_argument(DEBUG, action="store_true", help="print the traceback of an internal error")
     parser.add_argument("--version", action="version", version=f"opir {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name in names:
-        summary = COMMANDS[name][1]
+        summary = COMMANDS[name].summary
         description = f"{summary[0].upper()}{summary[1:]}."
-        commands.add_parser(name, help=summary, description=description, formatter_class=_formatter)
+        command = commands.add_parser(
+            name, help=summary, description=description, formatter_class=_formatter
+        )
+        command.set_defaults(group=COMMANDS[name].group)
     return parser, commands
+
+
+class _HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Lists commands by their groups."""
+
+    def _format_action(self, action: argparse.Action) -> str:
+        if not isinstance(action, argparse._SubParsersAction):
+            return super()._format_action(action)
+        rows_by_group: dict[str, list[str]] = {group: [] for group in GROUPS}
+        self._indent()
+        for choice in action._choices_actions:  # argparse has no public list
+            group = action.choices[choice.dest].get_default("group")
+            row = super()._format_action(choice)
+            rows_by_group[group if group in GROUPS else "other"].append(row)
+        self._dedent()
+        return "\n".join(
+            f"  {GROUPS[group]}:\n{''.join(rows)}" for group, rows in rows_by_group.items() if rows
+        )
 
 
 def _formatter(prog: str) -> argparse.HelpFormatter:
@@ -151,11 +197,11 @@ def _formatter(prog: str) -> argparse.HelpFormatter:
         columns = int(os.environ.get("COLUMNS") or os.get_terminal_size().columns)
     except (OSError, ValueError):
         columns = 80
-    return argparse.RawDescriptionHelpFormatter(prog, width=columns - 2)
+    return _HelpFormatter(prog, width=columns - 2)
 
 
 def _add_arguments(command: argparse.ArgumentParser, name: str) -> None:
-    module = import_module(f"opir_core.cli.{COMMANDS[name][0]}")
+    module = import_module(f"opir_core.cli.{COMMANDS[name].module}")
     function = name.replace("-", "_")
     getattr(module, f"{function}_arguments")(command)
     command.set_defaults(run=getattr(module, function))
