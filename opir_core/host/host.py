@@ -143,6 +143,7 @@ class Host:
             )
         if not claimants:
             self.registry.load_all()
+            self._require_installed(search)
             known = self.registry.claims()
             raise PluginError(
                 error_messages.missing(search, known, self.failures, self.registry.selection)
@@ -150,7 +151,12 @@ class Host:
         outcome = self.registry.load(claimants[0])
         if isinstance(outcome, PluginFailure):
             raise PluginError(error_messages.unusable(search, outcome))
+        self._require_installed(search)
         return claimants[0], outcome
+
+    def _require_installed(self, search: Search) -> None:
+        if difference := self.registry.stale(search.offer):
+            raise PluginError(error_messages.stale(search, *difference))
 
 
 def _hook_name(hook: Hook) -> str:
