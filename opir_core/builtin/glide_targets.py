@@ -22,7 +22,7 @@ from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import boost_ephemeris, surface_range_m
 from opir_core.flight.glide import GlideFlight, GlideShape, glide_ephemeris, glide_flight
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import EquilibriumGlide, TargetClass
 
 

@@ -34,7 +34,7 @@ from opir_core.flight.staged.staging import (
     stagings_of_classes,
 )
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import Ballistic, TargetClass, core_profiles
 
 

@@ -18,7 +18,7 @@ from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import aim, boost_ephemeris, coast_ephemeris, surface_range_m
 from opir_core.flight.boost import boost_profile
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import Ballistic, BoostProfile, TargetClass
 
 

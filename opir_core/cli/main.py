@@ -152,15 +152,8 @@ def _empty_parser(names: Iterable[str]) -> tuple[argparse.ArgumentParser, Any]:
     """Return a parser and its commands of these names: making one takes as long as importing a
     small module.
     """
-    parser = argparse.ArgumentParser(
-        prog="opir",
-        description="Simulate overhead infrared missile-warning sensors.",
-        epilog=EXIT_CODES,
-        formatter_class=_formatter,
-    )
-    parser.add_argument(DEBUG, action="store_true", help="print the traceback of an internal error")
-    parser.add_argument("--version", action="version", version=f"opir {__version__}")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    parser = _Parser()
+    commands = parser.commands
     for name in names:
         summary = COMMANDS[name].summary
         description = f"{summary[0].upper()}{summary[1:]}."
@@ -171,22 +164,62 @@ def _empty_parser(names: Iterable[str]) -> tuple[argparse.ArgumentParser, Any]:
     return parser, commands
 
 
-class _HelpFormatter(argparse.RawDescriptionHelpFormatter):
-    """Lists commands by their groups."""
+class _Parser(argparse.ArgumentParser):
+    """The parser of `opir`, whose help lists the commands by their groups."""
 
-    def _format_action(self, action: argparse.Action) -> str:
-        if not isinstance(action, argparse._SubParsersAction):
-            return super()._format_action(action)
-        rows_by_group: dict[str, list[str]] = {group: [] for group in GROUPS}
-        self._indent()
-        for choice in action._choices_actions:  # argparse has no public list
-            group = action.choices[choice.dest].get_default("group")
-            row = super()._format_action(choice)
-            rows_by_group[group if group in GROUPS else "other"].append(row)
-        self._dedent()
-        return "\n".join(
-            f"  {GROUPS[group]}:\n{''.join(rows)}" for group, rows in rows_by_group.items() if rows
+    def __init__(self) -> None:
+        super().__init__(
+            prog="opir",
+            description="Simulate overhead infrared missile-warning sensors.",
+            epilog=EXIT_CODES,
+            formatter_class=_formatter,
+            add_help=False,
         )
+        self._options = [
+            self.add_argument(
+                "-h", "--help", action="help", help="show this help message and exit"
+            ),
+            self.add_argument(
+                DEBUG, action="store_true", help="print the traceback of an internal error"
+            ),
+            self.add_argument(
+                "--version",
+                action="version",
+                version=f"opir {__version__}",
+                help="show program's version number and exit",
+            ),
+        ]
+        self.commands = self.add_subparsers(
+            metavar="COMMAND", required=True, parser_class=argparse.ArgumentParser
+        )
+
+    def format_help(self) -> str:
+        """Return the help: options, then the commands of each group."""
+        formatter = _formatter(self.prog)
+        formatter.add_text(self.description)
+        formatter.start_section("options")
+        formatter.add_arguments(self._options)
+        formatter.end_section()
+        formatter.start_section("commands")
+        commands_by_group = self._commands_by_group()
+        for group, title in GROUPS.items():
+            formatter.start_section(title)
+            formatter.add_arguments(commands_by_group.get(group, ()))
+            formatter.end_section()
+        formatter.end_section()
+        formatter.add_text(self.epilog)
+        return f"{self.format_usage()}\n{formatter.format_help()}"
+
+    def _commands_by_group(self) -> dict[str, list[argparse.Action]]:
+        """Return the commands by group as rows of the help; aliases are left out."""
+        rows: dict[str, list[argparse.Action]] = {}
+        parsers = {parser: name for name, parser in reversed(self.commands.choices.items())}
+        for parser, name in reversed(parsers.items()):
+            group = parser.get_default("group")
+            summary = (parser.description or "").replace("%", "%%")
+            row = argparse.Action([], name, help=summary)
+            rows.setdefault(group if group in GROUPS else "other", []).append(row)
+        return rows
 
 
 def _formatter(prog: str) -> argparse.HelpFormatter:
@@ -197,7 +230,7 @@ def _formatter(prog: str) -> argparse.HelpFormatter:
         columns = int(os.environ.get("COLUMNS") or os.get_terminal_size().columns)
     except (OSError, ValueError):
         columns = 80
-    return _HelpFormatter(prog, width=columns - 2)
+    return argparse.RawDescriptionHelpFormatter(prog, width=columns - 2)
 
 
 def _add_arguments(command: argparse.ArgumentParser, name: str) -> None:

@@ -153,7 +153,7 @@ def _let_add(registry: Registry, source: Source, commands: OwnedSubparsers) -> d
 def _report_stale(source: Source, differences: dict[str, str], name: str | None) -> None:
     """Raise `PluginError` if a requested command is stale; without a request, warn of each."""
     for command, difference in differences.items():
-        message = error_messages.stale(Search(COMMAND_HOOK, command), source.provenance, difference)
+        message = error_messages.stale(Search(COMMAND_HOOK, command), source, difference)
         if command == name:
             raise PluginError(message)
         if name is None:

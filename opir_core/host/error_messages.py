@@ -11,7 +11,7 @@ from attrs import frozen
 
 from opir_core.errors import install_command, nearest, nearest_names, with_article
 from opir_core.host.components import CATALOGUE, PluginFailure, Provenance, plural
-from opir_core.host.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
+from opir_core.host.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection, Source
 from opir_core.scene.fields import LIGHT
 
 _LONGEST_WORDS = 300
@@ -211,37 +211,21 @@ NOT_LISTED = "offers it, but its installed entry points do not list it"
 NOT_OFFERED = "lists it in its installed entry points, but does not offer it"
 
 
-def stale(search: Search, owner: Provenance, difference: str) -> str:
+def stale(search: Search, source: Source, difference: str) -> str:
     """Return the message about a name in which a plugin differs from its installed entry points."""
     return (
-        f"{search.prefix}the {search.kind} {search.name!r} cannot be used: {owner} {difference}\n"
-        f"  {way_to_install_again(owner.distribution)}"
+        f"{search.prefix}the {search.kind} {search.name!r} cannot be used: {source.provenance}"
+        f" {difference}\n  {source.way_to_install_again()}"
     )
 
 
-def stale_plugin(owner: Provenance, offers: Iterable[Offer]) -> str:
+def stale_plugin(source: Source, offers: Iterable[Offer]) -> str:
     """Return the message about all components in which a plugin differs from its installation."""
     names = ", ".join(f"{hook.removeprefix('opir_')}.{name}" for hook, name in offers)
     return (
         f"its installed entry points differ from what it offers: {names};"
-        f" {way_to_install_again(owner.distribution)}"
+        f" {source.way_to_install_again()}"
     )
-
-
-def way_to_install_again(distribution: str) -> str:
-    """Return how to install a distribution again, from its folder if it is an editable install."""
-    import json
-    from importlib import metadata
-    from urllib.parse import unquote
-
-    try:
-        text = metadata.distribution(distribution).read_text("direct_url.json")
-    except metadata.PackageNotFoundError:
-        text = None
-    origin = json.loads(text or "{}")
-    if not origin.get("dir_info", {}).get("editable"):
-        return f"install again: pip install --force-reinstall {distribution}"
-    return f"install again: pip install -e {unquote(origin['url'].removeprefix('file://'))}"
 
 
 def unknown_plugin(name: str, selection: Selection) -> str:

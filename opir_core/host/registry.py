@@ -94,7 +94,7 @@ class Registry:
             if isinstance(outcome, PluginFailure):
                 warn(f"plugin left out: {outcome}")
             elif outcome.stale:
-                warn(f"{source.provenance}: {stale_plugin(source.provenance, outcome.stale)}")
+                warn(f"{source.provenance}: {stale_plugin(source, outcome.stale)}")
         return self._outcomes[source]
 
     def fail(self, source: Source, reason: str) -> None:
@@ -123,11 +123,11 @@ class Registry:
         outcome = self.load(source)
         return outcome.components if isinstance(outcome, Contributions) else ()
 
-    def stale(self, offer: Offer) -> tuple[Provenance, str] | None:
+    def stale(self, offer: Offer) -> tuple[Source, str] | None:
         """Return the loaded plugin whose installed entry points differ in a component, and how."""
         return next(
             (
-                (source.provenance, outcome.stale[offer])
+                (source, outcome.stale[offer])
                 for source, outcome in self._outcomes.items()
                 if isinstance(outcome, Contributions) and offer in outcome.stale
             ),
@@ -189,7 +189,7 @@ class Registry:
             source.requires_core,
             components=components,
             commands=commands,
-            failure=stale_plugin(owner, outcome.stale) if outcome.stale else "",
+            failure=stale_plugin(source, outcome.stale) if outcome.stale else "",
         )
 
 

@@ -9,9 +9,11 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import IndexArray
+from opir_core.interfaces.classification import Classifier
+from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.interfaces.outputs import Encoder
-from opir_core.interfaces.protocols import Classifier, DetectionProbability, Sensor
 from opir_core.interfaces.records import Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.hypotheses import Hypothesis, core_hypotheses
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class

@@ -17,7 +17,8 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.contract import PluginPart, optional, required
-from opir_core.interfaces.protocols import Band, Trajectories
+from opir_core.interfaces.sensors import Band
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import Plume
 
 

@@ -17,8 +17,8 @@ from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.host.components import SinkModel
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.output.delivery import columns_sink, has_columns
 from opir_core.output.run_files import (
     invalid_file,

@@ -11,7 +11,8 @@ import numpy as np
 from attrs import define, evolve, field
 
 from opir_core.errors import Problem, SceneError, kind_of
-from opir_core.interfaces.protocols import Sensor, Trajectories
+from opir_core.interfaces.sensors import Sensor
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS
 
 #: No satellite is nearer to the Earth's centre, m; positions in km are.

@@ -13,7 +13,7 @@ from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.hidden_pairs import CoarseGrid, surely_hidden
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.planning.sightlines import (

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.host.host import Host
+from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.contexts import (
     ModelContext,
     SensorContext,
@@ -22,14 +23,10 @@ from opir_core.interfaces.contexts import (
     TargetContext,
     TrackerContext,
 )
-from opir_core.interfaces.protocols import (
-    Classifier,
-    Confidence,
-    DetectionProbability,
-    Sensor,
-    Tracker,
-    Trajectories,
-)
+from opir_core.interfaces.detection_models import DetectionProbability
+from opir_core.interfaces.sensors import Sensor
+from opir_core.interfaces.trackers import Tracker
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.planning.built_parts import (
     BuildProblems,
     motion_fault,
@@ -60,7 +57,7 @@ if TYPE_CHECKING:
 
 _NS = 1_000_000_000
 
-#: The methods of `opir_core.interfaces.protocols.Tracker`.
+#: The methods of `opir_core.interfaces.trackers.Tracker`.
 _TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
 
 

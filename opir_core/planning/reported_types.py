@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from opir_core.errors import ModelError, PluginError
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.fields import CONFUSION
 from opir_core.scene.hypotheses import Hypothesis, hypotheses_of
 from opir_core.scene.scene import PAPER_TYPES, REPORTED_TYPES, Choice, Scene

@@ -7,7 +7,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import local_axes
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.random_streams.philox import Stream, normal_pairs, stream_key
 
 #: The purpose of a sensor's stream for its pointing bias.

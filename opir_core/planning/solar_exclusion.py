@@ -16,7 +16,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import nadir_angle_rad
 from opir_core.geometry.sun import is_sunlit, sun_ecef_m
 from opir_core.geometry.vectors import angle_between_rad
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 
 #: By how much the times enclose an outage on both sides, s, and the error of its ends.
 _ALLOWANCE_S = 1.0

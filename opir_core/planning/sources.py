@@ -8,7 +8,6 @@ from attrs import frozen
 
 from opir_core.host.boundary import owner_text
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band, Sensor, Trajectories
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
     Signatures,
@@ -16,6 +15,8 @@ from opir_core.interfaces.radiometric_models import (
     Sources,
     Transmittance,
 )
+from opir_core.interfaces.sensors import Band, Sensor
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.scene import Choice, Scene
 
 

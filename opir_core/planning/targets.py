@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import BoolArray, FloatArray, IndexArray
 from opir_core.errors import ModelError, kind_of
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.scene import TARGET_TYPES
 
 

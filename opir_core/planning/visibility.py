@@ -14,7 +14,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.sightlines import GRID_STEP_S, Blocked, Grid, Visibility, distance_m
 from opir_core.planning.solar_exclusion import SolarExclusion
 

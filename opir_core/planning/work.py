@@ -12,7 +12,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
-from opir_core.interfaces.protocols import DetectionProbability, Sensor
+from opir_core.interfaces.detection_models import DetectionProbability
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.sightlines import Pairs
 from opir_core.scene.scene import WorkLimits
 

@@ -11,7 +11,7 @@ import numpy as np
 from attrs import define
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.protocols import ScanPattern
+from opir_core.interfaces.sensors import ScanPattern
 
 
 @define

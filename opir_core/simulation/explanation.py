@@ -11,8 +11,9 @@ import numpy as np
 from attrs import asdict
 
 from opir_core.arrays import FloatArray
+from opir_core.interfaces.classification import Classifier
 from opir_core.interfaces.contract import has_own
-from opir_core.interfaces.protocols import Classifier, Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan

@@ -16,7 +16,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import DetectionProbability, Measured
+from opir_core.interfaces.detection_models import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan

@@ -16,7 +16,12 @@ from attrs import frozen
 from scipy.special import ndtr
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Response
+from opir_core.interfaces.detection_models import (
+    DetectionProbability,
+    Measured,
+    RandomDraws,
+    Response,
+)
 from opir_core.planning.looks import LookGeometry, Looks, blocks
 from opir_core.planning.sightlines import Pairs
 from opir_core.simulation.refinement import (

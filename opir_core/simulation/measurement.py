@@ -8,7 +8,8 @@ from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.protocols import Classifier, Confidence, Measured, RandomDraws
+from opir_core.interfaces.classification import Classifier, Confidence
+from opir_core.interfaces.detection_models import Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.philox import normal_pairs

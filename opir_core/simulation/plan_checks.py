@@ -13,7 +13,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError, Problem
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.plan import Plan, PlanParts
 from opir_core.planning.sightlines import Pairs
 from opir_core.planning.targets import Targets

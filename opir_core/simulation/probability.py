@@ -8,7 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.protocols import DetectionProbability
+from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.planning.looks import LookGeometry, Looks, blocks
 from opir_core.planning.plan import Plan
 from opir_core.simulation.observation import Observation

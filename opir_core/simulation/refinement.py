@@ -10,7 +10,7 @@ from attrs import evolve
 from scipy.special import ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces.protocols import DetectionProbability
+from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.looks import LookGeometry, blocks, look_times_s
 from opir_core.planning.sightlines import Blocked, Pairs

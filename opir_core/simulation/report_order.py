@@ -9,8 +9,8 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import IntArray
-from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.measurement import with_tracks

@@ -9,8 +9,8 @@ from attrs import evolve
 from scipy.special import gammainccinv
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.protocols import ReportingStage, Sensor
 from opir_core.interfaces.records import Detections
+from opir_core.interfaces.sensors import ReportingStage, Sensor
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.simulation.observation import Observation
 

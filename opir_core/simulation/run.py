@@ -13,8 +13,8 @@ from attrs import field, frozen
 
 from opir_core.errors import Problem, SceneError, number_of
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.plan import Plan, compile_plan, reseeded
 from opir_core.planning.sightlines import Pairs
 from opir_core.scene.scene import REPORTED_TYPES, Scene

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError, OpirError
 from opir_core.host.boundary import blamed_call, check_hint, owner_text
-from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_ENDS, Detections, Tracks
 from opir_core.interfaces.sensor_health import SensorHealth
+from opir_core.interfaces.sensors import Sensor
+from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
 from opir_core.simulation.output_checks import outline
 

@@ -21,7 +21,7 @@ from opir_testing import (
 )
 from opir_testing.bench import TARGETS
 
-from opir_core.interfaces.protocols import Band
+from opir_core.plugin import Band
 
 
 class TestGenericScanner(SensorContract):

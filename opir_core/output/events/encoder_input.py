@@ -9,8 +9,8 @@ from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import detection_count as detection_count
 from opir_core.interfaces.outputs import Encoder
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.scene import REPORTED_TYPES
 
 #: Tracks in a block: a track is a message of 10 kB, with its covariances and regions.

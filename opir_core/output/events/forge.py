@@ -15,8 +15,8 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.outputs import Encoder
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import SCHEMA_VERSION
 from opir_core.output.events.encoder_input import require_valid

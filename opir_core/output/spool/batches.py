@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.outputs import Encoder, Sink, Transport
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Batch, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.output.events.encoder_input import encoder_blocks, event_counter, only_encodable
 from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
 from opir_core.output.spool.syncing import SINK_SYNC_S, SyncThread

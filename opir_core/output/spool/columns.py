@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Batch, Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.output.spool.regions import REGION_PARTS, packed_regions, unpacked_regions
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.report_order import with_own_estimates

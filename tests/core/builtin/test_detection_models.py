@@ -14,9 +14,8 @@ from opir_core.builtin.configs import ConstantConfig
 from opir_core.builtin.detection import always_detection, constant_detection, never_detection
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import ModelContext, SensorContext
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.records import Exposures
-from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
+from opir_core.plugin import Band, NoConfig, ScanningSensorConfig, scanning_sensor
 from opir_core.scene.scene import TARGET_TYPES
 
 

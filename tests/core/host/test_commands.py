@@ -197,7 +197,7 @@ def test_commands_are_grouped_in_the_help(shop, capsys, monkeypatch):
         main(["--help"])
     groups = {
         lines[0].strip(): [line.split()[0] for line in lines[1:]]
-        for block in capsys.readouterr().out.partition("commands:\n")[2].split("\n\n")
+        for block in capsys.readouterr().out.partition("commands:\n\n")[2].split("\n\n")
         if (lines := block.splitlines())[0].startswith("  ")
     }
     assert "serve" in groups["look at scenes and runs:"]

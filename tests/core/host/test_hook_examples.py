@@ -15,6 +15,17 @@ from opir_core.host import components, hookspecs
 from opir_core.host.components import Component
 from opir_core.interfaces.contract import PluginPart
 
+MODULES = (
+    "classification",
+    "detection_models",
+    "outputs",
+    "radiometric_models",
+    "results",
+    "sensors",
+    "trackers",
+    "trajectories",
+)
+
 HOOKS = [
     hook
     for holder in (hookspecs.CatalogueHooks, hookspecs.ExtensionHooks)
@@ -25,7 +36,7 @@ HOOKS = [
 
 def bases() -> Iterator[Any]:
     """Yield the base classes and protocols of what components build."""
-    for name in ("outputs", "protocols", "radiometric_models", "results"):
+    for name in MODULES:
         module = import_module(f"opir_core.interfaces.{name}")
         own = [
             each

@@ -147,9 +147,9 @@ def test_a_stale_component_costs_itself(
 def test_an_editable_install_is_installed_again_from_its_folder(shop, trackers):
     folder = shop.install("one", trackers("arc", "mht"), advertise=["trackers.arc"])
     info = next(folder.glob("*.dist-info"))
-    record = {"url": "file:///home/my%20code/one", "dir_info": {"editable": True}}
+    record = {"url": "file:///home/my-code/one", "dir_info": {"editable": True}}
     (info / "direct_url.json").write_text(json.dumps(record))
-    with pytest.raises(PluginError, match=f"\n  {AGAIN}-e /home/my code/one$"):
+    with pytest.raises(PluginError, match=f"\n  {AGAIN}-e /home/my-code/one$"):
         Host.discover().component("opir_trackers", "mht")
 
 

@@ -12,10 +12,9 @@ import opir_core
 from opir_core.errors import ModelError
 from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink, Transport, sink_or_transport
-from opir_core.interfaces.protocols import Trajectories
 from opir_core.interfaces.radiometric_models import Background, Transmittance
 from opir_core.output import deliver
-from opir_core.plugin import EMITTER_TYPES, SinkModel, hookimpl
+from opir_core.plugin import EMITTER_TYPES, SinkModel, Trajectories, hookimpl
 
 SCENE = {
     "scene": "adopted",

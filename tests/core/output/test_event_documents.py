@@ -13,9 +13,9 @@ from repository import ROOT
 
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band
 from opir_core.output.events import detection_schema
 from opir_core.output.events.forge import ForgeEncoder
+from opir_core.plugin import Band
 from opir_core.random_streams.detection_ids import id_key, uuid8_words
 
 REFERENCE = ROOT / "docs" / "reference"

@@ -18,12 +18,12 @@ from opir_testing.doubles import stub_window
 
 import opir_core as opir
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.records import Window
 from opir_core.output.events import detection_schema
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import number_texts, significant
+from opir_core.plugin import Band
 from opir_core.simulation.run import plan_windows
 
 SENSORS = (

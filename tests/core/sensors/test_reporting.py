@@ -6,7 +6,7 @@ import pytest
 from late_scene import late_scene
 
 import opir_core as opir
-from opir_core.interfaces.protocols import ReportingStage
+from opir_core.plugin import ReportingStage
 from opir_core.reading import scene_mapping
 from opir_core.sensors.reporting import ReportingConfig, ReportingStageConfig
 

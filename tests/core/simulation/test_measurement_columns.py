@@ -17,11 +17,11 @@ import opir_core as opir
 from opir_core.errors import ModelError
 from opir_core.geometry import local_axes
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band, Measured, RandomDraws
 from opir_core.interfaces.records import Detections, Exposures, Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.run_files import TruthFile
 from opir_core.planning.sensor_states import PointingBias
+from opir_core.plugin import Band, Measured, RandomDraws
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally

@@ -16,8 +16,8 @@ from opir_testing.doubles import stub_window
 from scipy.stats import gamma, kstest
 
 import opir_core as opir
-from opir_core.interfaces.protocols import ReportingStage
 from opir_core.interfaces.records import Detections
+from opir_core.plugin import ReportingStage
 from opir_core.simulation import engine as engine_module
 from opir_core.simulation.reporting import (
     LATE_CHANCE,
