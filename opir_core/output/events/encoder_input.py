@@ -36,10 +36,10 @@ def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:
     """
     for start in range(0, len(window.detections), rows):
         block = slice(start, start + rows)
-        part = evolve(
+        window_block = evolve(
             window, detections=window.detections.take(block), truth=window.truth.take(block)
         )
-        yield part if start == 0 else evolve(part, looks=0, tracks=Tracks.empty())
+        yield window_block if start == 0 else evolve(window_block, looks=0, tracks=Tracks.empty())
 
 
 def encoder_blocks(window: Window, encoder: Encoder) -> Iterator[Window]:

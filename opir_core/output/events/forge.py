@@ -45,8 +45,8 @@ class IrradianceTexts:
 
     def __init__(self, sensors: Sequence[Sensor]) -> None:
         self._widths = np.array([len(sensor.bands) for sensor in sensors], dtype=np.int64)
-        most = max((len(sensor.bands) for sensor in sensors), default=0)
-        self._names = [[_name(sensor, place) for sensor in sensors] for place in range(most)]
+        band_count = max((len(sensor.bands) for sensor in sensors), default=0)
+        self._names = [[_name(sensor, place) for sensor in sensors] for place in range(band_count)]
 
     def columns(self, detections: Detections, sensor: IntArray) -> list[Column]:
         """Return the columns of `,"band_irradiance_w_m2":{...}`; none if the detection model
@@ -73,7 +73,9 @@ def _texts(irradiance_w_m2: FloatArray, exists: BoolArray) -> list[bytes]:
     texts = number_texts(significant(irradiance_w_m2, IRRADIANCE_DIGITS))
     if exists.all():
         return texts
-    return [text if here else b"" for text, here in zip(texts, exists.tolist(), strict=True)]
+    return [
+        text if is_present else b"" for text, is_present in zip(texts, exists.tolist(), strict=True)
+    ]
 
 
 _ID = b'{"detection_id":"'
@@ -211,14 +213,14 @@ def _points(window: Window, epoch_us: int) -> Column:
     if not (estimate >= 0).any():
         return _POINTS % (b"null", b"null")
     rows, of_detection = np.unique(estimate, return_inverse=True)
-    used = rows[rows >= 0]
+    estimate_rows = rows[rows >= 0]
     from opir_core.output.events.estimates import impact_texts, launch_texts  # of runs with tracks
 
-    estimates = window.estimates.take(used)
+    estimates = window.estimates.take(estimate_rows)
     launches = launch_texts(estimates, epoch_us)
     impacts = impact_texts(estimates, epoch_us)
-    unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
-    points = [_POINTS % both for both in zip(launches, impacts, strict=True)]
+    unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(estimate_rows))
+    points = [_POINTS % texts for texts in zip(launches, impacts, strict=True)]
     return Looked([*unknown, *points], of_detection)
 
 

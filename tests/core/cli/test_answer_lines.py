@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
+from opir_testing import stub_estimates, stub_regions
+from opir_testing.doubles import stub_hypotheses
 from two_sides import two_sides_plan
 
-from opir_core.cli.answer_lines import answers, source_cells, source_table, track_table
+from opir_core.cli import answers, probability_text, source_table, track_table
+from opir_core.cli.answer_lines import source_cells
 from opir_core.cli.run import as_text
-from opir_core.cli.terminal import probability_text
 from opir_core.output import deliver
-from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.scene import core_hypotheses
 from opir_core.simulation.latest_tracks import LatestTracks
 
 NAMES = [each.name for each in core_hypotheses()]

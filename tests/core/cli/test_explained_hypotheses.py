@@ -6,7 +6,7 @@ import pytest
 
 import opir_core as opir
 from opir_core.cli.main import main
-from opir_core.scene.hypotheses import GROUPS
+from opir_core.plugin import GROUPS
 from opir_core.simulation.explanation import explained
 
 SCENE = "examples/first_light.yaml"

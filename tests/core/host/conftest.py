@@ -13,9 +13,8 @@ import pytest
 
 from opir_core.errors import PluginError
 from opir_core.host import discovery
-from opir_core.host.components import DetectionModel, NoConfig, PluginFailure, Provenance
-from opir_core.host.hookspecs import hookimpl
-from opir_core.host.host import Host
+from opir_core.host.components import PluginFailure, Provenance
+from opir_core.plugin import DetectionModel, Host, NoConfig, hookimpl
 
 #: What plugins here import: no `*`, which would import numpy.
 HEADER = (

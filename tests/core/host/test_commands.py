@@ -8,7 +8,7 @@ import pytest
 from opir_core.cli.main import main
 from opir_core.cli.plugin_commands import added_commands
 from opir_core.errors import PluginError
-from opir_core.host.host import Host
+from opir_core.plugin import Host
 
 AGAIN = "\n  install again: pip install --force-reinstall opir-{}"
 

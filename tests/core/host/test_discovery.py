@@ -9,14 +9,14 @@ from importlib import metadata
 
 import pytest
 
-from opir_core._version import __version__
+from opir_core import __version__
 from opir_core.errors import PluginError
 from opir_core.host.components import CATALOGUE
 from opir_core.host.contributions import HOOKS
 from opir_core.host.discovery import distributions_with
 from opir_core.host.hookspecs import CatalogueHooks, ExtensionHooks
-from opir_core.host.host import Host
 from opir_core.host.registry import ComponentRow, PluginRow
+from opir_core.plugin import Host
 
 
 def states(host):

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from opir_core.host import components, hookspecs
-from opir_core.host.components import Component
 from opir_core.interfaces.contract import PluginPart
+from opir_core.plugin import Component
 
 MODULES = (
     "classification",

@@ -7,7 +7,7 @@ import warnings
 import pytest
 
 from opir_core.host.contributions import MAXIMUM_COMPONENTS
-from opir_core.host.host import Host
+from opir_core.plugin import Host
 
 NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
 

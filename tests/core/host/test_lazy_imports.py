@@ -11,7 +11,7 @@ import pytest
 
 import opir_core
 from opir_core.errors import PluginError
-from opir_core.host.host import Host
+from opir_core.plugin import Host
 
 FLEET = """
 @hookimpl

@@ -13,14 +13,9 @@ from opir_testing.bench import bench_scene
 from waiting import until
 
 import opir_core as opir
+from opir_core.host import DEAD_AFTER_S, ended_if_stuck
 from opir_core.host.boundary import PluginErrors, blamed_call, overdue_call
-from opir_core.host.watchdog import (
-    DEAD_AFTER_S,
-    CallThread,
-    OverdueError,
-    ended_if_stuck,
-    limit_in_force,
-)
+from opir_core.host.watchdog import CallThread, OverdueError, limit_in_force
 
 ME = threading.get_ident()
 

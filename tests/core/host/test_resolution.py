@@ -9,15 +9,8 @@ import pytest
 
 import opir_core
 from opir_core.errors import PluginError
-from opir_core.host.components import (
-    Constellation,
-    EventEncoder,
-    Provenance,
-    SensorModel,
-    TrackerModel,
-)
-from opir_core.host.hookspecs import hookimpl
-from opir_core.host.host import Host
+from opir_core.host.components import Provenance
+from opir_core.plugin import Constellation, EventEncoder, Host, SensorModel, TrackerModel, hookimpl
 
 DSP = """
 @frozen

@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from attrs import frozen
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
 from opir_core import arrays
-from opir_core.interfaces.columns import Columns
+from opir_core.interfaces import Columns
 
 
 @frozen(eq=False)

@@ -10,11 +10,21 @@ import pytest
 
 import opir_core
 from opir_core.errors import ModelError
-from opir_core.interfaces.contract import has_own
-from opir_core.interfaces.outputs import Delivery, Encoder, Sink, Transport, sink_or_transport
-from opir_core.interfaces.radiometric_models import Background, Transmittance
+from opir_core.interfaces import has_own
+from opir_core.interfaces.outputs import sink_or_transport
 from opir_core.output import deliver
-from opir_core.plugin import EMITTER_TYPES, SinkModel, Trajectories, hookimpl
+from opir_core.plugin import (
+    EMITTER_TYPES,
+    Background,
+    Delivery,
+    Encoder,
+    Sink,
+    SinkModel,
+    Trajectories,
+    Transmittance,
+    Transport,
+    hookimpl,
+)
 
 SCENE = {
     "scene": "adopted",

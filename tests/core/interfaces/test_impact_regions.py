@@ -5,7 +5,7 @@ meridian too.
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_regions
+from opir_testing import stub_regions
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray

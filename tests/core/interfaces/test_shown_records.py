@@ -7,8 +7,9 @@ import pytest
 from repository import EXAMPLES
 
 import opir_core
-from opir_core.interfaces.columns import Columns, names_of
-from opir_core.interfaces.records import Detections, DetectionTruth, Tracks
+from opir_core import DetectionTruth
+from opir_core.interfaces import Columns, names_of
+from opir_core.plugin import Detections, Tracks
 
 
 @pytest.fixture(scope="module")

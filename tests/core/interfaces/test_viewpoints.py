@@ -7,11 +7,11 @@ import sys
 
 import numpy as np
 import pytest
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
 from opir_core.geometry import azimuth_elevation_range, azimuth_elevation_range_in_axes, local_axes
-from opir_core.interfaces.records import Detections
-from opir_core.interfaces.viewpoints import Viewpoints
+from opir_core.interfaces import Viewpoints
+from opir_core.plugin import Detections
 
 
 def seen(count: int = 400, share_moving: float = 0.3) -> Detections:

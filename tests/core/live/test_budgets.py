@@ -9,9 +9,8 @@ from live_scene import LATER, batch, lines, mapping
 from waiting import until
 
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.live import running
-from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
+from opir_core.live import LiveRun, LiveSettings, LiveWindow, running
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
 

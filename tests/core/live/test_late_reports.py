@@ -12,11 +12,9 @@ from live_scene import lines
 from waiting import until
 
 import opir_core as opir
-from opir_core.host.host import Host
-from opir_core.interfaces.records import Detections
-from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
-from opir_core.planning.plan import compile_plan
-from opir_core.simulation.run import plan_windows
+from opir_core import compile_plan, plan_windows
+from opir_core.live import LiveRun, LiveSettings, LiveWindow
+from opir_core.plugin import Detections, Host
 
 
 def finished(scene: opir.Scene, **settings: Any) -> tuple[LiveRun, list[LiveWindow]]:

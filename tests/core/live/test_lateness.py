@@ -8,9 +8,8 @@ from opir_http.metrics import metrics_text
 from opir_http.service import Service
 from opir_http.settings import HttpSettings
 
-from opir_core.host.host import Host
-from opir_core.live.changes import BusyError
-from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live import BusyError, LiveRun, LiveSettings
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
 NS = 1_000_000_000

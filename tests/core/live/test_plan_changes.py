@@ -8,18 +8,12 @@ import numpy as np
 import pytest
 from live_scene import LATER, NS, batch, lines, mapping
 
+from opir_core import Engine, Scene, compile_plan
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.live.changes import (
-    RestartError,
-    launch_change,
-    settings_change,
-    without_finished_targets,
-)
-from opir_core.planning.plan import compile_plan
+from opir_core.live import RestartError
+from opir_core.live.changes import launch_change, settings_change, without_finished_targets
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import Scene
-from opir_core.simulation.engine import Engine
 
 
 @pytest.fixture(scope="module")

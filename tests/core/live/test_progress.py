@@ -12,8 +12,8 @@ from live_scene import mapping
 from rogue_components import Hang, raising, rogue_host
 from waiting import until
 
-from opir_core.host.host import Host
-from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live import LiveRun, LiveSettings
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
 QUICK = LiveSettings(speed=50.0, cycle_ns=10_000_000, unready_after_s=0.2, dead_after_s=0.6)
@@ -108,7 +108,7 @@ def test_a_full_spool_that_may_hold_the_run_does_not_make_it_stuck(tmp_path: Pat
 
 
 def test_who_asks_for_a_change_that_fails_gets_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    from opir_core.simulation.engine import Engine
+    from opir_core import Engine
 
     with running(Host.discover()) as run:
         monkeypatch.setattr(Engine, "take_over", lambda *_: raising(SystemExit(0))(None))

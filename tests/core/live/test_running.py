@@ -11,16 +11,12 @@ from attrs import evolve
 from live_scene import LATER, NS, batch, lines, mapping
 from waiting import until
 
+from opir_core import Engine, Plan, Scene, compile_plan
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.interfaces.records import Tracks
-from opir_core.live import running
-from opir_core.live.changes import BusyError, Change, PastError, RefusedError, launch_change
-from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.live import BusyError, LiveRun, LiveSettings, RefusedError, running
+from opir_core.live.changes import Change, PastError, launch_change
+from opir_core.plugin import Host, Tracks
 from opir_core.reading import scene_from_mapping
-from opir_core.scene.scene import Scene
-from opir_core.simulation.engine import Engine
 
 
 @pytest.fixture(scope="module")

@@ -11,16 +11,12 @@ import pytest
 from attrs import evolve
 from waiting import until
 
+from opir_core import Engine, Scene, compile_plan
 from opir_core.errors import SinkError
-from opir_core.host.host import Host
-from opir_core.interfaces.outputs import Delivery, Sink
-from opir_core.interfaces.records import Window
-from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
+from opir_core.live import LiveRun, LiveSettings, LiveWindow
 from opir_core.output.sink_thread import QUEUED_WINDOWS, SinkThread
-from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Delivery, Host, Sink, Window
 from opir_core.reading import scene_from_mapping
-from opir_core.scene.scene import Scene
-from opir_core.simulation.engine import Engine
 
 NS = 1_000_000_000
 SCENE: Mapping[str, Any] = {

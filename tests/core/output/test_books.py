@@ -8,14 +8,13 @@ from typing import Any
 
 import pytest
 from hypothesis import given, strategies as st
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 from waiting import until
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.outputs import Delivery, Sink
-from opir_core.interfaces.records import Window
 from opir_core.output.pump import pump
 from opir_core.output.sink_thread import SinkThread, balanced
+from opir_core.plugin import Delivery, Sink, Window
 
 FIGURES = st.integers(-20, 40)
 COUNTS = dict.fromkeys(("delivered", "spooled", "dropped", "withheld", "recovered"), FIGURES)

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from repository import EXAMPLES
 
+from opir_core import load_run
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.output.saved_runs import load_run
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
-from opir_core.interfaces.records import TRACK_CONTAINMENTS
+from opir_core.estimation import CONTAINMENT, containment_ellipse
+from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.output.events.estimates import OTHER_CONTAINMENTS
 
 CHI_SQUARE_95_TWO_DEGREES = (

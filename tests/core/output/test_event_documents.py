@@ -7,16 +7,13 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_sensor, stub_window
 from repository import ROOT
 
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.output.events import detection_schema
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.plugin import Band
-from opir_core.random_streams.detection_ids import id_key, uuid8_words
+from opir_core.output import ForgeEncoder, detection_schema
+from opir_core.plugin import Band, EncoderContext
+from opir_core.random_streams import id_key, uuid8_words
 
 REFERENCE = ROOT / "docs" / "reference"
 PAGE = (REFERENCE / "detection-event.md").read_text(encoding="utf-8")

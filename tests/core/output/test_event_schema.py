@@ -6,21 +6,19 @@ from typing import Any
 
 import jsonschema
 import pytest
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_sensor, stub_window
 
-from opir_core.estimation.ellipses import CONTAINMENT
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.output.events import SCHEMA_VERSION, detection_schema, schema_text
+from opir_core.estimation import CONTAINMENT
+from opir_core.output import SCHEMA_VERSION, ForgeEncoder, detection_schema
+from opir_core.output.events import schema_text
 from opir_core.output.events.estimates import (
     OTHER_CONTAINMENTS,
     EstimatedPoint,
     TrackState,
     UncertaintyEllipse,
 )
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scene.target_classes import core_target_classes
+from opir_core.plugin import REPORTED_TYPES, EncoderContext
+from opir_core.scene import core_target_classes
 
 SCHEMA = detection_schema()
 

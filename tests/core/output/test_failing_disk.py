@@ -19,17 +19,16 @@ import pytest
 from failing_disk import ERRORS, READ, SHORT, WRITING, FailingDisk, can_fail
 from spool_transports import ENCODER, MIB, SENSORS, Holding, ids_of, window
 
+from opir_core import Plan, compile_plan, load_run
 from opir_core.builtin.sinks import LineFile
 from opir_core.errors import OpirError, SinkError
-from opir_core.host.host import Host
-from opir_core.output.delivery import deliver
+from opir_core.output import deliver, spool_state
 from opir_core.output.run_files import read_manifest
-from opir_core.output.saved_runs import load_run
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import salvaged_at_start, spool_state
+from opir_core.output.spool.salvage import salvaged_at_start
 from opir_core.output.spool.transport_sink import Policy, TransportSink
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
 pytestmark = [

@@ -12,19 +12,22 @@ from attrs import evolve
 from forge_events import ENCODER, EPOCH_US, SENSORS, events_of
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_window
 
 from examples import examples
+from opir_core import DetectionTruth
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
-from opir_core.output.events import SCHEMA_VERSION, detection_schema
+from opir_core.output import (
+    SCHEMA_VERSION,
+    ForgeEncoder,
+    detection_schema,
+    timestamp_text,
+    unix_microseconds,
+)
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.text import timestamp_text, unix_microseconds
-from opir_core.random_streams.detection_ids import uuid8_words, uuid_text
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.plugin import REPORTED_TYPES, Detections, EncoderContext, Tracks, Window
+from opir_core.random_streams import uuid8_words, uuid_text
 
 VALIDATOR = jsonschema.Draft202012Validator(
     detection_schema(), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER

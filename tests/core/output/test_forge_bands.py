@@ -12,19 +12,15 @@ import pytest
 from attrs import evolve
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from opir_testing import stub_sensor
+from opir_testing import stub_sensor, stub_window
 from opir_testing.bench import encoder_of
-from opir_testing.doubles import stub_window
 
 import opir_core as opir
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Window
-from opir_core.output.events import detection_schema
+from opir_core import plan_windows
+from opir_core.output import ForgeEncoder, detection_schema, number_texts
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.text import number_texts, significant
-from opir_core.plugin import Band
-from opir_core.simulation.run import plan_windows
+from opir_core.output.events.text import significant
+from opir_core.plugin import Band, EncoderContext, Window
 
 SENSORS = (
     stub_sensor("TWO", -75.5, bands=(Band("SWIR", 2.5, 3.0), Band('"M"', 4.2, 4.45))),

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from forge_events import ENCODER, SENSORS, events_of
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_window
 
 from opir_core.errors import ModelError, SinkError
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.text import rounded_bearing_deg, rounded_degrees
+from opir_core.output import ForgeEncoder, rounded_bearing_deg, rounded_degrees
+from opir_core.plugin import EncoderContext
 
 
 def test_until_a_track_is_estimated_its_fields_are_null() -> None:

@@ -8,21 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from opir_testing import stub_sensor
+from opir_testing import stub_estimates, stub_sensor, stub_window
 from opir_testing.bench import encoder_of
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_window
+from opir_testing.doubles import stub_hypotheses
 
 import opir_core as opir
+from opir_core import plan_windows
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Window
-from opir_core.output.events import detection_schema
+from opir_core.output import ForgeEncoder, detection_schema, time_texts
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.estimates import time_texts
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.scene.hypotheses import core_hypotheses
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.run import plan_windows
+from opir_core.plugin import REPORTED_TYPES, EncoderContext, Window
+from opir_core.scene import core_hypotheses
 
 EPOCH_US = 1_775_044_800_000_000
 HYPOTHESES = tuple(each.name for each in core_hypotheses())

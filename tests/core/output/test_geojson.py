@@ -9,16 +9,12 @@ import numpy as np
 import pytest
 from attrs import evolve
 from hypothesis import given, settings, strategies as st
-from opir_testing.doubles import stub_regions
+from opir_testing import stub_regions
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
-from opir_core.output.geojson import (
-    geometry_of,
-    region_document,
-    region_from_document,
-    region_texts,
-)
+from opir_core.output import geometry_of, region_texts
+from opir_core.output.geojson import region_document, region_from_document
 
 EARTH_RADIUS_KM = 6371.0088
 PLACES = [

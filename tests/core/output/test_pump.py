@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 from hypothesis import given, strategies as st
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
 from opir_core.errors import ModelError, SinkError
-from opir_core.interfaces.outputs import Delivery, Sink
-from opir_core.interfaces.records import Window
-from opir_core.output.pump import PumpReport, SinkGroup, SinkReport, pump
+from opir_core.output import SinkReport
+from opir_core.output.pump import PumpReport, SinkGroup, pump
+from opir_core.plugin import Delivery, Sink, Window
 
 
 class Recorder(Sink):

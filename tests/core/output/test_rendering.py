@@ -12,15 +12,7 @@ import pytest
 from hypothesis import assume, example, given, strategies as st
 
 from opir_core.errors import PluginError, SinkError
-from opir_core.output.events.rendering import (
-    Column,
-    Decimal,
-    Ids,
-    Looked,
-    Times,
-    chosen_renderer,
-    reference,
-)
+from opir_core.output import Column, Decimal, Ids, Looked, Times, chosen_renderer, reference
 from opir_core.output.events.text import END_UNIX_US, FIRST_UNIX_US
 from opir_core.plugin import Host, RendererContext, RendererModel, hookimpl
 

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from attrs import fields
 from hypothesis import assume, example, given, settings, strategies as st
-from opir_testing.doubles import stub_estimates, stub_hypotheses
+from opir_testing import stub_estimates
+from opir_testing.doubles import stub_hypotheses
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
-from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
-from opir_core.interfaces.records import Tracks
+from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.output import TracksFile, read_tracks
 from opir_core.output.geojson import region_document, region_from_document
-from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.plugin import Tracks
+from opir_core.scene import core_hypotheses
 
 HYPOTHESES = tuple(each.name for each in core_hypotheses())
 #: Half the way around the Earth, m.

@@ -16,13 +16,11 @@ from typing import Any
 import pytest
 from waiting import until
 
+from opir_core import Plan, compile_plan, load_run
 from opir_core.cli.main import main
 from opir_core.errors import SceneError, SinkError
-from opir_core.output.delivery import deliver
+from opir_core.output import OutputFiles, deliver, finish_interrupted
 from opir_core.output.run_files import read_manifest
-from opir_core.output.saved_runs import load_run
-from opir_core.output.transaction import OutputFiles, finish_interrupted
-from opir_core.planning.plan import Plan, compile_plan
 from opir_core.reading import scene_from_mapping
 
 SCENE = {

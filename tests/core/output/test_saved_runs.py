@@ -12,13 +12,12 @@ from opir_scoring import evidence_of_run, scorecard, scorecard_text
 from two_sides import two_sides_plan
 
 import opir_core
+from opir_core import run_of_plan
 from opir_core.cli.main import main
 from opir_core.errors import ModelError, PluginError, SceneError
-from opir_core.output import deliver
+from opir_core.output import deliver, read_run
 from opir_core.output.run_files import TRUTH_DECIMALS
-from opir_core.output.saved_runs import read_run
 from opir_core.plugin import Host, RunView, hookimpl
-from opir_core.simulation.run import run_of_plan
 
 SCENE = Path(__file__).parents[3] / "tests" / "scenes" / "pacific_test_range.yaml"
 #: The files of a run beside its events.

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from attrs import evolve
 from forked_processes import killed_at_random
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions, stub_window
+from opir_testing import stub_estimates, stub_regions, stub_sensor, stub_window
+from opir_testing.doubles import stub_hypotheses
 from spool_transports import (
     ENCODER,
     MIB,
@@ -31,10 +31,7 @@ from waiting import until, within
 
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.outputs import Delivery, Encoder
-from opir_core.interfaces.records import Batch, Tracks
-from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output import ForgeEncoder
 from opir_core.output.pump import pump
 from opir_core.output.spool.batches import (
     BATCH_EVENTS,
@@ -46,6 +43,7 @@ from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.sent_batches import AHEAD_BYTES
 from opir_core.output.spool.transport_sink import Policy, TransportSink
+from opir_core.plugin import Batch, Delivery, Encoder, EncoderContext, Tracks
 
 
 def test_what_a_carrier_acknowledges_is_delivered(tmp_path: Path) -> None:

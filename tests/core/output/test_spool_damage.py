@@ -20,9 +20,10 @@ from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, filled_spool
 from waiting import until
 
 from opir_core.errors import SinkError
+from opir_core.output import salvage, spool_state
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import salvage, salvaged_at_start, spool_state
+from opir_core.output.spool.salvage import salvaged_at_start
 from opir_core.output.spool.transport_sink import Policy, TransportSink
 
 BATCHES = 20

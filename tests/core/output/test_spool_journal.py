@@ -29,11 +29,11 @@ from waiting import until
 
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
-from opir_core.interfaces.records import Batch
+from opir_core.output import spool_state
 from opir_core.output.spool.batches import EncodedBatcher, WindowBatcher, WindowTransport
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import spool_state
 from opir_core.output.spool.transport_sink import TransportSink
+from opir_core.plugin import Batch
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")

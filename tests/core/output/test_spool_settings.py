@@ -9,16 +9,13 @@ from typing import Any
 import pytest
 from repository import EXAMPLES
 
+from opir_core import compile_plan
 from opir_core.cli.main import main
 from opir_core.errors import PluginError, SceneError, SinkError
-from opir_core.host.components import SinkModel
-from opir_core.host.hookspecs import hookimpl
-from opir_core.host.host import Host
-from opir_core.output.delivery import deliver
+from opir_core.output import deliver
 from opir_core.output.spool.journal import Journal
-from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Host, SinkModel, hookimpl, text
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
-from opir_core.scene.fields import text
 
 SCENE = str(EXAMPLES / "first_light.yaml")
 

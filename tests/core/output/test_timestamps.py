@@ -7,14 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from opir_core.errors import SinkError
-from opir_core.output.events.text import (
-    END_UNIX_US,
-    FIRST_UNIX_US,
-    timestamp_characters,
-    timestamp_text,
-    unix_microseconds,
-    writable_unix_microseconds,
-)
+from opir_core.output import timestamp_text, unix_microseconds, writable_unix_microseconds
+from opir_core.output.events.text import END_UNIX_US, FIRST_UNIX_US, timestamp_characters
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 WRITABLE = st.integers(FIRST_UNIX_US, END_UNIX_US - 1)

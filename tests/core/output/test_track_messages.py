@@ -10,30 +10,26 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions, stub_window
+from opir_testing import stub_estimates, stub_regions, stub_window
+from opir_testing.doubles import stub_hypotheses
 from scored_scene import SCENE
 from spool_transports import MIB, QUICK, SENSORS, Holding
 from waiting import until
 
+from opir_core import compile_plan, run_of_plan
 from opir_core.builtin.sinks import LineFile, MemorySink
 from opir_core.errors import SinkError
-from opir_core.host.host import Host
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.outputs import Delivery, Encoder
-from opir_core.interfaces.records import Tracks, Window
-from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.output import TracksFile, deliver, schema
+from opir_core.live import LiveRun, LiveSettings
+from opir_core.output import ForgeEncoder, TracksFile, deliver, schema
 from opir_core.output.events.encoder_input import track_count
-from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.tracks import TracksEncoder
 from opir_core.output.pump import pump
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import TransportSink
-from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Delivery, Encoder, EncoderContext, Host, Tracks, Window
 from opir_core.reading import scene_from_mapping
-from opir_core.scene.hypotheses import core_hypotheses
-from opir_core.simulation.run import run_of_plan
+from opir_core.scene import core_hypotheses
 
 AIM = {"lat_deg": 32.0, "lon_deg": -124.0}
 EPOCH_US = 1_775_044_800_000_000

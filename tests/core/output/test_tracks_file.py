@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, fields
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
+from opir_testing import stub_estimates, stub_regions
+from opir_testing.doubles import stub_hypotheses
 
 from opir_core.errors import SceneError
-from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
+from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.output import TracksFile, read_tracks
-from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.plugin import Tracks
+from opir_core.scene import core_hypotheses
 
 RNG = np.random.default_rng(7)
 HYPOTHESES = tuple(each.name for each in core_hypotheses())

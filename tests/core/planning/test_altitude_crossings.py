@@ -13,7 +13,7 @@ from opir_photons.environment import Ascents, ascents
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.planning.targets import Targets
+from opir_core.planning import Targets
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ all the memory.
 import numpy as np
 import pytest
 
+from opir_core import simulate
 from opir_core.errors import ModelError
 from opir_core.plugin import Host, TargetModel, Trajectories, hookimpl
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import simulate
 
 
 def places(time_s):

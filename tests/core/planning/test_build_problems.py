@@ -4,9 +4,9 @@ with path and line.
 
 import pytest
 
+from opir_core import compile_plan
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 
 HEAD = """scene: two

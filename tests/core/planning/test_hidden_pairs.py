@@ -10,13 +10,12 @@ from attrs import fields, frozen
 from hypothesis import given, settings, strategies as st
 
 import opir_core as opir
+from opir_core import Plan, compile_plan
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.geometry import elevation_rad, geodetic_to_ecef, grazing_height_m
-from opir_core.geometry.ellipsoid import WGS84
+from opir_core.geometry import WGS84, elevation_rad, geodetic_to_ecef, grazing_height_m
 from opir_core.planning import pair_compiler
 from opir_core.planning.hidden_pairs import CoarseGrid, surely_hidden
-from opir_core.planning.plan import Plan, compile_plan
 
 #: The fine guards of height, m, and of angle times distance, m.
 GUARD_M = 25.0

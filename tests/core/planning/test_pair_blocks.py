@@ -7,10 +7,9 @@ import pytest
 from attrs import define, evolve, field, fields, frozen
 
 import opir_core as opir
+from opir_core import Plan, compile_plan
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.planning import pair_compiler
-from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning import PairCompiler, pair_compiler
 from opir_core.planning.sightlines import LIGHT_TIME_ITERATIONS, Pairs, Sightlines
 from opir_core.plugin import Orbit, ScanPattern, Sensor
 

@@ -14,10 +14,9 @@ from opir_photons.reflection import shadow_times_s
 import opir_core as opir
 import opir_core.geometry.sun
 from opir_core.geometry import ecef_to_geodetic, local_axes, sun_position_ecef_m, sunlit_fraction
-from opir_core.interfaces.radiometric_models import Paths
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import Looks
-from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.planning import Looks
+from opir_core.plugin import Exposures, Paths
+from opir_core.simulation import ProbabilityInterpolant
 
 LOW = {
     "circular": {

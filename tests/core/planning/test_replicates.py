@@ -8,7 +8,7 @@ from attrs import evolve
 from opir_testing.bench import bench_run_of, bench_scene
 
 import opir_core as opir
-from opir_core.planning.plan import reseeded
+from opir_core import reseeded
 
 CLOUDS = {"model": "lowtran", "cloud": {"top_km": 8.0, "cover": 0.5, "cell_km": 50.0}}
 REGION = {"south_deg": 35, "north_deg": 45, "west_deg": -121, "east_deg": -110}

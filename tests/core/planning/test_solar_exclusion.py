@@ -16,17 +16,15 @@ from snr_scene import scene as snr_scene
 
 import opir_core.orbits.sun_events
 import opir_core.planning.solar_exclusion
+from opir_core import Engine, compile_plan
 from opir_core.geometry import is_sunlit, sun_position_ecef_m
 from opir_core.geometry.crossings import intervals_below
-from opir_core.interfaces.records import Detections
 from opir_core.live.changes import with_added_targets
 from opir_core.orbits import CircularConfig, OrbitConfig, orbit_of
-from opir_core.planning.looks import Looks
-from opir_core.planning.plan import compile_plan
+from opir_core.planning import Looks, visible_now
 from opir_core.planning.sightlines import Blocked, Visibility
-from opir_core.planning.visibility import visible_now
-from opir_core.sensors.scan_patterns import AlignedScan
-from opir_core.simulation.engine import Engine
+from opir_core.plugin import Detections
+from opir_core.sensors import AlignedScan
 from opir_core.simulation.explanation import explained
 
 EPOCH = np.datetime64("2026-03-20T11:00:00", "us")

@@ -7,16 +7,13 @@ import pytest
 from attrs import evolve, frozen
 
 import opir_core as opir
+from opir_core import Engine, Plan, compile_plan
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
 from opir_core.geometry import elevation_rad, is_occluded
-from opir_core.planning.looks import look_times_s
-from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning import PairCompiler, look_times_s, visible_now
 from opir_core.planning.sightlines import Visibility
-from opir_core.planning.visibility import visible_now
 from opir_core.plugin import Sensor
-from opir_core.simulation.engine import Engine
 
 
 @frozen

@@ -8,8 +8,9 @@ from hypothesis import given, settings, strategies as st
 from live_scene import mapping
 
 import opir_core as opir
-from opir_core.planning.looks import Looks, look_times_ns
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan
+from opir_core.planning import Looks
+from opir_core.planning.looks import look_times_ns
 from opir_core.planning.sightlines import Pairs
 from opir_core.planning.work import EVENT_BYTES, Work, most_looks
 from opir_core.reading import scene_from_mapping, scene_mapping
@@ -119,9 +120,9 @@ def test_every_limit_of_a_run_is_a_setting(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_bytes_of_an_event_are_no_less_than_those_of_any_encoder() -> None:
-    from opir_core.interfaces.contexts import EncoderContext
-    from opir_core.output.events.forge import ForgeEncoder
-    from opir_core.simulation.run import plan_windows
+    from opir_core import plan_windows
+    from opir_core.output import ForgeEncoder
+    from opir_core.plugin import EncoderContext
 
     plan = compile_plan(opir.load_scene("tests/scenes/pacific_test_range.yaml"))
     encoder = ForgeEncoder(

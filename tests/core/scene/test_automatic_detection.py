@@ -10,8 +10,9 @@ import pytest
 
 import opir_core as opir
 from opir_core.errors import PluginError, SceneError
-from opir_core.host.error_messages import PACKAGES, READERS
-from opir_core.host.host import Host
+from opir_core.host import PACKAGES
+from opir_core.host.error_messages import READERS
+from opir_core.plugin import Host
 from opir_core.reading import scene_mapping
 from opir_core.simulation.explanation import explained
 

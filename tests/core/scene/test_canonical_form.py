@@ -16,8 +16,8 @@ from fake_components import fake_host, good_mapping
 from hypothesis import given, strategies as st
 
 from examples import examples
+from opir_core import Scene
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
-from opir_core.scene.scene import Scene
 
 HOST = fake_host()
 

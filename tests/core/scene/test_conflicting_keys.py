@@ -12,10 +12,9 @@ from attrs import evolve, fields, frozen
 from fake_components import fake_host, good_mapping
 
 from opir_core.errors import PluginError, SceneError
-from opir_core.host.host import Host
-from opir_core.plugin import Constellation, SensorModel, hookimpl, number
+from opir_core.plugin import Constellation, Host, SensorModel, hookimpl, number, with_defaults
 from opir_core.reading import scene_from_mapping, scene_hash, scene_mapping
-from opir_core.scene.fields import info_of, with_defaults
+from opir_core.scene import info_of
 
 
 @frozen(kw_only=True)

@@ -8,15 +8,13 @@ from fake_components import fake_host, good_mapping
 from opir_testing import SilentTracker
 from repository import EXAMPLES, TEST_SCENES
 
-from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
-from opir_core.host.host import Host
-from opir_core.interfaces.contexts import TrackerContext
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import NoConfig, TrackerModel, hookimpl
+from opir_core import compile_plan, simulate
+from opir_core.flight import Drag, Forces
+from opir_core.flight.forces import ExponentialAtmosphere
+from opir_core.plugin import Host, NoConfig, TrackerContext, TrackerModel, hookimpl
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 from opir_core.scene.scene import ExponentialAir, SceneDrag, SceneForces
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.run import simulate
 
 ONE_TARGET = EXAMPLES / "first_light.yaml"
 THREE_TARGETS = TEST_SCENES / "pacific_test_range.yaml"

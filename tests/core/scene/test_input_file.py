@@ -14,10 +14,10 @@ from opir_photons.radiometry.source_configs import FireConfig
 from scene_reading import HOST, PAGE
 
 from opir_core.errors import OpirError
-from opir_core.orbits.configs import OmmFileConfig
+from opir_core.orbits import OmmFileConfig
 from opir_core.orbits.orbit_models import omm_of_file
 from opir_core.reading import load_scene
-from opir_core.scene.input_file import NotAFileError, file_bytes
+from opir_core.scene import NotAFileError, file_bytes
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX pipes")
 

@@ -11,8 +11,7 @@ from fake_components import fake_host, good_mapping
 from opir_trackers.configs import ImmConfig
 
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.plugin import AtmosphereModel, NoConfig, SensorModel, hookimpl, nested, number
+from opir_core.plugin import AtmosphereModel, Host, NoConfig, SensorModel, hookimpl, nested, number
 from opir_core.reading import scene_from_mapping
 from opir_core.scene.field_rows import field_rows
 

@@ -1,6 +1,7 @@
 """Errors of a scene are reported in the order of their lines."""
 
-from opir_core.reading.nodes import Complaint, ordered
+from opir_core.reading import ordered
+from opir_core.reading.nodes import Complaint
 
 
 def test_errors_come_by_line_and_column_and_those_without_a_place_last() -> None:

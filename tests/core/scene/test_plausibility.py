@@ -8,19 +8,15 @@ import pytest
 from attrs import fields, frozen
 from live_scene import mapping
 
+from opir_core import compile_plan
 from opir_core.cli.main import main
-from opir_core.host.components import CATALOGUE, Component
-from opir_core.host.host import Host
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import TrackerModel, number
+from opir_core.host.components import CATALOGUE
+from opir_core.plugin import Component, Host, TrackerModel, number
 from opir_core.reading import scene_from_mapping, scene_mapping
+from opir_core.scene import implausible_defaults
 from opir_core.scene.field_rows import field_rows
-from opir_core.scene.plausibility import (
-    implausible_defaults,
-    implausible_settings,
-    implausible_values,
-)
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.scene.plausibility import implausible_settings, implausible_values
+from opir_core.simulation import plan_warnings
 
 
 def scanner(**changes: Any) -> dict[str, Any]:

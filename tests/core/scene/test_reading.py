@@ -15,9 +15,8 @@ from fake_components import Ballistic, Launch, Place, Scanner, good_mapping
 from scene_reading import HOST, PAGE, host_with_tracker, plugin_of, problems, read
 
 from opir_core.errors import PluginError, SceneError
-from opir_core.host.host import Host
+from opir_core.plugin import Host, number
 from opir_core.reading import load_scene, scene_from_mapping, scene_mapping
-from opir_core.scene.fields import number
 
 
 @pytest.fixture

@@ -11,14 +11,12 @@ from opir_testing.bench import bench_run, bench_scene
 from opir_testing.json_schema import schema_errors
 from opir_trackers import plugin as trackers
 
+from opir_core import compile_plan, run_of_plan, simulate
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.output.events import detection_schema
-from opir_core.planning.plan import compile_plan
+from opir_core.output import detection_schema
+from opir_core.plugin import REPORTED_TYPES, Host
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scene.target_classes import core_target_classes
-from opir_core.simulation.run import run_of_plan, simulate
+from opir_core.scene import core_target_classes
 
 HOST = Host.of(trackers, light)
 LAUNCH = {"lat_deg": 34.7, "lon_deg": -120.6, "time_s": 2.0}

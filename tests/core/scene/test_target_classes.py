@@ -12,14 +12,11 @@ from opir_photons.environment import make_environment
 from opir_testing import TargetClassContract
 from opir_testing.bench import bench_scene
 
+from opir_core import compile_plan, simulate
 from opir_core.errors import PluginError, SceneError
-from opir_core.host.host import Host
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import BoostProfile, Plume, TargetClass, hookimpl
+from opir_core.plugin import REPORTED_TYPES, BoostProfile, Host, Plume, TargetClass, hookimpl
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scene.target_classes import core_target_class, core_target_classes
-from opir_core.simulation.run import simulate
+from opir_core.scene import core_target_class, core_target_classes
 
 PROFILE = BoostProfile("PROBE", 100.0, 8.0, 1.3, 0.6, 3158.4, math.radians(40.0), 1.3e6, 1e6, 3e6)
 PLUME = Plume({"SWIR": 8e4, "MWIR": 8e4, "LWIR": 5e3})

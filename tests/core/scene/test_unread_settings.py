@@ -11,7 +11,7 @@ import opir_core as opir
 from opir_core.host.components import CATALOGUE
 from opir_core.reading import scene_mapping
 from opir_core.scene.fields import READ_BY, field_infos
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation import plan_warnings
 
 #: Parts of paths of settings that are read, and change nothing in some of these scenes: `notional`
 #: is the default, looks are too few to be interpolated, all bands are bright, a hot body reflects

@@ -10,10 +10,10 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 import opir_core as opir
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import LookGeometry, Looks
-from opir_core.plugin import DetectionProbability, Response
-from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.planning import Looks
+from opir_core.planning.looks import LookGeometry
+from opir_core.plugin import DetectionProbability, Exposures, Response
+from opir_core.simulation import ProbabilityInterpolant
 from opir_core.simulation.refinement import FIRST_PIECE_S, KNOTS, GridRefiner, Intervals
 
 Array = NDArray[np.float64]

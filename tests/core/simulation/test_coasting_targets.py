@@ -5,11 +5,10 @@ nobody.
 import numpy as np
 import pytest
 
-from opir_core import simulate
+from opir_core import compile_plan, simulate
 from opir_core.flight import propagate, propagate_kepler
 from opir_core.flight.forces import J2
 from opir_core.geometry import eci_to_ecef
-from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 
 LOW = {

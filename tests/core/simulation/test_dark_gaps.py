@@ -11,15 +11,12 @@ from opir_photons.environment import make_environment
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from opir_core import simulate
+from opir_core import Engine, compile_plan, run_of_plan, simulate
 from opir_core.cli.main import main
 from opir_core.live.changes import launch_change, without_finished_targets
-from opir_core.planning.looks import Looks
-from opir_core.planning.plan import compile_plan
+from opir_core.planning import Looks
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.run import run_of_plan
 
 MU = 3.986004418e14
 WHIRL = 7.292115e-5

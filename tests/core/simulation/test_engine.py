@@ -20,16 +20,14 @@ from opir_testing import (
 from repository import ROOT
 
 from examples import examples
+from opir_core import Engine, Scene, compile_plan
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range, is_occluded
-from opir_core.interfaces.records import Detections, Window
-from opir_core.planning.plan import compile_plan
 from opir_core.planning.sightlines import Blocked
+from opir_core.plugin import Detections, Window
 from opir_core.reading import load_scene
-from opir_core.scene.scene import Scene
-from opir_core.sensors.scan_patterns import AlignedScan
-from opir_core.simulation.engine import Engine
+from opir_core.sensors import AlignedScan
 from opir_core.simulation.run import window_edges_ns
 
 EXAMPLES = ROOT / "examples"

@@ -16,9 +16,9 @@ from scipy.integrate import quad
 from scipy.stats import chi2, norm, poisson
 
 import opir_core as opir
-from opir_core.interfaces.records import Detections, DetectionTruth
-from opir_core.planning.looks import Looks
-from opir_core.simulation.engine import Engine
+from opir_core import DetectionTruth, Engine
+from opir_core.planning import Looks
+from opir_core.plugin import Detections
 
 TARGETS = int(os.environ.get("OPIR_CHANCE_TARGETS", "40"))
 RISK = 0.001

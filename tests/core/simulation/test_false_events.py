@@ -10,9 +10,8 @@ from opir_testing.contracts.detection import reported_chances
 from scipy.stats import norm, poisson
 
 import opir_core as opir
-from opir_core.planning.looks import Looks
-from opir_core.planning.plan import compile_plan
-from opir_core.simulation.engine import Engine
+from opir_core import Engine, compile_plan
+from opir_core.planning import Looks
 
 DURATION_S = 300.0
 RISK = 1e-3

@@ -13,8 +13,8 @@ from scipy.special import ndtr
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.planning.looks import Looks
-from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.planning import Looks
+from opir_core.simulation import ProbabilityInterpolant
 from opir_core.simulation.refinement import KNOTS, GridRefiner, certain_beyond
 
 AIR = {"atmosphere": "lowtran", "background": "earth"}

@@ -9,21 +9,31 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, frozen
-from opir_testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
-from opir_testing.doubles import stub_window
+from opir_testing import (
+    CertainDetection,
+    VerticalTargets,
+    stub_plan,
+    stub_scene,
+    stub_sensor,
+    stub_window,
+)
 from repository import TEST_SCENES
 
 import opir_core as opir
+from opir_core import Engine, plan_windows
 from opir_core.errors import ModelError
 from opir_core.geometry import local_axes
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Detections, Exposures, Window
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.run_files import TruthFile
+from opir_core.output import ForgeEncoder, TruthFile
 from opir_core.planning.sensor_states import PointingBias
-from opir_core.plugin import Band, Measured, RandomDraws
-from opir_core.simulation.engine import Engine
-from opir_core.simulation.run import plan_windows
+from opir_core.plugin import (
+    Band,
+    Detections,
+    EncoderContext,
+    Exposures,
+    Measured,
+    RandomDraws,
+    Window,
+)
 from opir_core.simulation.summary import Tally
 
 BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0))

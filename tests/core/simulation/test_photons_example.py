@@ -9,8 +9,8 @@ from repository import EXAMPLES
 from scipy.stats import norm, poisson
 
 import opir_core as opir
-from opir_core.scene.scene import UNKNOWN_TYPE
-from opir_core.simulation.run import Run
+from opir_core import Run
+from opir_core.scene import UNKNOWN_TYPE
 
 EXAMPLE = EXAMPLES / "photons.yaml"
 DSP, SBIRS, NEXTGEN = range(3)

@@ -10,10 +10,11 @@ import pytest
 from attrs import evolve
 
 import opir_core as opir
-from opir_core.planning.plan import Plan
+from opir_core import Plan
 from opir_core.plugin import Classifier
+from opir_core.simulation import plan_warnings
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_checks import alignment_warnings, launch_expectations, plan_warnings
+from opir_core.simulation.plan_checks import alignment_warnings, launch_expectations
 
 SENSOR = {
     "model": "generic-scanner",

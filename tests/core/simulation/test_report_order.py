@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from attrs import evolve, fields
 from late_scene import CONSTANT, NS, UNEVEN, late_scene
+from opir_testing import stub_estimates
 from opir_testing.bench import encoder_of
-from opir_testing.doubles import stub_estimates
 
 import opir_core as opir
+from opir_core import Engine, Plan, Run, compile_plan, plan_windows, run_of_plan
 from opir_core.arrays import IntArray
-from opir_core.interfaces.records import Detections, Tracks
-from opir_core.planning.plan import Plan, compile_plan
-from opir_core.simulation.engine import Engine
-from opir_core.simulation.run import Run, plan_windows, run_of_plan
+from opir_core.plugin import Detections, Tracks
 
 MIXED = (UNEVEN, CONSTANT, "paper-ground-chain", "none")
 
@@ -279,9 +277,9 @@ def test_late_reports_are_events_and_are_not_tracked() -> None:
 def test_scores_of_a_run_are_those_of_its_files(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from opir_scoring.evidence import evidence_of_files, evidence_of_run
+    from opir_scoring import evidence_of_files, evidence_of_run
 
-    from opir_core.output.delivery import deliver
+    from opir_core.output import deliver
 
     monkeypatch.chdir(tmp_path)
     plan = compile_plan(
@@ -315,7 +313,7 @@ def test_scores_of_a_run_are_those_of_its_files(
 def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(
     tmp_path: Any,
 ) -> None:
-    from opir_core.output.tracks_file import TracksFile, read_tracks
+    from opir_core.output import TracksFile, read_tracks
 
     run = opir.simulate(late_scene(CONSTANT, CONSTANT, tracker="imm", tracking_order="report"))
     tracks = run.tracks

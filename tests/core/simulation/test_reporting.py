@@ -11,13 +11,11 @@ import pytest
 from attrs import evolve
 from late_scene import CONSTANT, NS, UNEVEN, late_scene
 from opir_photons.detection import latency_mean
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_window
+from opir_testing import stub_sensor, stub_window
 from scipy.stats import gamma, kstest
 
 import opir_core as opir
-from opir_core.interfaces.records import Detections
-from opir_core.plugin import ReportingStage
+from opir_core.plugin import Detections, ReportingStage
 from opir_core.simulation import engine as engine_module
 from opir_core.simulation.reporting import (
     LATE_CHANCE,

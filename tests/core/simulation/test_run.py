@@ -7,8 +7,8 @@ import pytest
 from repository import TEST_SCENES
 
 import opir_core as opir
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.run import Run
+from opir_core import Run
+from opir_core.plugin import REPORTED_TYPES
 
 EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 

@@ -7,12 +7,12 @@ import pytest
 from repository import ROOT
 
 import opir_core as opir
-from opir_core.planning import pair_compiler
-from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.plan import compile_plan, scan_starts
-from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
+from opir_core import compile_plan
+from opir_core.planning import PairCompiler, pair_compiler, solar_exclusions
+from opir_core.planning.plan import scan_starts
+from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.reading import load_scene, scene_from_mapping
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation import plan_warnings
 from opir_core.simulation.scene_check import check_scene
 
 

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
+from opir_testing import stub_estimates, stub_regions
+from opir_testing.doubles import stub_hypotheses
 
-from opir_core.cli.answer_lines import answers, track_cells
-from opir_core.interfaces.records import Tracks
-from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.cli import answers
+from opir_core.cli.answer_lines import track_cells
+from opir_core.plugin import Tracks
+from opir_core.scene import core_hypotheses
 from opir_core.simulation.latest_tracks import LatestTracks
 
 TRACK = stub_estimates(

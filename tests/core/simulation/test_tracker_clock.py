@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from attrs import evolve, fields
 
-from opir_core.interfaces.records import Detections, Tracks
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan, run_of_plan
+from opir_core.plugin import Detections, Tracks
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 from opir_core.simulation.tracker_clock import rows_of
 
 SCENE = {

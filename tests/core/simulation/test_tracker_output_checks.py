@@ -10,11 +10,10 @@ from attrs import evolve, frozen
 from attrs.exceptions import FrozenInstanceError
 
 import opir_core as opir
+from opir_core import run_of_plan
 from opir_core.errors import ModelError
-from opir_core.interfaces.records import Tracks
-from opir_core.plugin import TrackerModel, hookimpl, text
+from opir_core.plugin import TrackerModel, Tracks, hookimpl, text
 from opir_core.scene import core_hypotheses
-from opir_core.simulation.run import run_of_plan
 
 SCENE = {
     "scene": "answers",

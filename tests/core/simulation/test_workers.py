@@ -14,13 +14,12 @@ import pytest
 from attrs import fields
 
 import opir_core as opir
+from opir_core import Engine, Plan, compile_plan
 from opir_core.cli.main import main
 from opir_core.errors import ModelError, SceneError
-from opir_core.interfaces.records import Detections, Window
-from opir_core.output.delivery import deliver
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.output import deliver
+from opir_core.plugin import Detections, Window
 from opir_core.simulation import run, workers
-from opir_core.simulation.engine import Engine
 from opir_core.simulation.hit_stages import CountDetections
 from opir_core.simulation.shared_run import counted
 from opir_core.simulation.summary import Tally
