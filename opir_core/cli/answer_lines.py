@@ -55,15 +55,15 @@ def _is_taken(track: Row | None) -> bool:
     )
 
 
-def _sentence(row: Row, kind: str, seen: str, tracks: Mapping[int, Row]) -> str:
-    """Return the sentence of a target or source that begins with how it was `seen`; "" for one that
+def _sentence(row: Row, kind: str, sighting: str, tracks: Mapping[int, Row]) -> str:
+    """Return the sentence of a target or source that begins with how it was `sighting`; "" for one that
     was not.
     """
     name = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})"
     track = tracks.get(row["track_id"])
-    if not seen:
+    if not sighting:
         return f"{name}: not detected: {says_text(row, None)}"
-    return "; ".join([f"{name}: {seen}", says_text(row, track), *_flight(track)])
+    return "; ".join([f"{name}: {sighting}", says_text(row, track), *_flight(track)])
 
 
 def _seen(target: Row) -> str:
@@ -71,22 +71,22 @@ def _seen(target: Row) -> str:
     end_to_end_s = target["end_to_end_latency_s"]
     if latency_s is None:
         return ""
-    late = f", reported after {end_to_end_s:.3f} s" if end_to_end_s != latency_s else ""
-    return f"first seen by {target['first_sensor_id']} after {latency_s:.3f} s{late}"
+    delay = f", reported after {end_to_end_s:.3f} s" if end_to_end_s != latency_s else ""
+    return f"first seen by {target['first_sensor_id']} after {latency_s:.3f} s{delay}"
 
 
-def says_text(seen: Row, track: Row | None) -> str:
+def says_text(row: Row, track: Row | None) -> str:
     """Return what a target or source is by its tracker, else by its detections, or why it was not
     detected.
     """
     likeliest = None if track is None else likeliest_text(track)
     if likeliest is not None:
         return f"tracker: {likeliest}"
-    if seen["reported_type"] is None:
-        return str(seen.get("undetected_because") or "-")
-    confidence = probability_text(seen["highest_confidence"])
+    if row["reported_type"] is None:
+        return str(row.get("undetected_because") or "-")
+    confidence = probability_text(row["highest_confidence"])
     return (
-        f"detections: {seen['reported_type']}, confidence"
+        f"detections: {row['reported_type']}, confidence"
         f" {'' if confidence[0] in '<>' else 'up to '}{confidence}"
     )
 
@@ -124,13 +124,13 @@ def _flight(track: Row | None) -> Iterator[str]:
         return
     falls = track["probability_comes_down"]
     orbit = track["probability_orbit"] or 0.0
-    both = ((falls or 0.0, "comes down"), (orbit, "reaches orbit"))
+    answers = ((falls or 0.0, "comes down"), (orbit, "reaches orbit"))
     # A tracker without regions does not say what comes down; of its two answers one alone would
     # mislead.
     least = _PROBABLE if falls is None else _MINOR
     yield from (
         f"{words}: {probability_text(chance)}"
-        for chance, words in sorted(both)[::-1]
+        for chance, words in sorted(answers)[::-1]
         if chance >= least
     )
     law = ", the paper's law, without containment"
@@ -265,8 +265,8 @@ def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:
 def source_cells(row: Row, tracks: Mapping[int, Row]) -> tuple[str, ...]:
     """Return the cells of a hot source that is no target."""
     track = tracks.get(row["track_id"])
-    first = row["first_sensor_id"] or "not detected"
-    named = row["source_id"], row["source_type"], first, grouped(row["detections"])
+    first_sensor = row["first_sensor_id"] or "not detected"
+    named = row["source_id"], row["source_type"], first_sensor, grouped(row["detections"])
     return (*named, "-" if track is None else str(row["track_id"]), says_text(row, track))
 
 

@@ -152,19 +152,19 @@ def _hypothesis_table(groups: Sequence[Mapping[str, Any]]) -> list[str]:
         "by_motion": "by its motion, to the tracker",
         "by_light": "by its light, to the classifier",
     }
-    used = [key for key in headings if any(row[key] for row in groups)]
-    rows = [(", ".join(row["hypotheses"]), *(row[key] for key in used)) for row in groups]
-    return [table(("it may be", *map(headings.__getitem__, used)), rows)] if rows else []
+    keys = [key for key in headings if any(row[key] for row in groups)]
+    rows = [(", ".join(row["hypotheses"]), *(row[key] for key in keys)) for row in groups]
+    return [table(("it may be", *map(headings.__getitem__, keys)), rows)] if rows else []
 
 
 def _outage_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    first = _compass(row["azimuth_at_start_deg"])
-    last = _compass(row["azimuth_at_stop_deg"])
+    start = _compass(row["azimuth_at_start_deg"])
+    stop = _compass(row["azimuth_at_stop_deg"])
     return (
         row["sensor_id"],
         f"{row['start_s']:.1f}",
         f"{row['stop_s']:.1f}",
-        first if first == last else f"{first} to {last}",
+        start if start == stop else f"{start} to {stop}",
         f"{row['share_of_field']:.1%}",
     )
 

@@ -113,16 +113,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parsed(words: Sequence[str]) -> tuple[argparse.Namespace, bool]:
     """Return the parsed arguments, and whether the command is the core's own."""
-    given = next((word for word in words if not word.startswith("-")), None)
-    parser, commands = _empty_parser([given] if given in COMMANDS else COMMANDS)
-    if given in COMMANDS:
-        _add_arguments(commands.choices[given], given)
+    name = next((word for word in words if not word.startswith("-")), None)
+    parser, commands = _empty_parser([name] if name in COMMANDS else COMMANDS)
+    if name in COMMANDS:
+        _add_arguments(commands.choices[name], name)
     elif "--version" not in words:
-        _add_plugin_commands(commands, given)
+        _add_plugin_commands(commands, name)
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
-        _refuse(unknown, commands.choices.get(given, parser))
-    return arguments, given in COMMANDS
+        _refuse(unknown, commands.choices.get(name, parser))
+    return arguments, name in COMMANDS
 
 
 def _refuse(unknown: Sequence[str], command: argparse.ArgumentParser) -> NoReturn:
@@ -132,10 +132,10 @@ def _refuse(unknown: Sequence[str], command: argparse.ArgumentParser) -> NoRetur
     from opir_core.errors import nearest
 
     options = [word for word in unknown if word.startswith("--")]
-    known = (
+    options_known = (
         option for action in command._actions for option in action.option_strings
     )  # argparse has no public list
-    hint = nearest(options[0].partition("=")[0], known) if options else ""
+    hint = nearest(options[0].partition("=")[0], options_known) if options else ""
     command.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
 
 

@@ -95,8 +95,8 @@ def _release(version: str) -> tuple[int, ...]:
     return tuple(map(int, match[0].split("."))) if match else ()
 
 
-def _padded(release: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
-    return release + (0,) * (len(other) - len(release))
+def _padded(release: tuple[int, ...], pattern: tuple[int, ...]) -> tuple[int, ...]:
+    return release + (0,) * (len(pattern) - len(release))
 
 
 def _starts(release: tuple[int, ...], prefix: tuple[int, ...]) -> bool:

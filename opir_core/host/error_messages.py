@@ -230,10 +230,10 @@ def stale_plugin(source: Source, offers: Iterable[Offer]) -> str:
 
 def unknown_plugin(name: str, selection: Selection) -> str:
     """Return the message about a name on the allow-list that no distribution provides."""
-    known = {source.provenance.plugin for source in (*selection.allowed, *selection.hidden)}
+    installed = {source.provenance.plugin for source in (*selection.allowed, *selection.hidden)}
     return (
         f"{selection.rule} names {name!r}, but no installed distribution has such a"
-        f" plugin{nearest(name, known)}"
+        f" plugin{nearest(name, installed)}"
     )
 
 
@@ -351,7 +351,7 @@ def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
             or root in stdlib_module_names
         ):
             continue
-        if any(folder[-len(own) :] == own for own in _MACHINERY):
+        if any(folder[-len(folder_names) :] == folder_names for folder_names in _MACHINERY):
             continue
         if path.is_relative_to(_CORE):
             of_core = line

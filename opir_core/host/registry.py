@@ -77,7 +77,9 @@ class Registry:
         outcomes = self._outcomes.items()
         return tuple(
             sorted(
-                source.provenance for source, each in outcomes if isinstance(each, Contributions)
+                source.provenance
+                for source, outcome in outcomes
+                if isinstance(outcome, Contributions)
             )
         )
 
@@ -176,7 +178,9 @@ class Registry:
                 kind=CATALOGUE[hook].kind,
                 name=name,
                 summary=component.summary,
-                contested_by=tuple(other for other in owners[hook, name] if other != owner),
+                contested_by=tuple(
+                    claimant for claimant in owners[hook, name] if claimant != owner
+                ),
             )
             for (hook, name), component in sorted(outcome.components.items())
         )

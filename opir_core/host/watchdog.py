@@ -66,8 +66,8 @@ class Watchdog:
                 self.longest_pause_s = max(self.longest_pause_s, now_s - beat_s - self.interval_s)
             beat_s = now_s
             try:
-                found = self.reason()
-                reason = self.final() or (found if now_s >= judged_from_s else "")
+                stuck_reason = self.reason()
+                reason = self.final() or (stuck_reason if now_s >= judged_from_s else "")
             except BaseException as error:
                 reason = f"the watchdog has failed: {type(error).__name__}: {error}"
             if not reason:
@@ -100,14 +100,14 @@ def ended_if_stuck(
     thread = threading.get_ident()
     within_s = dead_after_s or limit_in_force()
     watchdog = Watchdog(lambda: overdue_call(thread, within_s), on_stuck or _end_process, within_s)
-    before = _SET.copy()
+    outer_limits = _SET.copy()
     _SET.extend([dead_after_s] if dead_after_s else [])
     watchdog.start()
     try:
         yield
     finally:
         watchdog.stop()
-        _SET[:] = before
+        _SET[:] = outer_limits
 
 
 def _end_process(reason: str) -> None:

@@ -35,9 +35,9 @@ class ImpactRegion:
     probability: float = 1.0
     effective_samples: float = math.nan
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self, region: object) -> bool:
         """Return whether another region has the same figures, centre and rings, point by point."""
-        return isinstance(other, ImpactRegion) and self._parts() == other._parts()
+        return isinstance(region, ImpactRegion) and self._parts() == region._parts()
 
     def __hash__(self) -> int:
         return hash(self._parts())

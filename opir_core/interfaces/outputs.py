@@ -237,10 +237,10 @@ class Encoder(PluginPart):
         return None
 
 
-def sink_or_transport(made: Any, owner: Callable[[], str] | None = None) -> Sink | Transport:
+def sink_or_transport(product: Any, owner: Callable[[], str] | None = None) -> Sink | Transport:
     """Return what a sink's `build` made, as the one or the other; raises `ModelError` for
     neither.
     """
-    if isinstance(made, Transport) or (hasattr(made, "send") and hasattr(made, "trouble")):
-        return Transport.adopt(made, owner)
-    return Sink.adopt(made, owner)
+    if isinstance(product, Transport) or (hasattr(product, "send") and hasattr(product, "trouble")):
+        return Transport.adopt(product, owner)
+    return Sink.adopt(product, owner)

@@ -135,10 +135,10 @@ class LiveRun:
         try:
             for choice in plan.scene.outputs:
                 is_spooled = choice.spool is not None
-                made = opened_sink(plan, choice)
+                opened = opened_sink(plan, choice)
                 count = counter_of(plan, choice)
                 sinks.append(
-                    SinkThread(choice.path, choice.name, made, is_spooled=is_spooled, count=count)
+                    SinkThread(choice.path, choice.name, opened, is_spooled=is_spooled, count=count)
                 )
         except BaseException:
             for sink in sinks:
@@ -184,9 +184,9 @@ class LiveRun:
         """
         named = [sink for sink in self._sinks if output in (sink.path, sink.name)]
         if len(named) != 1:
-            known = ", ".join(sink.path for sink in self._sinks) or "none"
+            names = ", ".join(sink.path for sink in self._sinks) or "none"
             problem = Problem(
-                "", f"there is no one output {output!r}; give the path of one of these: {known}"
+                "", f"there is no one output {output!r}; give the path of one of these: {names}"
             )
             raise SceneError([problem], source="outputs")
         return named[0].retry()
@@ -245,15 +245,17 @@ class LiveRun:
         age_s = self._cycle_age_s()
         settings = self.settings
         calls = [RunningCall("no cycle has ended", age_s, self._thread.ident)] if age_s else []
-        late = [self._lateness()] if self._is_late else []
-        late += [f"the tracker has ended: {self._tracker_error}"] if self._tracker_error else []
+        complaints = [self._lateness()] if self._is_late else []
+        complaints += (
+            [f"the tracker has ended: {self._tracker_error}"] if self._tracker_error else []
+        )
         calls += [
             RunningCall(f"the sink {sink.path} has not returned", sink.busy_s, sink.thread)
             for sink in self._sinks
         ]
         dead_after_s = max(settings.dead_after_s, self._longest_wait_s())
-        found = progress_of(calls, age_s, settings.unready_after_s, dead_after_s)
-        return evolve(found, delays=(*found.delays, *late))
+        progress = progress_of(calls, age_s, settings.unready_after_s, dead_after_s)
+        return evolve(progress, delays=(*progress.delays, *complaints))
 
     @property
     def _is_late(self) -> bool:
@@ -318,15 +320,15 @@ class LiveRun:
                 position = self._position
                 asked_ns = self.time_ns
                 earliest_ns = position.engine.time_ns + lead_ns
-                whole, is_chosen = launch_in_lap(
+                plan_mapping, is_chosen = launch_in_lap(
                     block, f"live-{self._name_number}", position, earliest_ns
                 )
                 duration_s = position.engine.plan.scene.duration_s
-                if is_chosen and whole["launch"]["time_s"] >= duration_s:
+                if is_chosen and plan_mapping["launch"]["time_s"] >= duration_s:
                     self._await_lap_after(position.lap, give_up_s)
                     continue
                 change = launch_change(
-                    position.engine.plan, whole, position.engine.time_ns, position.lap
+                    position.engine.plan, plan_mapping, position.engine.time_ns, position.lap
                 )
                 try:
                     cycle = self._applied(change, give_up_s)
@@ -340,8 +342,8 @@ class LiveRun:
                 else:
                     self._launch_count += 1
                     return Launched(
-                        whole["id"],
-                        whole["launch"]["time_s"] + position.offset.time_ns / _NS,
+                        plan_mapping["id"],
+                        plan_mapping["launch"]["time_s"] + position.offset.time_ns / _NS,
                         cycle,
                     )
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")

@@ -37,7 +37,7 @@ def distinct_bands(sensors: Sequence[Sensor]) -> tuple[Band, ...]:
 def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
     """Return what is built of each block of a scene's `sources`."""
     bands = distinct_bands(sensors)
-    made = list[Sources]()
+    sources = list[Sources]()
     make_atmosphere = cache(partial(scene_atmosphere, scene, host, bands))
     for source in scene.sources:
         context = SourceContext(
@@ -52,10 +52,10 @@ def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[S
         owner = partial(owner_text, host, source.model)
         emitters = Sources.adopt(_built(host, source.model, context), owner)
         trajectories = Trajectories.adopt(emitters.trajectories, owner)
-        made.append(
+        sources.append(
             _Emitters(emitters.ids, trajectories, Signatures.adopt(emitters.signatures, owner))
         )
-    return tuple(made)
+    return tuple(sources)
 
 
 def scene_atmosphere(scene: Scene, host: Host, bands: tuple[Band, ...]) -> Transmittance:

@@ -146,11 +146,11 @@ def _certain(margin: FloatArray, guard: FloatArray, cells: IntArray) -> tuple[Bo
     """Return in which cells a margin is positive throughout, and in which it is negative
     throughout.
     """
-    early = margin[cells]
-    late = margin[cells + 1]
+    start_margin = margin[cells]
+    stop_margin = margin[cells + 1]
     bound = np.maximum(guard[cells], guard[cells + 1])
-    always: BoolArray = np.minimum(early, late) > bound
-    never: BoolArray = np.maximum(early, late) < -bound
+    always: BoolArray = np.minimum(start_margin, stop_margin) > bound
+    never: BoolArray = np.maximum(start_margin, stop_margin) < -bound
     return always, never
 
 

@@ -87,11 +87,11 @@ class Workload:
         for name in ("looks", "events", "bytes"):
             limit = f"{name}_per_{span}"
             amount = getattr(work, name)
-            most = getattr(self.limits, limit)
-            if amount > most:
+            maximum = getattr(self.limits, limit)
+            if amount > maximum:
                 at_most = "" if name == "looks" else "up to "
                 text = (
-                    f"{subject} {at_most}{amount:.3g} {name}, and at most {most:.3g} are accepted;"
+                    f"{subject} {at_most}{amount:.3g} {name}, and at most {maximum:.3g} are accepted;"
                     f" {self._remedy(span)}"
                 )
                 raise SceneError([Problem(f"limits.{limit}", text)])
@@ -123,10 +123,10 @@ def most_looks(pairs: Pairs, duration_ns: int) -> float:
     pairs = pairs.take(np.flatnonzero(pairs.looks > 0))
     if not len(pairs):
         return 0.0
-    most = np.minimum(duration_ns // pairs.period_ns + 1, pairs.looks).astype(np.float64)
+    looks = np.minimum(duration_ns // pairs.period_ns + 1, pairs.looks).astype(np.float64)
     starts = pairs.phase_ns + pairs.first_scan * pairs.period_ns
     stops = pairs.phase_ns + pairs.last_scan * pairs.period_ns + duration_ns
     # A pair counts from its first look until its last look has left the interval; at equal times
     # starts come first.
     order = np.lexsort((np.repeat([0, 1], len(pairs)), np.concatenate([starts, stops])))
-    return float(np.cumsum(np.concatenate([most, -most])[order]).max())
+    return float(np.cumsum(np.concatenate([looks, -looks])[order]).max())

@@ -57,9 +57,15 @@ class LightFinder:
         if _items(self._nodes.get("sources")):
             yield Description((".sources",), self._nodes["sources"])
         for index, item in enumerate(_items(self._nodes.get("sensors"))):
-            yield from (one.under(".sensors", index_step(index)) for one in self._in_sensor(item))
+            yield from (
+                description.under(".sensors", index_step(index))
+                for description in self._in_sensor(item)
+            )
         for index, item in enumerate(_items(self._nodes.get("targets"))):
-            yield from (one.under(".targets", index_step(index)) for one in self._in_target(item))
+            yield from (
+                description.under(".targets", index_step(index))
+                for description in self._in_target(item)
+            )
         if "detection" in self._nodes:
             yield from self._in_detection(self._nodes["detection"])
         models = [self._model_of(_block(item)) for item in _items(self._nodes.get("sensors"))]
@@ -93,7 +99,7 @@ class LightFinder:
             yield from _in_settings(model, block)
         for index, member in enumerate(_items(block.get("members"))):
             inside = self._in_sensor(member)
-            yield from (one.under(".members", index_step(index)) for one in inside)
+            yield from (description.under(".members", index_step(index)) for description in inside)
 
     def _model_of(self, block: Mapping[str, Node]) -> SensorModel | None:
         """Return the sensor model of a block, that of its constellation where it names one; None if
@@ -121,9 +127,9 @@ class LightFinder:
         have.
         """
         model = self._component(DetectionModel.hook, WITHOUT_LIGHT)
-        known = ("model", *(field_infos(model.config) if model is not None else ()))
+        keys = ("model", *(field_infos(model.config) if model is not None else ()))
         for key, setting in _block(node).items():
-            if key not in known:
+            if key not in keys:
                 yield Description((".detection", key_step(key)), setting)
 
     def _component(self, hook: str, name: object) -> Any:

@@ -229,11 +229,11 @@ def _steps(path: str, shown: str) -> list[_Step]:
     steps: list[_Step] = []
     at = 0
     dotted = f".{path}"
-    while found := _STEP.match(dotted, at):
+    while step := _STEP.match(dotted, at):
         steps.append(
-            found[1] if found[1] is not None else int(found[2]) if found[2] is not None else None
+            step[1] if step[1] is not None else int(step[2]) if step[2] is not None else None
         )
-        at = found.end()
+        at = step.end()
     if at < len(dotted) or not steps:
         raise InvalidNode(
             [
@@ -270,9 +270,9 @@ def _open_choice(root: Node, steps: Sequence[_Step], default_name: DefaultName, 
     key = steps[0]
     if len(steps) == 1 or not isinstance(key, str) or not isinstance(root.value, dict):
         return
-    chosen = root.value.get(key) or Node(default_name(key, root.value), shown)
-    if type(chosen.value) is str and chosen.value:
-        root.value[key] = Node({"model": chosen}, chosen.place, chosen.key_place)
+    choice = root.value.get(key) or Node(default_name(key, root.value), shown)
+    if type(choice.value) is str and choice.value:
+        root.value[key] = Node({"model": choice}, choice.place, choice.key_place)
 
 
 def _set(node: Node, steps: Sequence[_Step], value: Node, shown: str, path: str = "") -> None:
@@ -312,9 +312,13 @@ def _entry(node: Node, key: str, path: str, shown: str) -> Node:
 def _count(node: Node, path: str, shown: str) -> int:
     """Return the number of items that `[*]` stands for, at least one."""
     if not isinstance(node.value, list) or not node.value:
-        what = "an empty list" if isinstance(node.value, list) else _kind(node)
+        description = "an empty list" if isinstance(node.value, list) else _kind(node)
         raise InvalidNode(
-            [Complaint(f"{shown}: {path or 'the scene'} is {what}, which has no items for [*]")]
+            [
+                Complaint(
+                    f"{shown}: {path or 'the scene'} is {description}, which has no items for [*]"
+                )
+            ]
         )
     return len(node.value)
 

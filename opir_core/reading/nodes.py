@@ -192,9 +192,11 @@ def shown_text(text: str) -> str:
 
 def unprintable_complaint(text: str) -> str | None:
     """Return the error in the characters of a text, or None."""
-    found = _NOT_TEXT.search(text)
+    character = _NOT_TEXT.search(text)
     return (
-        f"{shown_text(text)} contains U+{ord(found[0]):04X}, which is not text" if found else None
+        f"{shown_text(text)} contains U+{ord(character[0]):04X}, which is not text"
+        if character
+        else None
     )
 
 
@@ -212,7 +214,7 @@ def ordered(complaints: Iterable[Complaint]) -> list[Complaint]:
     """
     return sorted(
         dict.fromkeys(complaints),
-        key=lambda one: (0, one.place) if isinstance(one.place, tuple) else (1,),
+        key=lambda complaint: (0, complaint.place) if isinstance(complaint.place, tuple) else (1,),
     )
 
 

@@ -96,9 +96,9 @@ def read_tuple(readers: tuple[Reader, ...], node: Node, _type: Any = None) -> tu
     items = items_of(node)
     if len(items) != len(readers):
         raise node.refused(f"this list has {len(items)} items; {len(readers)} are needed")
-    parts = zip(readers, items, strict=True)
+    pairs = zip(readers, items, strict=True)
     return tuple(
-        _all_read((index_step(index), reader, item) for index, (reader, item) in enumerate(parts))
+        _all_read((index_step(index), reader, item) for index, (reader, item) in enumerate(pairs))
     )
 
 
@@ -168,11 +168,11 @@ def _no_number(node: Node, needed: str) -> InvalidNode:
     return refusal(node, needed)
 
 
-def _all_read(parts: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
+def _all_read(items: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
     """Return the values of all parts; raises the errors of all parts together."""
     collector = ErrorCollector()
     values = []
-    for step, reader, node in parts:
+    for step, reader, node in items:
         with collector.at(step):
             values.append(reader(node, None))
     collector.require_whole()
@@ -267,11 +267,11 @@ class ClassReader:
         `home` says where a key belongs that means nothing here; what the block leaves out is as in
         `base`.
         """
-        known = (*other_keys, *self.fields)
-        block = block_of(node, known)
+        keys = (*other_keys, *self.fields)
+        block = block_of(node, keys)
         for key in [key for key in block if key not in self.fields]:
             with collector.at(key_step(key)):
-                raise unknown_key(key, block[key], known, home)
+                raise unknown_key(key, block[key], keys, home)
         values = {}
         for name, field in self.fields.items():
             with collector.at(key_step(name)):
@@ -280,8 +280,10 @@ class ClassReader:
                 elif base is not None:
                     values[name] = getattr(base, name)
                 elif field.attribute.default is NOTHING:
-                    wanted = info_of(field.attribute).requirement
-                    raise node.refused(f"is missing: {wanted}" if wanted else "is missing")
+                    requirement = info_of(field.attribute).requirement
+                    raise node.refused(
+                        f"is missing: {requirement}" if requirement else "is missing"
+                    )
         return values
 
 
@@ -296,16 +298,18 @@ def class_reader(config_class: type) -> ClassReader:
         raise UnreadableTypeError(
             f"the field types of {config_class.__qualname__} are not known: {error}"
         ) from error
-    found = {}
+    fields_read = {}
     for attribute in fields(config_class):
         try:
             if attribute.init:
-                found[attribute.name] = FieldReader(attribute, reader_of(hints[attribute.name]))
+                fields_read[attribute.name] = FieldReader(
+                    attribute, reader_of(hints[attribute.name])
+                )
         except UnreadableTypeError as error:
             raise UnreadableTypeError(
                 f"{config_class.__qualname__}.{attribute.name}: {error}"
             ) from error
-    return ClassReader(config_class, found)
+    return ClassReader(config_class, fields_read)
 
 
 def reader_of(kind: Any) -> Reader:
@@ -315,19 +319,17 @@ def reader_of(kind: Any) -> Reader:
     return _converter().get_structure_hook(kind)
 
 
-def unknown_key(
-    key: str, node: Node, known: Sequence[str], home: Home | None = None
-) -> InvalidNode:
+def unknown_key(key: str, node: Node, keys: Sequence[str], home: Home | None = None) -> InvalidNode:
     """Return the refusal of a key that means nothing here: the nearest known one, where it belongs,
     or all known.
     """
-    near = nearest(key, known)
+    similar = nearest(key, keys)
     if node.written == "" and ":" in key:
         hint = "a space is missing after its ':'"
     else:
-        belongs = home(key, near is not None) if home else ""
-        meant = f"did you mean {near}?{' Otherwise ' if belongs else ''}" if near else ""
-        all_known = f"known here: {', '.join(known)}" if known else "there is nothing to set here"
+        belongs = home(key, similar is not None) if home else ""
+        meant = f"did you mean {similar}?{' Otherwise ' if belongs else ''}" if similar else ""
+        all_known = f"known here: {', '.join(keys)}" if keys else "there is nothing to set here"
         hint = f"{meant}{belongs}" or all_known
     return node.refused(f"unknown key; {hint}", at_key=True)
 
@@ -338,15 +340,15 @@ def required(block: dict[str, Node], key: str, node: Node) -> Node:
     """
     if key in block:
         return block.pop(key)
-    near = nearest(key, block)
-    raise node.refused(f"is missing{f'; is {near} meant for it?' if near else ''}")
+    similar = nearest(key, block)
+    raise node.refused(f"is missing{f'; is {similar} meant for it?' if similar else ''}")
 
 
-def nearest(key: str, known: Iterable[str]) -> str | None:
+def nearest(key: str, keys: Iterable[str]) -> str | None:
     """Return the known key that is most similar to a key, letter case ignored, or None where none
     is similar.
     """
-    return next(iter(nearest_names(key, known, most=1, cutoff=0.6)), None)
+    return next(iter(nearest_names(key, keys, most=1, cutoff=0.6)), None)
 
 
 @cache

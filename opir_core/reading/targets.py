@@ -63,8 +63,8 @@ class Identifier:
         settings = dict(block_of(node, other_keys))
         collector = ErrorCollector()
         with collector.at(".id"):
-            found = required(settings, "id", node)
-            given_id = self.claimed(read_text(found), path, found)
+            identifier = required(settings, "id", node)
+            given_id = self.claimed(read_text(identifier), path, identifier)
         with collector.at():
             name = self._model(settings, node)
             choice = self.components.choice(
@@ -117,15 +117,15 @@ def read_forces(node: Node) -> SceneForces:
     if not node.value:
         raise node.refused(f"this list is empty; for the point mass only, write {KEPLER}")
     collector = ErrorCollector()
-    found = dict[str, SceneDrag | None]()
+    forces = dict[str, SceneDrag | None]()
     for index, item in enumerate(items_of(node)):
         with collector.at(index_step(index)):
             name, drag = _force(item)
-            if name in found:
+            if name in forces:
                 raise item.refused(f"{name} occurs twice")
-            found[name] = drag
+            forces[name] = drag
     collector.require_whole()
-    return SceneForces(tuple(name for name in ZONAL_FORCES if name in found), found.get(_DRAG))
+    return SceneForces(tuple(name for name in ZONAL_FORCES if name in forces), forces.get(_DRAG))
 
 
 def _force(node: Node) -> tuple[str, SceneDrag | None]:
@@ -155,9 +155,9 @@ def _unknown(name: str, node: Node) -> InvalidNode:
         return node.refused(
             f"{KEPLER} is the point mass only: write it instead of the list, or leave it out"
         )
-    near = nearest(name, _KNOWN)
+    similar = nearest(name, _KNOWN)
     return node.refused(
-        f"there is no force {shown_text(name)}; {f'did you mean {near}?' if near else _ITEM_NEEDED}"
+        f"there is no force {shown_text(name)}; {f'did you mean {similar}?' if similar else _ITEM_NEEDED}"
     )
 
 
@@ -215,10 +215,12 @@ class TargetReader:
         if kind is None or kind.value not in self._components.names(TargetClass.hook):
             return DEFAULT_TARGET_MODEL
         try:
-            found: TargetClass = self._components.component(TargetClass.hook, kind.value, "type")
+            target_class: TargetClass = self._components.component(
+                TargetClass.hook, kind.value, "type"
+            )
         except InvalidNode:
             return DEFAULT_TARGET_MODEL
-        return found.after_burnout.model
+        return target_class.after_burnout.model
 
     def _refuse_late_launch(self, choice: Choice, node: Node) -> None:
         """Reject a launch after the end of the scene, for models with `launch.time_s`."""

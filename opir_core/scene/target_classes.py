@@ -186,10 +186,10 @@ class TargetClass:
             (len(set(names)) < len(names), "with two profiles of one name"),
             (bool(lacking), f"without a plume for the profile {', '.join(lacking)}"),
         )
-        parts = (*map(_profile_fault, self.profiles), *map(_plume_fault, self.plumes.values()))
-        return next((words for is_fault, words in faults if is_fault), "") or next(
-            filter(None, parts), ""
-        )
+        profiles = map(_profile_fault, self.profiles)
+        plumes = map(_plume_fault, self.plumes.values())
+        class_faults = (words for is_fault, words in faults if is_fault)
+        return next(filter(None, (*class_faults, *profiles, *plumes)), "")
 
 
 #: Names of types that a target class cannot have.
@@ -279,8 +279,8 @@ def core_target_class(name: str) -> TargetClass:
 def _target_class(name: str, row: Mapping[str, Any]) -> TargetClass:
     values = dict(row)
     names = values.pop("profiles")
-    after = values.pop("after_burnout", {Ballistic.model: {}})
-    ((kind, settings),) = after.items()
+    phase = values.pop("after_burnout", {Ballistic.model: {}})
+    ((kind, settings),) = phase.items()
     return TargetClass(
         name=name,
         profiles=tuple(core_profiles()[profile] for profile in names),

@@ -134,14 +134,14 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
     rates = plan.detection.rate_per_scan
     if rates is None:
         return []
-    both = zip(plan.sensors, rates.tolist(), strict=True)
+    rows = zip(plan.sensors, rates.tolist(), strict=True)
     return [
         {
             "sensor_id": sensor.id,
             "per_scan": rate,
             "per_day": rate * 86_400e9 / sensor.scan.period_ns,
         }
-        for sensor, rate in both
+        for sensor, rate in rows
     ]
 
 
@@ -217,12 +217,12 @@ def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
         return []
     return [
         {
-            "hypotheses": [each.name for each in own],
+            "hypotheses": [hypothesis.name for hypothesis in members],
             "group": group,
             "by_motion": _EVIDENCE[group][0] if weighs[0] else None,
             "by_light": _EVIDENCE[group][1] if weighs[1] else None,
         }
-        for group, own in groupby(plan.hypotheses, lambda each: each.group)
+        for group, members in groupby(plan.hypotheses, lambda hypothesis: hypothesis.group)
     ]
 
 
@@ -234,7 +234,9 @@ def _sensors_assumed(plan: Plan) -> list[str]:
     return (
         []
         if health is None
-        else [f"{one.id}: {text}" for one, text in zip(plan.sensors, health.text, strict=True)]
+        else [
+            f"{sensor.id}: {text}" for sensor, text in zip(plan.sensors, health.text, strict=True)
+        ]
     )
 
 

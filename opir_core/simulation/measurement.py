@@ -132,9 +132,9 @@ def with_tracks(
     types = Classified.of(
         classifier, len(rows), classifier.revised(posterior[rows], of_track), "revised", 256
     )
-    found = {"reported_type": types.reported_type, **types.columns}
     columns = {
-        name: _replaced(getattr(detections, name), rows, column) for name, column in found.items()
+        name: _replaced(getattr(detections, name), rows, column)
+        for name, column in {"reported_type": types.reported_type, **types.columns}.items()
     }
     changed = evolve(detections, **columns)
     of_types = confidence.of_types(
@@ -161,11 +161,11 @@ def measured_lines_of_sight(
     `sigma_rad` (n,) is the standard deviation along both axes; `words` (n,) are raw random words.
     The true direction is to the target's position at emission.
     """
-    first, second = normal_pairs(words)
+    east_normal, north_normal = normal_pairs(words)
     direction = _directions(exposed)
     if states.bias is not None:
         direction = states.bias.applied(*direction, exposed.sensor, exposed.sensor_ecef_m)
-    return _rows(*_tilted(*direction, first * sigma_rad, second * sigma_rad))
+    return _rows(*_tilted(*direction, east_normal * sigma_rad, north_normal * sigma_rad))
 
 
 def _directions(exposed: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -111,16 +111,16 @@ def _implausible(plan: Plan | CheckedScene) -> list[str]:
 
 def _of_parts(plan: Plan | CheckedScene) -> list[Problem]:
     """Return what targets, the detection model and orbits say of their own settings and files."""
-    found = [
-        each
-        for part in (*plan.targets.trajectories, plan.detection)
-        for each in getattr(part, "warnings", ())
+    problems = [
+        problem
+        for component in (*plan.targets.trajectories, plan.detection)
+        for problem in getattr(component, "warnings", ())
     ]
-    for chosen, sensor in zip(plan.scene.sensors, plan.sensors, strict=True):
+    for choice, sensor in zip(plan.scene.sensors, plan.sensors, strict=True):
         words = getattr(sensor.orbit, "warnings", ())
-        found += [Problem(f"{chosen.model.path}.orbit", text) for text in words]
-        found += [Problem(chosen.model.path, text) for text in _narrow_field(sensor)]
-    return found
+        problems += [Problem(f"{choice.model.path}.orbit", text) for text in words]
+        problems += [Problem(choice.model.path, text) for text in _narrow_field(sensor)]
+    return problems
 
 
 def _narrow_field(sensor: Sensor) -> Iterator[str]:

@@ -230,12 +230,12 @@ class CheckedTracker(Tracker):
     def _fault_in_width(self, estimates: Tracks) -> str:
         """Return the error of columns of hypotheses that come or go from tick to tick, or ""."""
         width = estimates.hypothesis_probability.shape[1] if len(estimates) else self._width
-        before = self._width
+        former_width = self._width
         self._width = width
         return (
             ""
-            if before in (None, width)
-            else f"returned {width} hypotheses, after {before} at earlier ticks"
+            if former_width in (None, width)
+            else f"returned {width} hypotheses, after {former_width} at earlier ticks"
         )
 
     def is_idle(self) -> bool:
@@ -324,15 +324,11 @@ def _fault(estimates: Any, tick_s: float, hypotheses: int) -> str:
         column = getattr(estimates, name)
         kinds = _KINDS.get(name, "fiu")
         # A tracker weighs all hypotheses, or none.
-        due = [shape, (hypotheses,)] if name == "hypothesis_probability" else [shape]
+        shapes = [shape, (hypotheses,)] if name == "hypothesis_probability" else [shape]
         is_array = isinstance(column, np.ndarray) and column.dtype.kind in kinds
-        if not is_array or column.shape not in [(rows, *each) for each in due]:
-            shapes = (
-                f"{rows} rows of shape {due[-1]}"
-                if shape
-                else f"{rows} {_CONTENTS.get(name, 'numbers')}"
-            )
-            return f"returned {name} as {outline(column)}, not {shapes}"
+        if not is_array or column.shape not in [(rows, *row_shape) for row_shape in shapes]:
+            contents = f"rows of shape {shapes[-1]}" if shape else _CONTENTS.get(name, "numbers")
+            return f"returned {name} as {outline(column)}, not {rows} {contents}"
     if not rows:
         return ""
     if not _are_regions(estimates.impact_regions.tolist()):
@@ -386,18 +382,18 @@ def _fault_in_covariance(name: str, covariance: FloatArray) -> str:
     """Return the first error of covariances (n, k, k), or ""; they are symmetric and positive
     semidefinite.
     """
-    known = covariance[~np.isnan(covariance).any(axis=(1, 2))]
-    if not len(known):
+    complete = covariance[~np.isnan(covariance).any(axis=(1, 2))]
+    if not len(complete):
         return ""
-    spread = np.sqrt(np.maximum(np.diagonal(known, axis1=1, axis2=2), 0.0))
+    spread = np.sqrt(np.maximum(np.diagonal(complete, axis1=1, axis2=2), 0.0))
     scale = spread[:, :, None] * spread[:, None, :]
-    scaled = np.divide(known, scale, out=np.zeros_like(known), where=scale > 0.0)
-    if not np.isfinite(known).all() or np.any(
+    scaled = np.divide(complete, scale, out=np.zeros_like(complete), where=scale > 0.0)
+    if not np.isfinite(complete).all() or np.any(
         np.abs(scaled - scaled.transpose(0, 2, 1)) > _SYMMETRY
     ):
         return f"returned {name} that is not symmetric and finite"
     if (
-        np.any(np.diagonal(known, axis1=1, axis2=2) < 0.0)
+        np.any(np.diagonal(complete, axis1=1, axis2=2) < 0.0)
         or np.linalg.eigvalsh(scaled).min() < -_NEGATIVE
     ):
         return f"returned {name} that is not positive definite"

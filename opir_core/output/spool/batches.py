@@ -45,32 +45,32 @@ class EncodedBatcher:
     def batches(self, window: Window) -> Iterator[Batch]:
         """Yield a window's events as batches, without those that have no message."""
         for block in encoder_blocks(window, self._encoder):
-            kept = only_encodable(block, self._encoder)
-            lines = self._encoder.encode(kept)
-            if len(kept.tracks) and self._encoder.encodes_tracks:
-                numbers, key = np.unique(kept.tracks.track, return_inverse=True)
+            encodable = only_encodable(block, self._encoder)
+            lines = self._encoder.encode(encodable)
+            if len(encodable.tracks) and self._encoder.encodes_tracks:
+                numbers, key = np.unique(encodable.tracks.track, return_inverse=True)
                 yield from self._cut(lines, key, numbers.astype(str).astype(object))
-            elif len(kept.detections):
-                yield from self._cut(lines, kept.detections.sensor, self._ids)
+            elif len(encodable.detections):
+                yield from self._cut(lines, encodable.detections.sensor, self._ids)
 
     def _cut(self, lines: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Iterator[Batch]:
         """Yield the lines of a block as batches of at most `BATCH_EVENTS` events; `key` (n,) is a
         row of `names`.
         """
-        whole = self._batch(lines, key, names)
-        if len(whole) <= BATCH_EVENTS:
-            yield whole
+        batch = self._batch(lines, key, names)
+        if len(batch) <= BATCH_EVENTS:
+            yield batch
             return
-        messages = whole.messages()
-        for first in range(0, len(key), BATCH_EVENTS):
-            part = slice(first, first + BATCH_EVENTS)
-            yield self._batch(b"\n".join([*messages[part], b""]), key[part], names)
+        messages = batch.messages()
+        for start in range(0, len(key), BATCH_EVENTS):
+            rows = slice(start, start + BATCH_EVENTS)
+            yield self._batch(b"\n".join([*messages[rows], b""]), key[rows], names)
 
     def _batch(self, body: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Batch:
-        used, key_of = np.unique(key, return_inverse=True)
+        used_keys, key_of = np.unique(key, return_inverse=True)
         return Batch(
             body=body,
-            keys=tuple(names[used].tolist()),
+            keys=tuple(names[used_keys].tolist()),
             key_of=key_of.astype(np.uint16),
             content_type=self._encoder.content_type,
             schema_version=self._encoder.schema_version,
@@ -112,7 +112,7 @@ class Backlog(Protocol):
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch but those in `rows`."""
 
-    def drop_oldest(self, after: int) -> int:
+    def drop_oldest(self, number: int) -> int:
         """Remove the first batch with a higher number and return its number of events; 0 if there
         is none.
         """
@@ -153,7 +153,14 @@ class MemoryBacklog:
         """Return the first batch with a higher number, with its number, or None."""
         if number + 1 in self._batches:
             return number + 1, self._batches[number + 1]
-        return next(((each, batch) for each, batch in self._batches.items() if each > number), None)
+        return next(
+            (
+                (candidate, batch)
+                for candidate, batch in self._batches.items()
+                if candidate > number
+            ),
+            None,
+        )
 
     def acknowledge(self, numbers: Iterable[int]) -> None:
         """Remove the batches with these numbers."""
@@ -164,17 +171,17 @@ class MemoryBacklog:
 
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch but those in `rows`."""
-        whole = self._batches[number]
-        rest = self._batches[number].take(rows)
-        self._batches[number] = rest
-        self._bytes -= len(whole.body) - len(rest.body)
-        self.waiting -= len(whole) - len(rest)
+        batch = self._batches[number]
+        remaining = self._batches[number].take(rows)
+        self._batches[number] = remaining
+        self._bytes -= len(batch.body) - len(remaining.body)
+        self.waiting -= len(batch) - len(remaining)
 
-    def drop_oldest(self, after: int) -> int:
+    def drop_oldest(self, number: int) -> int:
         """Remove the first batch with a higher number and return its number of events; 0 if there
         is none.
         """
-        oldest = self.after(after)
+        oldest = self.after(number)
         if oldest is None:
             return 0
         self.acknowledge([oldest[0]])

@@ -53,13 +53,15 @@ class Origin:
         }
         for name in _REGION_COLUMNS:
             columns |= {
-                f"{name}.{part}": array for part, array in packed_regions(columns.pop(name)).items()
+                f"{name}.{key}": array for key, array in packed_regions(columns.pop(name)).items()
             }
-        used = np.unique(window.detections.sensor)
+        sensors_used = np.unique(window.detections.sensor)
         columns |= {
             "epoch_us": np.array(self.epoch_us),
-            "sensors": used,
-            "sensor_ids": np.array([self.sensors[row].id for row in used.tolist()], dtype=str),
+            "sensors": sensors_used,
+            "sensor_ids": np.array(
+                [self.sensors[row].id for row in sensors_used.tolist()], dtype=str
+            ),
             "reported_types": np.array(self.reported_types),
             "hypotheses": np.array(self.hypotheses, dtype=str),
         }
@@ -112,20 +114,20 @@ class Origin:
         """Return the rows of this run's sensors that have the ids of those of an archive."""
         if tuple(archive["reported_types"].tolist()) != self.reported_types:
             raise SinkError(f"its spool holds events with other types; {_REMEDY}")
-        used = archive["sensors"]
+        names_used = archive["sensors"]
         ids = archive["sensor_ids"].tolist()
         if all(
             row < len(self.sensors) and self.sensors[row].id == name
-            for row, name in zip(used, ids, strict=True)
+            for row, name in zip(names_used, ids, strict=True)
         ):
             return sensor
-        row_of = {each.id: row for row, each in enumerate(self.sensors)}
+        row_of = {sensor.id: row for row, sensor in enumerate(self.sensors)}
         if unknown := [name for name in ids if name not in row_of]:
             raise SinkError(
                 f"its spool holds events of {unknown[0]}, which the scene does not have; {_REMEDY}"
             )
         rows = np.array([row_of[name] for name in ids], dtype=sensor.dtype)
-        return rows[np.searchsorted(used, sensor)]
+        return rows[np.searchsorted(names_used, sensor)]
 
 
 _REMEDY = (
@@ -140,4 +142,4 @@ def _record(record: Callable[..., _Record], name: str, archive: Any) -> _Record:
 def _column(name: str, archive: Any) -> Any:
     if name not in _REGION_COLUMNS:
         return archive[name]
-    return unpacked_regions({part: archive[f"{name}.{part}"] for part in REGION_PARTS})
+    return unpacked_regions({key: archive[f"{name}.{key}"] for key in REGION_PARTS})

@@ -64,13 +64,13 @@ def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
     }
 
 
-def unpacked_regions(parts: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
+def unpacked_regions(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
     """Return the column (n,) of packed arrays."""
-    rings = np.split(parts["points"], np.cumsum(parts["ring_points"]))[:-1]
-    polygons = _grouped(rings, parts["rings"])
-    shapes = _grouped(polygons, parts["polygons"])
-    figures = zip(*(parts[name].tolist() for name in _NUMBERS), strict=True)
-    columns = (parts[name].tolist() for name in ("centre", "condition"))
+    rings = np.split(arrays["points"], np.cumsum(arrays["ring_points"]))[:-1]
+    polygons = _grouped(rings, arrays["rings"])
+    shapes = _grouped(polygons, arrays["polygons"])
+    figures = zip(*(arrays[name].tolist() for name in _NUMBERS), strict=True)
+    columns = (arrays[name].tolist() for name in ("centre", "condition"))
     regions = [
         ImpactRegion(
             **dict(zip(_NUMBERS, numbers, strict=True)),
@@ -80,20 +80,20 @@ def unpacked_regions(parts: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
         )
         for numbers, (lat, lon), code, shape in zip(figures, *columns, shapes, strict=True)
     ]
-    tuples = _grouped(regions, parts["regions"])
-    column = np.empty(len(parts["of_row"]), dtype=np.object_)
-    for row, number in enumerate(parts["of_row"].tolist()):
+    tuples = _grouped(regions, arrays["regions"])
+    column = np.empty(len(arrays["of_row"]), dtype=np.object_)
+    for row, number in enumerate(arrays["of_row"].tolist()):
         column[row] = tuples[number]
     return column
 
 
-def _lengths(parts: Sequence[Sequence[Any] | NDArray[Any]]) -> NDArray[np.int64]:
-    return np.array([len(part) for part in parts], dtype=np.int64)
+def _lengths(groups: Sequence[Sequence[Any] | NDArray[Any]]) -> NDArray[np.int64]:
+    return np.array([len(group) for group in groups], dtype=np.int64)
 
 
-def _grouped(parts: Sequence[Any], counts: NDArray[Any]) -> list[tuple[Any, ...]]:
+def _grouped(items: Sequence[Any], counts: NDArray[Any]) -> list[tuple[Any, ...]]:
     """Return successive parts as tuples of the given lengths."""
     ends = np.cumsum(counts).tolist()
     return [
-        tuple(parts[end - count : end]) for end, count in zip(ends, counts.tolist(), strict=True)
+        tuple(items[end - count : end]) for end, count in zip(ends, counts.tolist(), strict=True)
     ]

@@ -117,18 +117,18 @@ class Store:
     def acknowledge(self, numbers: list[int]) -> None:
         """Remove delivered batches; raise `FullError` if the disk has no room to note it."""
         with self.room:
-            before = self.backlog.waiting
+            former_waiting = self.backlog.waiting
             self.backlog.acknowledge(numbers)
-            self.books.delivered += before - self.backlog.waiting
+            self.books.delivered += former_waiting - self.backlog.waiting
             self._unread = self._unread if self.backlog.waiting else ""
             self.room.notify_all()
 
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch that are delivered, all but `rows`."""
         with self.room:
-            before = self.backlog.waiting
+            former_waiting = self.backlog.waiting
             self.backlog.keep(number, rows)
-            self.books.delivered += before - self.backlog.waiting
+            self.books.delivered += former_waiting - self.backlog.waiting
 
     @property
     def _place(self) -> str:
