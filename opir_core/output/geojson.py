@@ -305,12 +305,28 @@ def _refined(ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant) -
             break
         edge = np.insert(edge, wide + 1, edge[wide])
         share = np.insert(share, wide + 1, 0.5 * (share + end_share)[wide])
-    jumps = np.flatnonzero((turn > 180.0) & (np.abs(points[:, 0]) < 180.0))
-    side = np.sign(points[jumps, 0])
-    at = _crossed(plane, edge[jumps], (share[jumps], end_share[jumps]), side, chart)
-    crossing = _along(plane, edge[jumps], at, chart)
-    crossing[:, 0] = 180.0 * side
-    return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossing, axis=0)
+    is_jump = (turn > 180.0) & (np.abs(points[:, 0]) < 180.0)
+    jumps = np.flatnonzero(is_jump)
+    crossings = _crossings(
+        plane, edge[jumps], (share[jumps], end_share[jumps]), np.sign(points[jumps, 0]), chart
+    )
+    return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossings, axis=0)
+
+
+def _crossings(
+    plane: FloatArray,
+    edge: NDArray[np.int64],
+    between: tuple[FloatArray, FloatArray],
+    side: FloatArray,
+    chart: AzimuthalEquidistant,
+) -> FloatArray:
+    """Return the points (n, 2) at which edges, between two shares, cross the 180th meridian.
+
+    `side` is the sign of the longitude at the first share.
+    """
+    crossings = _along(plane, edge, _crossed(plane, edge, between, side, chart), chart)
+    crossings[:, 0] = 180.0 * side
+    return crossings
 
 
 def _crossed(

@@ -58,6 +58,15 @@ class _LookIntervals(NamedTuple):
         behind = np.where(is_last, last_scan[pair] + 1, np.append(first_scan[1:], 0))
         return cls(pair, first_scan, behind)
 
+    def with_looks(
+        self, last_scan: IntArray, pair: IntArray, scan: IntArray
+    ) -> tuple["_LookIntervals", IntArray]:
+        """Return the intervals with one for each look (n,), and the order that sorts them."""
+        pairs = np.concatenate([self.pair, pair])
+        scans = np.concatenate([self.first, scan])
+        order = _in_order(pairs, scans)
+        return _LookIntervals.of(last_scan, pairs[order], scans[order]), order
+
     def rows(self, looks: Looks) -> tuple[IntArray, IntArray]:
         """Return the row of each interval's first look in a window, and its number of looks
         there.
@@ -189,29 +198,18 @@ class ProbabilityInterpolant:
         values = np.concatenate(
             [values_of(self.model, exposed, tolerance) for exposed in exposures], axis=1
         )
-        intervals = (
-            np.concatenate([self.pieces.pair, pair]),
-            np.concatenate([self.pieces.first, scan]),
-        )
-        order = _in_order(*intervals)
-        curves = self.curves.joined(
-            Curves.straight(np.stack([scan, scan]), values[[0, 0]], KNOTS), order
-        )
-        beyond = certain_beyond(tolerance)
-        certain = np.where(values[0] > beyond, 1.0, np.where(values[0] < -beyond, 0.0, np.nan))
-        of_lines = (
-            np.concatenate([self.intervals.pair, pair]),
-            np.concatenate([self.intervals.first, scan]),
-        )
-        in_lines = _in_order(*of_lines)
+        pieces, order = self.pieces.with_looks(pairs.last_scan, pair, scan)
+        lines, line_order = self.intervals.with_looks(pairs.last_scan, pair, scan)
+        straight = Curves.straight(np.stack([scan, scan]), values[[0, 0]], KNOTS)
+        certain = _certain(values[0], values[0], certain_beyond(tolerance))
         return ProbabilityInterpolant(
             self.model,
-            _LookIntervals.of(pairs.last_scan, *(column[order] for column in intervals)),
-            curves,
+            pieces,
+            self.curves.joined(straight, order),
             np.concatenate([self.certain, certain])[order],
-            _LookIntervals.of(pairs.last_scan, *(column[in_lines] for column in of_lines)),
-            np.concatenate([self.at, values[1:]], axis=1)[:, in_lines],
-            np.concatenate([self.rise, np.zeros_like(values[1:])], axis=1)[:, in_lines],
+            lines,
+            np.concatenate([self.at, values[1:]], axis=1)[:, line_order],
+            np.concatenate([self.rise, np.zeros_like(values[1:])], axis=1)[:, line_order],
         )
 
     def over(self, looks: Looks) -> "WindowInterpolant":
@@ -325,9 +323,14 @@ def _curved(grid: RefinedGrid, beyond: float) -> tuple[Intervals, Curves, FloatA
     error = sum(error_terms(smooth.scan.astype(np.float64), inner))
     least = np.concatenate([inner.min(axis=0) - error, ends.min(axis=0)])
     maximum = np.concatenate([inner.max(axis=0) + error, ends.max(axis=0)])
-    certain = np.where(least > beyond, 1.0, np.where(maximum < -beyond, 0.0, np.nan))
+    certain = _certain(least, maximum, beyond)
     is_rough = np.arange(len(order)) >= len(order) - len(grid.rough.pair)
     return pieces.take(order), curves, certain[order], is_rough[order]
+
+
+def _certain(least: FloatArray, most: FloatArray, beyond: float) -> FloatArray:
+    """Return P_d, 0 or 1, where quantiles from `least` to `most` decide it, else nan."""
+    return np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
 
 
 def _in_order(pair: IntArray, scan: IntArray) -> IntArray:
