@@ -64,13 +64,11 @@ class _Table(NamedTuple):
 
 def _as_text(plan: Mapping[str, Any]) -> str:
     tables = (_table_text(key, plan[key]) for key in _TABLES)
-    order = plan["tracking"]
-    by_report = f"tracking in the order of report, {order['lag_s']:.3f} s after the ticks"
     return "\n\n".join(
         [
             _head(plan),
             *filter(None, tables),
-            *([by_report] if order["order"] == BY_REPORT else []),
+            *_report_order(**plan["tracking"]),
             *_assumed(plan["sensors_assumed"]),
             *_hypothesis_table(plan["hypotheses"]),
             *map(expectation_text, plan["expected_launches"]),
@@ -97,6 +95,12 @@ def _head(plan: Mapping[str, Any]) -> str:
     return "\n".join(
         [f"{plan['scene']}: {size}; forces {', '.join(plan['forces'])}", *plan["automatic"]]
     )
+
+
+def _report_order(order: str, lag_s: float | None) -> list[str]:
+    if order != BY_REPORT:
+        return []
+    return [f"tracking in the order of report, {lag_s:.3f} s after the ticks"]
 
 
 def _assumed(sensors: Sequence[str]) -> list[str]:

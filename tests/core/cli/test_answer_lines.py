@@ -53,7 +53,7 @@ def sentences(tracks: list[Any], targets: Any = (TARGET,), sources: Any = ()) ->
     return answers({"targets": list(targets), "sources": list(sources), "tracks": tracks})
 
 
-def test_a_probable_launch_has_one_type_and_regions_with_their_conditions() -> None:
+def test_a_probable_launch_has_one_type_and_regions() -> None:
     (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97, SLV=0.02), (*OVER, *AGAIN)))
     assert line == (
         "T1 (ICBM): first seen by S-1 after 0.250 s; tracker: ICBM 0.97; comes down: 0.88;"
@@ -85,12 +85,12 @@ def test_before_a_tracker_has_an_answer_the_detections_give_it() -> None:
     assert "comes down" not in line
 
 
-def test_a_launch_that_its_tracker_takes_for_a_fire_has_no_places() -> None:
+def test_a_launch_taken_for_a_fire_has_no_places() -> None:
     (line,) = sentences(tracks_of(stub_hypotheses(ground_source=0.75, ICBM=0.25), OVER))
     assert line == "T1 (ICBM): first seen by S-1 after 0.250 s; tracker: ground source 0.75"
 
 
-def test_a_source_has_a_sentence_only_if_it_is_taken_for_a_launch() -> None:
+def test_only_sources_taken_for_launches_have_a_sentence() -> None:
     fire = stub_hypotheses(ground_source=0.75, SRBM=0.25)
     launch = stub_hypotheses(ground_source=0.25, SRBM=0.75)
     assert sentences(tracks_of(fire), (), (SOURCE,)) == []
@@ -144,7 +144,7 @@ def test_nothing_is_printed_as_certain(chance: float) -> None:
 
 
 @pytest.mark.slow
-def test_sources_are_in_a_table_of_their_own_without_ignition_and_latency() -> None:
+def test_sources_are_in_a_table_of_their_own() -> None:
     plan = two_sides_plan()
     outcome = deliver(plan)
     summary = outcome.summary

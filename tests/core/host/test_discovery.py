@@ -53,7 +53,7 @@ def test_every_hook_is_specified_once():
     assert set(CATALOGUE) < set(HOOKS)
 
 
-def test_core_alone(shop):
+def test_the_catalogue_of_the_core(shop):
     constant = ComponentRow(
         hook="opir_detection_models",
         kind="detection model",
@@ -78,7 +78,7 @@ def test_discovery_imports_nothing(shop, trackers):
     assert not {"opir_one", "opir_two"} & set(sys.modules)
 
 
-def test_the_first_of_two_installations_of_one_distribution_counts(shop, trackers):
+def test_the_first_of_two_installations_counts(shop, trackers):
     folder = shop.install("one", trackers("old"), version="1.0")
     (folder / "opir_one-1.0.dist-info").rename(folder / "Opir.One-1.0.dist-info")
     shop.install("one", trackers("new"), version="2.0")
@@ -195,7 +195,7 @@ class TestAllowList:
         assert "opir_heo" not in sys.modules
 
     @pytest.mark.parametrize("value", ["", " ", ","])
-    def test_an_empty_list_leaves_core_alone(self, monkeypatch, value):
+    def test_an_empty_list_allows_only_the_core(self, monkeypatch, value):
         monkeypatch.setenv("OPIR_PLUGINS", value)
         host = Host.discover()
         assert states(host) == {

@@ -67,7 +67,7 @@ def fleets(shop):
     return [install(name) for name in ("DSP", "SBIRS", "HEO")]
 
 
-def test_a_scene_that_names_only_dsp_imports_no_other_constellation(fleets):
+def test_a_scene_of_dsp_imports_no_other_constellation(fleets):
     after_discovery, names, after_names, modules = run(ASK, *fleets)
     assert after_discovery == after_names == []
     assert {"DSP", "HEO", "SBIRS"} <= set(names)
@@ -95,7 +95,7 @@ def test_resolution_imports_nothing_heavy(fleets):
     assert heavy & set(modules) == set()
 
 
-def test_a_plugin_that_advertises_nothing_is_imported_at_the_first_resolution(
+def test_a_plugin_without_adverts_is_imported_at_resolution(
     fleets, shop, trackers
 ):
     silent = shop.install("silent", trackers("kalman"))
@@ -104,7 +104,7 @@ def test_a_plugin_that_advertises_nothing_is_imported_at_the_first_resolution(
     assert "opir_heo" not in modules
 
 
-def test_a_name_is_asked_of_its_owner_alone(fleets):
+def test_resolving_a_name_imports_only_its_owner(fleets):
     host = Host.discover()
     host.component("opir_sensor_models", "HEO")
     assert {"opir_heo", "opir_dsp", "opir_sbirs"} & set(sys.modules) == {"opir_heo"}

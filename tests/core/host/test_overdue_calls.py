@@ -47,7 +47,7 @@ def test_a_call_that_does_not_return_is_named_with_its_line(over: threading.Even
     until(lambda: not overdue_call(thread, 0.0))
 
 
-def test_a_call_within_a_call_is_the_one_that_is_named_and_its_end_is_a_sign_of_life(
+def test_the_innermost_call_is_named(
     over: threading.Event,
 ) -> None:
     inner = threading.Event()
@@ -113,7 +113,7 @@ def test_a_call_in_a_thread_returns_raises_or_is_given_up(over: threading.Event)
         calls.result(lambda: over.wait(60.0), 0.1)
 
 
-def test_a_thread_for_calls_ends_after_the_last_one() -> None:
+def test_a_thread_for_calls_ends_after_the_last_call() -> None:
     calls = CallThread()
     assert calls.result(threading.get_ident, 60.0) == calls.result(
         threading.get_ident, 60.0, is_last=True
@@ -135,7 +135,7 @@ def test_a_pause_of_the_process_is_not_the_time_of_a_call(over: threading.Event)
         signal.signal(signal.SIGALRM, main)
 
 
-def test_the_limit_that_is_set_is_in_force_and_others_have_their_own() -> None:
+def test_a_limit_that_is_set_is_in_force() -> None:
     assert (limit_in_force(), limit_in_force(30.0)) == (DEAD_AFTER_S, 30.0)
     with ended_if_stuck(), ended_if_stuck(7.0):
         with ended_if_stuck():

@@ -40,7 +40,7 @@ def test_take_copies_one_array_once(rows: object) -> None:
     assert equal.third is None
 
 
-def test_concatenate_copies_one_array_once_if_it_is_one_in_every_part() -> None:
+def test_concatenate_copies_a_shared_array_once() -> None:
     same = Row.concatenate([Row(SHARED, SHARED, APART), Row(APART, APART, SHARED)])
     assert same.one is same.other
     assert same.one.tolist() == [*range(5), *range(10, 15)]
@@ -71,7 +71,7 @@ class Numbers(Columns):
     anything: "arrays.ObjectArray"
 
 
-def test_a_record_without_rows_has_the_number_types_of_its_annotations() -> None:
+def test_empty_records_have_the_annotated_number_types() -> None:
     empty = Numbers.empty()
     assert (empty.state.shape, empty.state.dtype) == ((0, 6), np.float64)
     assert (empty.codes.shape, empty.codes.dtype) == ((0,), np.uint8)

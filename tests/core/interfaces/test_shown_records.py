@@ -53,7 +53,7 @@ def test_one_row_and_columns_of_matrices() -> None:
     "use",
     [opir_core.compile_plan, opir_core.simulate, lambda scene: list(opir_core.windows(scene))],
 )
-def test_what_is_no_scene_is_refused_with_what_makes_one(use: object, wrong: object) -> None:
+def test_an_invalid_scene_argument_is_refused(use: object, wrong: object) -> None:
     with pytest.raises(
         TypeError,
         match=r"a scene is needed, not (a str|a dict|None): load_scene reads one from a file",

@@ -31,7 +31,7 @@ def seen(count: int = 400, share_moving: float = 0.3) -> Detections:
     ).detections
 
 
-def test_angles_are_those_of_each_row_alone() -> None:
+def test_angles_of_a_row_do_not_depend_on_others() -> None:
     found = seen()
     alone = azimuth_elevation_range_in_axes(
         found.line_of_sight_ecef, local_axes(found.sensor_ecef_m)

@@ -36,7 +36,7 @@ def test_a_cycle_of_many_looks_is_cut_into_windows(
     assert b"".join(lines(run.plan, live.window) for live in kept) == batch(scene, host)
 
 
-def test_a_setting_that_no_cycle_can_bear_is_refused_and_the_run_goes_on(host: Host) -> None:
+def test_a_setting_above_the_limit_of_a_cycle_is_refused(host: Host) -> None:
     scene = scene_from_mapping(
         mapping(allow_implausible=True, limits={"looks_per_cycle": 1e5}), host=host
     )

@@ -27,7 +27,7 @@ def scene(host: Host) -> Scene:
 
 
 @pytest.mark.parametrize("admitted_s", [0.05, 3.2, 29.999, 31.7])
-def test_a_launch_let_in_between_windows_gives_the_events_of_a_batch(
+def test_a_launch_between_windows_gives_the_events_of_a_batch(
     scene: Scene, host: Host, admitted_s: float
 ) -> None:
     plan = compile_plan(scene, host)
@@ -41,7 +41,7 @@ def test_a_launch_let_in_between_windows_gives_the_events_of_a_batch(
     assert change.not_after_ns == 31_700_000_000
 
 
-def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(
+def test_finished_targets_are_removed_without_other_changes(
     scene: Scene, host: Host
 ) -> None:
     plan = compile_plan(scene, host)
@@ -57,7 +57,7 @@ def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(
 
 
 @pytest.mark.parametrize(("name", "stays"), [("none", True), ("paper", False)])
-def test_a_classifier_that_knows_no_truth_stays_when_a_launch_is_added(
+def test_a_classifier_without_truth_stays_when_targets_are_added(
     host: Host, name: str, stays: bool
 ) -> None:
     plan = compile_plan(scene_from_mapping({**mapping(), "classification": name}, host=host), host)

@@ -53,7 +53,7 @@ def test_a_live_run_ends_with_the_events_of_the_batch(scene: Scene, host: Host) 
         run.launch(LATER)
 
 
-def test_each_lap_is_the_scene_with_its_epoch_moved_on_and_its_seed_one_more(host: Host) -> None:
+def test_each_lap_has_the_next_epoch_and_seed(host: Host) -> None:
     short = scene_from_mapping(mapping(duration_s=30), host=host)
     kept = Kept()
     run = LiveRun(short, host, LiveSettings(speed=None, loop=True), kept)
@@ -124,7 +124,7 @@ UNTIMED = {
 
 
 @pytest.mark.slow
-def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -> None:
+def test_a_late_launch_goes_up_in_the_next_lap(host: Host) -> None:
     scene = scene_from_mapping(mapping(duration_s=20, targets=[], outputs=["null"]), host=host)
     run = LiveRun(scene, host, LiveSettings(speed=20.0, loop=True))
     run.start()
@@ -145,7 +145,7 @@ def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -
 
 
 @pytest.mark.slow
-def test_a_launch_goes_up_as_soon_as_a_machine_that_is_slow_to_plan_it_can(
+def test_a_launch_goes_up_once_it_is_planned(
     host: Host, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def slowly(plan: Plan, block: Any, time_ns: int, lap: int) -> Change:
@@ -164,7 +164,7 @@ def test_a_launch_goes_up_as_soon_as_a_machine_that_is_slow_to_plan_it_can(
     assert launched.target_id in run.plan.targets.ids
 
 
-def test_a_launch_that_the_scene_has_no_time_for_is_refused_with_the_way_out(host: Host) -> None:
+def test_a_launch_after_the_end_of_the_scene_is_refused(host: Host) -> None:
     scene = scene_from_mapping(mapping(duration_s=0.2, targets=[], outputs=["null"]), host=host)
     run = LiveRun(scene, host, LiveSettings(speed=0.1, cycle_ns=1_000_000_000))
     run.start()

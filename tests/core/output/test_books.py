@@ -108,7 +108,7 @@ def test_a_live_sink_tells_by_how_much_its_figures_are_off() -> None:
     assert "do not add up, by 2 events" in (reported.error or "")
 
 
-def test_what_a_sink_has_taken_that_does_not_close_is_not_delivered() -> None:
+def test_events_of_a_sink_that_does_not_close_are_undelivered() -> None:
     ending = threading.Event()
 
     class Holding(Sink):

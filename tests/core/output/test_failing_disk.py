@@ -105,7 +105,7 @@ def good(tmp_path: Path) -> Path:
 
 
 @FAULT
-def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(
+def test_files_are_of_one_run_for_any_failing_call(
     good: Path, error: int, lasts: bool
 ) -> None:
     place = good.with_name("place")
@@ -317,7 +317,7 @@ def test_a_spooled_file_is_whole_after_it_is_run_again(
             assert all(json.loads(line) for line in lines)
 
 
-def test_a_line_that_a_failing_disk_left_incomplete_is_removed_before_the_next(
+def test_an_incomplete_line_is_removed_before_the_next(
     tmp_path: Path,
 ) -> None:
     """A retried output would otherwise append to half a line, and lose the event of that line."""

@@ -110,7 +110,7 @@ def windows(draw: st.DrawFn) -> Window:
 
 
 @given(windows())
-def test_every_event_fits_the_schema_and_keeps_the_order_of_fields(window: Window) -> None:
+def test_every_event_fits_the_schema(window: Window) -> None:
     events = events_of(window)
     assert len(events) == len(window.detections)
     for event in events:
@@ -161,7 +161,7 @@ def test_every_event_says_what_its_row_says(window: Window) -> None:
 
 
 @given(windows(), st.data())
-def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(
+def test_bytes_do_not_depend_on_windows(
     window: Window, data: st.DataObject
 ) -> None:
     rows = data.draw(st.integers(1, 4))
@@ -170,7 +170,7 @@ def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(
 
 
 @pytest.mark.slow
-def test_bytes_do_not_depend_on_the_cut_for_many_looks_of_moving_and_resting_sensors() -> None:
+def test_bytes_do_not_depend_on_windows_of_many_looks() -> None:
     window = raid(600)
     whole = ENCODER.encode(window)
     for rows in (1, 7, 128, 599):

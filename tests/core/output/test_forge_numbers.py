@@ -68,7 +68,7 @@ def test_an_estimated_point_says_where_when_and_how_surely() -> None:
 
 
 @pytest.mark.parametrize("radii", [np.nan, [1.0, 2.0, 3.0]])
-def test_an_impact_of_the_paper_s_law_has_a_sigma_in_place_of_ellipses(radii: Any) -> None:
+def test_impacts_by_the_papers_law_have_a_sigma(radii: Any) -> None:
     known = stub_estimates(
         2,
         impact=[np.radians(9.0), np.radians(167.7), 1200.0],
@@ -94,7 +94,7 @@ def test_an_impact_of_the_paper_s_law_has_a_sigma_in_place_of_ellipses(radii: An
     assert posterior["ellipse"]["semi_major_m"] > 0.0
 
 
-def test_the_track_s_place_is_carried_to_the_time_of_the_detection() -> None:
+def test_positions_are_propagated_to_the_detection() -> None:
     up = np.array([1.0, 0.0, 0.0])
     start = geodetic_to_ecef(0.0, 0.0, 100_000.0)
     known = stub_estimates(1, tick_s=5.0, state=np.concatenate([start, 2000.0 * up]))

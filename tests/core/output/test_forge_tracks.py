@@ -187,7 +187,7 @@ def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> 
     assert (tracked > 100) == (tracker != "none")
 
 
-def test_covariances_read_back_are_those_of_the_run_and_stay_positive() -> None:
+def test_covariances_read_back_stay_positive() -> None:
     """Also one that rounding would spoil: condition 1e15."""
     axes = np.linalg.qr(np.random.default_rng(3).normal(size=(6, 6)))[0]
     covariance = symmetric(axes @ np.diag(10.0 ** np.linspace(-3.0, 12.0, 6)) @ axes.T)

@@ -147,7 +147,7 @@ def test_shapes_are_cut_at_the_180th_meridian(
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.data())
-def test_points_are_inside_the_geometry_if_they_are_in_the_region(data: st.DataObject) -> None:
+def test_points_of_the_region_are_inside_the_geometry(data: st.DataObject) -> None:
     latitude_deg = data.draw(st.floats(-89.9, 89.9))
     longitude_deg = data.draw(st.one_of(st.floats(-180.0, 180.0), st.floats(179.0, 181.0)))
     radius_km = data.draw(st.floats(1.0, 800.0))

@@ -103,7 +103,7 @@ def test_when_every_sink_has_failed_no_more_windows_are_drawn() -> None:
 @pytest.mark.parametrize(
     "error", [KeyboardInterrupt(), ModelError("broken"), ZeroDivisionError(), SystemExit(1)]
 )
-def test_every_sink_is_closed_once_when_the_windows_end_in_an_error(error: BaseException) -> None:
+def test_an_error_of_the_windows_closes_every_sink_once(error: BaseException) -> None:
     failed = Recorder(fails_at=1)
     good = Recorder()
     with pytest.raises(type(error)):
@@ -111,7 +111,7 @@ def test_every_sink_is_closed_once_when_the_windows_end_in_an_error(error: BaseE
     assert (failed.closed, good.closed) == (1, 1)
 
 
-def test_what_a_callback_raises_is_passed_on_with_the_sinks_closed() -> None:
+def test_an_error_of_a_callback_closes_the_sinks() -> None:
     good = Recorder()
 
     def interrupt(_window: Window) -> None:
@@ -152,7 +152,7 @@ def test_a_sink_that_fails_to_close_is_reported() -> None:
     assert report.sinks == (SinkReport("bad", 0, 0, 2, "no answer"), SinkReport("good", 2, 0, 0))
 
 
-def test_a_sink_that_fails_to_write_and_to_close_is_reported_for_the_first() -> None:
+def test_a_sink_that_fails_twice_reports_the_first_error() -> None:
     bad = Recorder(fails_at=1, fails_to_close=SinkError("no answer"))
     assert pump(stream(2), {"bad": bad}).sinks == (SinkReport("bad", 0, 0, 2, "full after 0"),)
     assert bad.closed == 1

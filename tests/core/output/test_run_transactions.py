@@ -122,7 +122,7 @@ def test_a_folder_that_was_empty_is_empty_after_an_interruption(tmp_path: Path) 
     assert contents(tmp_path) == {}
 
 
-def test_a_file_that_fails_leaves_the_run_before_and_says_what_is_where(
+def test_a_failing_file_keeps_the_earlier_run(
     good: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = contents(good)
@@ -230,7 +230,7 @@ def test_whatever_call_fails_the_files_are_of_one_run(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("renamed", range(4))
-def test_a_run_that_is_killed_while_its_files_are_renamed_is_finished(
+def test_a_run_killed_during_renaming_is_finished(
     good: Path, renamed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:

@@ -85,7 +85,7 @@ def test_the_summary_is_counted_anew(saved: opir_core.Run, memory: opir_core.Run
     )
 
 
-def test_hypotheses_and_ends_of_tracks_and_rows_of_sources_are_those_of_the_run(
+def test_saved_hypotheses_ends_and_sources_are_those_of_the_run(
     tmp_path: Path,
 ) -> None:
     plan = two_sides_plan(
@@ -197,7 +197,7 @@ def test_an_id_that_is_none_is_refused(folder: Path, tmp_path: Path) -> None:
         ("run.to_polars()", lambda run: run.to_polars(), "opir-export"),
     ],
 )
-def test_a_view_that_is_not_installed_is_refused_with_its_package(
+def test_a_missing_view_is_refused_with_its_package(
     memory: opir_core.Run, wanted: str, view: Callable[[opir_core.Run], object], package: str
 ) -> None:
     with pytest.raises(PluginError) as refused:

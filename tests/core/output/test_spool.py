@@ -72,7 +72,7 @@ def test_a_parcel_says_whose_each_event_is_and_what_it_is() -> None:
         assert (parcel.content_type, parcel.schema_version) == ("application/json", "1.0")
 
 
-def test_what_is_not_acknowledged_is_there_for_the_next_run_and_comes_first(tmp_path: Path) -> None:
+def test_unacknowledged_events_come_first_in_the_next_run(tmp_path: Path) -> None:
     first = spooled(tmp_path / "spool", Holding("hold"))
     first.write(window(1500))
     assert first.close() == Delivery(delivered=0, spooled=1500)
@@ -113,7 +113,7 @@ def test_writing_waits_for_no_carrier(tmp_path: Path) -> None:
 PARKS = evolve(QUICK, retry_s=0.05, longest_retry_s=0.2)
 
 
-def test_a_carrier_that_refuses_for_good_parks_a_sink_with_a_spool(tmp_path: Path) -> None:
+def test_a_final_refusal_parks_a_sink_with_a_spool(tmp_path: Path) -> None:
     carrier = Holding("fail")
     sink = spooled(tmp_path / "spool", carrier, evolve(QUICK, retry_s=60.0))
     sink.write(window(5))
@@ -159,7 +159,7 @@ def test_closing_tries_once_more_and_keeps_what_is_refused(tmp_path: Path) -> No
     assert again.close() == Delivery(delivered=5, recovered=5)
 
 
-def test_a_carrier_that_refuses_for_good_ends_a_sink_without_a_spool() -> None:
+def test_a_final_refusal_ends_a_sink_without_a_spool() -> None:
     sink = unspooled(Holding("fail"))
     sink.write(window(5))
     until(lambda: sink.delivery_so_far().complaint is not None)
@@ -284,7 +284,7 @@ def test_nothing_overtakes_a_batch_that_was_refused_at_once(tmp_path: Path) -> N
     assert carrier.taken == ids_of(*windows)
 
 
-def test_what_a_run_left_in_a_spool_of_columns_keeps_its_times_and_sensors_in_a_run_of_another_epoch(
+def test_spooled_columns_keep_times_and_sensors_at_another_epoch(
     tmp_path: Path,
 ) -> None:
     known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
@@ -310,7 +310,7 @@ def test_what_a_run_left_in_a_spool_of_columns_keeps_its_times_and_sensors_in_a_
     assert kept.lines() == ENCODER.encode(left)
 
 
-def test_events_of_a_sensor_that_the_scene_no_longer_has_wait_in_the_spool(tmp_path: Path) -> None:
+def test_events_of_a_removed_sensor_wait_in_the_spool(tmp_path: Path) -> None:
     spool = str(tmp_path / "spool")
     first = TransportSink(
         "stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
@@ -385,7 +385,7 @@ def test_tracks_of_other_hypotheses_wait_in_the_spool(tmp_path: Path) -> None:
     assert len(Origin(0, SENSORS).unpacked(none).tracks) == 2
 
 
-def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path: Path) -> None:
+def test_events_without_a_message_are_withheld_and_counted(tmp_path: Path) -> None:
     class Choosy(Encoder):
         content_type = ENCODER.content_type
         schema_version = ENCODER.schema_version
@@ -437,7 +437,7 @@ def is_whole(line: bytes) -> bool:
     return True
 
 
-def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(
+def test_a_slow_transport_is_acknowledged_and_closed_in_time(
     tmp_path: Path,
 ) -> None:
     journal = Journal(str(tmp_path / "spool"), 8 * MIB)
@@ -477,7 +477,7 @@ class Overtaken(Holding):
         time.sleep(0.2)
 
 
-def test_a_send_that_a_close_overtakes_is_no_defect_and_its_events_stay(tmp_path: Path) -> None:
+def test_a_send_overtaken_by_a_close_keeps_its_events(tmp_path: Path) -> None:
     sink = spooled(tmp_path / "spool", Overtaken(), Policy(stall_s=60.0))
     sink.write(window(3))
     sink.close_by(time.monotonic() + 2.2)

@@ -51,7 +51,7 @@ def test_a_full_backlog_drops_the_newest_and_counts(tmp_path: Path, is_spooled: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
-def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(
+def test_a_full_backlog_drops_the_oldest_unsent_batch(
     tmp_path: Path, is_spooled: bool
 ) -> None:
     carrier = Holding("hold")

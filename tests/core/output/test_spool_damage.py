@@ -58,7 +58,7 @@ def flip_body(path: Path, *events: int) -> None:
     path.write_bytes(content)
 
 
-def test_a_spool_that_is_whole_is_left_alone(spool: Path) -> None:
+def test_an_undamaged_spool_is_unchanged(spool: Path) -> None:
     before = spool.read_bytes()
     assert salvage(spool) is None
     state = spool_state(spool)
@@ -90,7 +90,7 @@ def test_one_flipped_byte_costs_one_batch_and_no_more(
     assert (again.delivered, again.recovered, again.complaint, ids) == (0, 0, None, [])
 
 
-def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_path: Path) -> None:
+def test_damage_outside_batches_is_found_before_writing(tmp_path: Path) -> None:
     path = tmp_path / "spool"
     journal = Journal(str(path), 64 * MIB)
     for number in range(BATCHES):
@@ -214,7 +214,7 @@ def files_of_at_most(size: int) -> Iterator[None]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("when_full", ["refuse", "wait", "drop-newest", "drop-oldest"])
-def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(
+def test_a_limited_file_loses_nothing_uncounted(
     tmp_path: Path, when_full: str
 ) -> None:
     failed = 0
@@ -329,7 +329,7 @@ def test_a_spool_on_a_disk_that_fails_is_not_taken_for_damaged(
     assert (reported.complaint, ids) == (None, ids_of(window((BATCHES + 5) * ROWS)))
 
 
-def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_sent(
+def test_a_batch_damaged_while_waiting_is_left_out(
     tmp_path: Path,
 ) -> None:
     journal = Journal(str(tmp_path / "spool"), 64 * MIB)

@@ -53,7 +53,7 @@ def test_a_spool_in_use_is_refused(tmp_path: Path) -> None:
     Journal(str(tmp_path / "spool"), MIB).close()
 
 
-def test_a_file_that_is_no_database_is_refused_and_left_alone(tmp_path: Path) -> None:
+def test_a_file_other_than_a_database_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "spool"
     path.write_bytes(b"not a spool" * 1000)
     with pytest.raises(SinkError, match="is not a spool, or damaged; move it away"):
@@ -80,7 +80,7 @@ def test_a_spool_of_another_version_is_refused(tmp_path: Path) -> None:
         Journal(str(path), MIB)
 
 
-def test_an_error_that_more_room_does_not_mend_is_reported_as_such(tmp_path: Path) -> None:
+def test_errors_that_room_does_not_mend_are_reported(tmp_path: Path) -> None:
     journal = Journal(str(tmp_path / "spool"), MIB)
     journal.close()
     with pytest.raises(SinkError, match=r"the spool .*closed"):
@@ -96,7 +96,7 @@ def test_a_missing_folder_is_reported(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
-def test_damage_anywhere_in_the_file_is_reported_or_harmless_and_never_sent(
+def test_damage_is_reported_or_harmless_and_never_sent(
     tmp_path: Path, seed: int
 ) -> None:
     path = tmp_path / "spool"
@@ -162,7 +162,7 @@ def test_the_rest_of_a_batch_is_what_is_left_of_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not can_fail(), reason="needs a SQLite whose calls can be seen")
-def test_the_log_is_synced_within_a_second_with_and_without_new_batches(tmp_path: Path) -> None:
+def test_the_log_is_synced_within_a_second(tmp_path: Path) -> None:
     with FailingDisk(tmp_path) as disk:
         sink = spooled(tmp_path / "spool", Holding())
         sink.write(window(5))

@@ -43,14 +43,14 @@ def test_equal_neighbours_and_unsorted_times_are_written_alike() -> None:
 
 
 @given(st.integers(-(2**63), 2**63 - 1), WRITABLE)
-def test_nanoseconds_round_to_the_nearest_microsecond_halves_later(
+def test_nanoseconds_round_to_microseconds_half_up(
     time_ns: int, epoch_us: int
 ) -> None:
     (unix_us,) = unix_microseconds(np.array([time_ns]), epoch_us).tolist()
     assert unix_us == epoch_us + (2 * time_ns + 1000) // 2000
 
 
-def test_a_half_microsecond_is_the_later_one() -> None:
+def test_a_half_microsecond_rounds_up() -> None:
     halves = np.array([-1500, -500, 500, 1500, 499, -501])
     assert unix_microseconds(halves, 10).tolist() == [9, 10, 11, 12, 10, 9]
 

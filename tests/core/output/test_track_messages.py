@@ -77,7 +77,7 @@ def messages_of(tracks: Tracks) -> list[dict[str, Any]]:
     return [json.loads(line) for line in ENCODER.encode(window_of(tracks)).splitlines()]
 
 
-def test_messages_follow_their_schema_with_all_values_known_and_unknown() -> None:
+def test_messages_follow_their_schema() -> None:
     for tracks in (
         tracks_of(4),
         stub_estimates(3),
@@ -91,7 +91,7 @@ def test_messages_follow_their_schema_with_all_values_known_and_unknown() -> Non
             VALIDATOR.validate(messages_of(tracks_of(1))[0] | wrong)
 
 
-def test_messages_are_the_lines_of_the_tracks_file_with_timestamps(tmp_path: Path) -> None:
+def test_messages_are_lines_of_the_tracks_file(tmp_path: Path) -> None:
     tracks = tracks_of(3, available_s=np.full(3, 61.5))
     with TracksFile(tmp_path / "t.jsonl", HYPOTHESES) as file:
         file.write(tracks)
@@ -159,7 +159,7 @@ def outputs(tmp_path: Path, **more: Any) -> list[dict[str, Any]]:
 
 
 @pytest.mark.slow
-def test_a_run_writes_its_tracks_also_without_detections_and_from_a_spool(tmp_path: Path) -> None:
+def test_tracks_are_written_without_detections_and_from_a_spool(tmp_path: Path) -> None:
     written = []
     for more in ({}, {"spool": {"path": str(tmp_path / "spool")}}):
         plan = compile_plan(scene_from_mapping({**SHORT, "outputs": outputs(tmp_path, **more)}))

@@ -182,7 +182,7 @@ def test_probabilities_are_read_by_the_names_of_hypotheses(tmp_path: Path) -> No
         read_tracks(tmp_path / "t.jsonl", [name for name in HYPOTHESES if name != "ICBM"])
 
 
-def test_regions_without_hypotheses_do_not_tell_whether_it_comes_down(tmp_path: Path) -> None:
+def test_regions_without_hypotheses_have_no_chance_of_impact(tmp_path: Path) -> None:
     none = evolve(tracks_of(1), hypothesis_probability=np.empty((1, 0)))
     whole = tracks_of(1, impact_regions=[stub_regions(9.0, 1.0, probability=0.5)])
     without = tracks_of(1, impact_regions=[()])
@@ -192,7 +192,7 @@ def test_regions_without_hypotheses_do_not_tell_whether_it_comes_down(tmp_path: 
     assert reported == [None, 0.5, None]
 
 
-def test_a_region_of_a_file_may_lack_its_condition_but_not_have_another(tmp_path: Path) -> None:
+def test_a_region_may_lack_its_condition(tmp_path: Path) -> None:
     ring = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
     region = {
         "containment": 0.5,
@@ -215,7 +215,7 @@ def test_a_region_of_a_file_may_lack_its_condition_but_not_have_another(tmp_path
         read_tracks(tmp_path / "t.jsonl")
 
 
-def test_an_impact_of_the_paper_s_law_has_a_sigma_and_no_containment(tmp_path: Path) -> None:
+def test_an_impact_by_the_papers_law_has_no_containment(tmp_path: Path) -> None:
     spread = np.diag([9e8, 9e8, 4.0])
     tracks = tracks_of(
         2,

@@ -75,7 +75,7 @@ def test_sensors_and_targets_are_reported_together(reported):
     ]
 
 
-def test_a_setting_of_the_command_line_has_its_option_for_a_place(reported):
+def test_problems_of_options_name_the_option(reported):
     lines = reported(
         HEAD + FILES.splitlines(True)[0], "--set", "sensors[0].orbit.omm_file.path=c.json"
     )

@@ -128,7 +128,7 @@ def test_a_target_opposite_to_its_sensor_is_left_out(circle: Circle, target: Cli
 
 
 @pytest.mark.parametrize(("height_km", "climb_m_s2"), [(300.0, 30.0), (35786.0, 30.0)])
-def test_a_target_that_rises_above_the_horizon_between_two_coarse_points_is_kept(
+def test_a_rise_between_two_coarse_points_is_kept(
     height_km: float, climb_m_s2: float
 ) -> None:
     """Grid points alone would all be hidden: the acceleration is what the chords leave out."""
@@ -145,7 +145,7 @@ def test_a_target_that_rises_above_the_horizon_between_two_coarse_points_is_kept
 
 
 @pytest.mark.parametrize("is_moving", [True, False])
-def test_both_ends_of_a_step_are_hidden_from_both_ends_of_a_moving_sensors_step(
+def test_hidden_steps_of_targets_and_moving_sensors(
     is_moving: bool,
 ) -> None:
     """Sensor and target change sides: hidden at both times, but not if one of them is a little

@@ -107,7 +107,7 @@ def test_the_plan_does_not_depend_on_the_blocks(
             assert np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f")
 
 
-def test_a_block_of_many_sensors_makes_a_call_per_sensor_and_step(
+def test_pair_blocks_make_a_call_per_sensor_and_step(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The orbit: at ignition and end of each step of the light time, twice on the coarse grid, and
@@ -146,7 +146,7 @@ def test_no_block_has_more_rows_than_its_limit_and_one_pair(
     assert len(rows) > 10
 
 
-def test_lines_of_sight_are_kept_for_the_time_of_the_looks_alone(plan: Plan) -> None:
+def test_lines_of_sight_cover_only_the_time_of_the_looks(plan: Plan) -> None:
     pairs, lines = compiled(plan)
     looking = pairs.take(np.flatnonzero(pairs.looks > 0))
     assert 0 < len(looking) < len(pairs)

@@ -172,7 +172,7 @@ def test_the_edges_of_the_shadow_are_breakpoints(epoch):
     )
 
 
-def test_interpolated_probabilities_hold_through_the_shadows_edges():
+def test_interpolated_probabilities_at_the_edges_of_the_shadow():
     """A threshold between the warm and the lit body: P_d jumps at the shadow within a few
     seconds.
     """

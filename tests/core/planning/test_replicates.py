@@ -65,7 +65,7 @@ def test_a_replicate_builds_no_sensor_no_trajectory_and_no_model() -> None:
     assert other.detection is plan.detection
 
 
-def test_replicates_share_the_knots_of_their_signals_whatever_the_phases_of_their_scans() -> None:
+def test_replicates_share_knots_for_all_scan_phases() -> None:
     plan = opir.compile_plan(scene_of("signals"))
     asked: list[int] = []
 

@@ -156,7 +156,7 @@ def test_a_sensor_at_the_horizon_sees_what_grazes_the_ellipsoid() -> None:
 
 
 @pytest.mark.parametrize("start_s", [59.99, 60.0, 61.0, 500.0])
-def test_what_begins_as_the_scene_ends_or_later_is_never_looked_at_and_upsets_nothing(
+def test_targets_after_the_end_of_the_scene_are_not_seen(
     start_s: float,
 ) -> None:
     scene = {

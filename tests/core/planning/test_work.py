@@ -96,7 +96,7 @@ def test_false_alarms_are_events() -> None:
     assert abs(drawn - expected) < 5.0 * np.sqrt(expected)
 
 
-def test_more_work_than_accepted_is_rejected_with_the_figure_and_the_remedy() -> None:
+def test_too_much_work_is_rejected_with_figure_and_remedy() -> None:
     dense = scene(sensors=[{"constellation": "DSP", "scan_period_ms": 1e-6}])
     with pytest.raises(
         opir.SceneError, match=r"looks_per_run: the scene has [0-9.]+e\+1\d looks"
@@ -119,7 +119,7 @@ def test_every_limit_of_a_run_is_a_setting(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_bytes_of_an_event_are_no_less_than_those_of_any_encoder() -> None:
+def test_event_bytes_bound_every_encoder() -> None:
     from opir_core import plan_windows
     from opir_core.output import ForgeEncoder
     from opir_core.plugin import EncoderContext

@@ -79,7 +79,7 @@ def scene(**changes: Any) -> opir.Scene:
 
 
 @pytest.mark.parametrize(("changes", "path"), LIGHT, ids=str)
-def test_a_scene_that_describes_light_gets_the_model_that_reads_it(
+def test_described_light_chooses_the_model_that_reads_it(
     changes: dict[str, Any], path: str
 ) -> None:
     made = scene(**changes)
@@ -89,7 +89,7 @@ def test_a_scene_that_describes_light_gets_the_model_that_reads_it(
 
 
 @pytest.mark.parametrize("changes", DARK, ids=str)
-def test_a_scene_that_describes_none_has_a_constant_probability_and_says_so(
+def test_a_scene_without_light_has_constant_probability(
     changes: dict[str, Any],
 ) -> None:
     made = scene(**changes)
@@ -112,7 +112,7 @@ def test_a_scene_written_out_is_read_as_the_same_scene() -> None:
         assert again.automatic == []
 
 
-def test_a_scene_written_out_without_its_model_describes_no_more_light_than_before() -> None:
+def test_defaults_written_out_describe_no_light() -> None:
     plain = {
         key: value
         for key, value in scene_mapping(scene()).items()
@@ -173,7 +173,7 @@ def test_a_missing_atmosphere_model_is_the_only_complaint() -> None:
         )
 
 
-def test_the_model_of_the_message_is_the_one_that_declares_to_read_light() -> None:
+def test_the_message_names_the_model_that_reads_light() -> None:
     host = Host.discover()
     for subject, entry in READERS.items():
         kind, _, name = entry.partition(".")
@@ -201,7 +201,7 @@ def test_explanation_summary_and_manifest_tell_the_model() -> None:
     assert again.detections.detection_id.tobytes() == run.detections.detection_id.tobytes()
 
 
-def test_dsp_starts_from_its_preset_for_light_where_the_model_reads_light() -> None:
+def test_dsp_starts_from_its_preset_for_light() -> None:
     def period_ms(sensor: dict[str, Any], **changes: Any) -> float:
         return scene(sensors=[sensor], **changes).sensors[0].model.config.scan_period_ms
 

@@ -82,7 +82,7 @@ def test_what_the_scene_names_wins_over_preset_and_class(
 
 
 @pytest.mark.parametrize("fleet", ["EYES", "METRE-EYES"])
-def test_a_constellation_wins_over_a_preset_and_the_scene_over_both(fleet: str) -> None:
+def test_precedence_of_scene_constellation_and_preset(fleet: str) -> None:
     for preset in ({}, {"preset": "cm"}, {"preset": "m"}):
         assert effective_w_m2(constellation=fleet, **preset) == pytest.approx(4e-12)
         assert effective_w_m2(constellation=fleet, **preset, **M) == 7e-12
@@ -119,7 +119,7 @@ def test_a_preset_that_tells_both_is_its_plugin_s_fault() -> None:
     assert effective_w_m2(model="EYE", preset="both", **CM) == 8e-12
 
 
-def test_the_canonical_form_tells_one_of_them_and_repeats_the_scene() -> None:
+def test_the_canonical_form_has_one_of_two_conflicting_keys() -> None:
     blocks = itertools.product(
         ("EYE", "CM-EYE"), ({}, {"preset": "cm"}, {"preset": "m"}), ({}, M, CM)
     )
@@ -172,7 +172,7 @@ def test_the_installed_sensors_refuse_two_ways_in_python(model: str) -> None:
         config(threshold_sigma=4.0, false_alarm_probability=1e-6)
 
 
-def test_every_such_setting_names_one_of_its_class_and_may_be_none() -> None:
+def test_alternatives_name_an_optional_setting_of_the_class() -> None:
     """The pairs of the sensors that are installed."""
     found = set()
     host = Host.discover()

@@ -161,7 +161,7 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     assert rows["thrust.tilt_s"].default_text == "30"
 
 
-def test_an_exact_key_of_another_model_is_reported_beside_the_slip() -> None:
+def test_an_exact_key_of_another_model_is_reported() -> None:
     mapping = {"targets": [{**good_mapping()["targets"][0], "file": "x.csv"}]}
     (words,) = complaints(Host.discover(allowed=["readers"]), **mapping, **CORE)
     assert words == (

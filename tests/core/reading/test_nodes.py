@@ -4,7 +4,7 @@ from opir_core.reading import ordered
 from opir_core.reading.nodes import Complaint
 
 
-def test_errors_come_by_line_and_column_and_those_without_a_place_last() -> None:
+def test_errors_are_sorted_by_place() -> None:
     errors = [
         Complaint("no place"),
         Complaint("late", (1_000_000, 1)),

@@ -49,7 +49,7 @@ def test_forces_are_read_and_written(written, read):
     assert scene_with(scene_mapping(scene)["forces"]) == scene
 
 
-def test_without_a_word_it_is_the_point_mass_alone():
+def test_the_default_force_is_the_point_mass():
     mapping = {key: value for key, value in good_mapping().items() if key != "forces"}
     assert scene_from_mapping(mapping, host=fake_host()) == scene_with("kepler")
 

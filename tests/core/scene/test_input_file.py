@@ -56,7 +56,7 @@ def test_what_is_no_file_is_refused_by_every_reader(
         READERS[reader](odd[what])
 
 
-def test_a_pipe_put_in_the_place_of_a_file_after_the_first_look_does_not_block(
+def test_a_file_replaced_by_a_pipe_does_not_block(
     odd: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     regular = Path(__file__).stat()

@@ -46,7 +46,7 @@ def test_zero_is_plausible_where_it_is_allowed() -> None:
     assert not implausible_values(scene_from_mapping(mapping(sensors=[quiet])))
 
 
-def test_implausible_values_are_warned_of_unless_they_are_allowed(
+def test_implausible_values_are_reported_unless_allowed(
     tmp_path: Any, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     import json
@@ -83,7 +83,7 @@ def test_defaults_and_presets_of_every_component_are_plausible() -> None:
             assert not list(implausible_settings(config, name)), name
 
 
-def test_implausible_defaults_presets_and_settings_are_found_by_the_check_of_a_component() -> None:
+def test_the_check_finds_implausible_defaults_and_presets() -> None:
     @frozen(kw_only=True)
     class Config:
         width_um: float = number(help="width", unit="um", above=0.0, default=900.0)

@@ -62,7 +62,7 @@ def test_the_setting_is_read_written_and_checked():
         scene(ICBM, reports="fine")
 
 
-def test_the_right_classifier_names_classes_where_the_scene_asks_for_them():
+def test_perfect_classifiers_report_classes_on_request():
     for reports, due in (
         ("classes", {"MRBM", "SLV", "ICBM"}),
         ("paper", {"IRBM", "UNKNOWN", "ICBM"}),
@@ -91,13 +91,13 @@ def test_shares_of_reports_are_those_of_the_matrix():
     assert 23 <= names.count("MRBM") <= 48
 
 
-def test_columns_of_classes_add_to_their_types_where_only_four_are_reported():
+def test_class_columns_add_up_to_four_types():
     confusion = {"MRBM": {"MRBM": 0.5, "IRBM": 0.5}, "SLV": {"SLV": 1.0}}
     run = simulate(scene(MRBM, SLV, reports="paper", sensors=sensors(confusion)), HOST)
     assert reported(run) == {"IRBM", "UNKNOWN"}
 
 
-def test_a_class_that_no_matrix_names_is_reported_as_what_it_resembles():
+def test_a_class_without_a_row_is_reported_as_it_resembles():
     certain = {"IRBM": {"IRBM": 1.0}}
     assert reported(simulate(scene(MRBM, sensors=sensors(certain)), HOST)) == {"IRBM"}
 

@@ -56,7 +56,7 @@ def problems(**changes):
     return [str(problem) for problem in caught.value.problems]
 
 
-def test_a_type_that_no_plugin_offers_is_refused_with_the_nearest():
+def test_an_unknown_type_is_refused_with_the_nearest():
     (problem,) = problems(targets=[{"id": "T", "type": "IRMB", **FLIGHT}])
     assert problem.startswith(
         "targets[0].type: no target class is named 'IRMB'; the nearest is 'IRBM'; there are "
@@ -87,13 +87,13 @@ def test_matrices_name_classes_that_there_are():
 
 
 @pytest.mark.parametrize("kind", sorted(core_target_classes()))
-def test_scenes_with_each_class_are_read_again_from_their_canonical_form(kind):
+def test_every_class_reads_back_from_its_canonical_form(kind):
     host = Host.of()
     scene = scene_of(kind, host)
     assert scene_from_mapping(scene_mapping(scene), host=host) == scene
 
 
-def test_a_class_of_a_plugin_flies_and_is_named_in_truth_and_summary():
+def test_a_plugins_class_flies_and_is_in_truth_and_summary():
     host = Host.of(Probes(PROBE))
     run = simulate(scene_of("PROBE", host, classification="always"), host)
     (row,) = run.summary["targets"]
@@ -155,7 +155,7 @@ def test_a_confusion_row_of_a_class_is_used():
     assert set(reported.tolist()) == {REPORTED_TYPES.index("SRBM")}
 
 
-def test_a_class_that_is_no_missile_is_right_as_unknown_and_seen_as_what_it_resembles():
+def test_a_class_other_than_missiles_is_right_as_unknown():
     kind = evolve(PROBE, reported_type="UNKNOWN", resembles="SRBM")
     host = Host.of(Probes(kind))
     right = simulate(scene_of("PROBE", host, classification="always"), host)
@@ -212,7 +212,7 @@ def test_a_class_of_a_plugin_cannot_take_a_name_of_the_core():
         scene_of("MRBM", host)
 
 
-def test_own_values_come_before_those_of_the_type_that_is_resembled():
+def test_own_values_precede_those_of_the_resembled_type():
     slbm = core_target_class("SLBM")
     assert slbm.own({"SLBM": 1.0, "ICBM": 0.5}) == 1.0
     assert slbm.own({"ICBM": 0.5, "IRBM": 0.25}) == 0.5

@@ -91,7 +91,7 @@ def errors(geometry: LookGeometry, end_ns: int, model: Any) -> tuple[Array, Arra
 @pytest.mark.parametrize(
     "bend", [{"signal": 0.7}, {"noise": 0.7}, {"signal": 0.7, "signal_level": 2.0}], ids=str
 )
-def test_bends_of_two_bands_that_cancel_are_followed_though_p_d_is_constant(
+def test_cancelling_bends_of_two_bands_are_refined(
     plan: Any, bend: dict[str, float], quantile: float
 ) -> None:
     snr, noise = errors(plan.look_geometry(), plan.end_ns, Bent(quantile, **bend))
@@ -101,7 +101,7 @@ def test_bends_of_two_bands_that_cancel_are_followed_though_p_d_is_constant(
 
 
 @pytest.mark.parametrize("bend", [{"signal": 0.7}, {"noise": 0.7}], ids=str)
-def test_signals_of_certain_misses_are_not_followed_and_straight_ones_need_the_first_knots_alone(
+def test_certain_misses_and_straight_signals_get_first_knots(
     plan: Any, bend: dict[str, float]
 ) -> None:
     knots = {
@@ -141,7 +141,7 @@ def is_straight(scan: Array, columns: Array) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize("bands", [1, 2, 3])
 @pytest.mark.parametrize("knots", [3, KNOTS])
-def test_straightness_is_that_of_lines_between_neighbouring_knots(bands: int, knots: int) -> None:
+def test_straightness_against_lines_between_neighbouring_knots(bands: int, knots: int) -> None:
     rng = np.random.default_rng([17, bands, knots])
     count = 2000
     scan = np.cumsum(rng.integers(0, 9, (knots, count)), axis=0)

@@ -57,7 +57,7 @@ FOLLOWER = sensor("LOW", orbit=LOW, follows_bodies=True)
 GEO = sensor("GEO", orbital_slot_deg=-150.0, field_of_regard_half_angle_deg=10.0)
 
 
-def test_a_follower_sees_the_body_after_burnout_and_others_do_not():
+def test_only_a_follower_sees_the_body_after_burnout():
     run = simulate(scene([FOLLOWER, GEO]))
     burnout_s = compile_plan(scene([GEO])).targets.burnout_s[0]
     follower = run.detections.sensor == 0

@@ -149,7 +149,7 @@ def strictly_between(time_s, low, high):
     return (time_s > low) & (time_s < high)
 
 
-def test_looks_of_a_table_are_those_of_a_whole_burn_without_those_in_its_gap(tmp_path, flight):
+def test_a_table_with_a_gap_loses_the_looks_in_the_gap(tmp_path, flight):
     dark = simulate(scene(file_of(tmp_path / "gap.csv", flight), light_time=False))
     whole = simulate(
         scene(file_of(tmp_path / "whole.csv", flight, has_gap=False), light_time=False)
@@ -161,7 +161,7 @@ def test_looks_of_a_table_are_those_of_a_whole_burn_without_those_in_its_gap(tmp
     assert every.max() <= BURNOUT_S < every.max() + 0.037
 
 
-def test_with_light_time_every_look_sees_light_of_a_burn_and_none_is_missing(tmp_path, flight):
+def test_light_time_shifts_the_looks_of_burns(tmp_path, flight):
     found = looks_s(simulate(scene(file_of(tmp_path / "gap.csv", flight))))
     time, position, velocity = flight
     sensor = 42_164_169.6 * np.array([np.cos(np.radians(-150.0)), np.sin(np.radians(-150.0)), 0.0])

@@ -78,7 +78,7 @@ def test_windows_cut_anywhere_give_the_same_bytes(cuts: list[int], is_constant: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cadence_s", [0.3, 1.0, 7.0])
-def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windows(
+def test_ticks_do_not_depend_on_the_windows(
     cadence_s: float,
 ) -> None:
     def run_in(edges: Sequence[int]) -> tuple[CountingTracker, Detections, np.ndarray]:
@@ -115,7 +115,7 @@ def test_an_estimate_is_of_the_last_tick_before_its_detection() -> None:
     assert np.all((age_s >= 0.0) & (age_s < 1.0))
 
 
-def test_another_sensor_or_target_leaves_the_old_ones_alone() -> None:
+def test_another_sensor_or_target_changes_no_other_event() -> None:
     some = targets(4)
     more = [stub_sensor("A", -20.0), stub_sensor("NEW", 10.0), stub_sensor("B", 75.0)]
     few = VerticalTargets(*(getattr(some, name)[[0, 1, 3]] for name in ("latitude_deg", "longitude_deg")), *(
@@ -162,7 +162,7 @@ def test_without_light_time_a_look_sees_the_target_where_it_is() -> None:
     assert np.array_equal(window.detections.time_s, window.truth.emission_time_s)
 
 
-def test_a_launch_on_a_scan_is_first_seen_a_period_later_and_last_at_burnout() -> None:
+def test_a_launch_on_a_scan_is_first_seen_a_period_later() -> None:
     one = VerticalTargets(
         np.zeros(1), np.zeros(1), np.array([10.0]), np.array([310.0]), speed_m_s=10.0
     )
@@ -175,7 +175,7 @@ def test_a_launch_on_a_scan_is_first_seen_a_period_later_and_last_at_burnout() -
         assert window.detections.time_ns[-1] == 310_000_000_000
 
 
-def test_line_of_sight_errors_are_normal_with_the_stated_sigma_in_both_directions() -> None:
+def test_line_of_sight_errors_are_normal_with_the_stated_sigma() -> None:
     one = VerticalTargets(
         np.array([40.0]), np.array([20.0]), np.zeros(1), np.array([900.0]), speed_m_s=10.0
     )
@@ -197,7 +197,7 @@ def test_line_of_sight_errors_are_normal_with_the_stated_sigma_in_both_direction
     assert distance < 1.95 / np.sqrt(count)
 
 
-def test_azimuth_and_elevation_are_those_of_the_measured_line_of_sight() -> None:
+def test_azimuth_and_elevation_of_the_measured_line_of_sight() -> None:
     window = run(
         stub_plan([stub_sensor()], targets(), ids(3), stub_scene(duration_s=60)), [60_000_000_000]
     )[0]
@@ -215,20 +215,20 @@ def test_a_target_behind_the_earth_is_skipped_with_its_reason() -> None:
     assert run(plan, [10**11])[0].looks == 0
 
 
-def test_a_target_outside_the_field_of_regard_is_skipped_with_its_reason() -> None:
+def test_a_target_outside_the_field_of_regard_is_skipped() -> None:
     plan = stub_plan(
         [stub_sensor(field_of_regard_half_angle_rad=0.01)], targets(1, seed=1), ["T"], stub_scene()
     )
     assert plan.pairs.blocked.tolist() == [Blocked.OUTSIDE_FIELD_OF_REGARD]
 
 
-def test_a_target_below_the_minimum_elevation_is_skipped_with_its_reason() -> None:
+def test_a_target_below_the_minimum_elevation_is_skipped() -> None:
     one = VerticalTargets(np.array([60.0]), np.array([60.0]), np.zeros(1), np.array([60.0]))
     plan = stub_plan([stub_sensor(minimum_elevation_rad=1.0)], one, ["T"], stub_scene())
     assert plan.pairs.blocked.tolist() == [Blocked.BELOW_MINIMUM_ELEVATION]
 
 
-def test_a_target_that_rises_over_the_limb_is_seen_exactly_when_it_is_not_occluded() -> None:
+def test_a_rising_target_is_seen_from_the_end_of_occlusion() -> None:
     # 82.5 degrees of longitude away a site is hidden; the target clears the limb as it climbs.
     one = VerticalTargets(
         np.zeros(1), np.array([82.5]), np.zeros(1), np.array([90.0]), speed_m_s=2000.0
@@ -310,7 +310,7 @@ def stages_of(scene: Scene) -> set[str]:
     }
 
 
-def test_what_does_not_happen_in_a_scene_is_no_stage_of_its_engine() -> None:
+def test_the_engine_has_only_the_stages_that_the_scene_needs() -> None:
     constant, photons = (
         stages_of(load_scene(EXAMPLES / name)) for name in ("first_light.yaml", "photons.yaml")
     )

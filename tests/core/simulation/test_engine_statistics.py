@@ -131,7 +131,7 @@ def stories() -> dict[tuple[str, str], Story]:
 
 
 @pytest.mark.parametrize("model", SENSORS)
-def test_detections_come_as_often_as_the_formula_says_in_20_bins_of_snr(
+def test_detection_rates_in_20_bins_of_snr(
     stories: dict[tuple[str, str], Story], model: str
 ) -> None:
     parts = [stories[model, kind] for kind in CLASSES]
@@ -174,7 +174,7 @@ def test_first_detections_follow_the_product_of_misses(
 
 
 @pytest.mark.slow
-def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
+def test_latency_distribution_under_every_sky() -> None:
     """Class by class, sensor by sensor, climate by climate, cloud by cloud: the level of each
     launch's first detection.
 
@@ -244,7 +244,7 @@ RULES = {
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold(rule: str) -> None:
+def test_false_alarms_are_poisson_at_the_rate_of_the_threshold(rule: str) -> None:
     own = RULES[rule]
     sensors = [
         one | own[one["model"]] for one in fleet(coincidence_sigma=1.0) if one["model"] in own
@@ -273,7 +273,7 @@ def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold(rule: str
 
 
 @pytest.mark.parametrize("bias_urad", [0.0, 40.0])
-def test_residuals_of_lines_of_sight_are_chi_squared_but_for_the_bias_that_is_reported(
+def test_line_of_sight_residuals_are_chi_squared(
     bias_urad: float,
 ) -> None:
     plan = opir.compile_plan(scene(4, fleet(line_of_sight_bias_sigma_urad=bias_urad)))

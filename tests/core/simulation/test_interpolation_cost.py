@@ -163,7 +163,7 @@ def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
-def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(
+def test_rounding_to_certain_costs_1e_4_of_the_tolerance(
     tolerance: float,
 ) -> None:
     plan = planned("none", {}, tolerance)
@@ -177,7 +177,7 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(
     assert np.abs(probability - exact)[sure].max() <= 1.1e-4 * tolerance
 
 
-def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(
+def test_values_are_seldom_copied_and_heights_are_geodetic(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = planned("none", {})
@@ -247,7 +247,7 @@ def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, An
         assert (radiance[band].max() > 0.0) == bool(sky)
 
 
-def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(
+def test_models_are_called_once_for_all_bands(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = planned("none", AIR)

@@ -71,7 +71,7 @@ def test_a_model_without_irradiance_costs_no_column() -> None:
     assert np.all(window.detections.line_of_sight_sigma_rad == 2e-5)
 
 
-def test_a_model_that_measures_fills_the_columns_and_windows_without_rows_do_not_disturb_them() -> (
+def test_measured_columns_with_windows_without_rows() -> (
     None
 ):
     sensors = [stub_sensor("A", bands=BANDS), stub_sensor("B")]
@@ -117,7 +117,7 @@ def test_the_spread_of_lines_of_sight_is_each_ones_own() -> None:
     assert abs(squared.mean() - 2.0) < 3.29 * 2.0 / np.sqrt(len(found))
 
 
-def test_events_carry_the_sigma_of_the_line_of_sight_by_either_way_of_writing_it() -> None:
+def test_events_carry_the_line_of_sight_sigma() -> None:
     sensors = (stub_sensor(line_of_sight_sigma_rad=1.2345678e-5), stub_sensor("B"))
     encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=0))
     own = encoder.encode(stub_window(2, line_of_sight_sigma_rad=1.2345678e-5)).splitlines()
@@ -150,7 +150,7 @@ def _at(sensor_m: Any) -> tuple[Any, Any]:
 
 
 @pytest.mark.slow
-def test_the_bias_is_one_draw_a_sensor_and_run_that_no_neighbour_changes() -> None:
+def test_the_bias_is_one_draw_per_sensor_and_run() -> None:
     sensors = [
         stub_sensor(f"S{number}", line_of_sight_bias_sigma_rad=2e-5) for number in range(4000)
     ]

@@ -76,7 +76,7 @@ def test_frame_differences_remove_most_of_what_is_steady(run: Run, ids: tuple[st
         assert np.median(run.detections.snr[own & (run.truth.target == 0)]) > 500.0
 
 
-def test_what_is_reported_as_a_missile_is_one(run: Run) -> None:
+def test_reported_missiles_are_missiles(run: Run) -> None:
     reported = run.detections.reported_type != UNKNOWN_TYPE
     for sensor in (SBIRS, NEXTGEN):
         own = reported & (run.detections.sensor == sensor)
@@ -123,7 +123,7 @@ def mapping(**changes: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("exact", [False, True])
-def test_a_scene_without_targets_has_noise_alone(exact: bool) -> None:
+def test_a_scene_without_targets_has_only_noise(exact: bool) -> None:
     run = opir.simulate(
         opir.scene_from_mapping(mapping(detection={"model": "snr", "exact": exact}))
     )

@@ -45,7 +45,7 @@ def plan(
     return opir.compile_plan(opir.scene_from_mapping(mapping))
 
 
-def test_aligned_scans_on_an_ignition_are_reported_with_the_remedy() -> None:
+def test_aligned_scans_on_an_ignition_are_reported() -> None:
     (warning,) = alignment_warnings(plan({"scan_phase": "aligned", "scan_period_ms": 5000.0}))
     assert "S0" in warning
     assert "ignitions of T1" in warning
@@ -97,7 +97,7 @@ def test_explain_lists_the_warnings() -> None:
 
 
 @pytest.mark.slow
-def test_aligned_latencies_are_whole_periods_and_random_ones_are_uniform() -> None:
+def test_latencies_of_aligned_and_random_scans() -> None:
     """With P_d of 1 and no light time the latency is one period, or uniform in it: its mean is half
     a period.
     """

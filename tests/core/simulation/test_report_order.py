@@ -135,7 +135,7 @@ def tracked(
 @pytest.mark.slow
 @pytest.mark.parametrize("lag_s", [0.0, 4.0, 9.3, None])
 @pytest.mark.parametrize("duration_s", [60.0, 58.9])
-def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(
+def test_a_tick_gets_the_detections_reported_before_it(
     lag_s: float | None, duration_s: float
 ) -> None:
     """Against a plain loop over ticks and detections."""
@@ -175,7 +175,7 @@ def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(
     assert late < len(rows)
 
 
-def test_an_event_has_the_estimate_that_was_available_before_its_report() -> None:
+def test_an_event_has_the_estimate_available_at_its_report() -> None:
     for lag_s in (0.0, 4.0, 9.3):
         spy, run = tracked(lag_s)
         found = run.estimates
@@ -213,7 +213,7 @@ def test_what_a_tracker_gets_does_not_depend_on_the_windows() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
-def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(
+def test_constant_latency_gives_the_tracks_without_latency(
     tracker: str,
 ) -> None:
     """The lag is then the latency: the tracker does the same, that much later."""
@@ -245,7 +245,7 @@ def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(
 
 
 @pytest.mark.slow
-def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_reports_are_in() -> (
+def test_estimates_wait_for_all_earlier_reports() -> (
     None
 ):
     run = opir.simulate(late_scene(*MIXED, tracker="imm"))
@@ -310,7 +310,7 @@ def test_scores_of_a_run_are_those_of_its_files(
 
 
 @pytest.mark.slow
-def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(
+def test_tracks_files_have_valid_and_available_times(
     tmp_path: Any,
 ) -> None:
     from opir_core.output import TracksFile, read_tracks

@@ -128,7 +128,7 @@ def by_id(detections: Detections) -> dict[tuple[int, ...], int]:
     return dict(both)
 
 
-def test_windows_other_sensors_and_other_targets_change_no_report() -> None:
+def test_reports_do_not_depend_on_windows_or_other_sensors() -> None:
     run = opir.simulate(late_scene(UNEVEN, "paper-ground-chain"))
     reports = by_id(run.detections)
     assert len(reports) > 100
@@ -151,7 +151,7 @@ def test_windows_other_sensors_and_other_targets_change_no_report() -> None:
         assert len(first) > 50
 
 
-def test_all_detections_of_a_scan_travel_together_false_alarms_too() -> None:
+def test_detections_of_a_scan_share_its_latency() -> None:
     noisy = {"threshold_sigma": 4.2, "nei_w_m2": 1e-12}
     run = opir.simulate(late_scene(UNEVEN, UNEVEN, sensor=noisy, detection="snr"))
     seen = run.detections
@@ -169,7 +169,7 @@ def test_all_detections_of_a_scan_travel_together_false_alarms_too() -> None:
 
 
 @pytest.mark.slow
-def test_without_latency_nothing_is_drawn_and_the_column_is_that_of_the_looks(
+def test_without_latency_reports_are_the_looks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def drawn(*_: object) -> None:
@@ -206,7 +206,7 @@ def _paths() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 
 
-def test_the_mean_latency_from_ignition_to_report_is_that_of_the_looks_and_the_stages() -> None:
+def test_mean_latency_from_ignition_to_report() -> None:
     """With random scans of period T the first detection is T (1/P - 1/2) after ignition on average,
     and its report the sum of the means later. Reports do not overtake each other: T is far above
     the spread of the latencies."""

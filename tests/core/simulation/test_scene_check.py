@@ -132,7 +132,7 @@ def test_no_line_of_sight_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "duration_s", [60.0, 7200.0, pytest.param(86400.0, marks=pytest.mark.slow)]
 )
-def test_sensors_far_from_the_sun_are_left_out_of_the_search_only_without_outages(
+def test_only_sensors_without_outages_leave_the_sun_search(
     hour: int, duration_s: float
 ) -> None:
     sensors = [

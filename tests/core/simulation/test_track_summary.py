@@ -120,7 +120,7 @@ def test_a_tracker_that_weighs_nothing_has_no_hypotheses() -> None:
     assert track_cells(row, weighs=False)[1] == "ICBM 0.75"
 
 
-def test_regions_have_their_conditions_and_tell_whether_it_comes_down() -> None:
+def test_regions_have_conditions_and_a_chance_of_coming_down() -> None:
     over = stub_regions(
         9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
     )
@@ -148,7 +148,7 @@ def test_regions_have_their_conditions_and_tell_whether_it_comes_down() -> None:
     assert track_cells(row, weighs=True)[-2:] == (impact, "-")
 
 
-def test_what_is_probably_no_launch_has_no_launch_point_and_no_impact() -> None:
+def test_an_improbable_launch_has_no_launch_point_or_impact() -> None:
     fire = row_of(stub_hypotheses(ground_source=0.75, SRBM=0.25), stub_regions(9.0, 167.7))
     assert track_cells(fire, weighs=True)[1:] == (
         "ground source 0.75",
@@ -162,7 +162,7 @@ def test_what_is_probably_no_launch_has_no_launch_point_and_no_impact() -> None:
     )
 
 
-def test_what_was_seen_too_briefly_says_so_whatever_it_most_probably_is() -> None:
+def test_a_brief_track_is_reported_as_brief() -> None:
     latest = LatestTracks([each.name for each in core_hypotheses()])
     flash = {"seen_s": 0.42, "is_brief": True, "end": 3}
     latest.take(

@@ -62,7 +62,7 @@ def test_a_tracker_is_shown_no_count_and_no_confidence():
     assert (run.detections.confidence > 0.0).all()
 
 
-def test_what_a_tracker_is_shown_does_not_depend_on_which_target_it_was_of():
+def test_trackers_see_nothing_of_the_true_target():
     """Every column but the directions, the reported types and the ids is the same for two targets
     seen in one scan.
     """

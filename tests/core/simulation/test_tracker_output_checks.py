@@ -210,7 +210,7 @@ def broken(method, answer):
     ("method", "answer", "words"),
     [(method, *fault) for method, faults in FAULTS.items() for fault in faults],
 )
-def test_a_broken_promise_is_reported_with_whose_it_is_and_the_way_out(method, answer, words):
+def test_invalid_tracks_are_reported_with_owner_and_remedy(method, answer, words):
     complaint = complaint_of(lambda *_: broken(method, answer))
     assert complaint.startswith(
         f"tracker: the tracker 'frail' of plugin Plugin (registered by this program): {words}"

@@ -133,7 +133,7 @@ def test_subjects_of_components_and_settings_have_words() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-def test_a_setting_is_named_where_it_changes_nothing_and_only_there(name: str) -> None:
+def test_unread_settings_are_named(name: str) -> None:
     """Bytes of all that a run computes are the judge, not what components declare."""
     usual = digest(scene_of(name))
     wrong = []

@@ -189,7 +189,7 @@ def test_a_killed_worker_costs_time_and_no_result(at: str, monkeypatch: pytest.M
     assert again == alone
 
 
-def test_a_window_that_always_kills_its_worker_ends_the_run_with_its_time(
+def test_a_window_that_kills_its_workers_ends_the_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     dying(monkeypatch, 99, "before")
@@ -217,7 +217,7 @@ def test_what_a_worker_raises_is_raised_when_its_window_is_due(
     assert 20.0 < seen[-1] <= 30.0
 
 
-def test_an_interrupt_of_the_parent_ends_the_workers_and_leaves_no_file() -> None:
+def test_an_interrupt_ends_the_workers_and_leaves_no_file() -> None:
     def interrupt(_window: Window) -> None:
         raise KeyboardInterrupt
 

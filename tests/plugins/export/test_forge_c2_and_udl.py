@@ -150,7 +150,7 @@ def test_every_missile_track_fits_its_schema_and_says_what_its_row_says(window: 
 @pytest.mark.parametrize("encoder", [C2, UDL])
 @given(data=st.data())
 @examples(40)
-def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(
+def test_bytes_do_not_depend_on_windows(
     encoder: Any, data: st.DataObject
 ) -> None:
     window = data.draw(windows())
