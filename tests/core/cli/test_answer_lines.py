@@ -36,7 +36,7 @@ AGAIN = stub_regions(
 
 
 def tracks_of(chances: Any = None, regions: Any = (), **columns: Any) -> list[Any]:
-    known: dict[str, Any] = {
+    estimate_columns: dict[str, Any] = {
         "launch": [*np.radians([34.73, -120.57]), 10.0],
         "launch_covariance": np.diag([2.5e3, 1e3, 1.0]),
         "impact": [*np.radians([9.0, 167.7]), 1800.0],
@@ -45,7 +45,9 @@ def tracks_of(chances: Any = None, regions: Any = (), **columns: Any) -> list[An
     }
     weighed = {} if chances is None else {"hypothesis_probability": chances}
     latest = LatestTracks(NAMES)
-    latest.take(stub_estimates(1, impact_regions=[regions], **(known | weighed | columns)))
+    latest.take(
+        stub_estimates(1, impact_regions=[regions], **(estimate_columns | weighed | columns))
+    )
     return latest.rows()
 
 
@@ -63,8 +65,8 @@ def test_a_probable_launch_has_one_type_and_regions() -> None:
 
 
 def test_both_fates_are_printed_while_both_are_possible() -> None:
-    far = stub_regions(9.0, 167.7, 900.0, probability=0.375)
-    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.375, SLV=0.625), far))
+    distant = stub_regions(9.0, 167.7, 900.0, probability=0.375)
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.375, SLV=0.625), distant))
     assert "; tracker: SLV 0.62; reaches orbit: 0.62; comes down: 0.38; from" in line
     assert "120.57 W (0.1 km); should it come down, to 9.00 N 167.70 E (95 % in" in line
     (line,) = sentences(tracks_of(stub_hypotheses(SLV=0.96), impact=np.nan, end=2))

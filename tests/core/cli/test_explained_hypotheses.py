@@ -22,9 +22,7 @@ SCENE = "examples/first_light.yaml"
         (("detection=snr", "tracker=imm"), ["by_motion", "by_light"]),
     ],
 )
-def test_hypotheses_are_listed_by_evidence(
-    changes: tuple[str, ...], by: list[str]
-) -> None:
+def test_hypotheses_are_listed_by_evidence(changes: tuple[str, ...], by: list[str]) -> None:
     """A tracker sees motion and no bands, a classifier bands and no motion: each is listed only
     where it is there.
     """

@@ -98,8 +98,8 @@ def test_two_owners_of_one_command(shop, caplog, parser, commands, first, second
     if first and second:
         assert not {"opir_http", "opir_acme"} & set(sys.modules)
     caplog.clear()
-    others = argparse.ArgumentParser().add_subparsers()
-    assert added_commands(Host.discover(), others) == ("serve",)
+    help_commands = argparse.ArgumentParser().add_subparsers()
+    assert added_commands(Host.discover(), help_commands) == ("serve",)
     assert [record.getMessage() for record in caplog.records] == [complaint]
 
 
@@ -149,9 +149,9 @@ def test_a_command_whose_plugin_fails(shop, caplog, commands, code, advertise, r
         f" (plugin http): {reason}"
     )
     caplog.clear()
-    others = argparse.ArgumentParser().add_subparsers()
-    others.add_parser("run")
-    added_commands(Host.discover(), others)
+    help_commands = argparse.ArgumentParser().add_subparsers()
+    help_commands.add_parser("run")
+    added_commands(Host.discover(), help_commands)
     assert [record.getMessage() for record in caplog.records] == [
         f"plugin left out: opir-http 5 (plugin http): {reason}"
     ]

@@ -38,15 +38,15 @@ def bases() -> Iterator[Any]:
     """Yield the base classes and protocols of what components build."""
     for name in MODULES:
         module = import_module(f"opir_core.interfaces.{name}")
-        own = [
-            each
-            for each in vars(module).values()
-            if getattr(each, "__module__", "") == module.__name__
+        members = [
+            member
+            for member in vars(module).values()
+            if getattr(member, "__module__", "") == module.__name__
         ]
         yield from (
-            each
-            for each in own
-            if isinstance(each, type) and {PluginPart, Protocol} & {*each.__bases__}
+            member
+            for member in members
+            if isinstance(member, type) and {PluginPart, Protocol} & {*member.__bases__}
         )
 
 
@@ -64,7 +64,7 @@ def fault_of(shown: Any) -> str:
 def test_all_hooks_and_base_classes_are_looked_at() -> None:
     assert len(HOOKS) == len(components.CATALOGUE) + 1
     assert {"Sink", "Transport", "Encoder", "Orbit", "Sensor", "Tracker", "Metric"} - {
-        each.__name__ for each in bases()
+        base.__name__ for base in bases()
     } == {"Sensor"}, "a record needs no example"
 
 

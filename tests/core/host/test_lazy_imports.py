@@ -95,9 +95,7 @@ def test_resolution_imports_nothing_heavy(fleets):
     assert heavy & set(modules) == set()
 
 
-def test_a_plugin_without_adverts_is_imported_at_resolution(
-    fleets, shop, trackers
-):
+def test_a_plugin_without_adverts_is_imported_at_resolution(fleets, shop, trackers):
     silent = shop.install("silent", trackers("kalman"))
     *_, modules = run(ASK, *fleets, silent)
     assert "opir_silent.plugin" in modules

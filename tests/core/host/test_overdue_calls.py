@@ -70,7 +70,9 @@ def test_a_call_may_return_while_it_is_looked_at(
 ) -> None:
     thread = begun("short", over.wait)
     until(lambda: overdue_call(thread, 0.0))
-    ended = next(each for each in threading.enumerate() if each.ident == thread)
+    ended = next(
+        call_thread for call_thread in threading.enumerate() if call_thread.ident == thread
+    )
     clock = time.monotonic
 
     def late() -> float:
@@ -87,10 +89,10 @@ def test_a_call_may_return_while_it_is_looked_at(
 def test_each_block_of_looks_is_a_sign_of_life() -> None:
     """A window of millions of looks may take longer than one call of a component."""
     plan = opir.compile_plan(opir.scene_from_mapping(bench_scene()))
-    first = np.zeros(1, dtype=np.int64)
+    zero = np.zeros(1, dtype=np.int64)
     with PluginErrors(plan.host, plan.scene):
         until(lambda: overdue_call(ME, 0.3))
-        plan.look_geometry().exposures(first, first)
+        plan.look_geometry().exposures(zero, zero)
         assert overdue_call(ME, 0.3) == ""
 
 

@@ -41,23 +41,23 @@ def test_take_copies_one_array_once(rows: object) -> None:
 
 
 def test_concatenate_copies_a_shared_array_once() -> None:
-    same = Row.concatenate([Row(SHARED, SHARED, APART), Row(APART, APART, SHARED)])
-    assert same.one is same.other
-    assert same.one.tolist() == [*range(5), *range(10, 15)]
-    assert same.third.tolist() == [*range(10, 15), *range(5)]
+    shared = Row.concatenate([Row(SHARED, SHARED, APART), Row(APART, APART, SHARED)])
+    assert shared.one is shared.other
+    assert shared.one.tolist() == [*range(5), *range(10, 15)]
+    assert shared.third.tolist() == [*range(10, 15), *range(5)]
     mixed = Row.concatenate([Row(SHARED, SHARED, APART), Row(SHARED, APART, APART)])
     assert mixed.one is not mixed.other
     assert mixed.other.tolist() == [*range(5), *range(10, 15)]
 
 
 def test_reports_are_at_the_times_of_looks_unless_given() -> None:
-    seen = stub_window(4).detections
-    assert seen.reported_ns is seen.time_ns
-    assert not seen.is_delayed
-    late = stub_window(4, reported_ns=np.arange(4) + 7).detections
-    assert late.is_delayed
-    assert late.take(slice(0, 0)).is_delayed is False
-    assert late.take([2]).reported_ns.tolist() == [9]
+    detections = stub_window(4).detections
+    assert detections.reported_ns is detections.time_ns
+    assert not detections.is_delayed
+    delayed = stub_window(4, reported_ns=np.arange(4) + 7).detections
+    assert delayed.is_delayed
+    assert delayed.take(slice(0, 0)).is_delayed is False
+    assert delayed.take([2]).reported_ns.tolist() == [9]
 
 
 @frozen(eq=False)

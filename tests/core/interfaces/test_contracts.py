@@ -128,7 +128,9 @@ def test_an_invalid_sink_is_refused_with_its_owner(made: Any, seen: str) -> None
 def test_a_sink_of_another_class_takes_all_events_of_a_run() -> None:
     sink = Bare()
     report = run_into(sink).report
-    assert [each.delivered for each in report.sinks] == [report.events] == [sink.taken]
+    assert (
+        [sink_report.delivered for sink_report in report.sinks] == [report.events] == [sink.taken]
+    )
     assert sink.taken > 0
 
 

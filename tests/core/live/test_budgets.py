@@ -25,15 +25,15 @@ def test_a_cycle_of_many_looks_is_cut_into_windows(
 ) -> None:
     monkeypatch.setattr(running, "LOOKS_PER_WINDOW", 10)
     scene = scene_from_mapping(mapping(), host=host)
-    kept: list[LiveWindow] = []
-    run = LiveRun(scene, host, LiveSettings(speed=None), kept.append)
+    live_windows: list[LiveWindow] = []
+    run = LiveRun(scene, host, LiveSettings(speed=None), live_windows.append)
     run.start()
     until(lambda: run.status().state == "ended")
     status = run.stop()
     assert status.error is None
-    assert max(live.window.looks for live in kept) <= 10 + len(run.plan.pairs)
-    assert len(kept) > status.cycle >= 100
-    assert b"".join(lines(run.plan, live.window) for live in kept) == batch(scene, host)
+    assert max(live.window.looks for live in live_windows) <= 10 + len(run.plan.pairs)
+    assert len(live_windows) > status.cycle >= 100
+    assert b"".join(lines(run.plan, live.window) for live in live_windows) == batch(scene, host)
 
 
 def test_a_setting_above_the_limit_of_a_cycle_is_refused(host: Host) -> None:

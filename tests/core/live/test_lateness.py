@@ -39,11 +39,11 @@ def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatc
     run._pace.wait = lambda due_ns, _stopping: (
         not clock_ns.__setitem__(0, max(clock_ns[0], 77 * NS + due_ns))
     )  # type: ignore[method-assign]
-    seen = []
+    lateness = []
     for _ in TAKEN_S:
         run._cycle()
-        seen.append((run.status().late_s, run.status().latest_s))
-    late_s, latest_s = map(list, zip(*seen, strict=True))
+        lateness.append((run.status().late_s, run.status().latest_s))
+    late_s, latest_s = map(list, zip(*lateness, strict=True))
     assert late_s == pytest.approx(LATE_S, abs=1e-9)
     assert latest_s == pytest.approx([0.004, 0.3, 0.3, 0.3, 0.3], abs=1e-9)
     clock = service.status()["clock"]

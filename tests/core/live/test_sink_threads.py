@@ -115,24 +115,22 @@ class Kept(Slow):
         super().write(window)
 
 
-def test_viewers_get_events_after_spooled_outputs(
-    scene: Scene, host: Host
-) -> None:
+def test_viewers_get_events_after_spooled_outputs(scene: Scene, host: Host) -> None:
     shown: list[LiveWindow] = []
     run = LiveRun(evolve(scene, outputs=()), host, LiveSettings(speed=None), shown.append)
-    other = Slow(threading.Event())
-    other.gate.set()
-    kept = Kept(lambda: max(run.status().detections, reported(shown), other.taken))
+    slow_sink = Slow(threading.Event())
+    slow_sink.gate.set()
+    viewer = Kept(lambda: max(run.status().detections, reported(shown), slow_sink.taken))
     run._sinks = (
-        SinkThread("outputs[0]", "other", other),
-        SinkThread("outputs[1]", "kept", kept, is_spooled=True),
+        SinkThread("outputs[0]", "other", slow_sink),
+        SinkThread("outputs[1]", "kept", viewer, is_spooled=True),
     )
     run._state = "running"
     run._thread.start()
     until(lambda: run.state == "ended")
     run.stop()
-    assert kept.taken == other.taken == reported(shown) == run.status().detections > 0
-    assert max(kept.ahead) == 0
+    assert viewer.taken == slow_sink.taken == reported(shown) == run.status().detections > 0
+    assert max(viewer.ahead) == 0
 
 
 def reported(shown: list[LiveWindow]) -> int:
@@ -156,8 +154,8 @@ def test_a_failing_output_does_not_end_the_run(scene: Scene, host: Host) -> None
 
 
 def test_a_spooled_output_that_is_changed_loses_nothing(tmp_path: Any, host: Host) -> None:
-    kept = {"path": str(tmp_path / "one.jsonl"), "spool": {"path": str(tmp_path / "spool")}}
-    run = run_into(host, 20.0, {"jsonl": kept})
+    selected = {"path": str(tmp_path / "one.jsonl"), "spool": {"path": str(tmp_path / "spool")}}
+    run = run_into(host, 20.0, {"jsonl": selected})
     run.start()
     until(lambda: run.status().detections > 50)
     settings = run.settings_mapping()
@@ -177,9 +175,9 @@ def test_a_sink_that_hangs_does_not_keep_the_run_from_stopping(scene: Scene, hos
     gate = threading.Event()
     hanging = SinkThread("outputs[0]", "hanging", Slow(gate))
     hanging.write(some_window(scene, host), threading.Event())
-    before = time.monotonic()
-    hanging.close(before + 0.2)
-    assert time.monotonic() - before < 30.0  # of 60 s for which the sink hangs
+    start_s = time.monotonic()
+    hanging.close(start_s + 0.2)
+    assert time.monotonic() - start_s < 30.0  # of 60 s for which the sink hangs
     gate.set()
     assert hanging.status().error == "it did not close before the deadline"
 

@@ -49,12 +49,12 @@ def test_counts_add_up_whatever_is_reported(
     reported: Delivery, handed: int, is_final: bool
 ) -> None:
     counts, off = balanced(reported, handed, is_final=is_final)
-    due = handed + counts.recovered
+    expected = handed + counts.recovered
     assert (
         min(counts.delivered, counts.spooled, counts.dropped, counts.withheld, counts.recovered)
         >= 0
     )
-    assert total(counts) == due if is_final else total(counts) <= due
+    assert total(counts) == expected if is_final else total(counts) <= expected
     assert counts.delivered <= max(0, reported.delivered)
     is_right = (
         total(reported) == handed + reported.recovered

@@ -36,7 +36,7 @@ def made_event() -> dict[str, Any]:
     place = sensor.orbit.position_ecef_m(np.array([60.05]))
     target = geodetic_to_ecef(np.radians(28.5), np.radians(-80.6), 40_000.0)
     offset = target - place
-    known = stub_estimates(
+    estimates = stub_estimates(
         1,
         tick_s=60.0,
         state=np.concatenate([target - 0.05 * target / 6.4e3, target / 6.4e3]),
@@ -47,7 +47,7 @@ def made_event() -> dict[str, Any]:
     )
     window = stub_window(
         1,
-        estimates=known,
+        estimates=estimates,
         time_ns=60_050_000_000,
         detection_id=uuid8_words(np.array([id_key("page")], dtype=np.uint64), np.array([600])),
         reported_type=0,

@@ -25,14 +25,14 @@ SCHEMA = detection_schema()
 
 def sample_event() -> dict[str, Any]:
     encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))
-    known = stub_estimates(
+    estimates = stub_estimates(
         1,
         launch=[0.1, 0.2, 0.3],
         launch_covariance=[[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]],
         state=7e6,
     )
     event: dict[str, Any] = json.loads(
-        encoder.encode(stub_window(1, estimates=known, estimate=0, track=1, snr=9.0))
+        encoder.encode(stub_window(1, estimates=estimates, estimate=0, track=1, snr=9.0))
     )
     return event
 
@@ -64,8 +64,8 @@ def test_schema_and_encoder_have_the_same_fields() -> None:
     [("point", EstimatedPoint), ("ellipse", UncertaintyEllipse), ("state", TrackState)],
 )
 def test_schema_and_encoder_name_the_same_fields_of_parts(name: str, struct: Any) -> None:
-    part = SCHEMA["$defs"][name]
-    assert list(struct.__struct_fields__) == part["required"] == list(part["properties"])
+    piece = SCHEMA["$defs"][name]
+    assert list(struct.__struct_fields__) == piece["required"] == list(piece["properties"])
 
 
 def test_schema_and_encoder_have_the_same_constants() -> None:

@@ -131,25 +131,31 @@ def test_an_event_says_what_its_track_may_be_and_how_it_ended() -> None:
         3, hypothesis_probability=[fire, boost, np.full_like(fire, np.nan)], end=[3, 0, 1]
     )
     window = stub_window(3, estimates=estimates, estimate=np.arange(3), track=np.arange(3))
-    first, second, third = (json.loads(line) for line in WITH_TRACKS.encode(window).splitlines())
-    for event in (first, second, third):
+    first_value, second, third = (
+        json.loads(line) for line in WITH_TRACKS.encode(window).splitlines()
+    )
+    for event in (first_value, second, third):
         VALIDATOR.validate(event)
-    assert list(first["track_hypotheses"]) == list(HYPOTHESES)
-    assert {name: share for name, share in first["track_hypotheses"].items() if share} == {
+    assert list(first_value["track_hypotheses"]) == list(HYPOTHESES)
+    assert {name: share for name, share in first_value["track_hypotheses"].items() if share} == {
         "ground source": 0.75, "SRBM": 0.125, "none of these": 0.125,
     }  # fmt: skip
-    assert [[event[name] for name in SUMS] for event in (first, second)] == [
+    assert [[event[name] for name in SUMS] for event in (first_value, second)] == [
         [0.125, 0.125, 0.0],
         [0.75, 0.25, 0.5],
     ]
-    assert [event["track_end"] for event in (first, second, third)] == ["lost", None, "impact"]
+    assert [event["track_end"] for event in (first_value, second, third)] == [
+        "lost",
+        None,
+        "impact",
+    ]
     assert [third[name] for name in ("track_hypotheses", *SUMS)] == [None] * 4
 
 
 @given(windows(), st.integers(1, 4))
 def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int) -> None:
-    parts = [WITH_TRACKS.encode(part) for part in window_blocks(window, rows)]
-    assert b"".join(parts) == WITH_TRACKS.encode(window)
+    pieces = [WITH_TRACKS.encode(window_block) for window_block in window_blocks(window, rows)]
+    assert b"".join(pieces) == WITH_TRACKS.encode(window)
 
 
 @pytest.mark.slow

@@ -128,18 +128,18 @@ ASIDE = ring_of((-1.8, 1), (-1.2, 1), (-1.2, 2), (-1.8, 2))
 def test_shapes_are_cut_at_the_180th_meridian(
     polygon: tuple[FloatArray, ...], parts: list[int]
 ) -> None:
-    for whole in (polygon, tuple(ring[::-1] for ring in polygon)):
+    for oriented in (polygon, tuple(ring[::-1] for ring in polygon)):
         wrapped = tuple(
             np.stack([ring[:, 0], np.mod(ring[:, 1] + np.pi, 2.0 * np.pi) - np.pi], axis=1)
-            for ring in whole
+            for ring in oriented
         )
         region = ImpactRegion(containment=0.9, area_km2=1.0, polygons=(wrapped,))
         geometry = geometry_of(region)
         requires_of_rfc(geometry)
-        found = polygons_of(geometry)
-        assert [len(rings) for rings in found] == parts
+        shapes = polygons_of(geometry)
+        assert [len(rings) for rings in shapes] == parts
         outer, *holes = (np.abs(area_km2(np.degrees(ring[:, ::-1]))) for ring in polygon)
-        assert sum(area_km2(ring) for rings in found for ring in rings) == pytest.approx(
+        assert sum(area_km2(ring) for rings in shapes for ring in rings) == pytest.approx(
             outer - sum(holes), rel=1e-4
         )
 
@@ -174,13 +174,13 @@ def test_points_of_the_region_are_inside_the_geometry(data: st.DataObject) -> No
 
 
 def test_rows_that_share_their_regions_share_the_text() -> None:
-    one = stub_regions(9.0, 167.7)
+    regions = stub_regions(9.0, 167.7)
     column = np.empty(3, dtype=object)
-    column[0] = one
+    column[0] = regions
     column[1] = ()
-    column[2] = one
-    first, empty, again = region_texts(column)
-    assert first is again
+    column[2] = regions
+    text, empty, same_text = region_texts(column)
+    assert text is same_text
     assert empty == b"[]"
 
 
@@ -198,9 +198,9 @@ def test_what_is_no_region_is_refused() -> None:
 def test_a_triangle_is_a_ring(west_deg: float, parts: int) -> None:
     ring = np.radians([(0.0, west_deg), (0.0, west_deg + 0.5), (0.5, west_deg), (0.0, west_deg)])
     document = region_document(ImpactRegion(containment=0.5, area_km2=1.0, polygons=((ring,),)))
-    found = polygons_of(document["geometry"])
-    assert [len(rings) for rings in found] == [1] * parts
-    assert sum(area_km2(rings[0]) for rings in found) == pytest.approx(
+    shapes = polygons_of(document["geometry"])
+    assert [len(rings) for rings in shapes] == [1] * parts
+    assert sum(area_km2(rings[0]) for rings in shapes) == pytest.approx(
         area_km2(np.degrees(ring[:, ::-1])), rel=1e-4
     )
     assert len(region_from_document(document).polygons) == parts

@@ -67,9 +67,7 @@ def test_the_compiled_renderer_makes_the_bytes_of_the_reference(line: list[Colum
 @example(
     [0.1 + 0.2, -0.0, 5e-10, 9.99999999949e-6, 1e-5, 123456789.0, 999999.9999999995, 1e15, 1e22], 9
 )
-def test_renderers_write_the_shortest_text_of_a_double(
-    values: list[float], decimals: int
-) -> None:
+def test_renderers_write_the_shortest_text_of_a_double(values: list[float], decimals: int) -> None:
     column = Decimal(np.array(values), decimals)
     texts = reference(len(values), [column, b"\n"]).splitlines()
     assert compiled()(len(values), [column, b"\n"]).splitlines() == texts

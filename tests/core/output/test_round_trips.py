@@ -80,12 +80,12 @@ def points_about(region: ImpactRegion, seed: int, count: int) -> FloatArray:
         [np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count)], axis=1
     )
     corners = np.concatenate([ring for polygon in region.polygons for ring in polygon])
-    near = corners[rng.integers(len(corners), size=count)] + rng.normal(0.0, 0.02, (count, 2))
+    neighbours = corners[rng.integers(len(corners), size=count)] + rng.normal(0.0, 0.02, (count, 2))
     # A region that is cut at the 180th meridian may have a corner at a pole: the very pole may be
     # on either side.
-    most = 0.5 * np.pi - _NEAR_M / 6_371_008.8
-    near[:, 0] = np.clip(near[:, 0], -most, most)
-    return np.concatenate([anywhere, near])
+    maximum = 0.5 * np.pi - _NEAR_M / 6_371_008.8
+    neighbours[:, 0] = np.clip(neighbours[:, 0], -maximum, maximum)
+    return np.concatenate([anywhere, neighbours])
 
 
 def is_at_an_edge(region: ImpactRegion, place: FloatArray) -> bool:
@@ -98,7 +98,7 @@ def is_at_an_edge(region: ImpactRegion, place: FloatArray) -> bool:
         up + _NEAR_M / 6_371_008.8 * (np.cos(turn) * east + np.sin(turn) * np.cross(up, east))
     ).T
     around = np.stack([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)], axis=1)
-    return len({region.contains(*each) for each in (place, *around)}) > 1
+    return len({region.contains(*point) for point in (place, *around)}) > 1
 
 
 def requires_same_answers(
@@ -199,19 +199,19 @@ def tracks(draw: st.DrawFn, count: int = 3) -> Tracks:
     )
 
 
-def requires_same_tracks(before: Tracks, after: Tracks) -> None:
+def requires_same_tracks(before: Tracks, changed: Tracks) -> None:
     for attribute in fields(Tracks):
-        was, now = (getattr(each, attribute.name) for each in (before, after))
+        was, current = (getattr(tracks, attribute.name) for tracks in (before, changed))
         if attribute.name == "impact_regions":
             continue
-        if now.shape[1:] == (0,):  # where no track is weighed there are no hypotheses
+        if current.shape[1:] == (0,):  # where no track is weighed there are no hypotheses
             assert np.isnan(was).all()
             continue
         if attribute.name in ("launch", "impact"):  # degrees, between -180 and 180
-            turns = (now[:, 1] - was[:, 1]) / (2.0 * np.pi)
+            turns = (current[:, 1] - was[:, 1]) / (2.0 * np.pi)
             was = was.copy()
             was[:, 1] += 2.0 * np.pi * np.where(np.isnan(turns), 0.0, np.round(turns))
-        np.testing.assert_allclose(now, was, rtol=1e-15, atol=1e-15, err_msg=attribute.name)
+        np.testing.assert_allclose(current, was, rtol=1e-15, atol=1e-15, err_msg=attribute.name)
 
 
 @settings(deadline=None)
@@ -222,9 +222,11 @@ def test_tracks_read_back_are_those_that_were_written(
     path = tmp_path_factory.mktemp("tracks") / "t.jsonl"
     with TracksFile(path, HYPOTHESES) as file:
         file.write(before)
-    after = read_tracks(path, HYPOTHESES)
+    read_back = read_tracks(path, HYPOTHESES)
     before = before.take(np.argsort(before.track))
-    requires_same_tracks(before, after)
-    for was, now in zip(before.impact_regions.tolist(), after.impact_regions.tolist(), strict=True):
-        for region, back in zip(was, now, strict=True):
+    requires_same_tracks(before, read_back)
+    for was, current in zip(
+        before.impact_regions.tolist(), read_back.impact_regions.tolist(), strict=True
+    ):
+        for region, back in zip(was, current, strict=True):
             requires_same_answers(region, back, seed, 5)

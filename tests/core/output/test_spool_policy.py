@@ -36,9 +36,7 @@ def test_a_refused_batch_is_sent_again_after_the_pause() -> None:
     assert parking.reason is None
 
 
-def test_the_first_refused_batch_is_sent_again_after_the_pause() -> (
-    None
-):
+def test_the_first_refused_batch_is_sent_again_after_the_pause() -> None:
     parking = Parking(POLICY)
     for number, now_s in ((7, 100.0), (5, 103.0), (9, 104.0)):
         parking.refuse(number, f"reason {number}", now_s)

@@ -15,10 +15,10 @@ WITHIN_S = 1e-4
 
 @pytest.fixture
 def _threads_change_often() -> Iterator[None]:
-    before = sys.getswitchinterval()
+    interval_s = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     yield
-    sys.setswitchinterval(before)
+    sys.setswitchinterval(interval_s)
 
 
 @pytest.mark.usefixtures("_threads_change_often")

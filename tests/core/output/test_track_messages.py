@@ -49,7 +49,7 @@ SHORT = {
 
 
 def tracks_of(count: int, **columns: Any) -> Tracks:
-    known = {
+    estimate_columns = {
         "track": np.arange(count),
         "tick_s": np.full(count, 60.0),
         "state": np.arange(6.0),
@@ -66,7 +66,7 @@ def tracks_of(count: int, **columns: Any) -> Tracks:
         "end": np.arange(count) % 4,
         "probability_burning": 0.5,
     }
-    return stub_estimates(count, **(known | columns))
+    return stub_estimates(count, **(estimate_columns | columns))
 
 
 def window_of(tracks: Tracks, detections: int = 0) -> Window:
@@ -130,7 +130,7 @@ def test_batches_are_keyed_by_track() -> None:
 
 def test_events_of_an_output_are_its_tracks(tmp_path: Path) -> None:
     windows = [window_of(tracks_of(600), 2), window_of(Tracks.empty(), 7), window_of(tracks_of(3))]
-    due = b"".join(map(ENCODER.encode, windows))
+    expected = b"".join(map(ENCODER.encode, windows))
     memory = MemorySink(lambda: ENCODER, track_count)
     forge = LineFile(str(tmp_path / "e.jsonl"), ForgeEncoder(CONTEXT))
     sinks = {
@@ -150,7 +150,7 @@ def test_events_of_an_output_are_its_tracks(tmp_path: Path) -> None:
     assert [sink.delivered for sink in report.sinks] == [603, 603, 603, 9]
     assert not report.failures
     assert [(sink.dropped, sink.withheld) for sink in report.sinks] == [(0, 0)] * 4
-    assert (tmp_path / "t.jsonl").read_bytes() == memory.lines() == due
+    assert (tmp_path / "t.jsonl").read_bytes() == memory.lines() == expected
     assert (tmp_path / "e.jsonl").read_bytes().count(b"\n") == 9
 
 
@@ -177,10 +177,13 @@ def test_tracks_are_written_without_detections_and_from_a_spool(tmp_path: Path) 
             )
         ).encode(evolve(stub_window(0), tracks=run.tracks))
     )
-    last = json.loads(written[0].splitlines()[-1])
+    last_message = json.loads(written[0].splitlines()[-1])
     seen_s = run.detections.time_s[run.detections.track >= 0].max()
-    assert (last["time_s"], last["impact"]["method"]) == (plan.scene.duration_s, "posterior")
-    assert last["time_s"] > seen_s + 10.0
+    assert (last_message["time_s"], last_message["impact"]["method"]) == (
+        plan.scene.duration_s,
+        "posterior",
+    )
+    assert last_message["time_s"] > seen_s + 10.0
 
 
 @pytest.mark.slow
@@ -224,12 +227,14 @@ def test_an_output_may_change_its_encoder_while_the_run_goes_on(tmp_path: Path) 
 def test_a_spool_holds_tracks_of_a_killed_run(tmp_path: Path) -> None:
     windows = [window_of(tracks_of(2), 4), window_of(tracks_of(1))]
     journal = Journal(str(tmp_path / "spool"), MIB)
-    first = TransportSink("stub", Holding("hold"), journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
+    first_sink = TransportSink(
+        "stub", Holding("hold"), journal, EncodedBatcher(ENCODER, SENSORS), QUICK
+    )
     for window in windows:
-        first.write(window)
-    assert first.close() == Delivery(delivered=0, spooled=3)
+        first_sink.write(window)
+    assert first_sink.close() == Delivery(delivered=0, spooled=3)
     held = Holding()
-    again = TransportSink(
+    second_sink = TransportSink(
         "stub", held, Journal(str(tmp_path / "spool"), MIB), EncodedBatcher(ENCODER, SENSORS), QUICK
     )
-    assert again.close() == Delivery(delivered=3, recovered=3)
+    assert second_sink.close() == Delivery(delivered=3, recovered=3)

@@ -122,14 +122,14 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
 def test_unknown_values_are_null_and_read_as_nan(tmp_path: Path) -> None:
     tracks = stub_estimates(2)
     line, _ = written(tmp_path, tracks)
-    known = {
+    estimate_columns = {
         "time_s": 0.0,
         "track_id": 0,
         "available_s": 0.0,
         "impact_regions": [],
         "is_brief": False,
     }
-    assert line == dict.fromkeys(line) | known
+    assert line == dict.fromkeys(line) | estimate_columns
     assert_equal(read_tracks(tmp_path / "t.jsonl"), tracks)
 
 
@@ -140,25 +140,27 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     written(tmp_path, tracks)
     read = read_tracks(tmp_path / "t.jsonl")
     assert_equal(read, tracks)
-    for one, other in zip(read.impact_regions[0], REGIONS, strict=True):
+    for region, written_region in zip(read.impact_regions[0], REGIONS, strict=True):
         for name in ("containment", "condition", "probability"):
-            assert getattr(one, name) == getattr(other, name)
-        assert np.array_equal(one.effective_samples, other.effective_samples, equal_nan=True)
-        assert one.area_km2 == pytest.approx(other.area_km2, abs=1e-3)
-        corners = one.polygons[0][0]
-        due = other.polygons[0][0][::-1]
-        apart = np.abs(corners[:, None] - due[None]).max(axis=2).min(axis=1)
-        assert apart.max() < np.radians(0.6e-6)
+            assert getattr(region, name) == getattr(written_region, name)
+        assert np.array_equal(
+            region.effective_samples, written_region.effective_samples, equal_nan=True
+        )
+        assert region.area_km2 == pytest.approx(written_region.area_km2, abs=1e-3)
+        corners = region.polygons[0][0]
+        expected = written_region.polygons[0][0][::-1]
+        distance = np.abs(corners[:, None] - expected[None]).max(axis=2).min(axis=1)
+        assert distance.max() < np.radians(0.6e-6)
 
 
 def assert_equal(read: Tracks, tracks: Tracks) -> None:
     for item in fields(Tracks):
-        mine = getattr(read, item.name)
-        theirs = getattr(tracks, item.name)
+        actual = getattr(read, item.name)
+        expected = getattr(tracks, item.name)
         if item.name in ("launch", "impact"):
-            assert np.allclose(mine, theirs, rtol=4e-16, atol=0.0, equal_nan=True), item.name
+            assert np.allclose(actual, expected, rtol=4e-16, atol=0.0, equal_nan=True), item.name
         elif item.name != "impact_regions":
-            assert np.array_equal(mine, theirs, equal_nan=True), item.name
+            assert np.array_equal(actual, expected, equal_nan=True), item.name
 
 
 def test_probabilities_are_read_by_the_names_of_hypotheses(tmp_path: Path) -> None:
@@ -184,10 +186,10 @@ def test_probabilities_are_read_by_the_names_of_hypotheses(tmp_path: Path) -> No
 
 def test_regions_without_hypotheses_have_no_chance_of_impact(tmp_path: Path) -> None:
     none = evolve(tracks_of(1), hypothesis_probability=np.empty((1, 0)))
-    whole = tracks_of(1, impact_regions=[stub_regions(9.0, 1.0, probability=0.5)])
+    tracks = tracks_of(1, impact_regions=[stub_regions(9.0, 1.0, probability=0.5)])
     without = tracks_of(1, impact_regions=[()])
     reported = [
-        written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, whole, without)
+        written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, tracks, without)
     ]
     assert reported == [None, 0.5, None]
 
@@ -255,9 +257,9 @@ def test_a_file_without_lines_has_no_tracks(tmp_path: Path) -> None:
     read = read_tracks(tmp_path / "t.jsonl")
     empty = Tracks.empty()
     for item in fields(Tracks):
-        mine = getattr(read, item.name)
-        due = getattr(empty, item.name)
-        assert (mine.shape, mine.dtype) == (due.shape, due.dtype), item.name
+        actual = getattr(read, item.name)
+        expected = getattr(empty, item.name)
+        assert (actual.shape, actual.dtype) == (expected.shape, expected.dtype), item.name
 
 
 @pytest.mark.parametrize("longitude_deg", [-180.0, 180.0, 190.0, 539.0])

@@ -46,8 +46,8 @@ class Climbs:
     def position_ecef_m(self, target: Any, time_s: Array) -> Array:
         position = np.zeros((len(target), 3))
         for row, height_m in enumerate(self.height_m):
-            own = target == row
-            position[own, 0] = 6378137.0 + height_m(time_s[own] - self.ignition_s[row])
+            is_target = target == row
+            position[is_target, 0] = 6378137.0 + height_m(time_s[is_target] - self.ignition_s[row])
         return position
 
 

@@ -24,13 +24,23 @@ def scene(**changes: Any) -> opir.Scene:
 
 def pairs_of(rows: list[tuple[int, int, int, int]]) -> Pairs:
     """Return pairs with period, phase, first and last scan."""
-    period, phase, first, last = (
+    period, phase, first_scan, last_scan = (
         np.array(column, dtype=np.int64) for column in zip(*rows, strict=True)
     )
     zeros = np.zeros(len(rows), dtype=np.int32)
     none = np.zeros(len(rows), dtype=np.bool_)
     return Pairs(
-        zeros, zeros, period, phase, first, last, none, period * 0, period * 1.0, period, period
+        zeros,
+        zeros,
+        period,
+        phase,
+        first_scan,
+        last_scan,
+        none,
+        period * 0,
+        period * 1.0,
+        period,
+        period,
     )
 
 
@@ -49,8 +59,8 @@ def test_no_interval_has_more_looks_and_one_has_nearly_as_many(
     times = np.array(
         sorted(
             phase + scan * period
-            for period, phase, first, last in rows
-            for scan in range(first, last + 1)
+            for period, phase, first_scan, last_scan in rows
+            for scan in range(first_scan, last_scan + 1)
         )
     )
     real = max(

@@ -67,20 +67,20 @@ def mappings(draw: st.DrawFn) -> dict[str, Any]:
         )
     )
     singles = [
-        {"model": draw(st.sampled_from(["SCANNER", "STARER"])), "id": own, **draw(SCANNERS)}
-        for own in ids
+        {"model": draw(st.sampled_from(["SCANNER", "STARER"])), "id": item_id, **draw(SCANNERS)}
+        for item_id in ids
     ]
     fleet: dict[str, Any] = {"constellation": "FLEET", **draw(SCANNERS)}
     fleet |= draw(st.sampled_from([{}, {"preset": "slow"}]))
     targets = [
         {
-            "id": own,
+            "id": item_id,
             "type": "IRBM",
             "launch": draw(PLACES),
             "aim": draw(PLACES),
             "burn_time_s": draw(st.none() | st.just(9)),
         }
-        for own in draw(st.lists(IDS, max_size=3, unique=True))
+        for item_id in draw(st.lists(IDS, max_size=3, unique=True))
     ]
     band = draw(st.sampled_from([0.0, 0.25, 0.5, 1.0]))
     return {
@@ -154,7 +154,7 @@ def test_the_hash_says_the_same_of_the_same_scene(
 
 def test_spelling_does_not_change_the_hash() -> None:
     page = yaml.safe_dump(good_mapping())
-    other = page
+    respelled = page
     spellings = {
         "900.0": "9e2",
         "200.0": "+200",
@@ -162,10 +162,10 @@ def test_spelling_does_not_change_the_hash() -> None:
         "light_time: true": "light_time: on",
         "scene: test range": 'scene: "test\\x20range"',
     }
-    for one, another in spellings.items():
-        assert one in other
-        other = other.replace(one, another)
-    assert scene_hash(from_text(other)) == scene_hash(from_text(page))
+    for spelling, another in spellings.items():
+        assert spelling in respelled
+        respelled = respelled.replace(spelling, another)
+    assert scene_hash(from_text(respelled)) == scene_hash(from_text(page))
 
 
 def test_a_preset_a_fleet_and_a_default_count_as_written_out() -> None:
@@ -184,7 +184,7 @@ def test_a_preset_a_fleet_and_a_default_count_as_written_out() -> None:
 
 def test_every_value_counts() -> None:
     scene = scene_from_mapping(good_mapping(), host=HOST)
-    others = [
+    variants = [
         evolve(scene, name="another"),
         evolve(scene, epoch_us=scene.epoch_us + 1),
         evolve(scene, duration_s=900.0000000000001),
@@ -197,9 +197,9 @@ def test_every_value_counts() -> None:
         evolve(scene, tracker=evolve(scene.tracker, name="none")),
         evolve(scene, sensors=(evolve(scene.sensors[0], constellation=None), scene.sensors[1])),
     ]
-    hashes = {scene_hash(other) for other in (scene, *others)}
-    assert len(hashes) == len(others) + 1
-    assert all(re.fullmatch("[0-9a-f]{64}", found) for found in hashes)
+    hashes = {scene_hash(variant) for variant in (scene, *variants)}
+    assert len(hashes) == len(variants) + 1
+    assert all(re.fullmatch("[0-9a-f]{64}", hashe) for hashe in hashes)
 
 
 @pytest.mark.parametrize("zero", ["0", "-0", "0.0", "-0.0", "0e5"])

@@ -40,9 +40,9 @@ def opir_sensor_models() -> Iterable[SensorModel]:
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
-    for name, given in (("EYES", {"noise_w_cm2": 4e-16}), ("METRE-EYES", {"noise_w_m2": 4e-12})):
+    for name, settings in (("EYES", {"noise_w_cm2": 4e-16}), ("METRE-EYES", {"noise_w_m2": 4e-12})):
         yield Constellation(
-            name=name, summary="two", model="EYE", satellites=[{"id": f"{name}-1", **given}]
+            name=name, summary="two", model="EYE", satellites=[{"id": f"{name}-1", **settings}]
         )
 
 
@@ -65,8 +65,8 @@ def reported(**block: Any) -> tuple[float, float | None]:
 
 
 def effective_w_m2(**block: Any) -> float:
-    plain, other = reported(**block)
-    return plain if other is None else other * 1e4
+    plain, metre_value = reported(**block)
+    return plain if metre_value is None else metre_value * 1e4
 
 
 @pytest.mark.parametrize("model", ["EYE", "CM-EYE"])
@@ -124,13 +124,13 @@ def test_the_canonical_form_has_one_of_two_conflicting_keys() -> None:
         ("EYE", "CM-EYE"), ({}, {"preset": "cm"}, {"preset": "m"}), ({}, M, CM)
     )
     sensors = [
-        {"model": model, "id": f"A{n}", **more, **own}
-        for n, (model, more, own) in enumerate(blocks)
+        {"model": model, "id": f"A{n}", **more, **own_rows}
+        for n, (model, more, own_rows) in enumerate(blocks)
     ]
     scene = scene_of(*sensors, {"constellation": "METRE-EYES", **CM})
-    again = scene_from_mapping(scene_mapping(scene), host=HOST)
-    assert again == scene
-    assert scene_hash(again) == scene_hash(scene)
+    same_scene = scene_from_mapping(scene_mapping(scene), host=HOST)
+    assert same_scene == scene
+    assert scene_hash(same_scene) == scene_hash(scene)
 
 
 def test_python_tells_it_once_as_a_scene_does() -> None:
@@ -139,11 +139,11 @@ def test_python_tells_it_once_as_a_scene_does() -> None:
         "noise_w_cm2 sets the same quantity as noise_w_m2, which is also set; omit one of the two,"
         " or set"
     )
-    for both in ({**M, **CM}, {**CM, "noise_w_m2": float("1e-12")}):
+    for settings in ({**M, **CM}, {**CM, "noise_w_m2": float("1e-12")}):
         with pytest.raises(ValueError, match=words):
-            Eye(**both)
+            Eye(**settings)
         with pytest.raises(ValueError, match=words):
-            CentimetreEye(**both)
+            CentimetreEye(**settings)
     with pytest.raises(ValueError, match=f"{words} noise_w_cm2 to None"):
         evolve(Eye(**CM), **M)
 
@@ -174,13 +174,18 @@ def test_the_installed_sensors_refuse_two_ways_in_python(model: str) -> None:
 
 def test_alternatives_name_an_optional_setting_of_the_class() -> None:
     """The pairs of the sensors that are installed."""
-    found = set()
+    alternatives = set()
     host = Host.discover()
     for name in host.names("opir_sensor_models"):
         config = host.component("opir_sensor_models", name).config
-        for one in fields(config):
-            if info_of(one).instead_of:
-                names = [other.name for other in fields(config)]
-                assert info_of(one).instead_of in names[: names.index(one.name)], "it stands before"
-                found.add((one.name, info_of(one).instead_of))
-    assert found == {("nei_w_cm2", "nei_w_m2"), ("false_alarm_probability", "threshold_sigma")}
+        for field in fields(config):
+            if info_of(field).instead_of:
+                names = [setting.name for setting in fields(config)]
+                assert info_of(field).instead_of in names[: names.index(field.name)], (
+                    "it stands before"
+                )
+                alternatives.add((field.name, info_of(field).instead_of))
+    assert alternatives == {
+        ("nei_w_cm2", "nei_w_m2"),
+        ("false_alarm_probability", "threshold_sigma"),
+    }

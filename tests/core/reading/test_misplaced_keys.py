@@ -150,9 +150,9 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     tracker = {"model": "imm", "thrust": {"tilt_deg": 4.0}}
     read, usual = (
         scene_from_mapping(
-            {**blocks, "tracker": each}, host=Host.of(opir_trackers.plugin)
+            {**blocks, "tracker": variant}, host=Host.of(opir_trackers.plugin)
         ).tracker.config
-        for each in (tracker, "imm")
+        for variant in (tracker, "imm")
     )
     assert isinstance(usual, ImmConfig)
     assert read == evolve(usual, thrust=evolve(usual.thrust, tilt_deg=4.0))

@@ -11,7 +11,7 @@ def test_errors_are_sorted_by_place() -> None:
         Complaint("right", (3, 9)),
         Complaint("left", (3, 2)),
     ]
-    assert [one.message for one in ordered([*errors, errors[0]])] == [
+    assert [complaint.message for complaint in ordered([*errors, errors[0]])] == [
         "left",
         "right",
         "late",

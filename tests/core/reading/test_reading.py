@@ -52,14 +52,14 @@ def test_a_page_is_read(page: Path) -> None:
 
 def test_models_not_named_are_the_defaults(page: Path) -> None:
     scene = load_scene(page, host=HOST)
-    chosen = (
+    names = (
         scene.detection,
         scene.classification,
         scene.confidence,
         scene.tracker,
         scene.targets[0].model,
     )
-    assert [choice.name for choice in chosen] == [
+    assert [choice.name for choice in names] == [
         "constant",
         "paper",
         "weighted",

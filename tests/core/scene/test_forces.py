@@ -125,8 +125,8 @@ def test_a_target_may_bring_its_own_ballistic_coefficient():
     along.
     """
     burnouts = []
-    for own in ("null", "300"):
-        overrides = ["forces=[j2, drag]", f"targets[1].ballistic_coefficient_kg_m2={own}"]
+    for coefficient in ("null", "300"):
+        overrides = ["forces=[j2, drag]", f"targets[1].ballistic_coefficient_kg_m2={coefficient}"]
         truth = compile_plan(load_scene(THREE_TARGETS, overrides=overrides)).targets.truth()
         assert max(target["miss_m"] for target in truth) <= 0.01
         burnouts.append([target["burnout"]["velocity_ecef_m_s"] for target in truth])

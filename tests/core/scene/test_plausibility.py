@@ -96,8 +96,8 @@ def test_the_check_finds_implausible_defaults_and_presets() -> None:
         build=lambda *_: None,
         presets={"odd": {"sigma_urad": 1e9}},
     )
-    found = implausible_defaults(component, {"sigma_urad": 1e-9})
-    assert {(problem.path, problem.message.split()[0]) for problem in found} == {
+    problems = implausible_defaults(component, {"sigma_urad": 1e-9})
+    assert {(problem.path, problem.message.split()[0]) for problem in problems} == {
         ("width_um", "900"),
         ("presets.odd.sigma_urad", "1e+09"),
         ("sigma_urad", "1e-09"),

@@ -63,7 +63,7 @@ def test_the_setting_is_read_written_and_checked():
 
 
 def test_perfect_classifiers_report_classes_on_request():
-    for reports, due in (
+    for reports, expected in (
         ("classes", {"MRBM", "SLV", "ICBM"}),
         ("paper", {"IRBM", "UNKNOWN", "ICBM"}),
     ):
@@ -71,7 +71,7 @@ def test_perfect_classifiers_report_classes_on_request():
             reported(
                 simulate(scene(MRBM, SLV, ICBM, reports=reports, classification="always"), HOST)
             )
-            == due
+            == expected
         )
 
 
@@ -79,14 +79,14 @@ def test_shares_of_reports_are_those_of_the_matrix():
     """Sixty sensors draw once each: the class's column with 0.6, in the 99.9 % interval of the
     binomial.
     """
-    many = [
+    launches = [
         {**SENSOR, "id": f"S{k}", "orbital_slot_deg": -130.0 + k, "confusion": FINE}
         for k in range(60)
     ]
-    run = simulate(scene(MRBM, sensors=many, detection="always", duration_s=10.0), HOST)
-    first = np.unique(run.detections.sensor, return_index=True)[1]
-    assert len(first) == 60
-    names = [run.reported_types[code] for code in run.detections.reported_type[first].tolist()]
+    run = simulate(scene(MRBM, sensors=launches, detection="always", duration_s=10.0), HOST)
+    first_row = np.unique(run.detections.sensor, return_index=True)[1]
+    assert len(first_row) == 60
+    names = [run.reported_types[code] for code in run.detections.reported_type[first_row].tolist()]
     assert set(names) <= {"MRBM", "IRBM", "UNKNOWN"}
     assert 23 <= names.count("MRBM") <= 48
 
@@ -180,8 +180,8 @@ def test_trackers_see_the_four_types(tracker, order):
     assert reported(runs[1]) == {"ICBM", "IRBM"}
     assert len(runs[0].tracks) > 20
     for column in ("track", "state", "type_probability", "impact"):
-        mine, theirs = (getattr(run.tracks, column) for run in runs)
-        assert mine.tobytes() == theirs.tobytes()
+        actual, expected = (getattr(run.tracks, column) for run in runs)
+        assert actual.tobytes() == expected.tobytes()
     assert runs[0].detections.track.tobytes() == runs[1].detections.track.tobytes()
 
 

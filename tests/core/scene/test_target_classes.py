@@ -121,12 +121,12 @@ def test_the_conformance_tests_find_a_class_of_a_plugin():
 
 def test_a_class_like_another_makes_the_same_detections():
     """MRBM has the profile that IRBM flies over this range, and no sensor names it."""
-    mine, theirs = (simulate(scene_of(kind), Host.of()) for kind in ("MRBM", "IRBM"))
-    assert len(mine.detections) > 100
+    actual, expected = (simulate(scene_of(kind), Host.of()) for kind in ("MRBM", "IRBM"))
+    assert len(actual.detections) > 100
     for column in ("time_ns", "reported_type", "line_of_sight_ecef", "confidence"):
         assert (
-            getattr(mine.detections, column).tobytes()
-            == getattr(theirs.detections, column).tobytes()
+            getattr(actual.detections, column).tobytes()
+            == getattr(expected.detections, column).tobytes()
         )
 
 
@@ -164,20 +164,20 @@ def test_a_class_other_than_missiles_is_right_as_unknown():
 
 
 def test_the_default_plume_of_a_class_is_its_own():
-    own = Plume(
+    plume = Plume(
         {name: 10.0 * peak for name, peak in PLUME.peak_w_sr.items()},
         stages=2,
         body_temperature_k=600.0,
     )
-    made = []
-    for kind in (PROBE, evolve(PROBE, plumes={"PROBE": own})):
+    built = []
+    for kind in (PROBE, evolve(PROBE, plumes={"PROBE": plume})):
         host = Host.of(Probes(kind), light)
         scene = scene_of("PROBE", host)
         plan = compile_plan(scene, host)
-        made.append(make_environment(plan).signatures[0])
-    np.testing.assert_allclose(made[1].peak_w_sr, 10.0 * made[0].peak_w_sr, rtol=1e-12)
-    assert (made[0].stages.tolist(), made[1].stages.tolist()) == ([1], [2])
-    assert (made[1].body_w_sr > made[0].body_w_sr).all()
+        built.append(make_environment(plan).signatures[0])
+    np.testing.assert_allclose(built[1].peak_w_sr, 10.0 * built[0].peak_w_sr, rtol=1e-12)
+    assert (built[0].stages.tolist(), built[1].stages.tolist()) == ([1], [2])
+    assert (built[1].body_w_sr > built[0].body_w_sr).all()
 
 
 @pytest.mark.parametrize(

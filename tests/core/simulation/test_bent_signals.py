@@ -58,9 +58,9 @@ class Bent(DetectionProbability):
 
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
         bend = np.tanh((exposures.emission_time_s - 61.7) / 1.5)
-        both = np.stack([bend, -bend], axis=1)
-        snr = self.signal_level * (1.0 + self.signal * both)
-        noise = 3e-12 * (1.0 + self.noise * both)
+        signals = np.stack([bend, -bend], axis=1)
+        snr = self.signal_level * (1.0 + self.signal * signals)
+        noise = 3e-12 * (1.0 + self.noise * signals)
         return Response(np.full(len(exposures), self.quantile), snr, noise)
 
     def probability(self, exposures: Exposures) -> Any:
@@ -76,14 +76,14 @@ def errors(geometry: LookGeometry, end_ns: int, model: Any) -> tuple[Array, Arra
     """
     looks = Looks.between(geometry.pairs, 0, end_ns)
     exact = model.response(geometry.exposures(looks.pair, looks.scan))
-    made = (
+    interpolant = (
         ProbabilityInterpolant.of(geometry, model, 1e-4)
         .over(looks)
         .response(np.arange(len(looks.pair)))
     )
     return (
-        (made.snr - exact.snr) / np.maximum(SHARE * np.abs(exact.snr), SIGMA),
-        (made.noise_w_m2 - exact.noise_w_m2) / (SHARE * np.abs(exact.noise_w_m2)),
+        (interpolant.snr - exact.snr) / np.maximum(SHARE * np.abs(exact.snr), SIGMA),
+        (interpolant.noise_w_m2 - exact.noise_w_m2) / (SHARE * np.abs(exact.noise_w_m2)),
     )
 
 
@@ -170,7 +170,7 @@ def test_straightness_against_lines_between_neighbouring_knots(bands: int, knots
     pieces = Intervals(piece, scan, rows, np.full((2, count), np.nan))
     straight = GridRefiner(None, None, 1e-4)._is_straight(pieces, values)  # type: ignore[arg-type]
     expected = [
-        is_straight(scan[:, one].astype(np.float64), columns[:, :, one]) for one in range(count)
+        is_straight(scan[:, row].astype(np.float64), columns[:, :, row]) for row in range(count)
     ]
     assert straight.tolist() == expected
     assert 0.3 < np.mean(expected) < 0.7
@@ -184,10 +184,10 @@ def test_pieces_are_steady_if_every_band_changes_by_little(bands: int) -> None:
     level = rng.choice([0.02, 5.0, 400.0], (bands, count))
     # Straight signals; one band of each piece changes by a little less or more than is allowed,
     # down or up.
-    most = np.maximum(0.3 * level, SIGMA)
-    change = rng.choice([0.0, 0.2, 0.6], level.shape) * most
+    maximum = np.maximum(0.3 * level, SIGMA)
+    change = rng.choice([0.0, 0.2, 0.6], level.shape) * maximum
     changing = rng.integers(bands, size=count), np.arange(count)
-    change[changing] = rng.choice([0.0, 0.9, 1.1, 1.6], count) * most[changing]
+    change[changing] = rng.choice([0.0, 0.9, 1.1, 1.6], count) * maximum[changing]
     share = np.where(rng.random(count) < 0.5, scan / 14.0, 1.0 - scan / 14.0)
     signals = level[:, None, :] - change[:, None, :] * share
     # Noise and quantiles may change by any amount.
@@ -204,9 +204,9 @@ def test_pieces_are_steady_if_every_band_changes_by_little(bands: int) -> None:
     expected = [
         all(
             max(band) - min(band) <= max(0.3 * max(band), SIGMA)
-            for band in signals[:, :, one].tolist()
+            for band in signals[:, :, row].tolist()
         )
-        for one in range(count)
+        for row in range(count)
     ]
     assert steady.tolist() == expected
     assert 0.2 < np.mean(expected) < 0.8

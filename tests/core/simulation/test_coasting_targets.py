@@ -79,8 +79,8 @@ def test_bodies_fly_as_the_scenes_forces_have_it(forces):
         else propagate(*states, elapsed_s, J2)[0]
     )
     time_s = flight.burnout_s[0] + elapsed_s
-    found = plan.targets.position_ecef_m(np.zeros(50, dtype=np.int32), time_s)
-    assert np.linalg.norm(found - eci_to_ecef(expected, time_s), axis=1).max() < 0.02
+    position_m = plan.targets.position_ecef_m(np.zeros(50, dtype=np.int32), time_s)
+    assert np.linalg.norm(position_m - eci_to_ecef(expected, time_s), axis=1).max() < 0.02
     assert plan.targets.end_s[0] == target["impact"]["time_s"]
 
 

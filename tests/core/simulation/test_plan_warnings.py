@@ -102,15 +102,15 @@ def test_latencies_of_aligned_and_random_scans() -> None:
     a period.
     """
     aligned = {"scan_phase": "aligned", "scan_period_ms": 5000.0}
-    seen = [
+    records = [
         opir.simulate(plan(aligned, seed=seed).scene).summary["targets"][0]["latency_s"]
         for seed in range(3)
     ]
-    assert seen == pytest.approx([5.0] * 3)
-    many = plan(*[{"scan_period_ms": 5000.0}] * 500, light_time=False)
-    found = opir.simulate(many.scene).detections
-    _, first = np.unique(found.sensor, return_index=True)
-    latency_s = found.time_s[first] - 10.0
+    assert records == pytest.approx([5.0] * 3)
+    crowd = plan(*[{"scan_period_ms": 5000.0}] * 500, light_time=False)
+    detections = opir.simulate(crowd.scene).detections
+    _, first_row = np.unique(detections.sensor, return_index=True)
+    latency_s = detections.time_s[first_row] - 10.0
     assert len(latency_s) == 500
     # 3.29 standard deviations of the mean: 99.9 %.
     assert abs(latency_s.mean() - 2.5) < 3.29 * 5.0 / np.sqrt(12.0 * 500.0)
@@ -146,23 +146,23 @@ class Expecting(Classifier):
 def test_ten_times_as_many_launches_as_expected_are_reported(
     launches: int, expected: float, is_reported: bool
 ) -> None:
-    made = plan({})
-    scene = evolve(made.scene, targets=made.scene.targets * launches)
-    made = evolve(made, scene=scene, classifier=Expecting(expected * 720.0))
-    assert launch_expectations(made) == [
+    compiled = plan({})
+    scene = evolve(compiled.scene, targets=compiled.scene.targets * launches)
+    compiled = evolve(compiled, scene=scene, classifier=Expecting(expected * 720.0))
+    assert launch_expectations(compiled) == [
         {
             "component": "classification: paper",
             "expected_launches": pytest.approx(expected),
             "launches": launches,
         }
     ]
-    warnings = [words for words in plan_warnings(made) if "expects" in words]
+    warnings = [words for words in plan_warnings(compiled) if "expects" in words]
     assert bool(warnings) == is_reported
     assert all(f"in the scene, which has {launches}" in words for words in warnings)
 
 
 def test_explain_says_which_classifier_knows_the_truth() -> None:
-    made = plan({})
-    assert explained(made)["truth_users"] == ["classification: paper"]
-    assert not explained(made)["expected_launches"]
+    compiled = plan({})
+    assert explained(compiled)["truth_users"] == ["classification: paper"]
+    assert not explained(compiled)["expected_launches"]
     assert not explained(plan({}, classification="none"))["truth_users"]
