@@ -320,15 +320,25 @@ def is_of_plugin(frame: FrameType) -> bool:
     """Return whether a frame is of a package outside the core, Python's own library, numpy and
     scipy.
     """
-    path = PurePath(frame.f_code.co_filename)
-    root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-    if (
+    return not _is_of_library(frame) and not _path_of(frame).is_relative_to(_CORE)
+
+
+def _is_of_library(frame: FrameType) -> bool:
+    """Return whether a frame is of Python's own library, numpy or scipy."""
+    path = _path_of(frame)
+    return (
         not _LIBRARIES.isdisjoint(path.parent.parts)
         or str(path).startswith("<frozen ")
-        or root in stdlib_module_names
-    ):
-        return False
-    return not path.is_relative_to(_CORE)
+        or _root_of(frame) in stdlib_module_names
+    )
+
+
+def _path_of(frame: FrameType) -> PurePath:
+    return PurePath(frame.f_code.co_filename)
+
+
+def _root_of(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0]
 
 
 def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
@@ -341,21 +351,15 @@ def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
     of_plugin = ""
     package = None
     for frame, number in lines:
-        path = PurePath(frame.f_code.co_filename)
-        line = f"{'/'.join(path.parts[-2:])}, line {number}"
+        path = _path_of(frame)
         folder = path.parent.parts
-        root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if (
-            not _LIBRARIES.isdisjoint(folder)
-            or str(path).startswith("<frozen ")
-            or root in stdlib_module_names
-        ):
+        is_machinery = any(folder[-len(names) :] == names for names in _MACHINERY)
+        if _is_of_library(frame) or is_machinery:
             continue
-        if any(folder[-len(folder_names) :] == folder_names for folder_names in _MACHINERY):
-            continue
+        line = f"{'/'.join(path.parts[-2:])}, line {number}"
         if path.is_relative_to(_CORE):
             of_core = line
             continue
-        package = package or root
-        of_plugin = line if root == package else of_plugin
+        package = package or _root_of(frame)
+        of_plugin = line if _root_of(frame) == package else of_plugin
     return of_plugin or of_core

@@ -341,20 +341,20 @@ def _written(component: Any, settings: Settings) -> dict[str, str]:
     count.
     """
     config_class = component.config
-    usual_keys = {
+    conditional = {
         key: node
         for key, node in settings.written.items()
         if key in conditional_fields(config_class)
     }
     if is_written_out(config_class, settings.written):
         usual = [_defaults(config_class), *component.presets.values()]
-        usual_keys = {
+        conditional = {
             key: node
-            for key, node in usual_keys.items()
+            for key, node in conditional.items()
             if data_of_node(node) not in [block.get(key) for block in usual]
         }
     return {"": _place_text(settings.block)} | {
-        path: place for key, node in usual_keys.items() for path, place in _places(key, node)
+        path: place for key, node in conditional.items() for path, place in _places(key, node)
     }
 
 

@@ -5,7 +5,7 @@ every error message has a place.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import Enum
 from typing import Any
@@ -135,6 +135,17 @@ class ErrorCollector:
         """Raise all collected errors, if any."""
         if not self.is_whole:
             raise InvalidNode(self.complaints)
+
+
+def read_each(items: Iterable["Node"], read: Callable[[int, "Node"], Any]) -> list[Any]:
+    """Return what `read(index, item)` makes of each item; raises the errors of all together."""
+    collector = ErrorCollector()
+    values = []
+    for index, item in enumerate(items):
+        with collector.at(index_step(index)):
+            values.append(read(index, item))
+    collector.require_whole()
+    return values
 
 
 class _Gather:

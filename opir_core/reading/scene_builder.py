@@ -21,6 +21,7 @@ from opir_core.reading.nodes import (
     Node,
     index_step,
     key_step,
+    read_each,
     under,
 )
 from opir_core.reading.scene_schema import (
@@ -93,12 +94,18 @@ class SensorReader:
                         with under(key_step(key)):
                             raise unknown_key(key, value, _NAMING_KEYS)
                 raise node.refused("names neither a model nor a constellation")
-            return [SceneSensor(*self._identifier.identified(node, path, _SENSOR_KEYS, path))]
+            return [self._sensor(node, path, path)]
         with under(".constellation"):
             name = component_name(block.pop("constellation"))
         if "members" in block:
             return self._members(block, name, path)
         return self._fleet(node, block, name, path)
+
+    def _sensor(
+        self, node: Node, path: str, choice_path: str, constellation: str | None = None
+    ) -> SceneSensor:
+        own_id, choice = self._identifier.identified(node, path, _SENSOR_KEYS, choice_path)
+        return SceneSensor(own_id, choice, constellation)
 
     def _of_file(self, node: Node, block: dict[str, Node], path: str) -> list[SceneSensor]:
         """Return a sensor for each satellite of a file."""
@@ -110,11 +117,7 @@ class SensorReader:
         for satellite in satellites:
             with collector.at():
                 satellite_node = evolve(node, value={**block, **block_of(satellite)})
-                sensors.append(
-                    SceneSensor(
-                        *self._identifier.identified(satellite_node, path, _SENSOR_KEYS, path)
-                    )
-                )
+                sensors.append(self._sensor(satellite_node, path, path))
         collector.require_whole()
         return sensors
 
@@ -129,14 +132,10 @@ class SensorReader:
         with collector.at(".members"):
             if not items_of(block["members"]):
                 raise block["members"].refused("a constellation has at least one member")
-            for index, item in enumerate(items_of(block["members"])):
-                with collector.at(".members", index_step(index)):
-                    own_path = f"{path}.members[{index}]"
-                    sensors.append(
-                        SceneSensor(
-                            *self._identifier.identified(item, own_path, _SENSOR_KEYS, path), name
-                        )
-                    )
+            sensors = read_each(
+                items_of(block["members"]),
+                lambda index, item: self._sensor(item, f"{path}.members[{index}]", path, name),
+            )
         collector.require_whole()
         return sensors
 
@@ -326,26 +325,21 @@ class SceneBuilder:
         return evolve(choice, written={}) if is_usual else choice
 
     def _outputs(self, node: Node) -> tuple[Choice, ...]:
-        collector = ErrorCollector()
-        outputs = list[Choice]()
-        for index, item in enumerate(items_of(node)):
-            with collector.at(index_step(index)):
-                choice = self._output(item, f"outputs[{index}]")
-                # Looked up here, so that a missing encoder is reported with the other errors.
-                name = getattr(choice.config, "encoder", None)
-                if isinstance(name, str):
-                    self.components.component(_ENCODERS, name, f"{choice.path}.encoder")
-                path = getattr(choice.config, "path", None)
-                for output in outputs:
-                    if (
-                        path is not None
-                        and output.name == choice.name
-                        and getattr(output.config, "path", None) == path
-                    ):
-                        raise item.refused(f"{output.path} writes to {path!r} already")
-                outputs.append(choice)
-        collector.require_whole()
-        return tuple(outputs)
+        taken = dict[tuple[str, Any], str]()
+
+        def read(index: int, item: Node) -> Choice:
+            choice = self._output(item, f"outputs[{index}]")
+            # Looked up here, so that a missing encoder is reported with the other errors.
+            name = getattr(choice.config, "encoder", None)
+            if isinstance(name, str):
+                self.components.component(_ENCODERS, name, f"{choice.path}.encoder")
+            path = getattr(choice.config, "path", None)
+            owner = taken.setdefault((choice.name, path), choice.path)
+            if path is not None and owner != choice.path:
+                raise item.refused(f"{owner} writes to {path!r} already")
+            return choice
+
+        return tuple(read_each(items_of(node), read))
 
     def _output(self, node: Node, path: str) -> Choice:
         if isinstance(node.value, str):

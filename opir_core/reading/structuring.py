@@ -21,8 +21,8 @@ from opir_core.reading.nodes import (
     InvalidNode,
     Node,
     SwitchWord,
-    index_step,
     key_step,
+    read_each,
     shown_text,
 )
 from opir_core.reading.plain_data import data_of_node
@@ -96,24 +96,24 @@ def read_tuple(readers: tuple[Reader, ...], node: Node, _type: Any = None) -> tu
     items = items_of(node)
     if len(items) != len(readers):
         raise node.refused(f"this list has {len(items)} items; {len(readers)} are needed")
-    pairs = zip(readers, items, strict=True)
-    return tuple(
-        _all_read((index_step(index), reader, item) for index, (reader, item) in enumerate(pairs))
-    )
+    return tuple(read_each(items, lambda index, item: readers[index](item, None)))
 
 
 def read_items(reader: Reader, node: Node, _type: Any = None) -> tuple[Any, ...]:
     """Return a list of any length."""
-    return tuple(
-        _all_read((index_step(index), reader, item) for index, item in enumerate(items_of(node)))
-    )
+    return tuple(read_each(items_of(node), lambda _index, item: reader(item, None)))
 
 
 def read_mapping(reader: Reader, node: Node, _type: Any = None) -> dict[str, Any]:
     """Return a block whose keys are free."""
     block = block_of(node)
-    values = _all_read((key_step(key), reader, item) for key, item in block.items())
-    return dict(zip(block, values, strict=True))
+    collector = ErrorCollector()
+    values = {}
+    for key, item in block.items():
+        with collector.at(key_step(key)):
+            values[key] = reader(item, None)
+    collector.require_whole()
+    return values
 
 
 def block_of(node: Node, keys: Iterable[str] = ()) -> dict[str, Node]:
@@ -166,17 +166,6 @@ def _no_number(node: Node, needed: str) -> InvalidNode:
     if isinstance(node.value, str) and is_decimal_text(node.value):
         return refusal(node, f"{needed}: write {node.value} without quotes")
     return refusal(node, needed)
-
-
-def _all_read(items: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
-    """Return the values of all parts; raises the errors of all parts together."""
-    collector = ErrorCollector()
-    values = []
-    for step, reader, node in items:
-        with collector.at(step):
-            values.append(reader(node, None))
-    collector.require_whole()
-    return values
 
 
 #: Says where a key belongs that means nothing in its block, "" where nowhere; takes the key and

@@ -16,8 +16,8 @@ from opir_core.reading.nodes import (
     ErrorCollector,
     InvalidNode,
     Node,
-    index_step,
     key_step,
+    read_each,
     shown_text,
     under,
 )
@@ -116,15 +116,15 @@ def read_forces(node: Node) -> SceneForces:
         raise refusal(node, f"{_NEEDED}{hint}")
     if not node.value:
         raise node.refused(f"this list is empty; for the point mass only, write {KEPLER}")
-    collector = ErrorCollector()
     forces = dict[str, SceneDrag | None]()
-    for index, item in enumerate(items_of(node)):
-        with collector.at(index_step(index)):
-            name, drag = _force(item)
-            if name in forces:
-                raise item.refused(f"{name} occurs twice")
-            forces[name] = drag
-    collector.require_whole()
+
+    def add(_index: int, item: Node) -> None:
+        name, drag = _force(item)
+        if name in forces:
+            raise item.refused(f"{name} occurs twice")
+        forces[name] = drag
+
+    read_each(items_of(node), add)
     return SceneForces(tuple(name for name in ZONAL_FORCES if name in forces), forces.get(_DRAG))
 
 
@@ -180,14 +180,7 @@ class TargetReader:
             raise node.refused(
                 f"there are {len(items)} targets; at most {MAXIMUM_TARGETS} are read"
             )
-        collector = ErrorCollector()
-        targets = list[SceneTarget]()
-        for index, item in enumerate(items):
-            with collector.at(index_step(index)):
-                path = f"targets[{index}]"
-                targets.append(self._target(item, path))
-        collector.require_whole()
-        return tuple(targets)
+        return tuple(read_each(items, lambda index, item: self._target(item, f"targets[{index}]")))
 
     def _target(self, node: Node, path: str) -> SceneTarget:
         block = dict(block_of(node, _TARGET_KEYS))
@@ -249,20 +242,16 @@ class SourceReader:
             raise node.refused(
                 f"there are {len(items)} blocks of sources; at most {MAXIMUM_SOURCES} are read"
             )
-        collector = ErrorCollector()
-        sources = list[SceneSource]()
-        for index, item in enumerate(items):
-            with collector.at(index_step(index)):
-                path = f"sources[{index}]"
-                own_id, choice = self._identifier.identified(item, path, _SOURCE_KEYS, path)
-                # An emitter of the block, `ID-7`, must not share the id of a target.
-                for taken in self._target_ids:
-                    stem, dash, number = taken.rpartition("-")
-                    if taken == own_id or (stem == own_id and dash and number.isdecimal()):
-                        with under(".id"):
-                            raise item.value["id"].refused(
-                                f"the target {taken} has an id of this source's emitters"
-                            )
-                sources.append(SceneSource(own_id, choice))
-        collector.require_whole()
-        return tuple(sources)
+        return tuple(read_each(items, lambda index, item: self._source(item, f"sources[{index}]")))
+
+    def _source(self, node: Node, path: str) -> SceneSource:
+        own_id, choice = self._identifier.identified(node, path, _SOURCE_KEYS, path)
+        # An emitter of the block, `ID-7`, must not share the id of a target.
+        for taken in self._target_ids:
+            stem, dash, number = taken.rpartition("-")
+            if taken == own_id or (stem == own_id and dash and number.isdecimal()):
+                with under(".id"):
+                    raise node.value["id"].refused(
+                        f"the target {taken} has an id of this source's emitters"
+                    )
+        return SceneSource(own_id, choice)
