@@ -28,6 +28,9 @@ from opir_core.scene.plausibility import REMEDY, implausible_values
 from opir_core.scene.scene import Choice, Scene
 from opir_core.simulation.engine import Engine
 
+#: Columns of targets with a number for each, independent of the others.
+_TARGET_COLUMNS = ("type_code", "ignition_s", "burnout_s", "end_s", "place")
+
 
 def with_added_targets(plan: Plan, added: Plan) -> Plan:
     """Return a plan with the targets of another, of the same sensors, after its own."""
@@ -35,32 +38,23 @@ def with_added_targets(plan: Plan, added: Plan) -> Plan:
     shifted = evolve(added.pairs, target=(added.pairs.target + count).astype(np.int32))
     pairs = Pairs.concatenate([plan.pairs, shifted])
     order = np.lexsort((pairs.target, pairs.sensor))
-    sightlines = plan.sightlines
-    added_sightlines = added.sightlines
-    lines = Sightlines(
-        first_point=np.concatenate(
-            [sightlines.first_point, added_sightlines.first_point + len(sightlines.travel_s)]
-        )[order],
-        travel_s=np.concatenate([sightlines.travel_s, added_sightlines.travel_s]),
-        elevation_sine=np.concatenate([sightlines.elevation_sine, added_sightlines.elevation_sine]),
-        sight=np.concatenate([sightlines.sight, added_sightlines.sight]),
-    )
+    sightlines = Sightlines.joined([plan.sightlines, added.sightlines])
+    lines = evolve(sightlines, first_point=sightlines.first_point[order])
     scene = evolve(plan.scene, targets=(*plan.scene.targets, *added.scene.targets))
     targets = plan.targets
     added_targets = added.targets
     joined_targets = Targets(
         ids=(*targets.ids, *added_targets.ids),
-        type_code=np.concatenate([targets.type_code, added_targets.type_code]),
-        ignition_s=np.concatenate([targets.ignition_s, added_targets.ignition_s]),
-        burnout_s=np.concatenate([targets.burnout_s, added_targets.burnout_s]),
-        end_s=np.concatenate([targets.end_s, added_targets.end_s]),
         trajectories=(*targets.trajectories, *added_targets.trajectories),
         group=np.concatenate(
             [targets.group, added_targets.group + np.int32(len(targets.trajectories))]
         ),
-        place=np.concatenate([targets.place, added_targets.place]),
         class_names=(*targets.class_names, *added_targets.class_names),
         burns_s=joined_burns_s([targets.burns_s, added_targets.burns_s]),
+        **{
+            name: np.concatenate([getattr(targets, name), getattr(added_targets, name)])
+            for name in _TARGET_COLUMNS
+        },
     )
     return with_targets(evolve(plan, scene=scene), joined_targets, pairs.take(order), lines)
 
@@ -100,15 +94,11 @@ def _kept_targets(targets: Targets, rows: IntArray) -> Targets:
     groups, group = np.unique(targets.group[rows], return_inverse=True)
     return Targets(
         ids=tuple(targets.ids[row] for row in rows.tolist()),
-        type_code=targets.type_code[rows],
-        ignition_s=targets.ignition_s[rows],
-        burnout_s=targets.burnout_s[rows],
-        end_s=targets.end_s[rows],
         trajectories=tuple(targets.trajectories[number] for number in groups.tolist()),
         group=group.astype(np.int32),
-        place=targets.place[rows],
         class_names=tuple(targets.class_names[row] for row in rows.tolist()),
         burns_s=targets.burns_s[rows],
+        **{name: getattr(targets, name)[rows] for name in _TARGET_COLUMNS},
     )
 
 
