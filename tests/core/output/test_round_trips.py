@@ -149,52 +149,63 @@ def test_a_region_read_back_contains_what_it_contained(region: ImpactRegion, see
     requires_same_answers(region, region_from_document(region_document(back)), seed)
 
 
+class Figures:
+    """Draws columns of tracks (count,) in which each row of figures is known or unknown."""
+
+    def __init__(self, draw: st.DrawFn, count: int) -> None:
+        self.draw = draw
+        self.rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+        self.count = count
+
+    def column(self, *shape: int, scale: float = 1.0) -> FloatArray:
+        column = self.rng.normal(size=(self.count, *shape)) * scale
+        column[[not self.draw(st.booleans()) for _ in range(self.count)]] = np.nan
+        return column
+
+    def covariance(self, size: int, of: FloatArray | None = None) -> FloatArray:
+        """Return covariances (count, size, size), unknown where the figures `of` them are."""
+        root = self.column(size, size)
+        covariance = root @ root.transpose(0, 2, 1)
+        return covariance if of is None else np.where(np.isnan(of[:, :1, None]), np.nan, covariance)
+
+    def points(self) -> FloatArray:
+        column = self.column(3)
+        drawn = [[self.draw(latitudes), self.draw(longitudes)] for _ in range(self.count)]
+        column[:, :2] = np.where(np.isnan(column[:, 1:2]), np.nan, np.radians(drawn))
+        return column
+
+
 @st.composite
 def tracks(draw: st.DrawFn, count: int = 3) -> Tracks:
     """Draw tracks in which each block of figures is known or unknown."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-
-    def known(*shape: int, scale: float = 1.0) -> FloatArray:
-        column = rng.normal(size=(count, *shape)) * scale
-        column[[not draw(st.booleans()) for _ in range(count)]] = np.nan
-        return column
-
-    def covariance(size: int) -> FloatArray:
-        root = known(size, size)
-        return root @ root.transpose(0, 2, 1)
-
-    def place() -> FloatArray:
-        column = known(3)
-        column[:, 0] = np.radians([draw(latitudes) for _ in range(count)])
-        column[:, 1] = np.where(
-            np.isnan(column[:, 1]), np.nan, np.radians([draw(longitudes) for _ in range(count)])
-        )
-        column[:, 0] = np.where(np.isnan(column[:, 1]), np.nan, column[:, 0])
-        return column
-
+    figures = Figures(draw, count)
+    rng = figures.rng
+    launch = figures.points()
+    impact = figures.points()
+    burnout = figures.column(7)
     weighed = np.tile(stub_hypotheses(ICBM=0.5, SLV=0.25), (count, 1))
     return stub_estimates(
         count,
         track=rng.permutation(count),
         tick_s=61.0,
         available_s=61.0 + rng.uniform(0.0, 3.0, count),
-        state=np.concatenate([known(3, scale=1e7), known(3, scale=1e3)], axis=1),
-        state_covariance=covariance(6),
-        state_sigmas=np.abs(known(3)),
-        launch=(launch := place()),
-        launch_covariance=np.where(np.isnan(launch[:, :1, None]), np.nan, covariance(3)),
-        impact=(impact := place()),
-        impact_covariance=np.where(np.isnan(impact[:, :1, None]), np.nan, covariance(3)),
-        impact_sigmas=np.where(np.isnan(impact[:, :1]), np.nan, np.abs(known(3))),
-        type_probability=np.abs(known(4)),
+        state=np.concatenate([figures.column(3, scale=1e7), figures.column(3, scale=1e3)], axis=1),
+        state_covariance=figures.covariance(6),
+        state_sigmas=np.abs(figures.column(3)),
+        launch=launch,
+        launch_covariance=figures.covariance(3, launch),
+        impact=impact,
+        impact_covariance=figures.covariance(3, impact),
+        impact_sigmas=np.where(np.isnan(impact[:, :1]), np.nan, np.abs(figures.column(3))),
+        type_probability=np.abs(figures.column(4)),
         hypothesis_probability=np.where(rng.random((count, 1)) < 0.5, np.nan, weighed),
-        burnout=(burnout := known(7)),
-        burnout_covariance=np.where(np.isnan(burnout[:, :1, None]), np.nan, covariance(7)),
+        burnout=burnout,
+        burnout_covariance=figures.covariance(7, burnout),
         impact_regions=[tuple(draw(st.lists(regions(), max_size=2))) for _ in range(count)],
-        probability_burning=np.abs(known()),
-        probability_relights=np.abs(known()),
+        probability_burning=np.abs(figures.column()),
+        probability_relights=np.abs(figures.column()),
         end=rng.integers(0, 4, count),
-        seen_s=np.abs(known()),
+        seen_s=np.abs(figures.column()),
         is_brief=rng.random(count) < 0.5,
     )
 

@@ -85,20 +85,28 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
     assert line["type_probability"] == {"ICBM": 0.7, "IRBM": 0.2, "SRBM": 0.1, "UNKNOWN": 0.0}
     assert line["position_ecef_m"] + line["velocity_ecef_m_s"] == tracks.state[0].tolist()
     assert line["covariance"] == tracks.state_covariance[0].tolist()
+    assert (line["probability_burning"], line["probability_relights"]) == (0.25, 0.125)
+    assert (line["seen_s"], line["is_brief"], line["end"]) == (2.5, True, "impact")
+
+
+def test_points_of_a_line(tmp_path: Path) -> None:
+    tracks = tracks_of(1, launch=np.radians([[34.5, -120.25, np.degrees(12.0)]]))
+    (line,) = written(tmp_path, tracks)
     launch = line["launch"]
     spread = tracks.launch_covariance[0]
-    assert (launch["lat_deg"], launch["lon_deg"], launch["time_s"]) == pytest.approx(
-        (34.5, -120.25, 12.0), rel=1e-15
-    )
+    place = (launch["lat_deg"], launch["lon_deg"], launch["time_s"])
+    assert place == pytest.approx((34.5, -120.25, 12.0), rel=1e-15)
     assert launch["covariance_m2"] == spread[:2, :2].tolist()
-    assert (launch["time_variance_s2"], launch["time_covariance_m_s"]) == (
-        spread[2, 2],
-        spread[:2, 2].tolist(),
-    )
+    assert launch["time_variance_s2"] == spread[2, 2]
+    assert launch["time_covariance_m_s"] == spread[:2, 2].tolist()
     assert line["burnout"]["position_ecef_m"] == tracks.burnout[0, :3].tolist()
     assert (line["impact"]["method"], line["impact"]["sigma_m"]) == ("posterior", None)
     assert line["impact"]["containment"] == list(TRACK_CONTAINMENTS)
     assert line["impact"]["ellipse_sigmas"] == [1.1, 2.2, 2.6]
+
+
+def test_regions_and_hypotheses_of_a_line(tmp_path: Path) -> None:
+    (line,) = written(tmp_path, tracks_of(1))
     regions = line["impact_regions"]
     assert [region["containment"] for region in regions] == list(TRACK_CONTAINMENTS) * 2
     figures = [
@@ -106,17 +114,12 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
         for region in regions
     ]
     assert figures == [["burn over", 0.75, 250.0]] * 3 + [["relights", 0.125, None]] * 3
-    assert {region["geometry"]["type"] for region in line["impact_regions"]} == {"Polygon"}
-    assert (line["probability_burning"], line["probability_relights"]) == (0.25, 0.125)
+    assert {region["geometry"]["type"] for region in regions} == {"Polygon"}
     assert list(line["hypotheses"]) == list(HYPOTHESES)
-    assert [line["hypotheses"][name] for name in ("ICBM", "SLV", "none of these")] == [
-        0.5,
-        0.25,
-        0.25,
-    ]
+    chances = [line["hypotheses"][name] for name in ("ICBM", "SLV", "none of these")]
+    assert chances == [0.5, 0.25, 0.25]
     sums = [line[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
-    assert (sums, line["end"]) == ([0.75, 0.5, 0.25, 0.875], "impact")
-    assert (line["seen_s"], line["is_brief"]) == (2.5, True)
+    assert sums == [0.75, 0.5, 0.25, 0.875]
 
 
 def test_unknown_values_are_null_and_read_as_nan(tmp_path: Path) -> None:

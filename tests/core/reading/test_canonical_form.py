@@ -55,58 +55,61 @@ SCANNERS = st.fixed_dictionaries(
 )
 
 
+SENSOR_IDS = IDS.filter(lambda text: not text.startswith("FLEET"))
+SENSORS = st.lists(
+    st.builds(
+        lambda model, item_id, settings: {"model": model, "id": item_id, **settings},
+        st.sampled_from(["SCANNER", "STARER"]),
+        SENSOR_IDS,
+        SCANNERS,
+    ),
+    min_size=1,
+    max_size=4,
+    unique_by=lambda sensor: sensor["id"],
+)
+TARGETS = st.lists(
+    st.fixed_dictionaries(
+        {
+            "id": IDS,
+            "type": st.just("IRBM"),
+            "launch": PLACES,
+            "aim": PLACES,
+            "burn_time_s": st.none() | st.just(9),
+        }
+    ),
+    max_size=3,
+    unique_by=lambda target: target["id"],
+)
+EPOCHS = st.sampled_from(
+    ["1970-01-01T00:00:00Z", "2026-04-01T12:00:00.5Z", "2099-12-31T23:59:59.999999Z"]
+)
+OUTPUTS = st.lists(
+    st.sampled_from(["null", {"null": {}}, {"jsonl": {"path": "-"}}, "jsonl"]),
+    max_size=3,
+    unique_by=repr,
+)
+
+
 @st.composite
 def mappings(draw: st.DrawFn) -> dict[str, Any]:
     """Return any good scene."""
-    ids = draw(
-        st.lists(
-            IDS.filter(lambda text: not text.startswith("FLEET")),
-            min_size=1,
-            max_size=4,
-            unique=True,
-        )
-    )
-    singles = [
-        {"model": draw(st.sampled_from(["SCANNER", "STARER"])), "id": item_id, **draw(SCANNERS)}
-        for item_id in ids
-    ]
     fleet: dict[str, Any] = {"constellation": "FLEET", **draw(SCANNERS)}
     fleet |= draw(st.sampled_from([{}, {"preset": "slow"}]))
-    targets = [
-        {
-            "id": item_id,
-            "type": "IRBM",
-            "launch": draw(PLACES),
-            "aim": draw(PLACES),
-            "burn_time_s": draw(st.none() | st.just(9)),
-        }
-        for item_id in draw(st.lists(IDS, max_size=3, unique=True))
-    ]
     band = draw(st.sampled_from([0.0, 0.25, 0.5, 1.0]))
     return {
         "scene": draw(TEXTS.filter(str.strip)),
-        "epoch": draw(
-            st.sampled_from(
-                ["1970-01-01T00:00:00Z", "2026-04-01T12:00:00.5Z", "2099-12-31T23:59:59.999999Z"]
-            )
-        ),
+        "epoch": draw(EPOCHS),
         "duration_s": draw(st.floats(1e-3, 1e6) | st.integers(1, 10**6)),
         "seed": draw(st.integers(0, 2**63 - 1)),
         "light_time": draw(st.booleans()),
         "forces": draw(st.sampled_from(FORCES)),
-        "sensors": draw(st.permutations([*singles, *draw(st.sampled_from([[], [fleet]]))])),
-        "targets": targets,
+        "sensors": draw(st.permutations([*draw(SENSORS), *draw(st.sampled_from([[], [fleet]]))])),
+        "targets": draw(TARGETS),
         "confidence": draw(
             st.sampled_from(["weighted", {"model": "weighted", "band": band, "count": 1 - band}])
         ),
         "tracker": draw(st.sampled_from(["none", "arc", {"model": "arc", "window_s": 3}])),
-        "outputs": draw(
-            st.lists(
-                st.sampled_from(["null", {"null": {}}, {"jsonl": {"path": "-"}}, "jsonl"]),
-                max_size=3,
-                unique_by=repr,
-            )
-        ),
+        "outputs": draw(OUTPUTS),
     }
 
 

@@ -138,12 +138,12 @@ def is_straight(scan: Array, columns: Array) -> bool:
     return True
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("bands", [1, 2, 3])
-@pytest.mark.parametrize("knots", [3, KNOTS])
-def test_straightness_against_lines_between_neighbouring_knots(bands: int, knots: int) -> None:
+def bent_pieces(bands: int, knots: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return scans (knots, count) and signals and noise (2 bands, knots, count) of pieces.
+
+    One value of each piece is off its line by a little less or more than is allowed.
+    """
     rng = np.random.default_rng([17, bands, knots])
-    count = 2000
     scan = np.cumsum(rng.integers(0, 9, (knots, count)), axis=0)
     level = np.concatenate(
         [
@@ -153,24 +153,31 @@ def test_straightness_against_lines_between_neighbouring_knots(bands: int, knots
     )
     slope = level * rng.uniform(-0.01, 0.01, level.shape)
     columns = level[:, None, :] + slope[:, None, :] * (scan - scan[0])
-    # One value of each piece is off its line by a little less or more than is allowed.
     piece = np.arange(count)
     row = rng.integers(2 * bands, size=count)
     knot = rng.integers(1, knots - 1, size=count)
     least = np.where(row < bands, SIGMA, 0.0)
     off = rng.choice([-1.0, 1.0], count) * rng.choice([0.3, 0.9, 1.1, 1.6], count)
     free = (scan[knot, piece] > scan[knot - 1, piece]) & (scan[knot + 1, piece] > scan[knot, piece])
-    columns[row, knot, piece] += (
-        free * off * 2.0 * np.maximum(SHARE * np.abs(columns[row, knot, piece]), least)
-    )
+    allowed = 2.0 * np.maximum(SHARE * np.abs(columns[row, knot, piece]), least)
+    columns[row, knot, piece] += free * off * allowed
+    return scan, columns
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bands", [1, 2, 3])
+@pytest.mark.parametrize("knots", [3, KNOTS])
+def test_straightness_against_lines_between_neighbouring_knots(bands: int, knots: int) -> None:
+    count = 2000
+    scan, columns = bent_pieces(bands, knots, count)
     rows = np.arange(knots * count).reshape(knots, count)
     sine = np.zeros((1, knots * count))
-    quantile = np.zeros((1, knots * count))
-    values = np.concatenate([quantile, columns.reshape(2 * bands, -1), sine])
-    pieces = Intervals(piece, scan, rows, np.full((2, count), np.nan))
+    values = np.concatenate([sine, columns.reshape(2 * bands, -1), sine])
+    pieces = Intervals(np.arange(count), scan, rows, np.full((2, count), np.nan))
     straight = GridRefiner(None, None, 1e-4)._is_straight(pieces, values)  # type: ignore[arg-type]
     expected = [
-        is_straight(scan[:, row].astype(np.float64), columns[:, :, row]) for row in range(count)
+        is_straight(scan[:, piece].astype(np.float64), columns[:, :, piece])
+        for piece in range(count)
     ]
     assert straight.tolist() == expected
     assert 0.3 < np.mean(expected) < 0.7

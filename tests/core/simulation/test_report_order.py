@@ -298,24 +298,29 @@ def test_scores_of_a_run_are_those_of_its_files(
         assert np.array_equal(getattr(files, name), getattr(memory, name)), name
     rounded = {"launch", "impact", "launch_covariance", "impact_covariance", "impact_regions"}
     assert differing(files.tracks, memory.tracks) <= rounded
-    for name in ("launch", "impact"):  # degrees and back; the covariance with time is written once
-        points = getattr(files.tracks, name), getattr(memory.tracks, name)
-        assert np.allclose(*points, rtol=4e-16, atol=0.0, equal_nan=True)
-        first_run, second_run = (
-            getattr(item.tracks, f"{name}_covariance") for item in (files, memory)
+    for name in ("launch", "impact"):
+        require_same_points(files.tracks, memory.tracks, name)
+    rows = zip(files.tracks.impact_regions, memory.tracks.impact_regions, strict=True)
+    for regions, expected in rows:
+        assert [region.containment for region in regions] == [
+            region.containment for region in expected
+        ]
+        assert [region.area_km2 for region in regions] == pytest.approx(
+            [region.area_km2 for region in expected], abs=1e-3
         )
-        sigma = np.sqrt(np.diagonal(second_run, axis1=1, axis2=2))
-        assert not np.any(
-            np.abs(first_run - second_run) > 1e-14 * sigma[:, :, None] * sigma[:, None, :]
-        )
-        assert np.array_equal(np.isnan(first_run), np.isnan(second_run))
-    for first_run, second_run in zip(
-        files.tracks.impact_regions, memory.tracks.impact_regions, strict=True
-    ):
-        assert [item.containment for item in first_run] == [item.containment for item in second_run]
-        assert [item.area_km2 for item in first_run] == pytest.approx(
-            [item.area_km2 for item in second_run], abs=1e-3
-        )
+
+
+def require_same_points(tracks: Any, expected: Any, name: str) -> None:
+    """Points are degrees and back; the covariance with time is written once."""
+    points = getattr(tracks, name), getattr(expected, name)
+    assert np.allclose(*points, rtol=4e-16, atol=0.0, equal_nan=True)
+    covariance, expected_covariance = (
+        getattr(table, f"{name}_covariance") for table in (tracks, expected)
+    )
+    sigma = np.sqrt(np.diagonal(expected_covariance, axis1=1, axis2=2))
+    difference = np.abs(covariance - expected_covariance)
+    assert not np.any(difference > 1e-14 * sigma[:, :, None] * sigma[:, None, :])
+    assert np.array_equal(np.isnan(covariance), np.isnan(expected_covariance))
 
 
 @pytest.mark.slow
