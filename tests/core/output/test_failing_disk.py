@@ -24,10 +24,7 @@ from opir_core.builtin.sinks import LineFile
 from opir_core.errors import OpirError, SinkError
 from opir_core.output import deliver, spool_state
 from opir_core.output.run_files import read_manifest
-from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import salvaged_at_start
-from opir_core.output.spool.transport_sink import Policy, TransportSink
+from opir_core.output.spool import EncodedBatcher, Journal, Policy, TransportSink, salvaged_at_start
 from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 

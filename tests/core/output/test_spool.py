@@ -33,16 +33,19 @@ from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
 from opir_core.output import ForgeEncoder
 from opir_core.output.pump import pump
-from opir_core.output.spool.batches import (
+from opir_core.output.spool import (
+    AHEAD_BYTES,
     BATCH_EVENTS,
+    CONTENT_TYPE,
+    VERSION,
     EncodedBatcher,
+    Journal,
+    Origin,
+    Policy,
+    TransportSink,
     WindowBatcher,
     WindowTransport,
 )
-from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.sent_batches import AHEAD_BYTES
-from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.plugin import Batch, Delivery, Encoder, EncoderContext, Tracks
 
 

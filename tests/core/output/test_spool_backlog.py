@@ -17,9 +17,7 @@ from spool_transports import (
 )
 
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import EncodedBatcher, FullError
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport_sink import TransportSink
+from opir_core.output.spool import EncodedBatcher, FullError, Journal, TransportSink
 from opir_core.plugin import Batch, Delivery
 
 

@@ -21,10 +21,7 @@ from waiting import until
 
 from opir_core.errors import SinkError
 from opir_core.output import salvage, spool_state
-from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import salvaged_at_start
-from opir_core.output.spool.transport_sink import Policy, TransportSink
+from opir_core.output.spool import EncodedBatcher, Journal, Policy, TransportSink, salvaged_at_start
 
 BATCHES = 20
 ROWS = 100

@@ -30,9 +30,13 @@ from waiting import until
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
 from opir_core.output import spool_state
-from opir_core.output.spool.batches import EncodedBatcher, WindowBatcher, WindowTransport
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport_sink import TransportSink
+from opir_core.output.spool import (
+    EncodedBatcher,
+    Journal,
+    TransportSink,
+    WindowBatcher,
+    WindowTransport,
+)
 from opir_core.plugin import Batch
 
 

@@ -7,10 +7,15 @@ from concurrent.futures import Future
 import pytest
 
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import MemoryBacklog
-from opir_core.output.spool.policy import Closing, Parking, Policy
-from opir_core.output.spool.sent_batches import AHEAD_BYTES, SentBatches
-from opir_core.output.spool.store import Store
+from opir_core.output.spool import (
+    AHEAD_BYTES,
+    Closing,
+    MemoryBacklog,
+    Parking,
+    Policy,
+    SentBatches,
+    Store,
+)
 from opir_core.plugin import Batch
 
 POLICY = Policy(stall_s=10.0, retry_s=5.0, longest_retry_s=12.0)

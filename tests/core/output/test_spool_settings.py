@@ -13,7 +13,7 @@ from opir_core import compile_plan
 from opir_core.cli.main import main
 from opir_core.errors import PluginError, SceneError, SinkError
 from opir_core.output import deliver
-from opir_core.output.spool.journal import Journal
+from opir_core.output.spool import Journal
 from opir_core.plugin import Host, SinkModel, hookimpl, text
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from opir_core.output.spool.syncing import SyncThread
+from opir_core.output.spool import SyncThread
 
 WITHIN_S = 1e-4
 

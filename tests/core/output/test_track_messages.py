@@ -24,9 +24,7 @@ from opir_core.output import ForgeEncoder, TracksFile, deliver, schema
 from opir_core.output.events.encoder_input import track_count
 from opir_core.output.events.tracks import TracksEncoder
 from opir_core.output.pump import pump
-from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport_sink import TransportSink
+from opir_core.output.spool import EncodedBatcher, Journal, TransportSink
 from opir_core.plugin import Delivery, Encoder, EncoderContext, Host, Tracks, Window
 from opir_core.reading import scene_from_mapping
 from opir_core.scene import core_hypotheses
