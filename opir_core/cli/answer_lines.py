@@ -56,8 +56,8 @@ def _is_taken(track: Row | None) -> bool:
 
 
 def _sentence(row: Row, kind: str, sighting: str, tracks: Mapping[int, Row]) -> str:
-    """Return the sentence of a target or source that begins with how it was `sighting`; "" for one that
-    was not.
+    """Return the sentence of a target or source, which begins with its `sighting`; "" for one
+    that was not.
     """
     name = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})"
     track = tracks.get(row["track_id"])
@@ -76,8 +76,8 @@ def _seen(target: Row) -> str:
 
 
 def says_text(row: Row, track: Row | None) -> str:
-    """Return what a target or source is by its tracker, else by its detections, or why it was not
-    detected.
+    """Return the type of a target or source by its tracker, else by its detections, or why it was
+    undetected.
     """
     likeliest = None if track is None else likeliest_text(track)
     if likeliest is not None:
@@ -92,8 +92,7 @@ def says_text(row: Row, track: Row | None) -> str:
 
 
 def likeliest_text(track: Row) -> str | None:
-    """Return what a track is most probably, `ICBM 0.97`: its hypothesis, else its type; None
-    without either.
+    """Return the likeliest hypothesis of a track, `ICBM 0.97`, else its type; None without either.
 
     Of one that was seen too briefly to tell, that.
     """
@@ -212,7 +211,7 @@ Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
 
 def reported_tables(summary: Row) -> Iterator[str]:
-    """Yield the tables of hot sources that are no targets, and of tracks, as text."""
+    """Yield the tables of hot sources other than targets, and of tracks, as text."""
     for head, rows in (source_table(summary), track_table(summary)):
         yield listed(
             head, rows, numbers=[place for place, name in enumerate(head) if name in _NUMBERS]
@@ -225,7 +224,7 @@ def reported_tables(summary: Row) -> Iterator[str]:
 
 
 def source_table(summary: Row) -> Table:
-    """Return the table of hot sources that are no targets, those taken for launches first."""
+    """Return the table of hot sources other than targets, those taken for launches first."""
     tracks = {row["track_id"]: row for row in summary["tracks"]}
     rows = sorted(summary["sources"], key=lambda row: not _is_taken(tracks.get(row["track_id"])))
     return _SOURCE_HEAD, [source_cells(row, tracks) for row in rows]
@@ -263,7 +262,7 @@ def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:
 
 
 def source_cells(row: Row, tracks: Mapping[int, Row]) -> tuple[str, ...]:
-    """Return the cells of a hot source that is no target."""
+    """Return the cells of a hot source other than a target."""
     track = tracks.get(row["track_id"])
     first_sensor = row["first_sensor_id"] or "not detected"
     named = row["source_id"], row["source_type"], first_sensor, grouped(row["detections"])
@@ -271,6 +270,6 @@ def source_cells(row: Row, tracks: Mapping[int, Row]) -> tuple[str, ...]:
 
 
 def reported_cells(summary: Row) -> list[str]:
-    """Return what each target is, by its tracker or its detections, or why it was not detected."""
+    """Return each target's type by its tracker or its detections, or why it was not detected."""
     tracks = {row["track_id"]: row for row in summary["tracks"]}
     return [says_text(row, tracks.get(row["track_id"])) for row in summary["targets"]]

@@ -205,7 +205,7 @@ class CatalogueHooks:
 
     @hookspec
     def opir_source_models(self) -> Iterable[c.SourceModel]:  # type: ignore[empty-body]
-        """Yield source models: emitters that are no targets. Chosen with `model: NAME` in a block
+        """Yield source models: emitters other than targets. Chosen with `model: NAME` in a block
         of `sources`.
 
         >>> from opir_core.plugin import Host, SourceModel, Sources, hookimpl

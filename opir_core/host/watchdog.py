@@ -138,7 +138,7 @@ class CallThread:
         self._thread.start()
 
     def result(self, call: Callable[[], Any], within_s: float, *, is_last: bool = False) -> Any:
-        """Return what a call returns, or raise what it raises; `OverdueError` after `within_s`."""
+        """Return the result of a call, or re-raise its error; `OverdueError` after `within_s`."""
         answer = list[Any]()
         is_there = threading.Event()
         self._calls.put((call, answer, is_there, is_last))

@@ -38,8 +38,8 @@ class Classifier(PluginPart):
 
     @optional
     def uses_truth(self) -> bool:
-        """Whether what is reported may depend on the targets' true types; with other targets it is
-        built anew.
+        """Whether reports may depend on the targets' true types; with other targets it is built
+        anew.
         """
         return True
 

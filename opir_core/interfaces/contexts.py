@@ -57,8 +57,8 @@ class TargetContext:
 
 @frozen(eq=False)
 class Surroundings:
-    """What a model of light is built from: the scene with its choices, the host that has their
-    components, and what is built already. An `opir_core.Plan` has these attributes too.
+    """The surroundings of a model of light: the scene with its choices, the host of their
+    components, and the built parts. An `opir_core.Plan` has these attributes too.
     """
 
     scene: Any
@@ -77,7 +77,7 @@ class ModelContext:
     classes of launches and the types of other hot sources, by default those of `target_type_code`;
     `target_class` returns the target class of a name, by default the core's. `reported_types` are
     the names of the types that may be reported, of which `REPORTED_TYPES` are the first.
-    `hypotheses` are what a hot object may be.
+    `hypotheses` are those of a hot object.
     """
 
     sensors: tuple[Sensor, ...]

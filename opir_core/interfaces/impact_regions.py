@@ -62,7 +62,7 @@ class ImpactRegion:
         """Return whether a point lies in the region.
 
         Rings and point are projected by directions and distances from the centre of the region
-        (azimuthal equidistant), so poles and the 180th meridian are no exceptions; a point is
+        (azimuthal equidistant), at poles and the 180th meridian too; a point is
         inside an odd number of rings.
         """
         rings = [ring for polygon in self.polygons for ring in polygon]

@@ -148,7 +148,7 @@ class Signatures(PluginPart):
 
 
 class Sources(PluginPart):
-    """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares,
+    """Emitters other than targets, made by one block of a scene's `sources`: fires, flares,
     glints, bolides.
 
     The engine adds them to the targets as further rows; `trajectories.type_code` are codes into

@@ -36,8 +36,8 @@ class SensorHealth:
 
     @classmethod
     def of(cls, values: dict[str, FloatArray], text: tuple[str, ...]) -> "SensorHealth":
-        """Return what is known of sensors (s,), by field, with a sentence for each; the rest is
-        nan.
+        """Return the health of sensors (s,) from some fields, nan for the others, with a sentence
+        for each.
         """
         shapes = {name: (len(text), *((2,) if "bias" in name else ())) for name in _NUMBERS}
         return cls(

@@ -56,9 +56,7 @@ class Tracker(PluginPart):
         return None
 
     def sensor_health(self) -> SensorHealth | None:
-        """Return what it has found of the sensors up to the last tick, or None for one that judges
-        none.
-        """
+        """Return the tracker's estimates of the sensors' errors at the last tick, or None."""
         return None
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:

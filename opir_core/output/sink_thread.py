@@ -407,7 +407,7 @@ def balanced(delivery: Delivery, handed: int, *, is_final: bool) -> tuple[Delive
     """Return a sink's counts, made to add up, and by how many events they did not.
 
     `handed` events were handed to the sink. What it reports beyond these and the recovered ones is
-    taken away; a count below 0, or that is no whole number, is 0. Of events that are missing at the
+    taken away; a count other than a whole number from 0 up is 0. Of events that are missing at the
     end, when `is_final`, it is not known what became of them: they are dropped.
     """
     counts: dict[str, Any] = {name: _whole(getattr(delivery, name)) for name in COUNTS}

@@ -98,8 +98,11 @@ def keep_mode(descriptor: int, target: Path) -> None:
 
 
 def planted(kind: str, path: Path, obstacle: str) -> SinkError:
-    """Return the error of something that is no file under a name that opir made up."""
-    words = f"{kind} {path} cannot be written: {obstacle} has its name, through which opir does not write"
+    """Return the error of a default path that is not a regular file."""
+    words = (
+        f"{kind} {path} cannot be written: {obstacle} has its name, through which opir does not"
+        f" write"
+    )
     return SinkError(f"{words}; remove it, or give another path")
 
 

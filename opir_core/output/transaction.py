@@ -100,7 +100,7 @@ class OutputFiles:
 
         `only_appends` promises that bytes once written are not changed, so that they are hashed
         meanwhile. Raises `SinkError` if another process writes this path, nothing can be written
-        there, or what has a name that opir made up, `is_made_up`, is no regular file.
+        there, or a default path, `is_made_up`, is not a regular file.
         """
         path = Path(path)
         if not _is_replaceable(kind, path, is_made_up):

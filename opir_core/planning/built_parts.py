@@ -153,7 +153,7 @@ def motion_fault(trajectories: Trajectories, ids: Sequence[str]) -> str:
 
 
 def positions_fault(position_m: Any, count: int) -> str:
-    """Return what is wrong with positions of targets while they burn, or ""."""
+    """Return the error in the positions of burning targets, or ""."""
     if (
         not isinstance(position_m, np.ndarray)
         or position_m.shape != (count, 3)

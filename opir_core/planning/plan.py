@@ -202,7 +202,8 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     """Return the plan of a scene, with components from `host` (by default, all that are installed).
 
     Raises `PluginError` for components that are missing or broken, `SceneError` for targets without
-    a trajectory and for more work than `scene.limits` accept, `TypeError` for what is no scene.
+    a trajectory and for more work than `scene.limits` accept, `TypeError` for an argument other
+    than a scene.
     """
     given: Any = scene
     if not isinstance(given, Scene):
@@ -247,8 +248,8 @@ def reseeded(plan: Plan, seed: int) -> Plan:
 
 
 def _seeded_parts(plan: Plan, scene: Scene) -> dict[str, Any]:
-    """Return what of a plan is built anew for a scene with another seed: the sources, and what is
-    built from them.
+    """Return the parts of a plan that depend on the seed, built for another one: sources and what
+    follows from them.
     """
     host = plan.host
     sensors = plan.sensors
@@ -386,7 +387,7 @@ def _models(
 def _tracker_context(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...], detection: DetectionProbability
 ) -> TrackerContext:
-    """Return what all trackers of a scene are built from."""
+    """Return the context of a scene's trackers."""
     rates = detection.rate_per_scan
     return TrackerContext(
         sensors=sensors_of_trackers(sensors, scene.classification, host),

@@ -39,8 +39,8 @@ def reported_types(scene: Scene, host: Host) -> tuple[str, ...]:
 
 
 def offered_hypotheses(host: Host) -> tuple[Hypothesis, ...]:
-    """Return what a hot object may be, from the target classes that are offered; those that fail to
-    load are left out.
+    """Return the hypotheses of the target classes that are offered, without those that fail to
+    load.
 
     Whoever names such a class in a scene gets the error.
     """

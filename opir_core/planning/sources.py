@@ -35,7 +35,7 @@ def distinct_bands(sensors: Sequence[Sensor]) -> tuple[Band, ...]:
 
 
 def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
-    """Return what is built of each block of a scene's `sources`."""
+    """Return the built sources of each block of a scene."""
     bands = distinct_bands(sensors)
     sources = list[Sources]()
     make_atmosphere = cache(partial(scene_atmosphere, scene, host, bands))

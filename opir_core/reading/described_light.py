@@ -73,9 +73,7 @@ class LightFinder:
             yield Description((".preset",), self._nodes["preset"])
 
     def _in_choice(self, key: str, node: Node) -> Iterator[Description]:
-        """Yield what a chosen component describes; nothing for the one that a scene has without
-        naming it.
-        """
+        """Yield the light that a chosen component describes; the default of a scene describes none."""
         hook, default = CHOICES[key]
         block = _block(node)
         name = block.get("model", node).value

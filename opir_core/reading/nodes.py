@@ -138,7 +138,7 @@ class ErrorCollector:
 
 
 def read_each(items: Iterable["Node"], read: Callable[[int, "Node"], Any]) -> list[Any]:
-    """Return what `read(index, item)` makes of each item; raises the errors of all together."""
+    """Return the values of `read(index, item)`; raises the errors of all items together."""
     collector = ErrorCollector()
     values = []
     for index, item in enumerate(items):

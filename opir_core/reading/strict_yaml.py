@@ -62,7 +62,8 @@ _ODD = (
     (
         re.compile(r"[-+]?0[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]+)?"),
         (
-            "{0} begins with a zero, which is octal to some YAML readers; leave it out, or write '{0}'"
+            "{0} begins with a zero, which is octal to some YAML readers; leave it out, or write"
+            " '{0}'"
             " in quotes for text"
         ),
     ),
@@ -84,7 +85,7 @@ def plain_value(text: str) -> Any:
 
 
 def quoted_value(text: str) -> str:
-    """Return a text as it is; raises `ValueError` where it holds what is not text."""
+    """Return a text unchanged; raises `ValueError` for unprintable characters."""
     complaint = unprintable_complaint(text)
     if complaint:
         raise ValueError(complaint)
@@ -226,7 +227,7 @@ class _Composer:
                 )
 
     def stop(self, message: str, mark: Any) -> None:
-        """Raise what is wrong with the text, after what was wrong before."""
+        """Raise the error of the text, after the earlier ones."""
         complaints = complaints_inside(self.root) if self.root else ()
         raise InvalidNode([*complaints, Complaint(message, self._place(mark))])
 
@@ -282,7 +283,7 @@ class _Composer:
                 self._set(self._open[-1], key, key_place, node)
 
     def _key(self, node: Node) -> str | None:
-        """Return the key that a node makes; None, with a complaint, where it is no text."""
+        """Return the key of a node; None, with a complaint, unless it is text."""
         self._open[-1].complaints = (*self._open[-1].complaints, *node.complaints)
         if type(node.value) is str and node.written != "<<":
             return node.value

@@ -135,9 +135,7 @@ def items_of(node: Node) -> list[Node]:
 
 
 def refusal(node: Node, needed: str) -> InvalidNode:
-    """Return that a node is something other than what is needed; nothing more where it already
-    complains of itself.
-    """
+    """Return the error of a node of the wrong kind; an empty one if the node already has its own."""
     if node.value is UNREADABLE:
         return InvalidNode()
     return node.refused(f"{_what_it_is(node)}; {needed}")
@@ -251,7 +249,7 @@ class ClassReader:
         home: Home | None = None,
         base: Any = None,
     ) -> dict[str, Any]:
-        """Return the values that can be read, by name; what is wrong goes to `collector`.
+        """Return the values that can be read, by name; errors go to `collector`.
 
         `home` says where a key belongs that means nothing here; what the block leaves out is as in
         `base`.

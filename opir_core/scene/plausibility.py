@@ -60,7 +60,7 @@ def _plausible_defaults(config_class: type) -> Mapping[str, Any]:
 
 
 def _implausible_value(attribute: "Attribute[Any]", value: Any, path: str) -> Iterator[Problem]:
-    """Yield what is implausible in the value of a setting, nested configurations included."""
+    """Yield the implausible values of a setting, nested configurations included."""
     info = info_of(attribute)
     place = f"{path}.{attribute.name}" if path else attribute.name
     for inner in _configurations(value):

@@ -119,10 +119,10 @@ AFTER_BURNOUT: Mapping[str, type[AfterBurnout]] = MappingProxyType(
 class TargetClass:
     """A class of targets, which a scene chooses by `type: NAME`.
 
-    `reported_type` is the right answer for it among `REPORTED_TYPES`, UNKNOWN for what is no
-    missile. `resembles` is the missile type whose values stand in where a sensor or a model names
-    no value for the class; by default the reported type. Of several `profiles`, the first with
-    limits that contain the range is flown; `plumes` has the default signature of each, by the
+    `reported_type` is the right answer for it among `REPORTED_TYPES`, UNKNOWN for classes other
+    than missiles. `resembles` is the missile type whose values stand in where a sensor or a model
+    names no value for the class; by default the reported type. Of several `profiles`, the first
+    with limits that contain the range is flown; `plumes` has the default signature of each, by the
     profile's name.
     """
 

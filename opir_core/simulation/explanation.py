@@ -206,9 +206,7 @@ _EVIDENCE = {
 
 
 def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return what a hot object may be, by group, and what distinguishes it to each part of the plan
-    that weighs it.
-    """
+    """Return the hypotheses by group, each with the evidence by which a part of the plan weighs it."""
     weighs = (
         plan.make_tracker().cadence_s is not None,
         has_own(Classifier, plan.classifier, "log_posterior"),
@@ -227,9 +225,7 @@ def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
 
 
 def _sensors_assumed(plan: Plan) -> list[str]:
-    """Return what the tracker assumes of each sensor before the first look, if it estimates their
-    errors.
-    """
+    """Return the tracker's prior of each sensor's errors, if it estimates them."""
     health = plan.make_tracker().sensor_health()
     return (
         []
@@ -241,7 +237,7 @@ def _sensors_assumed(plan: Plan) -> list[str]:
 
 
 def _truth_users(plan: Plan) -> list[str]:
-    """Return the classifier, if what it reports may depend on the true types of targets."""
+    """Return the classifier, if its reports may depend on the true types of targets."""
     choice = plan.scene.classification
     return [f"{choice.path}: {choice.name}"] if plan.classifier.uses_truth else []
 

@@ -114,7 +114,7 @@ class FalseAlarmGenerator:
         self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
 
     def between(self, start_ns: int, end_ns: int) -> FalseAlarms | None:
-        """Return the false alarms in [start, end) of scene time, or None if there are none."""
+        """Return the false alarms in [start, end) of scene time, or None."""
         alarms = [stream.near(start_ns, end_ns) for stream in self._streams.values()]
         drawn = [alarms_of_sensor for alarms_of_sensor in alarms if len(alarms_of_sensor)]
         placed = self._placed(Drawn.concatenate(drawn), start_ns, end_ns) if drawn else None
@@ -204,7 +204,7 @@ class FalseAlarmGenerator:
         )
 
     def _types(self, sightings: ClassifierInputs) -> Classified:
-        """Return what is reported; UNKNOWN from classifiers that go by pairs."""
+        """Return the reported types; UNKNOWN from classifiers that go by pairs."""
         nobody = np.empty(0, dtype=np.int32)
         if self._classifier.pair_type(nobody, nobody, _NoDraws()) is not None:
             unknown = np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)

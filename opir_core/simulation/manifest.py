@@ -1,4 +1,4 @@
-"""The run manifest: what is needed to repeat a run exactly, and nothing that differs between two
+"""The run manifest: everything needed to repeat a run exactly, and nothing that differs between two
 runs of a scene.
 """
 

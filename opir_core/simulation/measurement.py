@@ -34,8 +34,8 @@ def classifier_inputs(
     band_total: IntArray,
     count: IndexArray,
 ) -> ClassifierInputs:
-    """Return the inputs of classifiers and confidence models, with (n, 0) columns for what is not
-    measured.
+    """Return the inputs of classifiers and confidence models, with (n, 0) columns for unmeasured
+    quantities.
     """
     irradiance = measured.band_irradiance_w_m2
     noise = measured.band_noise_w_m2
@@ -69,7 +69,7 @@ class Classified:
     def of(
         cls, classifier: Classifier, rows: int, log_posterior: FloatArray, method: str, types: int
     ) -> "Classified":
-        """Return what a classifier reports for posteriors of `rows` detections, which its `method`
+        """Return the types that a classifier reports for posteriors (rows, ...), which its `method`
         returned.
         """
         over_types = classifier.over_types(log_posterior, REPORTED_TYPES)
@@ -93,7 +93,7 @@ def classified(
     rng: RandomDraws,
     types: int = len(REPORTED_TYPES),
 ) -> Classified:
-    """Return what a classifier reports, with its probabilities if it has any."""
+    """Return the types that a classifier reports, with its probabilities if it has any."""
     rows = len(sightings)
     posterior = classifier.log_posterior(sightings)
     if posterior is not None:

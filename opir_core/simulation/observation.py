@@ -1,4 +1,4 @@
-"""A window in the making: what the stages of the engine take and give."""
+"""The state of a window between the stages of the engine."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager

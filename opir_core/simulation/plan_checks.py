@@ -110,7 +110,7 @@ def _implausible(plan: Plan | CheckedScene) -> list[str]:
 
 
 def _of_parts(plan: Plan | CheckedScene) -> list[Problem]:
-    """Return what targets, the detection model and orbits say of their own settings and files."""
+    """Return the warnings of targets, detection model and orbits about their settings and files."""
     problems = [
         problem
         for component in (*plan.targets.trajectories, plan.detection)

@@ -101,8 +101,8 @@ class Curves(NamedTuple):
         )
 
     def at(self, column: IntArray, times: IntArray, scan: IntArray) -> FloatArray:
-        """Return the values (n,) at scans (n,): `times` (m,) of them for each of the curves `column`
-        (m,).
+        """Return the values (n,) at scans (n,): `times` (m,) of them for each of the curves
+        `column` (m,).
         """
         place = np.subtract(scan, np.repeat(self.middle[column], times), dtype=np.float64)
         place *= np.repeat(self.per_scan[column], times)
@@ -371,8 +371,8 @@ class GridRefiner:
 
 
 def values_of(model: DetectionProbability, exposed: Exposures, tolerance: float) -> FloatArray:
-    """Return what is interpolated (2 + 2 B, n) of looks: quantile, signals, noise, and the sine of
-    the elevation.
+    """Return the interpolated values (2 + 2 B, n) of looks: quantile, signals, noise, sine of
+    elevation.
     """
     response = model.response(exposed, slack=tolerance * _SLACK_SHARE)
     assert response is not None

@@ -228,7 +228,7 @@ class Tally:
         }
 
     def _source_row(self, row: int) -> Mapping[str, Any]:
-        """Return the row of a hot source that is no target: it has no ignition."""
+        """Return the row of a hot source other than a target, without an ignition."""
         return {
             "source_id": self._targets.ids[row],
             "source_type": self._targets.class_names[row],
@@ -236,7 +236,7 @@ class Tally:
         }
 
     def _seen(self, row: int) -> Mapping[str, Any]:
-        """Return what was detected of a target or source."""
+        """Return the detections of a target or source."""
         detections = self._detections[:, row]
         is_detected = bool(detections.sum())
         first_sensor = int(self._first_s[:, row].argmin())

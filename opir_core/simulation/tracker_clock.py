@@ -243,7 +243,7 @@ class CheckedTracker(Tracker):
         return bool(self._called("is_idle", self._tracker.is_idle))
 
     def sensor_health(self) -> SensorHealth | None:
-        """Return what the tracker has found of the sensors."""
+        """Return the tracker's estimates of the sensors' errors."""
         health = self._called("sensor_health", self._tracker.sensor_health)
         if health is not None and not isinstance(health, SensorHealth):
             raise self._error(
@@ -291,7 +291,7 @@ class EndingTracker(Tracker):
         return self._result(lambda tracker: tracker.is_idle(), True)
 
     def sensor_health(self) -> SensorHealth | None:
-        """Return what the tracker has found of the sensors."""
+        """Return the tracker's estimates of the sensors' errors."""
         return self._result(lambda tracker: tracker.sensor_health(), None)
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:

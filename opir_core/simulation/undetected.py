@@ -66,7 +66,7 @@ def undetected_text(plan: Plan, target: int) -> str:
 
 
 def _too_rare(plan: Plan, pair: IntArray) -> str:
-    """Return that no sensor has the looks that it needs to report a target; "" if one has."""
+    """Return the reason if every sensor has fewer looks than a report needs, else ""."""
     if plan.detection.confirmation is None:
         return ""
     looks = plan.pairs.looks[pair]

@@ -90,7 +90,7 @@ def _subjects_read(
 def _unread(
     choice: Choice, component: Component, subjects: frozenset[str] | None
 ) -> Iterator[UnreadSetting]:
-    """Yield what of a component's block is not read: the whole block, or its settings."""
+    """Yield the settings of a component's block that no component reads, or the whole block."""
     if not _is_read(component.described, subjects):
         yield UnreadSetting(choice.path, _reason(component.described), choice.written[""])
         return
@@ -121,7 +121,7 @@ def _is_read(subject: str, subjects: frozenset[str] | None) -> bool:
 
 
 def _reason(subject: str) -> str:
-    """Return what reads a subject."""
+    """Return the components that read a subject, in words."""
     return READ_BY.get(subject, f"no component of it reads {subject}")
 
 

@@ -65,7 +65,7 @@ Encode = Callable[[Window], Iterable[Text]]
 
 @frozen
 class Computed:
-    """A window as observed, without tracks, and what the encoders made of it."""
+    """A window as observed, without tracks, and its encoded text."""
 
     window: Window
     texts: Mapping[str, Sequence[Text]]
@@ -131,7 +131,7 @@ class WindowWorkers:
             slot.end()
 
     def computed(self) -> Iterator[Computed]:
-        """Yield the windows in order; raises what a worker raised when its window is due.
+        """Yield the windows in order; re-raises a worker's error in place of its window.
 
         The text of a window is valid until the next one is asked for.
         """
@@ -162,7 +162,7 @@ class WindowWorkers:
             slot.link.send(number)
 
     def _receive(self) -> None:
-        """Take the results that are there, wait for some if there are none, and replace workers
+        """Take the finished results, wait for one if necessary, and replace workers
         that have ended.
         """
         ready = wait(

@@ -213,8 +213,8 @@ def _ellipses(
 
 
 def track_fields(window: Window, epoch_us: int, hypotheses: Sequence[str]) -> Looked:
-    """Return what is estimated of each detection's track but launch and impact, of its estimate's
-    tick.
+    """Return the fields of each detection's track at its estimate's tick, without launch and
+    impact.
 
     `hypotheses` are the names of the columns of `hypothesis_probability`.
     """

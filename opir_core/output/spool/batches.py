@@ -78,7 +78,7 @@ class EncodedBatcher:
 
 
 class FullError(Exception):
-    """There is no room for a batch, or the disk does not take it; the words, if any, say why."""
+    """The backlog is full, or the disk refuses the batch; the words, if any, say why."""
 
 
 class DamagedError(Exception):
@@ -98,7 +98,7 @@ class Backlog(Protocol):
 
     @property
     def outlives_the_process(self) -> bool:
-        """Whether what is left at closing is there for the next run."""
+        """Whether batches left at closing are there for the next run."""
 
     def put(self, batch: Batch) -> None:
         """Add a batch; raise `FullError` if there is no room for it."""
@@ -216,8 +216,8 @@ class WindowBatcher:
 
 
 class WindowTransport(Transport):
-    """A transport that writes batches of columns into a sink; what is written is acknowledged once
-    it is synced.
+    """A transport that writes batches of columns into a sink; batches are acknowledged once they
+    are synced.
     """
 
     def __init__(self, sink: Sink, origin: Origin) -> None:

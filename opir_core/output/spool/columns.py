@@ -1,6 +1,6 @@
 """Windows as batches of columns, numpy archives, for sinks that take windows.
 
-Truth is no part of an event and is not kept. Columns mean something only beside their run: its
+Truth is not part of an event and is not kept. Columns mean something only beside their run: its
 epoch, the ids of its sensors and the names of its types are kept with them, and a run that finds
 them in its spool reads them by its own.
 """
@@ -78,7 +78,8 @@ class Origin:
         """Return the window of an archive, perhaps of another run, with this run's epoch and rows
         of sensors.
 
-        Raises `SinkError` if it is no window, or this run cannot say what it says.
+        Raises `SinkError` for another kind of batch, and for sensors, types or hypotheses that this
+        run lacks.
         """
         if (batch.content_type, batch.schema_version) != (CONTENT_TYPE, VERSION):
             raise SinkError(

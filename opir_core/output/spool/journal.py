@@ -348,7 +348,7 @@ def _why(error: sqlite3.Error) -> str:
 
 
 def is_refusal(error: sqlite3.Error) -> bool:
-    """Return whether the disk did not do what it was asked: nothing is known about the file."""
+    """Return whether the disk refused an operation, which says nothing about the file."""
     return primary_code(error) in _REFUSALS_OF_THE_DISK
 
 

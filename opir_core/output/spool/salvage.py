@@ -88,8 +88,8 @@ class Salvage:
 
 
 def spool_state(path: str | Path) -> SpoolState:
-    """Return what of a spool is whole; `SinkError` if there is none, it is in use or cannot be
-    read, or is none.
+    """Return the undamaged batches of a spool; `SinkError` if the file is missing, in use,
+    unreadable or not a spool.
     """
     place = _existing(Path(path))
     with closing(_opened(place)) as database:

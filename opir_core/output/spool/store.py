@@ -60,7 +60,7 @@ class Store:
         return self._unread or None
 
     def full(self, trouble: str | None) -> str:
-        """Return that there is no room; `trouble` is the transport's."""
+        """Return the error of a full backlog; `trouble` is the transport's."""
         why = self._unwritten or trouble
         return (
             f"{self.name}: {f'its spool {self._place}' if self._place else 'its queue'}"
