@@ -3,7 +3,7 @@ with the remedy.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from sys import stdlib_module_names
 from types import FrameType
 
@@ -16,90 +16,15 @@ from opir_core.scene.fields import LIGHT
 
 _LONGEST_WORDS = 300
 _CORE = PurePath(__file__).parent.parent
+_PACKAGES = Path(__file__).parent.parent / "data" / "packages.txt"
 _LIBRARIES = frozenset({"numpy", "scipy"})
 _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 
-#: The packages of this project and what they advertise, for messages about what is not installed. A
-#: test compares this table with the packages' metadata.
+#: The packages of this project and the components that they advertise, for messages about packages
+#: that are not installed. A test compares the file with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
-    "opir-coverage": ("commands.coverage", "commands.physics", "metrics.coverage"),
-    "opir-dask": ("executors.dask",),
-    "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
-    "opir-export": (
-        "commands.export",
-        *("event_encoders.forge-c2", "event_encoders.udl"),
-        *(
-            "exporters.arrow",
-            "exporters.csv",
-            "exporters.czml",
-            "exporters.geojson",
-            "exporters.kml",
-        ),
-        *("exporters.oem", "exporters.parquet", "exporters.tdm", "sinks.parquet"),
-        *("run_views.pandas", "run_views.polars", "run_views.tables"),
-    ),
-    "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
-    "opir-http": ("commands.doctor", "commands.serve", "commands.view"),
-    "opir-kafka": ("commands.spool", "sinks.kafka"),
-    "opir-leo": (
-        *("constellations.LEO-MEDIUM", "constellations.LEO-WIDE"),
-        *("sensor_models.LEO-MEDIUM", "sensor_models.LEO-WIDE"),
-    ),
-    "opir-nextgen": ("constellations.NEXTGEN-GEO", "sensor_models.NEXTGEN-GEO"),
-    "opir-paper": ("commands.paper",),
-    "opir-photons": (
-        "atmosphere_models.lowtran",
-        "background_models.earth",
-        *("classifiers.spectral", "confidence_models.posterior"),
-        "detection_models.snr",
-        *("sensor_models.AHI", "sensor_models.GOES-ABI"),
-        "signature_models.plume",
-        *(
-            "source_models.bolides",
-            "source_models.fires",
-            "source_models.flares",
-            "source_models.glints",
-        ),
-    ),
-    "opir-readers": (
-        *("commands.import", "commands.track", "target_models.ascent", "target_models.table"),
-        *("readers.csv", "readers.events", "readers.gpx"),
-        *(
-            "readers.kml",
-            "readers.oem",
-            "readers.oem-xml",
-            "readers.omm",
-            "readers.openrocket",
-            "readers.rasaero",
-        ),
-        *(
-            "readers.rocketpy",
-            "readers.sights",
-            "readers.sp3",
-            "readers.stk",
-            "readers.tdm",
-            "readers.tle",
-        ),
-        "readers.webcast",
-    ),
-    "opir-render": ("renderers.compiled",),
-    "opir-report": ("commands.report", "run_views.map", "run_views.plot"),
-    "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
-    "opir-scoring": ("commands.score",),
-    "opir-stonesoup": ("trackers.stonesoup",),
-    "opir-studies": (
-        *("commands.compare", "commands.optimise", "commands.sweep", "commands.tune"),
-        *("executors.processes", "executors.serial"),
-        *(
-            "metrics.accuracy",
-            "metrics.detection_by_time",
-            "metrics.false_events",
-            "metrics.impact_region",
-        ),
-        *("metrics.latency", "metrics.launch_error", "metrics.tracks", "metrics.warning_time"),
-    ),
-    "opir-testing": ("commands.check", "commands.new-plugin"),
-    "opir-trackers": ("commands.prior", "trackers.imm", "trackers.kepler-arc"),
+    name: tuple(entries)
+    for name, *entries in map(str.split, _PACKAGES.read_text("utf-8").splitlines())
 }
 
 #: What of the packages above reads a subject, by subject. A test compares it with what the

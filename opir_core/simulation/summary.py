@@ -238,15 +238,16 @@ class Tally:
     def _seen(self, row: int) -> Mapping[str, Any]:
         """Return the detections of a target or source."""
         detections = self._detections[:, row]
-        is_detected = bool(detections.sum())
         first_sensor = int(self._first_s[:, row].argmin())
-        reported = self._types[int(self._reported[row].argmax())]
+        sighting = {
+            "first_detection_s": float(self._first_s[first_sensor, row]),
+            "first_sensor_id": self._sensors[first_sensor].id,
+            "last_detection_s": float(self._last_s[:, row].max()),
+            "reported_type": self._types[int(self._reported[row].argmax())],
+            "highest_confidence": float(self._confidence[row]),
+        }
         return {
             "detections": int(detections.sum()),
             "sensors": int((detections > 0).sum()),
-            "first_detection_s": float(self._first_s[first_sensor, row]) if is_detected else None,
-            "first_sensor_id": self._sensors[first_sensor].id if is_detected else None,
-            "last_detection_s": float(self._last_s[:, row].max()) if is_detected else None,
-            "reported_type": reported if is_detected else None,
-            "highest_confidence": float(self._confidence[row]) if is_detected else None,
+            **(sighting if detections.any() else dict.fromkeys(sighting)),
         }
