@@ -75,9 +75,6 @@ DEBUG = "--debug"
 #: tracker several threads took 1.8 times the processor time and slowed a raid down by a sixth.
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
-_INTERRUPTED = 130
-_BROKEN_PIPE = 141
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
@@ -93,10 +90,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments, is_core = _parsed([word for word in words if word != DEBUG])
         return int(arguments.run(arguments))
     except KeyboardInterrupt:
-        return _INTERRUPTED
+        return 130
     except BrokenPipeError:
         sys.stderr.close()
-        return _BROKEN_PIPE
+        return 141
     except BaseException as error:
         # argparse ends the program with SystemExit, and so may commands of plugins.
         is_meant = isinstance(error, SystemExit) and not (arguments is not None and is_core)

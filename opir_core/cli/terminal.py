@@ -138,7 +138,7 @@ def prints_on_standard_error() -> Iterator[None]:
         outer.flush()
         descriptor = outer.fileno()
         copy: int | None = os.dup(descriptor)
-        os.dup2(_STANDARD_ERROR, descriptor)
+        os.dup2(2, descriptor)
     except (OSError, ValueError, AttributeError):
         descriptor = -1
         copy = None
@@ -150,9 +150,6 @@ def prints_on_standard_error() -> Iterator[None]:
         if copy is not None:
             os.dup2(copy, descriptor)
             os.close(copy)
-
-
-_STANDARD_ERROR = 2
 
 
 def _line(row: Sequence[str], widths: Sequence[int], numbers: Sequence[int]) -> str:

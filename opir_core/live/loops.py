@@ -190,9 +190,6 @@ class LapPlans:
             plan.set_exception(error)
 
 
-_NS = 1_000_000_000
-
-
 @frozen
 class Launched:
     """An added launch: target id, scene time of ignition, s, and the first cycle that may detect
@@ -225,14 +222,14 @@ def launch_in_lap(
         }, True
     time_s = launch["time_s"]
     if isinstance(time_s, int | float) and not isinstance(time_s, bool) and before_ns:
-        if time_s < before_ns / _NS:
+        if time_s < before_ns / 1_000_000_000:
             raise past_error(position.time_ns)
-        target_block["launch"] = {**launch, "time_s": time_s - before_ns / _NS}
+        target_block["launch"] = {**launch, "time_s": time_s - before_ns / 1_000_000_000}
     return target_block, False
 
 
 def past_error(time_ns: int) -> PastError:
     """Return the error of a launch that is too late at a scene time."""
     return PastError(
-        f"launch.time_s is past: scene time is {time_ns / _NS:.3f} s; leave it out to launch now"
+        f"launch.time_s is past: scene time is {time_ns / 1_000_000_000:.3f} s; leave it out to launch now"
     )

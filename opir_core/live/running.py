@@ -61,8 +61,6 @@ class LiveWindow:
     plan: Plan
 
 
-_NS = 1_000_000_000
-
 #: Largest share of real time that a run may take with a further target: the rest is for its launch,
 #: which is compiled in another thread, and for targets that are not burning yet.
 _MOST_LOAD = 0.9
@@ -337,13 +335,13 @@ class LiveRun:
                         raise
                     # Half a lap at most: with a longer lead, a lap may never have time for it.
                     lead_ns = min(
-                        2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * _NS) // 2
+                        2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * 1e9) // 2
                     )
                 else:
                     self._launch_count += 1
                     return Launched(
                         plan_mapping["id"],
-                        plan_mapping["launch"]["time_s"] + position.offset.time_ns / _NS,
+                        plan_mapping["launch"]["time_s"] + position.offset.time_ns / 1_000_000_000,
                         cycle,
                     )
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")
@@ -420,11 +418,11 @@ class LiveRun:
             self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
             self._write(window)
             self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
-        allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / _NS
+        allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / 1_000_000_000
         if self.settings.slows:
-            self._pace.slip(self._pace.late_ns(due_ns) - round(self.settings.late_after_s * _NS))
+            self._pace.slip(self._pace.late_ns(due_ns) - round(self.settings.late_after_s * 1e9))
         self._pace.worked(time.monotonic_ns() - begun_ns, due_ns - former_ns)
-        self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
+        self._counts.ended(due_ns, self._pace.late_ns(due_ns) / 1_000_000_000, allowed_s)
         self._beat_s = time.monotonic()
         return True
 
@@ -452,7 +450,7 @@ class LiveRun:
             return (due_ns,)
         if self._most_looks[0] is not self._position.engine:
             self._most_looks = self._position.engine, self.plan.workload.looks_per_s()
-        looks = self._most_looks[1] * (due_ns - start_ns) / _NS
+        looks = self._most_looks[1] * (due_ns - start_ns) / 1_000_000_000
         count = max(1, min(math.ceil(looks / LOOKS_PER_WINDOW), due_ns - start_ns))
         return [start_ns + (due_ns - start_ns) * number // count for number in range(1, count + 1)]
 

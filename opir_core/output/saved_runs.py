@@ -40,7 +40,6 @@ _TRUTH = ".truth.jsonl"
 _TRACKS = ".tracks.jsonl"
 _PARQUET_TRUTH = ".truth.parquet"
 _BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS)
-_NS_PER_US = 1_000
 #: What 64 bits hold in nanoseconds, µs: 292 years.
 _LONGEST_US = (1 << 63) // 1_000
 
@@ -261,7 +260,7 @@ class _Columns:
         """Return detections with the times of their reports; rejects times outside the scene."""
         time_ns = detections.time_ns
         self._require(time_ns >= 0, "before the scene")
-        self._require(time_ns <= self.plan.end_ns + _NS_PER_US, "after the end of the scene")
+        self._require(time_ns <= self.plan.end_ns + 1_000, "after the end of the scene")
         if all(row.reported_at in (None, row.timestamp) for row in self.rows):
             return detections
         reported_ns = self._times_ns([row.reported_at or row.timestamp for row in self.rows])
@@ -318,7 +317,7 @@ class _Columns:
                 self.path, "timestamp", f"is not a timestamp of opir: {error}"
             ) from error
         since_us = stamps.astype(np.int64) - self.plan.scene.epoch_us
-        return np.clip(since_us, -_LONGEST_US, _LONGEST_US) * _NS_PER_US
+        return np.clip(since_us, -_LONGEST_US, _LONGEST_US) * 1_000
 
     def _irradiances(self, sensor: IndexArray) -> FloatArray:
         if not any(row.band_irradiance_w_m2 for row in self.rows):

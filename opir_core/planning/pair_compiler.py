@@ -39,7 +39,6 @@ from opir_core.planning.visibility import (
 #: Points of the grid in a block, about: their columns stay in the processor's cache.
 BLOCK_POINTS = 32_768
 
-_NS = 1_000_000_000
 
 #: More than the light time changes while a target is observed, s: by 3e-5 of the time at 10 km/s.
 _LIGHT_TIME_CHANGE_S = 1.0
@@ -104,7 +103,7 @@ class PairCompiler:
             _, sensor_ecef_m, target_ecef_m = self._ends(sensor, target, until_s)
             self._phase_ns(sensor, sensor_ecef_m[::2], target_ecef_m[::2])
             observed_s = until_s - self._targets.ignition_s[target] + _LIGHT_TIME_CHANGE_S
-            span_ns = np.minimum(observed_s * _NS, self._end_ns)
+            span_ns = np.minimum(observed_s * 1e9, self._end_ns)
             np.add.at(looks, sensor, span_ns / self._period_ns[sensor] + 1.0)
         return looks
 
@@ -204,8 +203,8 @@ class PairCompiler:
         first_s, last_s = grid.span(np.flatnonzero(sight != Visibility.NEVER), start_s, stop_s)
         # The first scan after `first_s` (at that instant the launch is not seen) and the last to
         # `last_s`.
-        first_ns = np.rint(np.where(np.isfinite(first_s), first_s, 0.0) * _NS).astype(np.int64)
-        last_ns = np.rint(np.where(np.isfinite(last_s), last_s, -1.0) * _NS).astype(np.int64)
+        first_ns = np.rint(np.where(np.isfinite(first_s), first_s, 0.0) * 1e9).astype(np.int64)
+        last_ns = np.rint(np.where(np.isfinite(last_s), last_s, -1.0) * 1e9).astype(np.int64)
         last_ns = np.where(blocked == Blocked.NOT, np.minimum(last_ns, self._end_ns - 1), -1)
         is_checked = needs_look_test(grid, sight, first_s, last_s)
         observed = evolve(

@@ -55,7 +55,6 @@ if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
     from opir_core.interfaces.radiometric_models import Sources
 
-_NS = 1_000_000_000
 
 #: The methods of `opir_core.interfaces.trackers.Tracker`.
 _TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
@@ -297,7 +296,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         confidence=confidence,
         make_tracker=make_tracker,
         bias=drawn_bias(scene.seed, sensors),
-        end_ns=round(scene.duration_s * _NS),
+        end_ns=round(scene.duration_s * 1e9),
         sources=sources,
         reported_types=reported_types(scene, host),
     )

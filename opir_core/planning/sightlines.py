@@ -13,8 +13,6 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_core.planning.targets import Targets
 
-_NS = 1_000_000_000
-
 #: Step of the grid on which geometry is sampled, s: the whole seconds of scene time.
 GRID_STEP_S = 1.0
 
@@ -78,8 +76,10 @@ class Sightlines:
         """Return the lines of sight of some pairs, given with their rows, over the time of possible
         looks only.
         """
-        first_step = pairs.from_ns // _NS
-        points = np.where(pairs.to_ns > pairs.from_ns, pairs.to_ns // _NS - first_step + 2, 0)
+        first_step = pairs.from_ns // 1_000_000_000
+        points = np.where(
+            pairs.to_ns > pairs.from_ns, pairs.to_ns // 1_000_000_000 - first_step + 2, 0
+        )
         offset = np.cumsum(points) - points
         points_read = np.arange(int(points.sum())) + np.repeat(
             self.first_point[rows] + first_step - offset, points

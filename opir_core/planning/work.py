@@ -21,8 +21,6 @@ from opir_core.scene.scene import WorkLimits
 #: rounded up.
 EVENT_BYTES = 2000
 
-_NS = 1_000_000_000
-
 
 @frozen
 class Work:
@@ -50,16 +48,16 @@ class Workload:
     def of_run(self) -> Work:
         """Return the work of the whole scene."""
         looks = float(self.pairs.looks.sum())
-        return Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / _NS)
+        return Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / 1e9)
 
     def of_cycle(self, cycle_ns: int) -> Work:
         """Return the most work of `cycle_ns` of scene time anywhere in the scene."""
         looks = most_looks(self.pairs, cycle_ns)
-        return Work(looks, looks + self._false_alarms_per_s().sum() * cycle_ns / _NS)
+        return Work(looks, looks + self._false_alarms_per_s().sum() * cycle_ns / 1e9)
 
     def looks_per_s(self) -> float:
         """Return an upper bound of the looks and false alarms in a second of scene time."""
-        return most_looks(self.pairs, _NS) + float(self._false_alarms_per_s().sum())
+        return most_looks(self.pairs, 1_000_000_000) + float(self._false_alarms_per_s().sum())
 
     def require_run(self) -> None:
         """Raise `SceneError` if the work of the whole scene is above the limits."""
@@ -67,7 +65,7 @@ class Workload:
 
     def accepts(self, looks: float) -> bool:
         """Return whether a run with `looks` looks is within the limits."""
-        work = Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / _NS)
+        work = Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / 1e9)
         limits = self.limits
         return (
             work.looks <= limits.looks_per_run
@@ -80,7 +78,9 @@ class Workload:
         limits.
         """
         self._require(
-            self.of_cycle(cycle_ns), "cycle", f"a cycle of {cycle_ns / _NS:g} s of scene time has"
+            self.of_cycle(cycle_ns),
+            "cycle",
+            f"a cycle of {cycle_ns / 1e9:g} s of scene time has",
         )
 
     def _require(self, work: Work, span: str, subject: str) -> None:
@@ -100,7 +100,7 @@ class Workload:
         """Return the remedy: a longer scan period of the sensor with the most looks and false
         alarms.
         """
-        work = self._false_alarms_per_s() * self.end_ns / _NS
+        work = self._false_alarms_per_s() * self.end_ns / 1e9
         np.add.at(work, self.pairs.sensor, self.pairs.looks.astype(np.float64))
         sensor = self.sensors[int(work.argmax())]
         shorter = "shorten duration_s" if span == "run" else "lower the speed or the cycle"
@@ -114,7 +114,7 @@ class Workload:
         rate = self.detection.rate_per_scan
         if rate is None:
             return np.zeros(len(self.sensors))
-        period_s = np.array([sensor.scan.period_ns for sensor in self.sensors]) / _NS
+        period_s = np.array([sensor.scan.period_ns for sensor in self.sensors]) / 1e9
         return np.asarray(rate, dtype=np.float64) / period_s
 
 

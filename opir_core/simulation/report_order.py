@@ -16,8 +16,6 @@ from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.measurement import with_tracks
 from opir_core.simulation.tracker_clock import ScheduledTracker, Tracked, checked_tracker, rows_of
 
-_NS = 1_000_000_000
-
 #: Later than any report.
 _NEVER_NS = np.iinfo(np.int64).max
 
@@ -254,10 +252,10 @@ class ReportedTracker(ScheduledTracker):
         pending_rows = pending.take(slice(cut, None))
         self._stepped_ns = tick_ns
         self._pending = [pending_rows] if len(pending_rows) else []
-        tracks = self._tracker_in_use.step(tick_ns / _NS, pending.take(slice(0, cut)))
+        tracks = self._tracker_in_use.step(tick_ns / 1_000_000_000, pending.take(slice(0, cut)))
         if self._lag_ns:
             tracks = evolve(
-                tracks, available_s=np.full(len(tracks), (tick_ns + self._lag_ns) / _NS)
+                tracks, available_s=np.full(len(tracks), (tick_ns + self._lag_ns) / 1_000_000_000)
             )
         self._in_force = tracks
         return tracks
@@ -280,7 +278,7 @@ def _reported_tracker(plan: Plan) -> ReportedTracker | None:
 def tracking_lag_ns(plan: Plan) -> int:
     """Return the lag, ns, between a tick and its step in the order of report."""
     if plan.scene.tracking_lag_s is not None:
-        return round(plan.scene.tracking_lag_s * _NS)
+        return round(plan.scene.tracking_lag_s * 1e9)
     if not any(sensor.reporting for sensor in plan.sensors):
         return 0
     from opir_core.simulation.reporting import release_lag_ns

@@ -102,8 +102,6 @@ def _views() -> Any:
 #: Target number of looks per window; a column of them takes 2 MiB.
 LOOKS_PER_WINDOW = 1 << 18
 
-_NS = 1_000_000_000
-
 
 def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1) -> Sequence[int]:
     """Return the ends of a plan's windows, ns: every `window_s`, or after about `LOOKS_PER_WINDOW`
@@ -113,7 +111,7 @@ def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1)
     """
     if window_s is None:
         return _edges_by_looks(plan.pairs, plan.end_ns, max(LOOKS_PER_WINDOW // max(workers, 1), 1))
-    step_ns = round(window_s * _NS)
+    step_ns = round(window_s * 1e9)
     if step_ns < 1:
         raise SceneError(
             [Problem("window_s", f"{window_s!r} is not a positive time of at least a nanosecond")]

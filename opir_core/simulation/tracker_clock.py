@@ -18,8 +18,6 @@ from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
 from opir_core.simulation.output_checks import outline
 
-_NS = 1_000_000_000
-
 _REQUIRED = "associate must return whole numbers, one track number per detection, -1 for none"
 
 
@@ -52,7 +50,7 @@ class ScheduledTracker:
         self._end_ns = end_ns
         self._paper_codes = paper_codes
         cadence_s = None if tracker is None else tracker.cadence_s
-        self._cadence_ns = None if cadence_s is None else max(1, round(cadence_s * _NS))
+        self._cadence_ns = None if cadence_s is None else max(1, round(cadence_s * 1e9))
         self._pending: list[Detections] = []
         self._in_force = Tracks.empty()
         self._latest_report_ns = 0
@@ -137,10 +135,12 @@ class ScheduledTracker:
         )
         if since.is_delayed:
             self._latest_report_ns = max(self._latest_report_ns, int(since.reported_ns.max()))
-        tracks = self._tracker_in_use.step(edge_ns / _NS, since)
+        tracks = self._tracker_in_use.step(edge_ns / 1_000_000_000, since)
         self._pending = []
         if self._latest_report_ns > edge_ns:
-            tracks = evolve(tracks, available_s=np.full(len(tracks), self._latest_report_ns / _NS))
+            tracks = evolve(
+                tracks, available_s=np.full(len(tracks), self._latest_report_ns / 1_000_000_000)
+            )
         self._in_force = tracks
         return [tracks]
 

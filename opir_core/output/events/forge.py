@@ -94,8 +94,6 @@ _TYPES = [
 _NO_TRACK = _TRACK % b"null"
 _NO_POSITION = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
 
-_URAD_PER_RAD = 1e6
-
 
 class ForgeEncoder(Encoder):
     """Detections as lines of JSON, one flat object each; the bytes do not depend on the windows.
@@ -175,7 +173,7 @@ class ForgeEncoder(Encoder):
             return [Looked(self._look_texts, row)]
         return [
             _SIGMA,
-            Decimal(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS),
+            Decimal(sigma_rad * 1e6, RATIO_DECIMALS),
             Looked(self._band_texts, row),
         ]
 
@@ -193,7 +191,7 @@ def _sensor_texts(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
 
 def _look_texts(sensor: Sensor) -> list[bytes]:
     """Return one text per set of bands, with the sensor's own sigma."""
-    sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS))
+    sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * 1e6, RATIO_DECIMALS))
     return [_SIGMA + sigma + bands for bands in _band_texts(sensor)]
 
 
