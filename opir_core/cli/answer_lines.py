@@ -34,16 +34,17 @@ def answers(summary: Row, most: int = _ANSWERED) -> list[str]:
     """
     tracks = {row["track_id"]: row for row in summary["tracks"]}
     targets = summary["targets"]
-    lines = [_sentence(row, "target", _seen(row), tracks) for row in targets[:most]]
-    if len(targets) > most:
-        lines.append(f"... and {len(targets) - most} more targets")
     taken = [row for row in summary["sources"] if _is_taken(tracks.get(row["track_id"]))]
-    lines += [_sentence(row, "source", "taken for a launch", tracks) for row in taken[:most]]
-    return (
-        [*lines, f"... and {len(taken) - most} more sources taken for launches"]
-        if len(taken) > most
-        else lines
-    )
+    return [
+        *(_sentence(row, "target", _seen(row), tracks) for row in targets[:most]),
+        *_others(len(targets) - most, "targets"),
+        *(_sentence(row, "source", "taken for a launch", tracks) for row in taken[:most]),
+        *_others(len(taken) - most, "sources taken for launches"),
+    ]
+
+
+def _others(count: int, nouns: str) -> list[str]:
+    return [f"... and {count} more {nouns}"] if count > 0 else []
 
 
 def _is_taken(track: Row | None) -> bool:

@@ -137,18 +137,13 @@ _RESTART = "needs a restart"
 
 #: Keys of a scene that cannot change while it runs, with the reason.
 _FIXED = {
-    "scene": _RESTART,
-    "epoch": _RESTART,
-    "duration_s": _RESTART,
-    "seed": _RESTART,
-    "light_time": _RESTART,
-    "reported_types": _RESTART,
-    "forces": _RESTART,
-    "tracker": f"{_RESTART}: tracks would be lost",
-    "tracking_order": f"{_RESTART}: tracks would be lost",
-    "tracking_lag_s": f"{_RESTART}: tracks would be lost",
-    "sources": _RESTART,
-    "limits": _RESTART,
+    **dict.fromkeys(
+        ("scene", "epoch", "duration_s", "seed", "light_time", "reported_types", "forces"), _RESTART
+    ),
+    **dict.fromkeys(
+        ("tracker", "tracking_order", "tracking_lag_s"), f"{_RESTART}: tracks would be lost"
+    ),
+    **dict.fromkeys(("sources", "limits"), _RESTART),
 }
 
 
@@ -326,8 +321,11 @@ def _restart_problems(former: Scene, scene: Scene) -> list[Problem]:
         for key, reason in _FIXED.items()
         if former_mapping.get(key) != mapping.get(key)
     ]
-    names = [(sensor.id, sensor.constellation, sensor.model.name) for sensor in former.sensors]
-    if names != [(sensor.id, sensor.constellation, sensor.model.name) for sensor in scene.sensors]:
+    former_names, names = (
+        [(sensor.id, sensor.constellation, sensor.model.name) for sensor in sensors]
+        for sensors in (former.sensors, scene.sensors)
+    )
+    if names != former_names:
         return [*problems, Problem("sensors", f"{_RESTART}: other sensors, or in another order")]
     problems += [
         Problem(

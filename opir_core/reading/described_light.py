@@ -56,16 +56,10 @@ class LightFinder:
                 yield from self._in_choice(key, self._nodes[key])
         if _items(self._nodes.get("sources")):
             yield Description((".sources",), self._nodes["sources"])
-        for index, item in enumerate(_items(self._nodes.get("sensors"))):
-            yield from (
-                description.under(".sensors", index_step(index))
-                for description in self._in_sensor(item)
-            )
-        for index, item in enumerate(_items(self._nodes.get("targets"))):
-            yield from (
-                description.under(".targets", index_step(index))
-                for description in self._in_target(item)
-            )
+        for key, described in (("sensors", self._in_sensor), ("targets", self._in_target)):
+            for index, item in enumerate(_items(self._nodes.get(key))):
+                steps = key_step(key), index_step(index)
+                yield from (description.under(*steps) for description in described(item))
         if "detection" in self._nodes:
             yield from self._in_detection(self._nodes["detection"])
         models = [self._model_of(_block(item)) for item in _items(self._nodes.get("sensors"))]

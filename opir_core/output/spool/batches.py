@@ -24,16 +24,6 @@ from opir_core.output.spool.syncing import SINK_SYNC_S, SyncThread
 BATCH_EVENTS = 1024
 
 
-class Batcher(Protocol):
-    """Cuts windows into batches."""
-
-    def batches(self, window: Window) -> Iterator[Batch]:
-        """Yield a window's events as batches, in order."""
-
-    def events(self, window: Window) -> int:
-        """Return the number of a window's events, those without a message included."""
-
-
 class EncodedBatcher:
     """Cuts windows into batches of an encoder's messages."""
 
@@ -213,6 +203,10 @@ class WindowBatcher:
                 content_type=CONTENT_TYPE,
                 schema_version=VERSION,
             )
+
+
+#: Cuts windows into batches.
+Batcher = EncodedBatcher | WindowBatcher
 
 
 class WindowTransport(Transport):
