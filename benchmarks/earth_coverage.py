@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from work_precision.results_csv import read_csv, write_csv
 
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.plan import compile_plan
 from opir_core.planning.visibility import visible_now
+from opir_core.plugin import Sensor
 from opir_core.reading import scene_from_mapping
 
 FLEETS = {

@@ -43,7 +43,6 @@ from raid import raid
 import opir_core
 from opir_core.builtin.sinks import LineFile
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band, Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.interfaces.viewpoints import AzimuthElevation
 from opir_core.output.events.encoder_input import window_blocks
@@ -56,7 +55,7 @@ from opir_core.output.events.text import (
     timestamp_text,
     unix_microseconds,
 )
-from opir_core.plugin import Host
+from opir_core.plugin import Band, Host, Sensor
 from opir_core.random_streams.detection_ids import id_key, uuid8_words, uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.run import plan_windows

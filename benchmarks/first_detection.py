@@ -24,10 +24,10 @@ from work_precision.results_csv import read_csv, write_csv
 
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
 from opir_core.planning.looks import Looks
 from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin import Band
 from opir_core.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine

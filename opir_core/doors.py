@@ -27,8 +27,8 @@ def door(spec: Any) -> tuple[Callable[[str], Any], Callable[[], list[str]], list
     text = spec.loader.get_data(f"{spec.origin}i").decode("utf-8")
     homes = {
         words.split()[-1]: module
-        for module, several, one in _IMPORT.findall(text)
-        for words in (several or one).split(",")
+        for module, listed_names, single_name in _IMPORT.findall(text)
+        for words in (listed_names or single_name).split(",")
         if words.split()
     }
 

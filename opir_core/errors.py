@@ -103,10 +103,10 @@ class SinkError(OpirError):
     exit_code = 5
 
 
-def unwritable(what: str, path: Path, error: OSError) -> SinkError:
+def unwritable(kind: str, path: Path, error: OSError) -> SinkError:
     """Return the error of a file that cannot be written."""
     return SinkError(
-        f"{what} {path} cannot be written: {reason_of(error)}; {way_to_write(error, path)}"
+        f"{kind} {path} cannot be written: {reason_of(error)}; {way_to_write(error, path)}"
     )
 
 
@@ -148,11 +148,11 @@ def kind_of(value: object) -> str:
     return "None" if value is None else with_article(type(value).__name__)
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, candidates: Iterable[str]) -> str:
     """Return `; the nearest is 'X'`, or "" where no known name is similar. Letter case is
     ignored.
     """
-    matches = nearest_names(name, known)
+    matches = nearest_names(name, candidates)
     return f"; the nearest is {matches[0]!r}" if matches else ""
 
 

@@ -30,8 +30,8 @@ from opir_studies.comparison import TimedTracker
 from peers import installed, times_faster
 from tracking_scene_page import write_csv, write_page
 
-from opir_core.interfaces.protocols import Tracker
 from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin import Tracker
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import run_of_plan
 

@@ -17,7 +17,7 @@ from opir_core.flight.aiming import boost_ephemeris, surface_range_m
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:

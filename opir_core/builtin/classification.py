@@ -12,9 +12,11 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConfusionConfig, WeightedConfig
 from opir_core.errors import ModelError, nearest
 from opir_core.host.components import NoConfig
+from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.protocols import Classifier, Confidence, RandomDraws, Sensor
+from opir_core.interfaces.detection_models import RandomDraws
 from opir_core.interfaces.records import ClassifierInputs
+from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.scene import SOURCE_TYPES, UNKNOWN_TYPE
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint

@@ -11,8 +11,9 @@ from opir_core.builtin.configs import ConstantConfig
 from opir_core.errors import ModelError
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Sensor
+from opir_core.interfaces.detection_models import DetectionProbability, Measured, RandomDraws
 from opir_core.interfaces.records import Exposures
+from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.scene import MAXIMUM_BANDS, SOURCE_TYPES
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import is_probability

@@ -23,7 +23,7 @@ from opir_core.builtin.target_models import GlideConfig
 from opir_core.errors import Problem
 from opir_core.flight.glide import GlideFlight, GlideShape, glide_ephemeris, glide_flight
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import EquilibriumGlide, TargetClass
 
 

@@ -35,7 +35,7 @@ from opir_core.flight.staged.staging import (
 )
 from opir_core.geometry import ecef_to_eci_state
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import Ballistic, TargetClass, core_profiles
 
 

@@ -6,8 +6,8 @@ from attrs import define
 from opir_core.arrays import IntArray
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import TrackerContext
-from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
+from opir_core.interfaces.trackers import Tracker
 
 
 @define

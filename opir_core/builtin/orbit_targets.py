@@ -24,7 +24,7 @@ from opir_core.errors import Problem
 from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.flight.orbit_insertion import Insertion, insertion
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import OrbitInsertion, TargetClass
 
 

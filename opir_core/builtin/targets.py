@@ -20,7 +20,7 @@ from opir_core.errors import Problem
 from opir_core.flight.aiming import aim, coast_ephemeris
 from opir_core.flight.boost import boost_profile
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import Ballistic, BoostProfile, TargetClass
 
 

@@ -34,16 +34,17 @@ def answers(summary: Row, most: int = _ANSWERED) -> list[str]:
     """
     tracks = {row["track_id"]: row for row in summary["tracks"]}
     targets = summary["targets"]
-    lines = [_sentence(row, "target", _seen(row), tracks) for row in targets[:most]]
-    if len(targets) > most:
-        lines.append(f"... and {len(targets) - most} more targets")
     taken = [row for row in summary["sources"] if _is_taken(tracks.get(row["track_id"]))]
-    lines += [_sentence(row, "source", "taken for a launch", tracks) for row in taken[:most]]
-    return (
-        [*lines, f"... and {len(taken) - most} more sources taken for launches"]
-        if len(taken) > most
-        else lines
-    )
+    return [
+        *(_sentence(row, "target", _seen(row), tracks) for row in targets[:most]),
+        *_others(len(targets) - most, "targets"),
+        *(_sentence(row, "source", "taken for a launch", tracks) for row in taken[:most]),
+        *_others(len(taken) - most, "sources taken for launches"),
+    ]
+
+
+def _others(count: int, nouns: str) -> list[str]:
+    return [f"... and {count} more {nouns}"] if count > 0 else []
 
 
 def _is_taken(track: Row | None) -> bool:
@@ -55,15 +56,15 @@ def _is_taken(track: Row | None) -> bool:
     )
 
 
-def _sentence(row: Row, kind: str, seen: str, tracks: Mapping[int, Row]) -> str:
-    """Return the sentence of a target or source that begins with how it was `seen`; "" for one that
-    was not.
+def _sentence(row: Row, kind: str, sighting: str, tracks: Mapping[int, Row]) -> str:
+    """Return the sentence of a target or source, which begins with its `sighting`; "" for one
+    that was not.
     """
     name = f"{row[f'{kind}_id']} ({row[f'{kind}_type']})"
     track = tracks.get(row["track_id"])
-    if not seen:
+    if not sighting:
         return f"{name}: not detected: {says_text(row, None)}"
-    return "; ".join([f"{name}: {seen}", says_text(row, track), *_flight(track)])
+    return "; ".join([f"{name}: {sighting}", says_text(row, track), *_flight(track)])
 
 
 def _seen(target: Row) -> str:
@@ -71,29 +72,28 @@ def _seen(target: Row) -> str:
     end_to_end_s = target["end_to_end_latency_s"]
     if latency_s is None:
         return ""
-    late = f", reported after {end_to_end_s:.3f} s" if end_to_end_s != latency_s else ""
-    return f"first seen by {target['first_sensor_id']} after {latency_s:.3f} s{late}"
+    delay = f", reported after {end_to_end_s:.3f} s" if end_to_end_s != latency_s else ""
+    return f"first seen by {target['first_sensor_id']} after {latency_s:.3f} s{delay}"
 
 
-def says_text(seen: Row, track: Row | None) -> str:
-    """Return what a target or source is by its tracker, else by its detections, or why it was not
-    detected.
+def says_text(row: Row, track: Row | None) -> str:
+    """Return the type of a target or source by its tracker, else by its detections, or why it was
+    undetected.
     """
     likeliest = None if track is None else likeliest_text(track)
     if likeliest is not None:
         return f"tracker: {likeliest}"
-    if seen["reported_type"] is None:
-        return str(seen.get("undetected_because") or "-")
-    confidence = probability_text(seen["highest_confidence"])
+    if row["reported_type"] is None:
+        return str(row.get("undetected_because") or "-")
+    confidence = probability_text(row["highest_confidence"])
     return (
-        f"detections: {seen['reported_type']}, confidence"
+        f"detections: {row['reported_type']}, confidence"
         f" {'' if confidence[0] in '<>' else 'up to '}{confidence}"
     )
 
 
 def likeliest_text(track: Row) -> str | None:
-    """Return what a track is most probably, `ICBM 0.97`: its hypothesis, else its type; None
-    without either.
+    """Return the likeliest hypothesis of a track, `ICBM 0.97`, else its type; None without either.
 
     Of one that was seen too briefly to tell, that.
     """
@@ -124,13 +124,13 @@ def _flight(track: Row | None) -> Iterator[str]:
         return
     falls = track["probability_comes_down"]
     orbit = track["probability_orbit"] or 0.0
-    both = ((falls or 0.0, "comes down"), (orbit, "reaches orbit"))
+    answers = ((falls or 0.0, "comes down"), (orbit, "reaches orbit"))
     # A tracker without regions does not say what comes down; of its two answers one alone would
     # mislead.
     least = _PROBABLE if falls is None else _MINOR
     yield from (
         f"{words}: {probability_text(chance)}"
-        for chance, words in sorted(both)[::-1]
+        for chance, words in sorted(answers)[::-1]
         if chance >= least
     )
     law = ", the paper's law, without containment"
@@ -212,7 +212,7 @@ Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
 
 def reported_tables(summary: Row) -> Iterator[str]:
-    """Yield the tables of hot sources that are no targets, and of tracks, as text."""
+    """Yield the tables of hot sources other than targets, and of tracks, as text."""
     for head, rows in (source_table(summary), track_table(summary)):
         yield listed(
             head, rows, numbers=[place for place, name in enumerate(head) if name in _NUMBERS]
@@ -225,7 +225,7 @@ def reported_tables(summary: Row) -> Iterator[str]:
 
 
 def source_table(summary: Row) -> Table:
-    """Return the table of hot sources that are no targets, those taken for launches first."""
+    """Return the table of hot sources other than targets, those taken for launches first."""
     tracks = {row["track_id"]: row for row in summary["tracks"]}
     rows = sorted(summary["sources"], key=lambda row: not _is_taken(tracks.get(row["track_id"])))
     return _SOURCE_HEAD, [source_cells(row, tracks) for row in rows]
@@ -263,14 +263,14 @@ def track_cells(row: Row, *, weighs: bool) -> tuple[str, ...]:
 
 
 def source_cells(row: Row, tracks: Mapping[int, Row]) -> tuple[str, ...]:
-    """Return the cells of a hot source that is no target."""
+    """Return the cells of a hot source other than a target."""
     track = tracks.get(row["track_id"])
-    first = row["first_sensor_id"] or "not detected"
-    named = row["source_id"], row["source_type"], first, grouped(row["detections"])
+    first_sensor = row["first_sensor_id"] or "not detected"
+    named = row["source_id"], row["source_type"], first_sensor, grouped(row["detections"])
     return (*named, "-" if track is None else str(row["track_id"]), says_text(row, track))
 
 
 def reported_cells(summary: Row) -> list[str]:
-    """Return what each target is, by its tracker or its detections, or why it was not detected."""
+    """Return each target's type by its tracker or its detections, or why it was not detected."""
     tracks = {row["track_id"]: row for row in summary["tracks"]}
     return [says_text(row, tracks.get(row["track_id"])) for row in summary["targets"]]

@@ -103,11 +103,11 @@ def described(component: Offered, owner: Provenance) -> Mapping[str, Any]:
             "satellites": [plain(row) for row in component.satellites],
         }
     if isinstance(component, TargetClass):
-        after = {"after_burnout": {component.after_burnout.model: asdict(component.after_burnout)}}
+        phase = {"after_burnout": {component.after_burnout.model: asdict(component.after_burnout)}}
         return {
             **head,
             **{key: value for key, value in asdict(component).items() if key not in head},
-            **after,
+            **phase,
         }
     rows = [asdict(row) for row in field_rows(component.config)]
     presets = {name: plain(values) for name, values in component.presets.items()}
@@ -121,9 +121,14 @@ def _plugins_text(rows: Sequence[PluginRow]) -> str:
         for row in rows
     ]
     listed = [
-        (part.kind, part.name, row.plugin, _with_owners(part.summary, part.contested_by))
+        (
+            component.kind,
+            component.name,
+            row.plugin,
+            _with_owners(component.summary, component.contested_by),
+        )
         for row in rows
-        for part in row.components
+        for component in row.components
     ]
     failures = [f"{row.plugin}: {row.failure}" for row in rows if row.failure]
     return "\n\n".join(
@@ -181,30 +186,30 @@ def _component_text(row: Mapping[str, Any]) -> str:
 
 def _profiles(row: Mapping[str, Any]) -> list[str]:
     """Return the reported type of a target class, its phase after burnout, and its profiles."""
-    ((after, settings),) = row["after_burnout"].items()
+    ((model, settings),) = row["after_burnout"].items()
     heads = ("profile", "burn time s", "burnout m/s", "range km", "peak W/sr", "stages")
     profiles = [
         (
-            one["name"],
-            f"{one['burn_time_s']:g}",
-            f"{one['burnout_speed_m_s']:g}",
-            f"{one['minimum_range_m'] / 1e3:g} to {one['maximum_range_m'] / 1e3:g}",
-            shown(row["plumes"][one["name"]]["peak_w_sr"]),
-            str(row["plumes"][one["name"]]["stages"]),
+            profile["name"],
+            f"{profile['burn_time_s']:g}",
+            f"{profile['burnout_speed_m_s']:g}",
+            f"{profile['minimum_range_m'] / 1e3:g} to {profile['maximum_range_m'] / 1e3:g}",
+            shown(row["plumes"][profile["name"]]["peak_w_sr"]),
+            str(row["plumes"][profile["name"]]["stages"]),
         )
-        for one in row["profiles"]
+        for profile in row["profiles"]
     ]
     resembled = (
         "" if row["resembles"] == row["reported_type"] else f"; it resembles {row['resembles']}"
     )
-    follows = f"after burnout: {after} {shown(settings) if settings else ''}".strip()
+    follows = f"after burnout: {model} {shown(settings) if settings else ''}".strip()
     return [f"reported type {row['reported_type']}{resembled}\n{follows}", table(heads, profiles)]
 
 
 def _satellites(row: Mapping[str, Any]) -> list[str]:
     rows = [
-        (one["id"], shown({key: value for key, value in one.items() if key != "id"}))
-        for one in row["satellites"]
+        (satellite["id"], shown({key: value for key, value in satellite.items() if key != "id"}))
+        for satellite in row["satellites"]
     ]
     return [table(("satellite", f"settings of the model {row['model']}"), rows)]
 
@@ -227,7 +232,7 @@ def _field(row: Mapping[str, Any]) -> str:
     default = REQUIRED if row["is_required"] else f"default {shown(row['default'])}"
     allowed = (row["kind"], row["unit"], row["interval"], " | ".join(row["choices"]))
     lines = [
-        f"{row['key']}: {', '.join(part for part in (*allowed, default) if part)}",
+        f"{row['key']}: {', '.join(detail for detail in (*allowed, default) if detail)}",
         f"    {row['help']}",
         *([f"    {_origin(row['source'])}"] if row["source"] and not row["is_required"] else []),
     ]

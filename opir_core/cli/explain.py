@@ -3,8 +3,9 @@
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
+from typing import Any, NamedTuple
 
 from opir_core.cli.scene_arguments import add_scene_arguments, check_of, plan_of, scene_of
 from opir_core.cli.terminal import grouped, table
@@ -53,87 +54,40 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     return plan_of(arguments, scene_of(arguments, host), host)
 
 
+class _Table(NamedTuple):
+    """A table of an explanation: its heads, the cells of a row, and the columns of numbers."""
+
+    heads: Sequence[str]
+    cells: Callable[[Mapping[str, Any]], Sequence[str]]
+    numbers: Sequence[int] = ()
+
+
 def _as_text(plan: Mapping[str, Any]) -> str:
-    components = [
-        (row["kind"], row["name"], f"{row['distribution']} {row['version']}")
-        for row in plan["components"]
-    ]
-    pairs = [_pair_cells(row) for row in plan["pairs"]]
-    skipped = [(row["sensor_id"], row["target_id"], row["reason"]) for row in plan["skipped"]]
-    parts = [
-        _head(plan),
-        table(("kind", "name", "from"), components),
-        table(
-            ("sensor", "target", "looks", "from s", "to s", "visible", "P_d"),
-            pairs,
-            numbers=(2, 3, 4, 6),
-        ),
-    ]
-    if plan["dark"]:
-        dark = [
-            (row["target_id"], f"{row['start_s']:.3f}", f"{row['stop_s']:.3f}")
-            for row in plan["dark"]
+    tables = (_table_text(key, plan[key]) for key in _TABLES)
+    return "\n\n".join(
+        [
+            _head(plan),
+            *filter(None, tables),
+            *_report_order(**plan["tracking"]),
+            *_assumed(plan["sensors_assumed"]),
+            *_hypothesis_table(plan["hypotheses"]),
+            *map(expectation_text, plan["expected_launches"]),
+            *(
+                f"{name} knows the true types of targets: its reports are no test of discrimination"
+                for name in plan["truth_users"]
+            ),
+            "\n".join(f"not computed: {line}" for line in plan["not_computed"]),
+            *(f"warning: {line}" for line in plan["warnings"]),
         ]
-        parts.append(table(("target", "dark from s", "to s"), dark, numbers=(1, 2)))
-    if skipped:
-        parts.append(table(("sensor", "target", "skipped because"), skipped))
-    if plan["outages"]:
-        heads = ("sensor", "Sun too close from s", "to s", "towards", "of its field")
-        parts.append(
-            table(heads, [_outage_cells(row) for row in plan["outages"]], numbers=(1, 2, 4))
-        )
-    if plan["eclipses"]:
-        heads = ("sensor", "eclipsed from s", "umbra from s", "to s", "eclipsed to s")
-        parts.append(
-            table(heads, [_eclipse_cells(row) for row in plan["eclipses"]], numbers=(1, 2, 3, 4))
-        )
-    if plan["noise"]:
-        noise = [
-            (row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_day']:.3g}")
-            for row in plan["noise"]
-        ]
-        parts.append(
-            table(
-                ("sensor", "false alarms of noise and clutter per scan", "per day"),
-                noise,
-                numbers=(1, 2),
-            )
-        )
-    if plan["focal_planes"]:
-        columns = (
-            "sensor",
-            "band",
-            "NEI W/m2",
-            "noise over NEI",
-            "in one pixel",
-            "saturation W/m2",
-        )
-        parts.append(
-            table(
-                columns,
-                [_focal_plane_cells(row) for row in plan["focal_planes"]],
-                numbers=(2, 3, 4, 5),
-            )
-        )
-    if any(row["mean_s"] for row in plan["reporting"]):
-        parts.append(
-            table(
-                ("sensor", "reports after s", "σ s", "stages"),
-                list(map(_reporting_cells, plan["reporting"])),
-            )
-        )
-    if plan["tracking"]["order"] == BY_REPORT:
-        parts.append(
-            f"tracking in the order of report, {plan['tracking']['lag_s']:.3f} s after the ticks"
-        )
-    parts += _assumed(plan["sensors_assumed"]) + _hypothesis_table(plan["hypotheses"])
-    parts += map(expectation_text, plan["expected_launches"])
-    parts += [
-        f"{name} knows the true types of targets: its reports are no test of discrimination"
-        for name in plan["truth_users"]
-    ]
-    parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
-    return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
+    )
+
+
+def _table_text(key: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the table of a list of an explanation; "" if there is nothing to say."""
+    heads, cells, numbers = _TABLES[key]
+    has_rows = any(row["mean_s"] for row in rows) if key == "reporting" else rows
+    is_shown = has_rows or key in ("components", "pairs")
+    return table(heads, list(map(cells, rows)), numbers=numbers) if is_shown else ""
 
 
 def _head(plan: Mapping[str, Any]) -> str:
@@ -141,6 +95,12 @@ def _head(plan: Mapping[str, Any]) -> str:
     return "\n".join(
         [f"{plan['scene']}: {size}; forces {', '.join(plan['forces'])}", *plan["automatic"]]
     )
+
+
+def _report_order(order: str, lag_s: float | None) -> list[str]:
+    if order != BY_REPORT:
+        return []
+    return [f"tracking in the order of report, {lag_s:.3f} s after the ticks"]
 
 
 def _assumed(sensors: Sequence[str]) -> list[str]:
@@ -152,19 +112,19 @@ def _hypothesis_table(groups: Sequence[Mapping[str, Any]]) -> list[str]:
         "by_motion": "by its motion, to the tracker",
         "by_light": "by its light, to the classifier",
     }
-    used = [key for key in headings if any(row[key] for row in groups)]
-    rows = [(", ".join(row["hypotheses"]), *(row[key] for key in used)) for row in groups]
-    return [table(("it may be", *map(headings.__getitem__, used)), rows)] if rows else []
+    keys = [key for key in headings if any(row[key] for row in groups)]
+    rows = [(", ".join(row["hypotheses"]), *(row[key] for key in keys)) for row in groups]
+    return [table(("it may be", *map(headings.__getitem__, keys)), rows)] if rows else []
 
 
 def _outage_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    first = _compass(row["azimuth_at_start_deg"])
-    last = _compass(row["azimuth_at_stop_deg"])
+    start = _compass(row["azimuth_at_start_deg"])
+    stop = _compass(row["azimuth_at_stop_deg"])
     return (
         row["sensor_id"],
         f"{row['start_s']:.1f}",
         f"{row['stop_s']:.1f}",
-        first if first == last else f"{first} to {last}",
+        start if start == stop else f"{start} to {stop}",
         f"{row['share_of_field']:.1%}",
     )
 
@@ -227,3 +187,47 @@ def _pair_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         row["visible"],
         "varies" if probability is None else f"{probability:g}",
     )
+
+
+def _component_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    return row["kind"], row["name"], f"{row['distribution']} {row['version']}"
+
+
+def _dark_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    return row["target_id"], f"{row['start_s']:.3f}", f"{row['stop_s']:.3f}"
+
+
+def _noise_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    return row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_day']:.3g}"
+
+
+#: The tables of an explanation, in their order, by the keys of their rows.
+_TABLES = {
+    "components": _Table(("kind", "name", "from"), _component_cells),
+    "pairs": _Table(
+        ("sensor", "target", "looks", "from s", "to s", "visible", "P_d"), _pair_cells, (2, 3, 4, 6)
+    ),
+    "dark": _Table(("target", "dark from s", "to s"), _dark_cells, (1, 2)),
+    "skipped": _Table(
+        ("sensor", "target", "skipped because"), itemgetter("sensor_id", "target_id", "reason")
+    ),
+    "outages": _Table(
+        ("sensor", "Sun too close from s", "to s", "towards", "of its field"),
+        _outage_cells,
+        (1, 2, 4),
+    ),
+    "eclipses": _Table(
+        ("sensor", "eclipsed from s", "umbra from s", "to s", "eclipsed to s"),
+        _eclipse_cells,
+        (1, 2, 3, 4),
+    ),
+    "noise": _Table(
+        ("sensor", "false alarms of noise and clutter per scan", "per day"), _noise_cells, (1, 2)
+    ),
+    "focal_planes": _Table(
+        ("sensor", "band", "NEI W/m2", "noise over NEI", "in one pixel", "saturation W/m2"),
+        _focal_plane_cells,
+        (2, 3, 4, 5),
+    ),
+    "reporting": _Table(("sensor", "reports after s", "σ s", "stages"), _reporting_cells),
+}

@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     written = (
         {}
         if outcome.incomplete
-        else {what: path for what, path in files.items() if path is not None}
+        else {kind: path for kind, path in files.items() if path is not None}
     )
     _print_summary(arguments, scene, outcome, written)
     outcome.raise_for_failures()
@@ -124,7 +124,7 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
             truth_path=truth,
             tracks_path=tracks,
             manifest_path=manifest,
-            made_up=[path for what, path in files.items() if getattr(arguments, what) is None],
+            made_up=[path for kind, path in files.items() if getattr(arguments, kind) is None],
             on_window=(lambda window: update(scene.name, window.end_s)) if is_shown else None,
             workers=arguments.workers,
         )
@@ -160,11 +160,11 @@ def _ended_by_sigterm() -> Iterator[None]:
         arrived.append(number)
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, end)
+    handler = signal.signal(signal.SIGTERM, end)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, handler)
         if arrived:
             os.kill(os.getpid(), signal.SIGTERM)
 
@@ -224,15 +224,15 @@ def _require_own_paths(
         Path(choice.config.path) for choice in scene.outputs if choice.name in _FILES_OF_EVENTS
     ]
     taken = {Path(arguments.scene).resolve(): "the scene"}
-    for what, path in [*(("events", path) for path in events), *files.items()]:
+    for kind, path in [*(("events", path) for path in events), *files.items()]:
         if path is None or (path.exists() and not path.is_file()):
             continue
-        holder = taken.setdefault(path.resolve(), f"the {what}")
-        if holder != f"the {what}":
+        holder = taken.setdefault(path.resolve(), f"the {kind}")
+        if holder != f"the {kind}":
             problems.append(
                 Problem(
                     "",
-                    f"the {what} would overwrite {path}, the path of {holder}; give another path",
+                    f"the {kind} would overwrite {path}, the path of {holder}; give another path",
                 )
             )
     if problems:
@@ -261,7 +261,7 @@ def as_json(outcome: RunOutcome, files: Mapping[str, Path]) -> str:
     document = {
         **outcome.summary,
         "outputs": outputs,
-        "files": {what: str(path) for what, path in files.items()},
+        "files": {kind: str(path) for kind, path in files.items()},
     }
     return json.dumps(document, indent=2)
 
@@ -281,7 +281,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         f" looks, "
         f"{scene.duration_s:g} s, seed {scene.seed}"
     )
-    parts = [
+    sections = [
         "\n".join([head, *scene.automatic]),
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
@@ -291,10 +291,10 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         ),
         *reported_tables(outcome.summary),
         "\n".join(
-            [*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]
+            [*_delivered(scene, outcome), *(f"{path}: {kind}" for kind, path in files.items())]
         ),
     ]
-    return "\n\n".join(part for part in parts if part)
+    return "\n\n".join(section for section in sections if section)
 
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")
@@ -357,9 +357,9 @@ def _target_table(
     if not is_delayed:
         return listed(head, cells, numbers=(2, 3, 5, 6))
     head.insert(4, "end to end s")
-    for row, each in zip(targets, cells, strict=True):
+    for row, target_cells in zip(targets, cells, strict=True):
         latency_s = row["end_to_end_latency_s"]
-        each.insert(4, "-" if latency_s is None else f"{latency_s:.3f}")
+        target_cells.insert(4, "-" if latency_s is None else f"{latency_s:.3f}")
     return listed(head, cells, numbers=(2, 3, 4, 6, 7))
 
 
@@ -374,7 +374,7 @@ def _delivered(scene: Scene, outcome: RunOutcome) -> list[str]:
 def _undelivered(sink: SinkReport) -> str:
     """Return the counts of a sink's events that were not delivered."""
     fates = ("spooled", sink.spooled), ("dropped", sink.dropped), ("withheld", sink.withheld)
-    parts = [f"{grouped(number)} {fate}" for fate, number in fates if number]
+    counts = [f"{grouped(number)} {fate}" for fate, number in fates if number]
     if sink.recovered:
-        parts.append(f"{grouped(sink.recovered)} of them from the spool of an earlier run")
-    return "".join(f", {part}" for part in parts)
+        counts.append(f"{grouped(sink.recovered)} of them from the spool of an earlier run")
+    return "".join(f", {count}" for count in counts)

@@ -70,13 +70,13 @@ def scene_of(
     The overrides in `first` precede those of the user; `otherwise` applies to a scene without
     outputs.
     """
-    given = [*first, *_shorthand(arguments)]
+    options = [*first, *_shorthand(arguments)]
     with slow_notice(f"reading {arguments.scene}", is_shown=_is_shown(arguments)):
-        scene = load_scene(arguments.scene, overrides=[*given, *arguments.overrides], host=host)
+        scene = load_scene(arguments.scene, overrides=[*options, *arguments.overrides], host=host)
         if scene.outputs or not otherwise:
             return scene
         return load_scene(
-            arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host
+            arguments.scene, overrides=[*otherwise, *options, *arguments.overrides], host=host
         )
 
 

@@ -81,7 +81,7 @@ _SLOW_S = 2.0
 
 
 @contextmanager
-def slow_notice(what: str, *, is_shown: bool) -> Iterator[None]:
+def slow_notice(step: str, *, is_shown: bool) -> Iterator[None]:
     """Say on standard error what takes so long, if `is_shown`: after 2 s, 4 s, 8 s and so on."""
     if not is_shown:
         yield
@@ -92,7 +92,7 @@ def slow_notice(what: str, *, is_shown: bool) -> Iterator[None]:
     def report() -> None:
         after_s = _SLOW_S
         while not is_done.wait(began_s + after_s - monotonic()):
-            sys.stderr.write(f"opir: {what}, {after_s:g} s so far\n")
+            sys.stderr.write(f"opir: {step}, {after_s:g} s so far\n")
             after_s *= 2.0
 
     reporter = Thread(target=report, name="opir-slow", daemon=True)
@@ -137,22 +137,19 @@ def prints_on_standard_error() -> Iterator[None]:
     try:
         outer.flush()
         descriptor = outer.fileno()
-        kept: int | None = os.dup(descriptor)
-        os.dup2(_STANDARD_ERROR, descriptor)
+        copy: int | None = os.dup(descriptor)
+        os.dup2(2, descriptor)
     except (OSError, ValueError, AttributeError):
         descriptor = -1
-        kept = None
+        copy = None
     try:
-        sys.stdout = _Diverted(kept)
+        sys.stdout = _Diverted(copy)
         yield
     finally:
         sys.stdout = outer
-        if kept is not None:
-            os.dup2(kept, descriptor)
-            os.close(kept)
-
-
-_STANDARD_ERROR = 2
+        if copy is not None:
+            os.dup2(copy, descriptor)
+            os.close(copy)
 
 
 def _line(row: Sequence[str], widths: Sequence[int], numbers: Sequence[int]) -> str:

@@ -149,10 +149,10 @@ class PluginErrors:
         """Return the message about an exception with the component in whose code it was raised; ""
         for the core's.
         """
-        chosen = dict(self._roots())
+        choice_of_package = dict(self._roots())
         for frame in _frames(error):
             choice = (
-                chosen.get(_root(frame.f_globals.get("__name__", "")))
+                choice_of_package.get(_root(frame.f_globals.get("__name__", "")))
                 if is_of_plugin(frame)
                 else None
             )

@@ -1,4 +1,4 @@
-"""Components: named, typed descriptions of what a plugin offers, and their owners.
+"""Components: named, typed descriptions of a plugin's models and commands, and their owners.
 
 A component has the name that a scene chooses it by (`name`), one line of description (`summary`),
 the configuration class of its block (`config`) and the function that makes the working part

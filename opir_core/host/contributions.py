@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Any
 
 import pluggy
-from attrs import frozen, has
+from attrs import field, frozen, has
 
 from opir_core.errors import kind_of, nearest, with_article
 from opir_core.host.components import CATALOGUE, Component, Constellation, Offered, plural
@@ -41,10 +41,15 @@ class InvalidPlugin(Exception):  # noqa: N818 - the host turns it into a `Plugin
 
 @frozen(eq=False, repr=False)
 class Contributions:
-    """The components of a valid plugin by hook and name, and the functions that add commands."""
+    """The components of a valid plugin by hook and name, and the functions that add commands.
+
+    `stale` are the components in which the plugin and its installed entry points differ, each with
+    the difference: they cannot be used until the plugin is installed again.
+    """
 
     components: Mapping[Offer, Offered]
     add_commands: tuple[Callable[[Any], None], ...] = ()
+    stale: Mapping[Offer, str] = field(factory=dict)
 
 
 def contributions_of(plugin: object) -> Contributions:

@@ -43,10 +43,10 @@ def core_specifier(requirements: Iterable[str]) -> str:
 
     Requirements of extras do not count.
     """
-    found = (_CORE.fullmatch(requirement.strip()) for requirement in requirements)
+    matches = (_CORE.fullmatch(requirement.strip()) for requirement in requirements)
     clauses = {
         "".join(clause.split())
-        for match in found
+        for match in matches
         if match and "extra" not in (match[2] or "")
         for clause in match[1].split(",")
     }
@@ -95,8 +95,8 @@ def _release(version: str) -> tuple[int, ...]:
     return tuple(map(int, match[0].split("."))) if match else ()
 
 
-def _padded(release: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
-    return release + (0,) * (len(other) - len(release))
+def _padded(release: tuple[int, ...], pattern: tuple[int, ...]) -> tuple[int, ...]:
+    return release + (0,) * (len(pattern) - len(release))
 
 
 def _starts(release: tuple[int, ...], prefix: tuple[int, ...]) -> bool:
@@ -115,13 +115,14 @@ class Distribution:
     """An installed distribution.
 
     `requires_core` is the specifier of its dependency on opir-core, "" for none. Entry points are
-    (name, value) pairs by group, in the order of the file.
+    (name, value) pairs by group, in the order of the file. `read` returns another metadata file.
     """
 
     name: str
     version: str
     requires_core: str
     entry_points: Mapping[str, Sequence[tuple[str, str]]]
+    read: _Reader
 
 
 def distributions_with(groups: Collection[str]) -> list[Distribution]:
@@ -130,15 +131,17 @@ def distributions_with(groups: Collection[str]) -> list[Distribution]:
     Of several with one name (for example an editable install and a checkout on `PYTHONPATH`) the
     first on `sys.path` counts, as for imports.
     """
-    found: dict[str, Distribution] = {}
+    distributions: dict[str, Distribution] = {}
     for folder_name, read in _readers():
         sections = _sections(read("entry_points.txt"))
         entry_points = {group: sections[group] for group in groups if group in sections}
         if entry_points:
             name, version, requires_core = _headers(read, folder_name)
             canonical = re.sub(r"[-_.]+", "-", name).lower()
-            found.setdefault(canonical, Distribution(name, version, requires_core, entry_points))
-    return [found[key] for key in sorted(found)]
+            distributions.setdefault(
+                canonical, Distribution(name, version, requires_core, entry_points, read)
+            )
+    return [distributions[key] for key in sorted(distributions)]
 
 
 def _readers() -> Iterator[tuple[str, _Reader]]:
@@ -153,7 +156,7 @@ def _readers() -> Iterator[tuple[str, _Reader]]:
         if finder is not PathFinder
     ):
         # Finders of other packages may find again what lies in folders that are read already.
-        yield from _readers_by_importlib(known={Path(entry).resolve() for entry in sys.path})
+        yield from _readers_by_importlib(excluded={Path(entry).resolve() for entry in sys.path})
 
 
 def _readers_in_directory(directory: Path) -> Iterator[tuple[str, _Reader]]:
@@ -175,12 +178,12 @@ def _content(folder: Path, file_name: str) -> str:
 
 
 def _readers_by_importlib(
-    known: Collection[Path] = (), **where: Any
+    excluded: Collection[Path] = (), **where: Any
 ) -> Iterator[tuple[str, _Reader]]:
     from importlib import metadata
 
     for distribution in metadata.distributions(**where):
-        if not known or Path(str(distribution.locate_file(""))).resolve() not in known:
+        if not excluded or Path(str(distribution.locate_file(""))).resolve() not in excluded:
             yield "", partial(_text_of, distribution)
 
 
@@ -270,7 +273,8 @@ class Source:
 
     `advertised` are the components that it lists, None where it lists none and has to be imported
     to know them. `requires_core` is the specifier of its dependency on opir-core, "" for none.
-    `fault` is the error in the metadata, "" for none.
+    `fault` is the error in the metadata, "" for none. `direct_url` returns the record of the folder
+    that the distribution was installed from (PEP 610), "" for none.
     """
 
     provenance: Provenance
@@ -278,6 +282,15 @@ class Source:
     advertised: frozenset[Offer] | None = None
     requires_core: str = ""
     fault: str = ""
+    direct_url: Callable[[], str] = str
+
+    def way_to_install_again(self) -> str:
+        """Return how to install the distribution again; an editable install from its folder."""
+        record = self.direct_url()
+        url = re.search(r'"url": *"file://([^"]+)"', record)
+        if url is None or not re.search(r'"editable": *true', record):
+            return f"install again: pip install --force-reinstall {self.provenance.distribution}"
+        return f"install again: pip install -e {url[1]}"
 
 
 @frozen
@@ -328,15 +341,15 @@ def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str
     """Return the sources divided by the allowed names (None allows all); the core's own plugins are
     always allowed.
     """
-    known = list(sources)
+    installed = list(sources)
     if allowed is None:
-        return Selection(known)
-    wanted = {name.strip() for name in allowed} - {""} | set(CORE_PLUGINS)
-    names = {source.provenance.plugin for source in known}
+        return Selection(installed)
+    selected_names = {name.strip() for name in allowed} - {""} | set(CORE_PLUGINS)
+    names = {source.provenance.plugin for source in installed}
     return Selection(
-        allowed=[source for source in known if source.provenance.plugin in wanted],
-        hidden=[source for source in known if source.provenance.plugin not in wanted],
-        unknown=sorted(wanted - names),
+        allowed=[source for source in installed if source.provenance.plugin in selected_names],
+        hidden=[source for source in installed if source.provenance.plugin not in selected_names],
+        unknown=sorted(selected_names - names),
         rule=rule,
     )
 
@@ -357,6 +370,7 @@ def _source(
         advertised=offers or None,
         requires_core=distribution.requires_core,
         fault="; ".join(filter(None, [*faults, taken, unmet])),
+        direct_url=partial(distribution.read, "direct_url.json"),
     )
 
 
@@ -383,5 +397,5 @@ def _imported(value: str) -> object:
     match = _VALUE.fullmatch(value)
     if match is None:
         raise ImportError(f"the entry point {value!r} is not of the form module or module:object")
-    found: object = import_module(match["module"])
-    return attrgetter(match["attribute"])(found) if match["attribute"] else found
+    module: object = import_module(match["module"])
+    return attrgetter(match["attribute"])(module) if match["attribute"] else module

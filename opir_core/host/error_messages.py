@@ -3,7 +3,7 @@ with the remedy.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from sys import stdlib_module_names
 from types import FrameType
 
@@ -11,95 +11,20 @@ from attrs import frozen
 
 from opir_core.errors import install_command, nearest, nearest_names, with_article
 from opir_core.host.components import CATALOGUE, PluginFailure, Provenance, plural
-from opir_core.host.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
+from opir_core.host.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection, Source
 from opir_core.scene.fields import LIGHT
 
 _LONGEST_WORDS = 300
 _CORE = PurePath(__file__).parent.parent
+_PACKAGES = Path(__file__).parent.parent / "data" / "packages.txt"
 _LIBRARIES = frozenset({"numpy", "scipy"})
 _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 
-#: The packages of this project and what they advertise, for messages about what is not installed. A
-#: test compares this table with the packages' metadata.
+#: The packages of this project and the components that they advertise, for messages about packages
+#: that are not installed. A test compares the file with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
-    "opir-coverage": ("commands.coverage", "commands.physics", "metrics.coverage"),
-    "opir-dask": ("executors.dask",),
-    "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
-    "opir-export": (
-        "commands.export",
-        *("event_encoders.forge-c2", "event_encoders.udl"),
-        *(
-            "exporters.arrow",
-            "exporters.csv",
-            "exporters.czml",
-            "exporters.geojson",
-            "exporters.kml",
-        ),
-        *("exporters.oem", "exporters.parquet", "exporters.tdm", "sinks.parquet"),
-        *("run_views.pandas", "run_views.polars", "run_views.tables"),
-    ),
-    "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
-    "opir-http": ("commands.doctor", "commands.serve", "commands.view"),
-    "opir-kafka": ("commands.spool", "sinks.kafka"),
-    "opir-leo": (
-        *("constellations.LEO-MEDIUM", "constellations.LEO-WIDE"),
-        *("sensor_models.LEO-MEDIUM", "sensor_models.LEO-WIDE"),
-    ),
-    "opir-nextgen": ("constellations.NEXTGEN-GEO", "sensor_models.NEXTGEN-GEO"),
-    "opir-paper": ("commands.paper",),
-    "opir-photons": (
-        "atmosphere_models.lowtran",
-        "background_models.earth",
-        *("classifiers.spectral", "confidence_models.posterior"),
-        "detection_models.snr",
-        *("sensor_models.AHI", "sensor_models.GOES-ABI"),
-        "signature_models.plume",
-        *(
-            "source_models.bolides",
-            "source_models.fires",
-            "source_models.flares",
-            "source_models.glints",
-        ),
-    ),
-    "opir-readers": (
-        *("commands.import", "commands.track", "target_models.ascent", "target_models.table"),
-        *("readers.csv", "readers.events", "readers.gpx"),
-        *(
-            "readers.kml",
-            "readers.oem",
-            "readers.oem-xml",
-            "readers.omm",
-            "readers.openrocket",
-            "readers.rasaero",
-        ),
-        *(
-            "readers.rocketpy",
-            "readers.sights",
-            "readers.sp3",
-            "readers.stk",
-            "readers.tdm",
-            "readers.tle",
-        ),
-        "readers.webcast",
-    ),
-    "opir-render": ("renderers.compiled",),
-    "opir-report": ("commands.report", "run_views.map", "run_views.plot"),
-    "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
-    "opir-scoring": ("commands.score",),
-    "opir-stonesoup": ("trackers.stonesoup",),
-    "opir-studies": (
-        *("commands.compare", "commands.optimise", "commands.sweep", "commands.tune"),
-        *("executors.processes", "executors.serial"),
-        *(
-            "metrics.accuracy",
-            "metrics.detection_by_time",
-            "metrics.false_events",
-            "metrics.impact_region",
-        ),
-        *("metrics.latency", "metrics.launch_error", "metrics.tracks", "metrics.warning_time"),
-    ),
-    "opir-testing": ("commands.check", "commands.new-plugin"),
-    "opir-trackers": ("commands.prior", "trackers.imm", "trackers.kepler-arc"),
+    name: tuple(entries)
+    for name, *entries in map(str.split, _PACKAGES.read_text("utf-8").splitlines())
 }
 
 #: What of the packages above reads a subject, by subject. A test compares it with what the
@@ -206,12 +131,34 @@ def unusable(search: Search, failure: PluginFailure) -> str:
     )
 
 
+#: How a plugin and its installed entry points may differ in a component.
+NOT_LISTED = "offers it, but its installed entry points do not list it"
+NOT_OFFERED = "lists it in its installed entry points, but does not offer it"
+
+
+def stale(search: Search, source: Source, difference: str) -> str:
+    """Return the message about a name in which a plugin differs from its installed entry points."""
+    return (
+        f"{search.prefix}the {search.kind} {search.name!r} cannot be used: {source.provenance}"
+        f" {difference}\n  {source.way_to_install_again()}"
+    )
+
+
+def stale_plugin(source: Source, offers: Iterable[Offer]) -> str:
+    """Return the message about all components in which a plugin differs from its installation."""
+    names = ", ".join(f"{hook.removeprefix('opir_')}.{name}" for hook, name in offers)
+    return (
+        f"its installed entry points differ from what it offers: {names};"
+        f" {source.way_to_install_again()}"
+    )
+
+
 def unknown_plugin(name: str, selection: Selection) -> str:
     """Return the message about a name on the allow-list that no distribution provides."""
-    known = {source.provenance.plugin for source in (*selection.allowed, *selection.hidden)}
+    installed = {source.provenance.plugin for source in (*selection.allowed, *selection.hidden)}
     return (
         f"{selection.rule} names {name!r}, but no installed distribution has such a"
-        f" plugin{nearest(name, known)}"
+        f" plugin{nearest(name, installed)}"
     )
 
 
@@ -298,15 +245,25 @@ def is_of_plugin(frame: FrameType) -> bool:
     """Return whether a frame is of a package outside the core, Python's own library, numpy and
     scipy.
     """
-    path = PurePath(frame.f_code.co_filename)
-    root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-    if (
+    return not _is_of_library(frame) and not _path_of(frame).is_relative_to(_CORE)
+
+
+def _is_of_library(frame: FrameType) -> bool:
+    """Return whether a frame is of Python's own library, numpy or scipy."""
+    path = _path_of(frame)
+    return (
         not _LIBRARIES.isdisjoint(path.parent.parts)
         or str(path).startswith("<frozen ")
-        or root in stdlib_module_names
-    ):
-        return False
-    return not path.is_relative_to(_CORE)
+        or _root_of(frame) in stdlib_module_names
+    )
+
+
+def _path_of(frame: FrameType) -> PurePath:
+    return PurePath(frame.f_code.co_filename)
+
+
+def _root_of(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0]
 
 
 def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
@@ -319,21 +276,15 @@ def _place_among(lines: Iterable[tuple[FrameType, int]]) -> str:
     of_plugin = ""
     package = None
     for frame, number in lines:
-        path = PurePath(frame.f_code.co_filename)
-        line = f"{'/'.join(path.parts[-2:])}, line {number}"
+        path = _path_of(frame)
         folder = path.parent.parts
-        root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if (
-            not _LIBRARIES.isdisjoint(folder)
-            or str(path).startswith("<frozen ")
-            or root in stdlib_module_names
-        ):
+        is_machinery = any(folder[-len(names) :] == names for names in _MACHINERY)
+        if _is_of_library(frame) or is_machinery:
             continue
-        if any(folder[-len(own) :] == own for own in _MACHINERY):
-            continue
+        line = f"{'/'.join(path.parts[-2:])}, line {number}"
         if path.is_relative_to(_CORE):
             of_core = line
             continue
-        package = package or root
-        of_plugin = line if root == package else of_plugin
+        package = package or _root_of(frame)
+        of_plugin = line if _root_of(frame) == package else of_plugin
     return of_plugin or of_core

@@ -205,7 +205,7 @@ class CatalogueHooks:
 
     @hookspec
     def opir_source_models(self) -> Iterable[c.SourceModel]:  # type: ignore[empty-body]
-        """Yield source models: emitters that are no targets. Chosen with `model: NAME` in a block
+        """Yield source models: emitters other than targets. Chosen with `model: NAME` in a block
         of `sources`.
 
         >>> from opir_core.plugin import Host, SourceModel, Sources, hookimpl
@@ -431,8 +431,9 @@ class ExtensionHooks:
 
         `commands` is argparse's object of subparsers. Called when the command line is asked for a
         command that the core does not have, or for its help; not when a core command runs. A parser
-        added must set `run` as a default: `parser.set_defaults(run=function)`, where
-        `function(arguments) -> int` returns the exit code.
+        added must set `run` as a default: `parser.set_defaults(run=function, group="look")`, where
+        `function(arguments) -> int` returns the exit code, and `group` is the group of the command
+        in `opir --help`: run, study, look, data or maintain.
 
         >>> import argparse
         >>> from opir_core.plugin import hookimpl
@@ -440,7 +441,7 @@ class ExtensionHooks:
         ...     @hookimpl
         ...     def opir_add_commands(self, commands):
         ...         parser = commands.add_parser("hello", help="return the number of its letters")
-        ...         parser.set_defaults(run=lambda arguments: len("hello"))
+        ...         parser.set_defaults(run=lambda arguments: len("hello"), group="look")
         >>> parser = argparse.ArgumentParser()
         >>> Plugin().opir_add_commands(parser.add_subparsers())
         >>> arguments = parser.parse_args(["hello"])

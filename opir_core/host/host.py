@@ -105,18 +105,18 @@ class Host:
         """Return the names offered under a hook, sorted; plugins that advertise their names are not
         imported.
         """
-        wanted = _hook_name(hook)
-        return sorted({name for offered, name in self.registry.claims() if offered == wanted})
+        hook_name = _hook_name(hook)
+        return sorted({name for offered, name in self.registry.claims() if offered == hook_name})
 
     def readers(self) -> list[FileReader]:
         """Return the readers of files that can be used, sorted by name; one whose plugin fails
         costs itself.
         """
-        found = []
+        readers = []
         for name in self.names(FileReader.hook):
             with suppress(PluginError):
-                found.append(self.component(FileReader, name))
-        return found
+                readers.append(self.component(FileReader, name))
+        return readers
 
     def catalogue(self) -> list[PluginRow]:
         """Return a row for every plugin, sorted by name; loads all that are allowed."""
@@ -143,14 +143,20 @@ class Host:
             )
         if not claimants:
             self.registry.load_all()
-            known = self.registry.claims()
+            self._require_installed(search)
+            claims = self.registry.claims()
             raise PluginError(
-                error_messages.missing(search, known, self.failures, self.registry.selection)
+                error_messages.missing(search, claims, self.failures, self.registry.selection)
             )
         outcome = self.registry.load(claimants[0])
         if isinstance(outcome, PluginFailure):
             raise PluginError(error_messages.unusable(search, outcome))
+        self._require_installed(search)
         return claimants[0], outcome
+
+    def _require_installed(self, search: Search) -> None:
+        if difference := self.registry.stale(search.offer):
+            raise PluginError(error_messages.stale(search, *difference))
 
 
 def _hook_name(hook: Hook) -> str:

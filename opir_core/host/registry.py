@@ -3,12 +3,18 @@
 from collections.abc import Iterable
 from typing import Any
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.host.components import CATALOGUE, PluginFailure, Provenance
 from opir_core.host.contributions import Contributions, InvalidPlugin, contributions_of
 from opir_core.host.discovery import COMMAND_HOOK, Offer, Selection, Source
-from opir_core.host.error_messages import described_error, unknown_plugin
+from opir_core.host.error_messages import (
+    NOT_LISTED,
+    NOT_OFFERED,
+    described_error,
+    stale_plugin,
+    unknown_plugin,
+)
 
 
 @frozen(kw_only=True)
@@ -27,9 +33,10 @@ class PluginRow:
     """One plugin in a catalogue.
 
     `state` is "ready", "failed" (`failure` is the reason), "hidden" (excluded by the allow-list,
-    not imported) or "unknown" (on the allow-list, but not installed). `requires_core` is the
-    specifier of the versions of opir-core that the plugin requires, "" for none. `commands` are
-    those advertised.
+    not imported) or "unknown" (on the allow-list, but not installed). The `failure` of a ready
+    plugin names the components that its installed entry points do not match, and the remedy.
+    `requires_core` is the specifier of the versions of opir-core that the plugin requires, "" for
+    none. `commands` are those advertised.
     """
 
     distribution: str
@@ -70,7 +77,9 @@ class Registry:
         outcomes = self._outcomes.items()
         return tuple(
             sorted(
-                source.provenance for source, each in outcomes if isinstance(each, Contributions)
+                source.provenance
+                for source, outcome in outcomes
+                if isinstance(outcome, Contributions)
             )
         )
 
@@ -82,15 +91,19 @@ class Registry:
     def load(self, source: Source) -> Contributions | PluginFailure:
         """Return the contributions of a plugin, or its failure; a failure is logged once."""
         if source not in self._outcomes:
-            self._outcomes[source] = outcome_of(source)
-            if isinstance(self._outcomes[source], PluginFailure):
-                warn(f"plugin left out: {self._outcomes[source]}")
+            outcome = outcome_of(source)
+            self._outcomes[source] = outcome
+            if isinstance(outcome, PluginFailure):
+                warn(f"plugin left out: {outcome}")
+            elif outcome.stale:
+                warn(f"{source.provenance}: {stale_plugin(source, outcome.stale)}")
         return self._outcomes[source]
 
     def fail(self, source: Source, reason: str) -> None:
         """Record the failure of a plugin that was loaded before."""
-        self._outcomes[source] = PluginFailure(source.provenance, reason)
-        warn(f"plugin left out: {self._outcomes[source]}")
+        failure = PluginFailure(source.provenance, reason)
+        self._outcomes[source] = failure
+        warn(f"plugin left out: {failure}")
 
     def load_all(self) -> None:
         """Load every plugin."""
@@ -111,6 +124,17 @@ class Registry:
             return source.advertised
         outcome = self.load(source)
         return outcome.components if isinstance(outcome, Contributions) else ()
+
+    def stale(self, offer: Offer) -> tuple[Source, str] | None:
+        """Return the loaded plugin whose installed entry points differ in a component, and how."""
+        return next(
+            (
+                (source, outcome.stale[offer])
+                for source, outcome in self._outcomes.items()
+                if isinstance(outcome, Contributions) and offer in outcome.stale
+            ),
+            None,
+        )
 
     def claims(self) -> dict[Offer, list[Provenance]]:
         """Return every name that a plugin that has not failed advertises or offers, with its
@@ -154,14 +178,23 @@ class Registry:
                 kind=CATALOGUE[hook].kind,
                 name=name,
                 summary=component.summary,
-                contested_by=tuple(other for other in owners[hook, name] if other != owner),
+                contested_by=tuple(
+                    claimant for claimant in owners[hook, name] if claimant != owner
+                ),
             )
             for (hook, name), component in sorted(outcome.components.items())
         )
         commands = tuple(
             sorted(name for hook, name in source.advertised or () if hook == COMMAND_HOOK)
         )
-        return _row(owner, "ready", source.requires_core, components=components, commands=commands)
+        return _row(
+            owner,
+            "ready",
+            source.requires_core,
+            components=components,
+            commands=commands,
+            failure=stale_plugin(source, outcome.stale) if outcome.stale else "",
+        )
 
 
 def warn(message: str) -> None:
@@ -178,13 +211,11 @@ def outcome_of(source: Source) -> Contributions | PluginFailure:
     except (Exception, SystemExit) as error:
         return _failure(source, f"cannot be imported: {described_error(error)}", error)
     try:
-        contributions = contributions_of(plugin)
-        _require_advertised(source, contributions)
+        return _as_advertised(source, contributions_of(plugin))
     except InvalidPlugin as invalid:
         return _failure(source, str(invalid), invalid)
     except Exception as error:
         return _failure(source, f"cannot be examined: {described_error(error)}", error)
-    return contributions
 
 
 def _logger() -> Any:
@@ -198,29 +229,23 @@ def _failure(source: Source, reason: str, error: BaseException) -> PluginFailure
     return PluginFailure(source.provenance, reason)
 
 
-def _require_advertised(source: Source, contributions: Contributions) -> None:
+def _as_advertised(source: Source, contributions: Contributions) -> Contributions:
+    """Return the contributions with the components that the plugin's installed entry points list.
+
+    The others, and those that are listed and not offered, are stale.
+    """
     if source.advertised is None:
-        return
-    advertised = {offer for offer in source.advertised if offer[0] != COMMAND_HOOK}
+        return contributions
+    listed = {offer for offer in source.advertised if offer[0] != COMMAND_HOOK}
     offered = set(contributions.components)
-    differences = [
-        f"{has} {hook.removeprefix('opir_')}.{name} and does not {lacks} it"
-        for has, lacks, offers in (
-            ("advertises", "offer", advertised - offered),
-            ("offers", "advertise", offered - advertised),
-        )
-        for hook, name in sorted(offers)
-    ]
-    names_commands = len(advertised) < len(source.advertised)
-    if names_commands and not contributions.add_commands:
-        differences.append(f"advertises commands and has no {COMMAND_HOOK}")
-    if contributions.add_commands and not names_commands:
-        differences.append(f"has {COMMAND_HOOK} and advertises no command")
-    if differences:
-        raise InvalidPlugin(
-            f"its entry points in group opir.components differ from what it offers:"
-            f" {'; '.join(differences)}"
-        )
+    stale = {
+        **dict.fromkeys(sorted(offered - listed), NOT_LISTED),
+        **dict.fromkeys(sorted(listed - offered), NOT_OFFERED),
+    }
+    components = {
+        offer: component for offer, component in contributions.components.items() if offer in listed
+    }
+    return evolve(contributions, components=components, stale=stale)
 
 
 def _row(owner: Provenance, state: str, requires_core: str = "", **more: Any) -> PluginRow:

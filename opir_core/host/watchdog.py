@@ -66,8 +66,8 @@ class Watchdog:
                 self.longest_pause_s = max(self.longest_pause_s, now_s - beat_s - self.interval_s)
             beat_s = now_s
             try:
-                found = self.reason()
-                reason = self.final() or (found if now_s >= judged_from_s else "")
+                stuck_reason = self.reason()
+                reason = self.final() or (stuck_reason if now_s >= judged_from_s else "")
             except BaseException as error:
                 reason = f"the watchdog has failed: {type(error).__name__}: {error}"
             if not reason:
@@ -100,14 +100,14 @@ def ended_if_stuck(
     thread = threading.get_ident()
     within_s = dead_after_s or limit_in_force()
     watchdog = Watchdog(lambda: overdue_call(thread, within_s), on_stuck or _end_process, within_s)
-    before = _SET.copy()
+    outer_limits = _SET.copy()
     _SET.extend([dead_after_s] if dead_after_s else [])
     watchdog.start()
     try:
         yield
     finally:
         watchdog.stop()
-        _SET[:] = before
+        _SET[:] = outer_limits
 
 
 def _end_process(reason: str) -> None:
@@ -138,7 +138,7 @@ class CallThread:
         self._thread.start()
 
     def result(self, call: Callable[[], Any], within_s: float, *, is_last: bool = False) -> Any:
-        """Return what a call returns, or raise what it raises; `OverdueError` after `within_s`."""
+        """Return the result of a call, or re-raise its error; `OverdueError` after `within_s`."""
         answer = list[Any]()
         is_there = threading.Event()
         self._calls.put((call, answer, is_there, is_last))

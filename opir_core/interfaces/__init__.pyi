@@ -11,9 +11,6 @@ from opir_core.interfaces.contract import (
 from opir_core.interfaces.impact_regions import (
     IMPACT_CONDITIONS as IMPACT_CONDITIONS,
 )
-from opir_core.interfaces.protocols import (
-    Radiometer as Radiometer,
-)
 from opir_core.interfaces.radiometric_models import (
     Structure as Structure,
 )
@@ -22,6 +19,7 @@ from opir_core.interfaces.records import (
     TRACK_CONTAINMENTS as TRACK_CONTAINMENTS,
     TRACK_ENDS as TRACK_ENDS,
 )
+from opir_core.interfaces.sensors import Radiometer as Radiometer
 from opir_core.interfaces.viewpoints import (
     Viewpoints as Viewpoints,
 )

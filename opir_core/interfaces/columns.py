@@ -68,22 +68,22 @@ class Columns:
     def take(self, rows: Any) -> Self:
         """Return some of the rows, by an index array, a mask or a slice."""
         columns = [getattr(self, name) for name in names_of(type(self))]
-        first = columns[0]
+        first_column = columns[0]
         if isinstance(rows, np.ndarray) and rows.dtype != np.bool_:
             # For columns of vectors `take` is several times as fast as an index.
-            of_first = None if first is None else first.take(rows, axis=0)
+            of_first = None if first_column is None else first_column.take(rows, axis=0)
             taken = [
                 of_first
-                if column is first
+                if column is first_column
                 else None
                 if column is None
                 else column.take(rows, axis=0)
                 for column in columns
             ]
         else:
-            of_first = None if first is None else first[rows]
+            of_first = None if first_column is None else first_column[rows]
             taken = [
-                of_first if column is first else None if column is None else column[rows]
+                of_first if column is first_column else None if column is None else column[rows]
                 for column in columns
             ]
         return type(self)(*taken)
@@ -100,26 +100,26 @@ class Columns:
             getattr(self, name).flags.writeable = False
         return self
 
-    def overwrite(self, rows: Any, other: Self) -> None:
+    def overwrite(self, rows: Any, replacement: Self) -> None:
         """Overwrite some rows with the rows of another record."""
         for name in names_of(type(self)):
-            getattr(self, name)[rows] = getattr(other, name)
+            getattr(self, name)[rows] = getattr(replacement, name)
 
     @classmethod
-    def concatenate(cls, parts: Iterable[Self]) -> Self:
+    def concatenate(cls, records: Iterable[Self]) -> Self:
         """Return one record of all rows, in order; the empty record without parts."""
-        pieces = list(parts)
+        pieces = list(records)
         if not pieces:
             return cls.empty()
         # Empty pieces may have columns of another width.
         pieces = [piece for piece in pieces if len(piece)] or pieces[:1]
         columns = [[getattr(piece, name) for piece in pieces] for name in names_of(cls)]
-        first = columns[0]
-        of_first = np.concatenate(first)
+        first_columns = columns[0]
+        of_first = np.concatenate(first_columns)
         return cls(
             *[
                 of_first
-                if column[0] is first[0] and all(map(is_, column, first))
+                if column[0] is first_columns[0] and all(map(is_, column, first_columns))
                 else np.concatenate(column)
                 for column in columns
             ]
@@ -142,23 +142,23 @@ class Filling(Generic[_Filled]):
     """
 
     def __init__(
-        self, record: type[_Filled], rows: int, given: Mapping[str, Any] | None = None
+        self, record: type[_Filled], rows: int, complete: Mapping[str, Any] | None = None
     ) -> None:
         self._record = record
         self._rows = rows
-        self._given = {} if given is None else given
+        self._given = {} if complete is None else complete
         self._names = [name for name in names_of(record) if name not in self._given]
         self._columns: dict[str, Any] = {}
         self._at = 0
 
-    def put(self, part: _Filled) -> None:
+    def put(self, rows: _Filled) -> None:
         """Append rows."""
         if not self._columns:
-            self._columns = {name: self._blank(getattr(part, name)) for name in self._names}
-        for name, whole in self._columns.items():
-            if whole is not None:
-                whole[self._at : self._at + len(part)] = getattr(part, name)
-        self._at += len(part)
+            self._columns = {name: self._blank(getattr(rows, name)) for name in self._names}
+        for name, column in self._columns.items():
+            if column is not None:
+                column[self._at : self._at + len(rows)] = getattr(rows, name)
+        self._at += len(rows)
 
     def record(self) -> _Filled:
         """Return the filled record."""

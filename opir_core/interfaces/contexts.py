@@ -9,9 +9,11 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import IndexArray
+from opir_core.interfaces.classification import Classifier
+from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.interfaces.outputs import Encoder
-from opir_core.interfaces.protocols import Classifier, DetectionProbability, Sensor
 from opir_core.interfaces.records import Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.hypotheses import Hypothesis, core_hypotheses
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class
@@ -55,8 +57,8 @@ class TargetContext:
 
 @frozen(eq=False)
 class Surroundings:
-    """What a model of light is built from: the scene with its choices, the host that has their
-    components, and what is built already. An `opir_core.Plan` has these attributes too.
+    """The surroundings of a model of light: the scene with its choices, the host of their
+    components, and the built parts. An `opir_core.Plan` has these attributes too.
     """
 
     scene: Any
@@ -75,7 +77,7 @@ class ModelContext:
     classes of launches and the types of other hot sources, by default those of `target_type_code`;
     `target_class` returns the target class of a name, by default the core's. `reported_types` are
     the names of the types that may be reported, of which `REPORTED_TYPES` are the first.
-    `hypotheses` are what a hot object may be.
+    `hypotheses` are those of a hot object.
     """
 
     sensors: tuple[Sensor, ...]

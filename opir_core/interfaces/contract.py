@@ -22,18 +22,18 @@ else:
             self.fget = fget
             self.__doc__ = fget.__doc__
 
-        def __get__(self, part: Any, _owner: Any = None) -> Any:
-            return self if part is None else self.fget(part)
+        def __get__(self, component: Any, _owner: Any = None) -> Any:
+            return self if component is None else self.fget(component)
 
     class required(optional):  # noqa: N801 - a decorator
         """A property that a subclass or an instance must replace, by a plain attribute or a
         property.
         """
 
-        def __get__(self, part: Any, _owner: Any = None) -> Any:
-            if part is None:
+        def __get__(self, component: Any, _owner: Any = None) -> Any:
+            if component is None:
                 return self
-            raise AttributeError(f"{type(part).__name__} defines no {self.fget.__name__}")
+            raise AttributeError(f"{type(component).__name__} defines no {self.fget.__name__}")
 
 
 class PluginPart(ABC):  # noqa: B024 - its subclasses have the abstract methods
@@ -42,46 +42,48 @@ class PluginPart(ABC):  # noqa: B024 - its subclasses have the abstract methods
     """
 
     @classmethod
-    def adopt(cls, part: Any, owner: Callable[[], str] | None = None) -> Self:
+    def adopt(cls, component: Any, owner: Callable[[], str] | None = None) -> Self:
         """Return a part as one of this class; what one of another class does not define has the
         default.
 
         Raises `ModelError`, which begins with what `owner` returns, if a required member is
         missing.
         """
-        missing = [name for name in _required(cls) if not hasattr(part, name)]
+        missing = [name for name in _required(cls) if not hasattr(component, name)]
         if missing:
             raise ModelError(
-                f"{f'{owner()}: ' if owner else ''}build made {kind_of(part)} without"
+                f"{f'{owner()}: ' if owner else ''}build made {kind_of(component)} without"
                 f" {', '.join(missing)};"
                 f" derive its class from opir_core.plugin.{cls.__name__}, which says what is"
                 f" required"
             )
-        return part if isinstance(part, cls) else _adopter(cls)(part)
+        return component if isinstance(component, cls) else _adopter(cls)(component)
 
 
-def has_own(base: type, part: Any, name: str) -> bool:
+def has_own(base: type, component: Any, name: str) -> bool:
     """Return whether a part defines a member itself, instead of the default of its base class."""
-    if isinstance(part, _Adopted):
-        return hasattr(object.__getattribute__(part, "_part"), name)
-    return inspect.getattr_static(part, name, None) is not inspect.getattr_static(base, name, None)
+    if isinstance(component, _Adopted):
+        return hasattr(object.__getattribute__(component, "_part"), name)
+    return inspect.getattr_static(component, name, None) is not inspect.getattr_static(
+        base, name, None
+    )
 
 
 class _Adopted:
     """A part and the defaults of a contract, for the members that the part lacks."""
 
-    def __init__(self, part: Any) -> None:
-        self._part = part
+    def __init__(self, component: Any) -> None:
+        self._part = component
 
     def __getattribute__(self, name: str) -> Any:
         if name == "_part" or (name.startswith("__") and name.endswith("__")):
             return object.__getattribute__(self, name)
-        part = object.__getattribute__(self, "_part")
+        component = object.__getattribute__(self, "_part")
         try:
-            return getattr(part, name)
+            return getattr(component, name)
         except AttributeError:
             if (
-                inspect.getattr_static(part, name, None) is not None
+                inspect.getattr_static(component, name, None) is not None
             ):  # a property of the part has failed
                 raise
             return object.__getattribute__(self, name)
@@ -93,9 +95,9 @@ class _Adopted:
 
 @cache
 def _adopter(contract: Any) -> Any:
-    made: Any = type(contract.__name__, (_Adopted, contract), {})
-    made.__abstractmethods__ = frozenset()
-    return made
+    adopter: Any = type(contract.__name__, (_Adopted, contract), {})
+    adopter.__abstractmethods__ = frozenset()
+    return adopter
 
 
 @cache

@@ -35,9 +35,9 @@ class ImpactRegion:
     probability: float = 1.0
     effective_samples: float = math.nan
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self, region: object) -> bool:
         """Return whether another region has the same figures, centre and rings, point by point."""
-        return isinstance(other, ImpactRegion) and self._parts() == other._parts()
+        return isinstance(region, ImpactRegion) and self._parts() == region._parts()
 
     def __hash__(self) -> int:
         return hash(self._parts())
@@ -62,7 +62,7 @@ class ImpactRegion:
         """Return whether a point lies in the region.
 
         Rings and point are projected by directions and distances from the centre of the region
-        (azimuthal equidistant), so poles and the 180th meridian are no exceptions; a point is
+        (azimuthal equidistant), at poles and the 180th meridian too; a point is
         inside an odd number of rings.
         """
         rings = [ring for polygon in self.polygons for ring in polygon]

@@ -89,8 +89,8 @@ class Sink(PluginPart):
 
     @optional
     def outlives_the_process(self) -> bool | None:
-        """Whether the next run finds what is left in the sink's buffer at closing; None for a sink
-        without a buffer.
+        """Whether the next run finds the events left in the sink's buffer at closing; None for a
+        sink without a buffer.
         """
         return None
 
@@ -237,10 +237,10 @@ class Encoder(PluginPart):
         return None
 
 
-def sink_or_transport(made: Any, owner: Callable[[], str] | None = None) -> Sink | Transport:
-    """Return what a sink's `build` made, as the one or the other; raises `ModelError` for
+def sink_or_transport(product: Any, owner: Callable[[], str] | None = None) -> Sink | Transport:
+    """Return the product of a sink's `build` as a sink or a transport; raises `ModelError` for
     neither.
     """
-    if isinstance(made, Transport) or (hasattr(made, "send") and hasattr(made, "trouble")):
-        return Transport.adopt(made, owner)
-    return Sink.adopt(made, owner)
+    if isinstance(product, Transport) or (hasattr(product, "send") and hasattr(product, "trouble")):
+        return Transport.adopt(product, owner)
+    return Sink.adopt(product, owner)

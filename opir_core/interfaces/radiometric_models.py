@@ -17,7 +17,8 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.contract import PluginPart, optional, required
-from opir_core.interfaces.protocols import Band, Trajectories
+from opir_core.interfaces.sensors import Band
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import Plume
 
 
@@ -147,7 +148,7 @@ class Signatures(PluginPart):
 
 
 class Sources(PluginPart):
-    """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares,
+    """Emitters other than targets, made by one block of a scene's `sources`: fires, flares,
     glints, bolides.
 
     The engine adds them to the targets as further rows; `trajectories.type_code` are codes into

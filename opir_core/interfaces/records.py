@@ -3,8 +3,8 @@
 Arrays are read-only in records that leave the engine.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
@@ -24,6 +24,22 @@ from opir_core.interfaces.sensor_health import SensorHealth
 
 if TYPE_CHECKING:
     from opir_core.interfaces.viewpoints import AzimuthElevation
+
+
+def _computed(column: Callable[[Any], Any]) -> Any:
+    """Return the default of a column, computed from the record."""
+    return Factory(column, takes_self=True)
+
+
+def _unknown(*shape: int) -> Any:
+    """Return the default of a column of tracks: nan (n, *shape)."""
+    return _computed(lambda tracks: np.full((len(tracks.tick_s), *shape), np.nan))
+
+
+def _no_regions(tracks: "Tracks") -> ObjectArray:
+    nothing = np.empty(len(tracks.tick_s), dtype=np.object_)
+    nothing.fill(())
+    return nothing
 
 
 @frozen(eq=False, repr=False)
@@ -76,7 +92,7 @@ class ClassifierInputs(Columns):
     snr: FloatArray
     band_irradiance_w_m2: FloatArray
     band_noise_w_m2: FloatArray = field(
-        default=Factory(lambda rows: np.empty((len(rows.time_s), 0)), takes_self=True)
+        default=_computed(lambda rows: np.empty((len(rows.time_s), 0)))
     )
 
     @property
@@ -138,11 +154,11 @@ class Detections(Columns):
     line_of_sight_sigma_rad: FloatArray
     band_irradiance_w_m2: FloatArray
     type_log_probability: FloatArray = field(
-        default=Factory(lambda rows: np.empty((len(rows.time_ns), 0)), takes_self=True)
+        default=_computed(lambda rows: np.empty((len(rows.time_ns), 0)))
     )
-    reported_ns: IntArray = field(default=Factory(lambda rows: rows.time_ns, takes_self=True))
+    reported_ns: IntArray = field(default=_computed(lambda rows: rows.time_ns))
     hypothesis_log_probability: FloatArray = field(
-        default=Factory(lambda rows: np.empty((len(rows.time_ns), 0)), takes_self=True)
+        default=_computed(lambda rows: np.empty((len(rows.time_ns), 0)))
     )
 
     @property
@@ -273,48 +289,26 @@ class Tracks(Columns):
     impact: FloatArray
     impact_covariance: FloatArray
     type_probability: FloatArray
-    burnout: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7), takes_self=True))
-    burnout_covariance: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows, 7, 7), takes_self=True)
-    )
-    impact_sigmas: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows, 3), takes_self=True)
-    )
-    state_sigmas: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows, 3), takes_self=True)
-    )
-    available_s: FloatArray = field(default=Factory(lambda rows: rows.tick_s, takes_self=True))
-    impact_regions: ObjectArray = field(
-        default=Factory(lambda rows: _no_regions(rows), takes_self=True)
-    )
-    probability_burning: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows), takes_self=True)
-    )
-    probability_relights: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows), takes_self=True)
-    )
+    burnout: FloatArray = field(default=_unknown(7))
+    burnout_covariance: FloatArray = field(default=_unknown(7, 7))
+    impact_sigmas: FloatArray = field(default=_unknown(3))
+    state_sigmas: FloatArray = field(default=_unknown(3))
+    available_s: FloatArray = field(default=_computed(lambda rows: rows.tick_s))
+    impact_regions: ObjectArray = field(default=_computed(_no_regions))
+    probability_burning: FloatArray = field(default=_unknown())
+    probability_relights: FloatArray = field(default=_unknown())
     impact_method: ByteArray = field(
-        default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True)
+        default=_computed(lambda rows: np.zeros(len(rows.track), dtype=np.uint8))
     )
-    hypothesis_probability: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows, 0), takes_self=True)
-    )
-    probability_launch: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows), takes_self=True)
-    )
-    probability_missile: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows), takes_self=True)
-    )
-    probability_orbit: FloatArray = field(
-        default=Factory(lambda rows: _unknown(rows), takes_self=True)
-    )
+    hypothesis_probability: FloatArray = field(default=_unknown(0))
+    probability_launch: FloatArray = field(default=_unknown())
+    probability_missile: FloatArray = field(default=_unknown())
+    probability_orbit: FloatArray = field(default=_unknown())
     end: ByteArray = field(
-        default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True)
+        default=_computed(lambda rows: np.zeros(len(rows.track), dtype=np.uint8))
     )
-    seen_s: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
-    is_brief: BoolArray = field(
-        default=Factory(lambda rows: np.full(len(rows.track), False), takes_self=True)
-    )
+    seen_s: FloatArray = field(default=_unknown())
+    is_brief: BoolArray = field(default=_computed(lambda rows: np.full(len(rows.track), False)))
 
 
 @frozen(eq=False, repr=False)
@@ -375,13 +369,3 @@ class Batch:
             body=b"".join(messages[row] + b"\n" for row in rows),
             key_of=self.key_of[list(rows)],
         )
-
-
-def _no_regions(tracks: Tracks) -> ObjectArray:
-    nothing = np.empty(len(tracks.tick_s), dtype=np.object_)
-    nothing.fill(())
-    return nothing
-
-
-def _unknown(tracks: Tracks, *shape: int) -> FloatArray:
-    return np.full((len(tracks.tick_s), *shape), np.nan)

@@ -35,13 +35,13 @@ class SensorHealth:
     text: tuple[str, ...]
 
     @classmethod
-    def of(cls, known: dict[str, FloatArray], text: tuple[str, ...]) -> "SensorHealth":
-        """Return what is known of sensors (s,), by field, with a sentence for each; the rest is
-        nan.
+    def of(cls, values: dict[str, FloatArray], text: tuple[str, ...]) -> "SensorHealth":
+        """Return the health of sensors (s,) from some fields, nan for the others, with a sentence
+        for each.
         """
         shapes = {name: (len(text), *((2,) if "bias" in name else ())) for name in _NUMBERS}
         return cls(
-            **{name: known.get(name, np.full(shape, np.nan)) for name, shape in shapes.items()},
+            **{name: values.get(name, np.full(shape, np.nan)) for name, shape in shapes.items()},
             text=text,
         )
 
@@ -59,5 +59,5 @@ _NUMBERS = tuple(item.name for item in fields(SensorHealth) if item.name != "tex
 
 def _plain(value: Any) -> Any:
     if isinstance(value, list):
-        return [_plain(each) for each in value]
+        return [_plain(item) for item in value]
     return value if isfinite(value) else None

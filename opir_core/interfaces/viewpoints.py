@@ -34,12 +34,12 @@ class Viewpoints:
 
         A sensor has one position for all rows equal to its last one, and one for each other row.
         """
-        known = np.zeros(int(sensor.max(initial=-1)) + 1, dtype=np.int64)
-        known[sensor] = np.arange(len(sensor))
-        homes = sensor_ecef_m.take(known, axis=0)
+        row_of_sensor = np.zeros(int(sensor.max(initial=-1)) + 1, dtype=np.int64)
+        row_of_sensor[sensor] = np.arange(len(sensor))
+        homes = sensor_ecef_m.take(row_of_sensor, axis=0)
         of_row = sensor.astype(np.int64)
-        away = sensor_ecef_m != homes.take(of_row, axis=0)
-        moved = np.flatnonzero(away[:, 0] | away[:, 1] | away[:, 2])
+        has_moved = sensor_ecef_m != homes.take(of_row, axis=0)
+        moved = np.flatnonzero(has_moved[:, 0] | has_moved[:, 1] | has_moved[:, 2])
         of_row[moved] = len(homes) + np.arange(len(moved))
         return cls(np.concatenate([homes, sensor_ecef_m[moved]]), of_row)
 
@@ -52,5 +52,5 @@ class Viewpoints:
         of_viewpoint = local_axes(self.position_ecef_m).reshape(-1, 9)
         columns = np.ascontiguousarray(of_viewpoint.T).take(self.of_row, axis=1)
         axes = np.moveaxis(columns.reshape(3, 3, -1), -1, 0)
-        seen = azimuth_elevation_range_in_axes(line_of_sight_ecef, axes)
-        return AzimuthElevation(seen.azimuth_rad, seen.elevation_rad)
+        look = azimuth_elevation_range_in_axes(line_of_sight_ecef, axes)
+        return AzimuthElevation(look.azimuth_rad, look.elevation_rad)

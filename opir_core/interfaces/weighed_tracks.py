@@ -25,7 +25,7 @@ def hypothesis_columns(
     regions = zip(weighed, tracks.impact_regions.tolist(), strict=True)
     sums = {name: getattr(tracks, name) for name in _SUMS}
     sums["probability_comes_down"] = [
-        _comes_down(each) if here else np.nan for here, each in regions
+        _comes_down(regions_of_row) if is_known else np.nan for is_known, regions_of_row in regions
     ]
     if decimals is not None:
         chances = np.round(chances, decimals)
@@ -33,7 +33,8 @@ def hypothesis_columns(
     shares = zip(weighed, chances.tolist(), strict=True)
     return {
         "hypotheses": [
-            dict(zip(hypotheses, share, strict=True)) if here else None for here, share in shares
+            dict(zip(hypotheses, share, strict=True)) if is_known else None
+            for is_known, share in shares
         ],
         **{
             name: [

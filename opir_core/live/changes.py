@@ -28,6 +28,9 @@ from opir_core.scene.plausibility import REMEDY, implausible_values
 from opir_core.scene.scene import Choice, Scene
 from opir_core.simulation.engine import Engine
 
+#: Columns of targets with a number for each, independent of the others.
+_TARGET_COLUMNS = ("type_code", "ignition_s", "burnout_s", "end_s", "place")
+
 
 def with_added_targets(plan: Plan, added: Plan) -> Plan:
     """Return a plan with the targets of another, of the same sensors, after its own."""
@@ -35,32 +38,25 @@ def with_added_targets(plan: Plan, added: Plan) -> Plan:
     shifted = evolve(added.pairs, target=(added.pairs.target + count).astype(np.int32))
     pairs = Pairs.concatenate([plan.pairs, shifted])
     order = np.lexsort((pairs.target, pairs.sensor))
-    ours = plan.sightlines
-    theirs = added.sightlines
-    lines = Sightlines(
-        first_point=np.concatenate([ours.first_point, theirs.first_point + len(ours.travel_s)])[
-            order
-        ],
-        travel_s=np.concatenate([ours.travel_s, theirs.travel_s]),
-        elevation_sine=np.concatenate([ours.elevation_sine, theirs.elevation_sine]),
-        sight=np.concatenate([ours.sight, theirs.sight]),
-    )
+    sightlines = Sightlines.joined([plan.sightlines, added.sightlines])
+    lines = evolve(sightlines, first_point=sightlines.first_point[order])
     scene = evolve(plan.scene, targets=(*plan.scene.targets, *added.scene.targets))
-    one = plan.targets
-    other = added.targets
-    targets = Targets(
-        ids=(*one.ids, *other.ids),
-        type_code=np.concatenate([one.type_code, other.type_code]),
-        ignition_s=np.concatenate([one.ignition_s, other.ignition_s]),
-        burnout_s=np.concatenate([one.burnout_s, other.burnout_s]),
-        end_s=np.concatenate([one.end_s, other.end_s]),
-        trajectories=(*one.trajectories, *other.trajectories),
-        group=np.concatenate([one.group, other.group + np.int32(len(one.trajectories))]),
-        place=np.concatenate([one.place, other.place]),
-        class_names=(*one.class_names, *other.class_names),
-        burns_s=joined_burns_s([one.burns_s, other.burns_s]),
+    targets = plan.targets
+    added_targets = added.targets
+    joined_targets = Targets(
+        ids=(*targets.ids, *added_targets.ids),
+        trajectories=(*targets.trajectories, *added_targets.trajectories),
+        group=np.concatenate(
+            [targets.group, added_targets.group + np.int32(len(targets.trajectories))]
+        ),
+        class_names=(*targets.class_names, *added_targets.class_names),
+        burns_s=joined_burns_s([targets.burns_s, added_targets.burns_s]),
+        **{
+            name: np.concatenate([getattr(targets, name), getattr(added_targets, name)])
+            for name in _TARGET_COLUMNS
+        },
     )
-    return with_targets(evolve(plan, scene=scene), targets, pairs.take(order), lines)
+    return with_targets(evolve(plan, scene=scene), joined_targets, pairs.take(order), lines)
 
 
 def without_finished_targets(plan: Plan, time_ns: int) -> Plan:
@@ -68,17 +64,19 @@ def without_finished_targets(plan: Plan, time_ns: int) -> Plan:
     stays = is_active(plan, time_ns)
     if stays.all():
         return plan
-    kept = np.flatnonzero(stays)
+    remaining = np.flatnonzero(stays)
     number = np.cumsum(stays) - 1
     rows = np.flatnonzero(stays[plan.pairs.target])
     pairs = plan.pairs.take(rows)
     lines = plan.sightlines.over_looks(pairs, rows)
     pairs = evolve(pairs, target=number[pairs.target].astype(np.int32))
-    ids = {plan.targets.ids[row] for row in kept.tolist()}
+    ids = {plan.targets.ids[row] for row in remaining.tolist()}
     scene = evolve(
         plan.scene, targets=tuple(target for target in plan.scene.targets if target.id in ids)
     )
-    return with_targets(evolve(plan, scene=scene), _kept_targets(plan.targets, kept), pairs, lines)
+    return with_targets(
+        evolve(plan, scene=scene), _kept_targets(plan.targets, remaining), pairs, lines
+    )
 
 
 def is_active(plan: Plan, time_ns: int) -> BoolArray:
@@ -91,20 +89,16 @@ def is_active(plan: Plan, time_ns: int) -> BoolArray:
     return stays
 
 
-def _kept_targets(targets: Targets, kept: IntArray) -> Targets:
+def _kept_targets(targets: Targets, rows: IntArray) -> Targets:
     """Return some of the targets, without trajectories that none of them uses."""
-    groups, group = np.unique(targets.group[kept], return_inverse=True)
+    groups, group = np.unique(targets.group[rows], return_inverse=True)
     return Targets(
-        ids=tuple(targets.ids[row] for row in kept.tolist()),
-        type_code=targets.type_code[kept],
-        ignition_s=targets.ignition_s[kept],
-        burnout_s=targets.burnout_s[kept],
-        end_s=targets.end_s[kept],
+        ids=tuple(targets.ids[row] for row in rows.tolist()),
         trajectories=tuple(targets.trajectories[number] for number in groups.tolist()),
         group=group.astype(np.int32),
-        place=targets.place[kept],
-        class_names=tuple(targets.class_names[row] for row in kept.tolist()),
-        burns_s=targets.burns_s[kept],
+        class_names=tuple(targets.class_names[row] for row in rows.tolist()),
+        burns_s=targets.burns_s[rows],
+        **{name: getattr(targets, name)[rows] for name in _TARGET_COLUMNS},
     )
 
 
@@ -121,7 +115,9 @@ def scan_generations(plan: Plan, former: Plan) -> tuple[int, ...]:
     moved = set(sensors.tolist())
     sensors_now = enumerate(zip(plan.sensors, former.sensors, strict=True))
     moved |= {
-        row for row, (now, before) in sensors_now if now.scan.period_ns != before.scan.period_ns
+        row
+        for row, (sensor, former_sensor) in sensors_now
+        if sensor.scan.period_ns != former_sensor.scan.period_ns
     }
     numbers = former.scan_generations or (0,) * len(plan.sensors)
     return (
@@ -141,18 +137,13 @@ _RESTART = "needs a restart"
 
 #: Keys of a scene that cannot change while it runs, with the reason.
 _FIXED = {
-    "scene": _RESTART,
-    "epoch": _RESTART,
-    "duration_s": _RESTART,
-    "seed": _RESTART,
-    "light_time": _RESTART,
-    "reported_types": _RESTART,
-    "forces": _RESTART,
-    "tracker": f"{_RESTART}: tracks would be lost",
-    "tracking_order": f"{_RESTART}: tracks would be lost",
-    "tracking_lag_s": f"{_RESTART}: tracks would be lost",
-    "sources": _RESTART,
-    "limits": _RESTART,
+    **dict.fromkeys(
+        ("scene", "epoch", "duration_s", "seed", "light_time", "reported_types", "forces"), _RESTART
+    ),
+    **dict.fromkeys(
+        ("tracker", "tracking_order", "tracking_lag_s"), f"{_RESTART}: tracks would be lost"
+    ),
+    **dict.fromkeys(("sources", "limits"), _RESTART),
 }
 
 
@@ -273,27 +264,27 @@ def launch_change(plan: Plan, block: Mapping[str, Any], time_ns: int, lap: int) 
     require_plausible(read, evolve(scene, targets=(), outputs=()), "launch")
     without_sources: dict[str, Any] = {"sources": ()} if getattr(scene, "sources", ()) else {}
     added = compile_plan(evolve(scene, targets=read.targets, **without_sources), plan.host)
-    whole = with_added_targets(without_finished_targets(plan, time_ns), added)
-    whole.workload.require_run()
-    engine = Engine(whole)
+    changed_plan = with_added_targets(without_finished_targets(plan, time_ns), added)
+    changed_plan.workload.require_run()
+    engine = Engine(changed_plan)
     return Change(engine, lap, int(added.targets.ignition_s.min() * 1e9))
 
 
-def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first: Scene) -> Change:
+def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first_scene: Scene) -> Change:
     """Return the change of a plan's settings; `mapping` is that of a scene, without targets and
     sources.
 
-    `first` is the scene of the first lap, whose epoch and seed are in the mapping. Raises
+    `first_scene` is the scene of the first lap, whose epoch and seed are in the mapping. Raises
     `SceneError` with all errors of the mapping, and `RestartError` with all settings that cannot
     change while the scene runs.
     """
-    former = evolve(plan.scene, epoch_us=first.epoch_us, seed=first.seed)
-    ours = scene_mapping(former)
-    whole: dict[str, Any] = {
+    former = evolve(plan.scene, epoch_us=first_scene.epoch_us, seed=first_scene.seed)
+    former_mapping = scene_mapping(former)
+    mapping_after: dict[str, Any] = {
         **mapping,
-        **{key: ours[key] for key in ("targets", "sources") if key in ours},
+        **{key: former_mapping[key] for key in ("targets", "sources") if key in former_mapping},
     }
-    read = scene_from_mapping(whole, host=plan.host, source="settings")
+    read = scene_from_mapping(mapping_after, host=plan.host, source="settings")
     problems = _restart_problems(former, read)
     if problems:
         raise RestartError(problems)
@@ -303,9 +294,9 @@ def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first: Sce
     )
     generations = scan_generations(compiled, plan)
     changed = evolve(compiled, scan_generations=generations)
-    base = evolve(read, targets=first.targets)
+    base = evolve(read, targets=first_scene.targets)
     outputs = zip(plan.scene.outputs, read.outputs, strict=True)
-    reopened = tuple(now for before, now in outputs if now != before)
+    reopened = tuple(output for former_output, output in outputs if output != former_output)
     return Change(Engine(changed), lap, reopened=reopened, base=base)
 
 
@@ -313,31 +304,37 @@ def require_plausible(scene: Scene, former: Scene, source: str) -> None:
     """Raise `SceneError` for implausible values that the former scene does not have, unless the
     scene allows them.
     """
-    known = implausible_values(former)
-    new = [problem for problem in implausible_values(scene) if problem not in known]
+    former_problems = implausible_values(former)
+    new = [problem for problem in implausible_values(scene) if problem not in former_problems]
     if new and not scene.allow_implausible:
         raise SceneError(
-            [Problem(one.path, f"{one.message}; {REMEDY}") for one in new], source=source
+            [Problem(problem.path, f"{problem.message}; {REMEDY}") for problem in new],
+            source=source,
         )
 
 
 def _restart_problems(former: Scene, scene: Scene) -> list[Problem]:
-    ours = scene_mapping(former)
-    theirs = scene_mapping(scene)
+    former_mapping = scene_mapping(former)
+    mapping = scene_mapping(scene)
     problems = [
-        Problem(key, reason) for key, reason in _FIXED.items() if ours.get(key) != theirs.get(key)
+        Problem(key, reason)
+        for key, reason in _FIXED.items()
+        if former_mapping.get(key) != mapping.get(key)
     ]
-    names = [(sensor.id, sensor.constellation, sensor.model.name) for sensor in former.sensors]
-    if names != [(sensor.id, sensor.constellation, sensor.model.name) for sensor in scene.sensors]:
+    former_names, names = (
+        [(sensor.id, sensor.constellation, sensor.model.name) for sensor in sensors]
+        for sensors in (former.sensors, scene.sensors)
+    )
+    if names != former_names:
         return [*problems, Problem("sensors", f"{_RESTART}: other sensors, or in another order")]
     problems += [
         Problem(
-            f"{now.model.path}.{key}",
-            f"{_RESTART} (sensor {now.id}): outputs are open for sensors as they are",
+            f"{sensor.model.path}.{key}",
+            f"{_RESTART} (sensor {sensor.id}): outputs are open for sensors as they are",
         )
-        for before, now in zip(former.sensors, scene.sensors, strict=True)
+        for former_sensor, sensor in zip(former.sensors, scene.sensors, strict=True)
         for key in ("bands", "orbit", "orbital_slot_deg")
-        if getattr(before.model.config, key, None) != getattr(now.model.config, key, None)
+        if getattr(former_sensor.model.config, key, None) != getattr(sensor.model.config, key, None)
     ]
     return problems + _output_problems(former, scene)
 
@@ -347,13 +344,13 @@ def _output_problems(former: Scene, scene: Scene) -> list[Problem]:
         return [Problem("outputs", f"{_RESTART}: other outputs, or in another order")]
     return [
         Problem(
-            now.path,
-            f"{_RESTART}: opened anew it would overwrite {now.config.path!r}; give another path",
+            output.path,
+            f"{_RESTART}: opened anew it would overwrite {output.config.path!r}; give another path",
         )
-        for before, now in zip(former.outputs, scene.outputs, strict=True)
-        if now != before
-        and getattr(now.config, "path", None)
-        and now.config.path == before.config.path
+        for former_output, output in zip(former.outputs, scene.outputs, strict=True)
+        if output != former_output
+        and getattr(output.config, "path", None)
+        and output.config.path == former_output.config.path
     ]
 
 

@@ -190,9 +190,6 @@ class LapPlans:
             plan.set_exception(error)
 
 
-_NS = 1_000_000_000
-
-
 @frozen
 class Launched:
     """An added launch: target id, scene time of ignition, s, and the first cycle that may detect
@@ -213,23 +210,26 @@ def launch_in_lap(
     A block without an id gets `target_id`; one without a time gets `earliest_ns` of the lap,
     rounded up to a millisecond. Raises `PastError` for a time before the lap.
     """
-    whole = {"id": target_id, **block}
+    target_block = {"id": target_id, **block}
     before_ns = position.offset.time_ns
-    launch = whole.get("launch")
+    launch = target_block.get("launch")
     if not isinstance(launch, Mapping):
-        return whole, False
+        return target_block, False
     if launch.get("time_s") is None:
-        return {**whole, "launch": {**launch, "time_s": -(-earliest_ns // 1_000_000) / 1000}}, True
+        return {
+            **target_block,
+            "launch": {**launch, "time_s": -(-earliest_ns // 1_000_000) / 1000},
+        }, True
     time_s = launch["time_s"]
     if isinstance(time_s, int | float) and not isinstance(time_s, bool) and before_ns:
-        if time_s < before_ns / _NS:
+        if time_s < before_ns / 1_000_000_000:
             raise past_error(position.time_ns)
-        whole["launch"] = {**launch, "time_s": time_s - before_ns / _NS}
-    return whole, False
+        target_block["launch"] = {**launch, "time_s": time_s - before_ns / 1_000_000_000}
+    return target_block, False
 
 
 def past_error(time_ns: int) -> PastError:
     """Return the error of a launch that is too late at a scene time."""
     return PastError(
-        f"launch.time_s is past: scene time is {time_ns / _NS:.3f} s; leave it out to launch now"
+        f"launch.time_s is past: scene time is {time_ns / 1_000_000_000:.3f} s; leave it out to launch now"
     )

@@ -61,8 +61,6 @@ class LiveWindow:
     plan: Plan
 
 
-_NS = 1_000_000_000
-
 #: Largest share of real time that a run may take with a further target: the rest is for its launch,
 #: which is compiled in another thread, and for targets that are not burning yet.
 _MOST_LOAD = 0.9
@@ -135,10 +133,10 @@ class LiveRun:
         try:
             for choice in plan.scene.outputs:
                 is_spooled = choice.spool is not None
-                made = opened_sink(plan, choice)
+                opened = opened_sink(plan, choice)
                 count = counter_of(plan, choice)
                 sinks.append(
-                    SinkThread(choice.path, choice.name, made, is_spooled=is_spooled, count=count)
+                    SinkThread(choice.path, choice.name, opened, is_spooled=is_spooled, count=count)
                 )
         except BaseException:
             for sink in sinks:
@@ -184,9 +182,9 @@ class LiveRun:
         """
         named = [sink for sink in self._sinks if output in (sink.path, sink.name)]
         if len(named) != 1:
-            known = ", ".join(sink.path for sink in self._sinks) or "none"
+            names = ", ".join(sink.path for sink in self._sinks) or "none"
             problem = Problem(
-                "", f"there is no one output {output!r}; give the path of one of these: {known}"
+                "", f"there is no one output {output!r}; give the path of one of these: {names}"
             )
             raise SceneError([problem], source="outputs")
         return named[0].retry()
@@ -245,15 +243,17 @@ class LiveRun:
         age_s = self._cycle_age_s()
         settings = self.settings
         calls = [RunningCall("no cycle has ended", age_s, self._thread.ident)] if age_s else []
-        late = [self._lateness()] if self._is_late else []
-        late += [f"the tracker has ended: {self._tracker_error}"] if self._tracker_error else []
+        complaints = [self._lateness()] if self._is_late else []
+        complaints += (
+            [f"the tracker has ended: {self._tracker_error}"] if self._tracker_error else []
+        )
         calls += [
             RunningCall(f"the sink {sink.path} has not returned", sink.busy_s, sink.thread)
             for sink in self._sinks
         ]
         dead_after_s = max(settings.dead_after_s, self._longest_wait_s())
-        found = progress_of(calls, age_s, settings.unready_after_s, dead_after_s)
-        return evolve(found, delays=(*found.delays, *late))
+        progress = progress_of(calls, age_s, settings.unready_after_s, dead_after_s)
+        return evolve(progress, delays=(*progress.delays, *complaints))
 
     @property
     def _is_late(self) -> bool:
@@ -318,15 +318,15 @@ class LiveRun:
                 position = self._position
                 asked_ns = self.time_ns
                 earliest_ns = position.engine.time_ns + lead_ns
-                whole, is_chosen = launch_in_lap(
+                plan_mapping, is_chosen = launch_in_lap(
                     block, f"live-{self._name_number}", position, earliest_ns
                 )
                 duration_s = position.engine.plan.scene.duration_s
-                if is_chosen and whole["launch"]["time_s"] >= duration_s:
+                if is_chosen and plan_mapping["launch"]["time_s"] >= duration_s:
                     self._await_lap_after(position.lap, give_up_s)
                     continue
                 change = launch_change(
-                    position.engine.plan, whole, position.engine.time_ns, position.lap
+                    position.engine.plan, plan_mapping, position.engine.time_ns, position.lap
                 )
                 try:
                     cycle = self._applied(change, give_up_s)
@@ -335,13 +335,13 @@ class LiveRun:
                         raise
                     # Half a lap at most: with a longer lead, a lap may never have time for it.
                     lead_ns = min(
-                        2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * _NS) // 2
+                        2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * 1e9) // 2
                     )
                 else:
                     self._launch_count += 1
                     return Launched(
-                        whole["id"],
-                        whole["launch"]["time_s"] + position.offset.time_ns / _NS,
+                        plan_mapping["id"],
+                        plan_mapping["launch"]["time_s"] + position.offset.time_ns / 1_000_000_000,
                         cycle,
                     )
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")
@@ -418,11 +418,11 @@ class LiveRun:
             self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
             self._write(window)
             self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
-        allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / _NS
+        allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / 1_000_000_000
         if self.settings.slows:
-            self._pace.slip(self._pace.late_ns(due_ns) - round(self.settings.late_after_s * _NS))
+            self._pace.slip(self._pace.late_ns(due_ns) - round(self.settings.late_after_s * 1e9))
         self._pace.worked(time.monotonic_ns() - begun_ns, due_ns - former_ns)
-        self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
+        self._counts.ended(due_ns, self._pace.late_ns(due_ns) / 1_000_000_000, allowed_s)
         self._beat_s = time.monotonic()
         return True
 
@@ -450,7 +450,7 @@ class LiveRun:
             return (due_ns,)
         if self._most_looks[0] is not self._position.engine:
             self._most_looks = self._position.engine, self.plan.workload.looks_per_s()
-        looks = self._most_looks[1] * (due_ns - start_ns) / _NS
+        looks = self._most_looks[1] * (due_ns - start_ns) / 1_000_000_000
         count = max(1, min(math.ceil(looks / LOOKS_PER_WINDOW), due_ns - start_ns))
         return [start_ns + (due_ns - start_ns) * number // count for number in range(1, count + 1)]
 

@@ -114,6 +114,8 @@ class Counts:
             strict=True,
         )
         return tuple(
-            SensorStatus(sensor.id, sensor.type, count, last * 1e-9 if last >= 0 else None, found)
-            for sensor, count, last, found in rows
+            SensorStatus(
+                sensor.id, sensor.type, count, last_ns * 1e-9 if last_ns >= 0 else None, report
+            )
+            for sensor, count, last_ns, report in rows
         )

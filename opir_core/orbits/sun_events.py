@@ -16,7 +16,7 @@ from opir_core.geometry.crossings import intervals_below
 from opir_core.geometry.frames import Epoch
 from opir_core.geometry.sun import shadow_margins_rad, sun_ecef_m
 from opir_core.geometry.vectors import components, dot, floats, length, vector
-from opir_core.interfaces.protocols import Orbit, Sensor
+from opir_core.interfaces.sensors import Orbit, Sensor
 
 #: Longest step between samples, s. The Sun stands behind the Earth, or in a sensor's field, once in
 #: a revolution, which takes over an hour; events shorter than a step are found by their extremum.

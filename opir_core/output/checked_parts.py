@@ -18,15 +18,15 @@ from opir_core.interfaces.records import Window
 class CheckedPart:
     """A part of a plugin; `owner()` returns the beginning of messages, `hint` is their end."""
 
-    def __init__(self, part: Any, owner: Callable[[], str], hint: str) -> None:
-        self._part = part
+    def __init__(self, component: Any, owner: Callable[[], str], hint: str) -> None:
+        self._part = component
         self._owner = owner
         self._hint = hint
 
-    def _called(self, method: str, *given: Any) -> Any:
+    def _called(self, method: str, *arguments: Any) -> Any:
         try:
             return blamed_call(
-                self._owner, self._hint, method, lambda: getattr(self._part, method)(*given)
+                self._owner, self._hint, method, lambda: getattr(self._part, method)(*arguments)
             )
         except SinkError:
             raise
@@ -50,9 +50,9 @@ class CheckedSink(CheckedPart, Sink):
     """
 
     def __init__(
-        self, part: Any, owner: Callable[[], str], hint: str, within_s: float | None = None
+        self, component: Any, owner: Callable[[], str], hint: str, within_s: float | None = None
     ) -> None:
-        super().__init__(part, owner, hint)
+        super().__init__(component, owner, hint)
         self._within_s = within_s
         self._thread = CallThread() if within_s else None
         self._stuck = ""
@@ -76,18 +76,18 @@ class CheckedSink(CheckedPart, Sink):
         """Pass on the deadline."""
         self._called("close_by", deadline_s)
 
-    def _limited(self, method: str, *given: Any) -> Any:
+    def _limited(self, method: str, *arguments: Any) -> Any:
         """Return the result of a call; `SinkError` if it does not return in time, and at once for
         every later call.
         """
         if self._thread is None or self._within_s is None:
-            return self._called(method, *given)
+            return self._called(method, *arguments)
         if self._stuck:
             raise SinkError(self._stuck)
-        last = method == "close"
+        is_last = method == "close"
         try:
             return self._thread.result(
-                lambda: self._called(method, *given), self._within_s, is_last=last
+                lambda: self._called(method, *arguments), self._within_s, is_last=is_last
             )
         except OverdueError as place:
             self._stuck = (

@@ -198,19 +198,19 @@ def _truth_file(plan: Plan, place: Callable[..., Path], path: Path) -> Any:
     return opened(path, place(path, kind="truth"), plan.targets.ids, truth_records(plan))
 
 
-def columns_sink(host: Host, ability: str, wanted: str) -> Callable[..., Any]:
-    """Return a function of the sink `parquet`, its field `ability`; `wanted` begins the message
+def columns_sink(host: Host, ability: str, purpose: str) -> Callable[..., Any]:
+    """Return a function of the sink `parquet`, its field `ability`; `purpose` begins the message
     where it is missing.
 
     Raises `PluginError` if the sink is not installed or has no such function.
     """
     name = PARQUET.removeprefix(".")
-    made: Callable[..., Any] | None = getattr(host.component(SinkModel, name, wanted), ability)
-    if made is None:
+    function: Callable[..., Any] | None = getattr(host.component(SinkModel, name, purpose), ability)
+    if function is None:
         raise PluginError(
-            f"{wanted}: the sink {name!r} of {host.provenance(SinkModel, name)} has no {ability}"
+            f"{purpose}: the sink {name!r} of {host.provenance(SinkModel, name)} has no {ability}"
         )
-    return made
+    return function
 
 
 def _sinks(plan: Plan, files: OutputFiles, is_staged: dict[str, bool]) -> Mapping[str, Sink]:
@@ -222,10 +222,10 @@ def _sinks(plan: Plan, files: OutputFiles, is_staged: dict[str, bool]) -> Mappin
     with ExitStack() as opened:
         sinks: dict[str, Sink] = {}
         for choice in plan.scene.outputs:
-            before = len(files.parts)
+            count = len(files.parts)
             sinks[choice.path] = opened_sink(plan, choice, files.stage)
             opened.callback(sinks[choice.path].close)
-            is_staged[choice.path] = len(files.parts) > before
+            is_staged[choice.path] = len(files.parts) > count
         opened.pop_all()
     return sinks
 
@@ -247,20 +247,23 @@ def opened_sink(
         **({} if stage is None else {"stage": stage}),
     )
     owner = partial(owner_text, plan.host, choice)
-    made = sink_or_transport(built(plan.host, choice, context), owner)
-    if choice.spool is None and not isinstance(made, Transport):
+    product = sink_or_transport(built(plan.host, choice, context), owner)
+    if choice.spool is None and not isinstance(product, Transport):
         if not is_checked or _is_of_core(plan.host.component(choice.hook, choice.name)):
-            return made
+            return product
         from opir_core.output.checked_parts import CheckedSink
 
         return CheckedSink(
-            made, owner, check_hint(choice.name), None if stage is None else limit_in_force(CALL_S)
+            product,
+            owner,
+            check_hint(choice.name),
+            None if stage is None else limit_in_force(CALL_S),
         )
     from opir_core.output.spool.columns import Origin
     from opir_core.output.spool.opening import transport_sink
 
     origin = Origin(plan.scene.epoch_us, plan.sensors, plan.reported_types, plan.hypothesis_names)
-    return transport_sink(choice, made, make_encoder, origin)
+    return transport_sink(choice, product, make_encoder, origin)
 
 
 def counter_of(plan: Plan, choice: Choice) -> Counter:
@@ -282,11 +285,11 @@ def _encoder(plan: Plan, choice: Choice) -> Encoder:
     from opir_core.output.events.rendering import chosen_renderer
 
     component = _encoder_model(plan, choice)
-    chosen = Choice(component.hook, component.name, None, f"{choice.path}.encoder")
+    encoder_choice = Choice(component.hook, component.name, None, f"{choice.path}.encoder")
     _, render = chosen_renderer(plan.host)
-    owner = partial(owner_text, plan.host, chosen)
+    owner = partial(owner_text, plan.host, encoder_choice)
     context = evolve(_origin(plan), render=render)
-    encoder = Encoder.adopt(built(plan.host, chosen, context, component.config()), owner)
+    encoder = Encoder.adopt(built(plan.host, encoder_choice, context, component.config()), owner)
     if _is_of_core(component):
         return encoder
     from opir_core.output.checked_parts import CheckedEncoder

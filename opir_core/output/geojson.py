@@ -123,7 +123,7 @@ def _ring_from(positions: Any) -> FloatArray:
 
 def geometry_of(region: ImpactRegion) -> dict[str, Any]:
     """Return a region as a Polygon or a MultiPolygon."""
-    polygons = [part for polygon in region.polygons for part in _parts(polygon, region)]
+    polygons = [piece for polygon in region.polygons for piece in _parts(polygon, region)]
     kind, coordinates = (
         ("Polygon", polygons[0]) if len(polygons) == 1 else ("MultiPolygon", polygons)
     )
@@ -196,7 +196,9 @@ def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wi
     """
     planes = [chart.points(ring) for ring in polygon]
     poles = [_poles_in(plane, chart) if is_wide else () for plane in planes]
-    outer, *holes = [_unrolled(*each, chart) for each in zip(polygon, planes, poles, strict=True)]
+    outer, *holes = [
+        _unrolled(*polygon_ring, chart) for polygon_ring in zip(polygon, planes, poles, strict=True)
+    ]
     if len(poles[0]) == 2:
         holes = [outer, *holes]
         outer = _WORLD
@@ -229,7 +231,9 @@ def _closed_around(rings: Rings) -> Rings:
         chains += [
             _moved(chain, turns if edge == east else 0) for chain in _chains(hole, is_east, edge)
         ]
-    return _joined(chains) + [hole for hole in holes if not any(hole is other for other in across)]
+    return _joined(chains) + [
+        hole for hole in holes if not any(hole is crossing_hole for crossing_hole in across)
+    ]
 
 
 def _moved(ring: FloatArray, turns: int) -> FloatArray:
@@ -285,28 +289,44 @@ def _refined(ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant) -
     An edge that crosses the 180th meridian has a point on it, so that both sides of a cut share it.
     """
     step = np.abs(np.degrees(np.diff(ring[:, 1])))
-    parts = np.ceil(np.minimum(step, 360.0 - step) / _STEP_DEG - 1e-6).clip(1).astype(np.int64)
-    edge = np.repeat(np.arange(len(parts)), parts)
-    share = (np.arange(len(edge)) - (np.cumsum(parts) - parts)[edge]) / parts[edge]
+    divisions = np.ceil(np.minimum(step, 360.0 - step) / _STEP_DEG - 1e-6).clip(1).astype(np.int64)
+    edge = np.repeat(np.arange(len(divisions)), divisions)
+    share = (np.arange(len(edge)) - (np.cumsum(divisions) - divisions)[edge]) / divisions[edge]
     for _ in range(
         _HALVINGS
     ):  # an edge that passes close to a pole turns around it within one step
         points = np.degrees(ring[edge, ::-1])
         added = np.flatnonzero(share)
         points[added] = _along(plane, edge[added], share[added], chart)
-        after = np.where(np.append(edge[1:], -1) == edge, np.append(share[1:], 1.0), 1.0)
+        end_share = np.where(np.append(edge[1:], -1) == edge, np.append(share[1:], 1.0), 1.0)
         turn = np.abs(np.diff(points[:, 0], append=points[0, 0]))
         wide = np.flatnonzero(np.minimum(turn, 360.0 - turn) > _WIDEST_DEG)
         if not len(wide):
             break
         edge = np.insert(edge, wide + 1, edge[wide])
-        share = np.insert(share, wide + 1, 0.5 * (share + after)[wide])
-    jumps = np.flatnonzero((turn > 180.0) & (np.abs(points[:, 0]) < 180.0))
-    side = np.sign(points[jumps, 0])
-    at = _crossed(plane, edge[jumps], (share[jumps], after[jumps]), side, chart)
-    crossing = _along(plane, edge[jumps], at, chart)
-    crossing[:, 0] = 180.0 * side
-    return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossing, axis=0)
+        share = np.insert(share, wide + 1, 0.5 * (share + end_share)[wide])
+    is_jump = (turn > 180.0) & (np.abs(points[:, 0]) < 180.0)
+    jumps = np.flatnonzero(is_jump)
+    crossings = _crossings(
+        plane, edge[jumps], (share[jumps], end_share[jumps]), np.sign(points[jumps, 0]), chart
+    )
+    return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossings, axis=0)
+
+
+def _crossings(
+    plane: FloatArray,
+    edge: NDArray[np.int64],
+    between: tuple[FloatArray, FloatArray],
+    side: FloatArray,
+    chart: AzimuthalEquidistant,
+) -> FloatArray:
+    """Return the points (n, 2) at which edges, between two shares, cross the 180th meridian.
+
+    `side` is the sign of the longitude at the first share.
+    """
+    crossings = _along(plane, edge, _crossed(plane, edge, between, side, chart), chart)
+    crossings[:, 0] = 180.0 * side
+    return crossings
 
 
 def _crossed(
@@ -320,17 +340,17 @@ def _crossed(
     longitude).
     """
     low, high = between
-    parts = np.linspace(0.0, 1.0, _PARTS + 1)
-    every = np.repeat(edge, _PARTS)
+    division_shares = np.linspace(0.0, 1.0, _PARTS + 1)
+    repeated_edge = np.repeat(edge, _PARTS)
     row = np.arange(len(edge))
     for _ in range(_DIVISIONS if len(edge) else 0):
-        ends = low[:, None] + (high - low)[:, None] * parts
-        longitude = _along(plane, every, ends[:, 1:].ravel(), chart)[:, 0]
+        ends = low[:, None] + (high - low)[:, None] * division_shares
+        longitude = _along(plane, repeated_edge, ends[:, 1:].ravel(), chart)[:, 0]
         is_over = np.sign(longitude).reshape(-1, _PARTS) != side[:, None]
         is_over[:, -1] = True
-        first = np.argmax(is_over, axis=1)
-        low = ends[row, first]
-        high = ends[row, first + 1]
+        division = np.argmax(is_over, axis=1)
+        low = ends[row, division]
+        high = ends[row, division + 1]
     return high
 
 
@@ -351,17 +371,17 @@ def _cut(rings: Rings) -> list[list[list[list[float]]]]:
     """
     west = float(rings[0][:, 0].min())
     east = float(rings[0][:, 0].max())
-    first = int((west + 180.0) // 360.0)
-    last = int(np.ceil((east - 180.0) / 360.0))
-    parts = list[tuple[int, Rings]]()
-    rest = rings
-    for turn in range(first, last):
+    first_turn = int((west + 180.0) // 360.0)
+    last_turn = int(np.ceil((east - 180.0) / 360.0))
+    sides = list[tuple[int, Rings]]()
+    remaining = rings
+    for turn in range(first_turn, last_turn):
         edge_deg = 360.0 * turn + 180.0
-        parts.append((turn, _side(rest, edge_deg, is_west=True)))
-        rest = _side(rest, edge_deg, is_west=False)
-    parts.append((last, rest))
-    moved = [[_moved(ring, -turn) for ring in part] for turn, part in parts]
-    return [polygon for part in moved for polygon in _assembled(part)]
+        sides.append((turn, _side(remaining, edge_deg, is_west=True)))
+        remaining = _side(remaining, edge_deg, is_west=False)
+    sides.append((last_turn, remaining))
+    moved = [[_moved(ring, -turn) for ring in side] for turn, side in sides]
+    return [polygon for side in moved for polygon in _assembled(side)]
 
 
 def _side(rings: Rings, edge_deg: float, *, is_west: bool) -> Rings:
@@ -371,35 +391,38 @@ def _side(rings: Rings, edge_deg: float, *, is_west: bool) -> Rings:
     second interval between their ends, in the order of latitude: each chain continues with the one
     at the other end of its interval.
     """
-    whole = []
+    uncut = []
     chains = []
     for ring in rings:
-        here = ring[:, 0] < edge_deg if is_west else ring[:, 0] >= edge_deg
-        if here.all():
-            whole.append(ring)
-        elif here.any():
-            chains += _chains(ring, here, edge_deg)
-    return whole + _joined(chains)
+        is_on_side = ring[:, 0] < edge_deg if is_west else ring[:, 0] >= edge_deg
+        if is_on_side.all():
+            uncut.append(ring)
+        elif is_on_side.any():
+            chains += _chains(ring, is_on_side, edge_deg)
+    return uncut + _joined(chains)
 
 
-def _chains(ring: FloatArray, here: BoolArray, edge_deg: float) -> Rings:
+def _chains(ring: FloatArray, is_on_side: BoolArray, edge_deg: float) -> Rings:
     """Return the parts of a ring on one side, each with its two points on the meridian."""
     count = len(ring)
-    twice = np.append(here, here)
+    twice = np.append(is_on_side, is_on_side)
     starts = np.flatnonzero(twice[count:] & ~twice[count - 1 : -1]).tolist()
     chains = []
     for start in starts:
         length = int(np.argmin(twice[start:]))
-        part = ring[np.arange(start, start + length) % count]
-        after = ring[(start + length) % count]
-        ends = _crossing(ring[start - 1], part[0], edge_deg), _crossing(part[-1], after, edge_deg)
-        chains.append(np.concatenate([ends[:1], part, ends[1:]]))
+        chain = ring[np.arange(start, start + length) % count]
+        next_point = ring[(start + length) % count]
+        ends = (
+            _crossing(ring[start - 1], chain[0], edge_deg),
+            _crossing(chain[-1], next_point, edge_deg),
+        )
+        chains.append(np.concatenate([ends[:1], chain, ends[1:]]))
     return chains
 
 
-def _crossing(one: FloatArray, other: FloatArray, edge_deg: float) -> FloatArray:
-    share = (edge_deg - one[0]) / (other[0] - one[0])
-    return np.array([edge_deg, one[1] + share * (other[1] - one[1])])
+def _crossing(start: FloatArray, end: FloatArray, edge_deg: float) -> FloatArray:
+    share = (edge_deg - start[0]) / (end[0] - start[0])
+    return np.array([edge_deg, start[1] + share * (end[1] - start[1])])
 
 
 def _joined(chains: Rings) -> Rings:
@@ -410,21 +433,21 @@ def _joined(chains: Rings) -> Rings:
     ]
     ends.sort(key=lambda end: end[:2])
     across: dict[tuple[int, int], tuple[int, int]] = {}
-    for (_, _, *one), (_, _, *other) in zip(ends[::2], ends[1::2], strict=True):
-        across[one[0], one[1]] = (other[0], other[1])
-        across[other[0], other[1]] = (one[0], one[1])
+    for (_, _, *start), (_, _, *stop) in zip(ends[::2], ends[1::2], strict=True):
+        across[start[0], start[1]] = (stop[0], stop[1])
+        across[stop[0], stop[1]] = (start[0], start[1])
     rings = []
-    left = set(range(len(chains)))
-    while left:
-        first = min(left)
-        number = first
+    open_chains = set(range(len(chains)))
+    while open_chains:
+        first_chain = min(open_chains)
+        number = first_chain
         place = 0
-        parts = Rings()
-        while not parts or (number, place) != (first, 0):
-            left.discard(number)
-            parts.append(chains[number] if place == 0 else chains[number][::-1])
+        pieces = Rings()
+        while not pieces or (number, place) != (first_chain, 0):
+            open_chains.discard(number)
+            pieces.append(chains[number] if place == 0 else chains[number][::-1])
             number, place = across[number, -1 if place == 0 else 0]
-        rings.append(np.concatenate(parts))
+        rings.append(np.concatenate(pieces))
     return rings
 
 
@@ -446,7 +469,7 @@ def _assembled(rings: Rings) -> list[list[list[list[float]]]]:
 
 
 def _is_hole(ring: FloatArray, rings: Rings) -> bool:
-    return any(other is not ring and _is_inside(_middle(ring), other) for other in rings)
+    return any(outline is not ring and _is_inside(_middle(ring), outline) for outline in rings)
 
 
 def _middle(ring: FloatArray) -> FloatArray:

@@ -98,7 +98,9 @@ class SinkGroup:
         closed = [(sink, sink.delivery()) for sink in self._sinks if sink.is_closed]
         reports = (
             SinkReport(
-                name=sink.path, error=sink.error, **{each: getattr(counts, each) for each in COUNTS}
+                name=sink.path,
+                error=sink.error,
+                **{count: getattr(counts, count) for count in COUNTS},
             )
             for sink, counts in closed
         )

@@ -194,9 +194,9 @@ def require_events_of_run(
     count.
     """
     unique = set(ids)
-    unknown = next((each for each in ids if each not in truths), None)
-    lacking = next((each for each in truths if each not in unique), None)
-    made = manifest.get("counts", {}).get("detections", len(ids))
+    unknown = next((detection_id for detection_id in ids if detection_id not in truths), None)
+    lacking = next((detection_id for detection_id in truths if detection_id not in unique), None)
+    reported_count = manifest.get("counts", {}).get("detections", len(ids))
     if unknown is not None:
         raise invalid_file(events, "", f"detection {unknown} is not in the truth: {_RERUN}")
     if lacking is not None:
@@ -208,36 +208,40 @@ def require_events_of_run(
         raise invalid_file(
             events, "", f"{duplicates} detections appear twice; score the events of one run"
         )
-    if made != len(ids):
+    if reported_count != len(ids):
         raise invalid_file(
-            events, "", f"has {len(ids)} detections, where the manifest's run made {made}: {_RERUN}"
+            events,
+            "",
+            f"has {len(ids)} detections, where the manifest's run made {reported_count}: {_RERUN}",
         )
 
 
 def require_launches_of_run(truth: Path, targets: Sequence[Mapping[str, Any]], plan: Plan) -> None:
     """Raise `SceneError` if the targets of a truth are not those of the manifest's scene."""
-    due = dict(zip(plan.targets.ids, plan.targets.truth(), strict=True))
+    launches = dict(zip(plan.targets.ids, plan.targets.truth(), strict=True))
     for target in targets:
         name = target.get("target_id")
-        if name not in due:
+        if name not in launches:
             raise invalid_file(truth, "", f"the manifest's scene has no target {name}: {_RERUN}")
-        if _differ(target, due[name]):
+        if _differ(target, launches[name]):
             words = (
                 f"{name} has another trajectory in the manifest's scene, with the plugins installed"
             )
             raise invalid_file(truth, "", f"{words}: {_RERUN}")
 
 
-def _differ(target: Mapping[str, Any], due: Mapping[str, Any]) -> bool:
-    pairs = [(target.get(name), due.get(name)) for name in ("ignition_s", "burnout_s")]
+def _differ(target: Mapping[str, Any], launch: Mapping[str, Any]) -> bool:
+    pairs = [(target.get(name), launch.get(name)) for name in ("ignition_s", "burnout_s")]
     for name in ("launch", "burnout", "impact"):
-        mine = target.get(name)
-        theirs = due.get(name)
-        if isinstance(mine, dict) and isinstance(theirs, Mapping):
-            pairs += [(mine.get(angle), theirs.get(angle)) for angle in ("lat_deg", "lon_deg")]
+        value = target.get(name)
+        launch_value = launch.get(name)
+        if isinstance(value, dict) and isinstance(launch_value, Mapping):
+            pairs += [
+                (value.get(angle), launch_value.get(angle)) for angle in ("lat_deg", "lon_deg")
+            ]
     numbers = [
-        (mine, theirs)
-        for mine, theirs in pairs
-        if isinstance(mine, float) and isinstance(theirs, float)
+        (value, launch_value)
+        for value, launch_value in pairs
+        if isinstance(value, float) and isinstance(launch_value, float)
     ]
-    return any(abs(mine - theirs) > _TOLERANCE for mine, theirs in numbers)
+    return any(abs(value - launch_value) > _TOLERANCE for value, launch_value in numbers)

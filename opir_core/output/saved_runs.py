@@ -17,8 +17,8 @@ from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.host.components import SinkModel
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.output.delivery import columns_sink, has_columns
 from opir_core.output.run_files import (
     invalid_file,
@@ -40,7 +40,6 @@ _TRUTH = ".truth.jsonl"
 _TRACKS = ".tracks.jsonl"
 _PARQUET_TRUTH = ".truth.parquet"
 _BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS)
-_NS_PER_US = 1_000
 #: What 64 bits hold in nanoseconds, µs: 292 years.
 _LONGEST_US = (1 << 63) // 1_000
 
@@ -143,22 +142,22 @@ def read_run(
 def _events_at(path: Path) -> Path:
     """Return the events of the run at a path."""
     if path.is_dir():
-        found = sorted(path.glob(f"*{_MANIFEST}"))
-        if len(found) != 1:
-            count = ", ".join(each.name for each in found) or "none"
+        manifests = sorted(path.glob(f"*{_MANIFEST}"))
+        if len(manifests) != 1:
+            count = ", ".join(file.name for file in manifests) or "none"
             words = (
                 f"is no folder of one run (manifests in it: {count}); give the events that `opir"
                 f" run` wrote"
             )
             raise invalid_file(path, "", words)
-        path = found[0]
-    ending = next((each for each in _BESIDE if path.name.endswith(each)), None)
+        path = manifests[0]
+    ending = next((file for file in _BESIDE if path.name.endswith(file)), None)
     if ending is None:
         return path
     stem = path.name.removesuffix(ending)
     beside = sorted(path.parent.glob(f"{stem}.*")) if path.parent.is_dir() else []
-    others = [each for each in beside if not each.name.endswith(_BESIDE) and each.stem == stem]
-    return others[0] if len(others) == 1 else path.parent / f"{stem}.jsonl"
+    events = [file for file in beside if not file.name.endswith(_BESIDE) and file.stem == stem]
+    return events[0] if len(events) == 1 else path.parent / f"{stem}.jsonl"
 
 
 def _tracks_of(
@@ -177,8 +176,8 @@ def _tracks_of(
 def _truth_beside(events: Path) -> Path:
     """Return the truth of the same kind as the events if there is one, else the other."""
     kinds = (_PARQUET_TRUTH, _TRUTH) if has_columns(events) else (_TRUTH, _PARQUET_TRUTH)
-    first, second = (events.with_suffix(kind) for kind in kinds)
-    return second if second.exists() and not first.exists() else first
+    preferred, alternative = (events.with_suffix(kind) for kind in kinds)
+    return alternative if alternative.exists() and not preferred.exists() else preferred
 
 
 def _truth_rows(path: Path, host: Host) -> Iterator[_TruthLine]:
@@ -233,48 +232,43 @@ class _Columns:
     path: Path
 
     def detections(self, target: IndexArray) -> Detections:
-        rows = self.rows
-        sensors = self.plan.sensors
-        sensor = self._sensors()
-        origin = np.array([row.sensor_position_ecef_m for row in rows], dtype=np.float64).reshape(
-            -1, 3
-        )
-        angles = np.radians([[row.azimuth_deg, row.elevation_deg] for row in rows]).reshape(-1, 2)
+        sensor = np.array(self._sensors(), dtype=np.int32)
+        origin = np.array(self._values("sensor_position_ecef_m"), dtype=np.float64).reshape(-1, 3)
+        azimuth_rad = np.radians(self._values("azimuth_deg"))
+        elevation_rad = np.radians(self._values("elevation_deg"))
         detections = Detections(
-            time_ns=self._times_ns([row.timestamp for row in rows]),
+            time_ns=self._times_ns(self._values("timestamp")),
             sensor=sensor,
-            scan=np.array([-1 if row.scan is None else row.scan for row in rows], dtype=np.int64),
+            scan=_integers(self._values("scan")),
             detection_id=self._ids(),
-            reported_type=self._types(),
-            bands=np.array(
-                [
-                    _mask(sensors[place], row.bands)
-                    for place, row in zip(sensor.tolist(), rows, strict=True)
-                ],
-                dtype=np.uint8,
-            ),
+            reported_type=np.array(self._types(), dtype=np.uint8),
+            bands=self._bands(sensor),
             detection_count=_running_counts(sensor, target),
-            confidence=_numbers([row.confidence for row in rows]),
-            line_of_sight_ecef=line_of_sight(origin, angles[:, 0], angles[:, 1]),
+            confidence=_numbers(self._values("confidence")),
+            line_of_sight_ecef=line_of_sight(origin, azimuth_rad, elevation_rad),
             sensor_ecef_m=origin,
-            snr=_numbers([row.snr for row in rows]),
-            track=np.array(
-                [-1 if row.track_id is None else row.track_id for row in rows], dtype=np.int64
-            ),
-            estimate=np.full(len(rows), -1, dtype=np.int64),
-            line_of_sight_sigma_rad=np.array([row.line_of_sight_sigma_urad for row in rows]) * 1e-6,
+            snr=_numbers(self._values("snr")),
+            track=_integers(self._values("track_id")),
+            estimate=np.full(len(self.rows), -1, dtype=np.int64),
+            line_of_sight_sigma_rad=_numbers(self._values("line_of_sight_sigma_urad")) * 1e-6,
             band_irradiance_w_m2=self._irradiances(sensor),
             type_log_probability=self._type_probabilities(),
         )
-        self._require(detections.time_ns >= 0, "before the scene")
-        self._require(
-            detections.time_ns <= self.plan.end_ns + _NS_PER_US, "after the end of the scene"
-        )
-        if all(row.reported_at in (None, row.timestamp) for row in rows):
+        return self._with_reports(detections)
+
+    def _with_reports(self, detections: Detections) -> Detections:
+        """Return detections with the times of their reports; rejects times outside the scene."""
+        time_ns = detections.time_ns
+        self._require(time_ns >= 0, "before the scene")
+        self._require(time_ns <= self.plan.end_ns + 1_000, "after the end of the scene")
+        if all(row.reported_at in (None, row.timestamp) for row in self.rows):
             return detections
-        reported_ns = self._times_ns([row.reported_at or row.timestamp for row in rows])
-        self._require(reported_ns >= detections.time_ns, "reported before it was detected")
+        reported_ns = self._times_ns([row.reported_at or row.timestamp for row in self.rows])
+        self._require(reported_ns >= time_ns, "reported before it was detected")
         return evolve(detections, reported_ns=reported_ns)
+
+    def _values(self, key: str) -> list[Any]:
+        return [getattr(row, key) for row in self.rows]
 
     def _require(self, is_due: BoolArray, words: str) -> None:
         wrong = np.flatnonzero(~is_due)
@@ -292,22 +286,28 @@ class _Columns:
         except ValueError as error:
             raise invalid_file(self.path, "detection_id", str(error)) from error
 
-    def _sensors(self) -> IndexArray:
-        number = {sensor.id: place for place, sensor in enumerate(self.plan.sensors)}
-        unknown = next((row.sensor_id for row in self.rows if row.sensor_id not in number), None)
-        if unknown is not None:
-            words = f"the manifest's scene has no sensor {unknown}: the files are of different runs"
-            raise invalid_file(self.path, "", words)
-        return np.array([number[row.sensor_id] for row in self.rows], dtype=np.int32)
+    def _sensors(self) -> list[int]:
+        names = [sensor.id for sensor in self.plan.sensors]
+        words = "the manifest's scene has no sensor {}: the files are of different runs"
+        return self._codes("sensor_id", names, "", words)
 
-    def _types(self) -> NDArray[np.uint8]:
-        codes = {name: code for code, name in enumerate(self.plan.reported_types)}
-        unknown = next((row.target_type for row in self.rows if row.target_type not in codes), None)
+    def _types(self) -> list[int]:
+        words = "{} is no type that the manifest's scene reports"
+        return self._codes("target_type", self.plan.reported_types, "target_type", words)
+
+    def _codes(self, key: str, names: Sequence[str], place: str, words: str) -> list[int]:
+        """Return the place of each event's value among the names; an unknown one is an error."""
+        codes = {name: code for code, name in enumerate(names)}
+        values = self._values(key)
+        unknown = next((value for value in values if value not in codes), None)
         if unknown is not None:
-            raise invalid_file(
-                self.path, "target_type", f"{unknown} is no type that the manifest's scene reports"
-            )
-        return np.array([codes[row.target_type] for row in self.rows], dtype=np.uint8)
+            raise invalid_file(self.path, place, words.format(unknown))
+        return [codes[value] for value in values]
+
+    def _bands(self, sensor: IndexArray) -> NDArray[np.uint8]:
+        rows = zip(sensor.tolist(), self._values("bands"), strict=True)
+        masks = [_mask(self.plan.sensors[number], bands) for number, bands in rows]
+        return np.array(masks, dtype=np.uint8)
 
     def _times_ns(self, texts: Sequence[str]) -> IntArray:
         try:
@@ -317,17 +317,19 @@ class _Columns:
                 self.path, "timestamp", f"is not a timestamp of opir: {error}"
             ) from error
         since_us = stamps.astype(np.int64) - self.plan.scene.epoch_us
-        return np.clip(since_us, -_LONGEST_US, _LONGEST_US) * _NS_PER_US
+        return np.clip(since_us, -_LONGEST_US, _LONGEST_US) * 1_000
 
     def _irradiances(self, sensor: IndexArray) -> FloatArray:
         if not any(row.band_irradiance_w_m2 for row in self.rows):
             return np.empty((len(self.rows), 0))
-        names = [[band.name for band in each.bands] for each in self.plan.sensors]
+        names = [
+            [band.name for band in sensor_of_plan.bands] for sensor_of_plan in self.plan.sensors
+        ]
         values = np.full((len(self.rows), max(map(len, names))), np.nan)
         for place, row in enumerate(self.rows):
-            own = names[sensor[place]]
-            values[place, : len(own)] = _numbers(
-                [(row.band_irradiance_w_m2 or {}).get(name) for name in own]
+            band_names = names[sensor[place]]
+            values[place, : len(band_names)] = _numbers(
+                [(row.band_irradiance_w_m2 or {}).get(name) for name in band_names]
             )
         return values
 
@@ -354,14 +356,18 @@ def _running_counts(sensor: IndexArray, target: IndexArray) -> IndexArray:
     counts = np.ones(len(target), dtype=np.int32)
     pair = sensor.astype(np.int64) << 32 | target.astype(np.int64) & 0xFFFFFFFF
     order = np.argsort(pair, kind="stable")
-    first = np.flatnonzero(np.diff(pair[order], prepend=-1) != 0)
-    lengths = np.diff(np.append(first, len(order)))
-    counts[order] = np.arange(len(order)) - np.repeat(first, lengths) + 1
+    group_start = np.flatnonzero(np.diff(pair[order], prepend=-1) != 0)
+    lengths = np.diff(np.append(group_start, len(order)))
+    counts[order] = np.arange(len(order)) - np.repeat(group_start, lengths) + 1
     return np.where(target < 0, 1, counts).astype(np.int32)
 
 
 def _numbers(values: Sequence[float | None]) -> FloatArray:
     return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _integers(values: Sequence[int | None]) -> IntArray:
+    return np.array([-1 if value is None else value for value in values], dtype=np.int64)
 
 
 def _summary(
@@ -379,7 +385,7 @@ def _summary(
     return tally.summary()
 
 
-def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
+def _lines(path: Path, kind: Any, description: str) -> Iterator[Any]:
     decoder = msgspec.json.Decoder(kind)
     try:
         lines = path.open("rb")
@@ -390,7 +396,9 @@ def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
             try:
                 yield decoder.decode(line)
             except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-                raise invalid_file(path, f"line {number}", f"is not {due}: {error}") from error
+                raise invalid_file(
+                    path, f"line {number}", f"is not {description}: {error}"
+                ) from error
 
 
 def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
@@ -411,11 +419,11 @@ def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
     yield from _converted(path, read, _Event)
 
 
-def _existing(path: Path, what: str) -> Path:
+def _existing(path: Path, kind: str) -> Path:
     if path.is_file():
         return path
     words = (
-        f"there is no {what} file; `opir run` writes events, truth, tracks and manifest side by"
+        f"there is no {kind} file; `opir run` writes events, truth, tracks and manifest side by"
         f" side"
     )
     raise invalid_file(path, "", words)

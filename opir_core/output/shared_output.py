@@ -30,12 +30,6 @@ class LineSink(Protocol):
     def write_encoded(self, window: Window, blocks: Iterable[tuple[Any, int, int]]) -> None:
         """Write the blocks of a window."""
 
-    def write(self, window: Window) -> None:
-        """Encode a window and write it."""
-
-    def close(self) -> Delivery:
-        """Close the sink."""
-
 
 class SharedOutput:
     """The windows of a run in several processes, and the texts of the present one."""
@@ -92,7 +86,7 @@ class SharedOutput:
 class SharedLines(Sink):
     """A file of lines, some of which other processes have encoded."""
 
-    def __init__(self, shared: SharedOutput, path: str, sink: LineSink) -> None:
+    def __init__(self, shared: SharedOutput, path: str, sink: Any) -> None:
         self._shared = shared
         self._path = path
         self._sink = sink

@@ -148,17 +148,19 @@ class OpenSink:
         """Return the counts of the present sink: its own, or all that was written as delivered."""
         if self._final is not None:
             return self._final
-        own = self._sink.delivery_so_far()
-        if own is not None:
-            return self._checked(own, is_final=False)
+        delivery = self._sink.delivery_so_far()
+        if delivery is not None:
+            return self._checked(delivery, is_final=False)
         # Taken is not delivered: what becomes of it a sink reports when it is closed, and this one
         # fails to.
         return Delivery(delivered=0 if self.error else self._written)
 
-    def _checked(self, own: Delivery, *, is_final: bool) -> Delivery:
+    def _checked(self, delivery: Delivery, *, is_final: bool) -> Delivery:
         """Return a sink's counts, made to add up; says so if they did not."""
         counts, off = balanced(
-            own, self._handed, is_final=is_final and self.error is None and own.complaint is None
+            delivery,
+            self._handed,
+            is_final=is_final and self.error is None and delivery.complaint is None,
         )
         if off:
             self.unbalanced = max(self.unbalanced, off)
@@ -316,7 +318,7 @@ class SinkThread(OpenSink):
             if self.parked
             else "open",
             given=self._given,
-            **{each: getattr(counts, each) for each in COUNTS},
+            **{count: getattr(counts, count) for count in COUNTS},
             queued_windows=self._queue.qsize(),
             waits=self._waits + self._sink.waits,
             busy_s=self.busy_s,
@@ -371,19 +373,21 @@ class SinkThread(OpenSink):
         closed = Delivery(delivered=0)
         try:
             closed = self._checked(self._sink.close(), is_final=True)
-            made = replacement.make()
+            sink = replacement.make()
         except BaseException:
             self._final = closed
             raise
-        before = _sum(self._replaced, closed)
+        total = _sum(self._replaced, closed)
         self._written = 0
         self._handed = 0
-        self._sink = made
+        self._sink = sink
         self._count_written = replacement.count
         # Events left in a spool that both sinks share are counted once: with the new sink.
-        again = min(before.spooled, self._current().recovered)
+        recovered_twice = min(total.spooled, self._current().recovered)
         self._replaced = evolve(
-            before, spooled=before.spooled - again, recovered=before.recovered - again
+            total,
+            spooled=total.spooled - recovered_twice,
+            recovered=total.recovered - recovered_twice,
         )
         if self._deadline_s < math.inf:
             self._sink.close_by(self._deadline_s)
@@ -395,32 +399,34 @@ class SinkThread(OpenSink):
             self._replacement_done.notify_all()
 
 
-def _sum(one: Delivery, other: Delivery) -> Delivery:
-    return Delivery(**{name: getattr(one, name) + getattr(other, name) for name in COUNTS})
+def _sum(delivery: Delivery, addition: Delivery) -> Delivery:
+    return Delivery(**{name: getattr(delivery, name) + getattr(addition, name) for name in COUNTS})
 
 
-def balanced(own: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, int]:
+def balanced(delivery: Delivery, handed: int, *, is_final: bool) -> tuple[Delivery, int]:
     """Return a sink's counts, made to add up, and by how many events they did not.
 
     `handed` events were handed to the sink. What it reports beyond these and the recovered ones is
-    taken away; a count below 0, or that is no whole number, is 0. Of events that are missing at the
+    taken away; a count other than a whole number from 0 up is 0. Of events that are missing at the
     end, when `is_final`, it is not known what became of them: they are dropped.
     """
-    counts: dict[str, Any] = {name: _whole(getattr(own, name)) for name in COUNTS}
-    wrong = sum(counts[name] != getattr(own, name) for name in COUNTS)
-    due = handed + counts["recovered"]
-    beyond = sum(counts[name] for name in _FATES) - due
+    counts: dict[str, Any] = {name: _whole(getattr(delivery, name)) for name in COUNTS}
+    wrong = sum(counts[name] != getattr(delivery, name) for name in COUNTS)
+    expected = handed + counts["recovered"]
+    beyond = sum(counts[name] for name in _FATES) - expected
     if beyond > 0:
-        left = beyond
+        surplus = beyond
         for name in _FATES:
-            taken = min(left, counts[name])
+            taken = min(surplus, counts[name])
             counts[name] = counts[name] - taken
-            left = left - taken
+            surplus = surplus - taken
     elif is_final:
         counts["dropped"] -= beyond
     else:
         beyond = 0
-    return (evolve(own, **counts), max(abs(beyond), wrong)) if beyond or wrong else (own, 0)
+    return (
+        (evolve(delivery, **counts), max(abs(beyond), wrong)) if beyond or wrong else (delivery, 0)
+    )
 
 
 def _whole(count: object) -> int:

@@ -23,19 +23,19 @@ _SYNCED = 64 << 20
 _POLL_S = 0.02
 
 
-def locked(part: Path, path: Path) -> int:
+def locked(temporary: Path, path: Path) -> int:
     """Return a descriptor of a temporary file, locked; `SinkError` if another process has it."""
     while True:
         try:
-            descriptor = os.open(part, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+            descriptor = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         except OSError as error:
             if error.errno == ELOOP:
-                raise planted("the temporary file", part, "a link") from error
+                raise planted("the temporary file", temporary, "a link") from error
             raise
         try:
-            _require_own(descriptor, part)
+            _require_own(descriptor, temporary)
             is_held = _has_lock(descriptor)
-            is_same = _is_file_at(descriptor, part)
+            is_same = _is_file_at(descriptor, temporary)
         except BaseException:
             os.close(descriptor)
             raise
@@ -49,14 +49,14 @@ def locked(part: Path, path: Path) -> int:
             )
 
 
-def _require_own(descriptor: int, part: Path) -> None:
+def _require_own(descriptor: int, temporary: Path) -> None:
     """Raise `SinkError` if a temporary file is a device or a pipe, or has another name too, a hard
     link.
     """
-    found = os.fstat(descriptor)
-    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
-        what = "a hard link" if stat.S_ISREG(found.st_mode) else "a device or a pipe"
-        raise planted("the temporary file", part, what)
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+        file_kind = "a hard link" if stat.S_ISREG(status.st_mode) else "a device or a pipe"
+        raise planted("the temporary file", temporary, file_kind)
 
 
 def _has_lock(descriptor: int) -> bool:
@@ -80,12 +80,12 @@ def _is_file_at(descriptor: int, path: Path) -> bool:
 
 
 @contextmanager
-def held(part: Path) -> Iterator[bool]:
+def held(temporary: Path) -> Iterator[bool]:
     """Hold the lock of an existing temporary file; yields whether it was free."""
-    descriptor = os.open(part, os.O_RDWR | os.O_NOFOLLOW)
+    descriptor = os.open(temporary, os.O_RDWR | os.O_NOFOLLOW)
     try:
-        _require_own(descriptor, part)
-        yield _has_lock(descriptor) and _is_file_at(descriptor, part)
+        _require_own(descriptor, temporary)
+        yield _has_lock(descriptor) and _is_file_at(descriptor, temporary)
     finally:
         os.close(descriptor)
 
@@ -97,10 +97,11 @@ def keep_mode(descriptor: int, target: Path) -> None:
             os.fchmod(descriptor, target.stat().st_mode & 0o777)
 
 
-def planted(what: str, path: Path, found: str) -> SinkError:
-    """Return the error of something that is no file under a name that opir made up."""
+def planted(kind: str, path: Path, obstacle: str) -> SinkError:
+    """Return the error of a default path that is not a regular file."""
     words = (
-        f"{what} {path} cannot be written: {found} has its name, through which opir does not write"
+        f"{kind} {path} cannot be written: {obstacle} has its name, through which opir does not"
+        f" write"
     )
     return SinkError(f"{words}; remove it, or give another path")
 

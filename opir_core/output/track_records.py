@@ -12,10 +12,11 @@ import msgspec
 import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import FloatArray
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
 from opir_core.interfaces.weighed_tracks import hypothesis_columns
 from opir_core.output.events.estimates import PAPER, are_on_earth, paper_sigma_m, time_texts
+from opir_core.output.events.text import are_finite, known_rows, where_known
 from opir_core.output.geojson import region_texts
 from opir_core.scene.scene import REPORTED_TYPES
 
@@ -122,22 +123,21 @@ def track_records(
         ],
         "type_probability": types,
         **hypothesis_columns(tracks, hypotheses),
-        "position_ecef_m": _known(tracks.state[:, :3]),
-        "velocity_ecef_m_s": _known(tracks.state[:, 3:]),
-        "covariance": _known(tracks.state_covariance),
-        "ellipsoid_sigmas": _known(tracks.state_sigmas),
+        "position_ecef_m": known_rows(tracks.state[:, :3]),
+        "velocity_ecef_m_s": known_rows(tracks.state[:, 3:]),
+        "covariance": known_rows(tracks.state_covariance),
+        "ellipsoid_sigmas": known_rows(tracks.state_sigmas),
         "launch": _points(LaunchRecord, tracks.launch, tracks.launch_covariance, epoch_us),
         "burnout": _burnouts(tracks, epoch_us),
         "impact": _impacts(tracks, epoch_us),
         "impact_regions": map(msgspec.Raw, region_texts(tracks.impact_regions)),
-        "probability_burning": _known(tracks.probability_burning),
-        "probability_relights": _known(tracks.probability_relights),
-        "seen_s": _known(tracks.seen_s),
+        "probability_burning": known_rows(tracks.probability_burning),
+        "probability_relights": known_rows(tracks.probability_relights),
+        "seen_s": known_rows(tracks.seen_s),
         "is_brief": tracks.is_brief.tolist(),
     }
-    names = tuple(columns)
     return [
-        TrackRecord(schema_version=schema_version, **dict(zip(names, row, strict=True)))
+        TrackRecord(schema_version=schema_version, **dict(zip(columns, row, strict=True)))
         for row in zip(*columns.values(), strict=True)
     ]
 
@@ -147,7 +147,7 @@ def _impacts(tracks: Tracks, epoch_us: int | None) -> list[ImpactRecord | None]:
     rows = zip(
         points,
         tracks.impact_method.tolist(),
-        _known(tracks.impact_sigmas),
+        known_rows(tracks.impact_sigmas),
         paper_sigma_m(tracks),
         strict=True,
     )
@@ -177,27 +177,25 @@ def _points(
     columns = {
         "lat_deg": np.degrees(place[:, 0]).tolist(),
         "lon_deg": np.degrees(east).tolist(),
-        "time_s": _known(place[:, 2]),
+        "time_s": known_rows(place[:, 2]),
         "time": _timestamps(place[:, 2], epoch_us),
-        "covariance_m2": _known(covariance[:, :2, :2]),
-        "time_variance_s2": _known(covariance[:, 2, 2]),
-        "time_covariance_m_s": _known(covariance[:, :2, 2]),
+        "covariance_m2": known_rows(covariance[:, :2, :2]),
+        "time_variance_s2": known_rows(covariance[:, 2, 2]),
+        "time_covariance_m_s": known_rows(covariance[:, :2, 2]),
     }
-    names = tuple(columns)
-    rows = zip(are_on_earth(place).tolist(), zip(*columns.values(), strict=True), strict=True)
-    return [kind(**dict(zip(names, row, strict=True))) if here else None for here, row in rows]
+    rows = zip(*columns.values(), strict=True)
+    points = (kind(**dict(zip(columns, row, strict=True))) for row in rows)
+    return where_known(points, are_on_earth(place))
 
 
 def _burnouts(tracks: Tracks, epoch_us: int | None) -> list[BurnoutRecord | None]:
-    known = _is_finite(tracks.burnout).tolist()
     rows = zip(
         tracks.burnout.tolist(),
         _timestamps(tracks.burnout[:, 6], epoch_us),
-        _known(tracks.burnout_covariance),
-        known,
+        known_rows(tracks.burnout_covariance),
         strict=True,
     )
-    return [
+    burnouts = (
         BurnoutRecord(
             time_s=state[6],
             time=time,
@@ -205,33 +203,17 @@ def _burnouts(tracks: Tracks, epoch_us: int | None) -> list[BurnoutRecord | None
             velocity_ecef_m_s=state[3:6],
             covariance=covariance,
         )
-        if here
-        else None
-        for state, time, covariance, here in rows
-    ]
+        for state, time, covariance in rows
+    )
+    return where_known(burnouts, are_finite(tracks.burnout))
 
 
 def _types(tracks: Tracks) -> list[dict[str, float] | None]:
     return [
         None if share is None else dict(zip(REPORTED_TYPES, share, strict=True))
-        for share in _known(tracks.type_probability)
+        for share in known_rows(tracks.type_probability)
     ]
 
 
 def _timestamps(time_s: FloatArray, epoch_us: int | None) -> Sequence[Any]:
     return [UNSET] * len(time_s) if epoch_us is None else time_texts(time_s, epoch_us)
-
-
-def _known(values: FloatArray) -> list[Any]:
-    """Return the rows of a column as plain values, None where any number is not finite."""
-    finite = _is_finite(values)
-    rows: list[Any] = values.tolist()
-    return (
-        rows
-        if finite.all()
-        else [row if here else None for row, here in zip(rows, finite.tolist(), strict=True)]
-    )
-
-
-def _is_finite(values: FloatArray) -> BoolArray:
-    return np.logical_and.reduce(np.isfinite(values), axis=tuple(range(1, values.ndim)))

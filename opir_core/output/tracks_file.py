@@ -70,12 +70,12 @@ def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
     tracks = _tracks(rows, regions, _weighed(rows, hypotheses, path))
     order = np.lexsort((tracks.track, tracks.tick_s))
     tracks = tracks.take(order)
-    again = np.flatnonzero((np.diff(tracks.tick_s) == 0.0) & (np.diff(tracks.track) == 0))
-    if len(again):
-        first = int(again[np.argmin(order[again + 1])])
-        words = f"track {tracks.track[first]} has two rows at {tracks.tick_s[first]:g} s"
+    duplicates = np.flatnonzero((np.diff(tracks.tick_s) == 0.0) & (np.diff(tracks.track) == 0))
+    if len(duplicates):
+        duplicate = int(duplicates[np.argmin(order[duplicates + 1])])
+        words = f"track {tracks.track[duplicate]} has two rows at {tracks.tick_s[duplicate]:g} s"
         raise invalid_file(
-            path, f"line {order[first + 1] + 1}", f"{words}; give one row a track and tick"
+            path, f"line {order[duplicate + 1] + 1}", f"{words}; give one row a track and tick"
         )
     return tracks
 
@@ -108,78 +108,83 @@ def _weighed(
     rows: Sequence[TrackRecord], hypotheses: Sequence[str] | None, path: Path
 ) -> FloatArray:
     """Return the probabilities of hypotheses (n, H); (n, 0) if no row has any."""
-    first = dict[str, int]()
+    first_line = dict[str, int]()
     for number, row in enumerate(rows, start=1):
         for name in row.hypotheses or ():
-            first.setdefault(name, number)
-    names = tuple(first if hypotheses is None or not first else hypotheses)
-    unknown = next((name for name in first if name not in names), None)
+            first_line.setdefault(name, number)
+    names = tuple(first_line if hypotheses is None or not first_line else hypotheses)
+    unknown = next((name for name in first_line if name not in names), None)
     if unknown is not None:
         words = (
             f"the scene has no hypothesis {unknown!r} with the plugins installed:"
             f" {', '.join(names)}"
         )
-        raise invalid_file(path, f"line {first[unknown]}: hypotheses", words)
+        raise invalid_file(path, f"line {first_line[unknown]}: hypotheses", words)
     return _column([row.hypotheses and _shares(row.hypotheses, names) for row in rows], len(names))
 
 
 def _tracks(
     rows: Sequence[TrackRecord], regions: NDArray[np.object_], weighed: FloatArray
 ) -> Tracks:
-    tick_s = np.array([row.time_s for row in rows], dtype=np.float64)
     available = [row.time_s if row.available_s is None else row.available_s for row in rows]
-    burnouts = [row.burnout for row in rows]
-    methods = [IMPACT_METHODS[0] if row.impact is None else row.impact.method for row in rows]
-    types = [
-        None if row.type_probability is None else _shares(row.type_probability, REPORTED_TYPES)
-        for row in rows
-    ]
+    types = [row.type_probability and _shares(row.type_probability, REPORTED_TYPES) for row in rows]
     return Tracks(
-        tick_s=tick_s,
+        tick_s=np.array([row.time_s for row in rows], dtype=np.float64),
         track=np.array([row.track_id for row in rows], dtype=np.int64),
-        state=np.concatenate(
-            [
-                _column([row.position_ecef_m for row in rows], 3),
-                _column([row.velocity_ecef_m_s for row in rows], 3),
-            ],
-            axis=1,
-        ),
-        state_covariance=_column([row.covariance for row in rows], 6, 6),
-        launch=_column([_place(row.launch) for row in rows], 3),
-        launch_covariance=_spread([row.launch for row in rows]),
-        impact=_column([_place(row.impact) for row in rows], 3),
-        impact_covariance=_spread([row.impact for row in rows]),
         type_probability=_column(types, len(REPORTED_TYPES)),
-        burnout=_column(
-            [
-                each and (*each.position_ecef_m, *each.velocity_ecef_m_s, each.time_s)
-                for each in burnouts
-            ],
-            7,
-        ),
-        burnout_covariance=_column([each and each.covariance for each in burnouts], 7, 7),
-        impact_sigmas=_column(
-            [row.impact and row.impact.ellipse_sigmas for row in rows], len(TRACK_CONTAINMENTS)
-        ),
-        state_sigmas=_column([row.ellipsoid_sigmas for row in rows], len(TRACK_CONTAINMENTS)),
         available_s=np.array(available, dtype=np.float64),
         impact_regions=regions,
-        impact_method=np.array(
-            [IMPACT_METHODS.index(method) for method in methods], dtype=np.uint8
-        ),
         hypothesis_probability=weighed,
-        **{name: _column([getattr(row, name) for row in rows]) for name in _NUMBERS},
         end=np.array([TRACK_ENDS.index(row.end or "") for row in rows], dtype=np.uint8),
         is_brief=np.array([row.is_brief for row in rows], dtype=np.bool_),
+        **_state_columns(rows),
+        **_point_columns(rows),
     )
+
+
+def _state_columns(rows: Sequence[TrackRecord]) -> dict[str, Any]:
+    """Return the columns of numbers, of states at the ticks and at burnout."""
+    position = _column([row.position_ecef_m for row in rows], 3)
+    velocity = _column([row.velocity_ecef_m_s for row in rows], 3)
+    burnouts = [
+        row.burnout
+        and (*row.burnout.position_ecef_m, *row.burnout.velocity_ecef_m_s, row.burnout.time_s)
+        for row in rows
+    ]
+    return {
+        **{name: _column([getattr(row, name) for row in rows]) for name in _NUMBERS},
+        "state": np.concatenate([position, velocity], axis=1),
+        "state_covariance": _column([row.covariance for row in rows], 6, 6),
+        "state_sigmas": _column([row.ellipsoid_sigmas for row in rows], len(TRACK_CONTAINMENTS)),
+        "burnout": _column(burnouts, 7),
+        "burnout_covariance": _column(
+            [row.burnout and row.burnout.covariance for row in rows], 7, 7
+        ),
+    }
+
+
+def _point_columns(rows: Sequence[TrackRecord]) -> dict[str, Any]:
+    """Return the columns of launch points and impacts."""
+    launches = [row.launch for row in rows]
+    impacts = [row.impact for row in rows]
+    methods = [IMPACT_METHODS.index(impact.method) if impact else 0 for impact in impacts]
+    sigmas = [impact and impact.ellipse_sigmas for impact in impacts]
+    return {
+        "launch": _column(list(map(_place, launches)), 3),
+        "launch_covariance": _spread(launches),
+        "impact": _column(list(map(_place, impacts)), 3),
+        "impact_covariance": _spread(impacts),
+        "impact_sigmas": _column(sigmas, len(TRACK_CONTAINMENTS)),
+        "impact_method": np.array(methods, dtype=np.uint8),
+    }
 
 
 def _column(rows: Sequence[Any], *shape: int) -> FloatArray:
     """Return rows of numbers as a column (n, *shape), nan for None."""
     column = np.full((len(rows), *shape), np.nan)
-    known = [number for number, row in enumerate(rows) if row is not None]
-    if known:
-        column[known] = [rows[number] for number in known]
+    present = [number for number, row in enumerate(rows) if row is not None]
+    if present:
+        column[present] = [rows[number] for number in present]
     return column
 
 
@@ -200,11 +205,11 @@ def _spread(points: Sequence[LaunchRecord | None]) -> FloatArray:
     def column(read: Callable[[Any], Any], *shape: int) -> FloatArray:
         return _column([None if point is None else read(point) for point in points], *shape)
 
-    whole = np.full((len(points), 3, 3), np.nan)
-    whole[:, :2, :2] = column(_ground, 2, 2)
-    whole[:, 2, 2] = column(lambda point: point.time_variance_s2)
-    whole[:, :2, 2] = whole[:, 2, :2] = column(lambda point: point.time_covariance_m_s, 2)
-    return whole
+    covariance = np.full((len(points), 3, 3), np.nan)
+    covariance[:, :2, :2] = column(_ground, 2, 2)
+    covariance[:, 2, 2] = column(lambda point: point.time_variance_s2)
+    covariance[:, :2, 2] = covariance[:, 2, :2] = column(lambda point: point.time_covariance_m_s, 2)
+    return covariance
 
 
 def _ground(point: Any) -> Any:

@@ -100,7 +100,7 @@ class OutputFiles:
 
         `only_appends` promises that bytes once written are not changed, so that they are hashed
         meanwhile. Raises `SinkError` if another process writes this path, nothing can be written
-        there, or what has a name that opir made up, `is_made_up`, is no regular file.
+        there, or a default path, `is_made_up`, is not a regular file.
         """
         path = Path(path)
         if not _is_replaceable(kind, path, is_made_up):
@@ -130,7 +130,7 @@ class OutputFiles:
 
         `parents` makes those above it too. Raises `SinkError` if that is not possible.
         """
-        missing = [each for each in (path, *path.parents) if not each.exists()]
+        missing = [folder for folder in (path, *path.parents) if not folder.exists()]
         if is_made_up and path.is_symlink():
             raise planted("the folder", path, "a link")
         try:
@@ -202,18 +202,18 @@ class OutputFiles:
             if is_made_up
             else Path(os.path.realpath(path))
         )
-        part = target.with_name(target.name + TEMPORARY)
+        temporary = target.with_name(target.name + TEMPORARY)
         try:
-            descriptor = locked(part, path)
+            descriptor = locked(temporary, path)
             with ExitStack() as closing:
                 closing.callback(os.close, descriptor)
                 os.ftruncate(descriptor, 0)
                 keep_mode(descriptor, target)
-                growing = GrowingDigest(part) if only_appends else None
+                growing = GrowingDigest(temporary) if only_appends else None
                 closing.pop_all()
         except OSError as error:
             raise unwritable(_words(kind), path, error) from error
-        return _Staged(kind, path, target, part, descriptor, growing)
+        return _Staged(kind, path, target, temporary, descriptor, growing)
 
     def _described(self, staged: _Staged) -> Mapping[str, Any]:
         """Return the entry of a file in the manifest, once its content is on disk."""
@@ -235,9 +235,9 @@ class OutputFiles:
             if self._record is None:  # no regular file
                 self._manifest.write_bytes(text)
                 return
-            rest = memoryview(text)
-            while rest:
-                rest = rest[os.write(self._record.descriptor, rest) :]
+            remaining = memoryview(text)
+            while remaining:
+                remaining = remaining[os.write(self._record.descriptor, remaining) :]
             os.fsync(self._record.descriptor)
         except OSError as error:
             raise unwritable("the manifest", self._manifest, error) from error
@@ -279,8 +279,8 @@ def _is_there(path: Path, entry: Mapping[str, Any]) -> bool:
     """Return whether a file is in place, False if it is under its temporary name; `ValueError` if
     it is neither.
     """
-    part = path.with_name(path.name + TEMPORARY)
-    for place in (part, path):
+    temporary = path.with_name(path.name + TEMPORARY)
+    for place in (temporary, path):
         is_whole = (
             place.is_file()
             and place.stat().st_size == entry["bytes"]
@@ -336,9 +336,12 @@ def _is_replaceable(kind: str, path: Path, is_made_up: bool) -> bool:
         return False
 
 
-def _sync_folders(files: Sequence[_Staged], made: Sequence[Path] = ()) -> None:
+def _sync_folders(files: Sequence[_Staged], folders: Sequence[Path] = ()) -> None:
     """Make the names of files, and of folders that were made, last."""
-    for folder in {*(staged.target.parent for staged in files), *(each.parent for each in made)}:
+    for folder in {
+        *(staged.target.parent for staged in files),
+        *(made_folder.parent for made_folder in folders),
+    }:
         try:
             sync_path(folder)
         except OSError as error:

@@ -11,7 +11,8 @@ import numpy as np
 from attrs import define, evolve, field
 
 from opir_core.errors import Problem, SceneError, kind_of
-from opir_core.interfaces.protocols import Sensor, Trajectories
+from opir_core.interfaces.sensors import Sensor
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS
 
 #: No satellite is nearer to the Earth's centre, m; positions in km are.
@@ -104,29 +105,29 @@ def trajectories_fault(trajectories: Any, count: int) -> str:
     return ""
 
 
-def motion_fault(part: Trajectories, ids: Sequence[str]) -> str:
+def motion_fault(trajectories: Trajectories, ids: Sequence[str]) -> str:
     """Return the first error in the times, names and positions of the trajectories of targets, or
     "".
 
     Calls `position_ecef_m` once, for each target at ignition, halfway and at burnout.
     """
     count = len(ids)
-    ignition_s = part.ignition_s
-    burnout_s = part.burnout_s
-    late = np.flatnonzero(
+    ignition_s = trajectories.ignition_s
+    burnout_s = trajectories.burnout_s
+    invalid_ends = np.flatnonzero(
         ~((burnout_s >= ignition_s) & (burnout_s <= LATEST_S) & (ignition_s >= -LATEST_S))
     )
-    if late.size:
-        row = late[0]
+    if invalid_ends.size:
+        row = invalid_ends[0]
         span = f"from {ignition_s[row]:g} to {burnout_s[row]:g} s"
         return (
             f"{ids[row]} burning {span}; a burn ends after it begins, and both are within a year of"
             f" 0"
         )
-    end_s: Any = part.end_s
-    burns_s: Any = part.burns_s
-    names: Any = part.class_names
-    warnings: Any = part.warnings
+    end_s: Any = trajectories.end_s
+    burns_s: Any = trajectories.burns_s
+    names: Any = trajectories.class_names
+    warnings: Any = trajectories.warnings
     if (
         not isinstance(end_s, np.ndarray)
         or end_s.shape != (count,)
@@ -146,11 +147,13 @@ def motion_fault(part: Trajectories, ids: Sequence[str]) -> str:
         return f"warnings as {kind_of(warnings)}; a list of problems is required"
     target = np.tile(np.arange(count, dtype=np.int32), 3)
     time_s = np.concatenate([ignition_s, 0.5 * (ignition_s + burnout_s), burnout_s])
-    return positions_fault(part.position_ecef_m(target, time_s), len(target)) if count else ""
+    return (
+        positions_fault(trajectories.position_ecef_m(target, time_s), len(target)) if count else ""
+    )
 
 
 def positions_fault(position_m: Any, count: int) -> str:
-    """Return what is wrong with positions of targets while they burn, or ""."""
+    """Return the error in the positions of burning targets, or ""."""
     if (
         not isinstance(position_m, np.ndarray)
         or position_m.shape != (count, 3)

@@ -57,10 +57,10 @@ class CoarseGrid:
         stop_s = stop_s + _ENCLOSED_S
         steps = np.ceil((stop_s - start_s) / COARSE_STEP_S).astype(np.int64)
         points = steps + 1
-        first = np.cumsum(points) - points
+        first_point = np.cumsum(points) - points
         pair = np.repeat(np.arange(len(points)), points)
-        share = (np.arange(len(pair)) - first[pair]) / steps[pair]
-        return cls(pair, start_s[pair] + (stop_s - start_s)[pair] * share, first)
+        share = (np.arange(len(pair)) - first_point[pair]) / steps[pair]
+        return cls(pair, start_s[pair] + (stop_s - start_s)[pair] * share, first_point)
 
     def cells(self) -> IntArray:
         """Return the points at which a step starts: all but the last of each pair."""
@@ -82,12 +82,12 @@ def surely_hidden(
     )
     cells = grid.cells()
     cells = cells[(hidden & is_moving)[grid.pair[cells]]]
-    for early, late in ((cells, cells + 1), (cells + 1, cells)):
-        seen = (
-            closest_to_centre_m(sensor_ecef_m[early], target_ecef_m[late])
+    for near_cell, far_cell in ((cells, cells + 1), (cells + 1, cells)):
+        is_hidden = (
+            closest_to_centre_m(sensor_ecef_m[near_cell], target_ecef_m[far_cell])
             > radius_m[grid.pair[cells]]
         )
-        hidden[grid.pair[cells[seen]]] = False
+        hidden[grid.pair[cells[is_hidden]]] = False
     return hidden
 
 

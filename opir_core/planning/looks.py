@@ -34,11 +34,11 @@ class Looks:
     @classmethod
     def between(cls, pairs: Pairs, start_ns: int, end_ns: int) -> "Looks":
         """Return the looks in [start, end) of scene time."""
-        first = np.maximum(pairs.first_scan, -((pairs.phase_ns - start_ns) // pairs.period_ns))
-        last = np.minimum(pairs.last_scan, (end_ns - 1 - pairs.phase_ns) // pairs.period_ns)
-        active = np.flatnonzero(last >= first)
-        first_scan = first[active]
-        scans = (last - first)[active] + 1
+        start_scan = np.maximum(pairs.first_scan, -((pairs.phase_ns - start_ns) // pairs.period_ns))
+        last_scan = np.minimum(pairs.last_scan, (end_ns - 1 - pairs.phase_ns) // pairs.period_ns)
+        active = np.flatnonzero(last_scan >= start_scan)
+        first_scan = start_scan[active]
+        scans = last_scan[active] - first_scan + 1
         offset = np.cumsum(scans) - scans
         scan = np.arange(int(scans.sum())) + np.repeat(first_scan - offset, scans)
         return cls(active, first_scan, scans, np.repeat(active, scans), scan)
@@ -115,13 +115,15 @@ class LookGeometry:
             rows = np.flatnonzero(exposed.sensor == number)
             sensor_m = exposed.sensor_ecef_m[rows]
             target_m = exposed.target_ecef_m[rows]
-            seen = visible_now(self.states.sensors[number], sensor_m, target_m)
+            is_seen = visible_now(self.states.sensors[number], sensor_m, target_m)
             exclusion = self.exclusions[number] if self.exclusions else None
             if exclusion is not None:
-                seen &= exclusion.is_clear(sensor_m, target_m, exposed.time_s[rows])
+                is_seen &= exclusion.is_clear(sensor_m, target_m, exposed.time_s[rows])
             if not self.states.sensors[number].follows_bodies:
-                seen &= ~self.targets.is_dark(exposed.target[rows], exposed.emission_time_s[rows])
-            result[uncertain[rows]] = seen
+                is_seen &= ~self.targets.is_dark(
+                    exposed.target[rows], exposed.emission_time_s[rows]
+                )
+            result[uncertain[rows]] = is_seen
         return result
 
 

@@ -13,7 +13,7 @@ from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.hidden_pairs import CoarseGrid, surely_hidden
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.planning.sightlines import (
@@ -39,7 +39,6 @@ from opir_core.planning.visibility import (
 #: Points of the grid in a block, about: their columns stay in the processor's cache.
 BLOCK_POINTS = 32_768
 
-_NS = 1_000_000_000
 
 #: More than the light time changes while a target is observed, s: by 3e-5 of the time at 10 km/s.
 _LIGHT_TIME_CHANGE_S = 1.0
@@ -67,7 +66,9 @@ class PairCompiler:
         self._light_time = light_time
         self._end_ns = end_ns
         self._exclusions = {
-            number: each for number, each in enumerate(exclusions) if each is not None
+            number: exclusion
+            for number, exclusion in enumerate(exclusions)
+            if exclusion is not None
         }
         self._states = SensorStates.of(tuple(sensors))
         self._is_moving = np.array(
@@ -96,24 +97,24 @@ class PairCompiler:
         """Return upper bounds (sensors,) of the looks; scan patterns are asked for the phases of
         all pairs.
         """
-        most = np.zeros(len(self._sensors))
+        looks = np.zeros(len(self._sensors))
         for sensor, target in self.blocks():
             until_s = self._until_s(sensor, target)
             _, sensor_ecef_m, target_ecef_m = self._ends(sensor, target, until_s)
             self._phase_ns(sensor, sensor_ecef_m[::2], target_ecef_m[::2])
             observed_s = until_s - self._targets.ignition_s[target] + _LIGHT_TIME_CHANGE_S
-            span_ns = np.minimum(observed_s * _NS, self._end_ns)
-            np.add.at(most, sensor, span_ns / self._period_ns[sensor] + 1.0)
-        return most
+            span_ns = np.minimum(observed_s * 1e9, self._end_ns)
+            np.add.at(looks, sensor, span_ns / self._period_ns[sensor] + 1.0)
+        return looks
 
     def pairs(self, is_chosen: BoolArray) -> Pairs:
         """Return pairs, sorted by sensor, then target, of those that are chosen (sensors, targets);
         no lines of sight are kept."""
-        parts = []
+        pair_blocks = []
         for sensor, target in self.blocks():
             rows = np.flatnonzero(is_chosen[sensor, target])
-            parts.append(self.block(sensor[rows], target[rows])[0])
-        return Pairs.concatenate(parts)
+            pair_blocks.append(self.block(sensor[rows], target[rows])[0])
+        return Pairs.concatenate(pair_blocks)
 
     def blocks(self) -> Iterator[tuple[IndexArray, IndexArray]]:
         """Yield the sensors and targets (n,) of each block: all pairs, sorted by sensor, then
@@ -128,8 +129,8 @@ class PairCompiler:
         points = np.cumsum(observed_s.astype(np.int64) + 3)
         number = (points - 1) // BLOCK_POINTS
         edges = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(rows)]
-        for part in map(slice, edges[:-1], edges[1:]) if len(rows) else ():
-            yield sensor[part], target[part]
+        for block_rows in map(slice, edges[:-1], edges[1:]) if len(rows) else ():
+            yield sensor[block_rows], target[block_rows]
 
     def block(self, sensor: IndexArray, target: IndexArray) -> tuple[Pairs, Sightlines]:
         """Return pairs of sensors and targets (n,), sorted by sensor, and their lines of sight."""
@@ -144,12 +145,14 @@ class PairCompiler:
         look_s = self._look_s(
             np.repeat(sensor[rows], 2), emission_s[ends], sensor_ecef_m[ends], target_ecef_m[ends]
         )
-        seen, lines = self._observed(pairs.take(rows), path.take(rows), look_s[::2], look_s[1::2])
-        pairs.overwrite(rows, seen)
+        observed, lines = self._observed(
+            pairs.take(rows), path.take(rows), look_s[::2], look_s[1::2]
+        )
+        pairs.overwrite(rows, observed)
         first_point = np.zeros(len(pairs), dtype=np.int64)
         first_point[rows] = lines.first_point
-        whole = Sightlines(first_point, lines.travel_s, lines.elevation_sine, lines.sight)
-        return pairs, whole.over_looks(pairs, np.arange(len(pairs)))
+        sightlines = Sightlines(first_point, lines.travel_s, lines.elevation_sine, lines.sight)
+        return pairs, sightlines.over_looks(pairs, np.arange(len(pairs)))
 
     def _hidden(
         self, sensor: IndexArray, target: IndexArray, phase_ns: IntArray, until_s: FloatArray
@@ -200,14 +203,14 @@ class PairCompiler:
         first_s, last_s = grid.span(np.flatnonzero(sight != Visibility.NEVER), start_s, stop_s)
         # The first scan after `first_s` (at that instant the launch is not seen) and the last to
         # `last_s`.
-        first_ns = np.rint(np.where(np.isfinite(first_s), first_s, 0.0) * _NS).astype(np.int64)
-        last_ns = np.rint(np.where(np.isfinite(last_s), last_s, -1.0) * _NS).astype(np.int64)
+        first_ns = np.rint(np.where(np.isfinite(first_s), first_s, 0.0) * 1e9).astype(np.int64)
+        last_ns = np.rint(np.where(np.isfinite(last_s), last_s, -1.0) * 1e9).astype(np.int64)
         last_ns = np.where(blocked == Blocked.NOT, np.minimum(last_ns, self._end_ns - 1), -1)
         is_checked = needs_look_test(grid, sight, first_s, last_s)
-        seen = evolve(
+        observed = evolve(
             pairs, is_checked=is_checked, blocked=blocked, from_ns=first_ns, to_ns=last_ns
         )
-        return self._with_scans(seen), Sightlines(
+        return self._with_scans(observed), Sightlines(
             grid.first_point, travel_s, np.sin(margins.horizon_rad), sight
         )
 
@@ -332,14 +335,14 @@ class PairCompiler:
             return None
         margins = SunMargins(np.full(len(sensor), np.inf), np.zeros(len(sensor)))
         for exclusion, rows in excluded:
-            own = SunMargins.of(
+            sensor_margins = SunMargins.of(
                 exclusion,
                 grid.pair[rows],
                 sensor_ecef_m[rows],
                 target_ecef_m[rows],
                 grid.time_s[rows],
             )
-            margins.overwrite(rows, own)
+            margins.overwrite(rows, sensor_margins)
         return margins
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.host.host import Host
+from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.contexts import (
     ModelContext,
     SensorContext,
@@ -22,14 +23,10 @@ from opir_core.interfaces.contexts import (
     TargetContext,
     TrackerContext,
 )
-from opir_core.interfaces.protocols import (
-    Classifier,
-    Confidence,
-    DetectionProbability,
-    Sensor,
-    Tracker,
-    Trajectories,
-)
+from opir_core.interfaces.detection_models import DetectionProbability
+from opir_core.interfaces.sensors import Sensor
+from opir_core.interfaces.trackers import Tracker
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.planning.built_parts import (
     BuildProblems,
     motion_fault,
@@ -58,9 +55,8 @@ if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
     from opir_core.interfaces.radiometric_models import Sources
 
-_NS = 1_000_000_000
 
-#: The methods of `opir_core.interfaces.protocols.Tracker`.
+#: The methods of `opir_core.interfaces.trackers.Tracker`.
 _TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
 
 
@@ -150,7 +146,7 @@ class Plan(PlanParts):
     @property
     def hypothesis_names(self) -> tuple[str, ...]:
         """The names of the hypotheses, in the order of `Tracks.hypothesis_probability`."""
-        return tuple(each.name for each in self.hypotheses)
+        return tuple(hypothesis.name for hypothesis in self.hypotheses)
 
     def paper_codes(self) -> NDArray[np.uint8] | None:
         """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are
@@ -181,9 +177,9 @@ class Plan(PlanParts):
         renumbered.
         """
         generations = self.scan_generations or (0,) * len(self.sensors)
-        both = zip(self.sensors, generations, strict=True)
+        rows = zip(self.sensors, generations, strict=True)
         return [
-            f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both
+            f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in rows
         ]
 
     def pair_names(self) -> list[tuple[str, str]]:
@@ -197,15 +193,16 @@ class Plan(PlanParts):
         return self._names_of_pairs(self.sensor_names())
 
     def _names_of_pairs(self, sensors: Sequence[str]) -> list[tuple[str, str]]:
-        both = zip(self.pairs.sensor.tolist(), self.pairs.target.tolist(), strict=True)
-        return [(sensors[sensor], self.targets.ids[target]) for sensor, target in both]
+        rows = zip(self.pairs.sensor.tolist(), self.pairs.target.tolist(), strict=True)
+        return [(sensors[sensor], self.targets.ids[target]) for sensor, target in rows]
 
 
 def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     """Return the plan of a scene, with components from `host` (by default, all that are installed).
 
     Raises `PluginError` for components that are missing or broken, `SceneError` for targets without
-    a trajectory and for more work than `scene.limits` accept, `TypeError` for what is no scene.
+    a trajectory and for more work than `scene.limits` accept, `TypeError` for an argument other
+    than a scene.
     """
     given: Any = scene
     if not isinstance(given, Scene):
@@ -213,11 +210,14 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         raise TypeError(f"a scene is needed, not {kind_of(given)}: {need}")
     host = host or Host.discover()
     with PluginErrors(host, scene):
-        parts = plan_parts(scene, host)
-        exclusions = parts.solar_exclusions()
-        pairs, sightlines = parts.pair_compiler(exclusions).compiled()
+        scene_parts = plan_parts(scene, host)
+        exclusions = scene_parts.solar_exclusions()
+        pairs, sightlines = scene_parts.pair_compiler(exclusions).compiled()
     plan = Plan(
-        **asdict(parts, recurse=False), pairs=pairs, sightlines=sightlines, exclusions=exclusions
+        **asdict(scene_parts, recurse=False),
+        pairs=pairs,
+        sightlines=sightlines,
+        exclusions=exclusions,
     )
     plan.workload.require_run()
     return plan
@@ -247,8 +247,8 @@ def reseeded(plan: Plan, seed: int) -> Plan:
 
 
 def _seeded_parts(plan: Plan, scene: Scene) -> dict[str, Any]:
-    """Return what of a plan is built anew for a scene with another seed: the sources, and what is
-    built from them.
+    """Return the parts of a plan that depend on the seed, built for another one: sources and what
+    follows from them.
     """
     host = plan.host
     sensors = plan.sensors
@@ -267,17 +267,17 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     Raises `SceneError` with the problems of all sensors, sources and targets.
     """
     problems = BuildProblems()
-    made = list[Sensor]()
-    for chosen in scene.sensors:
-        with problems.of(chosen.model.path):
-            made.append(
+    built_sensors = list[Sensor]()
+    for choice in scene.sensors:
+        with problems.of(choice.model.path):
+            built_sensors.append(
                 _sensor(
                     host,
-                    chosen.model,
-                    SensorContext(id=chosen.id, epoch_us=scene.epoch_us, readers=host.readers),
+                    choice.model,
+                    SensorContext(id=choice.id, epoch_us=scene.epoch_us, readers=host.readers),
                 )
             )
-    sensors = tuple(made)
+    sensors = tuple(built_sensors)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
         sources = _sources(scene, host, sensors)
@@ -296,7 +296,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         confidence=confidence,
         make_tracker=make_tracker,
         bias=drawn_bias(scene.seed, sensors),
-        end_ns=round(scene.duration_s * _NS),
+        end_ns=round(scene.duration_s * 1e9),
         sources=sources,
         reported_types=reported_types(scene, host),
     )
@@ -313,8 +313,8 @@ def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightli
     stay the same.
     """
     with PluginErrors(plan.host, plan.scene):
-        parts = plan.scene, plan.host, plan.sensors, targets, plan.sources
-        detection, classifier, confidence = _models(*parts, plan.classifier)
+        arguments = plan.scene, plan.host, plan.sensors, targets, plan.sources
+        detection, classifier, confidence = _models(*arguments, plan.classifier)
     changed = evolve(plan, detection=detection, classifier=classifier, confidence=confidence)
     return evolve(changed, targets=targets, pairs=pairs, sightlines=sightlines)
 
@@ -386,7 +386,7 @@ def _models(
 def _tracker_context(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...], detection: DetectionProbability
 ) -> TrackerContext:
-    """Return what all trackers of a scene are built from."""
+    """Return the context of a scene's trackers."""
     rates = detection.rate_per_scan
     return TrackerContext(
         sensors=sensors_of_trackers(sensors, scene.classification, host),
@@ -436,23 +436,23 @@ def _owner(host: Host, choice: Choice) -> Callable[[], str]:
     return partial(owner_text, host, choice)
 
 
-def _tracker_fault(part: Any) -> str:
+def _tracker_fault(tracker: Any) -> str:
     """Return the missing or invalid attribute of a tracker, or ""; one that never steps needs no
     methods.
     """
-    if getattr(part, "cadence_s", 0.0) is None:
+    if getattr(tracker, "cadence_s", 0.0) is None:
         return ""
-    what = kind_of(part)
+    kind = kind_of(tracker)
     missing = [
         method
         for method in _TRACKER_METHODS
-        if not callable(getattr(part, method.partition("(")[0], None))
+        if not callable(getattr(tracker, method.partition("(")[0], None))
     ]
     if missing:
-        return f"build made {what} without {' and '.join(missing)}"
-    if not hasattr(part, "cadence_s"):
-        return f"build made {what} without cadence_s, the seconds between two ticks"
-    cadence_s = part.cadence_s
+        return f"build made {kind} without {' and '.join(missing)}"
+    if not hasattr(tracker, "cadence_s"):
+        return f"build made {kind} without cadence_s, the seconds between two ticks"
+    cadence_s = tracker.cadence_s
     try:
         is_time = cadence_s is None or 0.0 < cadence_s < float("inf")
     except TypeError:
@@ -525,10 +525,10 @@ def _rows_by_model(scene: Scene) -> list[list[int]]:
 def _trajectories(
     scene: Scene, host: Host, places: Sequence[int], free_flight: bool
 ) -> Trajectories:
-    chosen = [scene.targets[place] for place in places]
+    targets = [scene.targets[place] for place in places]
     context = TargetContext(
-        ids=tuple(target.id for target in chosen),
-        paths=tuple(target.model.path for target in chosen),
+        ids=tuple(target.id for target in targets),
+        paths=tuple(target.model.path for target in targets),
         forces=_forces(scene),
         epoch_us=scene.epoch_us,
         duration_s=scene.duration_s,
@@ -536,17 +536,19 @@ def _trajectories(
         target_class=partial(host.component, TargetClass),
         readers=host.readers,
     )
-    configs = [target.model.config for target in chosen]
-    trajectories = built(host, chosen[0].model, context, configs)
-    owner = _owner(host, chosen[0].model)
-    hint = check_hint(chosen[0].model.name)
-    fault = trajectories_fault(trajectories, len(chosen))
+    configs = [target.model.config for target in targets]
+    trajectories = built(host, targets[0].model, context, configs)
+    owner = _owner(host, targets[0].model)
+    hint = check_hint(targets[0].model.name)
+    fault = trajectories_fault(trajectories, len(targets))
     if not fault:
-        part = Trajectories.adopt(trajectories, owner)
-        fault = blamed_call(owner, hint, "position_ecef_m", lambda: motion_fault(part, context.ids))
+        adopted = Trajectories.adopt(trajectories, owner)
+        fault = blamed_call(
+            owner, hint, "position_ecef_m", lambda: motion_fault(adopted, context.ids)
+        )
     if fault:
         raise ModelError(f"{owner()}: build made trajectories with {fault}; {hint}")
-    return part
+    return adopted
 
 
 def _forces(scene: Scene) -> "ForceModel":

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from opir_core.errors import ModelError, PluginError
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.fields import CONFUSION
 from opir_core.scene.hypotheses import Hypothesis, hypotheses_of
 from opir_core.scene.scene import PAPER_TYPES, REPORTED_TYPES, Choice, Scene
@@ -39,8 +39,8 @@ def reported_types(scene: Scene, host: Host) -> tuple[str, ...]:
 
 
 def offered_hypotheses(host: Host) -> tuple[Hypothesis, ...]:
-    """Return what a hot object may be, from the target classes that are offered; those that fail to
-    load are left out.
+    """Return the hypotheses of the target classes that are offered, without those that fail to
+    load.
 
     Whoever names such a class in a scene gets the error.
     """

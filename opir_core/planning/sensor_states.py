@@ -7,7 +7,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import local_axes
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.random_streams.philox import Stream, normal_pairs, stream_key
 
 #: The purpose of a sensor's stream for its pointing bias.
@@ -70,14 +70,14 @@ class PointingBias:
 
     def by_sensor(self, sensors: Sequence[Sensor]) -> list[dict[str, str | float]]:
         """Return one mapping per sensor, for the truth file and the manifest."""
-        both = zip(sensors, self.east_rad.tolist(), self.north_rad.tolist(), strict=True)
+        rows = zip(sensors, self.east_rad.tolist(), self.north_rad.tolist(), strict=True)
         return [
             {
                 "sensor_id": sensor.id,
                 "line_of_sight_bias_east_rad": east,
                 "line_of_sight_bias_north_rad": north,
             }
-            for sensor, east, north in both
+            for sensor, east, north in rows
         ]
 
 

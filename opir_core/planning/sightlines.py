@@ -13,8 +13,6 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_core.planning.targets import Targets
 
-_NS = 1_000_000_000
-
 #: Step of the grid on which geometry is sampled, s: the whole seconds of scene time.
 GRID_STEP_S = 1.0
 
@@ -49,8 +47,8 @@ class GridPlace:
 
     def interpolated(self, values: FloatArray) -> FloatArray:
         """Return values at the looks, interpolated linearly between the points."""
-        early = values[self.point]
-        return early + (values[self.point + 1] - early) * self.fraction
+        before_point = values[self.point]
+        return before_point + (values[self.point + 1] - before_point) * self.fraction
 
 
 @frozen(eq=False, repr=False)
@@ -78,36 +76,38 @@ class Sightlines:
         """Return the lines of sight of some pairs, given with their rows, over the time of possible
         looks only.
         """
-        first_step = pairs.from_ns // _NS
-        points = np.where(pairs.to_ns > pairs.from_ns, pairs.to_ns // _NS - first_step + 2, 0)
+        first_step = pairs.from_ns // 1_000_000_000
+        points = np.where(
+            pairs.to_ns > pairs.from_ns, pairs.to_ns // 1_000_000_000 - first_step + 2, 0
+        )
         offset = np.cumsum(points) - points
-        chosen = np.arange(int(points.sum())) + np.repeat(
+        points_read = np.arange(int(points.sum())) + np.repeat(
             self.first_point[rows] + first_step - offset, points
         )
         # A time that is rounded up to a whole second has one point more than the grid; its weight
         # is 0.
-        chosen = np.minimum(chosen, len(self.travel_s) - 1)
+        points_read = np.minimum(points_read, len(self.travel_s) - 1)
         return Sightlines(
             offset - first_step,
-            self.travel_s[chosen],
-            self.elevation_sine[chosen],
-            self.sight[chosen],
+            self.travel_s[points_read],
+            self.elevation_sine[points_read],
+            self.sight[points_read],
         )
 
     @classmethod
-    def joined(cls, parts: "list[Sightlines]") -> "Sightlines":
+    def joined(cls, sightlines: "list[Sightlines]") -> "Sightlines":
         """Return the lines of sight of all parts, in order; the list is emptied, so that no column
         is twice in memory but the one that is joined."""
-        starts = np.cumsum([0, *(len(part.travel_s) for part in parts)])[:-1]
+        starts = np.cumsum([0, *(len(piece.travel_s) for piece in sightlines)])[:-1]
         columns: dict[str, list[NDArray[Any]]] = {
             "first_point": [
-                part.first_point + start for part, start in zip(parts, starts, strict=True)
+                piece.first_point + start for piece, start in zip(sightlines, starts, strict=True)
             ],
-            "travel_s": [part.travel_s for part in parts],
-            "elevation_sine": [part.elevation_sine for part in parts],
-            "sight": [part.sight for part in parts],
+            "travel_s": [piece.travel_s for piece in sightlines],
+            "elevation_sine": [piece.elevation_sine for piece in sightlines],
+            "sight": [piece.sight for piece in sightlines],
         }
-        parts.clear()
+        sightlines.clear()
         empty = {"first_point": np.empty(0, np.int64), "sight": np.empty(0, np.uint8)}
         return cls(
             **{
@@ -190,11 +190,11 @@ class Grid:
         self, cells: IntArray, start_s: FloatArray, stop_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return each pair's start and stop, limited to the first and last of the given cells."""
-        first = np.full(len(self.points), np.inf)
-        last = np.full(len(self.points), -np.inf)
-        np.minimum.at(first, self.pair[cells], self.time_s[cells])
-        np.maximum.at(last, self.pair[cells], self.time_s[cells] + GRID_STEP_S)
-        return np.maximum(start_s, first), np.minimum(stop_s, last)
+        first_s = np.full(len(self.points), np.inf)
+        last_s = np.full(len(self.points), -np.inf)
+        np.minimum.at(first_s, self.pair[cells], self.time_s[cells])
+        np.maximum.at(last_s, self.pair[cells], self.time_s[cells] + GRID_STEP_S)
+        return np.maximum(start_s, first_s), np.minimum(stop_s, last_s)
 
 
 @frozen(eq=False, repr=False)
@@ -213,16 +213,20 @@ class TargetPath:
         """Return the paths of targets (n,) to their ends (n,)."""
         start_s = targets.ignition_s[target]
         short_s = np.minimum(_END_STEP_S, end_s - start_s)
-        after = np.minimum(start_s + short_s, end_s)
-        before = np.maximum(end_s - short_s, start_s)
-        moved_in = targets.position_ecef_m(target, after) - targets.position_ecef_m(target, start_s)
-        moved_out = targets.position_ecef_m(target, end_s) - targets.position_ecef_m(target, before)
+        next_s = np.minimum(start_s + short_s, end_s)
+        previous_s = np.maximum(end_s - short_s, start_s)
+        moved_in = targets.position_ecef_m(target, next_s) - targets.position_ecef_m(
+            target, start_s
+        )
+        moved_out = targets.position_ecef_m(target, end_s) - targets.position_ecef_m(
+            target, previous_s
+        )
         return cls(
             targets,
             target,
             end_s,
-            moved_in / _step_s(start_s, after),
-            moved_out / _step_s(before, end_s),
+            moved_in / _step_s(start_s, next_s),
+            moved_out / _step_s(previous_s, end_s),
         )
 
     def take(self, rows: IntArray) -> "TargetPath":
@@ -240,9 +244,13 @@ class TargetPath:
         # Only the outer cells of a pair reach beyond the observed time.
         beyond = np.flatnonzero(time_s != within_s)
         if beyond.size:
-            who = pair[beyond]
+            pairs_beyond = pair[beyond]
             over_s = (time_s[beyond] - within_s[beyond])[:, None]
-            velocity = np.where(over_s < 0.0, self.velocity_in_m_s[who], self.velocity_out_m_s[who])
+            velocity = np.where(
+                over_s < 0.0,
+                self.velocity_in_m_s[pairs_beyond],
+                self.velocity_out_m_s[pairs_beyond],
+            )
             position = position.copy()  # it may be a trajectory's own
             position[beyond] += velocity * over_s
         return position

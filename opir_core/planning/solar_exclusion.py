@@ -16,7 +16,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import nadir_angle_rad
 from opir_core.geometry.sun import is_sunlit, sun_ecef_m
 from opir_core.geometry.vectors import angle_between_rad
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 
 #: By how much the times enclose an outage on both sides, s, and the error of its ends.
 _ALLOWANCE_S = 1.0
@@ -46,11 +46,11 @@ class SolarExclusion:
         from opir_core.orbits.sun_events import outage_times_s  # of sensors that may meet the Sun
 
         edges_s = np.append(np.arange(-_ALLOWANCE_S, end_s, _SPAN_S), end_s + _ALLOWANCE_S).tolist()
-        parts = [
+        pieces = [
             outage_times_s(sensor, epoch_us, *span, tolerance_s=_TOLERANCE_S)
             for span in pairwise(edges_s)
         ]
-        start_s, stop_s = np.concatenate(parts).T
+        start_s, stop_s = np.concatenate(pieces).T
         if not len(start_s):
             return None
         return cls(
@@ -84,9 +84,9 @@ def solar_exclusions(
 ) -> tuple[SolarExclusion | None, ...]:
     """Return the solar exclusion of each sensor in a scene, or None where it prevents no look."""
     is_free = _surely_free(sensors, epoch_us, end_s).tolist()
-    both = zip(sensors, is_free, strict=True)
+    rows = zip(sensors, is_free, strict=True)
     return tuple(
-        None if free else SolarExclusion.of(sensor, epoch_us, end_s) for sensor, free in both
+        None if free else SolarExclusion.of(sensor, epoch_us, end_s) for sensor, free in rows
     )
 
 
@@ -99,11 +99,14 @@ def _surely_free(sensors: Sequence[Sensor], epoch_us: int, end_s: float) -> Bool
     if not rows:
         return free
     middle_s = np.array([0.5 * end_s])
-    chosen = [sensors[row] for row in rows]
-    position_m = np.concatenate([sensor.orbit.position_ecef_m(middle_s) for sensor in chosen])
+    row_sensors = [sensors[row] for row in rows]
+    position_m = np.concatenate([sensor.orbit.position_ecef_m(middle_s) for sensor in row_sensors])
     sun_m = np.repeat(sun_ecef_m(middle_s, epoch_us), len(rows), axis=0)
     reach_rad = np.array(
-        [sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad for sensor in chosen]
+        [
+            sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
+            for sensor in row_sensors
+        ]
     )
     moved_rad = _SUN_RATE_RAD_S * (0.5 * end_s + _ALLOWANCE_S)
     free[rows] = nadir_angle_rad(position_m, sun_m) > reach_rad + moved_rad

@@ -8,7 +8,6 @@ from attrs import frozen
 
 from opir_core.host.boundary import owner_text
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band, Sensor, Trajectories
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
     Signatures,
@@ -16,6 +15,8 @@ from opir_core.interfaces.radiometric_models import (
     Sources,
     Transmittance,
 )
+from opir_core.interfaces.sensors import Band, Sensor
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.scene import Choice, Scene
 
 
@@ -34,9 +35,9 @@ def distinct_bands(sensors: Sequence[Sensor]) -> tuple[Band, ...]:
 
 
 def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
-    """Return what is built of each block of a scene's `sources`."""
+    """Return the built sources of each block of a scene."""
     bands = distinct_bands(sensors)
-    made = list[Sources]()
+    sources = list[Sources]()
     make_atmosphere = cache(partial(scene_atmosphere, scene, host, bands))
     for source in scene.sources:
         context = SourceContext(
@@ -51,10 +52,10 @@ def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[S
         owner = partial(owner_text, host, source.model)
         emitters = Sources.adopt(_built(host, source.model, context), owner)
         trajectories = Trajectories.adopt(emitters.trajectories, owner)
-        made.append(
+        sources.append(
             _Emitters(emitters.ids, trajectories, Signatures.adopt(emitters.signatures, owner))
         )
-    return tuple(made)
+    return tuple(sources)
 
 
 def scene_atmosphere(scene: Scene, host: Host, bands: tuple[Band, ...]) -> Transmittance:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import BoolArray, FloatArray, IndexArray
 from opir_core.errors import ModelError, kind_of
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
-from opir_core.interfaces.protocols import Trajectories
+from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.scene import TARGET_TYPES
 
 
@@ -59,8 +59,8 @@ class Targets:
         group = self.group[target]
         for number, trajectories in enumerate(self.trajectories):
             rows = np.flatnonzero(group == number)
-            found = trajectories.position_ecef_m(self.place[target[rows]], time_s[rows])
-            positions[rows] = _checked(found, len(rows))
+            of_model = trajectories.position_ecef_m(self.place[target[rows]], time_s[rows])
+            positions[rows] = _checked(of_model, len(rows))
         return positions
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
@@ -98,16 +98,16 @@ def join_targets(
     burnout_s = np.zeros(count)
     class_names = [""] * count
     burns_s = list[FloatArray]()
-    for number, (part, where) in enumerate(zip(trajectories, rows, strict=True)):
+    for number, (model_trajectories, where) in enumerate(zip(trajectories, rows, strict=True)):
         index = np.asarray(where, dtype=np.int64)
         group[index] = number
         place[index] = np.arange(len(index))
-        type_code[index] = part.type_code
-        ignition_s[index] = part.ignition_s
-        burnout_s[index] = part.burnout_s
-        end_s[index] = part.end_s
-        burns_s.append(part.burns_s)
-        for row, name in zip(where, part.class_names, strict=True):
+        type_code[index] = model_trajectories.type_code
+        ignition_s[index] = model_trajectories.ignition_s
+        burnout_s[index] = model_trajectories.burnout_s
+        end_s[index] = model_trajectories.end_s
+        burns_s.append(model_trajectories.burns_s)
+        for row, name in zip(where, model_trajectories.class_names, strict=True):
             class_names[row] = name
     return Targets(
         ids=tuple(ids),
@@ -123,13 +123,13 @@ def join_targets(
     )
 
 
-def _in_order(parts: Sequence[FloatArray], rows: Sequence[Sequence[int]]) -> FloatArray:
+def _in_order(columns: Sequence[FloatArray], rows: Sequence[Sequence[int]]) -> FloatArray:
     """Return the burns (n, k, 2) of all targets in the scene's order; `rows[g]` are the numbers of
     those of part g.
     """
-    if not parts:
+    if not columns:
         return np.empty((0, 1, 2))
-    own = joined_burns_s(parts)
-    burns_s = np.empty_like(own)
-    burns_s[np.concatenate([np.asarray(where, dtype=np.int64) for where in rows])] = own
+    burns = joined_burns_s(columns)
+    burns_s = np.empty_like(burns)
+    burns_s[np.concatenate([np.asarray(where, dtype=np.int64) for where in rows])] = burns
     return burns_s

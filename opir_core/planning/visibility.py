@@ -14,7 +14,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.sightlines import GRID_STEP_S, Blocked, Grid, Visibility, distance_m
 from opir_core.planning.solar_exclusion import SolarExclusion
 
@@ -146,11 +146,11 @@ def _certain(margin: FloatArray, guard: FloatArray, cells: IntArray) -> tuple[Bo
     """Return in which cells a margin is positive throughout, and in which it is negative
     throughout.
     """
-    early = margin[cells]
-    late = margin[cells + 1]
+    start_margin = margin[cells]
+    stop_margin = margin[cells + 1]
     bound = np.maximum(guard[cells], guard[cells + 1])
-    always: BoolArray = np.minimum(early, late) > bound
-    never: BoolArray = np.maximum(early, late) < -bound
+    always: BoolArray = np.minimum(start_margin, stop_margin) > bound
+    never: BoolArray = np.maximum(start_margin, stop_margin) < -bound
     return always, never
 
 

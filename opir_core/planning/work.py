@@ -12,15 +12,14 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
-from opir_core.interfaces.protocols import DetectionProbability, Sensor
+from opir_core.interfaces.detection_models import DetectionProbability
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.sightlines import Pairs
 from opir_core.scene.scene import WorkLimits
 
 #: Bytes of an event in the largest encoding, `forge` with type probabilities and three bands,
 #: rounded up.
 EVENT_BYTES = 2000
-
-_NS = 1_000_000_000
 
 
 @frozen
@@ -49,16 +48,16 @@ class Workload:
     def of_run(self) -> Work:
         """Return the work of the whole scene."""
         looks = float(self.pairs.looks.sum())
-        return Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / _NS)
+        return Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / 1e9)
 
     def of_cycle(self, cycle_ns: int) -> Work:
         """Return the most work of `cycle_ns` of scene time anywhere in the scene."""
         looks = most_looks(self.pairs, cycle_ns)
-        return Work(looks, looks + self._false_alarms_per_s().sum() * cycle_ns / _NS)
+        return Work(looks, looks + self._false_alarms_per_s().sum() * cycle_ns / 1e9)
 
     def looks_per_s(self) -> float:
         """Return an upper bound of the looks and false alarms in a second of scene time."""
-        return most_looks(self.pairs, _NS) + float(self._false_alarms_per_s().sum())
+        return most_looks(self.pairs, 1_000_000_000) + float(self._false_alarms_per_s().sum())
 
     def require_run(self) -> None:
         """Raise `SceneError` if the work of the whole scene is above the limits."""
@@ -66,7 +65,7 @@ class Workload:
 
     def accepts(self, looks: float) -> bool:
         """Return whether a run with `looks` looks is within the limits."""
-        work = Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / _NS)
+        work = Work(looks, looks + self._false_alarms_per_s().sum() * self.end_ns / 1e9)
         limits = self.limits
         return (
             work.looks <= limits.looks_per_run
@@ -79,18 +78,20 @@ class Workload:
         limits.
         """
         self._require(
-            self.of_cycle(cycle_ns), "cycle", f"a cycle of {cycle_ns / _NS:g} s of scene time has"
+            self.of_cycle(cycle_ns),
+            "cycle",
+            f"a cycle of {cycle_ns / 1e9:g} s of scene time has",
         )
 
     def _require(self, work: Work, span: str, subject: str) -> None:
         for name in ("looks", "events", "bytes"):
             limit = f"{name}_per_{span}"
             amount = getattr(work, name)
-            most = getattr(self.limits, limit)
-            if amount > most:
+            maximum = getattr(self.limits, limit)
+            if amount > maximum:
                 at_most = "" if name == "looks" else "up to "
                 text = (
-                    f"{subject} {at_most}{amount:.3g} {name}, and at most {most:.3g} are accepted;"
+                    f"{subject} {at_most}{amount:.3g} {name}, and at most {maximum:.3g} are accepted;"
                     f" {self._remedy(span)}"
                 )
                 raise SceneError([Problem(f"limits.{limit}", text)])
@@ -99,7 +100,7 @@ class Workload:
         """Return the remedy: a longer scan period of the sensor with the most looks and false
         alarms.
         """
-        work = self._false_alarms_per_s() * self.end_ns / _NS
+        work = self._false_alarms_per_s() * self.end_ns / 1e9
         np.add.at(work, self.pairs.sensor, self.pairs.looks.astype(np.float64))
         sensor = self.sensors[int(work.argmax())]
         shorter = "shorten duration_s" if span == "run" else "lower the speed or the cycle"
@@ -113,7 +114,7 @@ class Workload:
         rate = self.detection.rate_per_scan
         if rate is None:
             return np.zeros(len(self.sensors))
-        period_s = np.array([sensor.scan.period_ns for sensor in self.sensors]) / _NS
+        period_s = np.array([sensor.scan.period_ns for sensor in self.sensors]) / 1e9
         return np.asarray(rate, dtype=np.float64) / period_s
 
 
@@ -122,10 +123,10 @@ def most_looks(pairs: Pairs, duration_ns: int) -> float:
     pairs = pairs.take(np.flatnonzero(pairs.looks > 0))
     if not len(pairs):
         return 0.0
-    most = np.minimum(duration_ns // pairs.period_ns + 1, pairs.looks).astype(np.float64)
+    looks = np.minimum(duration_ns // pairs.period_ns + 1, pairs.looks).astype(np.float64)
     starts = pairs.phase_ns + pairs.first_scan * pairs.period_ns
     stops = pairs.phase_ns + pairs.last_scan * pairs.period_ns + duration_ns
     # A pair counts from its first look until its last look has left the interval; at equal times
     # starts come first.
     order = np.lexsort((np.repeat([0, 1], len(pairs)), np.concatenate([starts, stops])))
-    return float(np.cumsum(np.concatenate([most, -most])[order]).max())
+    return float(np.cumsum(np.concatenate([looks, -looks])[order]).max())

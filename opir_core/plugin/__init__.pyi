@@ -27,6 +27,7 @@ from opir_core.host.hookspecs import (
 from opir_core.host.host import (
     Host as Host,
 )
+from opir_core.interfaces.classification import Classifier as Classifier, Confidence as Confidence
 from opir_core.interfaces.contexts import (
     EncoderContext as EncoderContext,
     ModelContext as ModelContext,
@@ -36,6 +37,12 @@ from opir_core.interfaces.contexts import (
     SinkContext as SinkContext,
     TargetContext as TargetContext,
     TrackerContext as TrackerContext,
+)
+from opir_core.interfaces.detection_models import (
+    DetectionProbability as DetectionProbability,
+    Measured as Measured,
+    RandomDraws as RandomDraws,
+    Response as Response,
 )
 from opir_core.interfaces.file_contents import (
     FILE_CONTENTS as FILE_CONTENTS,
@@ -55,21 +62,6 @@ from opir_core.interfaces.outputs import (
     PartlySentError as PartlySentError,
     Sink as Sink,
     Transport as Transport,
-)
-from opir_core.interfaces.protocols import (
-    Band as Band,
-    Classifier as Classifier,
-    Confidence as Confidence,
-    DetectionProbability as DetectionProbability,
-    Measured as Measured,
-    Orbit as Orbit,
-    RandomDraws as RandomDraws,
-    ReportingStage as ReportingStage,
-    Response as Response,
-    ScanPattern as ScanPattern,
-    Sensor as Sensor,
-    Tracker as Tracker,
-    Trajectories as Trajectories,
 )
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext as AtmosphereContext,
@@ -102,6 +94,15 @@ from opir_core.interfaces.results import (
 from opir_core.interfaces.sensor_health import (
     SensorHealth as SensorHealth,
 )
+from opir_core.interfaces.sensors import (
+    Band as Band,
+    Orbit as Orbit,
+    ReportingStage as ReportingStage,
+    ScanPattern as ScanPattern,
+    Sensor as Sensor,
+)
+from opir_core.interfaces.trackers import Tracker as Tracker
+from opir_core.interfaces.trajectories import Trajectories as Trajectories
 from opir_core.scene.fields import (
     FieldInfo as FieldInfo,
     cited as cited,

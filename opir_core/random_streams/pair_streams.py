@@ -14,7 +14,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.random_streams.philox import (
     Reader,
     Stream,

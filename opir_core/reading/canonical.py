@@ -92,9 +92,9 @@ def _output_settings(choice: Choice) -> dict[str, Any]:
 def _settings(config: Any) -> dict[str, Any]:
     """Return a configuration's fields; of two alternatives, the one that is set."""
     kind: type = type(config)
-    every = [attribute.name for attribute in fields(kind) if attribute.init]
+    names = [attribute.name for attribute in fields(kind) if attribute.init]
     silent = {pair.plain for pair in alternatives(kind) if getattr(config, pair.other) is not None}
-    return {name: _plain(getattr(config, name)) for name in every if name not in silent}
+    return {name: _plain(getattr(config, name)) for name in names if name not in silent}
 
 
 def _plain(value: Any) -> Any:

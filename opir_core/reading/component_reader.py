@@ -194,19 +194,21 @@ class ComponentReader:
             pairs, block_of(supplied), _completed(component.config, block_of(supplied), written)
         )
         try:
-            made = _made(
+            result = _made(
                 reader, block, settings.block, beside, partial(self._home, component, settings)
             )
             self._require_names(component.config, block, path)
-            return made
+            return result
         except InvalidNode as refused:
             fault = _fault_of_default(component.config, block)
             if fault:
                 raise self.blamed(component, path, fault) from refused
-            theirs = {key_step(key): giver for key, giver in givers.items() if key not in written}
+            presets_of_key = {
+                key_step(key): giver for key, giver in givers.items() if key not in written
+            }
             complaints = [*complaints_inside(supplied), *refused.complaints]
             raise InvalidNode(
-                self._own_complaints(complaints, theirs, component, path)
+                self._own_complaints(complaints, presets_of_key, component, path)
             ) from refused
 
     def _preset_of_scene(self, component: Any) -> Mapping[str, Any]:
@@ -235,12 +237,12 @@ class ComponentReader:
     def _require_name(
         self, hook: str, name: str, node: Node, path: str, steps: Sequence[str]
     ) -> None:
-        known = self.names(hook)
-        if name not in known:
+        names = self.names(hook)
+        if name not in names:
             kind = CATALOGUE[hook].kind
             message = (
-                f"no {kind} is named {shown_text(name)}{nearest_words(name, known)}; there are"
-                f" {', '.join(known)}"
+                f"no {kind} is named {shown_text(name)}{nearest_words(name, names)}; there are"
+                f" {', '.join(names)}"
             )
             raise node.refused(message, at_key=len(steps) > 1)
         self.component(hook, name, f"{path}{''.join(steps)}")
@@ -322,10 +324,12 @@ def is_written_out(config_class: type, block: Mapping[str, Any]) -> bool:
     it.
     """
     pairs = alternatives(config_class)
-    other = {pair.plain: pair.other for pair in pairs} | {pair.other: pair.plain for pair in pairs}
+    counterpart = {pair.plain: pair.other for pair in pairs} | {
+        pair.other: pair.plain for pair in pairs
+    }
     names = [attribute.name for attribute in fields(config_class) if attribute.init]
     return len(names) >= _FEW_FIELDS and all(
-        name in block or other.get(name) in block for name in names
+        name in block or counterpart.get(name) in block for name in names
     )
 
 
@@ -337,20 +341,20 @@ def _written(component: Any, settings: Settings) -> dict[str, str]:
     count.
     """
     config_class = component.config
-    known = {
+    conditional = {
         key: node
         for key, node in settings.written.items()
         if key in conditional_fields(config_class)
     }
     if is_written_out(config_class, settings.written):
         usual = [_defaults(config_class), *component.presets.values()]
-        known = {
+        conditional = {
             key: node
-            for key, node in known.items()
-            if data_of_node(node) not in [each.get(key) for each in usual]
+            for key, node in conditional.items()
+            if data_of_node(node) not in [block.get(key) for block in usual]
         }
     return {"": _place_text(settings.block)} | {
-        path: place for key, node in known.items() for path, place in _places(key, node)
+        path: place for key, node in conditional.items() for path, place in _places(key, node)
     }
 
 
@@ -360,13 +364,13 @@ def conditional_fields(config_class: type) -> frozenset[str]:
     are not.
     """
     hints = get_type_hints(config_class)
-    found = set[str]()
+    names = set[str]()
     for attribute in fields(config_class):
         info = info_of(attribute)
         inner = nested_config(hints[attribute.name])
         if info.subject or info.read_if or (inner is not None and conditional_fields(inner)):
-            found.add(attribute.name)
-    return frozenset(found)
+            names.add(attribute.name)
+    return frozenset(names)
 
 
 @cache
@@ -471,11 +475,13 @@ def _completed(
         return completed
     hints = get_type_hints(config_class)
     for key, node in upper.items():
-        given = lower[key].value if key in lower else None
+        lower_value = lower[key].value if key in lower else None
         inner = nested_config(hints[key]) if key in hints else None
-        if inner is not None and isinstance(given, dict) and isinstance(node.value, dict):
-            settings = _completed(inner, given, node.value)
-            completed[key] = evolve(node, value=_laid_over(alternatives(inner), given, settings))
+        if inner is not None and isinstance(lower_value, dict) and isinstance(node.value, dict):
+            settings = _completed(inner, lower_value, node.value)
+            completed[key] = evolve(
+                node, value=_laid_over(alternatives(inner), lower_value, settings)
+            )
     return completed
 
 
@@ -487,9 +493,11 @@ def _fitting(
     """
     fitting = dict(supplied)
     for name, info in field_infos(config_class).items():
-        known = written[info.keys_of].value if info.keys_of in written else None
-        if isinstance(known, dict) and name in supplied:
-            fitting[name] = {key: value for key, value in supplied[name].items() if key in known}
+        keyed_values = written[info.keys_of].value if info.keys_of in written else None
+        if isinstance(keyed_values, dict) and name in supplied:
+            fitting[name] = {
+                key: value for key, value in supplied[name].items() if key in keyed_values
+            }
     return fitting
 
 
@@ -498,17 +506,19 @@ def _set_names(pair: Alternatives, block: Mapping[str, Any]) -> list[str]:
     values = {name: block.get(name) for name in (pair.plain, pair.other)}
     return [
         name
-        for name, one in values.items()
-        if (one.value if isinstance(one, Node) else one) is not None
+        for name, setting in values.items()
+        if (setting.value if isinstance(setting, Node) else setting) is not None
     ]
 
 
 def _preset(component: Any, node: Node) -> Mapping[str, Any]:
     name = read_text(node)
     if name not in component.presets:
-        known = (
+        presets = (
             f"it has {', '.join(sorted(component.presets))}" if component.presets else "it has none"
         )
-        message = f"the {component.kind} {component.name} has no preset {shown_text(name)}; {known}"
+        message = (
+            f"the {component.kind} {component.name} has no preset {shown_text(name)}; {presets}"
+        )
         raise InvalidNode([Complaint(message, node.place, (".preset",))])
     return component.presets[name]

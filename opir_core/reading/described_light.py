@@ -56,10 +56,10 @@ class LightFinder:
                 yield from self._in_choice(key, self._nodes[key])
         if _items(self._nodes.get("sources")):
             yield Description((".sources",), self._nodes["sources"])
-        for index, item in enumerate(_items(self._nodes.get("sensors"))):
-            yield from (one.under(".sensors", index_step(index)) for one in self._in_sensor(item))
-        for index, item in enumerate(_items(self._nodes.get("targets"))):
-            yield from (one.under(".targets", index_step(index)) for one in self._in_target(item))
+        for key, described in (("sensors", self._in_sensor), ("targets", self._in_target)):
+            for index, item in enumerate(_items(self._nodes.get(key))):
+                steps = key_step(key), index_step(index)
+                yield from (description.under(*steps) for description in described(item))
         if "detection" in self._nodes:
             yield from self._in_detection(self._nodes["detection"])
         models = [self._model_of(_block(item)) for item in _items(self._nodes.get("sensors"))]
@@ -67,9 +67,7 @@ class LightFinder:
             yield Description((".preset",), self._nodes["preset"])
 
     def _in_choice(self, key: str, node: Node) -> Iterator[Description]:
-        """Yield what a chosen component describes; nothing for the one that a scene has without
-        naming it.
-        """
+        """Yield the light that a chosen component describes; the default of a scene describes none."""
         hook, default = CHOICES[key]
         block = _block(node)
         name = block.get("model", node).value
@@ -93,7 +91,7 @@ class LightFinder:
             yield from _in_settings(model, block)
         for index, member in enumerate(_items(block.get("members"))):
             inside = self._in_sensor(member)
-            yield from (one.under(".members", index_step(index)) for one in inside)
+            yield from (description.under(".members", index_step(index)) for description in inside)
 
     def _model_of(self, block: Mapping[str, Node]) -> SensorModel | None:
         """Return the sensor model of a block, that of its constellation where it names one; None if
@@ -121,9 +119,9 @@ class LightFinder:
         have.
         """
         model = self._component(DetectionModel.hook, WITHOUT_LIGHT)
-        known = ("model", *(field_infos(model.config) if model is not None else ()))
+        keys = ("model", *(field_infos(model.config) if model is not None else ()))
         for key, setting in _block(node).items():
-            if key not in known:
+            if key not in keys:
                 yield Description((".detection", key_step(key)), setting)
 
     def _component(self, hook: str, name: object) -> Any:

@@ -129,22 +129,16 @@ def _text_of_file(source: str) -> str:
     raw = _bytes_of_file(source)
     for mark, encoding in _BYTE_ORDER_MARKS.items():
         if raw.startswith(mark):
-            raise InvalidNode(
-                [
-                    Complaint(
-                        f"begins with a byte-order mark of {encoding}; save it as UTF-8 without one"
-                    )
-                ]
+            raise _invalid(
+                f"begins with a byte-order mark of {encoding}; save it as UTF-8 without one"
             )
     if b"\0" in raw:
-        raise InvalidNode([Complaint("is not text: it contains zero bytes")])
+        raise _invalid("is not text: it contains zero bytes")
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise InvalidNode(
-            [Complaint(f"is not UTF-8: byte 0x{raw[error.start]:02x} in line {line}")]
-        ) from None
+        raise _invalid(f"is not UTF-8: byte 0x{raw[error.start]:02x} in line {line}") from None
 
 
 def _bytes_of_file(source: str) -> bytes:
@@ -157,22 +151,21 @@ def _bytes_of_file(source: str) -> bytes:
             if link.is_symlink()
             else ""
         )
-        raise InvalidNode([Complaint(words or "there is no such file")]) from None
+        raise _invalid(words or "there is no such file") from None
     except IsADirectoryError:
-        raise InvalidNode([Complaint("is a directory; a scene is a file")]) from None
+        raise _invalid("is a directory; a scene is a file") from None
     except (OSError, ValueError) as error:
         words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InvalidNode([Complaint(f"cannot be read: {words}")]) from None
+        raise _invalid(f"cannot be read: {words}") from None
     if len(raw) > MAXIMUM_FILE_BYTES:
-        raise InvalidNode(
-            [
-                Complaint(
-                    f"is larger than {MAXIMUM_FILE_BYTES} bytes, the most that a scene file may"
-                    f" have"
-                )
-            ]
+        raise _invalid(
+            f"is larger than {MAXIMUM_FILE_BYTES} bytes, the most that a scene file may have"
         )
     return raw
+
+
+def _invalid(message: str) -> InvalidNode:
+    return InvalidNode([Complaint(message)])
 
 
 def _scene_error(complaints: Iterable[Complaint], source: str) -> SceneError:
@@ -213,7 +206,7 @@ def _apply(root: Node, override: str, default_name: DefaultName | None) -> None:
     is_secret = _SECRET.search(path.rpartition(".")[2])
     shown = f"override {shown_text(f'{path}=...' if is_secret else override)}"
     if not equals:
-        raise InvalidNode([Complaint(f"{shown} has no '='; write path=value")])
+        raise _invalid(f"{shown} has no '='; write path=value")
     steps = _steps(path.strip(), shown)
     value = _value(text.strip(), shown)
     if default_name is not None and steps[0] in CHOICES:
@@ -229,18 +222,14 @@ def _steps(path: str, shown: str) -> list[_Step]:
     steps: list[_Step] = []
     at = 0
     dotted = f".{path}"
-    while found := _STEP.match(dotted, at):
+    while step := _STEP.match(dotted, at):
         steps.append(
-            found[1] if found[1] is not None else int(found[2]) if found[2] is not None else None
+            step[1] if step[1] is not None else int(step[2]) if step[2] is not None else None
         )
-        at = found.end()
+        at = step.end()
     if at < len(dotted) or not steps:
-        raise InvalidNode(
-            [
-                Complaint(
-                    f"{shown}: {shown_text(path)} is not a scene path; write it like sensors[0].id"
-                )
-            ]
+        raise _invalid(
+            f"{shown}: {shown_text(path)} is not a scene path; write it like sensors[0].id"
         )
     return steps
 
@@ -250,13 +239,11 @@ def _value(text: str, shown: str) -> Node:
     {...} of YAML.
     """
     if not text:
-        raise InvalidNode(
-            [Complaint(f"{shown} has no value; write null for none, or '' for empty text")]
-        )
+        raise _invalid(f"{shown} has no value; write null for none, or '' for empty text")
     if text[0] not in _YAML:
         return node_of_scalar(text, shown)
     if not text.endswith(_YAML[text[0]]):
-        raise InvalidNode([Complaint(f"{shown}: text that begins with {text[0]} needs quotes")])
+        raise _invalid(f"{shown}: text that begins with {text[0]} needs quotes")
     try:
         return node_of_yaml(text, shown)
     except InvalidNode as refused:
@@ -270,9 +257,9 @@ def _open_choice(root: Node, steps: Sequence[_Step], default_name: DefaultName, 
     key = steps[0]
     if len(steps) == 1 or not isinstance(key, str) or not isinstance(root.value, dict):
         return
-    chosen = root.value.get(key) or Node(default_name(key, root.value), shown)
-    if type(chosen.value) is str and chosen.value:
-        root.value[key] = Node({"model": chosen}, chosen.place, chosen.key_place)
+    choice = root.value.get(key) or Node(default_name(key, root.value), shown)
+    if type(choice.value) is str and choice.value:
+        root.value[key] = Node({"model": choice}, choice.place, choice.key_place)
 
 
 def _set(node: Node, steps: Sequence[_Step], value: Node, shown: str, path: str = "") -> None:
@@ -303,39 +290,29 @@ def _set(node: Node, steps: Sequence[_Step], value: Node, shown: str, path: str 
 def _entry(node: Node, key: str, path: str, shown: str) -> Node:
     """Return the value of a key, an empty block where there is none."""
     if not isinstance(node.value, dict):
-        raise InvalidNode(
-            [Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")]
-        )
+        raise _invalid(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")
     return node.value.setdefault(key, Node({}, shown, shown))
 
 
 def _count(node: Node, path: str, shown: str) -> int:
     """Return the number of items that `[*]` stands for, at least one."""
     if not isinstance(node.value, list) or not node.value:
-        what = "an empty list" if isinstance(node.value, list) else _kind(node)
-        raise InvalidNode(
-            [Complaint(f"{shown}: {path or 'the scene'} is {what}, which has no items for [*]")]
+        description = "an empty list" if isinstance(node.value, list) else _kind(node)
+        raise _invalid(
+            f"{shown}: {path or 'the scene'} is {description}, which has no items for [*]"
         )
     return len(node.value)
 
 
 def _item(node: Node, index: int, path: str, shown: str) -> Node:
     if not isinstance(node.value, list):
-        raise InvalidNode(
-            [
-                Complaint(
-                    f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no item {index}"
-                )
-            ]
+        raise _invalid(
+            f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no item {index}"
         )
     count = len(node.value)
     if index >= count:
-        raise InvalidNode(
-            [
-                Complaint(
-                    f"{shown}: {path} has {count} item{'s' if count != 1 else ''}, numbered from 0"
-                )
-            ]
+        raise _invalid(
+            f"{shown}: {path} has {count} item{'s' if count != 1 else ''}, numbered from 0"
         )
     return node.value[index]
 

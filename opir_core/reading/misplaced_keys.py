@@ -68,29 +68,30 @@ def home_elsewhere(key: str, host: Host) -> str:
     """Return where in a scene a key belongs, as text; "" if nowhere."""
     if any(key == attribute.name for attribute in fields(SceneFile)):
         return "it belongs to the top level of the scene"
-    known = [
-        owners for owners in (_owners(key, host, hook) for hook in _BLOCKS) if owners is not None
+    homes = [
+        f"{owners} (in {_BLOCKS[hook]})"
+        for hook in _BLOCKS
+        if (owners := _owners(key, host, hook)) is not None
     ]
-    homes = [f"{owners} (in {_BLOCKS[owners.hook]})" for owners in known]
     return f"it belongs to {listed(homes, 'or')}" if homes else ""
 
 
-def listed(words: Sequence[str], last: str) -> str:
+def listed(words: Sequence[str], conjunction: str) -> str:
     """Return words as a list in a sentence: `a`, `a or b`, `a, b or c`."""
-    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    return f" {conjunction} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _owners(key: str, host: Host, hook: str) -> Owners | None:
     """Return the models of a kind that have a key; those that have it in the outermost block, if
     any.
     """
-    found = {
+    owners = {
         component.name: list(_blocks_with(key, component)) for component in _usable(host, hook)
     }
-    outermost = [name for name, blocks in found.items() if "" in blocks]
+    outermost = [name for name, blocks in owners.items() if "" in blocks]
     if outermost:
         return Owners(hook, outermost, "")
-    inside = {name: blocks[0] for name, blocks in found.items() if blocks}
+    inside = {name: blocks[0] for name, blocks in owners.items() if blocks}
     block = next(iter(inside.values()), "")
     return (
         Owners(hook, [name for name in inside if inside[name] == block], block) if inside else None

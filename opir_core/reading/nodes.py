@@ -5,7 +5,7 @@ every error message has a place.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import Enum
 from typing import Any
@@ -137,6 +137,17 @@ class ErrorCollector:
             raise InvalidNode(self.complaints)
 
 
+def read_each(items: Iterable["Node"], read: Callable[[int, "Node"], Any]) -> list[Any]:
+    """Return the values of `read(index, item)`; raises the errors of all items together."""
+    collector = ErrorCollector()
+    values = []
+    for index, item in enumerate(items):
+        with collector.at(index_step(index)):
+            values.append(read(index, item))
+    collector.require_whole()
+    return values
+
+
 class _Gather:
     """The `with` block of `ErrorCollector.at`; a class for speed, because a scene enters one for
     every value.
@@ -192,9 +203,11 @@ def shown_text(text: str) -> str:
 
 def unprintable_complaint(text: str) -> str | None:
     """Return the error in the characters of a text, or None."""
-    found = _NOT_TEXT.search(text)
+    character = _NOT_TEXT.search(text)
     return (
-        f"{shown_text(text)} contains U+{ord(found[0]):04X}, which is not text" if found else None
+        f"{shown_text(text)} contains U+{ord(character[0]):04X}, which is not text"
+        if character
+        else None
     )
 
 
@@ -212,7 +225,7 @@ def ordered(complaints: Iterable[Complaint]) -> list[Complaint]:
     """
     return sorted(
         dict.fromkeys(complaints),
-        key=lambda one: (0, one.place) if isinstance(one.place, tuple) else (1,),
+        key=lambda complaint: (0, complaint.place) if isinstance(complaint.place, tuple) else (1,),
     )
 
 

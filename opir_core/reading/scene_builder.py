@@ -21,6 +21,7 @@ from opir_core.reading.nodes import (
     Node,
     index_step,
     key_step,
+    read_each,
     under,
 )
 from opir_core.reading.scene_schema import (
@@ -93,12 +94,18 @@ class SensorReader:
                         with under(key_step(key)):
                             raise unknown_key(key, value, _NAMING_KEYS)
                 raise node.refused("names neither a model nor a constellation")
-            return [SceneSensor(*self._identifier.identified(node, path, _SENSOR_KEYS, path))]
+            return [self._sensor(node, path, path)]
         with under(".constellation"):
             name = component_name(block.pop("constellation"))
         if "members" in block:
             return self._members(block, name, path)
         return self._fleet(node, block, name, path)
+
+    def _sensor(
+        self, node: Node, path: str, choice_path: str, constellation: str | None = None
+    ) -> SceneSensor:
+        own_id, choice = self._identifier.identified(node, path, _SENSOR_KEYS, choice_path)
+        return SceneSensor(own_id, choice, constellation)
 
     def _of_file(self, node: Node, block: dict[str, Node], path: str) -> list[SceneSensor]:
         """Return a sensor for each satellite of a file."""
@@ -109,10 +116,8 @@ class SensorReader:
         _refuse(block, ("id", "orbit"), "a fleet brings the {} of its sensors", collector)
         for satellite in satellites:
             with collector.at():
-                own = evolve(node, value={**block, **block_of(satellite)})
-                sensors.append(
-                    SceneSensor(*self._identifier.identified(own, path, _SENSOR_KEYS, path))
-                )
+                satellite_node = evolve(node, value={**block, **block_of(satellite)})
+                sensors.append(self._sensor(satellite_node, path, path))
         collector.require_whole()
         return sensors
 
@@ -120,19 +125,17 @@ class SensorReader:
         """Return a constellation with explicit members, as `scene_mapping` writes it."""
         collector = ErrorCollector()
         sensors = list[SceneSensor]()
-        others = [key for key in block if key != "members"]
-        _refuse(block, others, "is not allowed beside members; write it in each member", collector)
+        extra_keys = [key for key in block if key != "members"]
+        _refuse(
+            block, extra_keys, "is not allowed beside members; write it in each member", collector
+        )
         with collector.at(".members"):
             if not items_of(block["members"]):
                 raise block["members"].refused("a constellation has at least one member")
-            for index, item in enumerate(items_of(block["members"])):
-                with collector.at(".members", index_step(index)):
-                    own_path = f"{path}.members[{index}]"
-                    sensors.append(
-                        SceneSensor(
-                            *self._identifier.identified(item, own_path, _SENSOR_KEYS, path), name
-                        )
-                    )
+            sensors = read_each(
+                items_of(block["members"]),
+                lambda index, item: self._sensor(item, f"{path}.members[{index}]", path, name),
+            )
         collector.require_whole()
         return sensors
 
@@ -160,14 +163,14 @@ class SensorReader:
         settings: Settings,
         path: str,
     ) -> SceneSensor:
-        given = dict(satellite)
-        own_id = given.pop("id")
+        block = dict(satellite)
+        own_id = block.pop("id")
         if not is_id(own_id):
             raise self._components.blamed(
                 constellation, path, f"{own_id!r} is not an id; {ID_RULE}"
             )
         self._identifier.claimed(own_id, path, settings.block)
-        settings = evolve(settings, given=given, giver=constellation, other_keys=_FLEET_KEYS)
+        settings = evolve(settings, given=block, giver=constellation, other_keys=_FLEET_KEYS)
         choice = self._components.choice(_MODELS, constellation.model, path, settings)
         return SceneSensor(own_id, choice, constellation.name)
 
@@ -219,11 +222,11 @@ class SceneBuilder:
                 root, self.collector, home=self.components.home_elsewhere
             )
         self.components.preset = values.get("preset")
-        chosen = self._chosen_detection(block_of(root))
-        parts = self._parts(values, chosen)
-        if chosen.problem is not None and not self.components.failures:
-            with self.collector.at(*chosen.steps):
-                raise chosen.problem
+        detection = self._chosen_detection(block_of(root))
+        fields = self._parts(values, detection)
+        if detection.problem is not None and not self.components.failures:
+            with self.collector.at(*detection.steps):
+                raise detection.problem
         if not self.collector.is_whole or self.components.failures:
             return None
         file = SceneFile(**values)
@@ -240,24 +243,24 @@ class SceneBuilder:
             limits=file.limits,
             allow_implausible=file.allow_implausible,
             written={name: value for name, value in values.items() if value != _DEFAULTS[name]},
-            **parts,
+            **fields,
         )
 
     def _chosen_detection(self, nodes: Mapping[str, Any]) -> ChosenDetection:
         """Return the detection model of a scene: the one it names, or what `auto` comes to."""
         if "detection" in nodes:
-            given = nodes["detection"]
-            named = given.value.get("model") if isinstance(given.value, dict) else given
+            written = nodes["detection"]
+            named = written.value.get("model") if isinstance(written.value, dict) else written
             name = named.value if isinstance(named, Node) else None
             if name != AUTO:
                 # What names no model is refused when it is read.
                 return ChosenDetection(name if isinstance(name, str) and name else WITHOUT_LIGHT)
-        found = LightFinder(self.components, nodes).first()
-        if found is None:
+        description = LightFinder(self.components, nodes).first()
+        if description is None:
             return ChosenDetection(WITHOUT_LIGHT, "the scene describes no light")
         models = self.components.readers_of(LIGHT, CHOICES["detection"][0])
         if len(models) == 1:
-            return ChosenDetection(models[0], f"the scene describes light: {found.path}")
+            return ChosenDetection(models[0], f"the scene describes light: {description.path}")
         remedy = (
             f"choose one of {', '.join(models)}"
             if models
@@ -265,34 +268,38 @@ class SceneBuilder:
         )
         words = f"describes light, which needs a detection model that reads it: {remedy}"
         return ChosenDetection(
-            WITHOUT_LIGHT, "", found.steps, found.node.refused(words, at_key=True)
+            WITHOUT_LIGHT, "", description.steps, description.node.refused(words, at_key=True)
         )
 
-    def _parts(self, values: dict[str, Any], chosen: ChosenDetection) -> dict[str, Any]:
+    def _parts(self, values: dict[str, Any], detection: ChosenDetection) -> dict[str, Any]:
         """Return the parts of the scene, read from its blocks."""
-        parts: dict[str, Any] = {"targets": (), "sources": (), "outputs": ()}
-        if chosen.reason or chosen.problem is not None:
-            values["detection"] = _renamed(values.get("detection"), chosen.name)
-        self.components.subjects = self.components.subjects_of(CHOICES["detection"][0], chosen.name)
+        fields: dict[str, Any] = {"targets": (), "sources": (), "outputs": ()}
+        if detection.reason or detection.problem is not None:
+            values["detection"] = _renamed(values.get("detection"), detection.name)
+        self.components.subjects = self.components.subjects_of(
+            CHOICES["detection"][0], detection.name
+        )
         if values.get("forces") is not None:
             with self.collector.at(key_step("forces")):
-                parts["forces"] = read_forces(values["forces"])
+                fields["forces"] = read_forces(values["forces"])
         lists = {
             "sensors": SensorReader(self.components, values.get("epoch")).sensors,
             "targets": TargetReader(self.components, values.get("duration_s")).targets,
-            "sources": lambda node: SourceReader(self.components, parts["targets"]).sources(node),
+            "sources": lambda node: SourceReader(self.components, fields["targets"]).sources(node),
             "outputs": self._outputs,
         }
         for key, read in lists.items():
             if key in values:
                 with self.collector.at(key_step(key)):
-                    parts[key] = read(values[key])
+                    fields[key] = read(values[key])
         for key, (hook, _) in CHOICES.items():
             with self.collector.at(key_step(key)):
-                parts[key] = self._model(hook, values.get(key), key, self.default_name(key, values))
-        if chosen.reason and "detection" in parts:
-            parts["detection"] = evolve(parts["detection"], reason=chosen.reason, written={})
-        return parts
+                fields[key] = self._model(
+                    hook, values.get(key), key, self.default_name(key, values)
+                )
+        if detection.reason and "detection" in fields:
+            fields["detection"] = evolve(fields["detection"], reason=detection.reason, written={})
+        return fields
 
     def default_name(self, key: str, nodes: Mapping[str, Any]) -> str:
         """Return the name that a key has if the scene names none; a detection model may bring its
@@ -318,26 +325,21 @@ class SceneBuilder:
         return evolve(choice, written={}) if is_usual else choice
 
     def _outputs(self, node: Node) -> tuple[Choice, ...]:
-        collector = ErrorCollector()
-        outputs = list[Choice]()
-        for index, item in enumerate(items_of(node)):
-            with collector.at(index_step(index)):
-                choice = self._output(item, f"outputs[{index}]")
-                # Looked up here, so that a missing encoder is reported with the other errors.
-                name = getattr(choice.config, "encoder", None)
-                if isinstance(name, str):
-                    self.components.component(_ENCODERS, name, f"{choice.path}.encoder")
-                path = getattr(choice.config, "path", None)
-                for other in outputs:
-                    if (
-                        path is not None
-                        and other.name == choice.name
-                        and getattr(other.config, "path", None) == path
-                    ):
-                        raise item.refused(f"{other.path} writes to {path!r} already")
-                outputs.append(choice)
-        collector.require_whole()
-        return tuple(outputs)
+        taken = dict[tuple[str, Any], str]()
+
+        def read(index: int, item: Node) -> Choice:
+            choice = self._output(item, f"outputs[{index}]")
+            # Looked up here, so that a missing encoder is reported with the other errors.
+            name = getattr(choice.config, "encoder", None)
+            if isinstance(name, str):
+                self.components.component(_ENCODERS, name, f"{choice.path}.encoder")
+            path = getattr(choice.config, "path", None)
+            owner = taken.setdefault((choice.name, path), choice.path)
+            if path is not None and owner != choice.path:
+                raise item.refused(f"{owner} writes to {path!r} already")
+            return choice
+
+        return tuple(read_each(items_of(node), read))
 
     def _output(self, node: Node, path: str) -> Choice:
         if isinstance(node.value, str):
@@ -358,8 +360,8 @@ class SceneBuilder:
             spooled = {"spool": settings.pop("spool")} if "spool" in settings else {}
             collector = ErrorCollector()
             with collector.at():
-                chosen = Settings(node, settings, other_keys=("preset", "spool"))
-                choice = self.components.choice(_SINKS, name, path, chosen)
+                sink_settings = Settings(node, settings, other_keys=("preset", "spool"))
+                choice = self.components.choice(_SINKS, name, path, sink_settings)
             with collector.at():
                 spool = {key: _spool_settings(block) for key, block in spooled.items()}
             collector.require_whole()

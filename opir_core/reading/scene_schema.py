@@ -185,10 +185,10 @@ def epoch_us_of_text(text: str) -> int:
     Raises `ValueError`, with words for the user, for any other form, for a moment that does not
     exist (a leap second is none here) and for years outside 1970 to 2099.
     """
-    found = _FORM.fullmatch(text)
-    if found is None:
+    match = _FORM.fullmatch(text)
+    if match is None:
         raise ValueError(f"{text!r} is not a time; write it like {_EXAMPLE}")
-    *whole, fraction, zone = found.groups()
+    *date, fraction, zone = match.groups()
     if zone != "Z":
         raise ValueError(
             f"{text!r} is not in UTC; write the time in UTC, ended by Z, like {_EXAMPLE}"
@@ -196,7 +196,7 @@ def epoch_us_of_text(text: str) -> int:
     if fraction and len(fraction) > 6:
         raise ValueError(f"{text!r} is finer than a microsecond")
     try:
-        moment = datetime(*(int(part) for part in whole), tzinfo=UTC)  # type: ignore[misc,arg-type]
+        moment = datetime(*(int(number) for number in date), tzinfo=UTC)  # type: ignore[misc,arg-type]
     except ValueError as error:
         raise ValueError(f"{text!r} is not a time that exists") from error
     if not _FIRST_YEAR <= moment.year <= _LAST_YEAR:

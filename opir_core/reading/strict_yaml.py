@@ -62,7 +62,8 @@ _ODD = (
     (
         re.compile(r"[-+]?0[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]+)?"),
         (
-            "{0} begins with a zero, which is octal to some YAML readers; leave it out, or write '{0}'"
+            "{0} begins with a zero, which is octal to some YAML readers; leave it out, or write"
+            " '{0}'"
             " in quotes for text"
         ),
     ),
@@ -84,7 +85,7 @@ def plain_value(text: str) -> Any:
 
 
 def quoted_value(text: str) -> str:
-    """Return a text as it is; raises `ValueError` where it holds what is not text."""
+    """Return a text unchanged; raises `ValueError` for unprintable characters."""
     complaint = unprintable_complaint(text)
     if complaint:
         raise ValueError(complaint)
@@ -226,9 +227,9 @@ class _Composer:
                 )
 
     def stop(self, message: str, mark: Any) -> None:
-        """Raise what is wrong with the text, after what was wrong before."""
-        known = complaints_inside(self.root) if self.root else ()
-        raise InvalidNode([*known, Complaint(message, self._place(mark))])
+        """Raise the error of the text, after the earlier ones."""
+        complaints = complaints_inside(self.root) if self.root else ()
+        raise InvalidNode([*complaints, Complaint(message, self._place(mark))])
 
     def _scalar(self, event: yaml.ScalarEvent) -> Node:
         plain = event.implicit[0]
@@ -254,9 +255,11 @@ class _Composer:
         if event.tag is None and event.anchor is None:
             return ()
         tag = (event.tag or "").replace("tag:yaml.org,2002:", "!!")
-        what = f"tags ({tag})" if tag else f"anchors (&{event.anchor})"
+        feature = f"tags ({tag})" if tag else f"anchors (&{event.anchor})"
         return (
-            Complaint(f"{what} are not read; write the plain value", self._place(event.start_mark)),
+            Complaint(
+                f"{feature} are not read; write the plain value", self._place(event.start_mark)
+            ),
         )
 
     def _unreadable(self, message: str, event: Any) -> Node:
@@ -280,7 +283,7 @@ class _Composer:
                 self._set(self._open[-1], key, key_place, node)
 
     def _key(self, node: Node) -> str | None:
-        """Return the key that a node makes; None, with a complaint, where it is no text."""
+        """Return the key of a node; None, with a complaint, unless it is text."""
         self._open[-1].complaints = (*self._open[-1].complaints, *node.complaints)
         if type(node.value) is str and node.written != "<<":
             return node.value
@@ -297,9 +300,9 @@ class _Composer:
 
     def _set(self, block: Node, key: str, key_place: Place, node: Node) -> None:
         node.key_place = key_place
-        first = block.value.setdefault(key, node)
-        if first is not node:
-            where = f"; the first is in {place_text(first.key_place)}" if first.key_place else ""
+        value = block.value.setdefault(key, node)
+        if value is not node:
+            where = f"; the first is in {place_text(value.key_place)}" if value.key_place else ""
             complaint = Complaint(f"the key is written twice{where}", key_place, (key_step(key),))
             block.complaints = (*block.complaints, complaint)
 
@@ -311,16 +314,18 @@ class _Composer:
 
 
 def _refuse_unprintable(text: str, origin: str | None) -> None:
-    found = re.search("\t", text) or _UNPRINTABLE.search(text)
-    if found is None:
+    character = re.search("\t", text) or _UNPRINTABLE.search(text)
+    if character is None:
         return
-    line = text.count("\n", 0, found.start()) + 1
-    place = origin or (line, found.start() - text.rfind("\n", 0, found.start()))
-    if found[0] == "\t":
+    line = text.count("\n", 0, character.start()) + 1
+    place = origin or (line, character.start() - text.rfind("\n", 0, character.start()))
+    if character[0] == "\t":
         raise InvalidNode(
             [Complaint("a tab stands here; scenes are indented and spaced with blanks", place)]
         )
-    raise InvalidNode([Complaint(f"U+{ord(found[0]):04X} stands here, which is not text", place)])
+    raise InvalidNode(
+        [Complaint(f"U+{ord(character[0]):04X} stands here, which is not text", place)]
+    )
 
 
 def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, Any]:
@@ -328,11 +333,11 @@ def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, 
     place.
     """
     problem = error.problem or "this does not follow the rules of YAML"
-    said = next((ours for theirs, ours in _SYNTAX if theirs in problem), problem)
+    words = next((text for pattern, text in _SYNTAX if pattern in problem), problem)
     begun = error.context_mark
     mark = error.problem_mark or error.context_mark
     if not has_lines or begun is None or mark is None or begun.line == mark.line:
-        return f"not YAML: {said}", mark
+        return f"not YAML: {words}", mark
     if "expected ':'" in problem:
-        return f"not YAML: {said}", begun
-    return f"not YAML: {said}, in the block that begins in line {begun.line + 1}", mark
+        return f"not YAML: {words}", begun
+    return f"not YAML: {words}, in the block that begins in line {begun.line + 1}", mark

@@ -21,8 +21,8 @@ from opir_core.reading.nodes import (
     InvalidNode,
     Node,
     SwitchWord,
-    index_step,
     key_step,
+    read_each,
     shown_text,
 )
 from opir_core.reading.plain_data import data_of_node
@@ -96,24 +96,24 @@ def read_tuple(readers: tuple[Reader, ...], node: Node, _type: Any = None) -> tu
     items = items_of(node)
     if len(items) != len(readers):
         raise node.refused(f"this list has {len(items)} items; {len(readers)} are needed")
-    parts = zip(readers, items, strict=True)
-    return tuple(
-        _all_read((index_step(index), reader, item) for index, (reader, item) in enumerate(parts))
-    )
+    return tuple(read_each(items, lambda index, item: readers[index](item, None)))
 
 
 def read_items(reader: Reader, node: Node, _type: Any = None) -> tuple[Any, ...]:
     """Return a list of any length."""
-    return tuple(
-        _all_read((index_step(index), reader, item) for index, item in enumerate(items_of(node)))
-    )
+    return tuple(read_each(items_of(node), lambda _index, item: reader(item, None)))
 
 
 def read_mapping(reader: Reader, node: Node, _type: Any = None) -> dict[str, Any]:
     """Return a block whose keys are free."""
     block = block_of(node)
-    values = _all_read((key_step(key), reader, item) for key, item in block.items())
-    return dict(zip(block, values, strict=True))
+    collector = ErrorCollector()
+    values = {}
+    for key, item in block.items():
+        with collector.at(key_step(key)):
+            values[key] = reader(item, None)
+    collector.require_whole()
+    return values
 
 
 def block_of(node: Node, keys: Iterable[str] = ()) -> dict[str, Node]:
@@ -135,9 +135,7 @@ def items_of(node: Node) -> list[Node]:
 
 
 def refusal(node: Node, needed: str) -> InvalidNode:
-    """Return that a node is something other than what is needed; nothing more where it already
-    complains of itself.
-    """
+    """Return the error of a node of the wrong kind; an empty one if the node already has its own."""
     if node.value is UNREADABLE:
         return InvalidNode()
     return node.refused(f"{_what_it_is(node)}; {needed}")
@@ -166,17 +164,6 @@ def _no_number(node: Node, needed: str) -> InvalidNode:
     if isinstance(node.value, str) and is_decimal_text(node.value):
         return refusal(node, f"{needed}: write {node.value} without quotes")
     return refusal(node, needed)
-
-
-def _all_read(parts: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
-    """Return the values of all parts; raises the errors of all parts together."""
-    collector = ErrorCollector()
-    values = []
-    for step, reader, node in parts:
-        with collector.at(step):
-            values.append(reader(node, None))
-    collector.require_whole()
-    return values
 
 
 #: Says where a key belongs that means nothing in its block, "" where nowhere; takes the key and
@@ -262,16 +249,16 @@ class ClassReader:
         home: Home | None = None,
         base: Any = None,
     ) -> dict[str, Any]:
-        """Return the values that can be read, by name; what is wrong goes to `collector`.
+        """Return the values that can be read, by name; errors go to `collector`.
 
         `home` says where a key belongs that means nothing here; what the block leaves out is as in
         `base`.
         """
-        known = (*other_keys, *self.fields)
-        block = block_of(node, known)
+        keys = (*other_keys, *self.fields)
+        block = block_of(node, keys)
         for key in [key for key in block if key not in self.fields]:
             with collector.at(key_step(key)):
-                raise unknown_key(key, block[key], known, home)
+                raise unknown_key(key, block[key], keys, home)
         values = {}
         for name, field in self.fields.items():
             with collector.at(key_step(name)):
@@ -280,8 +267,10 @@ class ClassReader:
                 elif base is not None:
                     values[name] = getattr(base, name)
                 elif field.attribute.default is NOTHING:
-                    wanted = info_of(field.attribute).requirement
-                    raise node.refused(f"is missing: {wanted}" if wanted else "is missing")
+                    requirement = info_of(field.attribute).requirement
+                    raise node.refused(
+                        f"is missing: {requirement}" if requirement else "is missing"
+                    )
         return values
 
 
@@ -296,16 +285,18 @@ def class_reader(config_class: type) -> ClassReader:
         raise UnreadableTypeError(
             f"the field types of {config_class.__qualname__} are not known: {error}"
         ) from error
-    found = {}
+    fields_read = {}
     for attribute in fields(config_class):
         try:
             if attribute.init:
-                found[attribute.name] = FieldReader(attribute, reader_of(hints[attribute.name]))
+                fields_read[attribute.name] = FieldReader(
+                    attribute, reader_of(hints[attribute.name])
+                )
         except UnreadableTypeError as error:
             raise UnreadableTypeError(
                 f"{config_class.__qualname__}.{attribute.name}: {error}"
             ) from error
-    return ClassReader(config_class, found)
+    return ClassReader(config_class, fields_read)
 
 
 def reader_of(kind: Any) -> Reader:
@@ -315,19 +306,17 @@ def reader_of(kind: Any) -> Reader:
     return _converter().get_structure_hook(kind)
 
 
-def unknown_key(
-    key: str, node: Node, known: Sequence[str], home: Home | None = None
-) -> InvalidNode:
+def unknown_key(key: str, node: Node, keys: Sequence[str], home: Home | None = None) -> InvalidNode:
     """Return the refusal of a key that means nothing here: the nearest known one, where it belongs,
     or all known.
     """
-    near = nearest(key, known)
+    similar = nearest(key, keys)
     if node.written == "" and ":" in key:
         hint = "a space is missing after its ':'"
     else:
-        belongs = home(key, near is not None) if home else ""
-        meant = f"did you mean {near}?{' Otherwise ' if belongs else ''}" if near else ""
-        all_known = f"known here: {', '.join(known)}" if known else "there is nothing to set here"
+        belongs = home(key, similar is not None) if home else ""
+        meant = f"did you mean {similar}?{' Otherwise ' if belongs else ''}" if similar else ""
+        all_known = f"known here: {', '.join(keys)}" if keys else "there is nothing to set here"
         hint = f"{meant}{belongs}" or all_known
     return node.refused(f"unknown key; {hint}", at_key=True)
 
@@ -338,15 +327,15 @@ def required(block: dict[str, Node], key: str, node: Node) -> Node:
     """
     if key in block:
         return block.pop(key)
-    near = nearest(key, block)
-    raise node.refused(f"is missing{f'; is {near} meant for it?' if near else ''}")
+    similar = nearest(key, block)
+    raise node.refused(f"is missing{f'; is {similar} meant for it?' if similar else ''}")
 
 
-def nearest(key: str, known: Iterable[str]) -> str | None:
+def nearest(key: str, keys: Iterable[str]) -> str | None:
     """Return the known key that is most similar to a key, letter case ignored, or None where none
     is similar.
     """
-    return next(iter(nearest_names(key, known, most=1, cutoff=0.6)), None)
+    return next(iter(nearest_names(key, keys, most=1, cutoff=0.6)), None)
 
 
 @cache

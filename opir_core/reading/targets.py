@@ -16,8 +16,8 @@ from opir_core.reading.nodes import (
     ErrorCollector,
     InvalidNode,
     Node,
-    index_step,
     key_step,
+    read_each,
     shown_text,
     under,
 )
@@ -63,8 +63,8 @@ class Identifier:
         settings = dict(block_of(node, other_keys))
         collector = ErrorCollector()
         with collector.at(".id"):
-            found = required(settings, "id", node)
-            given_id = self.claimed(read_text(found), path, found)
+            identifier = required(settings, "id", node)
+            given_id = self.claimed(read_text(identifier), path, identifier)
         with collector.at():
             name = self._model(settings, node)
             choice = self.components.choice(
@@ -116,16 +116,16 @@ def read_forces(node: Node) -> SceneForces:
         raise refusal(node, f"{_NEEDED}{hint}")
     if not node.value:
         raise node.refused(f"this list is empty; for the point mass only, write {KEPLER}")
-    collector = ErrorCollector()
-    found = dict[str, SceneDrag | None]()
-    for index, item in enumerate(items_of(node)):
-        with collector.at(index_step(index)):
-            name, drag = _force(item)
-            if name in found:
-                raise item.refused(f"{name} occurs twice")
-            found[name] = drag
-    collector.require_whole()
-    return SceneForces(tuple(name for name in ZONAL_FORCES if name in found), found.get(_DRAG))
+    forces = dict[str, SceneDrag | None]()
+
+    def add(_index: int, item: Node) -> None:
+        name, drag = _force(item)
+        if name in forces:
+            raise item.refused(f"{name} occurs twice")
+        forces[name] = drag
+
+    read_each(items_of(node), add)
+    return SceneForces(tuple(name for name in ZONAL_FORCES if name in forces), forces.get(_DRAG))
 
 
 def _force(node: Node) -> tuple[str, SceneDrag | None]:
@@ -155,9 +155,9 @@ def _unknown(name: str, node: Node) -> InvalidNode:
         return node.refused(
             f"{KEPLER} is the point mass only: write it instead of the list, or leave it out"
         )
-    near = nearest(name, _KNOWN)
+    similar = nearest(name, _KNOWN)
     return node.refused(
-        f"there is no force {shown_text(name)}; {f'did you mean {near}?' if near else _ITEM_NEEDED}"
+        f"there is no force {shown_text(name)}; {f'did you mean {similar}?' if similar else _ITEM_NEEDED}"
     )
 
 
@@ -180,14 +180,7 @@ class TargetReader:
             raise node.refused(
                 f"there are {len(items)} targets; at most {MAXIMUM_TARGETS} are read"
             )
-        collector = ErrorCollector()
-        targets = list[SceneTarget]()
-        for index, item in enumerate(items):
-            with collector.at(index_step(index)):
-                path = f"targets[{index}]"
-                targets.append(self._target(item, path))
-        collector.require_whole()
-        return tuple(targets)
+        return tuple(read_each(items, lambda index, item: self._target(item, f"targets[{index}]")))
 
     def _target(self, node: Node, path: str) -> SceneTarget:
         block = dict(block_of(node, _TARGET_KEYS))
@@ -215,10 +208,12 @@ class TargetReader:
         if kind is None or kind.value not in self._components.names(TargetClass.hook):
             return DEFAULT_TARGET_MODEL
         try:
-            found: TargetClass = self._components.component(TargetClass.hook, kind.value, "type")
+            target_class: TargetClass = self._components.component(
+                TargetClass.hook, kind.value, "type"
+            )
         except InvalidNode:
             return DEFAULT_TARGET_MODEL
-        return found.after_burnout.model
+        return target_class.after_burnout.model
 
     def _refuse_late_launch(self, choice: Choice, node: Node) -> None:
         """Reject a launch after the end of the scene, for models with `launch.time_s`."""
@@ -247,20 +242,16 @@ class SourceReader:
             raise node.refused(
                 f"there are {len(items)} blocks of sources; at most {MAXIMUM_SOURCES} are read"
             )
-        collector = ErrorCollector()
-        sources = list[SceneSource]()
-        for index, item in enumerate(items):
-            with collector.at(index_step(index)):
-                path = f"sources[{index}]"
-                own_id, choice = self._identifier.identified(item, path, _SOURCE_KEYS, path)
-                # An emitter of the block, `ID-7`, must not share the id of a target.
-                for taken in self._target_ids:
-                    stem, dash, number = taken.rpartition("-")
-                    if taken == own_id or (stem == own_id and dash and number.isdecimal()):
-                        with under(".id"):
-                            raise item.value["id"].refused(
-                                f"the target {taken} has an id of this source's emitters"
-                            )
-                sources.append(SceneSource(own_id, choice))
-        collector.require_whole()
-        return tuple(sources)
+        return tuple(read_each(items, lambda index, item: self._source(item, f"sources[{index}]")))
+
+    def _source(self, node: Node, path: str) -> SceneSource:
+        own_id, choice = self._identifier.identified(node, path, _SOURCE_KEYS, path)
+        # An emitter of the block, `ID-7`, must not share the id of a target.
+        for taken in self._target_ids:
+            stem, dash, number = taken.rpartition("-")
+            if taken == own_id or (stem == own_id and dash and number.isdecimal()):
+                with under(".id"):
+                    raise node.value["id"].refused(
+                        f"the target {taken} has an id of this source's emitters"
+                    )
+        return SceneSource(own_id, choice)

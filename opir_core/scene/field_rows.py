@@ -41,9 +41,9 @@ class FieldRow:
     def bounds(self) -> str:
         """Return unit, interval, plausible range and choices in one line."""
         allowed = " ".join(
-            part for part in (self.unit, self.interval, ", ".join(self.choices)) if part
+            bound for bound in (self.unit, self.interval, ", ".join(self.choices)) if bound
         )
-        return ", ".join(part for part in (allowed, self.plausible) if part)
+        return ", ".join(bound for bound in (allowed, self.plausible) if bound)
 
 
 def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[FieldRow]:

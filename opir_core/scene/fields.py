@@ -124,18 +124,18 @@ class FieldInfo:
         """Return the plausible range of magnitudes; None if every allowed value is plausible. 0
         always is.
         """
-        chosen = self.plausible or PLAUSIBLE_BY_UNIT.get(self.unit)
-        if chosen is None:
+        interval = self.plausible or PLAUSIBLE_BY_UNIT.get(self.unit)
+        if interval is None:
             return None
         low = _bound(self.minimum, self.above)
         high = _bound(self.maximum, self.below)
         is_narrower = (
-            low is not None and high is not None and low >= chosen[0] and high <= chosen[1]
+            low is not None and high is not None and low >= interval[0] and high <= interval[1]
         )
         return (
             None
             if is_narrower
-            else (chosen[0], chosen[1] if high is None else min(high, chosen[1]))
+            else (interval[0], interval[1] if high is None else min(high, interval[1]))
         )
 
     @property
@@ -156,18 +156,18 @@ class FieldInfo:
         high = _bound(self.maximum, self.below)
         if low is None and high is None:
             return ""
-        left = "[" if self.minimum is not None else "("
+        bracket = "[" if self.minimum is not None else "("
         right = "]" if self.maximum is not None else ")"
         return (
-            f"{left}{'-inf' if low is None else _figure(low)},"
+            f"{bracket}{'-inf' if low is None else _figure(low)},"
             f" {'inf' if high is None else _figure(high)}{right}"
         )
 
     @property
     def requirement(self) -> str:
         """Return meaning, unit and allowed values in one line; "" without any."""
-        parts = (self.help, self.unit, self.interval, " or ".join(self.choices))
-        return ", ".join(part for part in parts if part)
+        details = (self.help, self.unit, self.interval, " or ".join(self.choices))
+        return ", ".join(detail for detail in details if detail)
 
     def accepts(self, value: float) -> bool:
         """Return whether a number lies in the interval; NaN never does."""
@@ -309,8 +309,8 @@ def info_of(attribute: "Attribute[Any]") -> FieldInfo:
     """Return the description of a configuration attribute; a bare attrs field has an empty help
     text.
     """
-    found = attribute.metadata.get(METADATA_KEY)
-    return found if isinstance(found, FieldInfo) else FieldInfo("", source="")
+    info = attribute.metadata.get(METADATA_KEY)
+    return info if isinstance(info, FieldInfo) else FieldInfo("", source="")
 
 
 def field_infos(config_class: type) -> dict[str, FieldInfo]:
@@ -332,9 +332,11 @@ class Alternatives:
 def alternatives(config_class: type) -> tuple[Alternatives, ...]:
     """Return the pairs of settings of one quantity in a configuration class."""
     return tuple(
-        Alternatives(info_of(one).instead_of, one.name, one.default not in (None, NOTHING))
-        for one in fields(config_class)
-        if info_of(one).instead_of
+        Alternatives(
+            info_of(attribute).instead_of, attribute.name, attribute.default not in (None, NOTHING)
+        )
+        for attribute in fields(config_class)
+        if info_of(attribute).instead_of
     )
 
 
@@ -511,11 +513,13 @@ def _redefaulted(
 def _with_default(attribute: "Attribute[Any]", default: Any) -> "Attribute[Any]":
     if isinstance(default, Named):
         info = evolve(info_of(attribute), named_values=default.values)
-        first = next(iter(default.values.values()))
-        return attribute.evolve(default=first, metadata={**attribute.metadata, METADATA_KEY: info})
-    chosen = default if isinstance(default, Cited) else Cited(default, "notional")
-    info = evolve(info_of(attribute), source=chosen.source)
+        default_value = next(iter(default.values.values()))
+        return attribute.evolve(
+            default=default_value, metadata={**attribute.metadata, METADATA_KEY: info}
+        )
+    cited = default if isinstance(default, Cited) else Cited(default, "notional")
+    info = evolve(info_of(attribute), source=cited.source)
     # Attribute.evolve is attrs' own way to change an attribute in a field transformer.
     return attribute.evolve(
-        default=chosen.value, metadata={**attribute.metadata, METADATA_KEY: info}
+        default=cited.value, metadata={**attribute.metadata, METADATA_KEY: info}
     )

@@ -67,7 +67,10 @@ def hypotheses_of(classes: Iterable[TargetClass]) -> tuple[Hypothesis, ...]:
     """
     groups: Any = _GROUP_AFTER
     launches = [
-        Hypothesis(one.name, groups.get(type(one.after_burnout), "missile"), one) for one in classes
+        Hypothesis(
+            target_class.name, groups.get(type(target_class.after_burnout), "missile"), target_class
+        )
+        for target_class in classes
     ]
     launches.sort(key=_order)
     return (*(Hypothesis(*row) for row in _FIRST), *launches, Hypothesis(*_LAST))

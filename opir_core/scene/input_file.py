@@ -80,5 +80,9 @@ def _require_file(mode: int, path: str | os.PathLike[str]) -> None:
         return
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(EISDIR, os.strerror(EISDIR), os.fspath(path))
-    what = next((words for is_kind, words in _KINDS if is_kind(mode)), "it is no regular file")
-    raise NotAFileError(0, f"{what}; write its content to a file and give that", os.fspath(path))
+    description = next(
+        (words for is_kind, words in _KINDS if is_kind(mode)), "it is no regular file"
+    )
+    raise NotAFileError(
+        0, f"{description}; write its content to a file and give that", os.fspath(path)
+    )

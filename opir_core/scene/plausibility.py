@@ -22,14 +22,14 @@ def implausible_values(scene: Scene) -> list[Problem]:
 
     `allow_implausible` has no effect here.
     """
-    found: dict[Problem, None] = {}
+    problems: dict[Problem, None] = {}
     for choice in scene.choices:
-        found |= dict.fromkeys(implausible_settings(choice.config, choice.path))
+        problems |= dict.fromkeys(implausible_settings(choice.config, choice.path))
     low_s, high_s = PLAUSIBLE_DURATION_S
     if not low_s <= scene.duration_s <= high_s:
         text = f"{scene.duration_s:g} s is outside the plausible {low_s:g} to {high_s:g} s"
-        found[Problem("duration_s", text)] = None
-    return list(found)
+        problems[Problem("duration_s", text)] = None
+    return list(problems)
 
 
 def implausible_settings(config: Any, path: str) -> Iterator[Problem]:
@@ -51,16 +51,16 @@ def _plausible_defaults(config_class: type) -> Mapping[str, Any]:
     """Return the plausible defaults of a configuration class: most settings of a large scene are
     left as they are.
     """
-    given = {attribute.name: attribute for attribute in fields(config_class)}
+    attributes = {attribute.name: attribute for attribute in fields(config_class)}
     return {
-        name: each.default
-        for name, each in given.items()
-        if not any(_implausible_value(each, each.default, ""))
+        name: attribute.default
+        for name, attribute in attributes.items()
+        if not any(_implausible_value(attribute, attribute.default, ""))
     }
 
 
 def _implausible_value(attribute: "Attribute[Any]", value: Any, path: str) -> Iterator[Problem]:
-    """Yield what is implausible in the value of a setting, nested configurations included."""
+    """Yield the implausible values of a setting, nested configurations included."""
     info = info_of(attribute)
     place = f"{path}.{attribute.name}" if path else attribute.name
     for inner in _configurations(value):
@@ -78,17 +78,20 @@ def implausible_defaults(component: Any, settings: Mapping[str, Any]) -> list[Pr
     """Return the implausible numbers among a component's defaults, its presets and some
     settings.
     """
-    found: dict[Problem, None] = {}
+    problems: dict[Problem, None] = {}
     config = getattr(component, "config", None)
     if config is None:  # a constellation or a target class
         return []
     infos = {attribute.name: attribute for attribute in fields(config)}
-    given = [("", {name: attribute.default for name, attribute in infos.items()}), ("", settings)]
-    given += [(f"presets.{name}", values) for name, values in component.presets.items()]
-    for path, values in given:
+    settings_by_path = [
+        ("", {name: attribute.default for name, attribute in infos.items()}),
+        ("", settings),
+    ]
+    settings_by_path += [(f"presets.{name}", values) for name, values in component.presets.items()]
+    for path, values in settings_by_path:
         for key in values.keys() & infos.keys():
-            found |= dict.fromkeys(_implausible_value(infos[key], values[key], path))
-    return list(found)
+            problems |= dict.fromkeys(_implausible_value(infos[key], values[key], path))
+    return list(problems)
 
 
 def _configurations(value: Any) -> Iterator[Any]:

@@ -119,10 +119,10 @@ AFTER_BURNOUT: Mapping[str, type[AfterBurnout]] = MappingProxyType(
 class TargetClass:
     """A class of targets, which a scene chooses by `type: NAME`.
 
-    `reported_type` is the right answer for it among `REPORTED_TYPES`, UNKNOWN for what is no
-    missile. `resembles` is the missile type whose values stand in where a sensor or a model names
-    no value for the class; by default the reported type. Of several `profiles`, the first with
-    limits that contain the range is flown; `plumes` has the default signature of each, by the
+    `reported_type` is the right answer for it among `REPORTED_TYPES`, UNKNOWN for classes other
+    than missiles. `resembles` is the missile type whose values stand in where a sensor or a model
+    names no value for the class; by default the reported type. Of several `profiles`, the first
+    with limits that contain the range is flown; `plumes` has the default signature of each, by the
     profile's name.
     """
 
@@ -186,10 +186,10 @@ class TargetClass:
             (len(set(names)) < len(names), "with two profiles of one name"),
             (bool(lacking), f"without a plume for the profile {', '.join(lacking)}"),
         )
-        parts = (*map(_profile_fault, self.profiles), *map(_plume_fault, self.plumes.values()))
-        return next((words for is_fault, words in faults if is_fault), "") or next(
-            filter(None, parts), ""
-        )
+        profiles = map(_profile_fault, self.profiles)
+        plumes = map(_plume_fault, self.plumes.values())
+        class_faults = (words for is_fault, words in faults if is_fault)
+        return next(filter(None, (*class_faults, *profiles, *plumes)), "")
 
 
 #: Names of types that a target class cannot have.
@@ -279,8 +279,8 @@ def core_target_class(name: str) -> TargetClass:
 def _target_class(name: str, row: Mapping[str, Any]) -> TargetClass:
     values = dict(row)
     names = values.pop("profiles")
-    after = values.pop("after_burnout", {Ballistic.model: {}})
-    ((kind, settings),) = after.items()
+    phase = values.pop("after_burnout", {Ballistic.model: {}})
+    ((kind, settings),) = phase.items()
     return TargetClass(
         name=name,
         profiles=tuple(core_profiles()[profile] for profile in names),

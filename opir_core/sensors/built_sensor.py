@@ -13,7 +13,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.interfaces.protocols import (
+from opir_core.interfaces.sensors import (
     Band,
     Orbit,
     Radiometer,

@@ -12,7 +12,7 @@ from attrs import define
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry.vectors import floats
-from opir_core.interfaces.protocols import ScanPattern
+from opir_core.interfaces.sensors import ScanPattern
 
 
 @define

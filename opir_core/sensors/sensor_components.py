@@ -16,7 +16,7 @@ from opir_core.sensors.scanning_sensor import DISCRIMINATION_WORDS, ScanningSens
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import SensorContext
-    from opir_core.interfaces.protocols import Sensor
+    from opir_core.interfaces.sensors import Sensor
 
 Presets = Mapping[str, Mapping[str, Any]]
 

@@ -9,8 +9,9 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray, WordArray
+from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.columns import Filling
-from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Measured
+from opir_core.interfaces.detection_models import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
 from opir_core.planning.looks import LookGeometry, blocks
 from opir_core.planning.plan import Plan

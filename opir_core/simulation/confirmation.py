@@ -32,12 +32,14 @@ class Confirmation:
         place = np.arange(len(pair)) - np.repeat(start, times)
         back = self._needed[pair] - 1
         inside = np.flatnonzero(place >= back)
-        before = np.flatnonzero(place < back)
-        first = np.empty(len(pair), dtype=np.int64)
-        first[inside] = scan[inside - back[inside]]
-        first[before] = self.recent[pair[before], back[before] - 1 - place[before]]
+        remembered = np.flatnonzero(place < back)
+        oldest_scan = np.empty(len(pair), dtype=np.int64)
+        oldest_scan[inside] = scan[inside - back[inside]]
+        oldest_scan[remembered] = self.recent[
+            pair[remembered], back[remembered] - 1 - place[remembered]
+        ]
         self._remember(pair[start], times, scan, start)
-        return scan - first < self._scans[pair]
+        return scan - oldest_scan < self._scans[pair]
 
     def take_over(self, former: "Confirmation", own_row: IntArray, former_row: IntArray) -> None:
         """Continue with the last detections of pairs of another one."""
@@ -46,9 +48,9 @@ class Confirmation:
 
     def _remember(self, pair: IntArray, times: IntArray, scan: IntArray, start: IntArray) -> None:
         """Keep the scans of the last detections of distinct pairs, the latest one first."""
-        known = self.recent[pair]
-        for back in range(known.shape[1]):
+        recent = self.recent[pair]
+        for back in range(recent.shape[1]):
             is_new = times > back
             new = scan[np.where(is_new, start + times - 1 - back, start)]
-            old = known[np.arange(len(pair)), np.where(is_new, 0, back - times)]
+            old = recent[np.arange(len(pair)), np.where(is_new, 0, back - times)]
             self.recent[pair, back] = np.where(is_new, new, old)

@@ -119,7 +119,7 @@ class Engine:
         """Return the window of observations from the end of the last one to `end_ns`, whenever they
         are reported.
 
-        Raises `ModelError` for what a component raises or returns wrongly.
+        Raises `ModelError` if a component raises or returns invalid values.
         """
         start_ns = self.time_ns
         self.time_ns = end_ns

@@ -11,8 +11,9 @@ import numpy as np
 from attrs import asdict
 
 from opir_core.arrays import FloatArray
+from opir_core.interfaces.classification import Classifier
 from opir_core.interfaces.contract import has_own
-from opir_core.interfaces.protocols import Classifier, Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
@@ -133,14 +134,14 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
     rates = plan.detection.rate_per_scan
     if rates is None:
         return []
-    both = zip(plan.sensors, rates.tolist(), strict=True)
+    rows = zip(plan.sensors, rates.tolist(), strict=True)
     return [
         {
             "sensor_id": sensor.id,
             "per_scan": rate,
             "per_day": rate * 86_400e9 / sensor.scan.period_ns,
         }
-        for sensor, rate in both
+        for sensor, rate in rows
     ]
 
 
@@ -205,9 +206,7 @@ _EVIDENCE = {
 
 
 def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return what a hot object may be, by group, and what distinguishes it to each part of the plan
-    that weighs it.
-    """
+    """Return the hypotheses by group, each with the evidence by which a part of the plan weighs it."""
     weighs = (
         plan.make_tracker().cadence_s is not None,
         has_own(Classifier, plan.classifier, "log_posterior"),
@@ -216,29 +215,29 @@ def _hypotheses(plan: Plan) -> list[Mapping[str, Any]]:
         return []
     return [
         {
-            "hypotheses": [each.name for each in own],
+            "hypotheses": [hypothesis.name for hypothesis in members],
             "group": group,
             "by_motion": _EVIDENCE[group][0] if weighs[0] else None,
             "by_light": _EVIDENCE[group][1] if weighs[1] else None,
         }
-        for group, own in groupby(plan.hypotheses, lambda each: each.group)
+        for group, members in groupby(plan.hypotheses, lambda hypothesis: hypothesis.group)
     ]
 
 
 def _sensors_assumed(plan: Plan) -> list[str]:
-    """Return what the tracker assumes of each sensor before the first look, if it estimates their
-    errors.
-    """
+    """Return the tracker's prior of each sensor's errors, if it estimates them."""
     health = plan.make_tracker().sensor_health()
     return (
         []
         if health is None
-        else [f"{one.id}: {text}" for one, text in zip(plan.sensors, health.text, strict=True)]
+        else [
+            f"{sensor.id}: {text}" for sensor, text in zip(plan.sensors, health.text, strict=True)
+        ]
     )
 
 
 def _truth_users(plan: Plan) -> list[str]:
-    """Return the classifier, if what it reports may depend on the true types of targets."""
+    """Return the classifier, if its reports may depend on the true types of targets."""
     choice = plan.scene.classification
     return [f"{choice.path}: {choice.name}"] if plan.classifier.uses_truth else []
 

@@ -16,7 +16,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import DetectionProbability, Measured
+from opir_core.interfaces.detection_models import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan
@@ -64,14 +64,14 @@ class FalseAlarms:
 
         At equal times a sensor's targets come before its false alarms.
         """
-        own = self.detections
-        start_ns = min(int(time_ns.min()), int(own.time_ns.min()))
-        sensors = max(int(sensor.max()), int(own.sensor.max())) + 1
+        detections = self.detections
+        start_ns = min(int(time_ns.min()), int(detections.time_ns.min()))
+        sensors = max(int(sensor.max()), int(detections.sensor.max())) + 1
         keys, own_keys = (
             ((times - start_ns) * sensors + of_sensor).take(sorted_by)
             for times, of_sensor, sorted_by in (
                 (time_ns, sensor, order),
-                (own.time_ns, own.sensor, self.order),
+                (detections.time_ns, detections.sensor, self.order),
             )
         )
         places = np.empty(len(own_keys), dtype=np.int64)
@@ -103,7 +103,9 @@ class FalseAlarmGenerator:
         noise_names = [(name, "\x1fnoise") for name in names]
         self._id_keys = stream_key_words(scene.seed, scene.name, scene.epoch_us, noise_names)
         self._exclusions = {
-            number: each for number, each in enumerate(plan.exclusions) if each is not None
+            number: exclusion
+            for number, exclusion in enumerate(plan.exclusions)
+            if exclusion is not None
         }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._needed = _needed(model, len(sensors))
@@ -112,9 +114,9 @@ class FalseAlarmGenerator:
         self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
 
     def between(self, start_ns: int, end_ns: int) -> FalseAlarms | None:
-        """Return the false alarms in [start, end) of scene time, or None if there are none."""
-        parts = [stream.near(start_ns, end_ns) for stream in self._streams.values()]
-        drawn = [part for part in parts if len(part)]
+        """Return the false alarms in [start, end) of scene time, or None."""
+        alarms = [stream.near(start_ns, end_ns) for stream in self._streams.values()]
+        drawn = [alarms_of_sensor for alarms_of_sensor in alarms if len(alarms_of_sensor)]
         placed = self._placed(Drawn.concatenate(drawn), start_ns, end_ns) if drawn else None
         return self._measured(placed) if placed is not None and len(placed) else None
 
@@ -136,8 +138,8 @@ class FalseAlarmGenerator:
             ahead_m = at_m[rows] + direction[rows] * radius_m[rows, None]
             time_s = time_ns[rows].astype(np.float64) * 1e-9
             is_kept[rows] &= exclusion.is_clear(at_m[rows], ahead_m, time_s)
-        kept = np.flatnonzero(is_kept)
-        return placed if len(kept) == len(scan) else placed.take(kept)
+        rows_kept = np.flatnonzero(is_kept)
+        return placed if len(rows_kept) == len(scan) else placed.take(rows_kept)
 
     def _phase_ns(self, sensor: IndexArray, at_m: FloatArray, seen_m: FloatArray) -> IntArray:
         """Return the scan phases at which sensors (n,), in order, look at positions (n, 3)."""
@@ -202,7 +204,7 @@ class FalseAlarmGenerator:
         )
 
     def _types(self, sightings: ClassifierInputs) -> Classified:
-        """Return what is reported; UNKNOWN from classifiers that go by pairs."""
+        """Return the reported types; UNKNOWN from classifiers that go by pairs."""
         nobody = np.empty(0, dtype=np.int32)
         if self._classifier.pair_type(nobody, nobody, _NoDraws()) is not None:
             unknown = np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
@@ -270,7 +272,9 @@ def _seen_from(
     """Return the ranges (n,) of sensors from points on the ellipsoid, and the sines of their
     elevation there.
     """
-    (x, y, z), away = components(ground_ecef_m), components(sensor_ecef_m - ground_ecef_m)
+    (x, y, z), direction = components(ground_ecef_m), components(sensor_ecef_m - ground_ecef_m)
     z = z * (EARTH_EQUATORIAL_RADIUS_M / EARTH_POLAR_RADIUS_M) ** 2
-    range_m = length(*away)
-    return range_m, (x * away[0] + y * away[1] + z * away[2]) / (range_m * length(x, y, z))
+    range_m = length(*direction)
+    return range_m, (x * direction[0] + y * direction[1] + z * direction[2]) / (
+        range_m * length(x, y, z)
+    )

@@ -98,8 +98,8 @@ class CountDetections:
     def take_over(self, former: "CountDetections") -> None:
         """Continue with the counts and last detections of another run with the same sensors."""
         rows = {name: row for row, name in enumerate(former._names)}
-        both = [(row, rows[name]) for row, name in enumerate(self._names) if name in rows]
-        own_row, former_row = np.array(both, dtype=np.int64).reshape(-1, 2).T
+        rows_by_place = [(row, rows[name]) for row, name in enumerate(self._names) if name in rows]
+        own_row, former_row = np.array(rows_by_place, dtype=np.int64).reshape(-1, 2).T
         self._counts = np.zeros(len(self._names), dtype=np.int32)
         self._counts[own_row] = former._counts[former_row]
         if self._confirmation is not None and former._confirmation is not None:

@@ -4,7 +4,7 @@ targets.
 
 import numpy as np
 
-from opir_core.interfaces.protocols import DetectionProbability
+from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan
 from opir_core.simulation.false_alarms import FalseAlarmGenerator

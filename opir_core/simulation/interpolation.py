@@ -16,7 +16,12 @@ from attrs import frozen
 from scipy.special import ndtr
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Response
+from opir_core.interfaces.detection_models import (
+    DetectionProbability,
+    Measured,
+    RandomDraws,
+    Response,
+)
 from opir_core.planning.looks import LookGeometry, Looks, blocks
 from opir_core.planning.sightlines import Pairs
 from opir_core.simulation.refinement import (
@@ -47,25 +52,34 @@ class _LookIntervals(NamedTuple):
     behind: IntArray
 
     @classmethod
-    def of(cls, last_scan: IntArray, pair: IntArray, first: IntArray) -> "_LookIntervals":
+    def of(cls, last_scan: IntArray, pair: IntArray, first_scan: IntArray) -> "_LookIntervals":
         """Return sorted intervals, each ending at the start of the pair's next one."""
         is_last = np.diff(pair, append=-1) != 0
-        behind = np.where(is_last, last_scan[pair] + 1, np.append(first[1:], 0))
-        return cls(pair, first, behind)
+        behind = np.where(is_last, last_scan[pair] + 1, np.append(first_scan[1:], 0))
+        return cls(pair, first_scan, behind)
+
+    def with_looks(
+        self, last_scan: IntArray, pair: IntArray, scan: IntArray
+    ) -> tuple["_LookIntervals", IntArray]:
+        """Return the intervals with one for each look (n,), and the order that sorts them."""
+        pairs = np.concatenate([self.pair, pair])
+        scans = np.concatenate([self.first, scan])
+        order = _in_order(pairs, scans)
+        return _LookIntervals.of(last_scan, pairs[order], scans[order]), order
 
     def rows(self, looks: Looks) -> tuple[IntArray, IntArray]:
         """Return the row of each interval's first look in a window, and its number of looks
         there.
         """
-        most = max(int(self.pair.max(initial=0)), int(looks.active.max(initial=0))) + 1
-        first_scan, scans, offset = (np.zeros(most, dtype=np.int64) for _ in range(3))
+        pair_count = max(int(self.pair.max(initial=0)), int(looks.active.max(initial=0))) + 1
+        first_scan, scans, offset = (np.zeros(pair_count, dtype=np.int64) for _ in range(3))
         first_scan[looks.active] = looks.first_scan
         scans[looks.active] = looks.scans
         offset[looks.active] = np.cumsum(looks.scans) - looks.scans
-        known = first_scan[self.pair]
+        pair_first_scan = first_scan[self.pair]
         most_scans = scans[self.pair]
-        start = np.clip(self.first - known, 0, most_scans)
-        count: IntArray = np.clip(self.behind - known, 0, most_scans) - start
+        start = np.clip(self.first - pair_first_scan, 0, most_scans)
+        count: IntArray = np.clip(self.behind - pair_first_scan, 0, most_scans) - start
         return offset[self.pair] + start, count
 
 
@@ -117,7 +131,7 @@ class KnotCurves:
         middle = (self.curves.middle * UNIT_NS + ahead_ns[pair]) / period_ns[pair]
         curves = Curves(middle, self.curves.per_scan * units[pair], self.curves.coefficients)
         since = (lines * period_ns[of_line] - ahead_ns[of_line]) / UNIT_NS - self.intervals.scan[0]
-        whole = ProbabilityInterpolant(
+        interpolant = ProbabilityInterpolant(
             self.model,
             _LookIntervals.of(pairs.last_scan, pair, pieces),
             curves,
@@ -126,7 +140,7 @@ class KnotCurves:
             self.at + self.rise * since,
             self.rise * units[of_line],
         )
-        return whole.with_looks(geometry, np.flatnonzero(self.rough), self.tolerance)
+        return interpolant.with_looks(geometry, np.flatnonzero(self.rough), self.tolerance)
 
 
 def _first_scans(pieces: Intervals, pairs: Pairs) -> IntArray:
@@ -137,8 +151,8 @@ def _first_scans(pieces: Intervals, pairs: Pairs) -> IntArray:
     pair = pieces.pair
     start = np.maximum(pieces.scan[0] - MARGIN, 0)
     since_ns = start * UNIT_NS + (knot_places(pairs).phase_ns - pairs.phase_ns)[pair]
-    first = np.maximum(-(-since_ns // pairs.period_ns[pair]), 0)
-    return np.where(start == 0, np.minimum(first, pairs.first_scan[pair]), first)
+    first_scan = np.maximum(-(-since_ns // pairs.period_ns[pair]), 0)
+    return np.where(start == 0, np.minimum(first_scan, pairs.first_scan[pair]), first_scan)
 
 
 @frozen(eq=False)
@@ -172,38 +186,30 @@ class ProbabilityInterpolant:
         """Return the interpolant with each look of rough pieces, given by their rows, evaluated."""
         pairs = geometry.pairs
         pair = self.pieces.pair[rough]
-        first = np.maximum(self.pieces.first[rough], pairs.first_scan[pair])
+        first_scan = np.maximum(self.pieces.first[rough], pairs.first_scan[pair])
         count = np.maximum(
-            np.minimum(self.pieces.behind[rough], pairs.last_scan[pair] + 1) - first, 0
+            np.minimum(self.pieces.behind[rough], pairs.last_scan[pair] + 1) - first_scan, 0
         )
         pair = np.repeat(pair, count)
         if not len(pair):
             return self
-        scan = np.arange(len(pair)) + np.repeat(first - (np.cumsum(count) - count), count)
-        every = [geometry.exposures(pair[rows], scan[rows]) for rows in blocks(len(pair))]
+        scan = np.arange(len(pair)) + np.repeat(first_scan - (np.cumsum(count) - count), count)
+        exposures = [geometry.exposures(pair[rows], scan[rows]) for rows in blocks(len(pair))]
         values = np.concatenate(
-            [values_of(self.model, exposed, tolerance) for exposed in every], axis=1
+            [values_of(self.model, exposed, tolerance) for exposed in exposures], axis=1
         )
-        both = np.concatenate([self.pieces.pair, pair]), np.concatenate([self.pieces.first, scan])
-        order = _in_order(*both)
-        curves = self.curves.joined(
-            Curves.straight(np.stack([scan, scan]), values[[0, 0]], KNOTS), order
-        )
-        beyond = certain_beyond(tolerance)
-        certain = np.where(values[0] > beyond, 1.0, np.where(values[0] < -beyond, 0.0, np.nan))
-        of_lines = (
-            np.concatenate([self.intervals.pair, pair]),
-            np.concatenate([self.intervals.first, scan]),
-        )
-        in_lines = _in_order(*of_lines)
+        pieces, order = self.pieces.with_looks(pairs.last_scan, pair, scan)
+        lines, line_order = self.intervals.with_looks(pairs.last_scan, pair, scan)
+        straight = Curves.straight(np.stack([scan, scan]), values[[0, 0]], KNOTS)
+        certain = _certain(values[0], values[0], certain_beyond(tolerance))
         return ProbabilityInterpolant(
             self.model,
-            _LookIntervals.of(pairs.last_scan, *(each[order] for each in both)),
-            curves,
+            pieces,
+            self.curves.joined(straight, order),
             np.concatenate([self.certain, certain])[order],
-            _LookIntervals.of(pairs.last_scan, *(each[in_lines] for each in of_lines)),
-            np.concatenate([self.at, values[1:]], axis=1)[:, in_lines],
-            np.concatenate([self.rise, np.zeros_like(values[1:])], axis=1)[:, in_lines],
+            lines,
+            np.concatenate([self.at, values[1:]], axis=1)[:, line_order],
+            np.concatenate([self.rise, np.zeros_like(values[1:])], axis=1)[:, line_order],
         )
 
     def over(self, looks: Looks) -> "WindowInterpolant":
@@ -214,13 +220,13 @@ class ProbabilityInterpolant:
 class WindowInterpolant:
     """The interpolant of a window's looks."""
 
-    def __init__(self, whole: ProbabilityInterpolant, looks: Looks) -> None:
-        self._whole = whole
+    def __init__(self, interpolant: ProbabilityInterpolant, looks: Looks) -> None:
+        self._whole = interpolant
         self._looks = looks
-        start, count = whole.intervals.rows(looks)
+        start, count = interpolant.intervals.rows(looks)
         self._used = np.flatnonzero(count)
         self._ends = (start + count)[self._used]
-        start, count = whole.pieces.rows(looks)
+        start, count = interpolant.pieces.rows(looks)
         self._pieces = np.flatnonzero(count)
         self._starts = start[self._pieces]
         self._counts = count[self._pieces]
@@ -234,13 +240,13 @@ class WindowInterpolant:
         edges = np.searchsorted(
             passed, np.arange(0, passed[-1] if len(passed) else 0, _ROWS), side="right"
         )
-        for part in np.split(open_, np.unique(edges[1:])):
-            times = self._counts[part]
+        for open_rows in np.split(open_, np.unique(edges[1:])):
+            times = self._counts[open_rows]
             row = np.arange(times.sum()) + np.repeat(
-                self._starts[part] - (np.cumsum(times) - times), times
+                self._starts[open_rows] - (np.cumsum(times) - times), times
             )
             probability[row] = ndtr(
-                self._whole.curves.at(self._pieces[part], times, self._looks.scan[row])
+                self._whole.curves.at(self._pieces[open_rows], times, self._looks.scan[row])
             )
         return probability
 
@@ -263,20 +269,22 @@ class WindowInterpolant:
         """Return the signals and noise of looks (n,), given by their rows in the window, in
         order.
         """
-        whole = self._whole
-        first, last = np.searchsorted(self._ends, row[[0, -1]], side="right")
-        used = self._used[first : last + 1]
-        times = np.diff(np.searchsorted(row, self._ends[first : last + 1]), prepend=0)
-        used = used[times > 0]
+        interpolant = self._whole
+        first_piece, last_piece = np.searchsorted(self._ends, row[[0, -1]], side="right")
+        pieces_used = self._used[first_piece : last_piece + 1]
+        times = np.diff(np.searchsorted(row, self._ends[first_piece : last_piece + 1]), prepend=0)
+        pieces_used = pieces_used[times > 0]
         times = times[times > 0]
-        since = (self._looks.scan[row] - np.repeat(whole.intervals.first[used], times)).astype(
-            np.float64
-        )
-        at = whole.at.take(used, axis=1)
-        rise = whole.rise.take(used, axis=1)
+        since = (
+            self._looks.scan[row] - np.repeat(interpolant.intervals.first[pieces_used], times)
+        ).astype(np.float64)
+        at = interpolant.at.take(pieces_used, axis=1)
+        rise = interpolant.rise.take(pieces_used, axis=1)
         width = len(at) // 2
-        parts = (slice(width), slice(width, -1), slice(-1, None))
-        snr, noise, sine = (_lines_at(at[part], rise[part], times, since) for part in parts)
+        quantities = (slice(width), slice(width, -1), slice(-1, None))
+        snr, noise, sine = (
+            _lines_at(at[quantity], rise[quantity], times, since) for quantity in quantities
+        )
         return Response(None, snr.T, noise.T, sine[0])
 
 
@@ -301,7 +309,10 @@ def _curved(grid: RefinedGrid, beyond: float) -> tuple[Intervals, Curves, FloatA
     smooth = grid.curved
     # Settled pieces need no curve: a line fills the row; rough ones get none.
     straight = Intervals.joined(
-        [each.knots(slice(0, None, len(each.scan) - 1)) for each in (grid.settled, grid.rough)]
+        [
+            curves.knots(slice(0, None, len(curves.scan) - 1))
+            for curves in (grid.settled, grid.rough)
+        ]
     )
     inner = quantile[smooth.row]
     ends = quantile[straight.row]
@@ -311,10 +322,15 @@ def _curved(grid: RefinedGrid, beyond: float) -> tuple[Intervals, Curves, FloatA
     curves = through.joined(Curves.straight(straight.scan, ends, KNOTS), order)
     error = sum(error_terms(smooth.scan.astype(np.float64), inner))
     least = np.concatenate([inner.min(axis=0) - error, ends.min(axis=0)])
-    most = np.concatenate([inner.max(axis=0) + error, ends.max(axis=0)])
-    certain = np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
+    maximum = np.concatenate([inner.max(axis=0) + error, ends.max(axis=0)])
+    certain = _certain(least, maximum, beyond)
     is_rough = np.arange(len(order)) >= len(order) - len(grid.rough.pair)
     return pieces.take(order), curves, certain[order], is_rough[order]
+
+
+def _certain(least: FloatArray, most: FloatArray, beyond: float) -> FloatArray:
+    """Return P_d, 0 or 1, where quantiles from `least` to `most` decide it, else nan."""
+    return np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
 
 
 def _in_order(pair: IntArray, scan: IntArray) -> IntArray:
@@ -328,6 +344,7 @@ def _lines(pieces: Intervals) -> Intervals:
     long[-1, ~long.any(axis=0)] = True
     piece, place = np.nonzero(long.T)
     scan, row = (
-        np.stack([each[place, piece], each[place + 1, piece]]) for each in (pieces.scan, pieces.row)
+        np.stack([column[place, piece], column[place + 1, piece]])
+        for column in (pieces.scan, pieces.row)
     )
     return Intervals(pieces.pair[piece], scan, row, pieces.predicted[:, piece])

@@ -28,8 +28,8 @@ class LatestTracks:
         for track, tick_s in zip(tracks.track.tolist(), tracks.tick_s.tolist(), strict=True):
             self._first_s.setdefault(track, tick_s)
         rows = Tracks.concatenate([self._latest, tracks])
-        _, last = np.unique(rows.track[::-1], return_index=True)
-        self._latest = rows.take(np.sort(len(rows) - 1 - last))
+        _, last_row = np.unique(rows.track[::-1], return_index=True)
+        self._latest = rows.take(np.sort(len(rows) - 1 - last_row))
 
     def rows(self) -> list[Mapping[str, Any]]:
         """Return one row of plain values per track, in the order of their numbers."""

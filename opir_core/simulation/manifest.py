@@ -1,4 +1,4 @@
-"""The run manifest: what is needed to repeat a run exactly, and nothing that differs between two
+"""The run manifest: everything needed to repeat a run exactly, and nothing that differs between two
 runs of a scene.
 """
 
@@ -34,7 +34,9 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
             "numpy": np.__version__,
         },
         "components": components_used(plan),
-        "files": [file for part in plan.targets.trajectories for file in part.files],
+        "files": [
+            file for trajectories in plan.targets.trajectories for file in trajectories.files
+        ],
         "sensors": [] if plan.bias is None else plan.bias.by_sensor(plan.sensors),
         "counts": dict(counts),
         "scene": scene_mapping(plan.scene),
@@ -43,9 +45,9 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def components_used(plan: Plan) -> list[Mapping[str, str]]:
     """Return the components of a plan by kind and name, with distribution and version."""
-    chosen = {(choice.hook, choice.name) for choice in plan.scene.choices}
+    names = {(choice.hook, choice.name) for choice in plan.scene.choices}
     outputs = [choice.config for choice in plan.scene.outputs if hasattr(choice.config, "encoder")]
-    chosen |= {(EventEncoder.hook, str(config.encoder)) for config in outputs}
+    names |= {(EventEncoder.hook, str(config.encoder)) for config in outputs}
     fleets = {
         (Constellation.hook, sensor.constellation)
         for sensor in plan.scene.sensors
@@ -53,7 +55,7 @@ def components_used(plan: Plan) -> list[Mapping[str, str]]:
     }
     launched = plan.targets.class_names[: len(plan.scene.targets)]
     classes = {(TargetClass.hook, name) for name in launched}
-    return [_with_provenance(plan, hook, name) for hook, name in sorted(chosen | fleets | classes)]
+    return [_with_provenance(plan, hook, name) for hook, name in sorted(names | fleets | classes)]
 
 
 def _with_provenance(plan: Plan, hook: str, name: str) -> Mapping[str, str]:

@@ -8,7 +8,8 @@ from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.protocols import Classifier, Confidence, Measured, RandomDraws
+from opir_core.interfaces.classification import Classifier, Confidence
+from opir_core.interfaces.detection_models import Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.philox import normal_pairs
@@ -33,8 +34,8 @@ def classifier_inputs(
     band_total: IntArray,
     count: IndexArray,
 ) -> ClassifierInputs:
-    """Return the inputs of classifiers and confidence models, with (n, 0) columns for what is not
-    measured.
+    """Return the inputs of classifiers and confidence models, with (n, 0) columns for unmeasured
+    quantities.
     """
     irradiance = measured.band_irradiance_w_m2
     noise = measured.band_noise_w_m2
@@ -68,7 +69,7 @@ class Classified:
     def of(
         cls, classifier: Classifier, rows: int, log_posterior: FloatArray, method: str, types: int
     ) -> "Classified":
-        """Return what a classifier reports for posteriors of `rows` detections, which its `method`
+        """Return the types that a classifier reports for posteriors (rows, ...), which its `method`
         returned.
         """
         over_types = classifier.over_types(log_posterior, REPORTED_TYPES)
@@ -92,7 +93,7 @@ def classified(
     rng: RandomDraws,
     types: int = len(REPORTED_TYPES),
 ) -> Classified:
-    """Return what a classifier reports, with its probabilities if it has any."""
+    """Return the types that a classifier reports, with its probabilities if it has any."""
     rows = len(sightings)
     posterior = classifier.log_posterior(sightings)
     if posterior is not None:
@@ -131,9 +132,9 @@ def with_tracks(
     types = Classified.of(
         classifier, len(rows), classifier.revised(posterior[rows], of_track), "revised", 256
     )
-    found = {"reported_type": types.reported_type, **types.columns}
     columns = {
-        name: _replaced(getattr(detections, name), rows, column) for name, column in found.items()
+        name: _replaced(getattr(detections, name), rows, column)
+        for name, column in {"reported_type": types.reported_type, **types.columns}.items()
     }
     changed = evolve(detections, **columns)
     of_types = confidence.of_types(
@@ -160,11 +161,11 @@ def measured_lines_of_sight(
     `sigma_rad` (n,) is the standard deviation along both axes; `words` (n,) are raw random words.
     The true direction is to the target's position at emission.
     """
-    first, second = normal_pairs(words)
+    east_normal, north_normal = normal_pairs(words)
     direction = _directions(exposed)
     if states.bias is not None:
         direction = states.bias.applied(*direction, exposed.sensor, exposed.sensor_ecef_m)
-    return _rows(*_tilted(*direction, first * sigma_rad, second * sigma_rad))
+    return _rows(*_tilted(*direction, east_normal * sigma_rad, north_normal * sigma_rad))
 
 
 def _directions(exposed: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""A window in the making: what the stages of the engine take and give."""
+"""The state of a window between the stages of the engine."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -8,7 +8,7 @@ from attrs import define, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Measured
+from opir_core.interfaces.detection_models import Measured
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.planning.looks import Looks
 from opir_core.random_streams.pair_streams import WindowNumbers

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import kind_of
 from opir_core.host.boundary import InvalidOutput
-from opir_core.interfaces.protocols import Measured
+from opir_core.interfaces.detection_models import Measured
 
 #: Largest distance of the sum of type probabilities from 1.
 _SUM_ROUNDING = 1e-6

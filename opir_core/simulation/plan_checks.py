@@ -13,7 +13,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError, Problem
-from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.plan import Plan, PlanParts
 from opir_core.planning.sightlines import Pairs
 from opir_core.planning.targets import Targets
@@ -110,17 +110,17 @@ def _implausible(plan: Plan | CheckedScene) -> list[str]:
 
 
 def _of_parts(plan: Plan | CheckedScene) -> list[Problem]:
-    """Return what targets, the detection model and orbits say of their own settings and files."""
-    found = [
-        each
-        for part in (*plan.targets.trajectories, plan.detection)
-        for each in getattr(part, "warnings", ())
+    """Return the warnings of targets, detection model and orbits about their settings and files."""
+    problems = [
+        problem
+        for component in (*plan.targets.trajectories, plan.detection)
+        for problem in getattr(component, "warnings", ())
     ]
-    for chosen, sensor in zip(plan.scene.sensors, plan.sensors, strict=True):
+    for choice, sensor in zip(plan.scene.sensors, plan.sensors, strict=True):
         words = getattr(sensor.orbit, "warnings", ())
-        found += [Problem(f"{chosen.model.path}.orbit", text) for text in words]
-        found += [Problem(chosen.model.path, text) for text in _narrow_field(sensor)]
-    return found
+        problems += [Problem(f"{choice.model.path}.orbit", text) for text in words]
+        problems += [Problem(choice.model.path, text) for text in _narrow_field(sensor)]
+    return problems
 
 
 def _narrow_field(sensor: Sensor) -> Iterator[str]:

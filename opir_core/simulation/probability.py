@@ -8,7 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.protocols import DetectionProbability
+from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.planning.looks import LookGeometry, Looks, blocks
 from opir_core.planning.plan import Plan
 from opir_core.simulation.observation import Observation
@@ -38,8 +38,8 @@ class EvaluatedProbability:
             of_pair = checked_probability(of_pair, len(looks.active), "pair_probability")
             window.probability = np.repeat(of_pair, looks.scans)
         else:
-            parts = [self._varying(looks, rows) for rows in blocks(len(looks.pair))]
-            window.probability = np.concatenate([*parts, np.empty(0)])
+            blocks_of_looks = [self._varying(looks, rows) for rows in blocks(len(looks.pair))]
+            window.probability = np.concatenate([*blocks_of_looks, np.empty(0)])
 
     def _varying(self, looks: Looks, rows: slice) -> FloatArray:
         model = self.model
@@ -78,8 +78,8 @@ class VisibilityTest:
         looks = window.looks
         unchecked = np.flatnonzero(self.geometry.pairs.is_checked[looks.pair])
         for rows in blocks(len(unchecked)):
-            part = unchecked[rows]
-            window.probability[part] *= self.geometry.visible(looks.pair[part], looks.scan[part])
+            block = unchecked[rows]
+            window.probability[block] *= self.geometry.visible(looks.pair[block], looks.scan[block])
 
 
 def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
@@ -95,7 +95,10 @@ def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolan
 
     made_of = model, plan.sightlines, plan.sensors
     *kept_of, curves = plan.kept.get("curves", (None,) * 4)
-    if any(own is not kept for own, kept in zip(made_of, kept_of, strict=True)):
+    if any(
+        part_of_plan is not part_of_interpolant
+        for part_of_plan, part_of_interpolant in zip(made_of, kept_of, strict=True)
+    ):
         curves = KnotCurves.of(geometry, model, model.probability_tolerance)
         plan.kept["curves"] = *made_of, curves
     return curves.at_scans(geometry)

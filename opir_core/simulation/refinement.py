@@ -10,7 +10,7 @@ from attrs import evolve
 from scipy.special import ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces.protocols import DetectionProbability
+from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.looks import LookGeometry, blocks, look_times_s
 from opir_core.planning.sightlines import Blocked, Pairs
@@ -94,22 +94,22 @@ class Curves(NamedTuple):
         coefficients[1] = 0.5 * (values[1] - values[0])
         return cls(*_scaled(scan), coefficients)
 
-    def joined(self, other: "Curves", order: IntArray) -> "Curves":
+    def joined(self, curves: "Curves", order: IntArray) -> "Curves":
         """Return these curves and others, reordered."""
         return Curves(
-            *(np.concatenate(both, axis=-1)[..., order] for both in zip(self, other, strict=True))
+            *(np.concatenate(pair, axis=-1)[..., order] for pair in zip(self, curves, strict=True))
         )
 
-    def at(self, used: IntArray, times: IntArray, scan: IntArray) -> FloatArray:
-        """Return the values (n,) at scans (n,): `times` (m,) of them for each of the curves `used`
-        (m,).
+    def at(self, column: IntArray, times: IntArray, scan: IntArray) -> FloatArray:
+        """Return the values (n,) at scans (n,): `times` (m,) of them for each of the curves
+        `column` (m,).
         """
-        place = np.subtract(scan, np.repeat(self.middle[used], times), dtype=np.float64)
-        place *= np.repeat(self.per_scan[used], times)
-        value = np.repeat(self.coefficients[-1, used], times)
+        place = np.subtract(scan, np.repeat(self.middle[column], times), dtype=np.float64)
+        place *= np.repeat(self.per_scan[column], times)
+        value = np.repeat(self.coefficients[-1, column], times)
         for coefficient in self.coefficients[-2::-1]:
             value *= place
-            value += np.repeat(coefficient[used], times)
+            value += np.repeat(coefficient[column], times)
         return value
 
 
@@ -146,9 +146,9 @@ class Intervals(NamedTuple):
         return Intervals(self.pair, self.scan[places], self.row[places], self.predicted)
 
     @classmethod
-    def joined(cls, parts: "Sequence[Intervals]") -> "Intervals":
+    def joined(cls, intervals: "Sequence[Intervals]") -> "Intervals":
         """Return the pieces of all parts, in order."""
-        return cls(*(np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)))
+        return cls(*(np.concatenate(columns, axis=-1) for columns in zip(*intervals, strict=True)))
 
 
 class RefinedGrid(NamedTuple):
@@ -172,14 +172,18 @@ def knot_places(pairs: Pairs) -> Pairs:
     # After the light of an ignition: a breakpoint there cuts nothing off.
     start_ns = -(-(pairs.from_ns + 1) // UNIT_NS) * UNIT_NS
     can_look = (pairs.blocked == Blocked.NOT) | (pairs.blocked == Blocked.NO_LOOK)
-    last = np.where(
+    last_place = np.where(
         can_look & (pairs.to_ns > pairs.from_ns),
         np.maximum(pairs.to_ns - start_ns, 0) // UNIT_NS,
         -1,
     )
     unit_ns = np.full_like(pairs.period_ns, UNIT_NS)
     return evolve(
-        pairs, period_ns=unit_ns, phase_ns=start_ns, first_scan=np.zeros_like(last), last_scan=last
+        pairs,
+        period_ns=unit_ns,
+        phase_ns=start_ns,
+        first_scan=np.zeros_like(last_place),
+        last_scan=last_place,
     )
 
 
@@ -222,7 +226,7 @@ class GridRefiner:
             rough.append(pieces.take(is_rough))
             pieces = _halved(pieces.take(~fine & ~is_rough), self._values()[0])
         all_settled, all_curved, all_rough = (
-            Intervals.joined(each) for each in (settled, curved, rough)
+            Intervals.joined(intervals) for intervals in (settled, curved, rough)
         )
         return RefinedGrid(all_settled, all_curved, all_rough, self._values())
 
@@ -230,18 +234,18 @@ class GridRefiner:
         """Return the first pieces, with first, middle and last knots evaluated, and those that have
         hardly a look.
         """
-        pair, first, last = _smooth_intervals(self._geometry, self._model)
+        pair, first_scan, last_scan = _smooth_intervals(self._geometry, self._model)
         longest_ns = np.maximum(FIRST_PIECE_S * 1e9, FIRST_PIECE_SCANS * period_ns[pair])
-        wanted = np.ceil((last - first) * UNIT_NS / longest_ns)
+        piece_count = np.ceil((last_scan - first_scan) * UNIT_NS / longest_ns)
         count = np.clip(
-            wanted, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last - first, 1))
+            piece_count, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last_scan - first_scan, 1))
         ).astype(np.int64)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        pair, first, span, count = (
-            np.repeat(each, count) for each in (pair, first, last - first, count)
+        pair, first_scan, span, count = (
+            np.repeat(column, count) for column in (pair, first_scan, last_scan - first_scan, count)
         )
-        start = first + span * number // count
-        stop = first + span * (number + 1) // count
+        start = first_scan + span * number // count
+        stop = first_scan + span * (number + 1) // count
         scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
         is_short = (stop - start) * UNIT_NS <= LEAST_SCANS * period_ns[pair]
         if is_short.all():
@@ -254,20 +258,20 @@ class GridRefiner:
     def _filled(self, pieces: Intervals) -> Intervals:
         """Return pieces with second and fourth knots evaluated, where these are distinct scans."""
         lower = pieces.scan[0:3:2]
-        own = pieces.scan[1::2]
-        new = np.nonzero(own != lower)
+        inner_scan = pieces.scan[1::2]
+        new = np.nonzero(inner_scan != lower)
         row = pieces.row[0:3:2].copy()
-        row[new] = self._rows(pieces.pair[new[1]], own[new])
+        row[new] = self._rows(pieces.pair[new[1]], inner_scan[new])
         pieces.row[1::2] = row
         return pieces
 
     def _rows(self, pair: IntArray, scan: IntArray) -> IntArray:
         """Return the rows of the values of looks (…); equal looks are evaluated once."""
-        most = int(scan.max(initial=0)) + 1
-        looks, row = np.unique(pair * most + scan, return_inverse=True)
-        first = self._count
-        self._evaluate(looks // most, looks % most)
-        return first + row.reshape(scan.shape)
+        scan_count = int(scan.max(initial=0)) + 1
+        looks, row = np.unique(pair * scan_count + scan, return_inverse=True)
+        first_row = self._count
+        self._evaluate(looks // scan_count, looks % scan_count)
+        return first_row + row.reshape(scan.shape)
 
     def _evaluate(self, pair: IntArray, scan: IntArray) -> None:
         """Evaluate looks, sorted by pair, and append their values."""
@@ -334,12 +338,12 @@ class GridRefiner:
         density = np.exp(-0.5 * nearest * nearest) / np.sqrt(2.0 * np.pi)
         missed = np.abs(quantile[1::2] - pieces.predicted).max(axis=0)
         allowed = self._tolerance / np.maximum(density, 1e-300)
-        near = (third <= THIRD_SHARE * allowed) & (fourth <= FOURTH_SHARE * allowed)
-        fine: BoolArray = near | (
+        is_smooth = (third <= THIRD_SHARE * allowed) & (fourth <= FOURTH_SHARE * allowed)
+        fine: BoolArray = is_smooth | (
             (error <= _PREDICTED_SHARE * allowed) & (missed <= MISSED_SHARE * allowed)
         )
-        seen = np.flatnonzero(fine & (quantile.max(axis=0) + error >= -self._certain))
-        fine[seen] = self._is_straight(pieces.take(seen), values)
+        detectable = np.flatnonzero(fine & (quantile.max(axis=0) + error >= -self._certain))
+        fine[detectable] = self._is_straight(pieces.take(detectable), values)
         return fine
 
     def _is_straight(self, pieces: Intervals, values: FloatArray) -> BoolArray:
@@ -354,18 +358,21 @@ class GridRefiner:
                 (values[1 + band], SIGNAL_SIGMA),
                 (values[1 + width + band], 0.0),
             ):
-                own = of_look.take(pieces.row)
-                allowed = np.maximum(SIGNAL_SHARE * np.abs(own[1:-1]), least)
+                look_curves = of_look.take(pieces.row)
+                allowed = np.maximum(SIGNAL_SHARE * np.abs(look_curves[1:-1]), least)
                 # Deviations (3, k) of the inner values from the lines between their neighbours.
                 share = (at[1:-1] - at[:-2]) / np.maximum(at[2:] - at[:-2], 1e-300)
-                off = np.abs(own[1:-1] - (own[:-2] + share * (own[2:] - own[:-2])))
+                off = np.abs(
+                    look_curves[1:-1]
+                    - (look_curves[:-2] + share * (look_curves[2:] - look_curves[:-2]))
+                )
                 straight &= np.all(off <= 2.0 * allowed, axis=0)
         return straight
 
 
 def values_of(model: DetectionProbability, exposed: Exposures, tolerance: float) -> FloatArray:
-    """Return what is interpolated (2 + 2 B, n) of looks: quantile, signals, noise, and the sine of
-    the elevation.
+    """Return the interpolated values (2 + 2 B, n) of looks: quantile, signals, noise, sine of
+    elevation.
     """
     response = model.response(exposed, slack=tolerance * _SLACK_SHARE)
     assert response is not None
@@ -395,15 +402,16 @@ def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
     distinct = np.all(np.diff(pieces.scan, axis=0) > 0, axis=0)
     curves = Curves.through(pieces.scan[:, distinct], quantile.take(pieces.row[:, distinct]))
     everyone = np.arange(len(curves.middle))
-    for first in (0, 2):
+    for first_knot in (0, 2):
         scan = np.empty_like(pieces.scan)
         row = np.full(pieces.row.shape, -1)
-        scan[::2] = pieces.scan[first : first + 3]
-        row[::2] = pieces.row[first : first + 3]
+        scan[::2] = pieces.scan[first_knot : first_knot + 3]
+        row[::2] = pieces.row[first_knot : first_knot + 3]
         scan[1::2] = (scan[0:3:2] + scan[2:5:2]) // 2
         predicted = np.full((2, len(pieces.pair)), np.nan)
         predicted[:, distinct] = [
-            curves.at(everyone, np.ones_like(everyone), one) for one in scan[1::2, distinct]
+            curves.at(everyone, np.ones_like(everyone), inner_scan)
+            for inner_scan in scan[1::2, distinct]
         ]
         halves.append(Intervals(pieces.pair, scan, row, predicted))
     return Intervals.joined(halves)
@@ -420,11 +428,11 @@ def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
     start = values[0]
     middle = values[2]
     stop = values[4]
-    early = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
-    late = (stop - middle) / np.maximum(at[4] - at[2], 1e-300)
-    bend = (late - early) / np.maximum(at[4] - at[0], 1e-300)
+    start_share = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
+    stop_share = (stop - middle) / np.maximum(at[4] - at[2], 1e-300)
+    bend = (stop_share - start_share) / np.maximum(at[4] - at[0], 1e-300)
     off = [
-        values[place] - (start + (at[place] - at[0]) * (early + (at[place] - at[2]) * bend))
+        values[place] - (start + (at[place] - at[0]) * (start_share + (at[place] - at[2]) * bend))
         for place in (1, 3)
     ]
     return 0.5 * np.abs(off[0] - off[1]), 0.5 * np.abs(off[0] + off[1])
@@ -438,22 +446,22 @@ def _smooth_intervals(
     """
     pairs = geometry.pairs
     looking = np.flatnonzero(pairs.looks > 0)
-    first = pairs.first_scan[looking]
-    last = pairs.last_scan[looking]
-    starts = first[:, None]
+    first_scan = pairs.first_scan[looking]
+    last_scan = pairs.last_scan[looking]
+    starts = first_scan[:, None]
     breakpoints_s = model.breakpoints_s()
     if breakpoints_s is not None:
         cut = _scans_from(geometry, looking, breakpoints_s[pairs.target[looking]])
-        cut = np.clip(cut, first[:, None], last[:, None] + 1)
+        cut = np.clip(cut, first_scan[:, None], last_scan[:, None] + 1)
         starts = np.sort(np.concatenate([starts, cut], axis=1), axis=1)
-    stops = np.concatenate([starts[:, 1:], last[:, None] + 1], axis=1)
+    stops = np.concatenate([starts[:, 1:], last_scan[:, None] + 1], axis=1)
     row, place = np.nonzero(starts < stops)
     start = starts[row, place]
-    last = stops[row, place] - 1
+    last_scan = stops[row, place] - 1
     return (
         looking[row],
-        np.minimum(start + MARGIN, (start + last) // 2),
-        np.maximum(last - MARGIN, (start + last) // 2),
+        np.minimum(start + MARGIN, (start + last_scan) // 2),
+        np.maximum(last_scan - MARGIN, (start + last_scan) // 2),
     )
 
 

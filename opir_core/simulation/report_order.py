@@ -9,14 +9,12 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import IntArray
-from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.measurement import with_tracks
 from opir_core.simulation.tracker_clock import ScheduledTracker, Tracked, checked_tracker, rows_of
-
-_NS = 1_000_000_000
 
 #: Later than any report.
 _NEVER_NS = np.iinfo(np.int64).max
@@ -69,21 +67,21 @@ class ReportOrder:
         if self._tracker is None and not is_waiting and not window.detections.is_delayed:
             return window
         self._hold(window)
-        due = self._due(end_ns)
+        reported = self._due(end_ns)
         if self._tracker is None:
             return evolve(
                 window,
-                detections=due.detections.freeze(),
-                truth=due.truth.freeze(),
-                estimates=due.estimates,
+                detections=reported.detections.freeze(),
+                truth=reported.truth.freeze(),
+                estimates=reported.estimates,
             )
-        tracked = self._tracker.absorb(due.detections, start_ns, end_ns)
+        tracked = self._tracker.absorb(reported.detections, start_ns, end_ns)
         return evolve(
             window,
             detections=with_tracks(
                 self._plan.classifier, self._plan.confidence, tracked.detections, tracked.estimates
             ).freeze(),
-            truth=due.truth.freeze(),
+            truth=reported.truth.freeze(),
             tracks=tracked.tracks,
             estimates=tracked.estimates,
             health=tracked.health,
@@ -114,9 +112,9 @@ class ReportOrder:
             self._incoming = []
             self._first_incoming_ns = _NEVER_NS
         cut = int(np.searchsorted(self._held.detections.reported_ns, end_ns))
-        due = _part(self._held, slice(0, cut))
+        reported = _part(self._held, slice(0, cut))
         self._held = _part(self._held, slice(cut, None))
-        return due
+        return reported
 
 
 def quiet_window(start_ns: int, end_ns: int) -> Window:
@@ -173,8 +171,10 @@ def _merged(windows: Sequence[Window]) -> Window:
 
 
 def _part(window: Window, rows: slice) -> Window:
-    part = evolve(window, detections=window.detections.take(rows), truth=window.truth.take(rows))
-    return with_own_estimates(part)
+    window_rows = evolve(
+        window, detections=window.detections.take(rows), truth=window.truth.take(rows)
+    )
+    return with_own_estimates(window_rows)
 
 
 class ReportedTracker(ScheduledTracker):
@@ -228,8 +228,8 @@ class ReportedTracker(ScheduledTracker):
 
     def _ticks(self, after_ns: int, until_ns: int, cadence_ns: int) -> list[int]:
         """Return the ticks in (after, until], the scene's end among them."""
-        first = (max(after_ns, 0) // cadence_ns + 1) * cadence_ns
-        ticks = [*range(first, min(until_ns, self._end_ns) + 1, cadence_ns)]
+        first_tick_ns = (max(after_ns, 0) // cadence_ns + 1) * cadence_ns
+        ticks = [*range(first_tick_ns, min(until_ns, self._end_ns) + 1, cadence_ns)]
         is_last = after_ns < self._end_ns <= until_ns and self._end_ns % cadence_ns
         return [*ticks, self._end_ns] if is_last else ticks
 
@@ -249,13 +249,13 @@ class ReportedTracker(ScheduledTracker):
         pending = Detections.concatenate(self._pending)
         pending = pending.take(_observation_order(pending))
         cut = int(np.searchsorted(pending.time_ns, tick_ns))
-        rest = pending.take(slice(cut, None))
+        pending_rows = pending.take(slice(cut, None))
         self._stepped_ns = tick_ns
-        self._pending = [rest] if len(rest) else []
-        tracks = self._tracker_in_use.step(tick_ns / _NS, pending.take(slice(0, cut)))
+        self._pending = [pending_rows] if len(pending_rows) else []
+        tracks = self._tracker_in_use.step(tick_ns / 1_000_000_000, pending.take(slice(0, cut)))
         if self._lag_ns:
             tracks = evolve(
-                tracks, available_s=np.full(len(tracks), (tick_ns + self._lag_ns) / _NS)
+                tracks, available_s=np.full(len(tracks), (tick_ns + self._lag_ns) / 1_000_000_000)
             )
         self._in_force = tracks
         return tracks
@@ -278,7 +278,7 @@ def _reported_tracker(plan: Plan) -> ReportedTracker | None:
 def tracking_lag_ns(plan: Plan) -> int:
     """Return the lag, ns, between a tick and its step in the order of report."""
     if plan.scene.tracking_lag_s is not None:
-        return round(plan.scene.tracking_lag_s * _NS)
+        return round(plan.scene.tracking_lag_s * 1e9)
     if not any(sensor.reporting for sensor in plan.sensors):
         return 0
     from opir_core.simulation.reporting import release_lag_ns

@@ -9,8 +9,8 @@ from attrs import evolve
 from scipy.special import gammainccinv
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.protocols import ReportingStage, Sensor
 from opir_core.interfaces.records import Detections
+from opir_core.interfaces.sensors import ReportingStage, Sensor
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.simulation.observation import Observation
 
@@ -83,11 +83,11 @@ class ReportingDelays:
         ]
         words = [stream.words(int(run[0]), int(run[-1] - run[0]) + 1) for run in runs]
         stages = len(self._stages[number])
-        parts = [
+        uniforms = [
             uniforms_of(read).reshape(-1, stages)[run - run[0]]
             for read, run in zip(words, runs, strict=True)
         ]
-        return np.concatenate([*parts, np.empty((0, stages))])
+        return np.concatenate([*uniforms, np.empty((0, stages))])
 
 
 def stage_latency_s(stage: ReportingStage, exceedance: FloatArray) -> FloatArray:
@@ -110,9 +110,9 @@ def release_lag_ns(sensors: Sequence[Sensor]) -> int:
     It is the sum over the stages of the latencies that are exceeded with probability `LATE_CHANCE`:
     by the union bound at most that share of reports per stage is later.
     """
-    late = np.array([LATE_CHANCE])
+    late_chance = np.array([LATE_CHANCE])
     lags_s = [
-        sum(float(stage_latency_s(stage, late)[0]) for stage in sensor.reporting)
+        sum(float(stage_latency_s(stage, late_chance)[0]) for stage in sensor.reporting)
         for sensor in sensors
     ]
     return round(1e9 * max(lags_s, default=0.0))

@@ -13,8 +13,8 @@ from attrs import field, frozen
 
 from opir_core.errors import Problem, SceneError, number_of
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.plan import Plan, compile_plan, reseeded
 from opir_core.planning.sightlines import Pairs
 from opir_core.scene.scene import REPORTED_TYPES, Scene
@@ -102,8 +102,6 @@ def _views() -> Any:
 #: Target number of looks per window; a column of them takes 2 MiB.
 LOOKS_PER_WINDOW = 1 << 18
 
-_NS = 1_000_000_000
-
 
 def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1) -> Sequence[int]:
     """Return the ends of a plan's windows, ns: every `window_s`, or after about `LOOKS_PER_WINDOW`
@@ -113,7 +111,7 @@ def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1)
     """
     if window_s is None:
         return _edges_by_looks(plan.pairs, plan.end_ns, max(LOOKS_PER_WINDOW // max(workers, 1), 1))
-    step_ns = round(window_s * _NS)
+    step_ns = round(window_s * 1e9)
     if step_ns < 1:
         raise SceneError(
             [Problem("window_s", f"{window_s!r} is not a positive time of at least a nanosecond")]
@@ -135,8 +133,8 @@ def _edges_by_looks(pairs: Pairs, end_ns: int, looks: int) -> Sequence[int]:
     np.add.at(rates, np.searchsorted(times_ns, starts), 1.0 / looking.period_ns)
     np.add.at(rates, np.searchsorted(times_ns, stops), -1.0 / looking.period_ns)
     passed = np.concatenate([[0.0], np.cumsum(np.cumsum(rates)[:-1] * np.diff(times_ns))])
-    wanted = np.arange(looks, total, looks)
-    edges = np.unique(np.rint(np.interp(wanted, passed, times_ns)).astype(np.int64))
+    look_counts = np.arange(looks, total, looks)
+    edges = np.unique(np.rint(np.interp(look_counts, passed, times_ns)).astype(np.int64))
     return [*(edge for edge in edges.tolist() if 0 < edge < end_ns), end_ns]
 
 
@@ -202,17 +200,17 @@ def plan_windows(
     reports = ReportOrder(plan)
     for edge_ns in window_edges_ns(plan, window_s):
         yield reports.take(engine.advance(edge_ns), edge_ns)
-    rest = reports.rest()
-    if rest is not None:
-        yield rest
+    last_window = reports.rest()
+    if last_window is not None:
+        yield last_window
 
 
-def _collected(plan: Plan, tally: Tally, parts: Sequence[Window]) -> Run:
+def _collected(plan: Plan, tally: Tally, windows: Sequence[Window]) -> Run:
     return Run(
-        detections=joined_detections(parts).freeze(),
-        truth=DetectionTruth.concatenate(part.truth for part in parts),
-        tracks=Tracks.concatenate(part.tracks for part in parts),
-        estimates=Tracks.concatenate(part.estimates for part in parts),
+        detections=joined_detections(windows).freeze(),
+        truth=DetectionTruth.concatenate(window.truth for window in windows),
+        tracks=Tracks.concatenate(window.tracks for window in windows),
+        estimates=Tracks.concatenate(window.estimates for window in windows),
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         summary=tally.summary(),

@@ -21,16 +21,20 @@ def check_scene(scene: Scene, host: Host | None = None) -> CheckedScene:
     """Return the check of a scene; raises what `compile_plan` raises for it."""
     host = host or Host.discover()
     with PluginErrors(host, scene):
-        parts = plan_parts(scene, host)
-        most_looks = float(parts.pair_compiler(()).most_looks().sum())
-        if not parts.work_of(Pairs.empty()).accepts(most_looks):
-            everything = np.ones((len(parts.sensors), len(parts.targets.ids)), dtype=np.bool_)
-            parts.work_of(_pairs(parts, everything)).require_run()
-        met = aligned_pairs(parts.sensors, parts.targets, len(scene.targets), parts.end_ns)
-        pairs = _pairs(parts, met) if met.any() else Pairs.empty()
-    return CheckedScene(**asdict(parts, recurse=False), pairs=pairs)
+        scene_parts = plan_parts(scene, host)
+        most_looks = float(scene_parts.pair_compiler(()).most_looks().sum())
+        if not scene_parts.work_of(Pairs.empty()).accepts(most_looks):
+            everything = np.ones(
+                (len(scene_parts.sensors), len(scene_parts.targets.ids)), dtype=np.bool_
+            )
+            scene_parts.work_of(_pairs(scene_parts, everything)).require_run()
+        met = aligned_pairs(
+            scene_parts.sensors, scene_parts.targets, len(scene.targets), scene_parts.end_ns
+        )
+        pairs = _pairs(scene_parts, met) if met.any() else Pairs.empty()
+    return CheckedScene(**asdict(scene_parts, recurse=False), pairs=pairs)
 
 
-def _pairs(parts: PlanParts, is_chosen: BoolArray) -> Pairs:
+def _pairs(scene_parts: PlanParts, is_chosen: BoolArray) -> Pairs:
     """Return the chosen pairs (sensors, targets) with their looks."""
-    return parts.pair_compiler(parts.solar_exclusions()).pairs(is_chosen)
+    return scene_parts.pair_compiler(scene_parts.solar_exclusions()).pairs(is_chosen)

@@ -43,9 +43,9 @@ def shared_windows(
     with WindowWorkers(engine, edges_ns, workers, (is_final and encoders) or {}, reduced) as group:
         for edge_ns, computed in zip(edges_ns, group.computed(), strict=True):
             yield reports.take(engine.track(computed.window, edge_ns), edge_ns), computed.texts
-    rest = reports.rest()
-    if rest is not None:
-        yield rest, {}
+    last_window = reports.rest()
+    if last_window is not None:
+        yield last_window, {}
 
 
 def counted(window: Window) -> Window:

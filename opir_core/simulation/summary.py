@@ -85,25 +85,25 @@ class Tally:
             self.health = window.health.documents()
         if len(window.tracks):
             self._latest_tracks().take(window.tracks)
-        seen = window.detections
+        detections = window.detections
         target = window.truth.target
-        self._count_held(target, seen.track)
+        self._count_held(target, detections.track)
         is_noise = target < 0
         columns: tuple[Any, ...] = (
-            seen.sensor,
+            detections.sensor,
             target,
-            seen.time_ns,
-            seen.reported_type,
-            seen.confidence,
+            detections.time_ns,
+            detections.reported_type,
+            detections.confidence,
         )
         rows = np.flatnonzero(~is_noise)
         if self._is_delayed:
-            rows = rows.take(np.argsort(seen.time_ns.take(rows), kind="stable"))
+            rows = rows.take(np.argsort(detections.time_ns.take(rows), kind="stable"))
             np.minimum.at(
-                self._first_report_s, target.take(rows), seen.reported_ns.take(rows) * 1e-9
+                self._first_report_s, target.take(rows), detections.reported_ns.take(rows) * 1e-9
             )
         if is_noise.any() or self._is_delayed:
-            self._noise += np.bincount(seen.sensor[is_noise], minlength=len(self._noise))
+            self._noise += np.bincount(detections.sensor[is_noise], minlength=len(self._noise))
             columns = tuple(column.take(rows) for column in columns)
         self._count(*columns)
 
@@ -147,10 +147,10 @@ class Tally:
         held = np.flatnonzero((track >= 0) & (target >= 0))
         if not len(held):
             return
-        both, count = np.unique(
+        pair_number, count = np.unique(
             (target[held].astype(np.int64) << 32) | track[held], return_counts=True
         )
-        for pair, number in zip(both.tolist(), count.tolist(), strict=True):
+        for pair, number in zip(pair_number.tolist(), count.tolist(), strict=True):
             key = pair >> 32, pair & 0xFFFFFFFF
             self._held[key] = self._held.get(key, 0) + number
 
@@ -160,8 +160,8 @@ class Tally:
         """
         held = {
             track: number
-            for (own, track), number in self._held.items()
-            if own == target and track in tracks
+            for (row_target, track), number in self._held.items()
+            if row_target == target and track in tracks
         }
         return max(sorted(held), key=lambda track: held[track]) if held else None
 
@@ -213,22 +213,22 @@ class Tally:
         }
 
     def _target_row(self, row: int) -> Mapping[str, Any]:
-        seen = self._seen(row)
+        sighting = self._seen(row)
         ignition_s = float(self._targets.ignition_s[row])
-        first_s = seen["first_detection_s"]
+        first_s = sighting["first_detection_s"]
         first_report_s = float(self._first_report_s[row]) if self._is_delayed else first_s
         return {
             "target_id": self._targets.ids[row],
             "target_type": self._targets.class_names[row],
             "ignition_s": ignition_s,
             "burnout_s": float(self._targets.burnout_s[row]),
-            **seen,
+            **sighting,
             "latency_s": None if first_s is None else first_s - ignition_s,
             "end_to_end_latency_s": None if first_s is None else first_report_s - ignition_s,
         }
 
     def _source_row(self, row: int) -> Mapping[str, Any]:
-        """Return the row of a hot source that is no target: it has no ignition."""
+        """Return the row of a hot source other than a target, without an ignition."""
         return {
             "source_id": self._targets.ids[row],
             "source_type": self._targets.class_names[row],
@@ -236,17 +236,18 @@ class Tally:
         }
 
     def _seen(self, row: int) -> Mapping[str, Any]:
-        """Return what was detected of a target or source."""
+        """Return the detections of a target or source."""
         detections = self._detections[:, row]
-        is_detected = bool(detections.sum())
-        first = int(self._first_s[:, row].argmin())
-        reported = self._types[int(self._reported[row].argmax())]
+        first_sensor = int(self._first_s[:, row].argmin())
+        sighting = {
+            "first_detection_s": float(self._first_s[first_sensor, row]),
+            "first_sensor_id": self._sensors[first_sensor].id,
+            "last_detection_s": float(self._last_s[:, row].max()),
+            "reported_type": self._types[int(self._reported[row].argmax())],
+            "highest_confidence": float(self._confidence[row]),
+        }
         return {
             "detections": int(detections.sum()),
             "sensors": int((detections > 0).sum()),
-            "first_detection_s": float(self._first_s[first, row]) if is_detected else None,
-            "first_sensor_id": self._sensors[first].id if is_detected else None,
-            "last_detection_s": float(self._last_s[:, row].max()) if is_detected else None,
-            "reported_type": reported if is_detected else None,
-            "highest_confidence": float(self._confidence[row]) if is_detected else None,
+            **(sighting if detections.any() else dict.fromkeys(sighting)),
         }

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError, OpirError
 from opir_core.host.boundary import blamed_call, check_hint, owner_text
-from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_ENDS, Detections, Tracks
 from opir_core.interfaces.sensor_health import SensorHealth
+from opir_core.interfaces.sensors import Sensor
+from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
 from opir_core.simulation.output_checks import outline
-
-_NS = 1_000_000_000
 
 _REQUIRED = "associate must return whole numbers, one track number per detection, -1 for none"
 
@@ -51,7 +50,7 @@ class ScheduledTracker:
         self._end_ns = end_ns
         self._paper_codes = paper_codes
         cadence_s = None if tracker is None else tracker.cadence_s
-        self._cadence_ns = None if cadence_s is None else max(1, round(cadence_s * _NS))
+        self._cadence_ns = None if cadence_s is None else max(1, round(cadence_s * 1e9))
         self._pending: list[Detections] = []
         self._in_force = Tracks.empty()
         self._latest_report_ns = 0
@@ -136,10 +135,12 @@ class ScheduledTracker:
         )
         if since.is_delayed:
             self._latest_report_ns = max(self._latest_report_ns, int(since.reported_ns.max()))
-        tracks = self._tracker_in_use.step(edge_ns / _NS, since)
+        tracks = self._tracker_in_use.step(edge_ns / 1_000_000_000, since)
         self._pending = []
         if self._latest_report_ns > edge_ns:
-            tracks = evolve(tracks, available_s=np.full(len(tracks), self._latest_report_ns / _NS))
+            tracks = evolve(
+                tracks, available_s=np.full(len(tracks), self._latest_report_ns / 1_000_000_000)
+            )
         self._in_force = tracks
         return [tracks]
 
@@ -229,12 +230,12 @@ class CheckedTracker(Tracker):
     def _fault_in_width(self, estimates: Tracks) -> str:
         """Return the error of columns of hypotheses that come or go from tick to tick, or ""."""
         width = estimates.hypothesis_probability.shape[1] if len(estimates) else self._width
-        before = self._width
+        former_width = self._width
         self._width = width
         return (
             ""
-            if before in (None, width)
-            else f"returned {width} hypotheses, after {before} at earlier ticks"
+            if former_width in (None, width)
+            else f"returned {width} hypotheses, after {former_width} at earlier ticks"
         )
 
     def is_idle(self) -> bool:
@@ -242,7 +243,7 @@ class CheckedTracker(Tracker):
         return bool(self._called("is_idle", self._tracker.is_idle))
 
     def sensor_health(self) -> SensorHealth | None:
-        """Return what the tracker has found of the sensors."""
+        """Return the tracker's estimates of the sensors' errors."""
         health = self._called("sensor_health", self._tracker.sensor_health)
         if health is not None and not isinstance(health, SensorHealth):
             raise self._error(
@@ -290,7 +291,7 @@ class EndingTracker(Tracker):
         return self._result(lambda tracker: tracker.is_idle(), True)
 
     def sensor_health(self) -> SensorHealth | None:
-        """Return what the tracker has found of the sensors."""
+        """Return the tracker's estimates of the sensors' errors."""
         return self._result(lambda tracker: tracker.sensor_health(), None)
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
@@ -323,15 +324,11 @@ def _fault(estimates: Any, tick_s: float, hypotheses: int) -> str:
         column = getattr(estimates, name)
         kinds = _KINDS.get(name, "fiu")
         # A tracker weighs all hypotheses, or none.
-        due = [shape, (hypotheses,)] if name == "hypothesis_probability" else [shape]
+        shapes = [shape, (hypotheses,)] if name == "hypothesis_probability" else [shape]
         is_array = isinstance(column, np.ndarray) and column.dtype.kind in kinds
-        if not is_array or column.shape not in [(rows, *each) for each in due]:
-            shapes = (
-                f"{rows} rows of shape {due[-1]}"
-                if shape
-                else f"{rows} {_CONTENTS.get(name, 'numbers')}"
-            )
-            return f"returned {name} as {outline(column)}, not {shapes}"
+        if not is_array or column.shape not in [(rows, *row_shape) for row_shape in shapes]:
+            contents = f"rows of shape {shapes[-1]}" if shape else _CONTENTS.get(name, "numbers")
+            return f"returned {name} as {outline(column)}, not {rows} {contents}"
     if not rows:
         return ""
     if not _are_regions(estimates.impact_regions.tolist()):
@@ -385,18 +382,18 @@ def _fault_in_covariance(name: str, covariance: FloatArray) -> str:
     """Return the first error of covariances (n, k, k), or ""; they are symmetric and positive
     semidefinite.
     """
-    known = covariance[~np.isnan(covariance).any(axis=(1, 2))]
-    if not len(known):
+    complete = covariance[~np.isnan(covariance).any(axis=(1, 2))]
+    if not len(complete):
         return ""
-    spread = np.sqrt(np.maximum(np.diagonal(known, axis1=1, axis2=2), 0.0))
+    spread = np.sqrt(np.maximum(np.diagonal(complete, axis1=1, axis2=2), 0.0))
     scale = spread[:, :, None] * spread[:, None, :]
-    scaled = np.divide(known, scale, out=np.zeros_like(known), where=scale > 0.0)
-    if not np.isfinite(known).all() or np.any(
+    scaled = np.divide(complete, scale, out=np.zeros_like(complete), where=scale > 0.0)
+    if not np.isfinite(complete).all() or np.any(
         np.abs(scaled - scaled.transpose(0, 2, 1)) > _SYMMETRY
     ):
         return f"returned {name} that is not symmetric and finite"
     if (
-        np.any(np.diagonal(known, axis1=1, axis2=2) < 0.0)
+        np.any(np.diagonal(complete, axis1=1, axis2=2) < 0.0)
         or np.linalg.eigvalsh(scaled).min() < -_NEGATIVE
     ):
         return f"returned {name} that is not positive definite"

@@ -25,16 +25,16 @@ _CHANCE = 0.01
 
 def blocked_text(plan: Plan, row: int) -> str:
     """Return why a pair has no looks."""
-    part = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
-    return _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=part)
+    phase = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
+    return _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=phase)
 
 
 def few_looks(plan: Plan, pair: IntArray) -> tuple[IntArray, IntArray, Exposures]:
     """Return pairs, scans and exposures of a few looks of each of the pairs, which have some."""
     pair, share = np.repeat(pair, _LOOKS), np.tile(np.linspace(0.0, 1.0, _LOOKS), len(pair))
-    first = plan.pairs.first_scan[pair]
-    last = plan.pairs.last_scan[pair]
-    scan = first + np.floor(share * (last - first)).astype(np.int64)
+    first_scan = plan.pairs.first_scan[pair]
+    last_scan = plan.pairs.last_scan[pair]
+    scan = first_scan + np.floor(share * (last_scan - first_scan)).astype(np.int64)
     return pair, scan, plan.look_geometry().exposures(pair, scan)
 
 
@@ -44,10 +44,10 @@ def undetected_text(plan: Plan, target: int) -> str:
 
     A detection model with signals says by how much they were too faint (`shortfall_text`).
     """
-    own = np.flatnonzero(plan.pairs.target == target)
-    looking = own[plan.pairs.looks[own] > 0]
+    pairs = np.flatnonzero(plan.pairs.target == target)
+    looking = pairs[plan.pairs.looks[pairs] > 0]
     if not len(looking):
-        return " or ".join(sorted({blocked_text(plan, row) for row in own.tolist()}))
+        return " or ".join(sorted({blocked_text(plan, row) for row in pairs.tolist()}))
     pair, scan, exposures = few_looks(plan, looking)
     looks = exposures.take(np.flatnonzero(plan.look_geometry().visible(pair, scan)))
     if not len(looks):
@@ -66,7 +66,7 @@ def undetected_text(plan: Plan, target: int) -> str:
 
 
 def _too_rare(plan: Plan, pair: IntArray) -> str:
-    """Return that no sensor has the looks that it needs to report a target; "" if one has."""
+    """Return the reason if every sensor has fewer looks than a report needs, else ""."""
     if plan.detection.confirmation is None:
         return ""
     looks = plan.pairs.looks[pair]

@@ -50,11 +50,13 @@ def unread_settings(scene: Scene, host: Host) -> list[UnreadSetting]:
     names = {(choice.hook, choice.name) for choice in scene.choices}
     components = {(hook, name): host.component(hook, name) for hook, name in names}
     subjects = _subjects_read(scene, components)
-    found: dict[UnreadSetting, None] = {}
+    settings: dict[UnreadSetting, None] = {}
     for choice in scene.choices:
         if choice.written:
-            found |= dict.fromkeys(_unread(choice, components[choice.hook, choice.name], subjects))
-    return [*found, *_unread_keys(scene, components)]
+            settings |= dict.fromkeys(
+                _unread(choice, components[choice.hook, choice.name], subjects)
+            )
+    return [*settings, *_unread_keys(scene, components)]
 
 
 def unread_texts(settings: Iterable[UnreadSetting]) -> list[str]:
@@ -62,13 +64,13 @@ def unread_texts(settings: Iterable[UnreadSetting]) -> list[str]:
     grouped: dict[tuple[str, str], list[UnreadSetting]] = {}
     for setting in settings:
         grouped.setdefault((_INDEX.sub("[*]", setting.path), setting.reason), []).append(setting)
-    return [_text(*alike) for alike in grouped.values()]
+    return [_text(*group) for group in grouped.values()]
 
 
-def _text(first: UnreadSetting, *others: UnreadSetting) -> str:
-    more = f" and {len(others)} more like it" if others else ""
-    place = f" ({first.place})" if first.place else ""
-    return f"{first.path}{more}: nothing in this scene reads it: {first.reason}{place}"
+def _text(setting: UnreadSetting, *settings: UnreadSetting) -> str:
+    more = f" and {len(settings)} more like it" if settings else ""
+    place = f" ({setting.place})" if setting.place else ""
+    return f"{setting.path}{more}: nothing in this scene reads it: {setting.reason}{place}"
 
 
 def _subjects_read(
@@ -76,19 +78,19 @@ def _subjects_read(
 ) -> frozenset[str] | None:
     """Return the subjects that the scene's components read; None if one of them may read any."""
     hooks = {kind.hook for kind in _READERS}
-    found: set[str] = {DRAG} if scene.forces.drag is not None else set[str]()
+    subjects: set[str] = {DRAG} if scene.forces.drag is not None else set[str]()
     for choice in scene.choices:
-        subjects = components[choice.hook, choice.name].subjects_read(choice.config)
-        if subjects is None and choice.hook in hooks:
+        read = components[choice.hook, choice.name].subjects_read(choice.config)
+        if read is None and choice.hook in hooks:
             return None
-        found.update(subjects or ())
-    return frozenset(found)
+        subjects.update(read or ())
+    return frozenset(subjects)
 
 
 def _unread(
     choice: Choice, component: Component, subjects: frozenset[str] | None
 ) -> Iterator[UnreadSetting]:
-    """Yield what of a component's block is not read: the whole block, or its settings."""
+    """Yield the settings of a component's block that no component reads, or the whole block."""
     if not _is_read(component.described, subjects):
         yield UnreadSetting(choice.path, _reason(component.described), choice.written[""])
         return
@@ -119,7 +121,7 @@ def _is_read(subject: str, subjects: frozenset[str] | None) -> bool:
 
 
 def _reason(subject: str) -> str:
-    """Return what reads a subject."""
+    """Return the components that read a subject, in words."""
     return READ_BY.get(subject, f"no component of it reads {subject}")
 
 

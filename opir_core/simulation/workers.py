@@ -65,7 +65,7 @@ Encode = Callable[[Window], Iterable[Text]]
 
 @frozen
 class Computed:
-    """A window as observed, without tracks, and what the encoders made of it."""
+    """A window as observed, without tracks, and its encoded text."""
 
     window: Window
     texts: Mapping[str, Sequence[Text]]
@@ -131,14 +131,14 @@ class WindowWorkers:
             slot.end()
 
     def computed(self) -> Iterator[Computed]:
-        """Yield the windows in order; raises what a worker raised when its window is due.
+        """Yield the windows in order; re-raises a worker's error in place of its window.
 
         The text of a window is valid until the next one is asked for.
         """
         for slot in self._slots:
             self._start(slot)
-        ahead = _AHEAD * len(self._slots)
-        for number in range(min(ahead, len(self._tasks))):
+        window_limit = _AHEAD * len(self._slots)
+        for number in range(min(window_limit, len(self._tasks))):
             self._assign(number)
         for number in range(len(self._tasks)):
             while number not in self._results:
@@ -146,8 +146,8 @@ class WindowWorkers:
             result = self._results.pop(number)
             if isinstance(result, BaseException):
                 raise result
-            if number + ahead < len(self._tasks):
-                self._assign(number + ahead)
+            if number + window_limit < len(self._tasks):
+                self._assign(number + window_limit)
             yield result
             self._written[number % len(self._slots)] += 1
 
@@ -162,10 +162,12 @@ class WindowWorkers:
             slot.link.send(number)
 
     def _receive(self) -> None:
-        """Take the results that are there, wait for some if there are none, and replace workers
+        """Take the finished results, wait for one if necessary, and replace workers
         that have ended.
         """
-        ready = wait([each for slot in self._slots for each in (slot.link, slot.process.sentinel)])
+        ready = wait(
+            [handle for slot in self._slots for handle in (slot.link, slot.process.sentinel)]
+        )
         for slot in self._slots:
             if slot.link in ready:
                 self._take(slot)
@@ -192,10 +194,10 @@ class WindowWorkers:
         if slot.process.exitcode == STUCK:  # it has said why
             raise StuckWorkerError(f"a worker process of the run ended with exit code {STUCK}")
         if slot.waiting:
-            first = slot.waiting[0]
-            self._deaths[first] = self._deaths.get(first, 0) + 1
-            if self._deaths[first] >= _DEATHS:
-                start_ns, end_ns = self._tasks[first]
+            lost = slot.waiting[0]
+            self._deaths[lost] = self._deaths.get(lost, 0) + 1
+            if self._deaths[lost] >= _DEATHS:
+                start_ns, end_ns = self._tasks[lost]
                 words = (
                     f"the worker process of the window from {start_ns * 1e-9:g} to"
                     f" {end_ns * 1e-9:g} s ended"
@@ -211,24 +213,24 @@ class WindowWorkers:
     def _start(self, slot: "_Slot") -> None:
         """Start the process of a slot."""
         context = get_context("fork")
-        slot.link, own = context.Pipe()
-        parents = [each.link for each in self._slots if each.link is not None]
+        slot.link, worker_end = context.Pipe()
+        parents = [open_slot.link for open_slot in self._slots if open_slot.link is not None]
         slot.process = context.Process(
-            target=self._work, args=(own, parents, slot.buffer), daemon=True
+            target=self._work, args=(worker_end, parents, slot.buffer), daemon=True
         )
         with warnings.catch_warnings():
             # Python warns of copies of processes with threads: those of the parent hash files and
             # hold no lock that a worker takes.
             warnings.filterwarnings("ignore", message=".*fork.*", category=DeprecationWarning)
             slot.process.start()
-        own.close()
+        worker_end.close()
 
     def _work(self, link: Connection, parents: Sequence[Connection], buffer: mmap.mmap) -> None:
         """Compute windows until the parent ends."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        for each in parents:
-            each.close()
+        for parent in parents:
+            parent.close()
         with suppress(EOFError, OSError), ended_if_stuck():
             while True:
                 number = link.recv()
@@ -286,9 +288,9 @@ class WindowWorkers:
             {
                 name: [
                     Text((file if in_file else buffer)[rows], events, withheld)
-                    for (in_file, rows), events, withheld in parts
+                    for (in_file, rows), events, withheld in packed
                 ]
-                for name, parts in texts.items()
+                for name, packed in texts.items()
             },
         )
 
@@ -328,8 +330,8 @@ class _Relay:
         for _ in range(slots):
             arrays = []
             for array, size in zip(self._state, sizes, strict=True):
-                own = np.frombuffer(memory, dtype=array.dtype, count=array.size, offset=at)
-                arrays.append(own.reshape(array.shape))
+                buffer = np.frombuffer(memory, dtype=array.dtype, count=array.size, offset=at)
+                arrays.append(buffer.reshape(array.shape))
                 at += size
             self._slots.append(arrays)
         self._copy(self._state, self._slots[0])
@@ -355,8 +357,8 @@ class _Relay:
 
     @staticmethod
     def _copy(source: Sequence[Any], into: Sequence[Any]) -> None:
-        for one, other in zip(source, into, strict=True):
-            other[...] = one
+        for array, buffer in zip(source, into, strict=True):
+            buffer[...] = array
 
 
 class _Packing:

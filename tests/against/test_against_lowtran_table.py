@@ -24,8 +24,8 @@ from opir_photons.radiometry.lowtran import (
 from repository import DATA
 from scipy.interpolate import Akima1DInterpolator
 
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
+from opir_core.plugin import Band
 
 TABLE = Path(opir_photons.__file__).parent / "data" / "lowtran7_band_transmittance.csv"
 WEIGHTINGS = {"flat": "tau_flat", "blackbody-1500K": "tau_bb1500"}

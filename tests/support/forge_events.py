@@ -6,9 +6,9 @@ from typing import Any
 from opir_testing import stub_sensor
 
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
+from opir_core.plugin import Band
 
 EPOCH_US = 1_775_044_800_000_000
 SENSORS = (

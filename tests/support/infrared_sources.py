@@ -6,8 +6,8 @@ import numpy as np
 from opir_photons.radiometry.source_configs import FieldConfig, RegionConfig
 
 from opir_core.geometry import ecef_to_geodetic, local_axes
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import SourceContext
+from opir_core.plugin import Band
 
 SWIR = Band("SWIR", 2.5, 3.0)
 MWIR = Band("MWIR", 4.0, 5.0)

@@ -9,8 +9,8 @@ from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import detection_count as detection_count
 from opir_core.interfaces.outputs import Encoder
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.scene import REPORTED_TYPES
 
 #: Tracks in a block: a track is a message of 10 kB, with its covariances and regions.
@@ -36,10 +36,10 @@ def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:
     """
     for start in range(0, len(window.detections), rows):
         block = slice(start, start + rows)
-        part = evolve(
+        window_block = evolve(
             window, detections=window.detections.take(block), truth=window.truth.take(block)
         )
-        yield part if start == 0 else evolve(part, looks=0, tracks=Tracks.empty())
+        yield window_block if start == 0 else evolve(window_block, looks=0, tracks=Tracks.empty())
 
 
 def encoder_blocks(window: Window, encoder: Encoder) -> Iterator[Window]:

@@ -18,12 +18,15 @@ from opir_core.output.events.rendering import Looked
 from opir_core.output.events.text import (
     METRE_DECIMALS,
     RATIO_DECIMALS,
+    are_finite,
+    known_rows,
     rounded,
     rounded_bearing_deg,
     rounded_degrees,
     rounded_longitude_deg,
     rounded_number,
     timestamp_text,
+    where_known,
     writable_unix_microseconds,
 )
 from opir_core.scene.scene import REPORTED_TYPES
@@ -133,9 +136,7 @@ def paper_sigma_m(tracks: Tracks) -> list[float | None]:
     others.
     """
     variance = 0.5 * (tracks.impact_covariance[:, 0, 0] + tracks.impact_covariance[:, 1, 1])
-    known = (variance >= 0.0) & (variance < np.inf) & (tracks.impact_method == PAPER)
-    sigma_m = np.sqrt(np.where(known, variance, 0.0)).tolist()
-    return [each if here else None for each, here in zip(sigma_m, known.tolist(), strict=True)]
+    return _sigmas(np.where(tracks.impact_method == PAPER, variance, np.nan))
 
 
 #: The place of `ellipse` among the values of `EstimatedPoint`.
@@ -163,7 +164,10 @@ def _point_columns(
             _ellipses(covariance[:, :2, :2], share, reported_sigmas)
             for share in (CONTAINMENT, *OTHER_CONTAINMENTS)
         ),
-        _sigmas(covariance[:, 2, 2]),
+        [
+            sigma_s and rounded_number(sigma_s, RATIO_DECIMALS)
+            for sigma_s in _sigmas(covariance[:, 2, 2])
+        ],
     )
 
 
@@ -171,10 +175,7 @@ def _point_texts(
     kind: type[EstimatedPoint], columns: Sequence[Sequence[Any]], place: FloatArray
 ) -> list[bytes]:
     points = (kind(*values) for values in zip(*columns, strict=True))
-    return [
-        _encode(point if here else None)
-        for here, point in zip(are_on_earth(place).tolist(), points, strict=True)
-    ]
+    return list(map(_encode, where_known(points, are_on_earth(place))))
 
 
 def are_on_earth(place: FloatArray) -> BoolArray:
@@ -188,50 +189,52 @@ def time_texts(time_s: FloatArray, epoch_us: int) -> list[str | None]:
     """Return scene times (n,), s, as timestamps, None if unknown."""
     unix_us, writable = writable_unix_microseconds(time_s, epoch_us)
     texts = timestamp_text(np.where(writable, unix_us, 0))
-    return [text if valid else None for text, valid in zip(texts, writable.tolist(), strict=True)]
+    return where_known(texts, writable)
 
 
 def _sigmas(variance: FloatArray) -> list[float | None]:
+    """Return standard deviations (n,), None where the variance is unknown or negative."""
     valid = (variance >= 0.0) & (variance < np.inf)
-    sigma = rounded(np.sqrt(np.where(valid, variance, 0.0)), RATIO_DECIMALS).tolist()
-    return [value if here else None for value, here in zip(sigma, valid.tolist(), strict=True)]
+    return where_known(np.sqrt(np.where(valid, variance, 0.0)).tolist(), valid)
 
 
 def _ellipses(
     covariance_m2: FloatArray, containment: float, reported_sigmas: FloatArray | None
 ) -> list[UncertaintyEllipse | None]:
     ellipse = containment_ellipse(covariance_m2, containment, reported_sigmas)
-    valid = np.isfinite(ellipse.semi_major_m).tolist()
-    major_m = rounded(ellipse.semi_major_m, METRE_DECIMALS).tolist()
-    minor_m = rounded(ellipse.semi_minor_m, METRE_DECIMALS).tolist()
-    bearing_deg = rounded_bearing_deg(ellipse.bearing_rad, 180.0).tolist()
-    return [
-        UncertaintyEllipse(major, minor, bearing, containment) if here else None
-        for here, major, minor, bearing in zip(valid, major_m, minor_m, bearing_deg, strict=True)
-    ]
+    axes = zip(
+        rounded(ellipse.semi_major_m, METRE_DECIMALS).tolist(),
+        rounded(ellipse.semi_minor_m, METRE_DECIMALS).tolist(),
+        rounded_bearing_deg(ellipse.bearing_rad, 180.0).tolist(),
+        strict=True,
+    )
+    ellipses = (UncertaintyEllipse(*values, containment) for values in axes)
+    return where_known(ellipses, np.isfinite(ellipse.semi_major_m))
 
 
 def track_fields(window: Window, epoch_us: int, hypotheses: Sequence[str]) -> Looked:
-    """Return what is estimated of each detection's track but launch and impact, of its estimate's
-    tick.
+    """Return the fields of each detection's track at its estimate's tick, without launch and
+    impact.
 
     `hypotheses` are the names of the columns of `hypothesis_probability`.
     """
     rows, of_detection = np.unique(window.detections.estimate, return_inverse=True)
-    used = window.estimates.take(rows[rows >= 0])
-    unknown = [_TRACK_FIELDS % ((b"null",) * _TRACK_FIELDS.count(b"%b"))] * (len(rows) - len(used))
+    estimates = window.estimates.take(rows[rows >= 0])
+    unknown = [_TRACK_FIELDS % ((b"null",) * _TRACK_FIELDS.count(b"%b"))] * (
+        len(rows) - len(estimates)
+    )
     columns = (
-        state_texts(used, epoch_us),
-        burnout_texts(used, epoch_us),
-        type_texts(used),
+        state_texts(estimates, epoch_us),
+        burnout_texts(estimates, epoch_us),
+        type_texts(estimates),
         *(
             map(_encode, column)
-            for column in hypothesis_columns(used, hypotheses, RATIO_DECIMALS).values()
+            for column in hypothesis_columns(estimates, hypotheses, RATIO_DECIMALS).values()
         ),
-        map(_encode, time_texts(used.available_s, epoch_us)),
+        map(_encode, time_texts(estimates.available_s, epoch_us)),
     )
-    known = [_TRACK_FIELDS % values for values in zip(*columns, strict=True)]
-    return Looked([*unknown, *known], of_detection)
+    fields = [_TRACK_FIELDS % values for values in zip(*columns, strict=True)]
+    return Looked([*unknown, *fields], of_detection)
 
 
 def state_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
@@ -251,12 +254,9 @@ def burnout_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
 
 def type_texts(tracks: Tracks) -> list[bytes]:
     """Return the type probabilities of estimates as JSON, `null` if unknown."""
-    finite = _is_finite(tracks.type_probability)
     shares = rounded(tracks.type_probability, RATIO_DECIMALS).tolist()
-    return [
-        _encode(dict(zip(REPORTED_TYPES, share, strict=True)) if here else None)
-        for here, share in zip(finite.tolist(), shares, strict=True)
-    ]
+    types = (dict(zip(REPORTED_TYPES, share, strict=True)) for share in shares)
+    return list(map(_encode, where_known(types, are_finite(tracks.type_probability))))
 
 
 def _state_texts(
@@ -267,26 +267,15 @@ def _state_texts(
 
     Covariances keep all digits: a nearly singular one, rounded, may not be positive semidefinite.
     """
-    finite = _is_finite(state)
+    finite = are_finite(state)
     places = rounded(np.where(finite[:, np.newaxis], state, 0.0), METRE_DECIMALS).tolist()
     rows, columns = np.tril_indices(covariance.shape[1])
-    lower = covariance[:, rows, columns]
-    times = time_texts(time_s, epoch_us)
-    sigmas_or_none = [
-        each if valid else None
-        for valid, each in zip(_is_finite(radii), radii.tolist(), strict=True)
-    ]
-    terms = [
-        each if valid else None
-        for valid, each in zip(_is_finite(lower), lower.tolist(), strict=True)
-    ]
-    values = zip(finite.tolist(), times, places, terms, sigmas_or_none, strict=True)
-    return [
-        _encode(TrackState(time, place[:3], place[3:], *spread) if here else None)
-        for here, time, place, *spread in values
-    ]
-
-
-def _is_finite(rows: FloatArray) -> BoolArray:
-    """Return which rows (n, d) are finite throughout."""
-    return np.logical_and.reduce(np.isfinite(rows), axis=1)
+    values = zip(
+        time_texts(time_s, epoch_us),
+        places,
+        known_rows(covariance[:, rows, columns]),
+        known_rows(radii),
+        strict=True,
+    )
+    states = (TrackState(time, place[:3], place[3:], *spread) for time, place, *spread in values)
+    return list(map(_encode, where_known(states, finite)))

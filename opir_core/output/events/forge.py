@@ -15,8 +15,8 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.outputs import Encoder
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import SCHEMA_VERSION
 from opir_core.output.events.encoder_input import require_valid
@@ -45,8 +45,8 @@ class IrradianceTexts:
 
     def __init__(self, sensors: Sequence[Sensor]) -> None:
         self._widths = np.array([len(sensor.bands) for sensor in sensors], dtype=np.int64)
-        most = max((len(sensor.bands) for sensor in sensors), default=0)
-        self._names = [[_name(sensor, place) for sensor in sensors] for place in range(most)]
+        band_count = max((len(sensor.bands) for sensor in sensors), default=0)
+        self._names = [[_name(sensor, place) for sensor in sensors] for place in range(band_count)]
 
     def columns(self, detections: Detections, sensor: IntArray) -> list[Column]:
         """Return the columns of `,"band_irradiance_w_m2":{...}`; none if the detection model
@@ -73,7 +73,9 @@ def _texts(irradiance_w_m2: FloatArray, exists: BoolArray) -> list[bytes]:
     texts = number_texts(significant(irradiance_w_m2, IRRADIANCE_DIGITS))
     if exists.all():
         return texts
-    return [text if here else b"" for text, here in zip(texts, exists.tolist(), strict=True)]
+    return [
+        text if is_present else b"" for text, is_present in zip(texts, exists.tolist(), strict=True)
+    ]
 
 
 _ID = b'{"detection_id":"'
@@ -91,8 +93,6 @@ _TYPES = [
 ]
 _NO_TRACK = _TRACK % b"null"
 _NO_POSITION = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
-
-_URAD_PER_RAD = 1e6
 
 
 class ForgeEncoder(Encoder):
@@ -173,7 +173,7 @@ class ForgeEncoder(Encoder):
             return [Looked(self._look_texts, row)]
         return [
             _SIGMA,
-            Decimal(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS),
+            Decimal(sigma_rad * 1e6, RATIO_DECIMALS),
             Looked(self._band_texts, row),
         ]
 
@@ -191,7 +191,7 @@ def _sensor_texts(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
 
 def _look_texts(sensor: Sensor) -> list[bytes]:
     """Return one text per set of bands, with the sensor's own sigma."""
-    sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS))
+    sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * 1e6, RATIO_DECIMALS))
     return [_SIGMA + sigma + bands for bands in _band_texts(sensor)]
 
 
@@ -211,14 +211,14 @@ def _points(window: Window, epoch_us: int) -> Column:
     if not (estimate >= 0).any():
         return _POINTS % (b"null", b"null")
     rows, of_detection = np.unique(estimate, return_inverse=True)
-    used = rows[rows >= 0]
+    estimate_rows = rows[rows >= 0]
     from opir_core.output.events.estimates import impact_texts, launch_texts  # of runs with tracks
 
-    estimates = window.estimates.take(used)
+    estimates = window.estimates.take(estimate_rows)
     launches = launch_texts(estimates, epoch_us)
     impacts = impact_texts(estimates, epoch_us)
-    unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
-    points = [_POINTS % both for both in zip(launches, impacts, strict=True)]
+    unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(estimate_rows))
+    points = [_POINTS % texts for texts in zip(launches, impacts, strict=True)]
     return Looked([*unknown, *points], of_detection)
 
 

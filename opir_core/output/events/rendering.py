@@ -160,15 +160,15 @@ def _groups(count: int, columns: Sequence[Column]) -> Iterator[list[bytes | list
             yield [_fixed_width(count, [_characters(column, fixed) for column in members])]
 
 
-def _characters(column: Column, known: dict[int, NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def _characters(column: Column, converted: dict[int, NDArray[np.uint8]]) -> NDArray[np.uint8]:
     """Return ASCII codes (width,) or (n, width); a column that stands twice in a line is converted
     once.
     """
     if isinstance(column, bytes):
         return np.frombuffer(column, dtype=np.uint8)
-    if id(column) not in known and isinstance(column, Ids | Times):
-        known[id(column)] = column.characters()
-    return known[id(column)]
+    if id(column) not in converted and isinstance(column, Ids | Times):
+        converted[id(column)] = column.characters()
+    return converted[id(column)]
 
 
 def _fixed_width(count: int, columns: Sequence[NDArray[np.uint8]]) -> list[bytes]:
@@ -199,7 +199,7 @@ def chosen_renderer(host: Host) -> tuple[str, Renderer]:
                 f"{CHOICE}={choice}: {error}; leave it unset for one that works"
             ) from error
     installed = host.names(RendererModel)
-    for name in (each for each in PREFERRED if each in installed):
+    for name in (preferred for preferred in PREFERRED if preferred in installed):
         with suppress(PluginError, ImportError):
             return name, _built(host.component(RendererModel, name))
     return "reference", reference

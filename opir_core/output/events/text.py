@@ -1,10 +1,13 @@
 """Columns of events as JSON text: RFC 3339 timestamps (UTC, microseconds, `Z`) and numbers."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.errors import SinkError
 from opir_core.interfaces.records import Window
 
@@ -28,13 +31,11 @@ def unix_microseconds(time_ns: IntArray, epoch_us: int) -> IntArray:
 
     `epoch_us` is the epoch, in µs since 1970-01-01 without leap seconds.
     """
-    whole, rest = np.divmod(time_ns, _NS_PER_US)
-    return whole + (2 * rest >= _NS_PER_US) + epoch_us
+    microseconds, remainder_ns = np.divmod(time_ns, _NS_PER_US)
+    return microseconds + (2 * remainder_ns >= _NS_PER_US) + epoch_us
 
 
-def writable_unix_microseconds(
-    time_s: FloatArray, epoch_us: int
-) -> tuple[IntArray, NDArray[np.bool_]]:
+def writable_unix_microseconds(time_s: FloatArray, epoch_us: int) -> tuple[IntArray, BoolArray]:
     """Return scene times (n,), s, as µs since 1970-01-01, and which are finite and in the years 1
     to 9999.
 
@@ -66,11 +67,11 @@ def timestamp_characters(unix_us: IntArray) -> NDArray[np.uint8]:
     text[:, :_TO_SECONDS] = _second_characters(seconds)
     text[:, _TO_SECONDS] = _POINT
     text[:, -1] = _ZULU
-    rest = microseconds.astype(np.uint32)
+    quotient = microseconds.astype(np.uint32)
     for place in range(_TEXT_LENGTH - 2, _TO_SECONDS, -1):
-        tens = rest // _TEN
-        text[:, place] = rest - tens * _TEN + _ZERO
-        rest = tens
+        tens = quotient // _TEN
+        text[:, place] = quotient - tens * _TEN + _ZERO
+        quotient = tens
     return text
 
 
@@ -164,6 +165,25 @@ def rounded_longitude_deg(longitude_rad: FloatArray) -> FloatArray:
     """Return longitudes, rad, as degrees in [-180, 180), rounded."""
     east = rounded_bearing_deg(longitude_rad)
     return np.where(east >= 180.0, rounded(east - 360.0, DEGREE_DECIMALS), east)
+
+
+def are_finite(values: FloatArray) -> BoolArray:
+    """Return which rows (n, ...) are finite throughout."""
+    return np.logical_and.reduce(np.isfinite(values), axis=tuple(range(1, values.ndim)))
+
+
+def where_known(rows: Iterable[Any], is_known: BoolArray) -> list[Any]:
+    """Return rows (n,), None where they are not known (n,)."""
+    if is_known.all():
+        return list(rows)
+    return [
+        row if has_value else None for row, has_value in zip(rows, is_known.tolist(), strict=True)
+    ]
+
+
+def known_rows(values: FloatArray) -> list[Any]:
+    """Return the rows of a column as plain values, None where any number is not finite."""
+    return where_known(values.tolist(), are_finite(values))
 
 
 def number_texts(values: FloatArray) -> list[bytes]:

@@ -14,8 +14,6 @@ from opir_core.output.events import TRACKS_VERSION
 from opir_core.output.events.text import timestamp_text
 from opir_core.output.track_records import track_records
 
-_US_PER_S = 1e6
-
 
 class TracksEncoder(Encoder):
     """Tracks as lines of JSON; the bytes do not depend on the windows."""
@@ -32,7 +30,7 @@ class TracksEncoder(Encoder):
         """Return the window's tracks as lines; a tick outside the years 1 to 9999 raises
         `SinkError`.
         """
-        timestamp_text(np.rint(window.tracks.tick_s * _US_PER_S).astype(np.int64) + self._epoch_us)
+        timestamp_text(np.rint(window.tracks.tick_s * 1e6).astype(np.int64) + self._epoch_us)
         records = track_records(
             window.tracks, self._hypotheses, self._epoch_us, self.schema_version
         )

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.outputs import Encoder, Sink, Transport
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Batch, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.output.events.encoder_input import encoder_blocks, event_counter, only_encodable
 from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
 from opir_core.output.spool.syncing import SINK_SYNC_S, SyncThread
@@ -22,16 +22,6 @@ from opir_core.output.spool.syncing import SINK_SYNC_S, SyncThread
 #: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's
 #: own batches for many partitions, and one is quickly read back from disk.
 BATCH_EVENTS = 1024
-
-
-class Batcher(Protocol):
-    """Cuts windows into batches."""
-
-    def batches(self, window: Window) -> Iterator[Batch]:
-        """Yield a window's events as batches, in order."""
-
-    def events(self, window: Window) -> int:
-        """Return the number of a window's events, those without a message included."""
 
 
 class EncodedBatcher:
@@ -45,32 +35,32 @@ class EncodedBatcher:
     def batches(self, window: Window) -> Iterator[Batch]:
         """Yield a window's events as batches, without those that have no message."""
         for block in encoder_blocks(window, self._encoder):
-            kept = only_encodable(block, self._encoder)
-            lines = self._encoder.encode(kept)
-            if len(kept.tracks) and self._encoder.encodes_tracks:
-                numbers, key = np.unique(kept.tracks.track, return_inverse=True)
+            encodable = only_encodable(block, self._encoder)
+            lines = self._encoder.encode(encodable)
+            if len(encodable.tracks) and self._encoder.encodes_tracks:
+                numbers, key = np.unique(encodable.tracks.track, return_inverse=True)
                 yield from self._cut(lines, key, numbers.astype(str).astype(object))
-            elif len(kept.detections):
-                yield from self._cut(lines, kept.detections.sensor, self._ids)
+            elif len(encodable.detections):
+                yield from self._cut(lines, encodable.detections.sensor, self._ids)
 
     def _cut(self, lines: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Iterator[Batch]:
         """Yield the lines of a block as batches of at most `BATCH_EVENTS` events; `key` (n,) is a
         row of `names`.
         """
-        whole = self._batch(lines, key, names)
-        if len(whole) <= BATCH_EVENTS:
-            yield whole
+        batch = self._batch(lines, key, names)
+        if len(batch) <= BATCH_EVENTS:
+            yield batch
             return
-        messages = whole.messages()
-        for first in range(0, len(key), BATCH_EVENTS):
-            part = slice(first, first + BATCH_EVENTS)
-            yield self._batch(b"\n".join([*messages[part], b""]), key[part], names)
+        messages = batch.messages()
+        for start in range(0, len(key), BATCH_EVENTS):
+            rows = slice(start, start + BATCH_EVENTS)
+            yield self._batch(b"\n".join([*messages[rows], b""]), key[rows], names)
 
     def _batch(self, body: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Batch:
-        used, key_of = np.unique(key, return_inverse=True)
+        used_keys, key_of = np.unique(key, return_inverse=True)
         return Batch(
             body=body,
-            keys=tuple(names[used].tolist()),
+            keys=tuple(names[used_keys].tolist()),
             key_of=key_of.astype(np.uint16),
             content_type=self._encoder.content_type,
             schema_version=self._encoder.schema_version,
@@ -78,7 +68,7 @@ class EncodedBatcher:
 
 
 class FullError(Exception):
-    """There is no room for a batch, or the disk does not take it; the words, if any, say why."""
+    """The backlog is full, or the disk refuses the batch; the words, if any, say why."""
 
 
 class DamagedError(Exception):
@@ -98,7 +88,7 @@ class Backlog(Protocol):
 
     @property
     def outlives_the_process(self) -> bool:
-        """Whether what is left at closing is there for the next run."""
+        """Whether batches left at closing are there for the next run."""
 
     def put(self, batch: Batch) -> None:
         """Add a batch; raise `FullError` if there is no room for it."""
@@ -112,7 +102,7 @@ class Backlog(Protocol):
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch but those in `rows`."""
 
-    def drop_oldest(self, after: int) -> int:
+    def drop_oldest(self, number: int) -> int:
         """Remove the first batch with a higher number and return its number of events; 0 if there
         is none.
         """
@@ -153,7 +143,14 @@ class MemoryBacklog:
         """Return the first batch with a higher number, with its number, or None."""
         if number + 1 in self._batches:
             return number + 1, self._batches[number + 1]
-        return next(((each, batch) for each, batch in self._batches.items() if each > number), None)
+        return next(
+            (
+                (candidate, batch)
+                for candidate, batch in self._batches.items()
+                if candidate > number
+            ),
+            None,
+        )
 
     def acknowledge(self, numbers: Iterable[int]) -> None:
         """Remove the batches with these numbers."""
@@ -164,17 +161,17 @@ class MemoryBacklog:
 
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch but those in `rows`."""
-        whole = self._batches[number]
-        rest = self._batches[number].take(rows)
-        self._batches[number] = rest
-        self._bytes -= len(whole.body) - len(rest.body)
-        self.waiting -= len(whole) - len(rest)
+        batch = self._batches[number]
+        remaining = self._batches[number].take(rows)
+        self._batches[number] = remaining
+        self._bytes -= len(batch.body) - len(remaining.body)
+        self.waiting -= len(batch) - len(remaining)
 
-    def drop_oldest(self, after: int) -> int:
+    def drop_oldest(self, number: int) -> int:
         """Remove the first batch with a higher number and return its number of events; 0 if there
         is none.
         """
-        oldest = self.after(after)
+        oldest = self.after(number)
         if oldest is None:
             return 0
         self.acknowledge([oldest[0]])
@@ -208,9 +205,13 @@ class WindowBatcher:
             )
 
 
+#: Cuts windows into batches.
+Batcher = EncodedBatcher | WindowBatcher
+
+
 class WindowTransport(Transport):
-    """A transport that writes batches of columns into a sink; what is written is acknowledged once
-    it is synced.
+    """A transport that writes batches of columns into a sink; batches are acknowledged once they
+    are synced.
     """
 
     def __init__(self, sink: Sink, origin: Origin) -> None:

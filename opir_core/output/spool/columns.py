@@ -1,6 +1,6 @@
 """Windows as batches of columns, numpy archives, for sinks that take windows.
 
-Truth is no part of an event and is not kept. Columns mean something only beside their run: its
+Truth is not part of an event and is not kept. Columns mean something only beside their run: its
 epoch, the ids of its sensors and the names of its types are kept with them, and a run that finds
 them in its spool reads them by its own.
 """
@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Batch, Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Sensor
 from opir_core.output.spool.regions import REGION_PARTS, packed_regions, unpacked_regions
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.report_order import with_own_estimates
 from opir_core.simulation.shifting import shifted
 
 CONTENT_TYPE = "application/vnd.opir.window+npz"
-VERSION = "5"
+VERSION = "6"
 _DETECTION_COLUMNS = tuple(attribute.name for attribute in fields(Detections))
 _TRACK_COLUMNS = tuple(attribute.name for attribute in fields(Tracks))
 _COLUMNS = {"detections": _DETECTION_COLUMNS, "tracks": _TRACK_COLUMNS, "estimates": _TRACK_COLUMNS}
@@ -53,13 +53,15 @@ class Origin:
         }
         for name in _REGION_COLUMNS:
             columns |= {
-                f"{name}.{part}": array for part, array in packed_regions(columns.pop(name)).items()
+                f"{name}.{key}": array for key, array in packed_regions(columns.pop(name)).items()
             }
-        used = np.unique(window.detections.sensor)
+        sensors_used = np.unique(window.detections.sensor)
         columns |= {
             "epoch_us": np.array(self.epoch_us),
-            "sensors": used,
-            "sensor_ids": np.array([self.sensors[row].id for row in used.tolist()], dtype=str),
+            "sensors": sensors_used,
+            "sensor_ids": np.array(
+                [self.sensors[row].id for row in sensors_used.tolist()], dtype=str
+            ),
             "reported_types": np.array(self.reported_types),
             "hypotheses": np.array(self.hypotheses, dtype=str),
         }
@@ -76,7 +78,8 @@ class Origin:
         """Return the window of an archive, perhaps of another run, with this run's epoch and rows
         of sensors.
 
-        Raises `SinkError` if it is no window, or this run cannot say what it says.
+        Raises `SinkError` for another kind of batch, and for sensors, types or hypotheses that this
+        run lacks.
         """
         if (batch.content_type, batch.schema_version) != (CONTENT_TYPE, VERSION):
             raise SinkError(
@@ -112,20 +115,20 @@ class Origin:
         """Return the rows of this run's sensors that have the ids of those of an archive."""
         if tuple(archive["reported_types"].tolist()) != self.reported_types:
             raise SinkError(f"its spool holds events with other types; {_REMEDY}")
-        used = archive["sensors"]
+        names_used = archive["sensors"]
         ids = archive["sensor_ids"].tolist()
         if all(
             row < len(self.sensors) and self.sensors[row].id == name
-            for row, name in zip(used, ids, strict=True)
+            for row, name in zip(names_used, ids, strict=True)
         ):
             return sensor
-        row_of = {each.id: row for row, each in enumerate(self.sensors)}
+        row_of = {sensor.id: row for row, sensor in enumerate(self.sensors)}
         if unknown := [name for name in ids if name not in row_of]:
             raise SinkError(
                 f"its spool holds events of {unknown[0]}, which the scene does not have; {_REMEDY}"
             )
         rows = np.array([row_of[name] for name in ids], dtype=sensor.dtype)
-        return rows[np.searchsorted(used, sensor)]
+        return rows[np.searchsorted(names_used, sensor)]
 
 
 _REMEDY = (
@@ -140,4 +143,4 @@ def _record(record: Callable[..., _Record], name: str, archive: Any) -> _Record:
 def _column(name: str, archive: Any) -> Any:
     if name not in _REGION_COLUMNS:
         return archive[name]
-    return unpacked_regions({part: archive[f"{name}.{part}"] for part in REGION_PARTS})
+    return unpacked_regions({key: archive[f"{name}.{key}"] for key in REGION_PARTS})

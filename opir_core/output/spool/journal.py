@@ -171,24 +171,24 @@ class Journal:
         """Remove the events of a batch but those in `rows`."""
         row = self._database.execute(_NEXT, (number - 1,)).fetchone()
         if row[0] == number and (batch := batch_of(row)):
-            rest = _row_of(batch.take(rows))
-            self._database.execute(_REPLACE, (*rest, number))
-            self.waiting -= row[1] - rest[0]
-            self._bytes -= row[2] - rest[1]
+            remaining_row = _row_of(batch.take(rows))
+            self._database.execute(_REPLACE, (*remaining_row, number))
+            self.waiting -= row[1] - remaining_row[0]
+            self._bytes -= row[2] - remaining_row[1]
 
     @_raises_ours
-    def drop_oldest(self, after: int) -> int:
+    def drop_oldest(self, number: int) -> int:
         """Remove the first batch with a higher number and return its number of events; 0 if there
         is none.
         """
         row = self._database.execute(
-            "SELECT min(number) FROM parcel WHERE number > ?", (after,)
+            "SELECT min(number) FROM parcel WHERE number > ?", (number,)
         ).fetchone()
         if row[0] is None:
             return 0
-        before = self.waiting
+        former_waiting = self.waiting
         self.acknowledge([row[0]])
-        return before - self.waiting
+        return former_waiting - self.waiting
 
     def end_transaction(self) -> None:
         """Undo what an error has left open."""
@@ -241,7 +241,7 @@ class Journal:
         """Mark a new database as a spool; raise `SinkError` for any other database."""
         execute = self._database.execute
         (application,), (version,) = (
-            execute(f"PRAGMA {each}").fetchone() for each in ("application_id", "user_version")
+            execute(f"PRAGMA {pragma}").fetchone() for pragma in ("application_id", "user_version")
         )
         tables = execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
         if not tables and not application:
@@ -348,7 +348,7 @@ def _why(error: sqlite3.Error) -> str:
 
 
 def is_refusal(error: sqlite3.Error) -> bool:
-    """Return whether the disk did not do what it was asked: nothing is known about the file."""
+    """Return whether the disk refused an operation, which says nothing about the file."""
     return primary_code(error) in _REFUSALS_OF_THE_DISK
 
 
@@ -360,8 +360,10 @@ def primary_code(error: sqlite3.Error) -> str:
     return "_".join(name.split("_")[:2])
 
 
-def _checksum(*parts: str | bytes) -> int:
+def _checksum(*contents: str | bytes) -> int:
     crc = 0
-    for part in parts:
-        crc = crc32(part if isinstance(part, bytes) else part.encode("utf-8", "surrogatepass"), crc)
+    for content in contents:
+        crc = crc32(
+            content if isinstance(content, bytes) else content.encode("utf-8", "surrogatepass"), crc
+        )
     return crc

@@ -27,18 +27,18 @@ TROUBLE_S = 3.0
 
 
 def transport_sink(
-    choice: Choice, made: Sink | Transport, make_encoder: Callable[[], Encoder], origin: Origin
+    choice: Choice, product: Sink | Transport, make_encoder: Callable[[], Encoder], origin: Origin
 ) -> TransportSink:
     """Return the sink of an output with a transport or a spool; if the spool cannot be opened,
-    `made` is closed.
+    `product` is closed.
     """
     transport: Transport
     batcher: Batcher
-    if isinstance(made, Transport):
-        transport = made
+    if isinstance(product, Transport):
+        transport = product
         batcher = EncodedBatcher(make_encoder(), origin.sensors)
     else:
-        transport = WindowTransport(made, origin)
+        transport = WindowTransport(product, origin)
         batcher = WindowBatcher(make_encoder(), origin)
     try:
         backlog, policy, damage = _backlog(choice.spool)

@@ -1,99 +1,61 @@
-"""Columns of impact regions as arrays of numbers, and back: the archives of a spool hold no
+"""Columns of impact regions as JSON in an array of bytes, and back: the archives of a spool hold no
 objects.
 
 A tuple of regions that several rows share is stored once.
 """
 
-from collections.abc import Mapping, Sequence
-from math import isnan
+from collections.abc import Mapping
+from math import nan
 from typing import Any
 
+import msgspec
 import numpy as np
+from attrs import fields
 from numpy.typing import NDArray
 
-from opir_core.interfaces.impact_regions import IMPACT_CONDITIONS, ImpactRegion
+from opir_core.interfaces.impact_regions import ImpactRegion
 
-#: The arrays of a packed column: the tuple (n,) of each row, then the number of parts of each
-#: tuple, region, polygon and ring, the figures of all regions (a condition is its place among all;
-#: nan: no centre), and all points, latitude_rad and longitude_rad.
-REGION_PARTS = (
-    *(
-        "of_row",
-        "regions",
-        "polygons",
-        "rings",
-        "ring_points",
-        "containment",
-        "area_km2",
-        "centre",
-        "points",
-    ),
-    *("condition", "probability", "effective_samples"),
-)
-_NUMBERS = ("containment", "area_km2", "probability", "effective_samples")
+#: The arrays of a packed column: the tuple (n,) of each row, and the JSON of all tuples.
+REGION_PARTS = ("of_row", "tuples")
+
+_FIELDS = tuple(attribute.name for attribute in fields(ImpactRegion))
+_encode = msgspec.json.Encoder(enc_hook=lambda array: array.tolist()).encode
 
 
 def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
     """Return the arrays of a column (n,) of tuples of regions."""
-    place: dict[int, int] = {}
-    tuples: list[tuple[ImpactRegion, ...]] = []
-    for row in column.tolist():
-        if id(row) not in place:
-            place[id(row)] = len(tuples)
-            tuples.append(row)
-    regions = [region for row in tuples for region in row]
-    polygons = [polygon for region in regions for polygon in region.polygons]
-    rings = [ring for polygon in polygons for ring in polygon]
+    rows = column.tolist()
+    tuples = {id(row): row for row in rows}
+    documents = [
+        [{name: getattr(region, name) for name in _FIELDS} for region in row]
+        for row in tuples.values()
+    ]
+    place = {key: number for number, key in enumerate(tuples)}
     return {
-        "of_row": np.array([place[id(row)] for row in column.tolist()], dtype=np.int64),
-        "regions": _lengths(tuples),
-        "polygons": _lengths([region.polygons for region in regions]),
-        "rings": _lengths(polygons),
-        "ring_points": _lengths(rings),
-        **{
-            name: np.array([getattr(region, name) for region in regions], dtype=np.float64)
-            for name in _NUMBERS
-        },
-        "condition": np.array(
-            [IMPACT_CONDITIONS.index(region.condition) for region in regions], dtype=np.uint8
-        ),
-        "centre": np.array(
-            [region.centre or (np.nan, np.nan) for region in regions], dtype=np.float64
-        ).reshape(-1, 2),
-        "points": np.concatenate([np.empty((0, 2)), *rings]),
+        "of_row": np.array([place[id(row)] for row in rows], dtype=np.int64),
+        "tuples": np.frombuffer(_encode(documents), dtype=np.uint8),
     }
 
 
-def unpacked_regions(parts: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
+def unpacked_regions(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
     """Return the column (n,) of packed arrays."""
-    rings = np.split(parts["points"], np.cumsum(parts["ring_points"]))[:-1]
-    polygons = _grouped(rings, parts["rings"])
-    shapes = _grouped(polygons, parts["polygons"])
-    figures = zip(*(parts[name].tolist() for name in _NUMBERS), strict=True)
-    columns = (parts[name].tolist() for name in ("centre", "condition"))
-    regions = [
-        ImpactRegion(
-            **dict(zip(_NUMBERS, numbers, strict=True)),
-            polygons=shape,
-            centre=None if isnan(lat) else (lat, lon),
-            condition=IMPACT_CONDITIONS[code],
-        )
-        for numbers, (lat, lon), code, shape in zip(figures, *columns, shapes, strict=True)
-    ]
-    tuples = _grouped(regions, parts["regions"])
-    column = np.empty(len(parts["of_row"]), dtype=np.object_)
-    for row, number in enumerate(parts["of_row"].tolist()):
+    documents = msgspec.json.decode(arrays["tuples"].tobytes())
+    tuples = [tuple(_region(**region) for region in regions) for regions in documents]
+    column = np.empty(len(arrays["of_row"]), dtype=np.object_)
+    for row, number in enumerate(arrays["of_row"].tolist()):
         column[row] = tuples[number]
     return column
 
 
-def _lengths(parts: Sequence[Sequence[Any] | NDArray[Any]]) -> NDArray[np.int64]:
-    return np.array([len(part) for part in parts], dtype=np.int64)
-
-
-def _grouped(parts: Sequence[Any], counts: NDArray[Any]) -> list[tuple[Any, ...]]:
-    """Return successive parts as tuples of the given lengths."""
-    ends = np.cumsum(counts).tolist()
-    return [
-        tuple(parts[end - count : end]) for end, count in zip(ends, counts.tolist(), strict=True)
-    ]
+def _region(
+    polygons: Any, centre: Any, effective_samples: float | None, **figures: Any
+) -> ImpactRegion:
+    return ImpactRegion(
+        polygons=tuple(
+            tuple(np.array(ring, dtype=np.float64).reshape(-1, 2) for ring in polygon)
+            for polygon in polygons
+        ),
+        centre=centre and tuple(centre),
+        effective_samples=nan if effective_samples is None else effective_samples,
+        **figures,
+    )

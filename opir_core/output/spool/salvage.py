@@ -88,8 +88,8 @@ class Salvage:
 
 
 def spool_state(path: str | Path) -> SpoolState:
-    """Return what of a spool is whole; `SinkError` if there is none, it is in use or cannot be
-    read, or is none.
+    """Return the undamaged batches of a spool; `SinkError` if the file is missing, in use,
+    unreadable or not a spool.
     """
     place = _existing(Path(path))
     with closing(_opened(place)) as database:
@@ -131,19 +131,19 @@ def _make_successor(place: Path) -> None:
     """Make a spool of the whole batches of a damaged one; once it is complete, it has the name of a
     ready one.
     """
-    fresh = _beside(place, _NEW)
-    _remove(fresh)
-    made = Journal(str(fresh), _BIGGEST, survives_power_cut=True)
+    successor = _beside(place, _NEW)
+    _remove(successor)
+    journal = Journal(str(successor), _BIGGEST, survives_power_cut=True)
     try:
         with closing(_opened(place)) as database:
             for _number, batch, _events in _batches(database, place, keep=True):
                 if isinstance(batch, Batch):
-                    made.put(batch)
+                    journal.put(batch)
     finally:
-        made.close()
-    if _beside(fresh, "-wal").exists():  # SQLite could not merge its log
+        journal.close()
+    if _beside(successor, "-wal").exists():  # SQLite could not merge its log
         raise FullError
-    fresh.rename(_beside(place, _READY))
+    successor.rename(_beside(place, _READY))
     sync_path(place.parent)
 
 
@@ -179,12 +179,12 @@ def finish_salvage(path: Path) -> None:
 
 
 def _counted(rows: list[tuple[int, Batch | bool, int]]) -> SpoolState:
-    whole = [events for _number, batch, events in rows if batch]
+    readable = [events for _number, batch, events in rows if batch]
     damaged = [(number, events) for number, batch, events in rows if not batch]
     is_readable = not any(number < 0 for number, _ in damaged)
     return SpoolState(
-        batches=len(whole),
-        events=sum(whole),
+        batches=len(readable),
+        events=sum(readable),
         damaged=tuple(number for number, _ in damaged if number >= 0),
         lost_events=sum(events for _, events in damaged),
         is_readable=is_readable,
@@ -198,12 +198,12 @@ def _batches(
     cannot be read.
     """
     try:
-        first, last = _range(database)
+        first_number, last_number = _range(database)
     except sqlite3.DatabaseError as error:
         _require_damage(path, error)
         yield -1, False, 0
         return
-    for number in range(first, last + 1):
+    for number in range(first_number, last_number + 1):
         try:
             row = database.execute(_ROW, (number,)).fetchone()
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
@@ -233,17 +233,19 @@ def _is_sound(database: sqlite3.Connection, path: Path) -> bool:
 def _range(database: sqlite3.Connection) -> tuple[int, int]:
     """Return the lowest and the highest number that a row may have."""
     database.execute("SELECT number FROM parcel LIMIT 0").fetchall()
-    last = 0
+    last_number = 0
     for words in (
         "SELECT max(number) FROM parcel",
         "SELECT seq FROM sqlite_sequence WHERE name = 'parcel'",
     ):
         with suppress(sqlite3.DatabaseError):
-            last = max(last, *(int(row[0] or 0) for row in database.execute(words)), 0)
-    first = 1
+            last_number = max(
+                last_number, *(int(row[0] or 0) for row in database.execute(words)), 0
+            )
+    first_number = 1
     with suppress(sqlite3.DatabaseError):
-        first = int(database.execute("SELECT min(number) FROM parcel").fetchone()[0] or 1)
-    return max(1, first), last
+        first_number = int(database.execute("SELECT min(number) FROM parcel").fetchone()[0] or 1)
+    return max(1, first_number), last_number
 
 
 def _events_claimed(row: tuple[object, ...]) -> int:

@@ -229,11 +229,11 @@ class Sender:
         """Go back to the first refused batch once no other is under way, and send from there when
         it is time.
         """
-        first = self.parking.refused_from
-        if first is None or self.sent:
+        first_number = self.parking.refused_from
+        if first_number is None or self.sent:
             return
         with self.store.room:
-            self.store.read_to = first - 1
+            self.store.read_to = first_number - 1
             if not self.parking.resume(time.monotonic(), is_closing=self.closing.since is not None):
                 return
         self.transport.retry()

@@ -60,7 +60,7 @@ class Store:
         return self._unread or None
 
     def full(self, trouble: str | None) -> str:
-        """Return that there is no room; `trouble` is the transport's."""
+        """Return the error of a full backlog; `trouble` is the transport's."""
         why = self._unwritten or trouble
         return (
             f"{self.name}: {f'its spool {self._place}' if self._place else 'its queue'}"
@@ -117,18 +117,18 @@ class Store:
     def acknowledge(self, numbers: list[int]) -> None:
         """Remove delivered batches; raise `FullError` if the disk has no room to note it."""
         with self.room:
-            before = self.backlog.waiting
+            former_waiting = self.backlog.waiting
             self.backlog.acknowledge(numbers)
-            self.books.delivered += before - self.backlog.waiting
+            self.books.delivered += former_waiting - self.backlog.waiting
             self._unread = self._unread if self.backlog.waiting else ""
             self.room.notify_all()
 
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch that are delivered, all but `rows`."""
         with self.room:
-            before = self.backlog.waiting
+            former_waiting = self.backlog.waiting
             self.backlog.keep(number, rows)
-            self.books.delivered += before - self.backlog.waiting
+            self.books.delivered += former_waiting - self.backlog.waiting
 
     @property
     def _place(self) -> str:

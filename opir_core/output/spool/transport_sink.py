@@ -28,7 +28,7 @@ _log = logging.getLogger(__name__)
 
 
 class TransportSink(Sink):
-    """A sink with a transport and a backlog; what the backlog holds already is sent first."""
+    """A sink with a transport and a backlog; events already in the backlog are sent first."""
 
     #: How often `write` has waited for room.
     waits = 0

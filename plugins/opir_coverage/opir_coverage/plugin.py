@@ -27,6 +27,7 @@ def opir_add_commands(commands: Any) -> None:
     parser = commands.add_parser(
         "physics", help="evaluate a radiometric formula, or put a sensor on the bench"
     )
+    parser.set_defaults(group="look")
     physics_arguments(parser)
 
 
@@ -68,7 +69,7 @@ def _add_coverage(commands: Any) -> None:
         default="coverage",
         help="folder of page and data (default coverage)",
     )
-    parser.set_defaults(run=_coverage)
+    parser.set_defaults(run=_coverage, group="study")
 
 
 def _add_grid(add: Callable[..., Any]) -> None:

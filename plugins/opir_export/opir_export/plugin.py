@@ -192,7 +192,7 @@ def opir_add_commands(commands: Any) -> None:
         help="a setting of the exporter",
     )
     parser.add_argument("--list", action="store_true", help="list the formats")
-    parser.set_defaults(run=_export)
+    parser.set_defaults(run=_export, group="data")
 
 
 def _export(arguments: argparse.Namespace) -> int:

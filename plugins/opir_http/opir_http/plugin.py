@@ -19,16 +19,16 @@ def opir_add_commands(commands: Any) -> None:
 
     parser = commands.add_parser("serve", help=_SUMMARY)
     add_arguments(parser)
-    parser.set_defaults(run=_serve)
+    parser.set_defaults(run=_serve, group="run")
     view = commands.add_parser("view", help=_VIEW)
     view.add_argument(
         "run_path", metavar="RUN", help="the folder of a run, or its events (opir run --out)"
     )
     add_address(view)
-    view.set_defaults(run=_view)
+    view.set_defaults(run=_view, group="look")
     doctor = commands.add_parser("doctor", help=_DOCTOR)
     add_examined(doctor)
-    doctor.set_defaults(run=_doctor)
+    doctor.set_defaults(run=_doctor, group="maintain")
 
 
 def _serve(arguments: argparse.Namespace) -> int:

@@ -37,4 +37,4 @@ def opir_add_commands(commands: Any) -> None:
         "spool", help="check the spool of an output, or salvage a damaged one"
     )
     spool_arguments(parser)
-    parser.set_defaults(run=spool)
+    parser.set_defaults(run=spool, group="maintain")

@@ -21,7 +21,7 @@ def opir_add_commands(commands: Any) -> None:
         action="store_true",
         help="print the scene that is simulated, and simulate nothing",
     )
-    parser.set_defaults(run=_paper)
+    parser.set_defaults(run=_paper, group="study")
 
 
 def _paper(arguments: argparse.Namespace) -> int:

@@ -86,7 +86,7 @@ def opir_add_commands(commands: Any) -> None:
         "--max-age-days", metavar="D", type=float, help="only elements within D days of --epoch"
     )
     fleet.add_argument("--epoch", metavar="TIME", help="the scene's epoch, for --max-age-days")
-    parser.set_defaults(run=_import)
+    parser.set_defaults(run=_import, group="data")
     _track_arguments(commands.add_parser("track", help="track the detections of another program"))
 
 
@@ -136,7 +136,7 @@ def _track_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--out", metavar="PATH", default="tracked.jsonl", help="events with their tracks"
     )
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
-    parser.set_defaults(run=_track)
+    parser.set_defaults(run=_track, group="data")
 
 
 def _track(arguments: argparse.Namespace) -> int:

@@ -68,7 +68,7 @@ def opir_add_commands(commands: Any) -> None:
         default="png,svg,pdf",
         help="formats of the figures (default png,svg,pdf)",
     )
-    parser.set_defaults(run=_report)
+    parser.set_defaults(run=_report, group="look")
 
 
 def _report(arguments: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ def opir_add_commands(commands: Any) -> None:
 
     parser = commands.add_parser("score", help="score the tracks of a run against the truth")
     score_arguments(parser)
-    parser.set_defaults(run=_score)
+    parser.set_defaults(run=_score, group="look")
 
 
 def _score(arguments: argparse.Namespace) -> int:

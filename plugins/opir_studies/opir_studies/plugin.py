@@ -105,7 +105,7 @@ def opir_add_commands(commands: Any) -> None:
     for name, summary in _SUMMARIES.items():
         parser = commands.add_parser(name, help=summary)
         getattr(arguments, f"{name}_arguments")(parser)
-        parser.set_defaults(run=_run(f"{name}_command", name))
+        parser.set_defaults(run=_run(f"{name}_command", name), group="study")
 
 
 def _run(module: str, name: str) -> Callable[[Any], int]:

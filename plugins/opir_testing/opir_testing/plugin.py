@@ -19,7 +19,7 @@ def opir_add_commands(commands: Any) -> None:
         module = import_module(f"opir_testing.commands.{name.replace('-', '_')}")
         parser = commands.add_parser(name, help=summary)
         getattr(module, f"{name.replace('-', '_')}_arguments")(parser)
-        parser.set_defaults(run=_run(module, name.replace("-", "_")))
+        parser.set_defaults(run=_run(module, name.replace("-", "_")), group="maintain")
 
 
 def _run(module: Any, name: str) -> Callable[[Any], int]:

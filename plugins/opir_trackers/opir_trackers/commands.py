@@ -12,4 +12,4 @@ def opir_add_commands(commands: Any) -> None:
 
     parser = commands.add_parser("prior", help="fit the boosts that the tracker imm expects")
     prior_arguments(parser)
-    parser.set_defaults(run=fit)
+    parser.set_defaults(run=fit, group="data")

@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
+from opir_testing import stub_estimates, stub_regions
+from opir_testing.doubles import stub_hypotheses
 from two_sides import two_sides_plan
 
-from opir_core.cli.answer_lines import answers, source_cells, source_table, track_table
+from opir_core.cli import answers, probability_text, source_table, track_table
+from opir_core.cli.answer_lines import source_cells
 from opir_core.cli.run import as_text
-from opir_core.cli.terminal import probability_text
 from opir_core.output import deliver
-from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.scene import core_hypotheses
 from opir_core.simulation.latest_tracks import LatestTracks
 
 NAMES = [each.name for each in core_hypotheses()]
@@ -35,7 +36,7 @@ AGAIN = stub_regions(
 
 
 def tracks_of(chances: Any = None, regions: Any = (), **columns: Any) -> list[Any]:
-    known: dict[str, Any] = {
+    estimate_columns: dict[str, Any] = {
         "launch": [*np.radians([34.73, -120.57]), 10.0],
         "launch_covariance": np.diag([2.5e3, 1e3, 1.0]),
         "impact": [*np.radians([9.0, 167.7]), 1800.0],
@@ -44,7 +45,9 @@ def tracks_of(chances: Any = None, regions: Any = (), **columns: Any) -> list[An
     }
     weighed = {} if chances is None else {"hypothesis_probability": chances}
     latest = LatestTracks(NAMES)
-    latest.take(stub_estimates(1, impact_regions=[regions], **(known | weighed | columns)))
+    latest.take(
+        stub_estimates(1, impact_regions=[regions], **(estimate_columns | weighed | columns))
+    )
     return latest.rows()
 
 
@@ -52,7 +55,7 @@ def sentences(tracks: list[Any], targets: Any = (TARGET,), sources: Any = ()) ->
     return answers({"targets": list(targets), "sources": list(sources), "tracks": tracks})
 
 
-def test_a_probable_launch_has_one_type_and_regions_with_their_conditions() -> None:
+def test_a_probable_launch_has_one_type_and_regions() -> None:
     (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97, SLV=0.02), (*OVER, *AGAIN)))
     assert line == (
         "T1 (ICBM): first seen by S-1 after 0.250 s; tracker: ICBM 0.97; comes down: 0.88;"
@@ -62,8 +65,8 @@ def test_a_probable_launch_has_one_type_and_regions_with_their_conditions() -> N
 
 
 def test_both_fates_are_printed_while_both_are_possible() -> None:
-    far = stub_regions(9.0, 167.7, 900.0, probability=0.375)
-    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.375, SLV=0.625), far))
+    distant = stub_regions(9.0, 167.7, 900.0, probability=0.375)
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.375, SLV=0.625), distant))
     assert "; tracker: SLV 0.62; reaches orbit: 0.62; comes down: 0.38; from" in line
     assert "120.57 W (0.1 km); should it come down, to 9.00 N 167.70 E (95 % in" in line
     (line,) = sentences(tracks_of(stub_hypotheses(SLV=0.96), impact=np.nan, end=2))
@@ -84,12 +87,12 @@ def test_before_a_tracker_has_an_answer_the_detections_give_it() -> None:
     assert "comes down" not in line
 
 
-def test_a_launch_that_its_tracker_takes_for_a_fire_has_no_places() -> None:
+def test_a_launch_taken_for_a_fire_has_no_places() -> None:
     (line,) = sentences(tracks_of(stub_hypotheses(ground_source=0.75, ICBM=0.25), OVER))
     assert line == "T1 (ICBM): first seen by S-1 after 0.250 s; tracker: ground source 0.75"
 
 
-def test_a_source_has_a_sentence_only_if_it_is_taken_for_a_launch() -> None:
+def test_only_sources_taken_for_launches_have_a_sentence() -> None:
     fire = stub_hypotheses(ground_source=0.75, SRBM=0.25)
     launch = stub_hypotheses(ground_source=0.25, SRBM=0.75)
     assert sentences(tracks_of(fire), (), (SOURCE,)) == []
@@ -143,7 +146,7 @@ def test_nothing_is_printed_as_certain(chance: float) -> None:
 
 
 @pytest.mark.slow
-def test_sources_are_in_a_table_of_their_own_without_ignition_and_latency() -> None:
+def test_sources_are_in_a_table_of_their_own() -> None:
     plan = two_sides_plan()
     outcome = deliver(plan)
     summary = outcome.summary

@@ -6,7 +6,7 @@ import pytest
 
 import opir_core as opir
 from opir_core.cli.main import main
-from opir_core.scene.hypotheses import GROUPS
+from opir_core.plugin import GROUPS
 from opir_core.simulation.explanation import explained
 
 SCENE = "examples/first_light.yaml"
@@ -22,9 +22,7 @@ SCENE = "examples/first_light.yaml"
         (("detection=snr", "tracker=imm"), ["by_motion", "by_light"]),
     ],
 )
-def test_hypotheses_are_listed_by_the_evidence_of_what_weighs_them(
-    changes: tuple[str, ...], by: list[str]
-) -> None:
+def test_hypotheses_are_listed_by_evidence(changes: tuple[str, ...], by: list[str]) -> None:
     """A tracker sees motion and no bands, a classifier bands and no motion: each is listed only
     where it is there.
     """

@@ -13,9 +13,8 @@ import pytest
 
 from opir_core.errors import PluginError
 from opir_core.host import discovery
-from opir_core.host.components import DetectionModel, NoConfig, PluginFailure, Provenance
-from opir_core.host.hookspecs import hookimpl
-from opir_core.host.host import Host
+from opir_core.host.components import PluginFailure, Provenance
+from opir_core.plugin import DetectionModel, Host, NoConfig, hookimpl
 
 #: What plugins here import: no `*`, which would import numpy.
 HEADER = (
@@ -128,7 +127,7 @@ def assert_left_out(shop: Shop, caplog: pytest.LogCaptureFixture) -> Callable[[s
         failure = f"opir-bad 3.1 (plugin bad): {reason}"
         shop.install("good", tracker_code("kalman"))
         shop.install("bad", code, version="3.1")
-        assert_costs_itself_alone(reason)
+        assert_costs_only_itself(reason)
         assert [record.getMessage() for record in caplog.records] == [f"plugin left out: {failure}"]
         assert [(record.name, record.levelname) for record in caplog.records] == [
             ("opir", "WARNING")
@@ -140,7 +139,7 @@ def assert_left_out(shop: Shop, caplog: pytest.LogCaptureFixture) -> Callable[[s
     return check
 
 
-def assert_costs_itself_alone(reason: str) -> None:
+def assert_costs_only_itself(reason: str) -> None:
     host = Host.discover()
     assert host.component("opir_trackers", "kalman").name == "kalman"
     assert host.names("opir_trackers") == ["kalman"]

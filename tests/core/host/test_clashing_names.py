@@ -14,7 +14,7 @@ def opir_add_commands(commands):
 
 
 def clashes() -> list[str]:
-    return [found.text for found in doctor.plugins() if found.state == "warn"]
+    return [plugin.text for plugin in doctor.plugins() if plugin.state == "warn"]
 
 
 def test_a_component_of_two_plugins_is_reported_with_both(shop: Any, trackers: Any) -> None:

@@ -5,11 +5,12 @@ import sys
 
 import pytest
 
+from opir_core.cli.main import main
 from opir_core.cli.plugin_commands import added_commands
 from opir_core.errors import PluginError
-from opir_core.host.host import Host
+from opir_core.plugin import Host
 
-MISMATCH = "its entry points in group opir.components differ from what it offers: "
+AGAIN = "\n  install again: pip install --force-reinstall opir-{}"
 
 COMMAND = """
 @hookimpl
@@ -97,8 +98,8 @@ def test_two_owners_of_one_command(shop, caplog, parser, commands, first, second
     if first and second:
         assert not {"opir_http", "opir_acme"} & set(sys.modules)
     caplog.clear()
-    others = argparse.ArgumentParser().add_subparsers()
-    assert added_commands(Host.discover(), others) == ("serve",)
+    help_commands = argparse.ArgumentParser().add_subparsers()
+    assert added_commands(Host.discover(), help_commands) == ("serve",)
     assert [record.getMessage() for record in caplog.records] == [complaint]
 
 
@@ -128,24 +129,6 @@ def test_a_contest_about_another_command_is_let_be(shop, commands):
             ),
         ),
         (
-            command("http", "listen"),
-            "serve",
-            (
-                "its entry points in group opir.components advertise the commands serve; it adds"
-                " listen"
-            ),
-        ),
-        (
-            command("http"),
-            "serve",
-            "its entry points in group opir.components advertise the commands serve; it adds none",
-        ),
-        (
-            "@hookimpl\ndef opir_trackers():\n    return ()",
-            "serve",
-            f"{MISMATCH}advertises commands and has no opir_add_commands",
-        ),
-        (
             command("http", "serve", "run"),
             "serve",
             "opir_add_commands adds the command 'run', which is a command of opir itself",
@@ -166,18 +149,65 @@ def test_a_command_whose_plugin_fails(shop, caplog, commands, code, advertise, r
         f" (plugin http): {reason}"
     )
     caplog.clear()
-    others = argparse.ArgumentParser().add_subparsers()
-    others.add_parser("run")
-    added_commands(Host.discover(), others)
+    help_commands = argparse.ArgumentParser().add_subparsers()
+    help_commands.add_parser("run")
+    added_commands(Host.discover(), help_commands)
     assert [record.getMessage() for record in caplog.records] == [
         f"plugin left out: opir-http 5 (plugin http): {reason}"
     ]
 
 
-def test_a_plugin_that_adds_commands_and_advertises_only_components(shop, commands, trackers):
+@pytest.mark.parametrize(
+    ("added", "advertised", "stale"),
+    [
+        (("listen",), ("serve",), {"serve": False}),
+        ((), ("serve",), {"serve": False}),
+        (("watch", "serve"), ("serve",), {"watch": True}),
+        (("serve",), ("serve", "watch"), {"watch": False}),
+    ],
+)
+def test_a_stale_command_costs_itself(shop, caplog, parser, commands, added, advertised, stale):
+    code = command("http", *added) + "\n@hookimpl\ndef opir_trackers():\n    return ()\n"
+    shop.install("http", code, advertise=[f"commands.{name}" for name in advertised])
+    for name, is_unlisted in stale.items():
+        difference = (
+            "offers it, but its installed entry points do not list it"
+            if is_unlisted
+            else "lists it in its installed entry points, but does not offer it"
+        )
+        message = (
+            f"the command {name!r} cannot be used: opir-http 1.0 (plugin http) {difference}"
+            f"{AGAIN.format('http')}"
+        )
+        if not is_unlisted:
+            with pytest.raises(PluginError) as error:
+                added_commands(Host.discover(), argparse.ArgumentParser().add_subparsers(), name)
+            assert str(error.value) == message
+        assert added_commands(Host.discover(), commands) == tuple({"serve"} & set(added))
+        assert message in [record.getMessage() for record in caplog.records]
+        assert name not in commands.choices
+
+
+def test_commands_are_grouped_in_the_help(shop, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    code = command("http", "serve").replace('"http")', '"http", group="look")')
+    shop.install("http", code, advertise=["commands.serve"])
+    shop.install("misc", command("misc", "hum"), advertise=["commands.hum"])
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    groups = {
+        lines[0].strip(): [line.split()[0] for line in lines[1:]]
+        for block in capsys.readouterr().out.partition("commands:\n\n")[2].split("\n\n")
+        if (lines := block.splitlines())[0].startswith("  ")
+    }
+    assert "serve" in groups["look at scenes and runs:"]
+    assert groups["other commands:"] == ["hum"]
+    assert groups["run a scene:"][0] == "run"
+
+
+def test_components_are_used_though_no_command_is_listed(shop, trackers):
     shop.install("one", trackers("arc") + command("one", "serve"), advertise=["trackers.arc"])
-    with pytest.raises(PluginError, match="has opir_add_commands and advertises no command"):
-        Host.discover().component("opir_trackers", "arc")
+    assert Host.discover().component("opir_trackers", "arc").name == "arc"
 
 
 def test_what_a_plugin_sees_of_argparse(shop, parser, commands):

@@ -9,14 +9,14 @@ from importlib import metadata
 
 import pytest
 
-from opir_core._version import __version__
+from opir_core import __version__
 from opir_core.errors import PluginError
 from opir_core.host.components import CATALOGUE
 from opir_core.host.contributions import HOOKS
 from opir_core.host.discovery import distributions_with
 from opir_core.host.hookspecs import CatalogueHooks, ExtensionHooks
-from opir_core.host.host import Host
 from opir_core.host.registry import ComponentRow, PluginRow
+from opir_core.plugin import Host
 
 
 def states(host):
@@ -33,13 +33,13 @@ def test_distributions_agree_with_importlib_metadata(group):
         (point.dist.name, point.dist.version, point.name, point.value)
         for point in metadata.entry_points(group=group)
     }
-    found = {
+    entry_points = {
         (distribution.name, distribution.version, name, value)
         for distribution in distributions_with((group,))
         for name, value in distribution.entry_points[group]
     }
-    assert found == expected
-    assert bool(found) == (group != "no.such.group")
+    assert entry_points == expected
+    assert bool(entry_points) == (group != "no.such.group")
 
 
 def test_every_hook_is_specified_once():
@@ -53,7 +53,7 @@ def test_every_hook_is_specified_once():
     assert set(CATALOGUE) < set(HOOKS)
 
 
-def test_core_alone(shop):
+def test_the_catalogue_of_the_core(shop):
     constant = ComponentRow(
         hook="opir_detection_models",
         kind="detection model",
@@ -78,7 +78,7 @@ def test_discovery_imports_nothing(shop, trackers):
     assert not {"opir_one", "opir_two"} & set(sys.modules)
 
 
-def test_the_first_of_two_installations_of_one_distribution_counts(shop, trackers):
+def test_the_first_of_two_installations_counts(shop, trackers):
     folder = shop.install("one", trackers("old"), version="1.0")
     (folder / "opir_one-1.0.dist-info").rename(folder / "Opir.One-1.0.dist-info")
     shop.install("one", trackers("new"), version="2.0")
@@ -91,7 +91,10 @@ def test_the_canonical_name_tells_distributions_apart(shop, metadata_of, tmp_pat
     for name in ("Opir_One", "opir.one", "opir-two"):
         metadata_of(tmp_path / name, name, "1.0", {"opir": {"x": "x"}})
         sys.path.append(str(tmp_path / name))
-    assert [found.name for found in distributions_with(("opir",))] == ["Opir_One", "opir-two"]
+    assert [distribution.name for distribution in distributions_with(("opir",))] == [
+        "Opir_One",
+        "opir-two",
+    ]
 
 
 def test_plugins_in_an_archive(shop, trackers, tmp_path):
@@ -195,7 +198,7 @@ class TestAllowList:
         assert "opir_heo" not in sys.modules
 
     @pytest.mark.parametrize("value", ["", " ", ","])
-    def test_an_empty_list_leaves_core_alone(self, monkeypatch, value):
+    def test_an_empty_list_allows_only_the_core(self, monkeypatch, value):
         monkeypatch.setenv("OPIR_PLUGINS", value)
         host = Host.discover()
         assert states(host) == {
@@ -219,13 +222,17 @@ class TestAllowList:
             "OPIR_PLUGINS names 'kafak', but no installed distribution has such a plugin; the"
             " nearest is 'kafka'"
         )
-        other = "OPIR_PLUGINS names 'zzz', but no installed distribution has such a plugin"
-        assert [record.getMessage() for record in caplog.records] == [complaint, other]
+        second_complaint = (
+            "OPIR_PLUGINS names 'zzz', but no installed distribution has such a plugin"
+        )
+        assert [record.getMessage() for record in caplog.records] == [complaint, second_complaint]
         assert [row for row in rows if row.state == "unknown"] == [
             PluginRow(
                 distribution="", version="", plugin="kafak", state="unknown", failure=complaint
             ),
-            PluginRow(distribution="", version="", plugin="zzz", state="unknown", failure=other),
+            PluginRow(
+                distribution="", version="", plugin="zzz", state="unknown", failure=second_complaint
+            ),
         ]
 
     def test_a_missing_name_is_answered_with_what_is_hidden(self, monkeypatch):
@@ -250,29 +257,29 @@ class TestAllowList:
 
 
 def test_the_order_of_installation_has_no_effect(shop, trackers, tmp_path):
-    parts = ["alpha", "beta", "gamma", "delta"]
+    names = ["alpha", "beta", "gamma", "delta"]
     folders = [
         shop.install("alpha", trackers("b", "a")),
         shop.install("beta", trackers("c"), advertise=["trackers.c"]),
         shop.install("gamma", trackers("c", "x")),
         shop.install("delta", "1 / 0"),
     ]
-    rest = [entry for entry in sys.path if entry not in map(str, folders)]
-    seen = set()
+    system_path = [entry for entry in sys.path if entry not in map(str, folders)]
+    catalogues = set()
     for order in itertools.permutations(folders):
-        sys.path[:] = [*map(str, order), *rest]
-        for part in parts:
-            sys.modules.pop(f"opir_{part}.plugin", None)
+        sys.path[:] = [*map(str, order), *system_path]
+        for plugin_name in names:
+            sys.modules.pop(f"opir_{plugin_name}.plugin", None)
         host = Host.discover()
         answers = [host.component("opir_trackers", "b").name]
         for name in ("c", "absent"):
             with pytest.raises(PluginError) as error:
                 host.component("opir_trackers", name, "tracker")
             answers.append(str(error.value))
-        seen.add(
+        catalogues.add(
             (*answers, str(host.names("opir_trackers")), str(host.failures), str(host.catalogue()))
         )
-    assert len(seen) == 1
+    assert len(catalogues) == 1
     assert [row.plugin for row in Host.discover().catalogue()] == [
         "alpha",
         "beta",
@@ -300,7 +307,7 @@ def test_the_order_of_entry_points_and_of_yielding_has_no_effect(shop, order, na
         "many", code, entry_points={"opir": {name: f"opir_many.plugin:{name}" for name in order}}
     )
     rows = [row for row in Host.discover().catalogue() if row.plugin != "builtin"]
-    assert [(row.plugin, [part.name for part in row.components]) for row in rows] == [
+    assert [(row.plugin, [component.name for component in row.components]) for row in rows] == [
         ("first", ["a", "b", "c"]),
         ("second", ["d"]),
         ("third", ["e"]),

@@ -12,8 +12,19 @@ import numpy as np
 import pytest
 
 from opir_core.host import components, hookspecs
-from opir_core.host.components import Component
 from opir_core.interfaces.contract import PluginPart
+from opir_core.plugin import Component
+
+MODULES = (
+    "classification",
+    "detection_models",
+    "outputs",
+    "radiometric_models",
+    "results",
+    "sensors",
+    "trackers",
+    "trajectories",
+)
 
 HOOKS = [
     hook
@@ -25,17 +36,17 @@ HOOKS = [
 
 def bases() -> Iterator[Any]:
     """Yield the base classes and protocols of what components build."""
-    for name in ("outputs", "protocols", "radiometric_models", "results"):
+    for name in MODULES:
         module = import_module(f"opir_core.interfaces.{name}")
-        own = [
-            each
-            for each in vars(module).values()
-            if getattr(each, "__module__", "") == module.__name__
+        members = [
+            member
+            for member in vars(module).values()
+            if getattr(member, "__module__", "") == module.__name__
         ]
         yield from (
-            each
-            for each in own
-            if isinstance(each, type) and {PluginPart, Protocol} & {*each.__bases__}
+            member
+            for member in members
+            if isinstance(member, type) and {PluginPart, Protocol} & {*member.__bases__}
         )
 
 
@@ -53,7 +64,7 @@ def fault_of(shown: Any) -> str:
 def test_all_hooks_and_base_classes_are_looked_at() -> None:
     assert len(HOOKS) == len(components.CATALOGUE) + 1
     assert {"Sink", "Transport", "Encoder", "Orbit", "Sensor", "Tracker", "Metric"} - {
-        each.__name__ for each in bases()
+        base.__name__ for base in bases()
     } == {"Sensor"}, "a record needs no example"
 
 

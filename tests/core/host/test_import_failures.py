@@ -7,7 +7,7 @@ import pytest
 
 from opir_core.errors import PluginError
 from opir_core.host.components import PluginFailure, Provenance
-from opir_core.host.host import Host
+from opir_core.plugin import Host
 
 FAULTS = {
     "a missing dependency": (

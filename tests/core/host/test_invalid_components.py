@@ -7,7 +7,7 @@ import warnings
 import pytest
 
 from opir_core.host.contributions import MAXIMUM_COMPONENTS
-from opir_core.host.host import Host
+from opir_core.plugin import Host
 
 NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
 
@@ -223,7 +223,7 @@ FAULTS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("code", "reason"), FAULTS.values(), ids=FAULTS.keys())
-def test_a_wrong_product_costs_its_plugin_alone_and_says_whose_it_is(assert_left_out, code, reason):
+def test_an_invalid_component_costs_only_its_plugin(assert_left_out, code, reason):
     assert_left_out(code, reason)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import opir_core
 from opir_core.errors import PluginError
-from opir_core.host.host import Host
+from opir_core.plugin import Host
 
 FLEET = """
 @hookimpl
@@ -23,7 +23,10 @@ def opir_sensor_models():
     yield SensorModel(name="{name}", summary="a sensor", build=print)
 """
 
-MISMATCH = "its entry points in group opir.components differ from what it offers: "
+MISMATCH = "its installed entry points differ from what it offers: "
+AGAIN = "install again: pip install "
+NOT_LISTED = "offers it, but its installed entry points do not list it"
+NOT_OFFERED = "lists it in its installed entry points, but does not offer it"
 
 #: Core's own plugin is replaced, so that what is counted is the host's doing.
 ASK = """
@@ -64,7 +67,7 @@ def fleets(shop):
     return [install(name) for name in ("DSP", "SBIRS", "HEO")]
 
 
-def test_a_scene_that_names_only_dsp_imports_no_other_constellation(fleets):
+def test_a_scene_of_dsp_imports_no_other_constellation(fleets):
     after_discovery, names, after_names, modules = run(ASK, *fleets)
     assert after_discovery == after_names == []
     assert {"DSP", "HEO", "SBIRS"} <= set(names)
@@ -92,16 +95,14 @@ def test_resolution_imports_nothing_heavy(fleets):
     assert heavy & set(modules) == set()
 
 
-def test_a_plugin_that_advertises_nothing_is_imported_at_the_first_resolution(
-    fleets, shop, trackers
-):
+def test_a_plugin_without_adverts_is_imported_at_resolution(fleets, shop, trackers):
     silent = shop.install("silent", trackers("kalman"))
     *_, modules = run(ASK, *fleets, silent)
     assert "opir_silent.plugin" in modules
     assert "opir_heo" not in modules
 
 
-def test_a_name_is_asked_of_its_owner_alone(fleets):
+def test_resolving_a_name_imports_only_its_owner(fleets):
     host = Host.discover()
     host.component("opir_sensor_models", "HEO")
     assert {"opir_heo", "opir_dsp", "opir_sbirs"} & set(sys.modules) == {"opir_heo"}
@@ -112,42 +113,41 @@ def test_a_name_is_asked_of_its_owner_alone(fleets):
 
 
 @pytest.mark.parametrize(
-    ("offered", "advertised", "asked", "reason"),
+    ("offered", "advertised", "name", "difference"),
     [
-        (["arc"], ["arc", "mht"], "arc", "advertises trackers.mht and does not offer it"),
-        (["arc", "mht"], ["arc"], "arc", "offers trackers.mht and does not advertise it"),
-        (
-            ["arc"],
-            ["mht"],
-            "mht",
-            (
-                "advertises trackers.mht and does not offer it; offers trackers.arc and does not"
-                " advertise it"
-            ),
-        ),
+        (["arc"], ["arc", "mht"], "mht", NOT_OFFERED),
+        (["arc", "mht"], ["arc"], "mht", NOT_LISTED),
+        (["arc", "mht"], ["mht"], "arc", NOT_LISTED),
     ],
 )
-def test_an_advertisement_that_is_not_kept(shop, trackers, offered, advertised, asked, reason):
-    shop.install(
-        "one",
-        trackers(*offered),
-        version="0.9",
-        advertise=[f"trackers.{name}" for name in advertised],
-    )
+def test_a_stale_component_costs_itself(
+    shop, trackers, caplog, offered, advertised, name, difference
+):
+    shop.install("one", trackers(*offered), advertise=[f"trackers.{item}" for item in advertised])
+    host = Host.discover()
+    (usable,) = set(offered) & set(advertised)
+    assert host.component("opir_trackers", usable).name == usable
     with pytest.raises(PluginError) as error:
-        Host.discover().component("opir_trackers", asked, "tracker")
+        host.component("opir_trackers", name, "tracker")
     assert str(error.value) == (
-        f"tracker: the tracker {asked!r} cannot be used, because its plugin failed\n"
-        f"  failed: opir-one 0.9 (plugin one): {MISMATCH}{reason}"
+        f"tracker: the tracker {name!r} cannot be used: opir-one 1.0 (plugin one) {difference}\n"
+        f"  {AGAIN}--force-reinstall opir-one"
     )
+    reason = f"{MISMATCH}trackers.{name}; {AGAIN}--force-reinstall opir-one"
+    assert [record.getMessage() for record in caplog.records] == [
+        f"opir-one 1.0 (plugin one): {reason}"
+    ]
+    row = host.catalogue()[-1]
+    assert (row.state, row.failure) == ("ready", reason)
+    assert [component.name for component in row.components] == [usable]
 
 
-def test_a_name_that_was_not_advertised_is_missing_with_the_reason(shop, trackers):
-    shop.install("one", trackers("arc", "mht"), advertise=["trackers.arc"])
-    with pytest.raises(
-        PluginError,
-        match=f"named 'mht'\n(.*\n)*  failed: opir-one 1.0 .plugin one.: {MISMATCH}offers",
-    ):
+def test_an_editable_install_is_installed_again_from_its_folder(shop, trackers):
+    folder = shop.install("one", trackers("arc", "mht"), advertise=["trackers.arc"])
+    info = next(folder.glob("*.dist-info"))
+    record = {"url": "file:///home/my-code/one", "dir_info": {"editable": True}}
+    (info / "direct_url.json").write_text(json.dumps(record))
+    with pytest.raises(PluginError, match=f"\n  {AGAIN}-e /home/my-code/one$"):
         Host.discover().component("opir_trackers", "mht")
 
 

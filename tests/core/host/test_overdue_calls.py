@@ -13,14 +13,9 @@ from opir_testing.bench import bench_scene
 from waiting import until
 
 import opir_core as opir
+from opir_core.host import DEAD_AFTER_S, ended_if_stuck
 from opir_core.host.boundary import PluginErrors, blamed_call, overdue_call
-from opir_core.host.watchdog import (
-    DEAD_AFTER_S,
-    CallThread,
-    OverdueError,
-    ended_if_stuck,
-    limit_in_force,
-)
+from opir_core.host.watchdog import CallThread, OverdueError, limit_in_force
 
 ME = threading.get_ident()
 
@@ -52,7 +47,7 @@ def test_a_call_that_does_not_return_is_named_with_its_line(over: threading.Even
     until(lambda: not overdue_call(thread, 0.0))
 
 
-def test_a_call_within_a_call_is_the_one_that_is_named_and_its_end_is_a_sign_of_life(
+def test_the_innermost_call_is_named(
     over: threading.Event,
 ) -> None:
     inner = threading.Event()
@@ -75,7 +70,9 @@ def test_a_call_may_return_while_it_is_looked_at(
 ) -> None:
     thread = begun("short", over.wait)
     until(lambda: overdue_call(thread, 0.0))
-    ended = next(each for each in threading.enumerate() if each.ident == thread)
+    ended = next(
+        call_thread for call_thread in threading.enumerate() if call_thread.ident == thread
+    )
     clock = time.monotonic
 
     def late() -> float:
@@ -92,10 +89,10 @@ def test_a_call_may_return_while_it_is_looked_at(
 def test_each_block_of_looks_is_a_sign_of_life() -> None:
     """A window of millions of looks may take longer than one call of a component."""
     plan = opir.compile_plan(opir.scene_from_mapping(bench_scene()))
-    first = np.zeros(1, dtype=np.int64)
+    zero = np.zeros(1, dtype=np.int64)
     with PluginErrors(plan.host, plan.scene):
         until(lambda: overdue_call(ME, 0.3))
-        plan.look_geometry().exposures(first, first)
+        plan.look_geometry().exposures(zero, zero)
         assert overdue_call(ME, 0.3) == ""
 
 
@@ -118,7 +115,7 @@ def test_a_call_in_a_thread_returns_raises_or_is_given_up(over: threading.Event)
         calls.result(lambda: over.wait(60.0), 0.1)
 
 
-def test_a_thread_for_calls_ends_after_the_last_one() -> None:
+def test_a_thread_for_calls_ends_after_the_last_call() -> None:
     calls = CallThread()
     assert calls.result(threading.get_ident, 60.0) == calls.result(
         threading.get_ident, 60.0, is_last=True
@@ -140,7 +137,7 @@ def test_a_pause_of_the_process_is_not_the_time_of_a_call(over: threading.Event)
         signal.signal(signal.SIGALRM, main)
 
 
-def test_the_limit_that_is_set_is_in_force_and_others_have_their_own() -> None:
+def test_a_limit_that_is_set_is_in_force() -> None:
     assert (limit_in_force(), limit_in_force(30.0)) == (DEAD_AFTER_S, 30.0)
     with ended_if_stuck(), ended_if_stuck(7.0):
         with ended_if_stuck():

@@ -9,12 +9,12 @@ from collections.abc import Callable
 import pytest
 from repository import ROOT
 
-from opir_core._version import __version__
+from opir_core import __version__
 from opir_core.errors import PluginError
+from opir_core.host import PACKAGES
 from opir_core.host.discovery import core_specifier, error_of_requirement
-from opir_core.host.error_messages import PACKAGES
-from opir_core.host.host import Host
 from opir_core.host.registry import PluginRow
+from opir_core.plugin import Host
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,8 @@ import pytest
 
 import opir_core
 from opir_core.errors import PluginError
-from opir_core.host.components import (
-    Constellation,
-    EventEncoder,
-    Provenance,
-    SensorModel,
-    TrackerModel,
-)
-from opir_core.host.hookspecs import hookimpl
-from opir_core.host.host import Host
+from opir_core.host.components import Provenance
+from opir_core.plugin import Constellation, EventEncoder, Host, SensorModel, TrackerModel, hookimpl
 
 DSP = """
 @frozen
@@ -46,9 +39,9 @@ class Plugin:
 def complaint(host, hook, name, path=""):
     with pytest.raises(PluginError) as error:
         host.component(hook, name, path)
-    with pytest.raises(PluginError) as again:
+    with pytest.raises(PluginError) as second_error:
         host.provenance(hook, name, path)
-    assert str(again.value) == str(error.value)
+    assert str(second_error.value) == str(error.value)
     assert error.value.exit_code == 3
     return str(error.value)
 
@@ -151,9 +144,9 @@ def test_a_contested_name_in_the_catalogue(shop, trackers):
     shop.install("one", trackers("arc", "kalman"))
     shop.install("two", trackers("arc"), advertise=["trackers.arc"])
     contested = {
-        (row.plugin, part.name): [str(owner) for owner in part.contested_by]
+        (row.plugin, component.name): [str(owner) for owner in component.contested_by]
         for row in Host.discover().catalogue()
-        for part in row.components
+        for component in row.components
     }
     assert contested == {
         ("builtin", "constant"): [],
@@ -201,10 +194,10 @@ def test_a_failed_owner_still_contests_what_it_advertises(shop, trackers):
     shop.install("bad", "1 / 0", advertise=["trackers.arc", "trackers.mht"])
     shop.install("good", trackers("arc"))
     host = Host.discover()
-    before = complaint(host, "opir_trackers", "arc")
+    contest = complaint(host, "opir_trackers", "arc")
     complaint(host, "opir_trackers", "mht")
-    assert before == complaint(host, "opir_trackers", "arc")
-    assert before.startswith("two plugins offer the tracker 'arc'")
+    assert contest == complaint(host, "opir_trackers", "arc")
+    assert contest.startswith("two plugins offer the tracker 'arc'")
 
 
 def test_a_hook_that_does_not_exist_is_a_mistake_of_the_program(shop):
@@ -263,9 +256,12 @@ class TestPluginsOfThisProgram:
         assert host.names("opir_trackers") == ["arc"]
 
     def test_hosts_know_nothing_of_each_other(self, shop):
-        one = Host.of(Plugin("arc"))
-        other = Host.of()
-        assert (one.names("opir_trackers"), other.names("opir_trackers")) == (["arc"], [])
+        plugin_host = Host.of(Plugin("arc"))
+        core_host = Host.of()
+        assert (plugin_host.names("opir_trackers"), core_host.names("opir_trackers")) == (
+            ["arc"],
+            [],
+        )
 
 
 def encoder():

@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from attrs import frozen
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
 from opir_core import arrays
-from opir_core.interfaces.columns import Columns
+from opir_core.interfaces import Columns
 
 
 @frozen(eq=False)
@@ -40,24 +40,24 @@ def test_take_copies_one_array_once(rows: object) -> None:
     assert equal.third is None
 
 
-def test_concatenate_copies_one_array_once_if_it_is_one_in_every_part() -> None:
-    same = Row.concatenate([Row(SHARED, SHARED, APART), Row(APART, APART, SHARED)])
-    assert same.one is same.other
-    assert same.one.tolist() == [*range(5), *range(10, 15)]
-    assert same.third.tolist() == [*range(10, 15), *range(5)]
+def test_concatenate_copies_a_shared_array_once() -> None:
+    shared = Row.concatenate([Row(SHARED, SHARED, APART), Row(APART, APART, SHARED)])
+    assert shared.one is shared.other
+    assert shared.one.tolist() == [*range(5), *range(10, 15)]
+    assert shared.third.tolist() == [*range(10, 15), *range(5)]
     mixed = Row.concatenate([Row(SHARED, SHARED, APART), Row(SHARED, APART, APART)])
     assert mixed.one is not mixed.other
     assert mixed.other.tolist() == [*range(5), *range(10, 15)]
 
 
 def test_reports_are_at_the_times_of_looks_unless_given() -> None:
-    seen = stub_window(4).detections
-    assert seen.reported_ns is seen.time_ns
-    assert not seen.is_delayed
-    late = stub_window(4, reported_ns=np.arange(4) + 7).detections
-    assert late.is_delayed
-    assert late.take(slice(0, 0)).is_delayed is False
-    assert late.take([2]).reported_ns.tolist() == [9]
+    detections = stub_window(4).detections
+    assert detections.reported_ns is detections.time_ns
+    assert not detections.is_delayed
+    delayed = stub_window(4, reported_ns=np.arange(4) + 7).detections
+    assert delayed.is_delayed
+    assert delayed.take(slice(0, 0)).is_delayed is False
+    assert delayed.take([2]).reported_ns.tolist() == [9]
 
 
 @frozen(eq=False)
@@ -71,7 +71,7 @@ class Numbers(Columns):
     anything: "arrays.ObjectArray"
 
 
-def test_a_record_without_rows_has_the_number_types_of_its_annotations() -> None:
+def test_empty_records_have_the_annotated_number_types() -> None:
     empty = Numbers.empty()
     assert (empty.state.shape, empty.state.dtype) == ((0, 6), np.float64)
     assert (empty.codes.shape, empty.codes.dtype) == ((0,), np.uint8)

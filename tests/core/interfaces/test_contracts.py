@@ -10,12 +10,21 @@ import pytest
 
 import opir_core
 from opir_core.errors import ModelError
-from opir_core.interfaces.contract import has_own
-from opir_core.interfaces.outputs import Delivery, Encoder, Sink, Transport, sink_or_transport
-from opir_core.interfaces.protocols import Trajectories
-from opir_core.interfaces.radiometric_models import Background, Transmittance
+from opir_core.interfaces import has_own
+from opir_core.interfaces.outputs import sink_or_transport
 from opir_core.output import deliver
-from opir_core.plugin import EMITTER_TYPES, SinkModel, hookimpl
+from opir_core.plugin import (
+    EMITTER_TYPES,
+    Background,
+    Delivery,
+    Encoder,
+    Sink,
+    SinkModel,
+    Trajectories,
+    Transmittance,
+    Transport,
+    hookimpl,
+)
 
 SCENE = {
     "scene": "adopted",
@@ -59,7 +68,7 @@ class Faulty(Bare):
         return self.nothing  # type: ignore[attr-defined, no-any-return]
 
 
-def test_a_part_of_another_class_has_the_defaults_of_what_it_lacks() -> None:
+def test_a_foreign_component_has_the_defaults() -> None:
     sink = Sink.adopt(Bare())
     assert (sink.delivery_so_far(), sink.waits, sink.outlives_the_process, sink.parked) == (
         None,
@@ -73,7 +82,7 @@ def test_a_part_of_another_class_has_the_defaults_of_what_it_lacks() -> None:
     assert Sink.adopt(sink) is sink
 
 
-def test_what_a_part_defines_itself_is_used_and_is_distinguished_from_defaults() -> None:
+def test_own_members_replace_defaults() -> None:
     class Waiting(Bare):
         waits = 7
 
@@ -86,7 +95,7 @@ def test_what_a_part_defines_itself_is_used_and_is_distinguished_from_defaults()
         assert not has_own(Sink, sink, "parked")
 
 
-def test_a_property_that_fails_is_not_taken_for_a_missing_one() -> None:
+def test_a_failing_property_is_not_missing() -> None:
     with pytest.raises(AttributeError, match="nothing"):
         _ = Sink.adopt(Faulty()).waits
 
@@ -109,7 +118,7 @@ def test_what_sends_is_a_transport_and_what_writes_a_sink() -> None:
 @pytest.mark.parametrize(
     ("made", "seen"), [(None, "None without close, write"), (Lines(), "a Lines without close")]
 )
-def test_what_is_no_sink_is_refused_with_its_owner_and_what_it_lacks(made: Any, seen: str) -> None:
+def test_an_invalid_sink_is_refused_with_its_owner(made: Any, seen: str) -> None:
     with pytest.raises(
         ModelError, match=f"outputs\\[0\\]: .*'own' of plugin .*build made {seen}.*plugin.Sink"
     ):
@@ -119,7 +128,9 @@ def test_what_is_no_sink_is_refused_with_its_owner_and_what_it_lacks(made: Any, 
 def test_a_sink_of_another_class_takes_all_events_of_a_run() -> None:
     sink = Bare()
     report = run_into(sink).report
-    assert [each.delivered for each in report.sinks] == [report.events] == [sink.taken]
+    assert (
+        [sink_report.delivered for sink_report in report.sinks] == [report.events] == [sink.taken]
+    )
     assert sink.taken > 0
 
 
@@ -138,7 +149,7 @@ def run_into(sink: Any) -> Any:
     return deliver(plan)
 
 
-def test_an_attribute_set_by_the_instance_replaces_a_default_and_a_required_one() -> None:
+def test_instance_attributes_replace_defaults() -> None:
     class Broker(Transport):
         def __init__(self) -> None:
             self.trouble = "no connection yet"  # type: ignore[misc]
@@ -162,7 +173,7 @@ def test_a_derived_part_without_a_required_attribute_is_refused() -> None:
         Encoder.adopt(Unnamed())
 
 
-def test_trajectories_of_another_class_burn_once_and_end_at_burnout() -> None:
+def test_foreign_trajectories_burn_once_and_end_at_burnout() -> None:
     class Still:
         type_code = np.array([2, 0], dtype=np.uint8)
         ignition_s = np.array([1.0, 2.0])
@@ -177,7 +188,7 @@ def test_trajectories_of_another_class_burn_once_and_end_at_burnout() -> None:
     assert (targets.course_breakpoints_s, list(targets.files)) == (None, [])
 
 
-def test_models_of_light_of_other_classes_work_band_by_band_without_clouds_and_structure() -> None:
+def test_foreign_models_of_light_work_band_by_band() -> None:
     class Air:
         def transmittance(self, band: int, path: Any) -> Any:
             return np.full(len(path), 0.5 + 0.1 * band)

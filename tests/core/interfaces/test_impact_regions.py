@@ -5,7 +5,7 @@ meridian too.
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_regions
+from opir_testing import stub_regions
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
@@ -20,8 +20,8 @@ def around(place: tuple[float, float], angle_rad: float, bearing_rad: FloatArray
         bearing_rad
     )
     east = np.sin(bearing_rad) * np.sin(angle_rad) * np.cos(latitude)
-    away = np.arctan2(east, np.cos(angle_rad) - np.sin(latitude) * sine)
-    turned = longitude + away
+    turn = np.arctan2(east, np.cos(angle_rad) - np.sin(latitude) * sine)
+    turned = longitude + turn
     return np.stack([np.arcsin(sine), np.arctan2(np.sin(turned), np.cos(turned))], axis=1)
 
 
@@ -64,12 +64,12 @@ def test_no_polygon_contains_nothing() -> None:
 
 
 def test_regions_are_equal_when_every_point_is() -> None:
-    one = stub_regions(9.0, 167.7)[2]
-    other = stub_regions(9.0, 167.7)[2]
-    assert one == other
-    assert hash(one) == hash(other)
-    moved = other.polygons[0][0].copy()
+    region = stub_regions(9.0, 167.7)[2]
+    same_region = stub_regions(9.0, 167.7)[2]
+    assert region == same_region
+    assert hash(region) == hash(same_region)
+    moved = same_region.polygons[0][0].copy()
     moved[3, 1] += 1e-9
-    assert one != evolve(other, polygons=((moved,),))
-    assert one != evolve(other, containment=0.9)
-    assert one != other.polygons
+    assert region != evolve(same_region, polygons=((moved,),))
+    assert region != evolve(same_region, containment=0.9)
+    assert region != same_region.polygons

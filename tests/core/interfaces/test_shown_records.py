@@ -7,8 +7,9 @@ import pytest
 from repository import EXAMPLES
 
 import opir_core
-from opir_core.interfaces.columns import Columns, names_of
-from opir_core.interfaces.records import Detections, DetectionTruth, Tracks
+from opir_core import DetectionTruth
+from opir_core.interfaces import Columns, names_of
+from opir_core.plugin import Detections, Tracks
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def test_one_row_and_columns_of_matrices() -> None:
     "use",
     [opir_core.compile_plan, opir_core.simulate, lambda scene: list(opir_core.windows(scene))],
 )
-def test_what_is_no_scene_is_refused_with_what_makes_one(use: object, wrong: object) -> None:
+def test_an_invalid_scene_argument_is_refused(use: object, wrong: object) -> None:
     with pytest.raises(
         TypeError,
         match=r"a scene is needed, not (a str|a dict|None): load_scene reads one from a file",

@@ -7,11 +7,11 @@ import sys
 
 import numpy as np
 import pytest
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 
 from opir_core.geometry import azimuth_elevation_range, azimuth_elevation_range_in_axes, local_axes
-from opir_core.interfaces.records import Detections
-from opir_core.interfaces.viewpoints import Viewpoints
+from opir_core.interfaces import Viewpoints
+from opir_core.plugin import Detections
 
 
 def seen(count: int = 400, share_moving: float = 0.3) -> Detections:
@@ -31,35 +31,37 @@ def seen(count: int = 400, share_moving: float = 0.3) -> Detections:
     ).detections
 
 
-def test_angles_are_those_of_each_row_alone() -> None:
-    found = seen()
+def test_angles_of_a_row_do_not_depend_on_others() -> None:
+    looks = seen()
     alone = azimuth_elevation_range_in_axes(
-        found.line_of_sight_ecef, local_axes(found.sensor_ecef_m)
+        looks.line_of_sight_ecef, local_axes(looks.sensor_ecef_m)
     )
-    assert found.angles().azimuth_rad.tobytes() == alone.azimuth_rad.tobytes()
-    assert found.angles().elevation_rad.tobytes() == alone.elevation_rad.tobytes()
-    assert found.azimuth_rad.tobytes() == alone.azimuth_rad.tobytes()
-    assert found.elevation_rad.tobytes() == alone.elevation_rad.tobytes()
-    assert np.ptp(found.azimuth_rad) > 6.0
+    assert looks.angles().azimuth_rad.tobytes() == alone.azimuth_rad.tobytes()
+    assert looks.angles().elevation_rad.tobytes() == alone.elevation_rad.tobytes()
+    assert looks.azimuth_rad.tobytes() == alone.azimuth_rad.tobytes()
+    assert looks.elevation_rad.tobytes() == alone.elevation_rad.tobytes()
+    assert np.ptp(looks.azimuth_rad) > 6.0
 
 
 def test_angles_are_those_of_a_point_on_the_line_of_sight() -> None:
-    found = seen()
-    there = azimuth_elevation_range(
-        found.sensor_ecef_m, found.sensor_ecef_m + 4e7 * found.line_of_sight_ecef
+    looks = seen()
+    point_angles = azimuth_elevation_range(
+        looks.sensor_ecef_m, looks.sensor_ecef_m + 4e7 * looks.line_of_sight_ecef
     )
-    turned = np.sin(found.azimuth_rad - there.azimuth_rad) * np.cos(there.elevation_rad)
+    turned = np.sin(looks.azimuth_rad - point_angles.azimuth_rad) * np.cos(
+        point_angles.elevation_rad
+    )
     assert np.max(np.abs(turned)) < 1e-14
-    assert np.max(np.abs(found.elevation_rad - there.elevation_rad)) < 1e-12
+    assert np.max(np.abs(looks.elevation_rad - point_angles.elevation_rad)) < 1e-12
 
 
 @pytest.mark.parametrize(
     "rows", [slice(0, 1), slice(3, 200, 7), slice(None, None, -1), slice(0, 0)]
 )
 def test_angles_do_not_depend_on_the_other_rows(rows: slice) -> None:
-    found = seen()
-    assert found.take(rows).azimuth_rad.tobytes() == found.azimuth_rad[rows].tobytes()
-    assert found.take(rows).elevation_rad.tobytes() == found.elevation_rad[rows].tobytes()
+    looks = seen()
+    assert looks.take(rows).azimuth_rad.tobytes() == looks.azimuth_rad[rows].tobytes()
+    assert looks.take(rows).elevation_rad.tobytes() == looks.elevation_rad[rows].tobytes()
 
 
 def test_a_sensor_that_stays_has_one_viewpoint() -> None:
@@ -92,8 +94,8 @@ def test_no_detections_have_no_angles_and_no_times() -> None:
 
 
 def test_seconds_are_the_nanoseconds() -> None:
-    found = stub_window(3, time_ns=[0, 60_050_000_000, 2**60 + 1]).detections
-    assert found.time_s.tolist() == [0.0, 60_050_000_000 * 1e-9, float(2**60 + 1) * 1e-9]
+    detections = stub_window(3, time_ns=[0, 60_050_000_000, 2**60 + 1]).detections
+    assert detections.time_s.tolist() == [0.0, 60_050_000_000 * 1e-9, float(2**60 + 1) * 1e-9]
 
 
 def test_records_import_no_geometry() -> None:

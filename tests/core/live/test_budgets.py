@@ -9,9 +9,8 @@ from live_scene import LATER, batch, lines, mapping
 from waiting import until
 
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.live import running
-from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
+from opir_core.live import LiveRun, LiveSettings, LiveWindow, running
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
 
@@ -26,18 +25,18 @@ def test_a_cycle_of_many_looks_is_cut_into_windows(
 ) -> None:
     monkeypatch.setattr(running, "LOOKS_PER_WINDOW", 10)
     scene = scene_from_mapping(mapping(), host=host)
-    kept: list[LiveWindow] = []
-    run = LiveRun(scene, host, LiveSettings(speed=None), kept.append)
+    live_windows: list[LiveWindow] = []
+    run = LiveRun(scene, host, LiveSettings(speed=None), live_windows.append)
     run.start()
     until(lambda: run.status().state == "ended")
     status = run.stop()
     assert status.error is None
-    assert max(live.window.looks for live in kept) <= 10 + len(run.plan.pairs)
-    assert len(kept) > status.cycle >= 100
-    assert b"".join(lines(run.plan, live.window) for live in kept) == batch(scene, host)
+    assert max(live.window.looks for live in live_windows) <= 10 + len(run.plan.pairs)
+    assert len(live_windows) > status.cycle >= 100
+    assert b"".join(lines(run.plan, live.window) for live in live_windows) == batch(scene, host)
 
 
-def test_a_setting_that_no_cycle_can_bear_is_refused_and_the_run_goes_on(host: Host) -> None:
+def test_a_setting_above_the_limit_of_a_cycle_is_refused(host: Host) -> None:
     scene = scene_from_mapping(
         mapping(allow_implausible=True, limits={"looks_per_cycle": 1e5}), host=host
     )

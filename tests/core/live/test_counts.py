@@ -6,7 +6,7 @@ from opir_testing import VerticalTargets, stub_plan, stub_scene, stub_sensor
 from opir_core.live.status import Counts
 
 
-def test_a_sensor_that_has_detected_nothing_has_no_last_detection() -> None:
+def test_a_sensor_without_detections_has_no_last_detection() -> None:
     target = VerticalTargets(*(np.array([value]) for value in (0.0, 5.0, 1.0, 9.0)))
     plan = stub_plan([stub_sensor("A", 0.0), stub_sensor("B", 10.0)], target, ["T1"], stub_scene())
     counts = Counts.of(2)

@@ -12,20 +12,20 @@ from live_scene import lines
 from waiting import until
 
 import opir_core as opir
-from opir_core.host.host import Host
-from opir_core.interfaces.records import Detections
-from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
-from opir_core.planning.plan import compile_plan
-from opir_core.simulation.run import plan_windows
+from opir_core import compile_plan, plan_windows
+from opir_core.live import LiveRun, LiveSettings, LiveWindow
+from opir_core.plugin import Detections, Host
 
 
 def finished(scene: opir.Scene, **settings: Any) -> tuple[LiveRun, list[LiveWindow]]:
     """Return a run that has ended, and its windows."""
-    kept: list[LiveWindow] = []
-    run = LiveRun(scene, Host.discover(), LiveSettings(**{"speed": None, **settings}), kept.append)
+    live_windows: list[LiveWindow] = []
+    run = LiveRun(
+        scene, Host.discover(), LiveSettings(**{"speed": None, **settings}), live_windows.append
+    )
     run.start()
     until(lambda: run.status().state in ("ended", "failed"))
-    return run, kept
+    return run, live_windows
 
 
 @pytest.mark.slow
@@ -41,24 +41,26 @@ def test_a_live_run_ends_with_the_events_of_the_batch(tracker: str, order: str) 
         tracking_order=order,
         outputs=["memory"],
     )
-    run, kept = finished(scene)
+    run, live_windows = finished(scene)
     status = run.stop()
     plan = compile_plan(scene)
-    assert b"".join(lines(plan, live.window) for live in kept) == lines(plan, *plan_windows(plan))
+    assert b"".join(lines(plan, live.window) for live in live_windows) == lines(
+        plan, *plan_windows(plan)
+    )
     assert status.error is None
     assert [sink.delivered for sink in status.sinks] == [status.detections]
     assert status.time_ns > 70 * NS
     last_s = [sensor.last_detection_s for sensor in status.sensors]
-    seen = opir.simulate(scene).detections
+    detections = opir.simulate(scene).detections
     assert last_s == pytest.approx(
-        [seen.time_s[seen.sensor == number].max() for number in range(3)]
+        [detections.time_s[detections.sensor == number].max() for number in range(3)]
     )
 
 
 def test_an_event_is_delivered_in_the_cycle_of_its_report() -> None:
-    _, kept = finished(late_scene(UNEVEN, CONSTANT), cycle_ns=200_000_000)
-    assert len(kept) >= 60
-    for live in kept:
+    _, live_windows = finished(late_scene(UNEVEN, CONSTANT), cycle_ns=200_000_000)
+    assert len(live_windows) >= 60
+    for live in live_windows:
         reported_s = live.window.detections.reported_ns * 1e-9
         assert np.all(
             (reported_s >= live.window.start_s - 1e-9) & (reported_s < live.window.end_s + 1e-9)
@@ -69,16 +71,16 @@ def test_an_event_is_delivered_in_the_cycle_of_its_report() -> None:
 @pytest.mark.slow
 def test_laps_overlap_and_lose_no_report() -> None:
     short = late_scene(UNEVEN, "paper-ground-chain", duration_s=20.0)
-    kept: list[LiveWindow] = []
-    run = LiveRun(short, Host.discover(), LiveSettings(speed=None, loop=True), kept.append)
+    live_windows: list[LiveWindow] = []
+    run = LiveRun(short, Host.discover(), LiveSettings(speed=None, loop=True), live_windows.append)
     run.start()
     until(lambda: run.status().lap >= 6)
     run.stop()
-    reported = Detections.concatenate(live.window.detections for live in kept)
+    reported = Detections.concatenate(live.window.detections for live in live_windows)
     assert np.all(np.diff(reported.reported_ns) >= 0)
     for lap in range(2):
-        again = evolve(short, epoch_us=short.epoch_us + lap * 20_000_000, seed=short.seed + lap)
-        alone = opir.simulate(again).detections
+        lap_scene = evolve(short, epoch_us=short.epoch_us + lap * 20_000_000, seed=short.seed + lap)
+        alone = opir.simulate(lap_scene).detections
         rows = np.isin(reported.detection_id[:, 0], alone.detection_id[:, 0])
         assert np.array_equal(reported.detection_id[rows], alone.detection_id), lap
         assert np.array_equal(reported.reported_ns[rows], alone.reported_ns + lap * 20 * NS), lap
@@ -96,8 +98,10 @@ def test_a_looped_scene_cannot_track_in_the_order_of_report() -> None:
 @pytest.mark.slow
 def test_changed_latencies_lose_no_report() -> None:
     scene = late_scene(CONSTANT, CONSTANT, tracker="kepler-arc")
-    kept: list[LiveWindow] = []
-    run = LiveRun(scene, Host.discover(), LiveSettings(speed=40.0, cycle_ns=5_000_000), kept.append)
+    live_windows: list[LiveWindow] = []
+    run = LiveRun(
+        scene, Host.discover(), LiveSettings(speed=40.0, cycle_ns=5_000_000), live_windows.append
+    )
     run.start()
     until(lambda: run.time_ns > 12 * NS)
     settings = run.settings_mapping()
@@ -106,7 +110,7 @@ def test_changed_latencies_lose_no_report() -> None:
     run.configure(settings)
     until(lambda: run.status().state == "ended")
     run.stop()
-    reported = Detections.concatenate(live.window.detections for live in kept)
+    reported = Detections.concatenate(live.window.detections for live in live_windows)
     alone = opir.simulate(late_scene("none", "none")).detections
     assert sorted(reported.detection_id[:, 0].tolist()) == sorted(alone.detection_id[:, 0].tolist())
     delay_s = np.unique(np.rint((reported.reported_ns - reported.time_ns) * 1e-9 * 1e6) * 1e-6)

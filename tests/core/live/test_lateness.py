@@ -8,9 +8,8 @@ from opir_http.metrics import metrics_text
 from opir_http.service import Service
 from opir_http.settings import HttpSettings
 
-from opir_core.host.host import Host
-from opir_core.live.changes import BusyError
-from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live import BusyError, LiveRun, LiveSettings
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
 NS = 1_000_000_000
@@ -40,11 +39,11 @@ def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatc
     run._pace.wait = lambda due_ns, _stopping: (
         not clock_ns.__setitem__(0, max(clock_ns[0], 77 * NS + due_ns))
     )  # type: ignore[method-assign]
-    seen = []
+    lateness = []
     for _ in TAKEN_S:
         run._cycle()
-        seen.append((run.status().late_s, run.status().latest_s))
-    late_s, latest_s = map(list, zip(*seen, strict=True))
+        lateness.append((run.status().late_s, run.status().latest_s))
+    late_s, latest_s = map(list, zip(*lateness, strict=True))
     assert late_s == pytest.approx(LATE_S, abs=1e-9)
     assert latest_s == pytest.approx([0.004, 0.3, 0.3, 0.3, 0.3], abs=1e-9)
     clock = service.status()["clock"]
@@ -61,7 +60,7 @@ def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatc
     assert float(lines["opir_cycle_late_seconds_count"]) == 5
 
 
-def test_a_cycle_later_than_the_shortest_scan_period_misses_its_deadline(
+def test_a_cycle_later_than_the_scan_period_misses_its_deadline(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     host = Host.discover()

@@ -8,18 +8,12 @@ import numpy as np
 import pytest
 from live_scene import LATER, NS, batch, lines, mapping
 
+from opir_core import Engine, Scene, compile_plan
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.live.changes import (
-    RestartError,
-    launch_change,
-    settings_change,
-    without_finished_targets,
-)
-from opir_core.planning.plan import compile_plan
+from opir_core.live import RestartError
+from opir_core.live.changes import launch_change, settings_change, without_finished_targets
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import Scene
-from opir_core.simulation.engine import Engine
 
 
 @pytest.fixture(scope="module")
@@ -33,37 +27,39 @@ def scene(host: Host) -> Scene:
 
 
 @pytest.mark.parametrize("admitted_s", [0.05, 3.2, 29.999, 31.7])
-def test_a_launch_let_in_between_windows_gives_the_events_of_a_batch(
+def test_a_launch_between_windows_gives_the_events_of_a_batch(
     scene: Scene, host: Host, admitted_s: float
 ) -> None:
     plan = compile_plan(scene, host)
     engine = Engine(plan)
-    before = engine.advance(round(admitted_s * NS))
+    earlier_window = engine.advance(round(admitted_s * NS))
     change = launch_change(plan, LATER, engine.time_ns, 0)
     change.engine.take_over(engine)
-    live = lines(plan, before, change.engine.advance(47 * NS), change.engine.advance(100 * NS))
-    whole = scene_from_mapping(mapping(targets=[*mapping()["targets"], LATER]), host=host)
-    assert live == batch(whole, host)
+    live = lines(
+        plan, earlier_window, change.engine.advance(47 * NS), change.engine.advance(100 * NS)
+    )
+    scene_with_launch = scene_from_mapping(
+        mapping(targets=[*mapping()["targets"], LATER]), host=host
+    )
+    assert live == batch(scene_with_launch, host)
     assert change.not_after_ns == 31_700_000_000
 
 
-def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(
-    scene: Scene, host: Host
-) -> None:
+def test_finished_targets_are_removed_without_other_changes(scene: Scene, host: Host) -> None:
     plan = compile_plan(scene, host)
     engine = Engine(plan)
-    before = engine.advance(30 * NS)
+    earlier_window = engine.advance(30 * NS)
     trimmed = without_finished_targets(plan, 30 * NS)
     assert trimmed.targets.ids == ("T1",)
     assert len(trimmed.pairs) == len(plan.sensors)
     assert len(trimmed.sightlines.travel_s) < len(plan.sightlines.travel_s)
-    rest = Engine(trimmed)
-    rest.take_over(engine)
-    assert lines(plan, before, rest.advance(100 * NS)) == batch(scene, host)
+    trimmed_engine = Engine(trimmed)
+    trimmed_engine.take_over(engine)
+    assert lines(plan, earlier_window, trimmed_engine.advance(100 * NS)) == batch(scene, host)
 
 
 @pytest.mark.parametrize(("name", "stays"), [("none", True), ("paper", False)])
-def test_a_classifier_that_knows_no_truth_stays_when_a_launch_is_added(
+def test_a_classifier_without_truth_stays_when_targets_are_added(
     host: Host, name: str, stays: bool
 ) -> None:
     plan = compile_plan(scene_from_mapping({**mapping(), "classification": name}, host=host), host)
@@ -113,11 +109,11 @@ def test_another_scan_rate_disturbs_nobody_and_repeats_no_id(scene: Scene, host:
     ]
     ids = [line.split(b'"')[3] for line in live]
     assert len(set(ids)) == len(ids)
-    own = [
+    scans = [
         len([line for line in lines(plan, window).splitlines() if b'"DSP-1"' in line])
         for window in windows[1:]
     ]
-    assert own[0] < own[1] < own[2]
+    assert scans[0] < scans[1] < scans[2]
 
 
 @pytest.mark.slow
@@ -136,25 +132,26 @@ def test_a_tracker_gets_the_new_rate_of_sensors(host: Host, tracker: str) -> Non
         mapping(duration_s=110, sensors=sensors, targets=[target], tracker=tracker), host=host
     )
     plan = compile_plan(scene, host)
-    before = Engine(plan)
-    before.advance(60 * NS)
+    engine = Engine(plan)
+    engine.advance(60 * NS)
     settings = without_targets(scene)
     for sensor in settings["sensors"]:
         sensor["scan_period_ms"] = 10_000.0
-    after = settings_change(plan, settings, 0, scene).engine
-    after.take_over(before)
-    tracks = after.advance(110 * NS).tracks
+    changed_engine = settings_change(plan, settings, 0, scene).engine
+    changed_engine.take_over(engine)
+    tracks = changed_engine.advance(110 * NS).tracks
     assert len(np.unique(tracks.track)) == 1
     assert len(tracks) == 50
     if tracker == "kepler-arc":
         return
     assert np.all(tracks.probability_burning > 0.5), tracks.probability_burning.min()
-    away = tracks.state[:, :3] - plan.targets.position_ecef_m(
+    error_m = tracks.state[:, :3] - plan.targets.position_ecef_m(
         np.zeros(50, dtype=np.int32), tracks.tick_s
     )
     nees = (
         np.sum(
-            away * np.linalg.solve(tracks.state_covariance[:, :3, :3], away[:, :, None])[:, :, 0],
+            error_m
+            * np.linalg.solve(tracks.state_covariance[:, :3, :3], error_m[:, :, None])[:, :, 0],
             axis=1,
         )
         / 3.0

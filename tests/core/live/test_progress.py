@@ -12,8 +12,8 @@ from live_scene import mapping
 from rogue_components import Hang, raising, rogue_host
 from waiting import until
 
-from opir_core.host.host import Host
-from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live import LiveRun, LiveSettings
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
 QUICK = LiveSettings(speed=50.0, cycle_ns=10_000_000, unready_after_s=0.2, dead_after_s=0.6)
@@ -53,7 +53,7 @@ def test_a_call_that_hangs_is_noticed_while_it_lasts(part: str) -> None:
             hang.end()
 
 
-def test_a_sink_that_hangs_is_named_and_the_engine_goes_on_until_its_queue_is_full() -> None:
+def test_a_hanging_sink_is_named_while_the_engine_goes_on() -> None:
     hang = Hang()
     with running(rogue_host("opir_sinks", "memory", "write", hang), outputs=[{"rogue": {}}]) as run:
         try:
@@ -93,7 +93,7 @@ def test_whatever_a_component_raises_is_reported(part: str, error: BaseException
 
 
 @pytest.mark.slow
-def test_a_full_spool_that_may_hold_the_run_does_not_make_it_stuck(tmp_path: Path) -> None:
+def test_waiting_for_a_full_spool_is_not_stuck(tmp_path: Path) -> None:
     spool = {"path": str(tmp_path / "spool"), "when_full": "wait", "wait_s": 300.0}
     hang = Hang()
     host = rogue_host("opir_trackers", "kepler-arc", "step", hang)
@@ -108,7 +108,7 @@ def test_a_full_spool_that_may_hold_the_run_does_not_make_it_stuck(tmp_path: Pat
 
 
 def test_who_asks_for_a_change_that_fails_gets_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    from opir_core.simulation.engine import Engine
+    from opir_core import Engine
 
     with running(Host.discover()) as run:
         monkeypatch.setattr(Engine, "take_over", lambda *_: raising(SystemExit(0))(None))

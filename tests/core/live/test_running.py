@@ -11,16 +11,12 @@ from attrs import evolve
 from live_scene import LATER, NS, batch, lines, mapping
 from waiting import until
 
+from opir_core import Engine, Plan, Scene, compile_plan
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.interfaces.records import Tracks
-from opir_core.live import running
-from opir_core.live.changes import BusyError, Change, PastError, RefusedError, launch_change
-from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.live import BusyError, LiveRun, LiveSettings, RefusedError, running
+from opir_core.live.changes import Change, PastError, launch_change
+from opir_core.plugin import Host, Tracks
 from opir_core.reading import scene_from_mapping
-from opir_core.scene.scene import Scene
-from opir_core.simulation.engine import Engine
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +40,12 @@ class Kept:
 
 
 def test_a_live_run_ends_with_the_events_of_the_batch(scene: Scene, host: Host) -> None:
-    kept = Kept()
-    run = LiveRun(scene, host, LiveSettings(speed=None), kept)
+    viewer = Kept()
+    run = LiveRun(scene, host, LiveSettings(speed=None), viewer)
     run.start()
     until(lambda: run.status().state == "ended")
     status = run.stop()
-    assert b"".join(lines(run.plan, live.window) for live in kept.windows) == batch(scene, host)
+    assert b"".join(lines(run.plan, live.window) for live in viewer.windows) == batch(scene, host)
     assert [(sink.state, sink.delivered, sink.dropped) for sink in status.sinks] == [
         ("closed", status.detections, 0)
     ]
@@ -57,47 +53,47 @@ def test_a_live_run_ends_with_the_events_of_the_batch(scene: Scene, host: Host) 
         run.launch(LATER)
 
 
-def test_each_lap_is_the_scene_with_its_epoch_moved_on_and_its_seed_one_more(host: Host) -> None:
+def test_each_lap_has_the_next_epoch_and_seed(host: Host) -> None:
     short = scene_from_mapping(mapping(duration_s=30), host=host)
-    kept = Kept()
-    run = LiveRun(short, host, LiveSettings(speed=None, loop=True), kept)
+    viewer = Kept()
+    run = LiveRun(short, host, LiveSettings(speed=None, loop=True), viewer)
     run.start()
     until(lambda: run.status().lap >= 3)
     run.stop()
     plan = compile_plan(short, host)
     for lap in range(3):
-        again = evolve(short, epoch_us=short.epoch_us + lap * 30_000_000, seed=short.seed + lap)
+        lap_scene = evolve(short, epoch_us=short.epoch_us + lap * 30_000_000, seed=short.seed + lap)
         live = b"".join(
-            lines(plan, reported.window) for reported in kept.windows if reported.lap == lap
+            lines(plan, reported.window) for reported in viewer.windows if reported.lap == lap
         )
-        assert live == batch(again, host, 30 * NS), lap
+        assert live == batch(lap_scene, host, 30 * NS), lap
 
 
 @pytest.mark.slow
 def test_all_times_of_a_laps_tracks_are_moved_on(host: Host) -> None:
     short = scene_from_mapping(mapping(duration_s=20, tracker="kepler-arc"), host=host)
-    kept = Kept()
-    run = LiveRun(short, host, LiveSettings(speed=None, loop=True), kept)
+    viewer = Kept()
+    run = LiveRun(short, host, LiveSettings(speed=None, loop=True), viewer)
     run.start()
     until(lambda: run.status().lap >= 2)
     run.stop()
-    reported = Tracks.concatenate([live.window.tracks for live in kept.windows if live.lap == 1])
-    again = evolve(short, epoch_us=short.epoch_us + 20_000_000, seed=short.seed + 1)
-    alone = Engine(compile_plan(again, host)).advance(20 * NS).tracks
+    reported = Tracks.concatenate([live.window.tracks for live in viewer.windows if live.lap == 1])
+    second_lap = evolve(short, epoch_us=short.epoch_us + 20_000_000, seed=short.seed + 1)
+    alone = Engine(compile_plan(second_lap, host)).advance(20 * NS).tracks
     assert len(alone) > 10
     assert np.isfinite(alone.burnout[-1]).all()
     times = [(reported.tick_s, alone.tick_s)] + [
         (getattr(reported, name)[:, -1], getattr(alone, name)[:, -1])
         for name in ("launch", "impact", "burnout")
     ]
-    for ours, theirs in times:
-        assert np.allclose(ours, theirs + 20.0, rtol=0.0, atol=1e-9, equal_nan=True)
+    for actual, expected in times:
+        assert np.allclose(actual, expected + 20.0, rtol=0.0, atol=1e-9, equal_nan=True)
 
 
 @pytest.mark.slow
 def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Host) -> None:
-    kept = Kept()
-    run = LiveRun(scene, host, LiveSettings(speed=5.0, cycle_ns=10_000_000), kept)
+    viewer = Kept()
+    run = LiveRun(scene, host, LiveSettings(speed=5.0, cycle_ns=10_000_000), viewer)
     run.start()
     block = {key: value for key, value in LATER.items() if key != "id"}
     launch = {key: value for key, value in LATER["launch"].items() if key != "time_s"}
@@ -114,8 +110,10 @@ def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Hos
     with pytest.raises(BusyError, match="1 targets"):
         run.launch(LATER | {"id": "MORE", "launch": LATER["launch"] | {"time_s": 80.0}})
     run.stop()
-    confident = [live.window.detections.confidence for live in kept.windows if live.cycle >= cycle]
-    assert all((part == 1.0).all() for part in confident)
+    confident = [
+        live.window.detections.confidence for live in viewer.windows if live.cycle >= cycle
+    ]
+    assert all((piece == 1.0).all() for piece in confident)
     assert launched.target_id in run.plan.targets.ids
     assert run.settings_mapping()["confidence"] == {"model": "always"}
 
@@ -128,7 +126,7 @@ UNTIMED = {
 
 
 @pytest.mark.slow
-def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -> None:
+def test_a_late_launch_goes_up_in_the_next_lap(host: Host) -> None:
     scene = scene_from_mapping(mapping(duration_s=20, targets=[], outputs=["null"]), host=host)
     run = LiveRun(scene, host, LiveSettings(speed=20.0, loop=True))
     run.start()
@@ -149,9 +147,7 @@ def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -
 
 
 @pytest.mark.slow
-def test_a_launch_goes_up_as_soon_as_a_machine_that_is_slow_to_plan_it_can(
-    host: Host, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_launch_goes_up_once_it_is_planned(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     def slowly(plan: Plan, block: Any, time_ns: int, lap: int) -> Change:
         time.sleep(0.4)
         return launch_change(plan, block, time_ns, lap)
@@ -168,7 +164,7 @@ def test_a_launch_goes_up_as_soon_as_a_machine_that_is_slow_to_plan_it_can(
     assert launched.target_id in run.plan.targets.ids
 
 
-def test_a_launch_that_the_scene_has_no_time_for_is_refused_with_the_way_out(host: Host) -> None:
+def test_a_launch_after_the_end_of_the_scene_is_refused(host: Host) -> None:
     scene = scene_from_mapping(mapping(duration_s=0.2, targets=[], outputs=["null"]), host=host)
     run = LiveRun(scene, host, LiveSettings(speed=0.1, cycle_ns=1_000_000_000))
     run.start()
@@ -180,13 +176,13 @@ def test_a_launch_that_the_scene_has_no_time_for_is_refused_with_the_way_out(hos
 def test_refused_launches_are_not_counted(scene: Scene, host: Host) -> None:
     run = LiveRun(scene, host, LiveSettings(speed=5.0, cycle_ns=10_000_000))
     run.start()
-    before = run.status().targets_launched
+    launched = run.status().targets_launched
     for launch in ({"lat_deg": 95.0}, {"time_s": -1.0}):
         with pytest.raises((SceneError, PastError)):
             run.launch(UNTIMED | {"launch": UNTIMED["launch"] | launch})
-    assert run.status().targets_launched == before == 2
-    late = UNTIMED | {"launch": UNTIMED["launch"] | {"time_s": 80.0}}
-    names = {run.launch(late).target_id for _ in range(2)}
+    assert run.status().targets_launched == launched == 2
+    delayed = UNTIMED | {"launch": UNTIMED["launch"] | {"time_s": 80.0}}
+    names = {run.launch(delayed).target_id for _ in range(2)}
     assert len(names) == 2
     assert run.status().targets_launched == 4
     run.stop()

@@ -11,16 +11,12 @@ import pytest
 from attrs import evolve
 from waiting import until
 
+from opir_core import Engine, Scene, compile_plan
 from opir_core.errors import SinkError
-from opir_core.host.host import Host
-from opir_core.interfaces.outputs import Delivery, Sink
-from opir_core.interfaces.records import Window
-from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
+from opir_core.live import LiveRun, LiveSettings, LiveWindow
 from opir_core.output.sink_thread import QUEUED_WINDOWS, SinkThread
-from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Delivery, Host, Sink, Window
 from opir_core.reading import scene_from_mapping
-from opir_core.scene.scene import Scene
-from opir_core.simulation.engine import Engine
 
 NS = 1_000_000_000
 SCENE: Mapping[str, Any] = {
@@ -80,7 +76,7 @@ def some_window(scene: Scene, host: Host) -> Window:
     return Engine(compile_plan(scene, host)).advance(20 * NS)
 
 
-def test_a_slow_sink_loses_nothing_and_one_that_fails_is_reported(scene: Scene, host: Host) -> None:
+def test_a_slow_sink_loses_nothing(scene: Scene, host: Host) -> None:
     window = some_window(scene, host)
     gate = threading.Event()
     slow = SinkThread("outputs[0]", "slow", Slow(gate))
@@ -119,31 +115,29 @@ class Kept(Slow):
         super().write(window)
 
 
-def test_no_viewer_gets_an_event_before_the_outputs_with_a_spool_have_it(
-    scene: Scene, host: Host
-) -> None:
+def test_viewers_get_events_after_spooled_outputs(scene: Scene, host: Host) -> None:
     shown: list[LiveWindow] = []
     run = LiveRun(evolve(scene, outputs=()), host, LiveSettings(speed=None), shown.append)
-    other = Slow(threading.Event())
-    other.gate.set()
-    kept = Kept(lambda: max(run.status().detections, reported(shown), other.taken))
+    slow_sink = Slow(threading.Event())
+    slow_sink.gate.set()
+    viewer = Kept(lambda: max(run.status().detections, reported(shown), slow_sink.taken))
     run._sinks = (
-        SinkThread("outputs[0]", "other", other),
-        SinkThread("outputs[1]", "kept", kept, is_spooled=True),
+        SinkThread("outputs[0]", "other", slow_sink),
+        SinkThread("outputs[1]", "kept", viewer, is_spooled=True),
     )
     run._state = "running"
     run._thread.start()
     until(lambda: run.state == "ended")
     run.stop()
-    assert kept.taken == other.taken == reported(shown) == run.status().detections > 0
-    assert max(kept.ahead) == 0
+    assert viewer.taken == slow_sink.taken == reported(shown) == run.status().detections > 0
+    assert max(viewer.ahead) == 0
 
 
 def reported(shown: list[LiveWindow]) -> int:
     return sum(len(live.window.detections) for live in shown)
 
 
-def test_a_kept_output_that_fails_is_reported_and_the_run_goes_on(scene: Scene, host: Host) -> None:
+def test_a_failing_output_does_not_end_the_run(scene: Scene, host: Host) -> None:
     window = some_window(scene, host)
     gate = threading.Event()
     gate.set()
@@ -160,8 +154,8 @@ def test_a_kept_output_that_fails_is_reported_and_the_run_goes_on(scene: Scene, 
 
 
 def test_a_spooled_output_that_is_changed_loses_nothing(tmp_path: Any, host: Host) -> None:
-    kept = {"path": str(tmp_path / "one.jsonl"), "spool": {"path": str(tmp_path / "spool")}}
-    run = run_into(host, 20.0, {"jsonl": kept})
+    selected = {"path": str(tmp_path / "one.jsonl"), "spool": {"path": str(tmp_path / "spool")}}
+    run = run_into(host, 20.0, {"jsonl": selected})
     run.start()
     until(lambda: run.status().detections > 50)
     settings = run.settings_mapping()
@@ -181,9 +175,9 @@ def test_a_sink_that_hangs_does_not_keep_the_run_from_stopping(scene: Scene, hos
     gate = threading.Event()
     hanging = SinkThread("outputs[0]", "hanging", Slow(gate))
     hanging.write(some_window(scene, host), threading.Event())
-    before = time.monotonic()
-    hanging.close(before + 0.2)
-    assert time.monotonic() - before < 30.0  # of 60 s for which the sink hangs
+    start_s = time.monotonic()
+    hanging.close(start_s + 0.2)
+    assert time.monotonic() - start_s < 30.0  # of 60 s for which the sink hangs
     gate.set()
     assert hanging.status().error == "it did not close before the deadline"
 

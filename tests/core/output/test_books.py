@@ -8,14 +8,13 @@ from typing import Any
 
 import pytest
 from hypothesis import given, strategies as st
-from opir_testing.doubles import stub_window
+from opir_testing import stub_window
 from waiting import until
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.outputs import Delivery, Sink
-from opir_core.interfaces.records import Window
 from opir_core.output.pump import pump
 from opir_core.output.sink_thread import SinkThread, balanced
+from opir_core.plugin import Delivery, Sink, Window
 
 FIGURES = st.integers(-20, 40)
 COUNTS = dict.fromkeys(("delivered", "spooled", "dropped", "withheld", "recovered"), FIGURES)
@@ -50,12 +49,12 @@ def test_counts_add_up_whatever_is_reported(
     reported: Delivery, handed: int, is_final: bool
 ) -> None:
     counts, off = balanced(reported, handed, is_final=is_final)
-    due = handed + counts.recovered
+    expected = handed + counts.recovered
     assert (
         min(counts.delivered, counts.spooled, counts.dropped, counts.withheld, counts.recovered)
         >= 0
     )
-    assert total(counts) == due if is_final else total(counts) <= due
+    assert total(counts) == expected if is_final else total(counts) <= expected
     assert counts.delivered <= max(0, reported.delivered)
     is_right = (
         total(reported) == handed + reported.recovered
@@ -109,7 +108,7 @@ def test_a_live_sink_tells_by_how_much_its_figures_are_off() -> None:
     assert "do not add up, by 2 events" in (reported.error or "")
 
 
-def test_what_a_sink_has_taken_that_does_not_close_is_not_delivered() -> None:
+def test_events_of_a_sink_that_does_not_close_are_undelivered() -> None:
     ending = threading.Event()
 
     class Holding(Sink):

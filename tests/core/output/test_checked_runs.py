@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from repository import EXAMPLES
 
+from opir_core import load_run
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.output.saved_runs import load_run
 
 
 @pytest.fixture(scope="module")
@@ -35,16 +35,18 @@ def unlisted(folder: Path) -> Path:
     text = json.loads(manifest.read_text(encoding="utf-8"))
     del text["written_files"]
     manifest.write_text(json.dumps(text), encoding="utf-8")
-    return next(each for each in folder.glob("*.jsonl") if each.name.count(".") == 1)
+    return next(file for file in folder.glob("*.jsonl") if file.name.count(".") == 1)
 
 
 @pytest.mark.parametrize("year", ["1900", "2025", "2027", "9999", "0001"])
 def test_a_detection_outside_of_its_scene_is_reported(copied: Path, year: str) -> None:
     events = unlisted(copied)
-    first, rest = events.read_text(encoding="utf-8").split("\n", 1)
+    first_line, other_lines = events.read_text(encoding="utf-8").split("\n", 1)
     key = '"timestamp":"'
-    place = first.index(key) + len(key)
-    events.write_text(f"{first[:place]}{year}{first[place + 4 :]}\n{rest}", encoding="utf-8")
+    place = first_line.index(key) + len(key)
+    events.write_text(
+        f"{first_line[:place]}{year}{first_line[place + 4 :]}\n{other_lines}", encoding="utf-8"
+    )
     words = "before the scene" if year < "2026" else "after the end of the scene"
     with pytest.raises(SceneError, match=rf"timestamp: detection \S+ at {year}\S+ is {words}"):
         load_run(events)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from opir_core.estimation.ellipses import CONTAINMENT, containment_ellipse
-from opir_core.interfaces.records import TRACK_CONTAINMENTS
+from opir_core.estimation import CONTAINMENT, containment_ellipse
+from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.output.events.estimates import OTHER_CONTAINMENTS
 
 CHI_SQUARE_95_TWO_DEGREES = (
@@ -59,12 +59,12 @@ def test_radii_that_a_tracker_tells_are_those_of_the_ellipse() -> None:
     reported = np.array([[0.7, 1.6, 2.9], [np.nan] * 3, [np.inf] * 3])
     for column, share in enumerate(TRACK_CONTAINMENTS):
         usual = containment_ellipse(matrix, share)
-        found = containment_ellipse(matrix, share, reported)
-        assert found.semi_major_m == pytest.approx(
+        ellipse = containment_ellipse(matrix, share, reported)
+        assert ellipse.semi_major_m == pytest.approx(
             [2.0 * reported[0, column], *usual.semi_major_m[1:]]
         )
-        assert found.semi_minor_m == pytest.approx([reported[0, column], *usual.semi_minor_m[1:]])
-        assert found.bearing_rad == pytest.approx(usual.bearing_rad)
+        assert ellipse.semi_minor_m == pytest.approx([reported[0, column], *usual.semi_minor_m[1:]])
+        assert ellipse.bearing_rad == pytest.approx(usual.bearing_rad)
 
 
 @pytest.mark.parametrize(

@@ -7,16 +7,13 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_sensor, stub_window
 from repository import ROOT
 
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band
-from opir_core.output.events import detection_schema
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.random_streams.detection_ids import id_key, uuid8_words
+from opir_core.output import ForgeEncoder, detection_schema
+from opir_core.plugin import Band, EncoderContext
+from opir_core.random_streams import id_key, uuid8_words
 
 REFERENCE = ROOT / "docs" / "reference"
 PAGE = (REFERENCE / "detection-event.md").read_text(encoding="utf-8")
@@ -39,7 +36,7 @@ def made_event() -> dict[str, Any]:
     place = sensor.orbit.position_ecef_m(np.array([60.05]))
     target = geodetic_to_ecef(np.radians(28.5), np.radians(-80.6), 40_000.0)
     offset = target - place
-    known = stub_estimates(
+    estimates = stub_estimates(
         1,
         tick_s=60.0,
         state=np.concatenate([target - 0.05 * target / 6.4e3, target / 6.4e3]),
@@ -50,7 +47,7 @@ def made_event() -> dict[str, Any]:
     )
     window = stub_window(
         1,
-        estimates=known,
+        estimates=estimates,
         time_ns=60_050_000_000,
         detection_id=uuid8_words(np.array([id_key("page")], dtype=np.uint64), np.array([600])),
         reported_type=0,

@@ -19,17 +19,13 @@ import pytest
 from failing_disk import ERRORS, READ, SHORT, WRITING, FailingDisk, can_fail
 from spool_transports import ENCODER, MIB, SENSORS, Holding, ids_of, window
 
+from opir_core import Plan, compile_plan, load_run
 from opir_core.builtin.sinks import LineFile
 from opir_core.errors import OpirError, SinkError
-from opir_core.host.host import Host
-from opir_core.output.delivery import deliver
+from opir_core.output import deliver, spool_state
 from opir_core.output.run_files import read_manifest
-from opir_core.output.saved_runs import load_run
-from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import salvaged_at_start, spool_state
-from opir_core.output.spool.transport_sink import Policy, TransportSink
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.output.spool import EncodedBatcher, Journal, Policy, TransportSink, salvaged_at_start
+from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
 pytestmark = [
@@ -73,12 +69,12 @@ NAMES = ["e.jsonl", "e.manifest.json", "e.tracks.jsonl", "e.truth.jsonl"]
 
 def chosen(calls: Sequence[tuple[str, str]], kinds: Sequence[str] = WRITING) -> list[int]:
     """Return the numbers of the calls that fail, of a run without faults."""
-    seen = [call for call in calls if call[0] in kinds]
+    matching = [call for call in calls if call[0] in kinds]
     if IS_EVERY:
-        return list(range(1, len(seen) + 2))
-    first = {call: number for number, call in reversed(list(enumerate(seen, 1)))}
-    last = {call: number for number, call in enumerate(seen, 1)}
-    return sorted({*first.values(), *last.values(), len(seen) + 1})
+        return list(range(1, len(matching) + 2))
+    first_number = {call: number for number, call in reversed(list(enumerate(matching, 1)))}
+    last_number = {call: number for number, call in enumerate(matching, 1)}
+    return sorted({*first_number.values(), *last_number.values(), len(matching) + 1})
 
 
 def plan_of(seed: int, *outputs: Any) -> Plan:
@@ -89,9 +85,10 @@ def run_into(folder: Path, plan: Plan) -> Any:
     beside = {f"{kind}_path": folder / f"e.{kind}.jsonl" for kind in ("truth", "tracks")}
     outcome = deliver(plan, **beside, manifest_path=folder / "e.manifest.json")
     for sink in outcome.report.sinks:
-        given = outcome.report.events
+        event_count = outcome.report.events
         assert (
-            sink.delivered + sink.spooled + sink.dropped + sink.withheld == given + sink.recovered
+            sink.delivered + sink.spooled + sink.dropped + sink.withheld
+            == event_count + sink.recovered
             or sink.error
         )
     outcome.raise_for_failures()
@@ -106,9 +103,7 @@ def good(tmp_path: Path) -> Path:
 
 
 @FAULT
-def test_the_files_of_a_batch_run_are_of_one_run_whatever_call_fails(
-    good: Path, error: int, lasts: bool
-) -> None:
+def test_files_are_of_one_run_for_any_failing_call(good: Path, error: int, lasts: bool) -> None:
     place = good.with_name("place")
     host = Host.discover()
     plans = {seed: plan_of(seed, {"jsonl": {"path": str(place / "e.jsonl")}}) for seed in (2, 3)}
@@ -175,20 +170,20 @@ def sink_into(
 
 
 def life(
-    path: Path, when_full: str, carrier: Holding, first: int, **more: bool
+    path: Path, when_full: str, carrier: Holding, first_value: int, **more: bool
 ) -> tuple[Any, int, str | None]:
     """Return the counts of a sink that is given windows until it fails, how many events these had,
     and its error.
     """
     sink = sink_into(path, carrier, when_full, **more)
-    given = 0
+    event_count = 0
     reported = None
     for number in range(WINDOWS):
-        given += ROWS
-        reported = message_of(lambda: sink.write(window(ROWS, first + number * ROWS)))  # noqa: B023
+        event_count += ROWS
+        reported = message_of(lambda: sink.write(window(ROWS, first_value + number * ROWS)))  # noqa: B023
         if reported is not None:
             break
-    return sink.close(), given, reported
+    return sink.close(), event_count, reported
 
 
 @FAULT
@@ -207,37 +202,41 @@ def test_a_spool_loses_nothing_uncounted_whatever_call_fails(
             lives = []
             for place, carrier in enumerate(carriers[:2]):
                 try:
-                    reported, given, failure = life(
+                    reported, inputs, failure = life(
                         path, when_full, carrier, place * ROWS * WINDOWS
                     )
                 except SinkError as refused:  # the spool cannot be opened: the run does not start
                     assert str(path) in str(refused)  # noqa: PT017
                     continue
                 total = reported.delivered + reported.spooled + reported.dropped + reported.withheld
-                assert total == given + reported.recovered, (number, reported, given)
+                assert total == inputs + reported.recovered, (number, reported, inputs)
                 assert (failure is None) or reported.dropped > 0, (number, failure)
-                lives.append((reported, place, given))
+                lives.append((reported, place, inputs))
             disk.heal()
-            rest, _, _ = life(path, when_full, carriers[2], 2 * ROWS * WINDOWS)
-            assert (rest.spooled, rest.dropped) == (0, 0), (number, rest)
-            examine(lives, rest, carriers)
+            remaining, _, _ = life(path, when_full, carriers[2], 2 * ROWS * WINDOWS)
+            assert (remaining.spooled, remaining.dropped) == (0, 0), (number, remaining)
+            examine(lives, remaining, carriers)
 
 
-def examine(lives: Sequence[tuple[Any, int, int]], rest: Any, carriers: Sequence[Holding]) -> None:
+def examine(
+    lives: Sequence[tuple[Any, int, int]], remaining: Any, carriers: Sequence[Holding]
+) -> None:
     """Hold what arrived against what was given: what is missing is counted, each sensor's events
     are in order.
     """
     arrived = dict.fromkeys(name for carrier in carriers for name in carrier.ids)
-    whole = ids_of(window(3 * ROWS * WINDOWS))
-    given = [name for _, place, count in lives for name in whole[place * ROWS * WINDOWS :][:count]]
-    given += whole[2 * ROWS * WINDOWS :]
-    missing = set(given) - set(arrived)
-    assert set(arrived) <= set(given)
+    all_ids = ids_of(window(3 * ROWS * WINDOWS))
+    given_ids = [
+        name for _, place, count in lives for name in all_ids[place * ROWS * WINDOWS :][:count]
+    ]
+    given_ids += all_ids[2 * ROWS * WINDOWS :]
+    missing = set(given_ids) - set(arrived)
+    assert set(arrived) <= set(given_ids)
     assert len(missing) <= sum(reported.dropped for reported, _, _ in lives)
-    in_order = [name for name in given if name in arrived]
+    in_order = [name for name in given_ids if name in arrived]
     for sensor in range(len(SENSORS)):
         place = {
-            name: number for number, name in enumerate(whole) if number % len(SENSORS) == sensor
+            name: number for number, name in enumerate(all_ids) if number % len(SENSORS) == sensor
         }
         assert [name for name in arrived if name in place] == [
             name for name in in_order if name in place
@@ -298,7 +297,7 @@ def test_a_spooled_file_is_whole_after_it_is_run_again(
     with FailingDisk(tmp_path) as disk:
         (tmp_path / "sound").mkdir()
         run_into(tmp_path / "sound", plan_in(tmp_path / "sound"))
-        whole = (tmp_path / "sound" / "e.jsonl").read_bytes().splitlines()
+        expected_lines = (tmp_path / "sound" / "e.jsonl").read_bytes().splitlines()
         for number in chosen(list(disk.calls)):
             folder = tmp_path / f"run-{number}"
             folder.mkdir()
@@ -311,14 +310,14 @@ def test_a_spooled_file_is_whole_after_it_is_run_again(
                 if (folder / "e.jsonl").exists()
                 else []
             )
-            assert reported is not None or list(dict.fromkeys(lines)) == whole, number
+            assert reported is not None or list(dict.fromkeys(lines)) == expected_lines, number
             run_into(folder, plan)
             lines = (folder / "e.jsonl").read_bytes().splitlines()
-            assert list(dict.fromkeys(lines)) == whole, number
+            assert list(dict.fromkeys(lines)) == expected_lines, number
             assert all(json.loads(line) for line in lines)
 
 
-def test_a_line_that_a_failing_disk_left_incomplete_is_removed_before_the_next(
+def test_an_incomplete_line_is_removed_before_the_next(
     tmp_path: Path,
 ) -> None:
     """A retried output would otherwise append to half a line, and lose the event of that line."""
@@ -334,5 +333,5 @@ def test_a_line_that_a_failing_disk_left_incomplete_is_removed_before_the_next(
         disk.heal()
         file.write(window(11, 10))
         file.close()
-    found = path.read_bytes().splitlines()
-    assert list(dict.fromkeys(found)) == lines
+    values = path.read_bytes().splitlines()
+    assert list(dict.fromkeys(values)) == lines

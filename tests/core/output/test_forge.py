@@ -12,19 +12,22 @@ from attrs import evolve
 from forge_events import ENCODER, EPOCH_US, SENSORS, events_of
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_window
 
 from examples import examples
+from opir_core import DetectionTruth
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
-from opir_core.output.events import SCHEMA_VERSION, detection_schema
+from opir_core.output import (
+    SCHEMA_VERSION,
+    ForgeEncoder,
+    detection_schema,
+    timestamp_text,
+    unix_microseconds,
+)
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.text import timestamp_text, unix_microseconds
-from opir_core.random_streams.detection_ids import uuid8_words, uuid_text
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.plugin import REPORTED_TYPES, Detections, EncoderContext, Tracks, Window
+from opir_core.random_streams import uuid8_words, uuid_text
 
 VALIDATOR = jsonschema.Draft202012Validator(
     detection_schema(), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER
@@ -70,21 +73,21 @@ def estimates(draw: st.DrawFn) -> Tracks:
 @st.composite
 def unit_vectors(draw: st.DrawFn, count: int) -> np.ndarray:
     component = st.sampled_from([0.0, -0.0, 1.0, -1.0, 1e-12, 5e-324]) | st.floats(-1.0, 1.0)
-    some = draw(column(component, count, shape=(3,)))
-    length = np.linalg.norm(some, axis=1, keepdims=True)
-    return np.where(length > 1e-100, some / np.maximum(length, 1e-100), [0.0, 0.0, -1.0])
+    vectors = draw(column(component, count, shape=(3,)))
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > 1e-100, vectors / np.maximum(length, 1e-100), [0.0, 0.0, -1.0])
 
 
 @st.composite
 def windows(draw: st.DrawFn) -> Window:
     """Any detections that an event can carry, the extremes included."""
     count = draw(st.integers(0, 8))
-    known = draw(estimates())
+    columns = draw(estimates())
     sensor = draw(column(st.integers(0, len(SENSORS) - 1), count, np.int32))
-    band_ends = np.array([1 << len(each.bands) for each in SENSORS])
+    band_ends = np.array([1 << len(band_sensor.bands) for band_sensor in SENSORS])
     return stub_window(
         count,
-        estimates=known,
+        estimates=columns,
         sensor=sensor,
         time_ns=draw(column(st.integers(-(2**63) + 1, 2**63 - 1), count, np.int64)),
         **(
@@ -102,12 +105,12 @@ def windows(draw: st.DrawFn) -> Window:
         sensor_ecef_m=draw(column(st.sampled_from([0.0, -4.2e7]) | POSITION, count, shape=(3,))),
         snr=draw(column(st.floats(), count)),
         track=draw(column(st.integers(-1, 2**63 - 1), count, np.int64)),
-        estimate=draw(column(st.integers(-1, len(known) - 1), count, np.int64)),
+        estimate=draw(column(st.integers(-1, len(columns) - 1), count, np.int64)),
     )
 
 
 @given(windows())
-def test_every_event_fits_the_schema_and_keeps_the_order_of_fields(window: Window) -> None:
+def test_every_event_fits_the_schema(window: Window) -> None:
     events = events_of(window)
     assert len(events) == len(window.detections)
     for event in events:
@@ -136,13 +139,13 @@ def test_every_event_says_what_its_row_says(window: Window) -> None:
         assert event["confidence"] == pytest.approx(d.confidence[row], abs=5.1e-7)
         assert event["schema_version"] == SCHEMA_VERSION
         assert event["track_id"] == (None if d.track[row] < 0 else d.track[row])
-        seen = azimuth_elevation_range_in_axes(
+        angles = azimuth_elevation_range_in_axes(
             d.line_of_sight_ecef[row], local_axes(d.sensor_ecef_m[row])
         )
-        turned = abs(event["azimuth_deg"] - math.degrees(seen.azimuth_rad)) % 360.0
+        turned = abs(event["azimuth_deg"] - math.degrees(angles.azimuth_rad)) % 360.0
         assert min(turned, 360.0 - turned) <= 1e-9
         assert event["elevation_deg"] == pytest.approx(
-            math.degrees(seen.elevation_rad), abs=5.1e-10
+            math.degrees(angles.elevation_rad), abs=5.1e-10
         )
         assert event["line_of_sight_sigma_urad"] == 20.0
         assert event["bands"] == [
@@ -158,20 +161,21 @@ def test_every_event_says_what_its_row_says(window: Window) -> None:
 
 
 @given(windows(), st.data())
-def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(
-    window: Window, data: st.DataObject
-) -> None:
+def test_bytes_do_not_depend_on_windows(window: Window, data: st.DataObject) -> None:
     rows = data.draw(st.integers(1, 4))
-    parts = [ENCODER.encode(part) for part in window_blocks(window, rows)]
-    assert b"".join(parts) == ENCODER.encode(window)
+    pieces = [ENCODER.encode(window_block) for window_block in window_blocks(window, rows)]
+    assert b"".join(pieces) == ENCODER.encode(window)
 
 
 @pytest.mark.slow
-def test_bytes_do_not_depend_on_the_cut_for_many_looks_of_moving_and_resting_sensors() -> None:
+def test_bytes_do_not_depend_on_windows_of_many_looks() -> None:
     window = raid(600)
-    whole = ENCODER.encode(window)
+    expected = ENCODER.encode(window)
     for rows in (1, 7, 128, 599):
-        assert b"".join(ENCODER.encode(part) for part in window_blocks(window, rows)) == whole
+        assert (
+            b"".join(ENCODER.encode(window_block) for window_block in window_blocks(window, rows))
+            == expected
+        )
 
 
 def raid(count: int) -> Window:
@@ -180,7 +184,7 @@ def raid(count: int) -> Window:
     home = random.uniform(-4e7, 4e7, (3, 3))[sensor]
     direction = random.normal(size=(count, 3))
     moving = (sensor == 2)[:, np.newaxis] * random.uniform(-1e6, 1e6, (count, 3))
-    known = stub_estimates(
+    track_estimates = stub_estimates(
         20,
         state=random.uniform(-1.0, 1.0, (20, 6)) * [7e6, 7e6, 7e6, 7e3, 7e3, 7e3],
         launch=random.uniform(-1.5, 1.5, (20, 3)),
@@ -188,7 +192,7 @@ def raid(count: int) -> Window:
     )
     return stub_window(
         count,
-        estimates=known,
+        estimates=track_estimates,
         sensor=sensor,
         bands=0,
         line_of_sight_ecef=direction / np.linalg.norm(direction, axis=1, keepdims=True),
@@ -205,8 +209,8 @@ def raid(count: int) -> Window:
 def test_truth_does_not_reach_an_event(window: Window) -> None:
     names = {name for name in DetectionTruth.__slots__ if not name.startswith("_")}
     assert not names & set(detection_schema()["properties"])
-    other = evolve(window, truth=window.truth.take(slice(0, 0)))
-    assert ENCODER.encode(other) == ENCODER.encode(window)
+    without_truth = evolve(window, truth=window.truth.take(slice(0, 0)))
+    assert ENCODER.encode(without_truth) == ENCODER.encode(window)
 
 
 def test_a_window_without_detections_is_no_bytes() -> None:
@@ -244,14 +248,17 @@ def names_of(detections: Detections) -> list[str]:
 
 def test_blocks_of_a_window_are_the_window() -> None:
     window = evolve(raid(10), tracks=stub_estimates(3))
-    parts = list(window_blocks(window, 4))
+    pieces = list(window_blocks(window, 4))
     assert (
-        [len(part.detections) for part in parts] == [4, 4, 2] == [len(part.truth) for part in parts]
+        [len(block.detections) for block in pieces]
+        == [4, 4, 2]
+        == [len(block.truth) for block in pieces]
     )
-    assert sum(part.looks for part in parts) == window.looks
-    assert sum(len(part.tracks) for part in parts) == 3
+    assert sum(block.looks for block in pieces) == window.looks
+    assert sum(len(block.tracks) for block in pieces) == 3
     assert np.array_equal(
-        np.concatenate([part.detections.scan for part in parts]), window.detections.scan
+        np.concatenate([block.detections.scan for block in pieces]),
+        window.detections.scan,
     )
 
 

@@ -12,19 +12,15 @@ import pytest
 from attrs import evolve
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from opir_testing import stub_sensor
+from opir_testing import stub_sensor, stub_window
 from opir_testing.bench import encoder_of
-from opir_testing.doubles import stub_window
 
 import opir_core as opir
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.records import Window
-from opir_core.output.events import detection_schema
+from opir_core import plan_windows
+from opir_core.output import ForgeEncoder, detection_schema, number_texts
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.text import number_texts, significant
-from opir_core.simulation.run import plan_windows
+from opir_core.output.events.text import significant
+from opir_core.plugin import Band, EncoderContext, Window
 
 SENSORS = (
     stub_sensor("TWO", -75.5, bands=(Band("SWIR", 2.5, 3.0), Band('"M"', 4.2, 4.45))),
@@ -44,7 +40,7 @@ def windows(draw: st.DrawFn) -> Window:
     count = draw(st.integers(1, 8))
     sensor = draw(arrays(np.int32, count, elements=st.integers(0, len(SENSORS) - 1)))
     measured = draw(arrays(np.float64, (count, 2), elements=FINITE | st.floats(-1e-9, 1e-9)))
-    widths = np.array([len(each.bands) for each in SENSORS])[sensor]
+    widths = np.array([len(band_sensor.bands) for band_sensor in SENSORS])[sensor]
     measured[np.arange(2) >= widths[:, None]] = np.nan
     window = stub_window(count, sensor=sensor, bands=0)
     return evolve(window, detections=evolve(window.detections, band_irradiance_w_m2=measured))
@@ -72,8 +68,8 @@ def test_an_event_says_what_each_band_of_its_sensor_measured(window: Window) -> 
 
 @given(windows(), st.integers(1, 4))
 def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int) -> None:
-    parts = [WITH_BANDS.encode(part) for part in window_blocks(window, rows)]
-    assert b"".join(parts) == WITH_BANDS.encode(window)
+    pieces = [WITH_BANDS.encode(window_block) for window_block in window_blocks(window, rows)]
+    assert b"".join(pieces) == WITH_BANDS.encode(window)
 
 
 @given(
@@ -86,14 +82,17 @@ def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int
 def test_significant_digits_are_those_of_python(values: list[float], data: st.DataObject) -> None:
     digits = data.draw(st.integers(1, 15))
     expected = [float(f"{value:.{digits - 1}e}") for value in values]
-    found = significant(np.array(values), digits).tolist()
+    numbers = significant(np.array(values), digits).tolist()
     # At a tie the product with a power of ten may be rounded to the other side: off by one in the
     # last digit.
     last_digits = [10.0 ** (math.floor(math.log10(abs(value))) - digits + 1) for value in values]
-    for one, other, value, last in zip(found, expected, values, last_digits, strict=True):
+    for number, expected_number, value, last_digit in zip(
+        numbers, expected, values, last_digits, strict=True
+    ):
         rounding = 3.0 * math.ulp(value)
         assert (
-            one == pytest.approx(other, rel=1e-15) or abs(abs(one - value) - 0.5 * last) <= rounding
+            number == pytest.approx(expected_number, rel=1e-15)
+            or abs(abs(number - value) - 0.5 * last_digit) <= rounding
         )
 
 
@@ -128,10 +127,10 @@ def events_of(plan: Any, encoder: str) -> list[dict[str, Any]]:
 def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
     plan = photons("duration_s=70")
     events = events_of(plan, "forge-bands")
-    found = opir.simulate(plan.scene).detections
-    assert len(events) == len(found) > 100
+    detections = opir.simulate(plan.scene).detections
+    assert len(events) == len(detections) > 100
     for event, measured, sensor in zip(
-        events, found.band_irradiance_w_m2.tolist(), found.sensor, strict=True
+        events, detections.band_irradiance_w_m2.tolist(), detections.sensor, strict=True
     ):
         reported = event["band_irradiance_w_m2"]
         assert set(event) == {*detection_schema()["required"], "band_irradiance_w_m2"}

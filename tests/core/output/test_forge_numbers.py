@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from forge_events import ENCODER, SENSORS, events_of
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_window
 
 from opir_core.errors import ModelError, SinkError
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.text import rounded_bearing_deg, rounded_degrees
+from opir_core.output import ForgeEncoder, rounded_bearing_deg, rounded_degrees
+from opir_core.plugin import EncoderContext
 
 
 def test_until_a_track_is_estimated_its_fields_are_null() -> None:
@@ -31,13 +30,13 @@ def test_until_a_track_is_estimated_its_fields_are_null() -> None:
 
 
 def test_an_estimated_point_says_where_when_and_how_surely() -> None:
-    known = stub_estimates(
+    estimates = stub_estimates(
         1,
         launch=[np.radians(34.73), np.radians(239.43), 10.25],
         launch_covariance=[[9e6, 0.0, 0.0], [0.0, 1e6, 0.0], [0.0, 0.0, 2.25]],
         impact=[np.radians(9.0), np.radians(167.7), np.nan],
     )
-    (event,) = events_of(stub_window(1, estimates=known, estimate=0, track=3))
+    (event,) = events_of(stub_window(1, estimates=estimates, estimate=0, track=3))
     assert event["launch_point"] == {
         "lat_deg": 34.73,
         "lon_deg": -120.57,
@@ -69,8 +68,8 @@ def test_an_estimated_point_says_where_when_and_how_surely() -> None:
 
 
 @pytest.mark.parametrize("radii", [np.nan, [1.0, 2.0, 3.0]])
-def test_an_impact_of_the_paper_s_law_has_a_sigma_in_place_of_ellipses(radii: Any) -> None:
-    known = stub_estimates(
+def test_impacts_by_the_papers_law_have_a_sigma(radii: Any) -> None:
+    estimates = stub_estimates(
         2,
         impact=[np.radians(9.0), np.radians(167.7), 1200.0],
         impact_covariance=np.diag([9e8, 9e8, 25.0]),
@@ -79,7 +78,7 @@ def test_an_impact_of_the_paper_s_law_has_a_sigma_in_place_of_ellipses(radii: An
     )
     paper, posterior = (
         event["impact_point"]
-        for event in events_of(stub_window(2, estimates=known, estimate=[0, 1]))
+        for event in events_of(stub_window(2, estimates=estimates, estimate=[0, 1]))
     )
     figures = (
         "method",
@@ -95,23 +94,23 @@ def test_an_impact_of_the_paper_s_law_has_a_sigma_in_place_of_ellipses(radii: An
     assert posterior["ellipse"]["semi_major_m"] > 0.0
 
 
-def test_the_track_s_place_is_carried_to_the_time_of_the_detection() -> None:
+def test_positions_are_propagated_to_the_detection() -> None:
     up = np.array([1.0, 0.0, 0.0])
     start = geodetic_to_ecef(0.0, 0.0, 100_000.0)
-    known = stub_estimates(1, tick_s=5.0, state=np.concatenate([start, 2000.0 * up]))
-    early, late = events_of(stub_window(2, first_scan=5, estimates=known, estimate=0))
-    assert [early[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")] == [
+    estimates = stub_estimates(1, tick_s=5.0, state=np.concatenate([start, 2000.0 * up]))
+    early_event, delayed = events_of(stub_window(2, first_scan=5, estimates=estimates, estimate=0))
+    assert [early_event[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")] == [
         0.0,
         0.0,
         100_000.0,
     ]
-    assert late["altitude_m"] == pytest.approx(102_000.0, abs=1e-3)
+    assert delayed["altitude_m"] == pytest.approx(102_000.0, abs=1e-3)
 
 
 def test_estimates_of_other_rows_do_not_matter() -> None:
-    known = stub_estimates(2, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
-    first, none, second = events_of(stub_window(3, estimates=known, estimate=[0, -1, 1]))
-    assert first["launch_point"]["lat_deg"] == pytest.approx(np.degrees(0.1), abs=1e-9)
+    estimates = stub_estimates(2, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    first_value, none, second = events_of(stub_window(3, estimates=estimates, estimate=[0, -1, 1]))
+    assert first_value["launch_point"]["lat_deg"] == pytest.approx(np.degrees(0.1), abs=1e-9)
     assert none["launch_point"] is None
     assert second["launch_point"]["lat_deg"] == pytest.approx(np.degrees(0.4), abs=1e-9)
 
@@ -177,10 +176,10 @@ def test_straight_up_and_down_have_an_azimuth_too(up: float, elevation_deg: floa
 
 
 def test_rounding_leaves_the_length_of_a_unit_vector_lawful() -> None:
-    one, other = events_of(
+    event, turned_event = events_of(
         stub_window(2, line_of_sight_ecef=[[1.0 + 9e-7, 0.0, 0.0], [1.0 - 9e-7, 0.0, 0.0]])
     )
-    assert one["elevation_deg"] == other["elevation_deg"] == 90.0
+    assert event["elevation_deg"] == turned_event["elevation_deg"] == 90.0
 
 
 @pytest.mark.parametrize(

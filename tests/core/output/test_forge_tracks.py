@@ -8,21 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from opir_testing import stub_sensor
+from opir_testing import stub_estimates, stub_sensor, stub_window
 from opir_testing.bench import encoder_of
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_window
+from opir_testing.doubles import stub_hypotheses
 
 import opir_core as opir
+from opir_core import plan_windows
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Window
-from opir_core.output.events import detection_schema
+from opir_core.output import ForgeEncoder, detection_schema, time_texts
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.estimates import time_texts
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.scene.hypotheses import core_hypotheses
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.run import plan_windows
+from opir_core.plugin import REPORTED_TYPES, EncoderContext, Window
+from opir_core.scene import core_hypotheses
 
 EPOCH_US = 1_775_044_800_000_000
 HYPOTHESES = tuple(each.name for each in core_hypotheses())
@@ -135,25 +131,31 @@ def test_an_event_says_what_its_track_may_be_and_how_it_ended() -> None:
         3, hypothesis_probability=[fire, boost, np.full_like(fire, np.nan)], end=[3, 0, 1]
     )
     window = stub_window(3, estimates=estimates, estimate=np.arange(3), track=np.arange(3))
-    first, second, third = (json.loads(line) for line in WITH_TRACKS.encode(window).splitlines())
-    for event in (first, second, third):
+    first_value, second, third = (
+        json.loads(line) for line in WITH_TRACKS.encode(window).splitlines()
+    )
+    for event in (first_value, second, third):
         VALIDATOR.validate(event)
-    assert list(first["track_hypotheses"]) == list(HYPOTHESES)
-    assert {name: share for name, share in first["track_hypotheses"].items() if share} == {
+    assert list(first_value["track_hypotheses"]) == list(HYPOTHESES)
+    assert {name: share for name, share in first_value["track_hypotheses"].items() if share} == {
         "ground source": 0.75, "SRBM": 0.125, "none of these": 0.125,
     }  # fmt: skip
-    assert [[event[name] for name in SUMS] for event in (first, second)] == [
+    assert [[event[name] for name in SUMS] for event in (first_value, second)] == [
         [0.125, 0.125, 0.0],
         [0.75, 0.25, 0.5],
     ]
-    assert [event["track_end"] for event in (first, second, third)] == ["lost", None, "impact"]
+    assert [event["track_end"] for event in (first_value, second, third)] == [
+        "lost",
+        None,
+        "impact",
+    ]
     assert [third[name] for name in ("track_hypotheses", *SUMS)] == [None] * 4
 
 
 @given(windows(), st.integers(1, 4))
 def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int) -> None:
-    parts = [WITH_TRACKS.encode(part) for part in window_blocks(window, rows)]
-    assert b"".join(parts) == WITH_TRACKS.encode(window)
+    pieces = [WITH_TRACKS.encode(window_block) for window_block in window_blocks(window, rows)]
+    assert b"".join(pieces) == WITH_TRACKS.encode(window)
 
 
 @pytest.mark.slow
@@ -191,7 +193,7 @@ def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> 
     assert (tracked > 100) == (tracker != "none")
 
 
-def test_covariances_read_back_are_those_of_the_run_and_stay_positive() -> None:
+def test_covariances_read_back_stay_positive() -> None:
     """Also one that rounding would spoil: condition 1e15."""
     axes = np.linalg.qr(np.random.default_rng(3).normal(size=(6, 6)))[0]
     covariance = symmetric(axes @ np.diag(10.0 ** np.linspace(-3.0, 12.0, 6)) @ axes.T)

@@ -9,16 +9,12 @@ import numpy as np
 import pytest
 from attrs import evolve
 from hypothesis import given, settings, strategies as st
-from opir_testing.doubles import stub_regions
+from opir_testing import stub_regions
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
-from opir_core.output.geojson import (
-    geometry_of,
-    region_document,
-    region_from_document,
-    region_texts,
-)
+from opir_core.output import geometry_of, region_texts
+from opir_core.output.geojson import region_document, region_from_document
 
 EARTH_RADIUS_KM = 6371.0088
 PLACES = [
@@ -132,18 +128,18 @@ ASIDE = ring_of((-1.8, 1), (-1.2, 1), (-1.2, 2), (-1.8, 2))
 def test_shapes_are_cut_at_the_180th_meridian(
     polygon: tuple[FloatArray, ...], parts: list[int]
 ) -> None:
-    for whole in (polygon, tuple(ring[::-1] for ring in polygon)):
+    for oriented in (polygon, tuple(ring[::-1] for ring in polygon)):
         wrapped = tuple(
             np.stack([ring[:, 0], np.mod(ring[:, 1] + np.pi, 2.0 * np.pi) - np.pi], axis=1)
-            for ring in whole
+            for ring in oriented
         )
         region = ImpactRegion(containment=0.9, area_km2=1.0, polygons=(wrapped,))
         geometry = geometry_of(region)
         requires_of_rfc(geometry)
-        found = polygons_of(geometry)
-        assert [len(rings) for rings in found] == parts
+        shapes = polygons_of(geometry)
+        assert [len(rings) for rings in shapes] == parts
         outer, *holes = (np.abs(area_km2(np.degrees(ring[:, ::-1]))) for ring in polygon)
-        assert sum(area_km2(ring) for rings in found for ring in rings) == pytest.approx(
+        assert sum(area_km2(ring) for rings in shapes for ring in rings) == pytest.approx(
             outer - sum(holes), rel=1e-4
         )
 
@@ -151,7 +147,7 @@ def test_shapes_are_cut_at_the_180th_meridian(
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.data())
-def test_points_are_inside_the_geometry_if_they_are_in_the_region(data: st.DataObject) -> None:
+def test_points_of_the_region_are_inside_the_geometry(data: st.DataObject) -> None:
     latitude_deg = data.draw(st.floats(-89.9, 89.9))
     longitude_deg = data.draw(st.one_of(st.floats(-180.0, 180.0), st.floats(179.0, 181.0)))
     radius_km = data.draw(st.floats(1.0, 800.0))
@@ -178,13 +174,13 @@ def test_points_are_inside_the_geometry_if_they_are_in_the_region(data: st.DataO
 
 
 def test_rows_that_share_their_regions_share_the_text() -> None:
-    one = stub_regions(9.0, 167.7)
+    regions = stub_regions(9.0, 167.7)
     column = np.empty(3, dtype=object)
-    column[0] = one
+    column[0] = regions
     column[1] = ()
-    column[2] = one
-    first, empty, again = region_texts(column)
-    assert first is again
+    column[2] = regions
+    text, empty, same_text = region_texts(column)
+    assert text is same_text
     assert empty == b"[]"
 
 
@@ -202,9 +198,9 @@ def test_what_is_no_region_is_refused() -> None:
 def test_a_triangle_is_a_ring(west_deg: float, parts: int) -> None:
     ring = np.radians([(0.0, west_deg), (0.0, west_deg + 0.5), (0.5, west_deg), (0.0, west_deg)])
     document = region_document(ImpactRegion(containment=0.5, area_km2=1.0, polygons=((ring,),)))
-    found = polygons_of(document["geometry"])
-    assert [len(rings) for rings in found] == [1] * parts
-    assert sum(area_km2(rings[0]) for rings in found) == pytest.approx(
+    shapes = polygons_of(document["geometry"])
+    assert [len(rings) for rings in shapes] == [1] * parts
+    assert sum(area_km2(rings[0]) for rings in shapes) == pytest.approx(
         area_km2(np.degrees(ring[:, ::-1])), rel=1e-4
     )
     assert len(region_from_document(document).polygons) == parts

@@ -12,15 +12,7 @@ import pytest
 from hypothesis import assume, example, given, strategies as st
 
 from opir_core.errors import PluginError, SinkError
-from opir_core.output.events.rendering import (
-    Column,
-    Decimal,
-    Ids,
-    Looked,
-    Times,
-    chosen_renderer,
-    reference,
-)
+from opir_core.output import Column, Decimal, Ids, Looked, Times, chosen_renderer, reference
 from opir_core.output.events.text import END_UNIX_US, FIRST_UNIX_US
 from opir_core.plugin import Host, RendererContext, RendererModel, hookimpl
 
@@ -75,9 +67,7 @@ def test_the_compiled_renderer_makes_the_bytes_of_the_reference(line: list[Colum
 @example(
     [0.1 + 0.2, -0.0, 5e-10, 9.99999999949e-6, 1e-5, 123456789.0, 999999.9999999995, 1e15, 1e22], 9
 )
-def test_both_renderers_write_the_shortest_text_of_the_rounded_double(
-    values: list[float], decimals: int
-) -> None:
+def test_renderers_write_the_shortest_text_of_a_double(values: list[float], decimals: int) -> None:
     column = Decimal(np.array(values), decimals)
     texts = reference(len(values), [column, b"\n"]).splitlines()
     assert compiled()(len(values), [column, b"\n"]).splitlines() == texts
@@ -148,7 +138,7 @@ def test_the_environment_chooses_the_renderer(monkeypatch: pytest.MonkeyPatch) -
     assert chosen_renderer(host) == ("reference", reference)
 
 
-def test_a_renderer_that_is_not_there_is_refused_with_the_way_out(
+def test_a_missing_renderer_is_refused_with_the_remedy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("OPIR_RENDERER", "fast")

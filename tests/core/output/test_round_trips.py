@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from attrs import fields
 from hypothesis import assume, example, given, settings, strategies as st
-from opir_testing.doubles import stub_estimates, stub_hypotheses
+from opir_testing import stub_estimates
+from opir_testing.doubles import stub_hypotheses
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
-from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
-from opir_core.interfaces.records import Tracks
+from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.output import TracksFile, read_tracks
 from opir_core.output.geojson import region_document, region_from_document
-from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.plugin import Tracks
+from opir_core.scene import core_hypotheses
 
 HYPOTHESES = tuple(each.name for each in core_hypotheses())
 #: Half the way around the Earth, m.
@@ -79,12 +80,12 @@ def points_about(region: ImpactRegion, seed: int, count: int) -> FloatArray:
         [np.arcsin(rng.uniform(-1.0, 1.0, count)), rng.uniform(-np.pi, np.pi, count)], axis=1
     )
     corners = np.concatenate([ring for polygon in region.polygons for ring in polygon])
-    near = corners[rng.integers(len(corners), size=count)] + rng.normal(0.0, 0.02, (count, 2))
+    neighbours = corners[rng.integers(len(corners), size=count)] + rng.normal(0.0, 0.02, (count, 2))
     # A region that is cut at the 180th meridian may have a corner at a pole: the very pole may be
     # on either side.
-    most = 0.5 * np.pi - _NEAR_M / 6_371_008.8
-    near[:, 0] = np.clip(near[:, 0], -most, most)
-    return np.concatenate([anywhere, near])
+    maximum = 0.5 * np.pi - _NEAR_M / 6_371_008.8
+    neighbours[:, 0] = np.clip(neighbours[:, 0], -maximum, maximum)
+    return np.concatenate([anywhere, neighbours])
 
 
 def is_at_an_edge(region: ImpactRegion, place: FloatArray) -> bool:
@@ -97,7 +98,7 @@ def is_at_an_edge(region: ImpactRegion, place: FloatArray) -> bool:
         up + _NEAR_M / 6_371_008.8 * (np.cos(turn) * east + np.sin(turn) * np.cross(up, east))
     ).T
     around = np.stack([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)], axis=1)
-    return len({region.contains(*each) for each in (place, *around)}) > 1
+    return len({region.contains(*point) for point in (place, *around)}) > 1
 
 
 def requires_same_answers(
@@ -148,69 +149,80 @@ def test_a_region_read_back_contains_what_it_contained(region: ImpactRegion, see
     requires_same_answers(region, region_from_document(region_document(back)), seed)
 
 
+class Figures:
+    """Draws columns of tracks (count,) in which each row of figures is known or unknown."""
+
+    def __init__(self, draw: st.DrawFn, count: int) -> None:
+        self.draw = draw
+        self.rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+        self.count = count
+
+    def column(self, *shape: int, scale: float = 1.0) -> FloatArray:
+        column = self.rng.normal(size=(self.count, *shape)) * scale
+        column[[not self.draw(st.booleans()) for _ in range(self.count)]] = np.nan
+        return column
+
+    def covariance(self, size: int, of: FloatArray | None = None) -> FloatArray:
+        """Return covariances (count, size, size), unknown where the figures `of` them are."""
+        root = self.column(size, size)
+        covariance = root @ root.transpose(0, 2, 1)
+        return covariance if of is None else np.where(np.isnan(of[:, :1, None]), np.nan, covariance)
+
+    def points(self) -> FloatArray:
+        column = self.column(3)
+        drawn = [[self.draw(latitudes), self.draw(longitudes)] for _ in range(self.count)]
+        column[:, :2] = np.where(np.isnan(column[:, 1:2]), np.nan, np.radians(drawn))
+        return column
+
+
 @st.composite
 def tracks(draw: st.DrawFn, count: int = 3) -> Tracks:
     """Draw tracks in which each block of figures is known or unknown."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-
-    def known(*shape: int, scale: float = 1.0) -> FloatArray:
-        column = rng.normal(size=(count, *shape)) * scale
-        column[[not draw(st.booleans()) for _ in range(count)]] = np.nan
-        return column
-
-    def covariance(size: int) -> FloatArray:
-        root = known(size, size)
-        return root @ root.transpose(0, 2, 1)
-
-    def place() -> FloatArray:
-        column = known(3)
-        column[:, 0] = np.radians([draw(latitudes) for _ in range(count)])
-        column[:, 1] = np.where(
-            np.isnan(column[:, 1]), np.nan, np.radians([draw(longitudes) for _ in range(count)])
-        )
-        column[:, 0] = np.where(np.isnan(column[:, 1]), np.nan, column[:, 0])
-        return column
-
+    figures = Figures(draw, count)
+    rng = figures.rng
+    launch = figures.points()
+    impact = figures.points()
+    burnout = figures.column(7)
     weighed = np.tile(stub_hypotheses(ICBM=0.5, SLV=0.25), (count, 1))
     return stub_estimates(
         count,
         track=rng.permutation(count),
         tick_s=61.0,
         available_s=61.0 + rng.uniform(0.0, 3.0, count),
-        state=np.concatenate([known(3, scale=1e7), known(3, scale=1e3)], axis=1),
-        state_covariance=covariance(6),
-        state_sigmas=np.abs(known(3)),
-        launch=(launch := place()),
-        launch_covariance=np.where(np.isnan(launch[:, :1, None]), np.nan, covariance(3)),
-        impact=(impact := place()),
-        impact_covariance=np.where(np.isnan(impact[:, :1, None]), np.nan, covariance(3)),
-        impact_sigmas=np.where(np.isnan(impact[:, :1]), np.nan, np.abs(known(3))),
-        type_probability=np.abs(known(4)),
+        state=np.concatenate([figures.column(3, scale=1e7), figures.column(3, scale=1e3)], axis=1),
+        state_covariance=figures.covariance(6),
+        state_sigmas=np.abs(figures.column(3)),
+        launch=launch,
+        launch_covariance=figures.covariance(3, launch),
+        impact=impact,
+        impact_covariance=figures.covariance(3, impact),
+        impact_sigmas=np.where(np.isnan(impact[:, :1]), np.nan, np.abs(figures.column(3))),
+        type_probability=np.abs(figures.column(4)),
         hypothesis_probability=np.where(rng.random((count, 1)) < 0.5, np.nan, weighed),
-        burnout=(burnout := known(7)),
-        burnout_covariance=np.where(np.isnan(burnout[:, :1, None]), np.nan, covariance(7)),
+        burnout=burnout,
+        burnout_covariance=figures.covariance(7, burnout),
         impact_regions=[tuple(draw(st.lists(regions(), max_size=2))) for _ in range(count)],
-        probability_burning=np.abs(known()),
-        probability_relights=np.abs(known()),
+        probability_burning=np.abs(figures.column()),
+        probability_relights=np.abs(figures.column()),
         end=rng.integers(0, 4, count),
-        seen_s=np.abs(known()),
+        seen_s=np.abs(figures.column()),
         is_brief=rng.random(count) < 0.5,
     )
 
 
-def requires_same_tracks(before: Tracks, after: Tracks) -> None:
+def requires_same_tracks(before: Tracks, changed: Tracks) -> None:
     for attribute in fields(Tracks):
-        was, now = (getattr(each, attribute.name) for each in (before, after))
+        was, current = (getattr(tracks, attribute.name) for tracks in (before, changed))
         if attribute.name == "impact_regions":
             continue
-        if now.shape[1:] == (0,):  # where no track is weighed there are no hypotheses
+        if current.shape[1:] == (0,):  # where no track is weighed there are no hypotheses
             assert np.isnan(was).all()
             continue
         if attribute.name in ("launch", "impact"):  # degrees, between -180 and 180
-            turns = (now[:, 1] - was[:, 1]) / (2.0 * np.pi)
+            turns = (current[:, 1] - was[:, 1]) / (2.0 * np.pi)
             was = was.copy()
             was[:, 1] += 2.0 * np.pi * np.where(np.isnan(turns), 0.0, np.round(turns))
-        np.testing.assert_allclose(now, was, rtol=1e-15, atol=1e-15, err_msg=attribute.name)
+        np.testing.assert_allclose(current, was, rtol=1e-15, atol=1e-15, err_msg=attribute.name)
 
 
 @settings(deadline=None)
@@ -221,9 +233,11 @@ def test_tracks_read_back_are_those_that_were_written(
     path = tmp_path_factory.mktemp("tracks") / "t.jsonl"
     with TracksFile(path, HYPOTHESES) as file:
         file.write(before)
-    after = read_tracks(path, HYPOTHESES)
+    read_back = read_tracks(path, HYPOTHESES)
     before = before.take(np.argsort(before.track))
-    requires_same_tracks(before, after)
-    for was, now in zip(before.impact_regions.tolist(), after.impact_regions.tolist(), strict=True):
-        for region, back in zip(was, now, strict=True):
+    requires_same_tracks(before, read_back)
+    for was, current in zip(
+        before.impact_regions.tolist(), read_back.impact_regions.tolist(), strict=True
+    ):
+        for region, back in zip(was, current, strict=True):
             requires_same_answers(region, back, seed, 5)

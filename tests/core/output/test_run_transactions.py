@@ -16,13 +16,11 @@ from typing import Any
 import pytest
 from waiting import until
 
+from opir_core import Plan, compile_plan, load_run
 from opir_core.cli.main import main
 from opir_core.errors import SceneError, SinkError
-from opir_core.output.delivery import deliver
+from opir_core.output import OutputFiles, deliver, finish_interrupted
 from opir_core.output.run_files import read_manifest
-from opir_core.output.saved_runs import load_run
-from opir_core.output.transaction import OutputFiles, finish_interrupted
-from opir_core.planning.plan import Plan, compile_plan
 from opir_core.reading import scene_from_mapping
 
 SCENE = {
@@ -76,13 +74,13 @@ def test_the_manifest_has_the_sum_of_every_file(good: Path) -> None:
     files = contents(good)
     assert tuple(files) == NAMES
     reported = read_manifest(good / "e.manifest.json")["written_files"]
-    assert [(each["kind"], each["name"]) for each in reported] == [
+    assert [(entry["kind"], entry["name"]) for entry in reported] == [
         ("events", "e.jsonl"),
         ("truth", "e.truth.jsonl"),
     ]
-    for each in reported:
-        assert each["sha256"] == sha256(files[each["name"]]).hexdigest()
-        assert each["bytes"] == len(files[each["name"]]) > 0
+    for entry in reported:
+        assert entry["sha256"] == sha256(files[entry["name"]]).hexdigest()
+        assert entry["bytes"] == len(files[entry["name"]]) > 0
 
 
 @pytest.mark.parametrize("name", ["e.jsonl", "e.truth.jsonl"])
@@ -112,10 +110,10 @@ def test_a_run_that_is_interrupted_leaves_the_run_before(
     def interrupt(_window: Any) -> None:
         raise kind
 
-    before = contents(good)
+    former_files = contents(good)
     with pytest.raises(kind):
         run_into(good, 2, on_window=interrupt)
-    assert contents(good) == before
+    assert contents(good) == former_files
 
 
 def test_a_folder_that_was_empty_is_empty_after_an_interruption(tmp_path: Path) -> None:
@@ -124,10 +122,8 @@ def test_a_folder_that_was_empty_is_empty_after_an_interruption(tmp_path: Path) 
     assert contents(tmp_path) == {}
 
 
-def test_a_file_that_fails_leaves_the_run_before_and_says_what_is_where(
-    good: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = contents(good)
+def test_a_failing_file_keeps_the_earlier_run(good: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    former_files = contents(good)
     write = os.write
     calls = []
 
@@ -145,9 +141,9 @@ def test_a_file_that_fails_leaves_the_run_before_and_says_what_is_where(
         match=r"no file of an earlier run is replaced; what was written is in .*e\.jsonl\.part",
     ):
         outcome.raise_for_failures()
-    after = contents(good)
-    assert {name: after[name] for name in NAMES} == before
-    assert len(after["e.jsonl.part"].splitlines()) == outcome.report.failures[0].delivered > 0
+    files_after = contents(good)
+    assert {name: files_after[name] for name in NAMES} == former_files
+    assert len(files_after["e.jsonl.part"].splitlines()) == outcome.report.failures[0].delivered > 0
     assert run_into(good, 2).report.failures == ()
     assert tuple(contents(good)) == NAMES
 
@@ -164,8 +160,8 @@ def test_of_three_runs_into_one_path_one_wins(good: Path) -> None:
     run_into(good, 2, on_window=more)
     assert len(refused) >= 2
     assert all(
-        "is being written by another run; wait until that has ended, or give another path" in each
-        for each in refused
+        "is being written by another run; wait until that has ended, or give another path" in item
+        for item in refused
     )
     assert load_run(good).manifest["seed"] == 2
     assert tuple(contents(good)) == NAMES
@@ -232,7 +228,7 @@ def test_whatever_call_fails_the_files_are_of_one_run(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("renamed", range(4))
-def test_a_run_that_is_killed_while_its_files_are_renamed_is_finished(
+def test_a_run_killed_during_renaming_is_finished(
     good: Path, renamed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
@@ -259,9 +255,9 @@ def test_a_run_that_is_not_whole_is_not_finished(good: Path) -> None:
         '{"written_files": [{"name": "e.jsonl", "bytes": 3, "sha256": "0"}]}'
     )
     (good / "e.jsonl.part").write_text("abc")
-    before = contents(good)
+    former_files = contents(good)
     assert not finish_interrupted(good / "e.manifest.json")
-    assert contents(good) == before
+    assert contents(good) == former_files
     assert load_run(good).manifest["seed"] == 1
 
 
@@ -321,15 +317,15 @@ def long_run(good: Path, tmp_path: Path) -> Iterator[Callable[[], subprocess.Pop
 def test_a_process_that_a_signal_ends_leaves_the_run_before(
     good: Path, long_run: Callable[[], subprocess.Popen[str]], number: str, code: int
 ) -> None:
-    before = contents(good)
+    former_files = contents(good)
     process = long_run()
     until(lambda: (good / "e.jsonl.part").exists() and (good / "e.jsonl.part").stat().st_size > 0)
     time.sleep(0.1)
     process.send_signal(getattr(signal, number))
     assert process.wait(60.0) == code
-    after = contents(good)
-    assert {name: after[name] for name in NAMES} == before
-    assert (len(after) == len(NAMES)) == (number != "SIGKILL")
+    files_after = contents(good)
+    assert {name: files_after[name] for name in NAMES} == former_files
+    assert (len(files_after) == len(NAMES)) == (number != "SIGKILL")
     assert load_run(good).manifest["seed"] == 1
     run_into(good, 2)
     assert tuple(contents(good)) == NAMES
@@ -338,8 +334,8 @@ def test_a_process_that_a_signal_ends_leaves_the_run_before(
 def test_files_without_a_manifest_are_put_in_place_too(tmp_path: Path) -> None:
     (tmp_path / "e.jsonl").write_text("before", encoding="utf-8")
     files = OutputFiles()
-    part = files.stage(tmp_path / "e.jsonl")
-    part.write_text("after", encoding="utf-8")
+    piece = files.stage(tmp_path / "e.jsonl")
+    piece.write_text("after", encoding="utf-8")
     assert (tmp_path / "e.jsonl").read_text(encoding="utf-8") == "before"
     reported = files.commit({})["written_files"]
     assert reported[0]["sha256"] == sha256(b"after").hexdigest()

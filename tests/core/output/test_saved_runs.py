@@ -12,13 +12,12 @@ from opir_scoring import evidence_of_run, scorecard, scorecard_text
 from two_sides import two_sides_plan
 
 import opir_core
+from opir_core import run_of_plan
 from opir_core.cli.main import main
 from opir_core.errors import ModelError, PluginError, SceneError
-from opir_core.output import deliver
+from opir_core.output import deliver, read_run
 from opir_core.output.run_files import TRUTH_DECIMALS
-from opir_core.output.saved_runs import read_run
 from opir_core.plugin import Host, RunView, hookimpl
-from opir_core.simulation.run import run_of_plan
 
 SCENE = Path(__file__).parents[3] / "tests" / "scenes" / "pacific_test_range.yaml"
 #: The files of a run beside its events.
@@ -29,10 +28,12 @@ CHANGES = ["duration_s=90", "tracker={model: imm, regions_every_s: 20}"]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("saved")
+    run_folder = tmp_path_factory.mktemp("saved")
     words = [word for change in CHANGES for word in ("--set", change)]
-    assert main(["run", str(SCENE), *words, "--out", str(made / "events.jsonl"), "--quiet"]) == 0
-    return made
+    assert (
+        main(["run", str(SCENE), *words, "--out", str(run_folder / "events.jsonl"), "--quiet"]) == 0
+    )
+    return run_folder
 
 
 @pytest.fixture(scope="module")
@@ -47,29 +48,29 @@ def saved(folder: Path) -> opir_core.Run:
 
 @pytest.mark.slow
 def test_columns_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
-    mine = saved.detections
-    theirs = memory.detections
+    actual = saved.detections
+    expected = memory.detections
     for name in ("sensor", "detection_id", "reported_type", "bands", "detection_count", "track"):
-        assert np.array_equal(getattr(mine, name), getattr(theirs, name)), name
-    assert np.abs(mine.time_ns - theirs.time_ns).max() <= 1_000
-    assert np.abs(mine.sensor_ecef_m - theirs.sensor_ecef_m).max() <= 1e-3
-    assert np.abs(mine.line_of_sight_ecef - theirs.line_of_sight_ecef).max() < 1e-10
-    assert np.allclose(mine.confidence, theirs.confidence, atol=1e-6)
-    assert np.allclose(mine.snr, theirs.snr, atol=1e-6, equal_nan=True)
-    assert (mine.scan == -1).all()
+        assert np.array_equal(getattr(actual, name), getattr(expected, name)), name
+    assert np.abs(actual.time_ns - expected.time_ns).max() <= 1_000
+    assert np.abs(actual.sensor_ecef_m - expected.sensor_ecef_m).max() <= 1e-3
+    assert np.abs(actual.line_of_sight_ecef - expected.line_of_sight_ecef).max() < 1e-10
+    assert np.allclose(actual.confidence, expected.confidence, atol=1e-6)
+    assert np.allclose(actual.snr, expected.snr, atol=1e-6, equal_nan=True)
+    assert (actual.scan == -1).all()
 
 
 @pytest.mark.slow
 def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
     assert np.array_equal(saved.truth.target, memory.truth.target)
-    mine = saved.truth
-    theirs = memory.truth
+    actual = saved.truth
+    expected = memory.truth
     columns = {"emission_s": "emission_time_s", "target_elevation_rad": "target_elevation_rad"}
     for key, decimals in TRUTH_DECIMALS.items():
         name = columns.get(key, key)
         half = 0.51 * 10.0**-decimals
         assert np.allclose(
-            getattr(mine, name), getattr(theirs, name), rtol=1e-15, atol=half, equal_nan=True
+            getattr(actual, name), getattr(expected, name), rtol=1e-15, atol=half, equal_nan=True
         ), name
     assert len(saved.tracks) == len(memory.tracks) > 0
     assert np.array_equal(saved.tracks.state, memory.tracks.state)
@@ -78,23 +79,25 @@ def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opi
 @pytest.mark.slow
 def test_the_summary_is_counted_anew(saved: opir_core.Run, memory: opir_core.Run) -> None:
     assert saved.summary["counts"] == memory.summary["counts"]
-    mine = saved.summary["targets"]
-    theirs = memory.summary["targets"]
-    assert [row["first_sensor_id"] for row in mine] == [row["first_sensor_id"] for row in theirs]
-    assert [row["latency_s"] for row in mine] == pytest.approx(
-        [row["latency_s"] for row in theirs], abs=1e-6
+    actual = saved.summary["targets"]
+    expected = memory.summary["targets"]
+    assert [row["first_sensor_id"] for row in actual] == [
+        row["first_sensor_id"] for row in expected
+    ]
+    assert [row["latency_s"] for row in actual] == pytest.approx(
+        [row["latency_s"] for row in expected], abs=1e-6
     )
 
 
-def test_hypotheses_and_ends_of_tracks_and_rows_of_sources_are_those_of_the_run(
+def test_saved_hypotheses_ends_and_sources_are_those_of_the_run(
     tmp_path: Path,
 ) -> None:
     plan = two_sides_plan(
         duration_s=20.0, outputs=[{"jsonl": {"path": str(tmp_path / "events.jsonl")}}]
     )
     paths = {
-        f"{what}_path": tmp_path / f"events.{what}.json{'' if what == 'manifest' else 'l'}"
-        for what in BESIDE
+        f"{kind}_path": tmp_path / f"events.{kind}.json{'' if kind == 'manifest' else 'l'}"
+        for kind in BESIDE
     }
     deliver(plan, **paths)
     saved = opir_core.load_run(tmp_path, plan.host)
@@ -109,8 +112,8 @@ def test_hypotheses_and_ends_of_tracks_and_rows_of_sources_are_those_of_the_run(
         assert np.array_equal(getattr(saved.tracks, name), getattr(memory.tracks, name)), name
     assert saved.tracks.hypothesis_probability.shape == (40, len(plan.hypotheses))
     assert saved.summary["tracks"] == memory.summary["tracks"]
-    (mine,), (theirs,) = saved.summary["sources"], memory.summary["sources"]
-    assert mine == pytest.approx(theirs, abs=1e-6)
+    (actual,), (expected,) = saved.summary["sources"], memory.summary["sources"]
+    assert actual == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -159,8 +162,8 @@ def test_a_notebook_shows_the_map_that_a_plugin_offers(memory: opir_core.Run) ->
 def test_events_of_each_kin_of_forge_are_read(tmp_path: Path, encoder: str) -> None:
     settings = ["detection=snr", "classification=spectral", "duration_s=120"]
     output = f"outputs=[{{jsonl: {{path: {tmp_path}/e.jsonl, encoder: {encoder}}}}}]"
-    given = [word for each in (output, *settings) for word in ("--set", each)]
-    assert main(["run", str(SCENE), *given, "--quiet"]) == 0
+    options = [word for setting in (output, *settings) for word in ("--set", setting)]
+    assert main(["run", str(SCENE), *options, "--quiet"]) == 0
     run = opir_core.load_run(tmp_path / "e.jsonl")
     memory = opir_core.simulate(opir_core.load_scene(SCENE, overrides=settings))
     assert len(run.detections) == len(memory.detections) > 0
@@ -168,8 +171,8 @@ def test_events_of_each_kin_of_forge_are_read(tmp_path: Path, encoder: str) -> N
         run.detections.type_probability, memory.detections.type_probability, atol=1e-6
     )
     if encoder == "forge-bands":
-        theirs = memory.detections.band_irradiance_w_m2
-        assert np.allclose(run.detections.band_irradiance_w_m2, theirs, rtol=1e-5, equal_nan=True)
+        expected = memory.detections.band_irradiance_w_m2
+        assert np.allclose(run.detections.band_irradiance_w_m2, expected, rtol=1e-5, equal_nan=True)
 
 
 def test_a_folder_without_one_run_is_refused(tmp_path: Path) -> None:
@@ -183,8 +186,8 @@ def test_an_id_that_is_none_is_refused(folder: Path, tmp_path: Path) -> None:
         (tmp_path / path.name).write_bytes(path.read_bytes())
     for name in ("events.jsonl", "events.truth.jsonl"):
         text = (tmp_path / name).read_text()
-        first = json.loads((folder / "events.jsonl").read_text().splitlines()[0])["detection_id"]
-        (tmp_path / name).write_text(text.replace(first, "never"))
+        first_id = json.loads((folder / "events.jsonl").read_text().splitlines()[0])["detection_id"]
+        (tmp_path / name).write_text(text.replace(first_id, "never"))
     with pytest.raises(SceneError, match="detection_id: 'never' is not a UUID"):
         read_run(tmp_path / "events.jsonl")
 
@@ -198,7 +201,7 @@ def test_an_id_that_is_none_is_refused(folder: Path, tmp_path: Path) -> None:
         ("run.to_polars()", lambda run: run.to_polars(), "opir-export"),
     ],
 )
-def test_a_view_that_is_not_installed_is_refused_with_its_package(
+def test_a_missing_view_is_refused_with_its_package(
     memory: opir_core.Run, wanted: str, view: Callable[[opir_core.Run], object], package: str
 ) -> None:
     with pytest.raises(PluginError) as refused:
@@ -230,18 +233,18 @@ def test_regions_and_scores_are_those_of_the_run(
     saved: opir_core.Run, memory: opir_core.Run
 ) -> None:
     rng = np.random.default_rng(44)
-    asked = 0
-    for was, now in zip(
+    point_count = 0
+    for was, current in zip(
         memory.tracks.impact_regions.tolist(), saved.tracks.impact_regions.tolist(), strict=True
     ):
-        for region, back in zip(was, now, strict=True):
+        for region, back in zip(was, current, strict=True):
             corners = np.concatenate([ring for polygon in region.polygons for ring in polygon])
             places = corners[rng.integers(len(corners), size=4)] + rng.normal(0.0, 0.01, (4, 2))
             assert [region.contains(*place) for place in places] == [
                 back.contains(*place) for place in places
             ]
-            asked += len(places)
-    assert asked > 100
+            point_count += len(places)
+    assert point_count > 100
     cards = [scorecard([evidence_of_run(run, run.plan)]) for run in (memory, saved)]
     texts = [scorecard_text({"imm": card}) for card in cards]
     words = [re.sub(NUMBER, "#", text).split() for text in texts]

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from attrs import evolve
 from forked_processes import killed_at_random
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions, stub_window
+from opir_testing import stub_estimates, stub_regions, stub_sensor, stub_window
+from opir_testing.doubles import stub_hypotheses
 from spool_transports import (
     ENCODER,
     MIB,
@@ -31,53 +31,54 @@ from waiting import until, within
 
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.outputs import Delivery, Encoder
-from opir_core.interfaces.records import Batch, Tracks
-from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output import ForgeEncoder
 from opir_core.output.pump import pump
-from opir_core.output.spool.batches import (
+from opir_core.output.spool import (
+    AHEAD_BYTES,
     BATCH_EVENTS,
+    CONTENT_TYPE,
+    VERSION,
     EncodedBatcher,
+    Journal,
+    Origin,
+    Policy,
+    TransportSink,
     WindowBatcher,
     WindowTransport,
 )
-from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.sent_batches import AHEAD_BYTES
-from opir_core.output.spool.transport_sink import Policy, TransportSink
+from opir_core.plugin import Batch, Delivery, Encoder, EncoderContext, Tracks
 
 
 def test_what_a_carrier_acknowledges_is_delivered(tmp_path: Path) -> None:
     carrier = Holding()
     sink = spooled(tmp_path / "spool", carrier)
     windows = [window(3), window(0), window(2500, 3)]
-    for each in windows:
-        sink.write(each)
+    for queued_window in windows:
+        sink.write(queued_window)
     assert sink.close() == Delivery(delivered=2503)
     assert carrier.ids == ids_of(*windows)
     assert carrier.closed == 1
 
 
 def test_a_parcel_says_whose_each_event_is_and_what_it_is() -> None:
-    whole = window(3000)
-    packed = list(EncodedBatcher(ENCODER, SENSORS).batches(whole))
+    large_window = window(3000)
+    packed = list(EncodedBatcher(ENCODER, SENSORS).batches(large_window))
     assert [len(parcel) for parcel in packed] == [
         BATCH_EVENTS,
         BATCH_EVENTS,
         3000 - 2 * BATCH_EVENTS,
     ]
-    assert b"".join(parcel.body for parcel in packed) == ENCODER.encode(whole)
+    assert b"".join(parcel.body for parcel in packed) == ENCODER.encode(large_window)
     for parcel in packed:
         keys = [parcel.keys[key] for key in parcel.key_of]
         assert keys == [json.loads(line)["sensor_id"] for line in parcel.messages()]
         assert (parcel.content_type, parcel.schema_version) == ("application/json", "1.0")
 
 
-def test_what_is_not_acknowledged_is_there_for_the_next_run_and_comes_first(tmp_path: Path) -> None:
-    first = spooled(tmp_path / "spool", Holding("hold"))
-    first.write(window(1500))
-    assert first.close() == Delivery(delivered=0, spooled=1500)
+def test_unacknowledged_events_come_first_in_the_next_run(tmp_path: Path) -> None:
+    first_sink = spooled(tmp_path / "spool", Holding("hold"))
+    first_sink.write(window(1500))
+    assert first_sink.close() == Delivery(delivered=0, spooled=1500)
     carrier = Holding()
     second = spooled(tmp_path / "spool", carrier)
     second.write(window(10, 1500))
@@ -94,9 +95,11 @@ def test_only_what_is_acknowledged_is_struck_off(tmp_path: Path) -> None:
     until(lambda: len(carrier.held) == 3)
     carrier.held.pop(1).set_result(None)
     assert sink.close() == Delivery(delivered=5, spooled=10)
-    again = Holding()
-    assert spooled(tmp_path / "spool", again).close() == Delivery(delivered=10, recovered=10)
-    assert again.ids == ids_of(window(5), window(5, 10))
+    second_transport = Holding()
+    assert spooled(tmp_path / "spool", second_transport).close() == Delivery(
+        delivered=10, recovered=10
+    )
+    assert second_transport.ids == ids_of(window(5), window(5, 10))
 
 
 @pytest.mark.slow
@@ -115,7 +118,7 @@ def test_writing_waits_for_no_carrier(tmp_path: Path) -> None:
 PARKS = evolve(QUICK, retry_s=0.05, longest_retry_s=0.2)
 
 
-def test_a_carrier_that_refuses_for_good_parks_a_sink_with_a_spool(tmp_path: Path) -> None:
+def test_a_final_refusal_parks_a_sink_with_a_spool(tmp_path: Path) -> None:
     carrier = Holding("fail")
     sink = spooled(tmp_path / "spool", carrier, evolve(QUICK, retry_s=60.0))
     sink.write(window(5))
@@ -157,11 +160,11 @@ def test_closing_tries_once_more_and_keeps_what_is_refused(tmp_path: Path) -> No
     tried = len(carrier.parcels)
     assert sink.close() == Delivery(delivered=0, spooled=5, complaint="stub: the broker refuses it")
     assert len(carrier.parcels) == tried + 1
-    again = spooled(tmp_path / "spool", Holding())
-    assert again.close() == Delivery(delivered=5, recovered=5)
+    second_sink = spooled(tmp_path / "spool", Holding())
+    assert second_sink.close() == Delivery(delivered=5, recovered=5)
 
 
-def test_a_carrier_that_refuses_for_good_ends_a_sink_without_a_spool() -> None:
+def test_a_final_refusal_ends_a_sink_without_a_spool() -> None:
     sink = unspooled(Holding("fail"))
     sink.write(window(5))
     until(lambda: sink.delivery_so_far().complaint is not None)
@@ -175,8 +178,8 @@ def test_a_carrier_that_fails_at_the_end_is_reported_by_closing(tmp_path: Path) 
     carrier = Holding("hold")
     sinks = {"a": spooled(tmp_path / "spool", carrier), "b": unspooled(Holding("hold"))}
     report = pump([window(5)], sinks)
-    kept, lost = report.sinks
-    assert (kept.spooled, kept.dropped, kept.error) == (5, 0, None)
+    selected, lost = report.sinks
+    assert (selected.spooled, selected.dropped, selected.error) == (5, 0, None)
     assert (lost.spooled, lost.dropped) == (0, 5)
     assert lost.error == "stub: no acknowledgement came; a spool would keep what is lost"
 
@@ -236,30 +239,30 @@ def test_the_wall_clock_has_no_say(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
-    known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
-    windows = [stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1), window(2, 4)]
-    first = TransportSink(
+    estimates = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
+    windows = [stub_window(4, estimates=estimates, estimate=[2, -1, 0, 2], track=1), window(2, 4)]
+    first_sink = TransportSink(
         "stub",
         Holding("hold"),
         Journal(str(tmp_path / "spool"), MIB),
         WindowBatcher(ENCODER, ORIGIN),
         QUICK,
     )
-    for each in windows:
-        first.write(each)
-    assert first.close() == Delivery(delivered=0, spooled=6)
-    kept = MemorySink(lambda: ENCODER)
+    for queued_window in windows:
+        first_sink.write(queued_window)
+    assert first_sink.close() == Delivery(delivered=0, spooled=6)
+    memory_sink = MemorySink(lambda: ENCODER)
     second = TransportSink(
         "stub",
-        WindowTransport(kept, ORIGIN),
+        WindowTransport(memory_sink, ORIGIN),
         Journal(str(tmp_path / "spool"), MIB),
         WindowBatcher(ENCODER, ORIGIN),
         QUICK,
     )
     assert second.close() == Delivery(delivered=6, recovered=6)
-    assert kept.lines() == b"".join(map(ENCODER.encode, windows))
-    assert isinstance(kept.windows[0].tracks, Tracks)
-    assert not any(len(each.truth) for each in kept.windows)
+    assert memory_sink.lines() == b"".join(map(ENCODER.encode, windows))
+    assert isinstance(memory_sink.windows[0].tracks, Tracks)
+    assert not any(len(queued_window.truth) for queued_window in memory_sink.windows)
 
 
 def test_nothing_overtakes_a_batch_that_was_refused_at_once(tmp_path: Path) -> None:
@@ -273,11 +276,11 @@ def test_nothing_overtakes_a_batch_that_was_refused_at_once(tmp_path: Path) -> N
 
         sent = 0
 
-    left = spooled(tmp_path / "spool", Holding("hold"))
+    first_sink = spooled(tmp_path / "spool", Holding("hold"))
     windows = [window(3, 3 * number) for number in range(8)]
-    for each in windows:
-        left.write(each)
-    assert left.close().spooled == 24
+    for queued_window in windows:
+        first_sink.write(queued_window)
+    assert first_sink.close().spooled == 24
     carrier = Refusing()
     carrier.taken = list[str]()
     sink = spooled(tmp_path / "spool", carrier, Policy(stall_s=5.0, retry_s=0.01))
@@ -286,39 +289,41 @@ def test_nothing_overtakes_a_batch_that_was_refused_at_once(tmp_path: Path) -> N
     assert carrier.taken == ids_of(*windows)
 
 
-def test_what_a_run_left_in_a_spool_of_columns_keeps_its_times_and_sensors_in_a_run_of_another_epoch(
+def test_spooled_columns_keep_times_and_sensors_at_another_epoch(
     tmp_path: Path,
 ) -> None:
-    known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
-    left = stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1, sensor=[0, 1, 3, 4])
+    estimates = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
+    spooled_window = stub_window(
+        4, estimates=estimates, estimate=[2, -1, 0, 2], track=1, sensor=[0, 1, 3, 4]
+    )
     spool = str(tmp_path / "spool")
-    first = TransportSink(
+    first_sink = TransportSink(
         "stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
     )
-    first.write(left)
-    first.close()
+    first_sink.write(spooled_window)
+    first_sink.close()
     sensors = (*SENSORS[::-1], stub_sensor("new"))
     origin = Origin(86_400_000_000, sensors)
     encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=origin.epoch_us))
-    kept = MemorySink(lambda: encoder)
+    memory_sink = MemorySink(lambda: encoder)
     second = TransportSink(
         "stub",
-        WindowTransport(kept, origin),
+        WindowTransport(memory_sink, origin),
         Journal(spool, MIB),
         WindowBatcher(encoder, origin),
         QUICK,
     )
     assert second.close() == Delivery(delivered=4, recovered=4)
-    assert kept.lines() == ENCODER.encode(left)
+    assert memory_sink.lines() == ENCODER.encode(spooled_window)
 
 
-def test_events_of_a_sensor_that_the_scene_no_longer_has_wait_in_the_spool(tmp_path: Path) -> None:
+def test_events_of_a_removed_sensor_wait_in_the_spool(tmp_path: Path) -> None:
     spool = str(tmp_path / "spool")
-    first = TransportSink(
+    first_sink = TransportSink(
         "stub", Holding("hold"), Journal(spool, MIB), WindowBatcher(ENCODER, ORIGIN), QUICK
     )
-    first.write(window(5))
-    first.close()
+    first_sink.write(window(5))
+    first_sink.close()
     origin = Origin(0, SENSORS[:2])
     transport = WindowTransport(MemorySink(lambda: ENCODER), origin)
     second = TransportSink(
@@ -334,40 +339,46 @@ def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
     hole = stub_regions(-5.0, -179.9)
     ring = hole[2].polygons[0][0]
     inner = hole[0].polygons[0][0]
-    several = (evolve(hole[1], polygons=((ring, inner), (inner + 0.2,))),)
-    given = stub_regions(5.0, 5.0, condition="relights", probability=0.25, effective_samples=80.0)
-    known = stub_estimates(4, impact_regions=[(*shared, *given), (), several, shared])
-    known.impact_regions[3] = known.impact_regions[0]
-    first = TransportSink(
+    split_regions = (evolve(hole[1], polygons=((ring, inner), (inner + 0.2,))),)
+    relighting = stub_regions(
+        5.0, 5.0, condition="relights", probability=0.25, effective_samples=80.0
+    )
+    estimates = stub_estimates(
+        4, impact_regions=[(*shared, *relighting), (), split_regions, shared]
+    )
+    estimates.impact_regions[3] = estimates.impact_regions[0]
+    first_sink = TransportSink(
         "stub",
         Holding("hold"),
         Journal(str(tmp_path / "spool"), MIB),
         WindowBatcher(ENCODER, ORIGIN),
         QUICK,
     )
-    first.write(
-        evolve(stub_window(4, estimates=known, estimate=[0, 1, 2, 3], track=1), tracks=known)
+    first_sink.write(
+        evolve(
+            stub_window(4, estimates=estimates, estimate=[0, 1, 2, 3], track=1), tracks=estimates
+        )
     )
-    assert first.close() == Delivery(delivered=0, spooled=4)
-    kept = MemorySink(lambda: ENCODER)
+    assert first_sink.close() == Delivery(delivered=0, spooled=4)
+    memory_sink = MemorySink(lambda: ENCODER)
     second = TransportSink(
         "stub",
-        WindowTransport(kept, ORIGIN),
+        WindowTransport(memory_sink, ORIGIN),
         Journal(str(tmp_path / "spool"), MIB),
         WindowBatcher(ENCODER, ORIGIN),
         QUICK,
     )
     assert second.close() == Delivery(delivered=4, recovered=4)
-    for tracks in (kept.windows[0].tracks, kept.windows[0].estimates):
-        assert tracks.impact_regions.tolist() == known.impact_regions.tolist()
+    for tracks in (memory_sink.windows[0].tracks, memory_sink.windows[0].estimates):
+        assert tracks.impact_regions.tolist() == estimates.impact_regions.tolist()
         assert tracks.impact_regions[0] is tracks.impact_regions[3]
 
 
 def test_tracks_of_other_hypotheses_wait_in_the_spool(tmp_path: Path) -> None:
     chances = stub_hypotheses(ICBM=0.75)
-    known = stub_estimates(2, hypothesis_probability=chances, end=1)
+    estimates = stub_estimates(2, hypothesis_probability=chances, end=1)
     origin = Origin(0, SENSORS, hypotheses=tuple(f"H{number}" for number in range(len(chances))))
-    packed = origin.packed(evolve(stub_window(2), tracks=known))
+    packed = origin.packed(evolve(stub_window(2), tracks=estimates))
     batch = Batch(
         body=packed,
         keys=("",),
@@ -387,7 +398,7 @@ def test_tracks_of_other_hypotheses_wait_in_the_spool(tmp_path: Path) -> None:
     assert len(Origin(0, SENSORS).unpacked(none).tracks) == 2
 
 
-def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path: Path) -> None:
+def test_events_without_a_message_are_withheld_and_counted(tmp_path: Path) -> None:
     class Choosy(Encoder):
         content_type = ENCODER.content_type
         schema_version = ENCODER.schema_version
@@ -414,19 +425,22 @@ def test_a_killed_process_loses_nothing_and_keeps_the_order(tmp_path: Path) -> N
     """SIGKILL at 20 moments of one spool's life; each process goes on where the one before was
     killed.
     """
-    first = killed_at_random("spool_transports", "spool_for_ever", tmp_path, 20, 0.05)
-    rest = spooled(tmp_path / "spool", Appending(tmp_path / "arrived", 0.0), Policy(stall_s=5.0))
-    assert rest.close().spooled == 0
+    sent_count = killed_at_random("spool_transports", "spool_for_ever", tmp_path, 20, 0.05)
+    remaining_sink = spooled(
+        tmp_path / "spool", Appending(tmp_path / "arrived", 0.0), Policy(stall_s=5.0)
+    )
+    assert remaining_sink.close().spooled == 0
     lines = (tmp_path / "arrived").read_bytes().splitlines()
-    whole = [line for line in lines if is_whole(line)]
-    assert len(lines) - len(whole) <= 20
-    arrived = list(dict.fromkeys(json.loads(line)["detection_id"] for line in whole))
-    everything = ids_of(window(first))
+    whole_lines = [line for line in lines if is_whole(line)]
+    assert len(lines) - len(whole_lines) <= 20
+    arrived = list(dict.fromkeys(json.loads(line)["detection_id"] for line in whole_lines))
+    everything = ids_of(window(sent_count))
     # The window that was being written when the process was killed may have been taken without
     # being noted.
-    assert [each for each in everything if each not in set(arrived)] == []
+    assert [event_id for event_id in everything if event_id not in set(arrived)] == []
     assert arrived == sorted(
-        arrived, key={each: place for place, each in enumerate(ids_of(window(first + 7)))}.get
+        arrived,
+        key={event_id: place for place, event_id in enumerate(ids_of(window(sent_count + 7)))}.get,
     )
 
 
@@ -439,7 +453,7 @@ def is_whole(line: bytes) -> bool:
     return True
 
 
-def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(
+def test_a_slow_transport_is_acknowledged_and_closed_in_time(
     tmp_path: Path,
 ) -> None:
     journal = Journal(str(tmp_path / "spool"), 8 * MIB)
@@ -450,8 +464,8 @@ def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time
         EncodedBatcher(ENCODER, SENSORS),
         Policy(stall_s=60.0),
     )
-    for first in range(300):
-        sink.write(window(1, first))
+    for scan in range(300):
+        sink.write(window(1, scan))
     until(lambda: sink.delivery_so_far().delivered)
     assert sink.delivery_so_far().spooled > 0
     began = time.monotonic()
@@ -479,7 +493,7 @@ class Overtaken(Holding):
         time.sleep(0.2)
 
 
-def test_a_send_that_a_close_overtakes_is_no_defect_and_its_events_stay(tmp_path: Path) -> None:
+def test_a_send_overtaken_by_a_close_keeps_its_events(tmp_path: Path) -> None:
     sink = spooled(tmp_path / "spool", Overtaken(), Policy(stall_s=60.0))
     sink.write(window(3))
     sink.close_by(time.monotonic() + 2.2)

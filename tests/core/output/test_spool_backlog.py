@@ -17,11 +17,8 @@ from spool_transports import (
 )
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.outputs import Delivery
-from opir_core.interfaces.records import Batch
-from opir_core.output.spool.batches import EncodedBatcher, FullError
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport_sink import TransportSink
+from opir_core.output.spool import EncodedBatcher, FullError, Journal, TransportSink
+from opir_core.plugin import Batch, Delivery
 
 
 @pytest.mark.slow
@@ -52,9 +49,7 @@ def test_a_full_backlog_drops_the_newest_and_counts(tmp_path: Path, is_spooled: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
-def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(
-    tmp_path: Path, is_spooled: bool
-) -> None:
+def test_a_full_backlog_drops_the_oldest_unsent_batch(tmp_path: Path, is_spooled: bool) -> None:
     carrier = Holding("hold")
     sink = small(tmp_path, carrier, "drop-oldest", is_spooled=is_spooled)
     events = overfill(sink)
@@ -64,7 +59,7 @@ def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(
     assert reported.delivered + reported.dropped == events
     everything = ids_of(window(events))
     assert carrier.ids[-1] == everything[-1]
-    place = {each: number for number, each in enumerate(everything)}
+    place = {event_id: number for number, event_id in enumerate(everything)}
     assert carrier.ids == sorted(carrier.ids, key=place.__getitem__)
 
 
@@ -91,9 +86,9 @@ def test_the_file_stays_within_its_bound(tmp_path: Path) -> None:
     journal = Journal(str(path), 2 * MIB)
     parcel = next(EncodedBatcher(ENCODER, SENSORS).batches(window(300)))
     tiny = next(EncodedBatcher(ENCODER, SENSORS).batches(window(1)))
-    for each in (parcel, tiny):
+    for batch in (parcel, tiny):
         with pytest.raises(FullError):
-            put_for_ever(journal, each)
+            put_for_ever(journal, batch)
         assert path.stat().st_size < 2.2 * MIB
         assert (tmp_path / "spool-wal").stat().st_size < 6 * MIB
     numbers = iter(lambda: journal.drop_oldest(0), 0)

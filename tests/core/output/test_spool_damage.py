@@ -20,10 +20,8 @@ from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, filled_spool
 from waiting import until
 
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import salvage, salvaged_at_start, spool_state
-from opir_core.output.spool.transport_sink import Policy, TransportSink
+from opir_core.output import salvage, spool_state
+from opir_core.output.spool import EncodedBatcher, Journal, Policy, TransportSink, salvaged_at_start
 
 BATCHES = 20
 ROWS = 100
@@ -57,12 +55,12 @@ def flip_body(path: Path, *events: int) -> None:
     path.write_bytes(content)
 
 
-def test_a_spool_that_is_whole_is_left_alone(spool: Path) -> None:
-    before = spool.read_bytes()
+def test_an_undamaged_spool_is_unchanged(spool: Path) -> None:
+    content = spool.read_bytes()
     assert salvage(spool) is None
     state = spool_state(spool)
     assert (state.is_whole, state.batches, state.events) == (True, BATCHES, BATCHES * ROWS)
-    assert spool.read_bytes() == before
+    assert spool.read_bytes() == content
     assert sorted(path.name for path in spool.parent.iterdir()) == ["spool"]
 
 
@@ -72,8 +70,8 @@ def test_one_flipped_byte_costs_one_batch_and_no_more(
     flip_body(spool, 350)
     damaged = spool.read_bytes()
     reported, ids = sent_from(spool)
-    whole = ids_of(window(BATCHES * ROWS))
-    assert ids == whole[:300] + whole[400:]
+    all_ids = ids_of(window(BATCHES * ROWS))
+    assert ids == all_ids[:300] + all_ids[400:]
     assert (reported.delivered, reported.recovered, reported.dropped, reported.spooled) == (
         1900,
         2000,
@@ -85,11 +83,16 @@ def test_one_flipped_byte_costs_one_batch_and_no_more(
     )
     assert "spool.damaged-1" in caplog.text
     assert (spool.parent / "spool.damaged-1").read_bytes() == damaged
-    again, ids = sent_from(spool)
-    assert (again.delivered, again.recovered, again.complaint, ids) == (0, 0, None, [])
+    second_report, ids = sent_from(spool)
+    assert (second_report.delivered, second_report.recovered, second_report.complaint, ids) == (
+        0,
+        0,
+        None,
+        [],
+    )
 
 
-def test_damage_outside_every_batch_is_found_before_the_spool_is_written_to(tmp_path: Path) -> None:
+def test_damage_outside_batches_is_found_before_writing(tmp_path: Path) -> None:
     path = tmp_path / "spool"
     journal = Journal(str(path), 64 * MIB)
     for number in range(BATCHES):
@@ -126,10 +129,10 @@ def test_64_flipped_bytes_anywhere_lose_only_what_they_hit(spool: Path, seed: in
         content[4096 * rng.choice(pages or [1]) + rng.randrange(4096)] ^= 1 << rng.randrange(8)
     spool.write_bytes(content)
     reported, ids = sent_from(spool)
-    whole = ids_of(window(BATCHES * ROWS))
-    assert ids == [each for each in whole if each in set(ids)]
+    all_ids = ids_of(window(BATCHES * ROWS))
+    assert ids == [event_id for event_id in all_ids if event_id in set(ids)]
     assert reported.delivered == len(ids) == reported.recovered - reported.dropped
-    assert reported.delivered == len(whole) or reported.complaint is not None
+    assert reported.delivered == len(all_ids) or reported.complaint is not None
     assert sent_from(spool)[0].complaint is None
 
 
@@ -186,8 +189,8 @@ def test_a_killed_salvage_is_begun_again_or_finished(
         with nullcontext() if is_merged else disk_of(killed), pytest.raises(KeyboardInterrupt):
             salvage(killed)
     reported, ids = sent_from(killed)
-    whole = ids_of(window((BATCHES + 5) * ROWS))
-    assert ids == whole[100:]
+    all_ids = ids_of(window((BATCHES + 5) * ROWS))
+    assert ids == all_ids[100:]
     assert reported.delivered == 2400
 
 
@@ -201,21 +204,19 @@ def test_a_spool_in_use_is_not_salvaged(spool: Path) -> None:
 @contextmanager
 def files_of_at_most(size: int) -> Iterator[None]:
     """Let every write beyond a size fail with EFBIG, as it does under a quota."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
     try:
         yield
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, handler)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("when_full", ["refuse", "wait", "drop-newest", "drop-oldest"])
-def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(
-    tmp_path: Path, when_full: str
-) -> None:
+def test_a_limited_file_loses_nothing_uncounted(tmp_path: Path, when_full: str) -> None:
     failed = 0
     for limit in range(8192, 400_000, 12_288):
         path = tmp_path / f"spool-{limit}"
@@ -223,22 +224,22 @@ def test_wherever_the_file_may_grow_no_further_nothing_is_lost_uncounted(
         journal = Journal(str(path), 64 * MIB)
         policy = evolve(QUICK, when_full=when_full, wait_s=0.01)
         sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy)
-        given = 0
+        event_count = 0
         with files_of_at_most(limit):
             try:
                 for number in range(4):
-                    given += ROWS
+                    event_count += ROWS
                     sink.write(window(ROWS, ROWS * number))
             except SinkError as error:
                 failed += 1
                 assert "events that wait" in str(error)  # noqa: PT017
         counts = sink.delivery_so_far()
-        assert counts.spooled + counts.dropped == given
-        sink.write(window(ROWS, given))  # the limit is lifted
+        assert counts.spooled + counts.dropped == event_count
+        sink.write(window(ROWS, event_count))  # the limit is lifted
         carrier.release()
         reported = sink.close()
-        assert reported.delivered + reported.dropped == given + ROWS
-        assert set(carrier.ids) >= set(ids_of(window(given + ROWS))[given:])
+        assert reported.delivered + reported.dropped == event_count + ROWS
+        assert set(carrier.ids) >= set(ids_of(window(event_count + ROWS))[event_count:])
         assert reported.delivered == len(set(carrier.ids))
     assert failed > 2 or when_full.startswith("drop")
 
@@ -286,14 +287,14 @@ def test_whatever_statement_the_disk_fails_nothing_is_lost(tmp_path: Path, name:
         for place in range(3):
             sink.write(window(ROWS, ROWS * place))
         reported = sink.close()
-        rest = TransportSink(
+        remaining_sink = TransportSink(
             "stub",
             carrier,
             Journal(journal.path, 64 * MIB),
             EncodedBatcher(ENCODER, SENSORS),
             patient,
         ).close()
-        assert reported.dropped == rest.dropped == 0
+        assert reported.dropped == remaining_sink.dropped == 0
         assert reported.complaint is None
         assert list(dict.fromkeys(carrier.ids)) == ids_of(window(3 * ROWS))
         if failing.calls < number:
@@ -328,7 +329,7 @@ def test_a_spool_on_a_disk_that_fails_is_not_taken_for_damaged(
     assert (reported.complaint, ids) == (None, ids_of(window((BATCHES + 5) * ROWS)))
 
 
-def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_sent(
+def test_a_batch_damaged_while_waiting_is_left_out(
     tmp_path: Path,
 ) -> None:
     journal = Journal(str(tmp_path / "spool"), 64 * MIB)
@@ -339,8 +340,8 @@ def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_s
     sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
     sink.write(window(ROWS, 3 * ROWS))
     reported = sink.close()
-    whole = ids_of(window(4 * ROWS))
-    assert carrier.ids == whole[:ROWS] + whole[2 * ROWS :]
+    all_ids = ids_of(window(4 * ROWS))
+    assert carrier.ids == all_ids[:ROWS] + all_ids[2 * ROWS :]
     assert (reported.delivered, reported.spooled, reported.dropped, reported.recovered) == (
         3 * ROWS,
         ROWS,
@@ -350,8 +351,8 @@ def test_a_batch_that_is_damaged_while_it_waits_is_left_out_and_the_others_are_s
     assert f"batch 2 with {ROWS} events is not what was written, and is not sent" in (
         reported.complaint or ""
     )
-    again, ids = sent_from(tmp_path / "spool")
-    assert (again.delivered, again.dropped, ids) == (0, ROWS, [])
+    second_report, ids = sent_from(tmp_path / "spool")
+    assert (second_report.delivered, second_report.dropped, ids) == (0, ROWS, [])
     assert (tmp_path / "spool.damaged-1").exists()
 
 

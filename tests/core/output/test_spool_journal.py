@@ -29,11 +29,15 @@ from waiting import until
 
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
-from opir_core.interfaces.records import Batch
-from opir_core.output.spool.batches import EncodedBatcher, WindowBatcher, WindowTransport
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.salvage import spool_state
-from opir_core.output.spool.transport_sink import TransportSink
+from opir_core.output import spool_state
+from opir_core.output.spool import (
+    EncodedBatcher,
+    Journal,
+    TransportSink,
+    WindowBatcher,
+    WindowTransport,
+)
+from opir_core.plugin import Batch
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
@@ -44,16 +48,16 @@ def test_a_device_is_no_spool(place: str) -> None:
 
 
 def test_a_spool_in_use_is_refused(tmp_path: Path) -> None:
-    first = spooled(tmp_path / "spool", Holding())
+    first_sink = spooled(tmp_path / "spool", Holding())
     with pytest.raises(
         SinkError, match=r"the spool .* is in use by another process; stop that, or give"
     ):
         Journal(str(tmp_path / "spool"), MIB)
-    first.close()
+    first_sink.close()
     Journal(str(tmp_path / "spool"), MIB).close()
 
 
-def test_a_file_that_is_no_database_is_refused_and_left_alone(tmp_path: Path) -> None:
+def test_a_file_other_than_a_database_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "spool"
     path.write_bytes(b"not a spool" * 1000)
     with pytest.raises(SinkError, match="is not a spool, or damaged; move it away"):
@@ -80,7 +84,7 @@ def test_a_spool_of_another_version_is_refused(tmp_path: Path) -> None:
         Journal(str(path), MIB)
 
 
-def test_an_error_that_more_room_does_not_mend_is_reported_as_such(tmp_path: Path) -> None:
+def test_errors_that_room_does_not_mend_are_reported(tmp_path: Path) -> None:
     journal = Journal(str(tmp_path / "spool"), MIB)
     journal.close()
     with pytest.raises(SinkError, match=r"the spool .*closed"):
@@ -96,9 +100,7 @@ def test_a_missing_folder_is_reported(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
-def test_damage_anywhere_in_the_file_is_reported_or_harmless_and_never_sent(
-    tmp_path: Path, seed: int
-) -> None:
+def test_damage_is_reported_or_harmless_and_never_sent(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "spool"
     journal = Journal(str(path), 64 * MIB)
     for number in range(4):
@@ -109,7 +111,7 @@ def test_damage_anywhere_in_the_file_is_reported_or_harmless_and_never_sent(
     for _ in range(8):
         damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
     path.write_bytes(damaged)
-    whole = set(ids_of(window(800)))
+    all_ids = set(ids_of(window(800)))
     carrier = Holding()
     try:
         sink = spooled(path, carrier)
@@ -117,18 +119,18 @@ def test_damage_anywhere_in_the_file_is_reported_or_harmless_and_never_sent(
         assert str(error).startswith(("the spool ", str(path)))  # noqa: PT017
     else:
         reported = sink.close()
-        assert set(carrier.ids) <= whole
+        assert set(carrier.ids) <= all_ids
         assert reported.complaint is not None or reported.delivered == 800
 
 
 def test_a_spool_of_another_output_is_reported(tmp_path: Path) -> None:
-    first = spooled(tmp_path / "spool", Holding("hold"))
-    first.write(window(5))
-    first.close()
-    kept = MemorySink(lambda: ENCODER)
+    first_sink = spooled(tmp_path / "spool", Holding("hold"))
+    first_sink.write(window(5))
+    first_sink.close()
+    memory_sink = MemorySink(lambda: ENCODER)
     second = TransportSink(
         "memory",
-        WindowTransport(kept, ORIGIN),
+        WindowTransport(memory_sink, ORIGIN),
         Journal(str(tmp_path / "spool"), MIB),
         WindowBatcher(ENCODER, ORIGIN),
         QUICK,
@@ -141,7 +143,7 @@ def test_a_spool_of_another_output_is_reported(tmp_path: Path) -> None:
 
 def test_the_rest_of_a_batch_is_what_is_left_of_it(tmp_path: Path) -> None:
     key_of = np.array([0, 1, 0, 1], dtype=np.uint16)
-    made = Batch(
+    first_batch = Batch(
         body=b"a\nb\nc\nd\n",
         keys=("x", "y"),
         key_of=key_of,
@@ -149,25 +151,25 @@ def test_the_rest_of_a_batch_is_what_is_left_of_it(tmp_path: Path) -> None:
         schema_version="1",
     )
     journal = Journal(str(tmp_path / "spool"), 1 << 20)
-    journal.put(made)
-    journal.put(made)
+    journal.put(first_batch)
+    journal.put(first_batch)
     journal.keep(1, [1, 2])
     assert journal.waiting == 6
     journal.close()
-    again = Journal(str(tmp_path / "spool"), 1 << 20)
-    assert again.waiting == 6
-    number, rest = again.after(0) or (0, made)
-    assert (number, rest.messages(), rest.key_of.tolist()) == (1, [b"b", b"c"], [1, 0])
-    again.close()
+    reopened = Journal(str(tmp_path / "spool"), 1 << 20)
+    assert reopened.waiting == 6
+    number, batch_left = reopened.after(0) or (0, first_batch)
+    assert (number, batch_left.messages(), batch_left.key_of.tolist()) == (1, [b"b", b"c"], [1, 0])
+    reopened.close()
 
 
 @pytest.mark.skipif(not can_fail(), reason="needs a SQLite whose calls can be seen")
-def test_the_log_is_synced_within_a_second_with_and_without_new_batches(tmp_path: Path) -> None:
+def test_the_log_is_synced_within_a_second(tmp_path: Path) -> None:
     with FailingDisk(tmp_path) as disk:
         sink = spooled(tmp_path / "spool", Holding())
         sink.write(window(5))
-        before = len(disk.calls)
-        until(lambda: ("fsync", "spool-wal") in disk.calls[before:], within_s=10.0)
+        call_count = len(disk.calls)
+        until(lambda: ("fsync", "spool-wal") in disk.calls[call_count:], within_s=10.0)
         synced = disk.calls.count(("fsync", "spool-wal"))
         time.sleep(1.5)
         assert disk.calls.count(("fsync", "spool-wal")) == synced  # nothing new: nothing to sync
@@ -202,9 +204,9 @@ def test_the_log_is_synced_while_a_transport_hangs(tmp_path: Path) -> None:
         sink = spooled(tmp_path / "spool", carrier)
         sink.write(window(5))
         time.sleep(0.3)
-        before = len(disk.calls)
+        call_count = len(disk.calls)
         sink.write(window(5, 5))
-        until(lambda: ("fsync", "spool-wal") in disk.calls[before:], within_s=2.0)
+        until(lambda: ("fsync", "spool-wal") in disk.calls[call_count:], within_s=2.0)
         carrier.let_go.set()
         assert sink.close().delivered == 10
 

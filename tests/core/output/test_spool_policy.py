@@ -7,11 +7,16 @@ from concurrent.futures import Future
 import pytest
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.records import Batch
-from opir_core.output.spool.batches import MemoryBacklog
-from opir_core.output.spool.policy import Closing, Parking, Policy
-from opir_core.output.spool.sent_batches import AHEAD_BYTES, SentBatches
-from opir_core.output.spool.store import Store
+from opir_core.output.spool import (
+    AHEAD_BYTES,
+    Closing,
+    MemoryBacklog,
+    Parking,
+    Policy,
+    SentBatches,
+    Store,
+)
+from opir_core.plugin import Batch
 
 POLICY = Policy(stall_s=10.0, retry_s=5.0, longest_retry_s=12.0)
 
@@ -36,9 +41,7 @@ def test_a_refused_batch_is_sent_again_after_the_pause() -> None:
     assert parking.reason is None
 
 
-def test_of_several_refused_batches_the_first_is_sent_again_and_the_pause_runs_from_the_first_refusal() -> (
-    None
-):
+def test_the_first_refused_batch_is_sent_again_after_the_pause() -> None:
     parking = Parking(POLICY)
     for number, now_s in ((7, 100.0), (5, 103.0), (9, 104.0)):
         parking.refuse(number, f"reason {number}", now_s)
@@ -46,7 +49,7 @@ def test_of_several_refused_batches_the_first_is_sent_again_and_the_pause_runs_f
     assert parking.resume(105.0, is_closing=False)
 
 
-def test_the_pause_doubles_up_to_the_longest_until_something_is_acknowledged() -> None:
+def test_the_pause_doubles_until_an_acknowledgement() -> None:
     parking = Parking(POLICY)
     now_s = 0.0
     pauses = []
@@ -87,7 +90,7 @@ def test_closing_tries_once_without_a_pause_and_then_gives_up() -> None:
     ("acknowledged_at", "end_at", "stalled_at"),
     [(0.0, 1e9, 30.0), (25.0, 1e9, 35.0), (25.0, 22.0, 22.0)],
 )
-def test_closing_waits_from_the_last_acknowledgement_and_at_most_to_the_deadline(
+def test_closing_waits_at_most_to_the_deadline(
     acknowledged_at: float, end_at: float, stalled_at: float
 ) -> None:
     closing = Closing(POLICY, acknowledged_at)
@@ -132,7 +135,7 @@ def test_nothing_is_sent_behind_a_batch_that_failed(is_cancelled: bool) -> None:
     assert sent.done()[0].has_failed
 
 
-def test_the_store_counts_what_is_dropped_and_delivered_and_keeps_what_was_read() -> None:
+def test_the_store_counts_dropped_and_delivered_events() -> None:
     store = Store("stub", MemoryBacklog(20), None)
     assert all(store.put(batch(5, events)) for events in (1, 2, 3, 4))
     assert not store.put(batch(5))

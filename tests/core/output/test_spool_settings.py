@@ -9,16 +9,13 @@ from typing import Any
 import pytest
 from repository import EXAMPLES
 
+from opir_core import compile_plan
 from opir_core.cli.main import main
 from opir_core.errors import PluginError, SceneError, SinkError
-from opir_core.host.components import SinkModel
-from opir_core.host.hookspecs import hookimpl
-from opir_core.host.host import Host
-from opir_core.output.delivery import deliver
-from opir_core.output.spool.journal import Journal
-from opir_core.planning.plan import compile_plan
+from opir_core.output import deliver
+from opir_core.output.spool import Journal
+from opir_core.plugin import Host, SinkModel, hookimpl, text
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
-from opir_core.scene.fields import text
 
 SCENE = str(EXAMPLES / "first_light.yaml")
 
@@ -46,12 +43,12 @@ def test_every_sink_can_have_a_spool(tmp_path: Path, sink: str) -> None:
 
 def test_with_a_spool_the_same_lines_arrive(tmp_path: Path) -> None:
     plain = tmp_path / "plain.jsonl"
-    kept = tmp_path / "kept.jsonl"
+    selected = tmp_path / "kept.jsonl"
     assert run("--out", str(plain)) == 0
     for _ in range(2):
         spool = f"outputs[0].jsonl.spool={spool_setting(tmp_path)}"
-        assert run("--out", str(kept), "--set", spool) == 0
-    assert kept.read_bytes() == 2 * plain.read_bytes()
+        assert run("--out", str(selected), "--set", spool) == 0
+    assert selected.read_bytes() == 2 * plain.read_bytes()
 
 
 def test_a_scene_with_a_spool_is_written_out_and_read_back(tmp_path: Path) -> None:

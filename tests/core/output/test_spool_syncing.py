@@ -8,17 +8,17 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from opir_core.output.spool.syncing import SyncThread
+from opir_core.output.spool import SyncThread
 
 WITHIN_S = 1e-4
 
 
 @pytest.fixture
 def _threads_change_often() -> Iterator[None]:
-    before = sys.getswitchinterval()
+    interval_s = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     yield
-    sys.setswitchinterval(before)
+    sys.setswitchinterval(interval_s)
 
 
 @pytest.mark.usefixtures("_threads_change_often")

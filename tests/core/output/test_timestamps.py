@@ -7,14 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from opir_core.errors import SinkError
-from opir_core.output.events.text import (
-    END_UNIX_US,
-    FIRST_UNIX_US,
-    timestamp_characters,
-    timestamp_text,
-    unix_microseconds,
-    writable_unix_microseconds,
-)
+from opir_core.output import timestamp_text, unix_microseconds, writable_unix_microseconds
+from opir_core.output.events.text import END_UNIX_US, FIRST_UNIX_US, timestamp_characters
 
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 WRITABLE = st.integers(FIRST_UNIX_US, END_UNIX_US - 1)
@@ -31,32 +25,32 @@ def standard(unix_us: int) -> str:
 
 @given(st.lists(WRITABLE | st.integers(0, 4_102_444_800_000_000)))
 def test_text_is_datetime_s(unix_us: list[int]) -> None:
-    assert timestamp_text(np.array(unix_us, dtype=np.int64)) == [standard(each) for each in unix_us]
+    assert timestamp_text(np.array(unix_us, dtype=np.int64)) == [
+        standard(unix_u) for unix_u in unix_us
+    ]
 
 
 @pytest.mark.parametrize("year", range(1970, 2100))
 def test_every_year_s_ends_are_datetime_s(year: int) -> None:
-    first = int((datetime(year, 1, 1, tzinfo=UTC) - UNIX_EPOCH).total_seconds()) * 1_000_000
-    leap_day = first + 59 * 86_400_000_000
-    times = [first - 1, first, first + 1, leap_day - 1, leap_day]
-    assert timestamp_text(np.array(times)) == [standard(each) for each in times]
+    first_us = int((datetime(year, 1, 1, tzinfo=UTC) - UNIX_EPOCH).total_seconds()) * 1_000_000
+    leap_day = first_us + 59 * 86_400_000_000
+    times = [first_us - 1, first_us, first_us + 1, leap_day - 1, leap_day]
+    assert timestamp_text(np.array(times)) == [standard(time) for time in times]
 
 
 def test_equal_neighbours_and_unsorted_times_are_written_alike() -> None:
     times = np.array([5_000_000, 5_000_001, 3, 5_999_999, 5_000_000, 5_000_000])
-    assert timestamp_text(times) == [standard(each) for each in times.tolist()]
+    assert timestamp_text(times) == [standard(time_us) for time_us in times.tolist()]
     assert timestamp_text(times[2:3]) == timestamp_text(times)[2:3]
 
 
 @given(st.integers(-(2**63), 2**63 - 1), WRITABLE)
-def test_nanoseconds_round_to_the_nearest_microsecond_halves_later(
-    time_ns: int, epoch_us: int
-) -> None:
+def test_nanoseconds_round_to_microseconds_half_up(time_ns: int, epoch_us: int) -> None:
     (unix_us,) = unix_microseconds(np.array([time_ns]), epoch_us).tolist()
     assert unix_us == epoch_us + (2 * time_ns + 1000) // 2000
 
 
-def test_a_half_microsecond_is_the_later_one() -> None:
+def test_a_half_microsecond_rounds_up() -> None:
     halves = np.array([-1500, -500, 500, 1500, 499, -501])
     assert unix_microseconds(halves, 10).tolist() == [9, 10, 11, 12, 10, 9]
 

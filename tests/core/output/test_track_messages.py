@@ -10,30 +10,24 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions, stub_window
+from opir_testing import stub_estimates, stub_regions, stub_window
+from opir_testing.doubles import stub_hypotheses
 from scored_scene import SCENE
 from spool_transports import MIB, QUICK, SENSORS, Holding
 from waiting import until
 
+from opir_core import compile_plan, run_of_plan
 from opir_core.builtin.sinks import LineFile, MemorySink
 from opir_core.errors import SinkError
-from opir_core.host.host import Host
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.outputs import Delivery, Encoder
-from opir_core.interfaces.records import Tracks, Window
-from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.output import TracksFile, deliver, schema
+from opir_core.live import LiveRun, LiveSettings
+from opir_core.output import ForgeEncoder, TracksFile, deliver, schema
 from opir_core.output.events.encoder_input import track_count
-from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.tracks import TracksEncoder
 from opir_core.output.pump import pump
-from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport_sink import TransportSink
-from opir_core.planning.plan import compile_plan
+from opir_core.output.spool import EncodedBatcher, Journal, TransportSink
+from opir_core.plugin import Delivery, Encoder, EncoderContext, Host, Tracks, Window
 from opir_core.reading import scene_from_mapping
-from opir_core.scene.hypotheses import core_hypotheses
-from opir_core.simulation.run import run_of_plan
+from opir_core.scene import core_hypotheses
 
 AIM = {"lat_deg": 32.0, "lon_deg": -124.0}
 EPOCH_US = 1_775_044_800_000_000
@@ -53,7 +47,7 @@ SHORT = {
 
 
 def tracks_of(count: int, **columns: Any) -> Tracks:
-    known = {
+    estimate_columns = {
         "track": np.arange(count),
         "tick_s": np.full(count, 60.0),
         "state": np.arange(6.0),
@@ -70,7 +64,7 @@ def tracks_of(count: int, **columns: Any) -> Tracks:
         "end": np.arange(count) % 4,
         "probability_burning": 0.5,
     }
-    return stub_estimates(count, **(known | columns))
+    return stub_estimates(count, **(estimate_columns | columns))
 
 
 def window_of(tracks: Tracks, detections: int = 0) -> Window:
@@ -81,7 +75,7 @@ def messages_of(tracks: Tracks) -> list[dict[str, Any]]:
     return [json.loads(line) for line in ENCODER.encode(window_of(tracks)).splitlines()]
 
 
-def test_messages_follow_their_schema_with_all_values_known_and_unknown() -> None:
+def test_messages_follow_their_schema() -> None:
     for tracks in (
         tracks_of(4),
         stub_estimates(3),
@@ -95,7 +89,7 @@ def test_messages_follow_their_schema_with_all_values_known_and_unknown() -> Non
             VALIDATOR.validate(messages_of(tracks_of(1))[0] | wrong)
 
 
-def test_messages_are_the_lines_of_the_tracks_file_with_timestamps(tmp_path: Path) -> None:
+def test_messages_are_lines_of_the_tracks_file(tmp_path: Path) -> None:
     tracks = tracks_of(3, available_s=np.full(3, 61.5))
     with TracksFile(tmp_path / "t.jsonl", HYPOTHESES) as file:
         file.write(tracks)
@@ -134,7 +128,7 @@ def test_batches_are_keyed_by_track() -> None:
 
 def test_events_of_an_output_are_its_tracks(tmp_path: Path) -> None:
     windows = [window_of(tracks_of(600), 2), window_of(Tracks.empty(), 7), window_of(tracks_of(3))]
-    due = b"".join(map(ENCODER.encode, windows))
+    expected = b"".join(map(ENCODER.encode, windows))
     memory = MemorySink(lambda: ENCODER, track_count)
     forge = LineFile(str(tmp_path / "e.jsonl"), ForgeEncoder(CONTEXT))
     sinks = {
@@ -154,7 +148,7 @@ def test_events_of_an_output_are_its_tracks(tmp_path: Path) -> None:
     assert [sink.delivered for sink in report.sinks] == [603, 603, 603, 9]
     assert not report.failures
     assert [(sink.dropped, sink.withheld) for sink in report.sinks] == [(0, 0)] * 4
-    assert (tmp_path / "t.jsonl").read_bytes() == memory.lines() == due
+    assert (tmp_path / "t.jsonl").read_bytes() == memory.lines() == expected
     assert (tmp_path / "e.jsonl").read_bytes().count(b"\n") == 9
 
 
@@ -163,7 +157,7 @@ def outputs(tmp_path: Path, **more: Any) -> list[dict[str, Any]]:
 
 
 @pytest.mark.slow
-def test_a_run_writes_its_tracks_also_without_detections_and_from_a_spool(tmp_path: Path) -> None:
+def test_tracks_are_written_without_detections_and_from_a_spool(tmp_path: Path) -> None:
     written = []
     for more in ({}, {"spool": {"path": str(tmp_path / "spool")}}):
         plan = compile_plan(scene_from_mapping({**SHORT, "outputs": outputs(tmp_path, **more)}))
@@ -181,10 +175,13 @@ def test_a_run_writes_its_tracks_also_without_detections_and_from_a_spool(tmp_pa
             )
         ).encode(evolve(stub_window(0), tracks=run.tracks))
     )
-    last = json.loads(written[0].splitlines()[-1])
+    last_message = json.loads(written[0].splitlines()[-1])
     seen_s = run.detections.time_s[run.detections.track >= 0].max()
-    assert (last["time_s"], last["impact"]["method"]) == (plan.scene.duration_s, "posterior")
-    assert last["time_s"] > seen_s + 10.0
+    assert (last_message["time_s"], last_message["impact"]["method"]) == (
+        plan.scene.duration_s,
+        "posterior",
+    )
+    assert last_message["time_s"] > seen_s + 10.0
 
 
 @pytest.mark.slow
@@ -228,12 +225,14 @@ def test_an_output_may_change_its_encoder_while_the_run_goes_on(tmp_path: Path) 
 def test_a_spool_holds_tracks_of_a_killed_run(tmp_path: Path) -> None:
     windows = [window_of(tracks_of(2), 4), window_of(tracks_of(1))]
     journal = Journal(str(tmp_path / "spool"), MIB)
-    first = TransportSink("stub", Holding("hold"), journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
+    first_sink = TransportSink(
+        "stub", Holding("hold"), journal, EncodedBatcher(ENCODER, SENSORS), QUICK
+    )
     for window in windows:
-        first.write(window)
-    assert first.close() == Delivery(delivered=0, spooled=3)
+        first_sink.write(window)
+    assert first_sink.close() == Delivery(delivered=0, spooled=3)
     held = Holding()
-    again = TransportSink(
+    second_sink = TransportSink(
         "stub", held, Journal(str(tmp_path / "spool"), MIB), EncodedBatcher(ENCODER, SENSORS), QUICK
     )
-    assert again.close() == Delivery(delivered=3, recovered=3)
+    assert second_sink.close() == Delivery(delivered=3, recovered=3)

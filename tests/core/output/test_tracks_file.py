@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, fields
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
+from opir_testing import stub_estimates, stub_regions
+from opir_testing.doubles import stub_hypotheses
 
 from opir_core.errors import SceneError
-from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
+from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.output import TracksFile, read_tracks
-from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.plugin import Tracks
+from opir_core.scene import core_hypotheses
 
 RNG = np.random.default_rng(7)
 HYPOTHESES = tuple(each.name for each in core_hypotheses())
@@ -83,20 +85,28 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
     assert line["type_probability"] == {"ICBM": 0.7, "IRBM": 0.2, "SRBM": 0.1, "UNKNOWN": 0.0}
     assert line["position_ecef_m"] + line["velocity_ecef_m_s"] == tracks.state[0].tolist()
     assert line["covariance"] == tracks.state_covariance[0].tolist()
+    assert (line["probability_burning"], line["probability_relights"]) == (0.25, 0.125)
+    assert (line["seen_s"], line["is_brief"], line["end"]) == (2.5, True, "impact")
+
+
+def test_points_of_a_line(tmp_path: Path) -> None:
+    tracks = tracks_of(1, launch=np.radians([[34.5, -120.25, np.degrees(12.0)]]))
+    (line,) = written(tmp_path, tracks)
     launch = line["launch"]
     spread = tracks.launch_covariance[0]
-    assert (launch["lat_deg"], launch["lon_deg"], launch["time_s"]) == pytest.approx(
-        (34.5, -120.25, 12.0), rel=1e-15
-    )
+    place = (launch["lat_deg"], launch["lon_deg"], launch["time_s"])
+    assert place == pytest.approx((34.5, -120.25, 12.0), rel=1e-15)
     assert launch["covariance_m2"] == spread[:2, :2].tolist()
-    assert (launch["time_variance_s2"], launch["time_covariance_m_s"]) == (
-        spread[2, 2],
-        spread[:2, 2].tolist(),
-    )
+    assert launch["time_variance_s2"] == spread[2, 2]
+    assert launch["time_covariance_m_s"] == spread[:2, 2].tolist()
     assert line["burnout"]["position_ecef_m"] == tracks.burnout[0, :3].tolist()
     assert (line["impact"]["method"], line["impact"]["sigma_m"]) == ("posterior", None)
     assert line["impact"]["containment"] == list(TRACK_CONTAINMENTS)
     assert line["impact"]["ellipse_sigmas"] == [1.1, 2.2, 2.6]
+
+
+def test_regions_and_hypotheses_of_a_line(tmp_path: Path) -> None:
+    (line,) = written(tmp_path, tracks_of(1))
     regions = line["impact_regions"]
     assert [region["containment"] for region in regions] == list(TRACK_CONTAINMENTS) * 2
     figures = [
@@ -104,30 +114,25 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
         for region in regions
     ]
     assert figures == [["burn over", 0.75, 250.0]] * 3 + [["relights", 0.125, None]] * 3
-    assert {region["geometry"]["type"] for region in line["impact_regions"]} == {"Polygon"}
-    assert (line["probability_burning"], line["probability_relights"]) == (0.25, 0.125)
+    assert {region["geometry"]["type"] for region in regions} == {"Polygon"}
     assert list(line["hypotheses"]) == list(HYPOTHESES)
-    assert [line["hypotheses"][name] for name in ("ICBM", "SLV", "none of these")] == [
-        0.5,
-        0.25,
-        0.25,
-    ]
+    chances = [line["hypotheses"][name] for name in ("ICBM", "SLV", "none of these")]
+    assert chances == [0.5, 0.25, 0.25]
     sums = [line[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
-    assert (sums, line["end"]) == ([0.75, 0.5, 0.25, 0.875], "impact")
-    assert (line["seen_s"], line["is_brief"]) == (2.5, True)
+    assert sums == [0.75, 0.5, 0.25, 0.875]
 
 
 def test_unknown_values_are_null_and_read_as_nan(tmp_path: Path) -> None:
     tracks = stub_estimates(2)
     line, _ = written(tmp_path, tracks)
-    known = {
+    estimate_columns = {
         "time_s": 0.0,
         "track_id": 0,
         "available_s": 0.0,
         "impact_regions": [],
         "is_brief": False,
     }
-    assert line == dict.fromkeys(line) | known
+    assert line == dict.fromkeys(line) | estimate_columns
     assert_equal(read_tracks(tmp_path / "t.jsonl"), tracks)
 
 
@@ -138,25 +143,27 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     written(tmp_path, tracks)
     read = read_tracks(tmp_path / "t.jsonl")
     assert_equal(read, tracks)
-    for one, other in zip(read.impact_regions[0], REGIONS, strict=True):
+    for region, written_region in zip(read.impact_regions[0], REGIONS, strict=True):
         for name in ("containment", "condition", "probability"):
-            assert getattr(one, name) == getattr(other, name)
-        assert np.array_equal(one.effective_samples, other.effective_samples, equal_nan=True)
-        assert one.area_km2 == pytest.approx(other.area_km2, abs=1e-3)
-        corners = one.polygons[0][0]
-        due = other.polygons[0][0][::-1]
-        apart = np.abs(corners[:, None] - due[None]).max(axis=2).min(axis=1)
-        assert apart.max() < np.radians(0.6e-6)
+            assert getattr(region, name) == getattr(written_region, name)
+        assert np.array_equal(
+            region.effective_samples, written_region.effective_samples, equal_nan=True
+        )
+        assert region.area_km2 == pytest.approx(written_region.area_km2, abs=1e-3)
+        corners = region.polygons[0][0]
+        expected = written_region.polygons[0][0][::-1]
+        distance = np.abs(corners[:, None] - expected[None]).max(axis=2).min(axis=1)
+        assert distance.max() < np.radians(0.6e-6)
 
 
 def assert_equal(read: Tracks, tracks: Tracks) -> None:
     for item in fields(Tracks):
-        mine = getattr(read, item.name)
-        theirs = getattr(tracks, item.name)
+        actual = getattr(read, item.name)
+        expected = getattr(tracks, item.name)
         if item.name in ("launch", "impact"):
-            assert np.allclose(mine, theirs, rtol=4e-16, atol=0.0, equal_nan=True), item.name
+            assert np.allclose(actual, expected, rtol=4e-16, atol=0.0, equal_nan=True), item.name
         elif item.name != "impact_regions":
-            assert np.array_equal(mine, theirs, equal_nan=True), item.name
+            assert np.array_equal(actual, expected, equal_nan=True), item.name
 
 
 def test_probabilities_are_read_by_the_names_of_hypotheses(tmp_path: Path) -> None:
@@ -180,17 +187,17 @@ def test_probabilities_are_read_by_the_names_of_hypotheses(tmp_path: Path) -> No
         read_tracks(tmp_path / "t.jsonl", [name for name in HYPOTHESES if name != "ICBM"])
 
 
-def test_regions_without_hypotheses_do_not_tell_whether_it_comes_down(tmp_path: Path) -> None:
+def test_regions_without_hypotheses_have_no_chance_of_impact(tmp_path: Path) -> None:
     none = evolve(tracks_of(1), hypothesis_probability=np.empty((1, 0)))
-    whole = tracks_of(1, impact_regions=[stub_regions(9.0, 1.0, probability=0.5)])
+    tracks = tracks_of(1, impact_regions=[stub_regions(9.0, 1.0, probability=0.5)])
     without = tracks_of(1, impact_regions=[()])
     reported = [
-        written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, whole, without)
+        written(tmp_path, tracks)[0]["probability_comes_down"] for tracks in (none, tracks, without)
     ]
     assert reported == [None, 0.5, None]
 
 
-def test_a_region_of_a_file_may_lack_its_condition_but_not_have_another(tmp_path: Path) -> None:
+def test_a_region_may_lack_its_condition(tmp_path: Path) -> None:
     ring = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
     region = {
         "containment": 0.5,
@@ -213,7 +220,7 @@ def test_a_region_of_a_file_may_lack_its_condition_but_not_have_another(tmp_path
         read_tracks(tmp_path / "t.jsonl")
 
 
-def test_an_impact_of_the_paper_s_law_has_a_sigma_and_no_containment(tmp_path: Path) -> None:
+def test_an_impact_by_the_papers_law_has_no_containment(tmp_path: Path) -> None:
     spread = np.diag([9e8, 9e8, 4.0])
     tracks = tracks_of(
         2,
@@ -253,9 +260,9 @@ def test_a_file_without_lines_has_no_tracks(tmp_path: Path) -> None:
     read = read_tracks(tmp_path / "t.jsonl")
     empty = Tracks.empty()
     for item in fields(Tracks):
-        mine = getattr(read, item.name)
-        due = getattr(empty, item.name)
-        assert (mine.shape, mine.dtype) == (due.shape, due.dtype), item.name
+        actual = getattr(read, item.name)
+        expected = getattr(empty, item.name)
+        assert (actual.shape, actual.dtype) == (expected.shape, expected.dtype), item.name
 
 
 @pytest.mark.parametrize("longitude_deg", [-180.0, 180.0, 190.0, 539.0])

@@ -18,10 +18,10 @@ TIMESTAMPS = {"schema_version", "timestamp", "available_at", "time"}
     [("## Fields", "## Points", None), ("## Points", "## Impact", "impact")],
 )
 def test_every_field_is_documented_in_order(start: str, end: str, part: str | None) -> None:
-    whole = schema("track")
-    due = (whole["$defs"][part] if part else whole)["properties"]
+    document = schema("track")
+    expected = (document["$defs"][part] if part else document)["properties"]
     cells = re.findall(
         r"^\| ((?:`\w+`(?:, )?)+) \|", PAGE[PAGE.index(start) : PAGE.index(end)], re.MULTILINE
     )
     documented = [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
-    assert documented == [name for name in due if name not in TIMESTAMPS]
+    assert documented == [name for name in expected if name not in TIMESTAMPS]

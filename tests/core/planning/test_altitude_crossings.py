@@ -13,7 +13,7 @@ from opir_photons.environment import Ascents, ascents
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.planning.targets import Targets
+from opir_core.planning import Targets
 
 Array = NDArray[np.float64]
 
@@ -46,8 +46,8 @@ class Climbs:
     def position_ecef_m(self, target: Any, time_s: Array) -> Array:
         position = np.zeros((len(target), 3))
         for row, height_m in enumerate(self.height_m):
-            own = target == row
-            position[own, 0] = 6378137.0 + height_m(time_s[own] - self.ignition_s[row])
+            is_target = target == row
+            position[is_target, 0] = 6378137.0 + height_m(time_s[is_target] - self.ignition_s[row])
         return position
 
 
@@ -78,7 +78,7 @@ def test_crossings_of_constant_accelerations_are_square_roots() -> None:
     assert np.all(off <= np.where(share < 1.0 / STEPS, FIRST_STEP, LATER_STEPS))
 
 
-def test_constant_climbs_are_crossed_at_once_and_levels_below_and_above_never() -> None:
+def test_constant_climbs_cross_levels_in_their_range_only() -> None:
     rising = climbing([48.0, 96.0], lambda t: 1000.0 + 250.0 * t, lambda t: 500.0 * t)
     times_s = rising.times_s(
         np.array([[999.9, 1000.5, 6789.0, 13_000.0, 13_000.5], [-1.0, 1.0, 250.0, 47_999.0, 1e6]])
@@ -90,7 +90,7 @@ def test_constant_climbs_are_crossed_at_once_and_levels_below_and_above_never() 
     assert np.allclose(times_s, exact_s, rtol=0.0, atol=1e-6, equal_nan=True)
 
 
-def test_a_target_that_starts_at_a_level_does_not_rise_through_it() -> None:
+def test_a_start_at_a_level_is_no_crossing() -> None:
     rising = climbing([48.0, 96.0], lambda t: 1000.0 + 250.0 * t, lambda t: 500.0 * t)
     assert np.isnan(rising.times_s(rising.height_m[:, :1])).all()
 

@@ -5,10 +5,10 @@ all the memory.
 import numpy as np
 import pytest
 
+from opir_core import simulate
 from opir_core.errors import ModelError
 from opir_core.plugin import Host, TargetModel, Trajectories, hookimpl
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import simulate
 
 
 def places(time_s):
@@ -121,7 +121,7 @@ def test_wrong_columns_are_reported_with_their_owner(changes, reported):
     assert reported in str(caught.value)
 
 
-def test_a_row_that_is_missing_from_long_answers_alone_is_reported():
+def test_a_row_missing_only_in_long_answers_is_reported():
     with pytest.raises(
         ModelError, match=r"returned positions as \(\d+, 3\) for \d+ times; \(\d+, 3\) is required"
     ):

@@ -4,9 +4,9 @@ with path and line.
 
 import pytest
 
+from opir_core import compile_plan
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.planning.plan import compile_plan
 from opir_core.reading import load_scene
 
 HEAD = """scene: two
@@ -75,7 +75,7 @@ def test_sensors_and_targets_are_reported_together(reported):
     ]
 
 
-def test_a_setting_of_the_command_line_has_its_option_for_a_place(reported):
+def test_problems_of_options_name_the_option(reported):
     lines = reported(
         HEAD + FILES.splitlines(True)[0], "--set", "sensors[0].orbit.omm_file.path=c.json"
     )

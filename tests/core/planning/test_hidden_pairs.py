@@ -10,13 +10,12 @@ from attrs import fields, frozen
 from hypothesis import given, settings, strategies as st
 
 import opir_core as opir
+from opir_core import Plan, compile_plan
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.geometry import elevation_rad, geodetic_to_ecef, grazing_height_m
-from opir_core.geometry.ellipsoid import WGS84
+from opir_core.geometry import WGS84, elevation_rad, geodetic_to_ecef, grazing_height_m
 from opir_core.planning import pair_compiler
 from opir_core.planning.hidden_pairs import CoarseGrid, surely_hidden
-from opir_core.planning.plan import Plan, compile_plan
 
 #: The fine guards of height, m, and of angle times distance, m.
 GUARD_M = 25.0
@@ -121,17 +120,15 @@ def test_a_target_opposite_to_its_sensor_is_left_out(circle: Circle, target: Cli
     across = -target(np.zeros(1)) / np.linalg.norm(target(np.zeros(1)))
     low_m = target(np.linspace(0.0, target.end_s, 50))
     stays = np.linalg.norm(low_m, axis=1).min() > WGS84.polar_radius_m
-    near = np.linalg.norm(low_m - low_m[0], axis=1).max() < 5e5
-    if stays and near:
+    neighbours = np.linalg.norm(low_m - low_m[0], axis=1).max() < 5e5
+    if stays and neighbours:
         assert is_hidden(
             lambda time_s: np.repeat(circle.radius_m * across, len(time_s), axis=0), target, False
         )
 
 
 @pytest.mark.parametrize(("height_km", "climb_m_s2"), [(300.0, 30.0), (35786.0, 30.0)])
-def test_a_target_that_rises_above_the_horizon_between_two_coarse_points_is_kept(
-    height_km: float, climb_m_s2: float
-) -> None:
+def test_a_rise_between_two_coarse_points_is_kept(height_km: float, climb_m_s2: float) -> None:
     """Grid points alone would all be hidden: the acceleration is what the chords leave out."""
     sensor_m = np.array([[6378137.0 + 1e3 * height_km, 0.0, 0.0]])
     for beyond_deg in np.arange(0.0, 5.0, 0.05):
@@ -146,7 +143,7 @@ def test_a_target_that_rises_above_the_horizon_between_two_coarse_points_is_kept
 
 
 @pytest.mark.parametrize("is_moving", [True, False])
-def test_both_ends_of_a_step_are_hidden_from_both_ends_of_a_moving_sensors_step(
+def test_hidden_steps_of_targets_and_moving_sensors(
     is_moving: bool,
 ) -> None:
     """Sensor and target change sides: hidden at both times, but not if one of them is a little
@@ -199,21 +196,26 @@ def test_leaving_pairs_out_changes_no_bit_of_the_plan(
             ],
         }
     )
-    made = compile_plan(scene)
+    compiled = compile_plan(scene)
     left_out = []
     monkeypatch.setattr(
         pair_compiler,
         "surely_hidden",
         lambda grid, *_: left_out.append(1) or np.zeros(len(grid.first), np.bool_),
     )
-    assert_same(made, compile_plan(scene))
+    assert_same(compiled, compile_plan(scene))
     assert left_out
 
 
-def assert_same(one: Plan, other: Plan) -> None:
-    for mine, theirs in ((one.pairs, other.pairs), (one.sightlines, other.sightlines)):
-        for column in fields(type(mine)):
-            np.testing.assert_array_equal(getattr(mine, column.name), getattr(theirs, column.name))
+def assert_same(first_run: Plan, second_run: Plan) -> None:
+    for actual, expected in (
+        (first_run.pairs, second_run.pairs),
+        (first_run.sightlines, second_run.sightlines),
+    ):
+        for column in fields(type(actual)):
+            np.testing.assert_array_equal(
+                getattr(actual, column.name), getattr(expected, column.name)
+            )
 
 
 def test_hidden_pairs_are_not_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,7 +238,9 @@ def test_hidden_pairs_are_not_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     rows: list[int] = []
     margins_of = pair_compiler.Margins.of
     monkeypatch.setattr(
-        pair_compiler.Margins, "of", lambda *given: rows.append(len(given[2])) or margins_of(*given)
+        pair_compiler.Margins,
+        "of",
+        lambda *arguments: rows.append(len(arguments[2])) or margins_of(*arguments),
     )
     plan = compile_plan(scene)
     assert plan.pairs.blocked.tolist() == [int(pair_compiler.Blocked.BEHIND_EARTH)]

@@ -7,12 +7,11 @@ import pytest
 from attrs import define, evolve, field, fields, frozen
 
 import opir_core as opir
+from opir_core import Plan, compile_plan
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.protocols import Orbit, ScanPattern, Sensor
-from opir_core.planning import pair_compiler
-from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning import PairCompiler, pair_compiler
 from opir_core.planning.sightlines import LIGHT_TIME_ITERATIONS, Pairs, Sightlines
+from opir_core.plugin import Orbit, ScanPattern, Sensor
 
 SENSORS = 40
 TARGETS = 6
@@ -90,8 +89,10 @@ def plan() -> Plan:
 
 
 def compiled(plan: Plan, sensors: "list[Sensor] | None" = None) -> tuple[Pairs, Sightlines]:
-    chosen = plan.sensors if sensors is None else sensors
-    return PairCompiler(chosen, plan.targets, [0.25] * len(chosen), True, plan.end_ns).compiled()
+    chosen_sensors = plan.sensors if sensors is None else sensors
+    return PairCompiler(
+        chosen_sensors, plan.targets, [0.25] * len(chosen_sensors), True, plan.end_ns
+    ).compiled()
 
 
 @pytest.mark.slow
@@ -102,13 +103,15 @@ def test_the_plan_does_not_depend_on_the_blocks(
     pairs, lines = compiled(plan)
     monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", points)
     same_pairs, same_lines = compiled(plan)
-    for record, other in ((pairs, same_pairs), (lines, same_lines)):
+    for record, same_record in ((pairs, same_pairs), (lines, same_lines)):
         for column in fields(type(record)):
-            mine, theirs = (np.asarray(getattr(each, column.name)) for each in (record, other))
-            assert np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f")
+            actual, expected = (
+                np.asarray(getattr(columns, column.name)) for columns in (record, same_record)
+            )
+            assert np.array_equal(actual, expected, equal_nan=actual.dtype.kind == "f")
 
 
-def test_a_block_of_many_sensors_makes_a_call_per_sensor_and_step(
+def test_pair_blocks_make_a_call_per_sensor_and_step(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The orbit: at ignition and end of each step of the light time, twice on the coarse grid, and
@@ -116,14 +119,14 @@ def test_a_block_of_many_sensors_makes_a_call_per_sensor_and_step(
     monkeypatch.setattr(pair_compiler, "BLOCK_POINTS", 10**9)
     counted, sensors = _counting(plan)
     compiled(plan, sensors)
-    assert {len(each.orbit) for each in counted} == {3, LIGHT_TIME_ITERATIONS + 3}
-    assert {tuple(each.scan) for each in counted} == {(TARGETS,)}
+    assert {len(calls.orbit) for calls in counted} == {3, LIGHT_TIME_ITERATIONS + 3}
+    assert {tuple(calls.scan) for calls in counted} == {(TARGETS,)}
 
 
 def test_a_sensor_at_rest_is_asked_for_its_position_once(plan: Plan) -> None:
     counted, sensors = _counting(plan, is_stationary=True)
     compiled(plan, sensors)
-    assert {tuple(each.orbit) for each in counted} == {(1,)}
+    assert {tuple(calls.orbit) for calls in counted} == {(1,)}
 
 
 def test_no_block_has_more_rows_than_its_limit_and_one_pair(
@@ -147,15 +150,15 @@ def test_no_block_has_more_rows_than_its_limit_and_one_pair(
     assert len(rows) > 10
 
 
-def test_lines_of_sight_are_kept_for_the_time_of_the_looks_alone(plan: Plan) -> None:
+def test_lines_of_sight_cover_only_the_time_of_the_looks(plan: Plan) -> None:
     pairs, lines = compiled(plan)
     looking = pairs.take(np.flatnonzero(pairs.looks > 0))
     assert 0 < len(looking) < len(pairs)
-    first, last = (
+    first_s, last_s = (
         np.floor((looking.phase_ns + scan * looking.period_ns) * 1e-9)
         for scan in (looking.first_scan, looking.last_scan)
     )
-    assert len(lines.travel_s) == (last - first + 2).sum()
+    assert len(lines.travel_s) == (last_s - first_s + 2).sum()
 
 
 def _counting(plan: Plan, *, is_stationary: bool = False) -> tuple[list[Counted], list[Sensor]]:
@@ -163,9 +166,9 @@ def _counting(plan: Plan, *, is_stationary: bool = False) -> tuple[list[Counted]
     sensors = [
         evolve(
             sensor,
-            orbit=CountingOrbit(sensor.orbit, each, is_stationary),
-            scan=CountingScan(sensor.scan, each),
+            orbit=CountingOrbit(sensor.orbit, calls, is_stationary),
+            scan=CountingScan(sensor.scan, calls),
         )
-        for sensor, each in zip(plan.sensors, counted, strict=True)
+        for sensor, calls in zip(plan.sensors, counted, strict=True)
     ]
     return counted, sensors

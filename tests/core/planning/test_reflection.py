@@ -14,10 +14,9 @@ from opir_photons.reflection import shadow_times_s
 import opir_core as opir
 import opir_core.geometry.sun
 from opir_core.geometry import ecef_to_geodetic, local_axes, sun_position_ecef_m, sunlit_fraction
-from opir_core.interfaces.radiometric_models import Paths
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import Looks
-from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.planning import Looks
+from opir_core.plugin import Exposures, Paths
+from opir_core.simulation import ProbabilityInterpolant
 
 LOW = {
     "circular": {
@@ -73,26 +72,26 @@ def late_looks(plan, step=10):
     """
     geometry = plan.look_geometry()
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    seen = geometry.exposures(looks.pair[::step], looks.scan[::step])
-    seen = seen.take(
-        np.flatnonzero(seen.emission_time_s > plan.targets.burnout_s[seen.target] + 1e-6)
+    exposures = geometry.exposures(looks.pair[::step], looks.scan[::step])
+    exposures = exposures.take(
+        np.flatnonzero(exposures.emission_time_s > plan.targets.burnout_s[exposures.target] + 1e-6)
     )
     environment = plan.detection.environment
-    height_m = environment.paths(seen).height_m
-    aspect = environment.aspect_rad(seen)
-    return seen, environment.intensities_w_sr((0, 1), seen, height_m, aspect)
+    height_m = environment.paths(exposures).height_m
+    aspect = environment.aspect_rad(exposures)
+    return exposures, environment.intensities_w_sr((0, 1), exposures, height_m, aspect)
 
 
-def expected_w_sr(plan, seen, albedo):
+def expected_w_sr(plan, records, albedo):
     """Thermal and reflected light of both bands, from the geometry of each look."""
-    sun_m = sun_position_ecef_m(np.datetime64(plan.scene.epoch_us, "us"), seen.emission_time_s)
-    to_sun = sun_m - seen.target_ecef_m
-    to_sensor = seen.sensor_ecef_m - seen.target_ecef_m
+    sun_m = sun_position_ecef_m(np.datetime64(plan.scene.epoch_us, "us"), records.emission_time_s)
+    to_sun = sun_m - records.target_ecef_m
+    to_sensor = records.sensor_ecef_m - records.target_ecef_m
     distance_m = np.linalg.norm(to_sun, axis=1)
     cosine = np.sum(to_sun * to_sensor, axis=1) / distance_m / np.linalg.norm(to_sensor, axis=1)
     phase = np.arccos(cosine)
     law = (np.sin(phase) + (np.pi - phase) * cosine) / np.pi
-    lit = sunlit_fraction(seen.target_ecef_m, sun_m) * (149597870700.0 / distance_m) ** 2
+    lit = sunlit_fraction(records.target_ecef_m, sun_m) * (149597870700.0 / distance_m) ** 2
     edges = ((2.5, 3.0), (4.2, 4.45))
     light = np.array([float(solar_irradiance(*edge)) for edge in edges])[:, None]
     warm = np.array([0.8 * 5.0 * float(band_radiance(300.0, *edge)) for edge in edges])[:, None]
@@ -103,22 +102,24 @@ def expected_w_sr(plan, seen, albedo):
 @pytest.mark.parametrize("epoch", [TWILIGHT, "2026-04-01T14:00:00", "2026-04-01T00:00:00"])
 def test_bodies_reflect_by_phase_and_shadow(epoch):
     plan = planned(epoch)
-    seen, found = late_looks(plan)
-    warm, reflected = expected_w_sr(plan, seen, 0.3)
-    assert len(seen) > 800
-    assert found == pytest.approx(warm + reflected, rel=3e-6)
+    exposures, intensity_w_sr = late_looks(plan)
+    warm, reflected = expected_w_sr(plan, exposures, 0.3)
+    assert len(exposures) > 800
+    assert intensity_w_sr == pytest.approx(warm + reflected, rel=3e-6)
     assert np.max(reflected[0]) > 5.0 * warm[0, 0]
 
 
 def test_bodies_in_the_earths_shadow_reflect_nothing():
     epoch = "2026-04-01T14:00:00"
-    seen, found = late_looks(planned(epoch))
-    sun_m = sun_position_ecef_m(np.datetime64(epoch), seen.emission_time_s)
-    dark = sunlit_fraction(seen.target_ecef_m, sun_m) == 0.0
-    warm, _ = expected_w_sr(planned(epoch), seen, 0.0)
+    exposures, intensity_w_sr = late_looks(planned(epoch))
+    sun_m = sun_position_ecef_m(np.datetime64(epoch), exposures.emission_time_s)
+    dark = sunlit_fraction(exposures.target_ecef_m, sun_m) == 0.0
+    warm, _ = expected_w_sr(planned(epoch), exposures, 0.0)
     assert 100 < np.count_nonzero(dark) < len(dark) - 100
-    assert found[:, dark] == pytest.approx(np.broadcast_to(warm, found[:, dark].shape), rel=1e-12)
-    assert np.all(found[:, ~dark] > warm)
+    assert intensity_w_sr[:, dark] == pytest.approx(
+        np.broadcast_to(warm, intensity_w_sr[:, dark].shape), rel=1e-12
+    )
+    assert np.all(intensity_w_sr[:, ~dark] > warm)
 
 
 def test_low_bodies_have_the_sunlight_that_the_air_leaves():
@@ -131,16 +132,24 @@ def test_low_bodies_have_the_sunlight_that_the_air_leaves():
     sun_m = sun_position_ecef_m(np.datetime64("2026-04-01T00:00:00"), time_s)
     up = local_axes(position_m)[:, 2]
     range_m = np.full(len(time_s), 1e6)
-    ones = np.ones(len(time_s))
-    seen = Exposures(
-        time_s, time_s, target, target, target, range_m, ones, position_m, position_m + 1e6 * up
+    unit_column = np.ones(len(time_s))
+    exposures = Exposures(
+        time_s,
+        time_s,
+        target,
+        target,
+        target,
+        range_m,
+        unit_column,
+        position_m,
+        position_m + 1e6 * up,
     )
     height_m = ecef_to_geodetic(position_m).height_m
     plain, dimmed = (
-        plan.detection.environment.intensities_w_sr((0, 1), seen, height_m, ones)
+        plan.detection.environment.intensities_w_sr((0, 1), exposures, height_m, unit_column)
         for plan in (clear, hazy)
     )
-    warm, reflected = expected_w_sr(clear, seen, 0.3)
+    warm, reflected = expected_w_sr(clear, exposures, 0.3)
     to_sun = sun_m - position_m
     sine = np.sum(up * to_sun, axis=1) / np.linalg.norm(to_sun, axis=1)
     path = Paths(height_m, sine, position_m, sun_m, time_s)
@@ -166,14 +175,14 @@ def test_the_edges_of_the_shadow_are_breakpoints(epoch):
         position = plan.targets.position_ecef_m(np.full(2, number, dtype=np.int32), around_s)
         shares = sunlit_fraction(position, sun_position_ecef_m(np.datetime64(epoch), around_s))
         assert (shares[0] in (0.0, 1.0)) != (shares[1] in (0.0, 1.0))
-    known = plan.detection.breakpoints_s()
+    breakpoints_s = plan.detection.breakpoints_s()
     assert all(
-        np.any(np.isclose(known[row], edge, atol=1e-9))
+        np.any(np.isclose(breakpoints_s[row], edge, atol=1e-9))
         for row, edge in zip(target, edges_s, strict=True)
     )
 
 
-def test_interpolated_probabilities_hold_through_the_shadows_edges():
+def test_interpolated_probabilities_at_the_edges_of_the_shadow():
     """A threshold between the warm and the lit body: P_d jumps at the shadow within a few
     seconds.
     """
@@ -182,11 +191,11 @@ def test_interpolated_probabilities_hold_through_the_shadows_edges():
     model = plan.detection
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     interpolant = ProbabilityInterpolant.of(geometry, model, model.probability_tolerance)
-    found = interpolant.over(looks).probability()
+    probability = interpolant.over(looks).probability()
     exact = model.probability(geometry.exposures(looks.pair, looks.scan))
     assert np.mean((exact > 0.01) & (exact < 0.99)) > 0.05
     assert np.ptp(exact) > 0.9
-    assert np.max(np.abs(found - exact)) < 2.0 * model.probability_tolerance
+    assert np.max(np.abs(probability - exact)) < 2.0 * model.probability_tolerance
 
 
 def test_without_followed_bodies_nobody_asks_for_the_sun():
@@ -204,10 +213,10 @@ def test_without_followed_bodies_nobody_asks_for_the_sun():
 
 def test_black_bodies_need_no_sun_and_add_nothing():
     plan = planned(albedo=0.0)
-    seen, found = late_looks(plan)
-    warm, _ = expected_w_sr(plan, seen, 0.0)
+    exposures, intensity_w_sr = late_looks(plan)
+    warm, _ = expected_w_sr(plan, exposures, 0.0)
     assert plan.detection.environment.sunlight is None
-    assert found == pytest.approx(np.broadcast_to(warm, found.shape), rel=1e-12)
+    assert intensity_w_sr == pytest.approx(np.broadcast_to(warm, intensity_w_sr.shape), rel=1e-12)
 
 
 def test_a_plume_reflects_nothing():
@@ -215,9 +224,16 @@ def test_a_plume_reflects_nothing():
     environment = plan.detection.environment
     geometry = plan.look_geometry()
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    seen = geometry.exposures(looks.pair, looks.scan)
-    seen = seen.take(np.flatnonzero(seen.emission_time_s <= plan.targets.burnout_s[seen.target]))
-    columns = (0, 1), seen, environment.paths(seen).height_m, environment.aspect_rad(seen)
+    exposures = geometry.exposures(looks.pair, looks.scan)
+    exposures = exposures.take(
+        np.flatnonzero(exposures.emission_time_s <= plan.targets.burnout_s[exposures.target])
+    )
+    columns = (
+        (0, 1),
+        exposures,
+        environment.paths(exposures).height_m,
+        environment.aspect_rad(exposures),
+    )
     dark = evolve(environment, sunlight=None)
-    assert len(seen) > 100
+    assert len(exposures) > 100
     assert np.array_equal(environment.intensities_w_sr(*columns), dark.intensities_w_sr(*columns))

@@ -8,7 +8,7 @@ from attrs import evolve
 from opir_testing.bench import bench_run_of, bench_scene
 
 import opir_core as opir
-from opir_core.planning.plan import reseeded
+from opir_core import reseeded
 
 CLOUDS = {"model": "lowtran", "cloud": {"top_km": 8.0, "cover": 0.5, "cell_km": 50.0}}
 REGION = {"south_deg": 35, "north_deg": 45, "west_deg": -121, "east_deg": -110}
@@ -54,37 +54,37 @@ def test_a_replicate_has_the_bytes_of_a_run_of_its_own(name: str) -> None:
 
 def test_a_replicate_builds_no_sensor_no_trajectory_and_no_model() -> None:
     plan = opir.compile_plan(scene_of("signals"))
-    other = reseeded(plan, 7)
-    assert other.sensors is plan.sensors
-    assert other.targets is plan.targets
-    assert (other.detection, other.classifier, other.confidence) == (
+    replicate = reseeded(plan, 7)
+    assert replicate.sensors is plan.sensors
+    assert replicate.targets is plan.targets
+    assert (replicate.detection, replicate.classifier, replicate.confidence) == (
         plan.detection,
         plan.classifier,
         plan.confidence,
     )
-    assert other.detection is plan.detection
+    assert replicate.detection is plan.detection
 
 
-def test_replicates_share_the_knots_of_their_signals_whatever_the_phases_of_their_scans() -> None:
+def test_replicates_share_knots_for_all_scan_phases() -> None:
     plan = opir.compile_plan(scene_of("signals"))
-    asked: list[int] = []
+    calls: list[int] = []
 
     class Counting:
         def __getattr__(self, name: str) -> Any:
             return getattr(plan.detection, name)
 
         def response(self, exposures: Any, *, slack: float = 0.0) -> Any:
-            asked.append(len(exposures))
+            calls.append(len(exposures))
             return plan.detection.response(exposures, slack=slack)
 
     counted = evolve(plan, detection=Counting())
     runs = [opir.run_of_plan(reseeded(counted, seed)) for seed in range(4)]
     assert len({run.plan.pairs.phase_ns.tobytes() for run in runs}) == 4
-    first = asked[: len(asked) - 3]
-    others = asked[len(asked) - 3 :]
+    first_calls = calls[: len(calls) - 3]
+    later_calls = calls[len(calls) - 3 :]
     # The first finds the knots, round by round; each evaluates its looks near bends once more.
-    assert len(first) > 4
-    assert max(others) < 0.3 * sum(first)
+    assert len(first_calls) > 4
+    assert max(later_calls) < 0.3 * sum(first_calls)
     assert all(len(run.detections) for run in runs)
 
 
@@ -114,9 +114,9 @@ def test_another_model_does_not_get_the_knots_of_the_first() -> None:
 
 def test_clouds_are_drawn_anew() -> None:
     plan = opir.compile_plan(scene_of("clouds"))
-    other = reseeded(plan, 7)
-    assert other.detection is not plan.detection
-    assert bench_run_of(other).lines != bench_run_of(reseeded(plan, 8)).lines
+    replicate = reseeded(plan, 7)
+    assert replicate.detection is not plan.detection
+    assert bench_run_of(replicate).lines != bench_run_of(reseeded(plan, 8)).lines
 
 
 def test_replicates_are_the_runs_of_successive_seeds() -> None:

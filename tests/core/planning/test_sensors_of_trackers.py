@@ -2,7 +2,7 @@
 
 import pytest
 
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan
 from opir_core.reading import scene_from_mapping
 
 ROW = {"ICBM": 0.9, "UNKNOWN": 0.1}

@@ -16,17 +16,15 @@ from snr_scene import scene as snr_scene
 
 import opir_core.orbits.sun_events
 import opir_core.planning.solar_exclusion
+from opir_core import Engine, compile_plan
 from opir_core.geometry import is_sunlit, sun_position_ecef_m
 from opir_core.geometry.crossings import intervals_below
-from opir_core.interfaces.records import Detections
 from opir_core.live.changes import with_added_targets
 from opir_core.orbits import CircularConfig, OrbitConfig, orbit_of
-from opir_core.planning.looks import Looks
-from opir_core.planning.plan import compile_plan
+from opir_core.planning import Looks, visible_now
 from opir_core.planning.sightlines import Blocked, Visibility
-from opir_core.planning.visibility import visible_now
-from opir_core.sensors.scan_patterns import AlignedScan
-from opir_core.simulation.engine import Engine
+from opir_core.plugin import Detections
+from opir_core.sensors import AlignedScan
 from opir_core.simulation.explanation import explained
 
 EPOCH = np.datetime64("2026-03-20T11:00:00", "us")
@@ -77,7 +75,7 @@ def expected_looks(made):
     """
     trajectories = made.targets.trajectories[0]
     (sensor,) = made.sensors
-    seen = set()
+    looks_seen = set()
     prevented = set()
     for target in range(len(made.targets.ids)):
         ignition_s = trajectories.ignition_s[target]
@@ -96,11 +94,11 @@ def expected_looks(made):
             / np.linalg.norm(way, axis=1)
             / np.linalg.norm(towards, axis=1)
         )
-        near = (np.arccos(cosine) < sensor.solar_exclusion_rad) & is_sunlit(sensor_m, sun_m)
+        neighbours = (np.arccos(cosine) < sensor.solar_exclusion_rad) & is_sunlit(sensor_m, sun_m)
         visible = visible_now(sensor, sensor_m, target_m)
-        seen |= {(target, int(scan)) for scan in scans[visible & ~near]}
-        prevented |= {(target, int(scan)) for scan in scans[visible & near]}
-    return seen, prevented
+        looks_seen |= {(target, int(scan)) for scan in scans[visible & ~neighbours]}
+        prevented |= {(target, int(scan)) for scan in scans[visible & neighbours]}
+    return looks_seen, prevented
 
 
 CASES = {
@@ -117,13 +115,13 @@ CASES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_looks_are_those_away_from_the_sun(name):
-    made = plan(**CASES[name])
-    window = Engine(made).advance(made.end_ns)
-    seen, prevented = expected_looks(made)
-    found = looks_of(window)
-    assert len(found) > 1000
+    compiled = plan(**CASES[name])
+    window = Engine(compiled).advance(compiled.end_ns)
+    looks_read, prevented = expected_looks(compiled)
+    look_times_s = looks_of(window)
+    assert len(look_times_s) > 1000
     assert len(prevented) > 200
-    assert found == seen
+    assert look_times_s == looks_read
 
 
 @pytest.mark.slow
@@ -132,17 +130,17 @@ def test_most_cells_are_certain(name):
     """Cells without a look test are as certain as for the other conditions; those near the Sun's
     edge are tested.
     """
-    made = plan(**CASES[name])
-    pairs = made.pairs
-    sight = made.sightlines.sight
-    looks = Looks.between(pairs, 0, made.end_ns)
-    place = made.sightlines.place(looks.pair, looks.scan * 0.5)
-    exact = made.look_geometry().visible(looks.pair, looks.scan)
+    compiled = plan(**CASES[name])
+    pairs = compiled.pairs
+    sight = compiled.sightlines.sight
+    looks = Looks.between(pairs, 0, compiled.end_ns)
+    place = compiled.sightlines.place(looks.pair, looks.scan * 0.5)
+    exact = compiled.look_geometry().visible(looks.pair, looks.scan)
     kinds = sight[place.point]
-    seen, _ = expected_looks(made)
+    looks_read, _ = expected_looks(compiled)
     truly = np.array(
         [
-            (t, s) in seen
+            (t, s) in looks_read
             for t, s in zip(pairs.target[looks.pair].tolist(), looks.scan.tolist(), strict=True)
         ]
     )
@@ -153,10 +151,10 @@ def test_most_cells_are_certain(name):
 
 
 def test_windows_cut_anywhere_give_the_same_bytes():
-    whole = detections(plan())
+    uncut = detections(plan())
     cut = detections(plan(), (446.2, 1000.0, 1893.7, 2022.05, 2022.1, 6070.3, DURATION_S))
     for column in fields(Detections):
-        assert getattr(whole, column.name).tobytes() == getattr(cut, column.name).tobytes(), (
+        assert getattr(uncut, column.name).tobytes() == getattr(cut, column.name).tobytes(), (
             column.name
         )
 
@@ -166,10 +164,10 @@ def in_the_west():
     return VerticalTargets(np.zeros(1), np.array([107.0]), np.array([1900.0]), np.array([2000.0]))
 
 
-def test_a_pair_that_the_sun_blinds_throughout_has_no_looks_and_says_why():
-    made = plan(made=in_the_west())
-    assert made.pairs.blocked.tolist() == [Blocked.NEAR_THE_SUN]
-    assert made.pairs.looks.tolist() == [0]
+def test_a_pair_blinded_throughout_has_no_looks():
+    compiled = plan(made=in_the_west())
+    assert compiled.pairs.blocked.tolist() == [Blocked.NEAR_THE_SUN]
+    assert compiled.pairs.looks.tolist() == [0]
     assert plan(exclusion_deg=0.0, made=in_the_west()).pairs.looks.tolist() == [200]
 
 
@@ -178,10 +176,10 @@ def test_targets_added_to_a_running_scene_are_blinded_too():
     sensors = [{"model": "generic-scanner", "id": "S", "orbital_slot_deg": -65.0}]
     later = {"epoch": "2026-03-20T03:50:00Z", "duration_s": 90, "detection": "constant"}
     plain = compile_plan(snr_scene(sensors, names="I", **later))
-    joined = with_added_targets(plain, compile_plan(snr_scene(sensors, names="S", **later)))
-    assert joined.targets.ids == ("I", "S")
-    assert joined.pairs.blocked[1] == Blocked.NEAR_THE_SUN
-    assert joined.exclusions is plain.exclusions
+    joined_plan = with_added_targets(plain, compile_plan(snr_scene(sensors, names="S", **later)))
+    assert joined_plan.targets.ids == ("I", "S")
+    assert joined_plan.pairs.blocked[1] == Blocked.NEAR_THE_SUN
+    assert joined_plan.exclusions is plain.exclusions
 
 
 class Count:
@@ -210,24 +208,24 @@ def test_without_an_exclusion_angle_the_sun_is_never_asked_for():
 def test_where_the_sun_stays_away_looks_do_not_ask_for_it():
     """A quarter of a turn from midnight: planning asks for the Sun once, and that is all."""
     with Count() as count:
-        made = plan(slot_deg=90.0, made=targets(west_deg=30.0, east_deg=150.0))
-        assert len(detections(made)) > 1000
+        compiled = plan(slot_deg=90.0, made=targets(west_deg=30.0, east_deg=150.0))
+        assert len(detections(compiled)) > 1000
     assert count.events.call_count == 0
     assert count.looks.call_count == 1
-    assert made.exclusions == (None,)
+    assert compiled.exclusions == (None,)
 
 
 def test_planning_samples_the_sun_twice_a_minute():
     with mock.patch.object(
         opir_core.orbits.sun_events, "intervals_below", side_effect=intervals_below
-    ) as found:
+    ) as results:
         plan(slot_deg=180.0)
-    assert [call.kwargs["step_s"] for call in found.call_args_list] == [30.0]
+    assert [call.kwargs["step_s"] for call in results.call_args_list] == [30.0]
 
 
-def test_a_long_scene_is_searched_in_pieces_that_block_the_same_looks():
+def test_long_scenes_are_searched_in_pieces():
     sensor = stub_sensor(**(GEO | {"solar_exclusion_rad": np.radians(5.0)}))
-    whole = opir_core.planning.solar_exclusion.SolarExclusion.of(sensor, EPOCH_US, 3 * 86_400.0)
+    exclusion = opir_core.planning.solar_exclusion.SolarExclusion.of(sensor, EPOCH_US, 3 * 86_400.0)
     module = opir_core.planning.solar_exclusion
     reach_s = list[float]()
     search = opir_core.orbits.sun_events.outage_times_s
@@ -242,23 +240,26 @@ def test_a_long_scene_is_searched_in_pieces_that_block_the_same_looks():
     ):
         pieces = module.SolarExclusion.of(sensor, EPOCH_US, 3 * 86_400.0)
     assert max(reach_s) <= 1001.0
-    assert len(pieces.start_s) > len(whole.start_s) >= 6
+    assert len(pieces.start_s) > len(exclusion.start_s) >= 6
     rng = np.random.default_rng(5)
     time_s = rng.uniform(0.0, 3 * 86_400.0, 20_000)
     position_m = sensor.orbit.position_ecef_m(time_s)
     sunward = sun_position_ecef_m(EPOCH, time_s) / 1.496e11
     target_m = position_m + 4e7 * sunward + rng.normal(0.0, 2e6, position_m.shape)
-    clear = [each.is_clear(position_m, target_m, time_s) for each in (whole, pieces)]
+    clear = [
+        part_or_whole.is_clear(position_m, target_m, time_s)
+        for part_or_whole in (exclusion, pieces)
+    ]
     assert np.array_equal(*clear)
     assert 0 < np.count_nonzero(~clear[0]) < 2000
 
 
-def test_explain_says_when_and_where_a_sensor_is_blind_and_eclipsed():
+def test_explain_lists_outages_and_eclipses():
     sensors = [{"model": "generic-scanner", "id": "S", "orbital_slot_deg": 180.0}]
-    made = snr_scene(
+    checked_scene = snr_scene(
         sensors, names="S", epoch="2026-03-20T11:00:00Z", duration_s=9000, detection="constant"
     )
-    reported = explained(compile_plan(made))
+    reported = explained(compile_plan(checked_scene))
     west, east = reported["outages"]
     assert (west["azimuth_at_stop_deg"], east["azimuth_at_start_deg"]) == pytest.approx(
         (270.0, 90.0), abs=3.0
@@ -270,8 +271,8 @@ def test_explain_says_when_and_where_a_sensor_is_blind_and_eclipsed():
     within = snr_scene(
         sensors, names="S", epoch="2026-03-20T11:10:00Z", duration_s=100, detection="constant"
     )
-    (whole,) = explained(compile_plan(within))["outages"]
-    assert (whole["start_s"], whole["stop_s"]) == (0.0, 100.0)
+    (complete,) = explained(compile_plan(within))["outages"]
+    assert (complete["start_s"], complete["stop_s"]) == (0.0, 100.0)
 
 
 def test_the_sun_is_looked_for_between_the_ends_of_outages_only():
@@ -297,25 +298,25 @@ def test_false_alarms_stay_away_from_the_sun_as_well():
     }
 
     def window(**changes):
-        made = snr_scene(
+        checked_scene = snr_scene(
             [{**noisy, **changes}], names="S", epoch="2026-03-20T11:30:00Z", duration_s=10
         )
-        return Engine(compile_plan(made)).advance(10_000_000_000).detections
+        return Engine(compile_plan(checked_scene)).advance(10_000_000_000).detections
 
     free = window(solar_exclusion_deg=0.0)
-    kept = window(solar_exclusion_deg=5.0)
+    selected = window(solar_exclusion_deg=5.0)
     time_s = free.time_ns * 1e-9
     towards = sun_position_ecef_m(np.datetime64("2026-03-20T11:30:00"), time_s) - free.sensor_ecef_m
     towards /= np.linalg.norm(towards, axis=1)[:, None]
-    near = np.arccos(np.sum(towards * free.line_of_sight_ecef, axis=1)) < np.radians(5.0)
-    assert 20 < np.count_nonzero(near) < len(free) - 20
-    assert {tuple(row) for row in kept.detection_id.tolist()} == {
-        tuple(row) for row in free.detection_id[~near].tolist()
+    neighbours = np.arccos(np.sum(towards * free.line_of_sight_ecef, axis=1)) < np.radians(5.0)
+    assert 20 < np.count_nonzero(neighbours) < len(free) - 20
+    assert {tuple(row) for row in selected.detection_id.tolist()} == {
+        tuple(row) for row in free.detection_id[~neighbours].tolist()
     }
 
 
-def test_the_sun_is_at_the_west_limb_before_midnight_and_not_at_the_east_limb():
-    both = VerticalTargets(
+def test_the_sun_is_at_the_west_limb_before_midnight():
+    two_targets = VerticalTargets(
         np.zeros(2), np.array([107.0, 253.0]), np.full(2, 1900.0), np.full(2, 2000.0)
     )
-    assert plan(made=both).pairs.looks.tolist() == [0, 200]
+    assert plan(made=two_targets).pairs.looks.tolist() == [0, 200]

@@ -5,7 +5,7 @@ from attrs import evolve
 from opir_testing import VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 
-def test_sensors_are_named_by_id_and_by_how_often_their_scans_were_numbered_anew():
+def test_sensor_streams_are_named_by_id_and_generation():
     sensors = [stub_sensor("A", 0.0), stub_sensor("B", 10.0)]
     target = VerticalTargets(*(np.array([value]) for value in (0.0, 5.0, 1.0, 9.0)))
     plan = stub_plan(sensors, target, ["T1"], stub_scene())

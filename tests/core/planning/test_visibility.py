@@ -7,16 +7,13 @@ import pytest
 from attrs import evolve, frozen
 
 import opir_core as opir
+from opir_core import Engine, Plan, compile_plan
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
 from opir_core.geometry import elevation_rad, is_occluded
-from opir_core.interfaces.protocols import Sensor
-from opir_core.planning.looks import look_times_s
-from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning import PairCompiler, look_times_s, visible_now
 from opir_core.planning.sightlines import Visibility
-from opir_core.planning.visibility import visible_now
-from opir_core.simulation.engine import Engine
+from opir_core.plugin import Sensor
 
 
 @frozen
@@ -59,18 +56,18 @@ def plan(target_type: str, aim_lat_deg: float, launch_lat_deg: float = 5.0) -> P
     return compile_plan(scene)
 
 
-def with_orbits(made: Plan, height_m: float) -> Plan:
+def with_orbits(subject: Plan, height_m: float) -> Plan:
     """Return the plan with its sensors in low orbits, from all around the pass over the launch."""
     sensors = tuple(
         evolve(sensor, orbit=PolarOrbit(height_m, start), field_of_regard_half_angle_rad=1.5)
         for sensor, start in zip(
-            made.sensors, np.linspace(-0.4, 0.3, len(made.sensors)), strict=True
+            subject.sensors, np.linspace(-0.4, 0.3, len(subject.sensors)), strict=True
         )
     )
     pairs, sightlines = PairCompiler(
-        sensors, made.targets, [0.0] * len(sensors), True, made.end_ns
+        sensors, subject.targets, [0.0] * len(sensors), True, subject.end_ns
     ).compiled()
-    return evolve(made, sensors=sensors, pairs=pairs, sightlines=sightlines)
+    return evolve(subject, sensors=sensors, pairs=pairs, sightlines=sightlines)
 
 
 PLANS = {
@@ -86,19 +83,19 @@ PLANS = {
 def test_light_times_and_elevations_stay_within_their_bounds(
     name: str, height_m: float, sine_bound: float
 ) -> None:
-    made = PLANS[name]()
-    made = made if height_m is None else with_orbits(made, height_m)
-    window = Engine(made).advance(made.end_ns)
-    found = window.detections
+    compiled = PLANS[name]()
+    compiled = compiled if height_m is None else with_orbits(compiled, height_m)
+    window = Engine(compiled).advance(compiled.end_ns)
+    detections = window.detections
     truth = window.truth
-    target_m = made.targets.position_ecef_m(truth.target, truth.emission_time_s)
-    look_s = found.time_ns * 1e-9
+    target_m = compiled.targets.position_ecef_m(truth.target, truth.emission_time_s)
+    look_s = detections.time_ns * 1e-9
     travel_s = look_s - truth.emission_time_s
-    exact_s = np.linalg.norm(target_m - found.sensor_ecef_m, axis=1) / SPEED_OF_LIGHT_M_S
-    inner = truth.emission_time_s < made.targets.burnout_s[0] - 1e-6
+    exact_s = np.linalg.norm(target_m - detections.sensor_ecef_m, axis=1) / SPEED_OF_LIGHT_M_S
+    inner = truth.emission_time_s < compiled.targets.burnout_s[0] - 1e-6
     assert inner.sum() > 100
     assert np.max(np.abs(travel_s - exact_s)[inner]) < 5e-8
-    exact = np.sin(elevation_rad(target_m, found.sensor_ecef_m))
+    exact = np.sin(elevation_rad(target_m, detections.sensor_ecef_m))
     assert np.max(np.abs(truth.target_elevation_sine - exact)) < sine_bound
 
 
@@ -107,20 +104,22 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
     """Every scan of every pair, judged exactly, agrees with what the plan holds for certain: no
     look is no sight.
     """
-    made = PLANS["ICBM"]()
-    made = made if height_m is None else with_orbits(made, height_m)
+    compiled = PLANS["ICBM"]()
+    compiled = compiled if height_m is None else with_orbits(compiled, height_m)
     judged = dict.fromkeys(Visibility, 0)
-    for pair in range(len(made.pairs)):
+    for pair in range(len(compiled.pairs)):
         scans = np.arange(1, 6800)
-        time_s = look_times_s(made.pairs, np.full(len(scans), pair), scans)
-        sensor = made.sensors[made.pairs.sensor[pair]]
-        exact, inside = seen_exactly(made, sensor, time_s)
-        is_look = ((made.pairs.first_scan[pair] <= scans) & (scans <= made.pairs.last_scan[pair]))[
-            inside
-        ]
+        time_s = look_times_s(compiled.pairs, np.full(len(scans), pair), scans)
+        sensor = compiled.sensors[compiled.pairs.sensor[pair]]
+        exact, inside = seen_exactly(compiled, sensor, time_s)
+        is_look = (
+            (compiled.pairs.first_scan[pair] <= scans) & (scans <= compiled.pairs.last_scan[pair])
+        )[inside]
         sight = np.full(len(is_look), Visibility.NEVER)
-        point = made.sightlines.first_point[pair] + np.floor(time_s[inside][is_look]).astype(int)
-        sight[is_look] = made.sightlines.sight[point]
+        point = compiled.sightlines.first_point[pair] + np.floor(time_s[inside][is_look]).astype(
+            int
+        )
+        sight[is_look] = compiled.sightlines.sight[point]
         assert exact[sight == Visibility.ALWAYS].all()
         assert not exact[sight == Visibility.NEVER].any()
         for kind in Visibility:
@@ -130,25 +129,27 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
     assert judged[Visibility.UNCERTAIN] < judged[Visibility.ALWAYS] / 5
 
 
-def seen_exactly(made: Plan, sensor: Sensor, time_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:
+def seen_exactly(
+    subject: Plan, sensor: Sensor, time_s: FloatArray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return, for the looks that fall into the burn, whether they see the target; light time is
     solved for.
     """
     sensor_m = sensor.orbit.position_ecef_m(time_s)
-    ignition_s = made.targets.ignition_s[0]
-    burnout_s = made.targets.burnout_s[0]
+    ignition_s = subject.targets.ignition_s[0]
+    burnout_s = subject.targets.burnout_s[0]
     emission_s = time_s - 0.0
     for _ in range(4):
         held = np.clip(emission_s, ignition_s, burnout_s)
-        target_m = made.targets.position_ecef_m(np.zeros(len(time_s), dtype=np.int32), held)
+        target_m = subject.targets.position_ecef_m(np.zeros(len(time_s), dtype=np.int32), held)
         emission_s = time_s - np.linalg.norm(target_m - sensor_m, axis=1) / SPEED_OF_LIGHT_M_S
     inside = (emission_s > ignition_s) & (emission_s < burnout_s)
     return visible_now(sensor, sensor_m[inside], target_m[inside]), inside
 
 
 def test_a_sensor_at_the_horizon_sees_what_grazes_the_ellipsoid() -> None:
-    made = PLANS["ICBM"]()
-    sensor = made.sensors[0]
+    compiled = PLANS["ICBM"]()
+    sensor = compiled.sensors[0]
     sensor_m = sensor.orbit.position_ecef_m(np.zeros(2000))
     heights = np.linspace(0.0, 4e5, 2000)
     from opir_core.geometry import geodetic_to_ecef
@@ -159,7 +160,7 @@ def test_a_sensor_at_the_horizon_sees_what_grazes_the_ellipsoid() -> None:
 
 
 @pytest.mark.parametrize("start_s", [59.99, 60.0, 61.0, 500.0])
-def test_what_begins_as_the_scene_ends_or_later_is_never_looked_at_and_upsets_nothing(
+def test_targets_after_the_end_of_the_scene_are_not_seen(
     start_s: float,
 ) -> None:
     scene = {
@@ -177,10 +178,10 @@ def test_what_begins_as_the_scene_ends_or_later_is_never_looked_at_and_upsets_no
         ],
         "outputs": [],
     }
-    made = compile_plan(opir.scene_from_mapping(scene))
+    compiled = compile_plan(opir.scene_from_mapping(scene))
     assert all(
-        np.isfinite(each).all()
-        for each in (made.sightlines.travel_s, made.sightlines.elevation_sine)
+        np.isfinite(column).all()
+        for column in (compiled.sightlines.travel_s, compiled.sightlines.elevation_sine)
     )
-    truth = Engine(made).advance(made.end_ns).truth
+    truth = Engine(compiled).advance(compiled.end_ns).truth
     assert np.all(truth.target < 0)

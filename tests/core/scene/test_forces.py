@@ -8,15 +8,13 @@ from fake_components import fake_host, good_mapping
 from opir_testing import SilentTracker
 from repository import EXAMPLES, TEST_SCENES
 
-from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
-from opir_core.host.host import Host
-from opir_core.interfaces.contexts import TrackerContext
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import NoConfig, TrackerModel, hookimpl
+from opir_core import compile_plan, simulate
+from opir_core.flight import Drag, Forces
+from opir_core.flight.forces import ExponentialAtmosphere
+from opir_core.plugin import Host, NoConfig, TrackerContext, TrackerModel, hookimpl
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 from opir_core.scene.scene import ExponentialAir, SceneDrag, SceneForces
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.run import simulate
 
 ONE_TARGET = EXAMPLES / "first_light.yaml"
 THREE_TARGETS = TEST_SCENES / "pacific_test_range.yaml"
@@ -51,7 +49,7 @@ def test_forces_are_read_and_written(written, read):
     assert scene_with(scene_mapping(scene)["forces"]) == scene
 
 
-def test_without_a_word_it_is_the_point_mass_alone():
+def test_the_default_force_is_the_point_mass():
     mapping = {key: value for key, value in good_mapping().items() if key != "forces"}
     assert scene_from_mapping(mapping, host=fake_host()) == scene_with("kepler")
 
@@ -127,8 +125,8 @@ def test_a_target_may_bring_its_own_ballistic_coefficient():
     along.
     """
     burnouts = []
-    for own in ("null", "300"):
-        overrides = ["forces=[j2, drag]", f"targets[1].ballistic_coefficient_kg_m2={own}"]
+    for coefficient in ("null", "300"):
+        overrides = ["forces=[j2, drag]", f"targets[1].ballistic_coefficient_kg_m2={coefficient}"]
         truth = compile_plan(load_scene(THREE_TARGETS, overrides=overrides)).targets.truth()
         assert max(target["miss_m"] for target in truth) <= 0.01
         burnouts.append([target["burnout"]["velocity_ecef_m_s"] for target in truth])

@@ -14,10 +14,10 @@ from opir_photons.radiometry.source_configs import FireConfig
 from scene_reading import HOST, PAGE
 
 from opir_core.errors import OpirError
-from opir_core.orbits.configs import OmmFileConfig
+from opir_core.orbits import OmmFileConfig
 from opir_core.orbits.orbit_models import omm_of_file
 from opir_core.reading import load_scene
-from opir_core.scene.input_file import NotAFileError, file_bytes
+from opir_core.scene import NotAFileError, file_bytes
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX pipes")
 
@@ -56,7 +56,7 @@ def test_what_is_no_file_is_refused_by_every_reader(
         READERS[reader](odd[what])
 
 
-def test_a_pipe_put_in_the_place_of_a_file_after_the_first_look_does_not_block(
+def test_a_file_replaced_by_a_pipe_does_not_block(
     odd: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     regular = Path(__file__).stat()

@@ -8,19 +8,15 @@ import pytest
 from attrs import fields, frozen
 from live_scene import mapping
 
+from opir_core import compile_plan
 from opir_core.cli.main import main
-from opir_core.host.components import CATALOGUE, Component
-from opir_core.host.host import Host
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import TrackerModel, number
+from opir_core.host.components import CATALOGUE
+from opir_core.plugin import Component, Host, TrackerModel, number
 from opir_core.reading import scene_from_mapping, scene_mapping
+from opir_core.scene import implausible_defaults
 from opir_core.scene.field_rows import field_rows
-from opir_core.scene.plausibility import (
-    implausible_defaults,
-    implausible_settings,
-    implausible_values,
-)
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.scene.plausibility import implausible_settings, implausible_values
+from opir_core.simulation import plan_warnings
 
 
 def scanner(**changes: Any) -> dict[str, Any]:
@@ -50,7 +46,7 @@ def test_zero_is_plausible_where_it_is_allowed() -> None:
     assert not implausible_values(scene_from_mapping(mapping(sensors=[quiet])))
 
 
-def test_implausible_values_are_warned_of_unless_they_are_allowed(
+def test_implausible_values_are_reported_unless_allowed(
     tmp_path: Any, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     import json
@@ -87,7 +83,7 @@ def test_defaults_and_presets_of_every_component_are_plausible() -> None:
             assert not list(implausible_settings(config, name)), name
 
 
-def test_implausible_defaults_presets_and_settings_are_found_by_the_check_of_a_component() -> None:
+def test_the_check_finds_implausible_defaults_and_presets() -> None:
     @frozen(kw_only=True)
     class Config:
         width_um: float = number(help="width", unit="um", above=0.0, default=900.0)
@@ -100,8 +96,8 @@ def test_implausible_defaults_presets_and_settings_are_found_by_the_check_of_a_c
         build=lambda *_: None,
         presets={"odd": {"sigma_urad": 1e9}},
     )
-    found = implausible_defaults(component, {"sigma_urad": 1e-9})
-    assert {(problem.path, problem.message.split()[0]) for problem in found} == {
+    problems = implausible_defaults(component, {"sigma_urad": 1e-9})
+    assert {(problem.path, problem.message.split()[0]) for problem in problems} == {
         ("width_um", "900"),
         ("presets.odd.sigma_urad", "1e+09"),
         ("sigma_urad", "1e-09"),

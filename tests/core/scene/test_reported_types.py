@@ -11,14 +11,12 @@ from opir_testing.bench import bench_run, bench_scene
 from opir_testing.json_schema import schema_errors
 from opir_trackers import plugin as trackers
 
+from opir_core import compile_plan, run_of_plan, simulate
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.output.events import detection_schema
-from opir_core.planning.plan import compile_plan
+from opir_core.output import detection_schema
+from opir_core.plugin import REPORTED_TYPES, Host
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scene.target_classes import core_target_classes
-from opir_core.simulation.run import run_of_plan, simulate
+from opir_core.scene import core_target_classes
 
 HOST = Host.of(trackers, light)
 LAUNCH = {"lat_deg": 34.7, "lon_deg": -120.6, "time_s": 2.0}
@@ -64,8 +62,8 @@ def test_the_setting_is_read_written_and_checked():
         scene(ICBM, reports="fine")
 
 
-def test_the_right_classifier_names_classes_where_the_scene_asks_for_them():
-    for reports, due in (
+def test_perfect_classifiers_report_classes_on_request():
+    for reports, expected in (
         ("classes", {"MRBM", "SLV", "ICBM"}),
         ("paper", {"IRBM", "UNKNOWN", "ICBM"}),
     ):
@@ -73,7 +71,7 @@ def test_the_right_classifier_names_classes_where_the_scene_asks_for_them():
             reported(
                 simulate(scene(MRBM, SLV, ICBM, reports=reports, classification="always"), HOST)
             )
-            == due
+            == expected
         )
 
 
@@ -81,25 +79,25 @@ def test_shares_of_reports_are_those_of_the_matrix():
     """Sixty sensors draw once each: the class's column with 0.6, in the 99.9 % interval of the
     binomial.
     """
-    many = [
+    launches = [
         {**SENSOR, "id": f"S{k}", "orbital_slot_deg": -130.0 + k, "confusion": FINE}
         for k in range(60)
     ]
-    run = simulate(scene(MRBM, sensors=many, detection="always", duration_s=10.0), HOST)
-    first = np.unique(run.detections.sensor, return_index=True)[1]
-    assert len(first) == 60
-    names = [run.reported_types[code] for code in run.detections.reported_type[first].tolist()]
+    run = simulate(scene(MRBM, sensors=launches, detection="always", duration_s=10.0), HOST)
+    first_row = np.unique(run.detections.sensor, return_index=True)[1]
+    assert len(first_row) == 60
+    names = [run.reported_types[code] for code in run.detections.reported_type[first_row].tolist()]
     assert set(names) <= {"MRBM", "IRBM", "UNKNOWN"}
     assert 23 <= names.count("MRBM") <= 48
 
 
-def test_columns_of_classes_add_to_their_types_where_only_four_are_reported():
+def test_class_columns_add_up_to_four_types():
     confusion = {"MRBM": {"MRBM": 0.5, "IRBM": 0.5}, "SLV": {"SLV": 1.0}}
     run = simulate(scene(MRBM, SLV, reports="paper", sensors=sensors(confusion)), HOST)
     assert reported(run) == {"IRBM", "UNKNOWN"}
 
 
-def test_a_class_that_no_matrix_names_is_reported_as_what_it_resembles():
+def test_a_class_without_a_row_is_reported_as_it_resembles():
     certain = {"IRBM": {"IRBM": 1.0}}
     assert reported(simulate(scene(MRBM, sensors=sensors(certain)), HOST)) == {"IRBM"}
 
@@ -182,8 +180,8 @@ def test_trackers_see_the_four_types(tracker, order):
     assert reported(runs[1]) == {"ICBM", "IRBM"}
     assert len(runs[0].tracks) > 20
     for column in ("track", "state", "type_probability", "impact"):
-        mine, theirs = (getattr(run.tracks, column) for run in runs)
-        assert mine.tobytes() == theirs.tobytes()
+        actual, expected = (getattr(run.tracks, column) for run in runs)
+        assert actual.tobytes() == expected.tobytes()
     assert runs[0].detections.track.tobytes() == runs[1].detections.track.tobytes()
 
 

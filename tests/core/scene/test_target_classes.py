@@ -12,14 +12,11 @@ from opir_photons.environment import make_environment
 from opir_testing import TargetClassContract
 from opir_testing.bench import bench_scene
 
+from opir_core import compile_plan, simulate
 from opir_core.errors import PluginError, SceneError
-from opir_core.host.host import Host
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import BoostProfile, Plume, TargetClass, hookimpl
+from opir_core.plugin import REPORTED_TYPES, BoostProfile, Host, Plume, TargetClass, hookimpl
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scene.target_classes import core_target_class, core_target_classes
-from opir_core.simulation.run import simulate
+from opir_core.scene import core_target_class, core_target_classes
 
 PROFILE = BoostProfile("PROBE", 100.0, 8.0, 1.3, 0.6, 3158.4, math.radians(40.0), 1.3e6, 1e6, 3e6)
 PLUME = Plume({"SWIR": 8e4, "MWIR": 8e4, "LWIR": 5e3})
@@ -59,7 +56,7 @@ def problems(**changes):
     return [str(problem) for problem in caught.value.problems]
 
 
-def test_a_type_that_no_plugin_offers_is_refused_with_the_nearest():
+def test_an_unknown_type_is_refused_with_the_nearest():
     (problem,) = problems(targets=[{"id": "T", "type": "IRMB", **FLIGHT}])
     assert problem.startswith(
         "targets[0].type: no target class is named 'IRMB'; the nearest is 'IRBM'; there are "
@@ -90,13 +87,13 @@ def test_matrices_name_classes_that_there_are():
 
 
 @pytest.mark.parametrize("kind", sorted(core_target_classes()))
-def test_scenes_with_each_class_are_read_again_from_their_canonical_form(kind):
+def test_every_class_reads_back_from_its_canonical_form(kind):
     host = Host.of()
     scene = scene_of(kind, host)
     assert scene_from_mapping(scene_mapping(scene), host=host) == scene
 
 
-def test_a_class_of_a_plugin_flies_and_is_named_in_truth_and_summary():
+def test_a_plugins_class_flies_and_is_in_truth_and_summary():
     host = Host.of(Probes(PROBE))
     run = simulate(scene_of("PROBE", host, classification="always"), host)
     (row,) = run.summary["targets"]
@@ -124,12 +121,12 @@ def test_the_conformance_tests_find_a_class_of_a_plugin():
 
 def test_a_class_like_another_makes_the_same_detections():
     """MRBM has the profile that IRBM flies over this range, and no sensor names it."""
-    mine, theirs = (simulate(scene_of(kind), Host.of()) for kind in ("MRBM", "IRBM"))
-    assert len(mine.detections) > 100
+    actual, expected = (simulate(scene_of(kind), Host.of()) for kind in ("MRBM", "IRBM"))
+    assert len(actual.detections) > 100
     for column in ("time_ns", "reported_type", "line_of_sight_ecef", "confidence"):
         assert (
-            getattr(mine.detections, column).tobytes()
-            == getattr(theirs.detections, column).tobytes()
+            getattr(actual.detections, column).tobytes()
+            == getattr(expected.detections, column).tobytes()
         )
 
 
@@ -158,7 +155,7 @@ def test_a_confusion_row_of_a_class_is_used():
     assert set(reported.tolist()) == {REPORTED_TYPES.index("SRBM")}
 
 
-def test_a_class_that_is_no_missile_is_right_as_unknown_and_seen_as_what_it_resembles():
+def test_a_class_other_than_missiles_is_right_as_unknown():
     kind = evolve(PROBE, reported_type="UNKNOWN", resembles="SRBM")
     host = Host.of(Probes(kind))
     right = simulate(scene_of("PROBE", host, classification="always"), host)
@@ -167,20 +164,20 @@ def test_a_class_that_is_no_missile_is_right_as_unknown_and_seen_as_what_it_rese
 
 
 def test_the_default_plume_of_a_class_is_its_own():
-    own = Plume(
+    plume = Plume(
         {name: 10.0 * peak for name, peak in PLUME.peak_w_sr.items()},
         stages=2,
         body_temperature_k=600.0,
     )
-    made = []
-    for kind in (PROBE, evolve(PROBE, plumes={"PROBE": own})):
+    built = []
+    for kind in (PROBE, evolve(PROBE, plumes={"PROBE": plume})):
         host = Host.of(Probes(kind), light)
         scene = scene_of("PROBE", host)
         plan = compile_plan(scene, host)
-        made.append(make_environment(plan).signatures[0])
-    np.testing.assert_allclose(made[1].peak_w_sr, 10.0 * made[0].peak_w_sr, rtol=1e-12)
-    assert (made[0].stages.tolist(), made[1].stages.tolist()) == ([1], [2])
-    assert (made[1].body_w_sr > made[0].body_w_sr).all()
+        built.append(make_environment(plan).signatures[0])
+    np.testing.assert_allclose(built[1].peak_w_sr, 10.0 * built[0].peak_w_sr, rtol=1e-12)
+    assert (built[0].stages.tolist(), built[1].stages.tolist()) == ([1], [2])
+    assert (built[1].body_w_sr > built[0].body_w_sr).all()
 
 
 @pytest.mark.parametrize(
@@ -215,7 +212,7 @@ def test_a_class_of_a_plugin_cannot_take_a_name_of_the_core():
         scene_of("MRBM", host)
 
 
-def test_own_values_come_before_those_of_the_type_that_is_resembled():
+def test_own_values_precede_those_of_the_resembled_type():
     slbm = core_target_class("SLBM")
     assert slbm.own({"SLBM": 1.0, "ICBM": 0.5}) == 1.0
     assert slbm.own({"ICBM": 0.5, "IRBM": 0.25}) == 0.5

@@ -10,10 +10,10 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 import opir_core as opir
-from opir_core.interfaces.protocols import DetectionProbability, Response
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import LookGeometry, Looks
-from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.planning import Looks
+from opir_core.planning.looks import LookGeometry
+from opir_core.plugin import DetectionProbability, Exposures, Response
+from opir_core.simulation import ProbabilityInterpolant
 from opir_core.simulation.refinement import FIRST_PIECE_S, KNOTS, GridRefiner, Intervals
 
 Array = NDArray[np.float64]
@@ -58,9 +58,9 @@ class Bent(DetectionProbability):
 
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
         bend = np.tanh((exposures.emission_time_s - 61.7) / 1.5)
-        both = np.stack([bend, -bend], axis=1)
-        snr = self.signal_level * (1.0 + self.signal * both)
-        noise = 3e-12 * (1.0 + self.noise * both)
+        signals = np.stack([bend, -bend], axis=1)
+        snr = self.signal_level * (1.0 + self.signal * signals)
+        noise = 3e-12 * (1.0 + self.noise * signals)
         return Response(np.full(len(exposures), self.quantile), snr, noise)
 
     def probability(self, exposures: Exposures) -> Any:
@@ -76,14 +76,14 @@ def errors(geometry: LookGeometry, end_ns: int, model: Any) -> tuple[Array, Arra
     """
     looks = Looks.between(geometry.pairs, 0, end_ns)
     exact = model.response(geometry.exposures(looks.pair, looks.scan))
-    made = (
+    interpolant = (
         ProbabilityInterpolant.of(geometry, model, 1e-4)
         .over(looks)
         .response(np.arange(len(looks.pair)))
     )
     return (
-        (made.snr - exact.snr) / np.maximum(SHARE * np.abs(exact.snr), SIGMA),
-        (made.noise_w_m2 - exact.noise_w_m2) / (SHARE * np.abs(exact.noise_w_m2)),
+        (interpolant.snr - exact.snr) / np.maximum(SHARE * np.abs(exact.snr), SIGMA),
+        (interpolant.noise_w_m2 - exact.noise_w_m2) / (SHARE * np.abs(exact.noise_w_m2)),
     )
 
 
@@ -91,7 +91,7 @@ def errors(geometry: LookGeometry, end_ns: int, model: Any) -> tuple[Array, Arra
 @pytest.mark.parametrize(
     "bend", [{"signal": 0.7}, {"noise": 0.7}, {"signal": 0.7, "signal_level": 2.0}], ids=str
 )
-def test_bends_of_two_bands_that_cancel_are_followed_though_p_d_is_constant(
+def test_cancelling_bends_of_two_bands_are_refined(
     plan: Any, bend: dict[str, float], quantile: float
 ) -> None:
     snr, noise = errors(plan.look_geometry(), plan.end_ns, Bent(quantile, **bend))
@@ -101,7 +101,7 @@ def test_bends_of_two_bands_that_cancel_are_followed_though_p_d_is_constant(
 
 
 @pytest.mark.parametrize("bend", [{"signal": 0.7}, {"noise": 0.7}], ids=str)
-def test_signals_of_certain_misses_are_not_followed_and_straight_ones_need_the_first_knots_alone(
+def test_certain_misses_and_straight_signals_get_first_knots(
     plan: Any, bend: dict[str, float]
 ) -> None:
     knots = {
@@ -138,12 +138,12 @@ def is_straight(scan: Array, columns: Array) -> bool:
     return True
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("bands", [1, 2, 3])
-@pytest.mark.parametrize("knots", [3, KNOTS])
-def test_straightness_is_that_of_lines_between_neighbouring_knots(bands: int, knots: int) -> None:
+def bent_pieces(bands: int, knots: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return scans (knots, count) and signals and noise (2 bands, knots, count) of pieces.
+
+    One value of each piece is off its line by a little less or more than is allowed.
+    """
     rng = np.random.default_rng([17, bands, knots])
-    count = 2000
     scan = np.cumsum(rng.integers(0, 9, (knots, count)), axis=0)
     level = np.concatenate(
         [
@@ -153,24 +153,31 @@ def test_straightness_is_that_of_lines_between_neighbouring_knots(bands: int, kn
     )
     slope = level * rng.uniform(-0.01, 0.01, level.shape)
     columns = level[:, None, :] + slope[:, None, :] * (scan - scan[0])
-    # One value of each piece is off its line by a little less or more than is allowed.
     piece = np.arange(count)
     row = rng.integers(2 * bands, size=count)
     knot = rng.integers(1, knots - 1, size=count)
     least = np.where(row < bands, SIGMA, 0.0)
     off = rng.choice([-1.0, 1.0], count) * rng.choice([0.3, 0.9, 1.1, 1.6], count)
     free = (scan[knot, piece] > scan[knot - 1, piece]) & (scan[knot + 1, piece] > scan[knot, piece])
-    columns[row, knot, piece] += (
-        free * off * 2.0 * np.maximum(SHARE * np.abs(columns[row, knot, piece]), least)
-    )
+    allowed = 2.0 * np.maximum(SHARE * np.abs(columns[row, knot, piece]), least)
+    columns[row, knot, piece] += free * off * allowed
+    return scan, columns
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bands", [1, 2, 3])
+@pytest.mark.parametrize("knots", [3, KNOTS])
+def test_straightness_against_lines_between_neighbouring_knots(bands: int, knots: int) -> None:
+    count = 2000
+    scan, columns = bent_pieces(bands, knots, count)
     rows = np.arange(knots * count).reshape(knots, count)
     sine = np.zeros((1, knots * count))
-    quantile = np.zeros((1, knots * count))
-    values = np.concatenate([quantile, columns.reshape(2 * bands, -1), sine])
-    pieces = Intervals(piece, scan, rows, np.full((2, count), np.nan))
+    values = np.concatenate([sine, columns.reshape(2 * bands, -1), sine])
+    pieces = Intervals(np.arange(count), scan, rows, np.full((2, count), np.nan))
     straight = GridRefiner(None, None, 1e-4)._is_straight(pieces, values)  # type: ignore[arg-type]
     expected = [
-        is_straight(scan[:, one].astype(np.float64), columns[:, :, one]) for one in range(count)
+        is_straight(scan[:, piece].astype(np.float64), columns[:, :, piece])
+        for piece in range(count)
     ]
     assert straight.tolist() == expected
     assert 0.3 < np.mean(expected) < 0.7
@@ -184,10 +191,10 @@ def test_pieces_are_steady_if_every_band_changes_by_little(bands: int) -> None:
     level = rng.choice([0.02, 5.0, 400.0], (bands, count))
     # Straight signals; one band of each piece changes by a little less or more than is allowed,
     # down or up.
-    most = np.maximum(0.3 * level, SIGMA)
-    change = rng.choice([0.0, 0.2, 0.6], level.shape) * most
+    maximum = np.maximum(0.3 * level, SIGMA)
+    change = rng.choice([0.0, 0.2, 0.6], level.shape) * maximum
     changing = rng.integers(bands, size=count), np.arange(count)
-    change[changing] = rng.choice([0.0, 0.9, 1.1, 1.6], count) * most[changing]
+    change[changing] = rng.choice([0.0, 0.9, 1.1, 1.6], count) * maximum[changing]
     share = np.where(rng.random(count) < 0.5, scan / 14.0, 1.0 - scan / 14.0)
     signals = level[:, None, :] - change[:, None, :] * share
     # Noise and quantiles may change by any amount.
@@ -204,9 +211,9 @@ def test_pieces_are_steady_if_every_band_changes_by_little(bands: int) -> None:
     expected = [
         all(
             max(band) - min(band) <= max(0.3 * max(band), SIGMA)
-            for band in signals[:, :, one].tolist()
+            for band in signals[:, :, row].tolist()
         )
-        for one in range(count)
+        for row in range(count)
     ]
     assert steady.tolist() == expected
     assert 0.2 < np.mean(expected) < 0.8

@@ -14,12 +14,12 @@ def looped(pair: np.ndarray, scan: np.ndarray, needed: np.ndarray, scans: np.nda
     """Return which detections are confirmed, by counting those of the same pair in the scans up to
     each one.
     """
-    near = [
+    neighbours = [
         (pair == pair[row]) & (scan <= scan[row]) & (scan > scan[row] - scans[pair[row]])
         for row in range(len(pair))
     ]
     return np.array(
-        [mask.sum() >= needed[pair[row]] for row, mask in enumerate(near)], dtype=np.bool_
+        [mask.sum() >= needed[pair[row]] for row, mask in enumerate(neighbours)], dtype=np.bool_
     )
 
 
@@ -34,9 +34,13 @@ def test_it_counts_as_a_loop_does_in_one_window_and_in_two(seed: int, edge: int)
     expected = looped(pair, scan, needed, scans)
     assert np.array_equal(Confirmation(needed, scans).confirmed(pair, scan), expected)
     parted = Confirmation(needed, scans)
-    early = scan < edge
-    assert np.array_equal(parted.confirmed(pair[early], scan[early]), expected[early])
-    assert np.array_equal(parted.confirmed(pair[~early], scan[~early]), expected[~early])
+    early_event = scan < edge
+    assert np.array_equal(
+        parted.confirmed(pair[early_event], scan[early_event]), expected[early_event]
+    )
+    assert np.array_equal(
+        parted.confirmed(pair[~early_event], scan[~early_event]), expected[~early_event]
+    )
 
 
 def scene(**sensor: object) -> opir.Scene:
@@ -80,17 +84,18 @@ def of_target(run: opir.Run) -> np.ndarray:
 def test_a_run_reports_the_confirmed_of_all_detections(needed: int, scans: int) -> None:
     # Faint enough that looks miss often; by default an IRBM is below DSP's noise in long waves.
     faint = {"threshold_sigma": 7.0, "nei_w_m2": 3e-12}
-    every = of_target(
+    every_detection = of_target(
         opir.simulate(scene(confirmation_detections=1, confirmation_scans=1, **faint))
     )
     run = opir.simulate(scene(confirmation_detections=needed, confirmation_scans=scans, **faint))
-    none = np.zeros(len(every), dtype=np.int64)
-    expected = every[looped(none, every, np.array([needed]), np.array([scans]))]
-    assert 0 < len(expected) < len(every)
+    none = np.zeros(len(every_detection), dtype=np.int64)
+    expected = every_detection[looped(none, every_detection, np.array([needed]), np.array([scans]))]
+    assert 0 < len(expected) < len(every_detection)
     assert np.array_equal(of_target(run), expected)
     # Counts go on over detections that are not reported.
     assert np.array_equal(
-        run.detections.detection_count[run.truth.target == 0] - 1, np.searchsorted(every, expected)
+        run.detections.detection_count[run.truth.target == 0] - 1,
+        np.searchsorted(every_detection, expected),
     )
     parted = opir.simulate(
         scene(confirmation_detections=needed, confirmation_scans=scans, **faint), window_s=1.1

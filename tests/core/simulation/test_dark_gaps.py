@@ -11,15 +11,12 @@ from opir_photons.environment import make_environment
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from opir_core import simulate
+from opir_core import Engine, compile_plan, run_of_plan, simulate
 from opir_core.cli.main import main
 from opir_core.live.changes import launch_change, without_finished_targets
-from opir_core.planning.looks import Looks
-from opir_core.planning.plan import compile_plan
+from opir_core.planning import Looks
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.run import run_of_plan
 
 MU = 3.986004418e14
 WHIRL = 7.292115e-5
@@ -65,20 +62,20 @@ def flown():
     times = []
     states = []
     for begin, end in pairwise(edges):
-        own = np.append(np.arange(begin, end, 2.0), end)
+        step_times_s = np.append(np.arange(begin, end, 2.0), end)
         inside = 1e-9 * (end - begin)
-        part = solve_ivp(
+        piece = solve_ivp(
             lambda t, y, low=begin + inside, high=end - inside: rates(min(max(t, low), high), y),
             (begin, end),
             state,
             method="DOP853",
             rtol=1e-11,
             atol=1e-6,
-            t_eval=own,
+            t_eval=step_times_s,
         )
-        times.append(own)
-        states.append(part.y.T)
-        state = part.y[:, -1]
+        times.append(step_times_s)
+        states.append(piece.y.T)
+        state = piece.y[:, -1]
     time = np.concatenate(times)
     state = np.concatenate(states)
     position = turned(state[:, :3], time)
@@ -100,9 +97,9 @@ def file_of(path, flight, *, has_gap=True):
     time, position, velocity = flight
     dark = has_gap & (time >= OUT_S) & (time < RELIT_S)
     # The first of two equal times ends what is before it.
-    first = np.append(np.diff(time) == 0.0, False)
+    first_value = np.append(np.diff(time) == 0.0, False)
     burning = ~dark & (time < BURNOUT_S)
-    burning[first] = ~burning[np.flatnonzero(first) + 1]
+    burning[first_value] = ~burning[np.flatnonzero(first_value) + 1]
     rows = np.column_stack([time, position, velocity, burning])
     path.write_text(
         "\n".join([NAMES, *(",".join(map(repr, row)) for row in rows.tolist())]), encoding="utf-8"
@@ -152,31 +149,37 @@ def strictly_between(time_s, low, high):
     return (time_s > low) & (time_s < high)
 
 
-def test_looks_of_a_table_are_those_of_a_whole_burn_without_those_in_its_gap(tmp_path, flight):
+def test_a_table_with_a_gap_loses_the_looks_in_the_gap(tmp_path, flight):
     dark = simulate(scene(file_of(tmp_path / "gap.csv", flight), light_time=False))
-    whole = simulate(
+    uncut = simulate(
         scene(file_of(tmp_path / "whole.csv", flight, has_gap=False), light_time=False)
     )
-    every = looks_s(whole)
-    assert np.count_nonzero(strictly_between(every, OUT_S, RELIT_S)) > 150
-    assert np.diff(every).max() == pytest.approx(0.037, abs=1e-9)
-    assert looks_s(dark).tolist() == every[~strictly_between(every, OUT_S, RELIT_S)].tolist()
-    assert every.max() <= BURNOUT_S < every.max() + 0.037
+    complete = looks_s(uncut)
+    assert np.count_nonzero(strictly_between(complete, OUT_S, RELIT_S)) > 150
+    assert np.diff(complete).max() == pytest.approx(0.037, abs=1e-9)
+    assert looks_s(dark).tolist() == complete[~strictly_between(complete, OUT_S, RELIT_S)].tolist()
+    assert complete.max() <= BURNOUT_S < complete.max() + 0.037
 
 
-def test_with_light_time_every_look_sees_light_of_a_burn_and_none_is_missing(tmp_path, flight):
-    found = looks_s(simulate(scene(file_of(tmp_path / "gap.csv", flight))))
+def test_light_time_shifts_the_looks_of_burns(tmp_path, flight):
+    look_times_s = looks_s(simulate(scene(file_of(tmp_path / "gap.csv", flight))))
     time, position, velocity = flight
     sensor = 42_164_169.6 * np.array([np.cos(np.radians(-150.0)), np.sin(np.radians(-150.0)), 0.0])
     _, rows = np.unique(time, return_index=True)
     course = CubicHermiteSpline(time[rows], position[rows], velocity[rows])
-    looks = found[0] + 0.037 * np.arange(round((found[-1] - found[0]) / 0.037) + 1)
-    left = looks - 0.12
+    looks = look_times_s[0] + 0.037 * np.arange(
+        round((look_times_s[-1] - look_times_s[0]) / 0.037) + 1
+    )
+    emission_s = looks - 0.12
     for _ in range(6):
-        left = looks - np.linalg.norm(course(left) - sensor, axis=1) / C
-    burns = (left >= START_S) & ~strictly_between(left, OUT_S, RELIT_S) & (left <= BURNOUT_S)
+        emission_s = looks - np.linalg.norm(course(emission_s) - sensor, axis=1) / C
+    burns = (
+        (emission_s >= START_S)
+        & ~strictly_between(emission_s, OUT_S, RELIT_S)
+        & (emission_s <= BURNOUT_S)
+    )
     assert 150 < np.count_nonzero(~burns) < 200
-    np.testing.assert_allclose(found, looks[burns], rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(look_times_s, looks[burns], rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.slow
@@ -185,15 +188,15 @@ def test_a_staged_boost_is_dark_between_its_stages(detection):
     plan = compile_plan(scene(GRAVITY_TURN, detection=detection))
     run = run_of_plan(plan)
     truth = plan.targets.truth()[0]
-    left = run.truth.emission_time_s
+    emission_s = run.truth.emission_time_s
     assert len(truth["gaps_s"]) == 2
-    for (out, relit), before, after in zip(
+    for (out, relit), former, changed in zip(
         truth["gaps_s"], truth["stages"], truth["stages"][1:], strict=False
     ):
-        assert (before["burnout_s"], after["ignition_s"]) == (out, relit)
-        assert not strictly_between(left, out, relit).any()
+        assert (former["burnout_s"], changed["ignition_s"]) == (out, relit)
+        assert not strictly_between(emission_s, out, relit).any()
         for low in (out - 2.0, relit):
-            assert np.count_nonzero(strictly_between(left, low, low + 2.0)) > 10
+            assert np.count_nonzero(strictly_between(emission_s, low, low + 2.0)) > 10
     assert run.summary["targets"][0]["burnout_s"] == truth["stages"][-1]["burnout_s"]
 
 
@@ -208,15 +211,15 @@ def test_a_sensor_that_follows_bodies_sees_the_body_in_gaps(tmp_path, flight):
     plan = compile_plan(scene(target, sensors=[FOLLOWER], light_time=False))
     environment = make_environment(plan)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    seen = plan.look_geometry().exposures(looks.pair, looks.scan)
-    everywhere = np.full(len(seen), 1e5)
-    still = np.full(len(seen), 0.5 * np.pi)
-    watts = environment.intensities_w_sr([0], seen, everywhere, still)[0]
-    body = watts[strictly_between(seen.emission_time_s, BURNOUT_S, 1e4)]
+    exposures = plan.look_geometry().exposures(looks.pair, looks.scan)
+    everywhere = np.full(len(exposures), 1e5)
+    still = np.full(len(exposures), 0.5 * np.pi)
+    watts = environment.intensities_w_sr([0], exposures, everywhere, still)[0]
+    body = watts[strictly_between(exposures.emission_time_s, BURNOUT_S, 1e4)]
     assert body.min() == body.max()
-    dark = strictly_between(seen.emission_time_s, OUT_S, RELIT_S)
+    dark = strictly_between(exposures.emission_time_s, OUT_S, RELIT_S)
     assert np.unique(watts[dark]).tolist() == [body[0]]
-    burns = strictly_between(seen.emission_time_s, START_S, OUT_S - 1e-9)
+    burns = strictly_between(exposures.emission_time_s, START_S, OUT_S - 1e-9)
     assert watts[burns][50:].min() > 1e3 * body[0]
 
 
@@ -226,12 +229,14 @@ def test_the_plume_steps_with_the_stages_and_rises_anew(tmp_path, flight):
     )
     environment = make_environment(plan)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    seen = plan.look_geometry().exposures(looks.pair, looks.scan)
-    since = np.where(seen.time_s < RELIT_S, seen.time_s - START_S, seen.time_s - RELIT_S)
-    still = np.full(len(seen), 0.5 * np.pi)
-    watts = environment.intensities_w_sr([0], seen, np.full(len(seen), 1e4), still)[0]
-    burns = ~strictly_between(seen.time_s, OUT_S - 1e-9, RELIT_S)
-    scale = np.where(seen.time_s < RELIT_S, 1.0, 0.3) * -np.expm1(-since / 1.0)
+    exposures = plan.look_geometry().exposures(looks.pair, looks.scan)
+    since = np.where(
+        exposures.time_s < RELIT_S, exposures.time_s - START_S, exposures.time_s - RELIT_S
+    )
+    still = np.full(len(exposures), 0.5 * np.pi)
+    watts = environment.intensities_w_sr([0], exposures, np.full(len(exposures), 1e4), still)[0]
+    burns = ~strictly_between(exposures.time_s, OUT_S - 1e-9, RELIT_S)
+    scale = np.where(exposures.time_s < RELIT_S, 1.0, 0.3) * -np.expm1(-since / 1.0)
     peak = watts[burns].max()
     np.testing.assert_allclose(watts[burns], peak * scale[burns], rtol=1e-12)
 
@@ -259,8 +264,8 @@ def test_a_launch_added_to_a_running_scene_keeps_its_gaps(tmp_path, flight):
     batch = Engine(compile_plan(scene(ballistic, table))).advance(plan.end_ns)
     live = engine.advance(plan.end_ns)
     assert live.detections.time_ns.tobytes() == batch.detections.time_ns.tobytes()
-    left = without_finished_targets(engine.plan, 110_000_000_000).targets
-    assert (left.ids, left.burns_s.shape) == (("B",), (1, 2, 2))
+    remaining = without_finished_targets(engine.plan, 110_000_000_000).targets
+    assert (remaining.ids, remaining.burns_s.shape) == (("B",), (1, 2, 2))
 
 
 def test_gaps_are_explained(tmp_path, flight, capsys):

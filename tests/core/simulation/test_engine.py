@@ -20,16 +20,14 @@ from opir_testing import (
 from repository import ROOT
 
 from examples import examples
+from opir_core import Engine, Scene, compile_plan
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range, is_occluded
-from opir_core.interfaces.records import Detections, Window
-from opir_core.planning.plan import compile_plan
 from opir_core.planning.sightlines import Blocked
+from opir_core.plugin import Detections, Window
 from opir_core.reading import load_scene
-from opir_core.scene.scene import Scene
-from opir_core.sensors.scan_patterns import AlignedScan
-from opir_core.simulation.engine import Engine
+from opir_core.sensors import AlignedScan
 from opir_core.simulation.run import window_edges_ns
 
 EXAMPLES = ROOT / "examples"
@@ -56,12 +54,14 @@ def all_detections(windows: list[Window]) -> Detections:
     return Detections.concatenate(window.detections for window in windows)
 
 
-def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = ()) -> None:
+def assert_same(
+    first_run: Detections, second_run: Detections, leave_out: Sequence[str] = ()
+) -> None:
     for attribute in fields(Detections):
         if attribute.name not in leave_out:
-            left = getattr(one, attribute.name)
-            right = getattr(other, attribute.name)
-            assert left.tobytes() == right.tobytes(), attribute.name
+            remaining = getattr(first_run, attribute.name)
+            right = getattr(second_run, attribute.name)
+            assert remaining.tobytes() == right.tobytes(), attribute.name
 
 
 @examples(25)
@@ -72,15 +72,15 @@ def test_windows_cut_anywhere_give_the_same_bytes(cuts: list[int], is_constant: 
         detection = CertainDetection(0.5, is_constant)
         return stub_plan(sensors, targets(), ids(3), stub_scene(duration_s=60), detection=detection)
 
-    whole = all_detections(run(plan(), [60_000_000_000]))
+    uncut = all_detections(run(plan(), [60_000_000_000]))
     cut = all_detections(run(plan(), [*sorted(cuts), 60_000_000_000]))
-    assert len(whole) > 100
-    assert_same(whole, cut)
+    assert len(uncut) > 100
+    assert_same(uncut, cut)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cadence_s", [0.3, 1.0, 7.0])
-def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windows(
+def test_ticks_do_not_depend_on_the_windows(
     cadence_s: float,
 ) -> None:
     def run_in(edges: Sequence[int]) -> tuple[CountingTracker, Detections, np.ndarray]:
@@ -97,12 +97,12 @@ def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windo
         return tracker, all_detections(windows), np.concatenate(counted)
 
     end = 60_000_000_000
-    whole = run_in([end])
+    uncut = run_in([end])
     cut = run_in([*range(200_000_000, end, 200_000_000), end])
-    assert whole[0].ticks == cut[0].ticks
-    assert sum(count for _, count in whole[0].ticks) == len(whole[1])
-    assert_same(whole[1], cut[1], leave_out=["estimate"])
-    assert np.array_equal(whole[2][whole[2] > 0], cut[2][cut[2] > 0])
+    assert uncut[0].ticks == cut[0].ticks
+    assert sum(count for _, count in uncut[0].ticks) == len(uncut[1])
+    assert_same(uncut[1], cut[1], leave_out=["estimate"])
+    assert np.array_equal(uncut[2][uncut[2] > 0], cut[2][cut[2] > 0])
 
 
 def test_an_estimate_is_of_the_last_tick_before_its_detection() -> None:
@@ -117,21 +117,23 @@ def test_an_estimate_is_of_the_last_tick_before_its_detection() -> None:
     assert np.all((age_s >= 0.0) & (age_s < 1.0))
 
 
-def test_another_sensor_or_target_leaves_the_old_ones_alone() -> None:
-    some = targets(4)
+def test_another_sensor_or_target_changes_no_other_event() -> None:
+    group = targets(4)
     more = [stub_sensor("A", -20.0), stub_sensor("NEW", 10.0), stub_sensor("B", 75.0)]
-    few = VerticalTargets(*(getattr(some, name)[[0, 1, 3]] for name in ("latitude_deg", "longitude_deg")), *(
-        getattr(some, name)[[0, 1, 3]] for name in ("ignition_s", "burnout_s")))  # fmt: skip
+    subset = VerticalTargets(*(getattr(group, name)[[0, 1, 3]] for name in ("latitude_deg", "longitude_deg")), *(
+        getattr(group, name)[[0, 1, 3]] for name in ("ignition_s", "burnout_s")))  # fmt: skip
     scene = stub_scene(duration_s=60)
     detection = CertainDetection(0.4)
     old = run(
-        stub_plan([more[0], more[2]], few, ["T0", "T1", "T3"], scene, detection=detection),
+        stub_plan([more[0], more[2]], subset, ["T0", "T1", "T3"], scene, detection=detection),
         [60_000_000_000],
     )[0]
-    new = run(stub_plan(more, some, ids(4), scene, detection=detection), [60_000_000_000])[0]
-    kept = new.detections.take((new.detections.sensor != 1) & (new.truth.target != 2))
-    renumbered = evolve(kept, sensor=np.where(kept.sensor == 2, 1, kept.sensor).astype(np.int32))
-    assert 0 < len(kept) < len(new.detections)
+    new = run(stub_plan(more, group, ids(4), scene, detection=detection), [60_000_000_000])[0]
+    selected = new.detections.take((new.detections.sensor != 1) & (new.truth.target != 2))
+    renumbered = evolve(
+        selected, sensor=np.where(selected.sensor == 2, 1, selected.sensor).astype(np.int32)
+    )
+    assert 0 < len(selected) < len(new.detections)
     assert_same(old.detections, renumbered)
 
 
@@ -164,26 +166,26 @@ def test_without_light_time_a_look_sees_the_target_where_it_is() -> None:
     assert np.array_equal(window.detections.time_s, window.truth.emission_time_s)
 
 
-def test_a_launch_on_a_scan_is_first_seen_a_period_later_and_last_at_burnout() -> None:
-    one = VerticalTargets(
+def test_a_launch_on_a_scan_is_first_seen_a_period_later() -> None:
+    first_run = VerticalTargets(
         np.zeros(1), np.zeros(1), np.array([10.0]), np.array([310.0]), speed_m_s=10.0
     )
     for period_ms, looks in ((200, 1500), (100, 3000), (50, 6000)):
         sensor = stub_sensor(scan=AlignedScan(period_ms * 1_000_000))
-        plan = stub_plan([sensor], one, ["T"], stub_scene(duration_s=400, light_time=False))
+        plan = stub_plan([sensor], first_run, ["T"], stub_scene(duration_s=400, light_time=False))
         window = run(plan, [400_000_000_000])[0]
         assert window.looks == looks
         assert window.detections.time_ns[0] == 10_000_000_000 + period_ms * 1_000_000
         assert window.detections.time_ns[-1] == 310_000_000_000
 
 
-def test_line_of_sight_errors_are_normal_with_the_stated_sigma_in_both_directions() -> None:
-    one = VerticalTargets(
+def test_line_of_sight_errors_are_normal_with_the_stated_sigma() -> None:
+    first_run = VerticalTargets(
         np.array([40.0]), np.array([20.0]), np.zeros(1), np.array([900.0]), speed_m_s=10.0
     )
     sensor = stub_sensor(line_of_sight_sigma_rad=3e-5, scan=AlignedScan(20_000_000))
-    window = run(stub_plan([sensor], one, ["T"], stub_scene(duration_s=1000)), [10**12])[0]
-    place = one.position_ecef_m(window.truth.target, window.truth.emission_time_s)
+    window = run(stub_plan([sensor], first_run, ["T"], stub_scene(duration_s=1000)), [10**12])[0]
+    place = first_run.position_ecef_m(window.truth.target, window.truth.emission_time_s)
     true = place - window.detections.sensor_ecef_m
     true /= np.linalg.norm(true, axis=1)[:, None]
     error = window.detections.line_of_sight_ecef - true
@@ -199,15 +201,15 @@ def test_line_of_sight_errors_are_normal_with_the_stated_sigma_in_both_direction
     assert distance < 1.95 / np.sqrt(count)
 
 
-def test_azimuth_and_elevation_are_those_of_the_measured_line_of_sight() -> None:
+def test_azimuth_and_elevation_of_the_measured_line_of_sight() -> None:
     window = run(
         stub_plan([stub_sensor()], targets(), ids(3), stub_scene(duration_s=60)), [60_000_000_000]
     )[0]
-    found = window.detections
-    far = found.sensor_ecef_m + 4e7 * found.line_of_sight_ecef
-    angles = azimuth_elevation_range(found.sensor_ecef_m, far)
-    assert np.allclose(found.azimuth_rad, angles.azimuth_rad, rtol=0, atol=1e-9)
-    assert np.allclose(found.elevation_rad, angles.elevation_rad, rtol=0, atol=1e-12)
+    detections = window.detections
+    distant = detections.sensor_ecef_m + 4e7 * detections.line_of_sight_ecef
+    angles = azimuth_elevation_range(detections.sensor_ecef_m, distant)
+    assert np.allclose(detections.azimuth_rad, angles.azimuth_rad, rtol=0, atol=1e-9)
+    assert np.allclose(detections.elevation_rad, angles.elevation_rad, rtol=0, atol=1e-12)
 
 
 def test_a_target_behind_the_earth_is_skipped_with_its_reason() -> None:
@@ -217,34 +219,34 @@ def test_a_target_behind_the_earth_is_skipped_with_its_reason() -> None:
     assert run(plan, [10**11])[0].looks == 0
 
 
-def test_a_target_outside_the_field_of_regard_is_skipped_with_its_reason() -> None:
+def test_a_target_outside_the_field_of_regard_is_skipped() -> None:
     plan = stub_plan(
         [stub_sensor(field_of_regard_half_angle_rad=0.01)], targets(1, seed=1), ["T"], stub_scene()
     )
     assert plan.pairs.blocked.tolist() == [Blocked.OUTSIDE_FIELD_OF_REGARD]
 
 
-def test_a_target_below_the_minimum_elevation_is_skipped_with_its_reason() -> None:
-    one = VerticalTargets(np.array([60.0]), np.array([60.0]), np.zeros(1), np.array([60.0]))
-    plan = stub_plan([stub_sensor(minimum_elevation_rad=1.0)], one, ["T"], stub_scene())
+def test_a_target_below_the_minimum_elevation_is_skipped() -> None:
+    first_run = VerticalTargets(np.array([60.0]), np.array([60.0]), np.zeros(1), np.array([60.0]))
+    plan = stub_plan([stub_sensor(minimum_elevation_rad=1.0)], first_run, ["T"], stub_scene())
     assert plan.pairs.blocked.tolist() == [Blocked.BELOW_MINIMUM_ELEVATION]
 
 
-def test_a_target_that_rises_over_the_limb_is_seen_exactly_when_it_is_not_occluded() -> None:
+def test_a_rising_target_is_seen_from_the_end_of_occlusion() -> None:
     # 82.5 degrees of longitude away a site is hidden; the target clears the limb as it climbs.
-    one = VerticalTargets(
+    first_run = VerticalTargets(
         np.zeros(1), np.array([82.5]), np.zeros(1), np.array([90.0]), speed_m_s=2000.0
     )
     sensor = stub_sensor(scan=AlignedScan(10_000_000))
-    plan = stub_plan([sensor], one, ["T"], stub_scene(light_time=False))
-    found = run(plan, [10**11])[0].detections
+    plan = stub_plan([sensor], first_run, ["T"], stub_scene(light_time=False))
+    detections = run(plan, [10**11])[0].detections
     look_s = np.arange(1, 9001) * 10_000_000 * 1e-9
-    place = one.position_ecef_m(np.zeros(9000, dtype=np.int32), look_s)
+    place = first_run.position_ecef_m(np.zeros(9000, dtype=np.int32), look_s)
     free = ~is_occluded(
         np.broadcast_to(sensor.orbit.position_ecef_m(np.zeros(1))[0], place.shape), place
     )
     assert 0 < free.sum() < len(free)
-    assert np.array_equal(found.scan, np.flatnonzero(free) + 1)
+    assert np.array_equal(detections.scan, np.flatnonzero(free) + 1)
 
 
 def test_detection_counts_run_up_by_sensor_and_target() -> None:
@@ -256,11 +258,11 @@ def test_detection_counts_run_up_by_sensor_and_target() -> None:
         detection=CertainDetection(0.3),
     )
     windows = run(plan, [10_000_000_000, 20_000_000_000, 100_000_000_000])
-    found = all_detections(windows)
+    detections = all_detections(windows)
     target = np.concatenate([window.truth.target for window in windows])
     for sensor in range(2):
         for number in range(3):
-            count = found.detection_count[(found.sensor == sensor) & (target == number)]
+            count = detections.detection_count[(detections.sensor == sensor) & (target == number)]
             assert count.tolist() == list(range(1, len(count) + 1))
 
 
@@ -300,9 +302,11 @@ def test_windows_are_sized_by_the_looks_they_hold() -> None:
 
 
 def test_what_leaves_the_engine_cannot_be_written_to() -> None:
-    found = run(stub_plan([stub_sensor()], targets(), ids(3), stub_scene()), [10**11])[0].detections
+    detections = run(stub_plan([stub_sensor()], targets(), ids(3), stub_scene()), [10**11])[
+        0
+    ].detections
     with pytest.raises(ValueError, match="read-only"):
-        found.time_ns[0] = 1
+        detections.time_ns[0] = 1
 
 
 def stages_of(scene: Scene) -> set[str]:
@@ -312,7 +316,7 @@ def stages_of(scene: Scene) -> set[str]:
     }
 
 
-def test_what_does_not_happen_in_a_scene_is_no_stage_of_its_engine() -> None:
+def test_the_engine_has_only_the_stages_that_the_scene_needs() -> None:
     constant, photons = (
         stages_of(load_scene(EXAMPLES / name)) for name in ("first_light.yaml", "photons.yaml")
     )

@@ -16,9 +16,9 @@ from scipy.integrate import quad
 from scipy.stats import chi2, norm, poisson
 
 import opir_core as opir
-from opir_core.interfaces.records import Detections, DetectionTruth
-from opir_core.planning.looks import Looks
-from opir_core.simulation.engine import Engine
+from opir_core import DetectionTruth, Engine
+from opir_core.planning import Looks
+from opir_core.plugin import Detections
 
 TARGETS = int(os.environ.get("OPIR_CHANCE_TARGETS", "40"))
 RISK = 0.001
@@ -101,23 +101,23 @@ def reported(
     repeats: int, sensors: list[dict[str, Any]], **changes: Any
 ) -> dict[tuple[str, str], Story]:
     """Return what becomes of each class before each sensor."""
-    one = opir.compile_plan(scene(1, sensors, **changes))
-    looks = Looks.between(one.pairs, 0, one.end_ns)
-    exposed = one.look_geometry().exposures(looks.pair, looks.scan)
-    chance = one.detection.probability(exposed)
-    snr = one.detection.response(exposed).snr[:, 0]
+    first_run = opir.compile_plan(scene(1, sensors, **changes))
+    looks = Looks.between(first_run.pairs, 0, first_run.end_ns)
+    exposed = first_run.look_geometry().exposures(looks.pair, looks.scan)
+    chance = first_run.detection.probability(exposed)
+    snr = first_run.detection.response(exposed).snr[:, 0]
     detections, truth = drawn(opir.compile_plan(scene(repeats, sensors, **changes)))
-    found = {}
+    results = {}
     for sensor, model in enumerate(SENSORS):
         for number, kind in enumerate(CLASSES):
             rows = (exposed.sensor == sensor) & (exposed.target == number)
-            own = [
-                (detections.sensor == sensor) & (truth.target == number * repeats + each)
-                for each in range(repeats)
+            own_rows = [
+                (detections.sensor == sensor) & (truth.target == number * repeats + item)
+                for item in range(repeats)
             ]
-            scans = [np.sort(detections.scan[each]) for each in own]
-            found[model, kind] = Story(exposed.scan[rows], chance[rows], snr[rows], scans)
-    return found
+            scans = [np.sort(detections.scan[item]) for item in own_rows]
+            results[model, kind] = Story(exposed.scan[rows], chance[rows], snr[rows], scans)
+    return results
 
 
 @pytest.fixture(scope="module")
@@ -131,18 +131,19 @@ def stories() -> dict[tuple[str, str], Story]:
 
 
 @pytest.mark.parametrize("model", SENSORS)
-def test_detections_come_as_often_as_the_formula_says_in_20_bins_of_snr(
+def test_detection_rates_in_20_bins_of_snr(
     stories: dict[tuple[str, str], Story], model: str
 ) -> None:
-    parts = [stories[model, kind] for kind in CLASSES]
+    pieces = [stories[model, kind] for kind in CLASSES]
     snr, chance = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("snr", "chance")
+        np.concatenate([getattr(part_value, name) for part_value in pieces])
+        for name in ("snr", "chance")
     )
     hits = np.concatenate(
-        [np.isin(part.scan, each) for part in parts for each in part.found]
+        [np.isin(part_value.scan, item) for part_value in pieces for item in part_value.found]
     )  # Class by class, launch by launch.
     bins = np.searchsorted(np.quantile(snr, np.linspace(0.0, 1.0, BINS + 1)[1:-1]), snr)
-    edges = np.cumsum([0, *(len(part.scan) for part in parts)])
+    edges = np.cumsum([0, *(len(part_value.scan) for part_value in pieces)])
     of_hits = np.concatenate([np.tile(bins[a:b], TARGETS) for a, b in itertools.pairwise(edges)])
     counted = np.bincount(of_hits, hits, minlength=BINS)
     expected = TARGETS * np.bincount(bins, chance, minlength=BINS)
@@ -165,8 +166,8 @@ def test_first_detections_follow_the_product_of_misses(
     shares = {}
     for key, story in stories.items():
         missed = np.cumprod(1.0 - story.chance)
-        first = np.sort([each[0] for each in story.found if len(each)])
-        until = np.searchsorted(first, story.scan, side="right") / TARGETS
+        first_value = np.sort([item[0] for item in story.found if len(item)])
+        until = np.searchsorted(first_value, story.scan, side="right") / TARGETS
         assert np.abs(until - (1.0 - missed)).max() <= bound, key
         shares[key] = 1.0 - missed[-1]
     assert max(shares.values()) > 0.999
@@ -174,7 +175,7 @@ def test_first_detections_follow_the_product_of_misses(
 
 
 @pytest.mark.slow
-def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
+def test_latency_distribution_under_every_sky() -> None:
     """Class by class, sensor by sensor, climate by climate, cloud by cloud: the level of each
     launch's first detection.
 
@@ -194,11 +195,11 @@ def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
             for scans in story.found:
                 step = np.searchsorted(story.scan, scans[0]) if len(scans) else len(story.scan)
                 levels.setdefault(cell, []).append(rng.uniform(law[step], law[step + 1]))
-    everything = [one for cell in levels.values() for one in cell]
+    everything = [first_run for cell in levels.values() for first_run in cell]
     assert len(everything) == 9 * FEW * len(CLIMATES) * len(CLOUDS)
-    for some in (everything, *levels.values()):
-        count = len(some)
-        distance = np.abs(np.sort(some) - (np.arange(count) + 0.5) / count).max() + 0.5 / count
+    for group in (everything, *levels.values()):
+        count = len(group)
+        distance = np.abs(np.sort(group) - (np.arange(count) + 0.5) / count).max() + 0.5 / count
         assert distance <= np.sqrt(np.log(2.0 * (1 + len(levels)) / RISK) / (2.0 * count))
 
 
@@ -217,9 +218,9 @@ def noise_chance(sensor: Any, nei_w_m2: np.ndarray) -> float:
         value = norm.pdf(y)
         for band in set(range(len(sensor.bands))) - {light.reference}:
             steep = nei_w_m2[light.reference] / nei_w_m2[band]
-            least, most = (ratio * steep for ratio in light.ratios[band])
+            least, upper = (ratio * steep for ratio in light.ratios[band])
             low = max(least * y - light.ratio_tolerance * np.hypot(1.0, least), light.coincidence)
-            high = most * y + light.ratio_tolerance * np.hypot(1.0, most)
+            high = upper * y + light.ratio_tolerance * np.hypot(1.0, upper)
             value *= max(norm.sf(low) - norm.sf(high), 0.0)
         return float(value)
 
@@ -244,10 +245,12 @@ RULES = {
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold(rule: str) -> None:
-    own = RULES[rule]
+def test_false_alarms_are_poisson_at_the_rate_of_the_threshold(rule: str) -> None:
+    own_rows = RULES[rule]
     sensors = [
-        one | own[one["model"]] for one in fleet(coincidence_sigma=1.0) if one["model"] in own
+        first_run | own_rows[first_run["model"]]
+        for first_run in fleet(coincidence_sigma=1.0)
+        if first_run["model"] in own_rows
     ]
     plan = opir.compile_plan(scene(0, sensors, duration_s=120.0, classification="paper"))
     detections, truth = drawn(plan)
@@ -265,15 +268,15 @@ def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold(rule: str
         assert mean > 200.0, sensor.id
         # Two comparisons a sensor: the count, and how counts of a second spread.
         risk = RISK / (2 * len(plan.sensors))
-        least, most = poisson.interval(1.0 - risk, mean)
-        assert least <= len(times) <= most, sensor.id
+        least, upper = poisson.interval(1.0 - risk, mean)
+        assert least <= len(times) <= upper, sensor.id
         by_second = np.bincount(times // 10**9, minlength=120)
         spread = ((by_second - mean / 120.0) ** 2).sum() / (mean / 120.0)
         assert chi2.isf(1.0 - 0.5 * risk, 120) <= spread <= chi2.isf(0.5 * risk, 120), sensor.id
 
 
 @pytest.mark.parametrize("bias_urad", [0.0, 40.0])
-def test_residuals_of_lines_of_sight_are_chi_squared_but_for_the_bias_that_is_reported(
+def test_line_of_sight_residuals_are_chi_squared(
     bias_urad: float,
 ) -> None:
     plan = opir.compile_plan(scene(4, fleet(line_of_sight_bias_sigma_urad=bias_urad)))

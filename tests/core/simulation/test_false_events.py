@@ -10,9 +10,8 @@ from opir_testing.contracts.detection import reported_chances
 from scipy.stats import norm, poisson
 
 import opir_core as opir
-from opir_core.planning.looks import Looks
-from opir_core.planning.plan import compile_plan
-from opir_core.simulation.engine import Engine
+from opir_core import Engine, compile_plan
+from opir_core.planning import Looks
 
 DURATION_S = 300.0
 RISK = 1e-3
@@ -69,9 +68,9 @@ def test_sources_are_reported_as_often_as_their_chances_say(
     plan = planned(sensor, temporal, sources=SOURCES)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     geometry = plan.look_geometry()
-    seen = np.flatnonzero(geometry.visible(looks.pair, looks.scan))
-    pair = looks.pair[seen]
-    scan = looks.scan[seen]
+    visible = np.flatnonzero(geometry.visible(looks.pair, looks.scan))
+    pair = looks.pair[visible]
+    scan = looks.scan[visible]
     chances = plan.detection.probability(geometry.exposures(pair, scan))
     needed, scans = (np.full(len(pair), number) for number in plan.detection.confirmation[0])
     reported = reported_chances(chances, pair, scan, needed, scans)
@@ -93,9 +92,9 @@ def test_noise_and_clutter_are_reported_at_their_stated_rate(
 ) -> None:
     sky = {"background": "none"} if cause == "noise" else {}
     plan = planned({**sensor, "threshold_sigma": 4.1}, "difference", **sky)
-    found = Engine(plan).advance(plan.end_ns)
-    assert (found.truth.target == -1).all()
+    window = Engine(plan).advance(plan.end_ns)
+    assert (window.truth.target == -1).all()
     mean = float(plan.detection.rate_per_scan[0]) * plan.end_ns / plan.sensors[0].scan.period_ns
-    least, most = poisson.interval(1.0 - RISK, mean)
+    least, upper = poisson.interval(1.0 - RISK, mean)
     assert mean > 20.0
-    assert least <= len(found.detections) <= most
+    assert least <= len(window.detections) <= upper

@@ -13,8 +13,8 @@ from scipy.special import ndtr
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.planning.looks import Looks
-from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.planning import Looks
+from opir_core.simulation import ProbabilityInterpolant
 from opir_core.simulation.refinement import KNOTS, GridRefiner, certain_beyond
 
 AIR = {"atmosphere": "lowtran", "background": "earth"}
@@ -141,14 +141,14 @@ def test_a_slow_scanner_is_asked_for_few_more_than_its_looks(others: int) -> Non
         )
     )
     counting = Counting(plan.detection)
-    made = ProbabilityInterpolant.of(plan.look_geometry(), counting, 1e-4)
+    product = ProbabilityInterpolant.of(plan.look_geometry(), counting, 1e-4)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    mine = plan.pairs.sensor[looks.pair] == 0
+    actual = plan.pairs.sensor[looks.pair] == 0
     exact = ndtr(
         plan.detection.response(plan.look_geometry().exposures(looks.pair, looks.scan)).probit
     )
-    assert 3 < np.count_nonzero(mine) < 60
-    assert np.abs(made.over(looks).probability() - exact)[mine].max() <= 1e-8
+    assert 3 < np.count_nonzero(actual) < 60
+    assert np.abs(product.over(looks).probability() - exact)[actual].max() <= 1e-8
     if not others:
         assert sum(rows for rows, _ in counting.asked) <= 1.7 * len(looks.pair)
 
@@ -163,7 +163,7 @@ def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
-def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(
+def test_rounding_to_certain_costs_1e_4_of_the_tolerance(
     tolerance: float,
 ) -> None:
     plan = planned("none", {}, tolerance)
@@ -177,7 +177,7 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(
     assert np.abs(probability - exact)[sure].max() <= 1.1e-4 * tolerance
 
 
-def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(
+def test_values_are_seldom_copied_and_heights_are_geodetic(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = planned("none", {})
@@ -225,8 +225,8 @@ def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, An
     plan = planned("none", sky)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     environment = plan.detection.environment
-    every = slice(None, None, 97)
-    exposed = plan.look_geometry().exposures(looks.pair[every], looks.scan[every])
+    complete = slice(None, None, 97)
+    exposed = plan.look_geometry().exposures(looks.pair[complete], looks.scan[complete])
     view = environment.views(exposed)
     path = environment.paths(exposed)
     aspect = environment.aspect_rad(exposed)
@@ -247,11 +247,11 @@ def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, An
         assert (radiance[band].max() > 0.0) == bool(sky)
 
 
-def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(
+def test_models_are_called_once_for_all_bands(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = planned("none", AIR)
-    asked: list[str] = []
+    calls: list[str] = []
     for kind, name in (
         (PlumeSignatures, "_thrust"),
         (LowtranAtmosphere, "_looked_up"),
@@ -259,14 +259,16 @@ def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(
     ):
         inner = getattr(kind, name)
         monkeypatch.setattr(
-            kind, name, lambda *given, inner=inner, name=name: asked.append(name) or inner(*given)
+            kind,
+            name,
+            lambda *arguments, inner=inner, name=name: calls.append(name) or inner(*arguments),
         )
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair[::97], looks.scan[::97])
     plan.detection.response(exposed)
     # Plumes and air also for the light of a lag earlier, which frames subtract.
     expected = {
-        name: len(plan.sensors) * (1 if name == "_radiances_w_m2_sr" else 2) for name in asked
+        name: len(plan.sensors) * (1 if name == "_radiances_w_m2_sr" else 2) for name in calls
     }
-    assert {name: asked.count(name) for name in asked} == expected
-    assert len(set(asked)) == 3
+    assert {name: calls.count(name) for name in calls} == expected
+    assert len(set(calls)) == 3

@@ -9,21 +9,31 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, frozen
-from opir_testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
-from opir_testing.doubles import stub_window
+from opir_testing import (
+    CertainDetection,
+    VerticalTargets,
+    stub_plan,
+    stub_scene,
+    stub_sensor,
+    stub_window,
+)
 from repository import TEST_SCENES
 
 import opir_core as opir
+from opir_core import Engine, plan_windows
 from opir_core.errors import ModelError
 from opir_core.geometry import local_axes
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band, Measured, RandomDraws
-from opir_core.interfaces.records import Detections, Exposures, Window
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.run_files import TruthFile
+from opir_core.output import ForgeEncoder, TruthFile
 from opir_core.planning.sensor_states import PointingBias
-from opir_core.simulation.engine import Engine
-from opir_core.simulation.run import plan_windows
+from opir_core.plugin import (
+    Band,
+    Detections,
+    EncoderContext,
+    Exposures,
+    Measured,
+    RandomDraws,
+    Window,
+)
 from opir_core.simulation.summary import Tally
 
 BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0))
@@ -61,16 +71,14 @@ def test_a_model_without_irradiance_costs_no_column() -> None:
     assert np.all(window.detections.line_of_sight_sigma_rad == 2e-5)
 
 
-def test_a_model_that_measures_fills_the_columns_and_windows_without_rows_do_not_disturb_them() -> (
-    None
-):
+def test_measured_columns_with_windows_without_rows() -> None:
     sensors = [stub_sensor("A", bands=BANDS), stub_sensor("B")]
     plan = stub_plan(sensors, one_target(), ["T"], stub_scene(), detection=Radiometer())
-    parts = [window.detections for window in windows_of(plan, 0.5, 50.0, 100.0)]
-    assert len(parts[0]) == 0
-    found = Detections.concatenate(parts)
-    assert found.band_irradiance_w_m2.shape == (len(found), 2)
-    assert np.array_equal(found.line_of_sight_sigma_rad, 1e-6 * (1.0 + found.scan))
+    pieces = [window.detections for window in windows_of(plan, 0.5, 50.0, 100.0)]
+    assert len(pieces[0]) == 0
+    detections = Detections.concatenate(pieces)
+    assert detections.band_irradiance_w_m2.shape == (len(detections), 2)
+    assert np.array_equal(detections.line_of_sight_sigma_rad, 1e-6 * (1.0 + detections.scan))
 
 
 def test_irradiances_of_another_width_are_refused() -> None:
@@ -92,29 +100,30 @@ def test_the_spread_of_lines_of_sight_is_each_ones_own() -> None:
         detection=Radiometer(bands=1),
     )
     window = windows_of(plan, 900.0)[0]
-    found = window.detections
+    detections = window.detections
     true = (
         one_target().position_ecef_m(window.truth.target, window.truth.emission_time_s)
-        - found.sensor_ecef_m
+        - detections.sensor_ecef_m
     )
     true /= np.linalg.norm(true, axis=1)[:, None]
     squared = np.sum(
-        ((found.line_of_sight_ecef - true) / found.line_of_sight_sigma_rad[:, None]) ** 2, axis=1
+        ((detections.line_of_sight_ecef - true) / detections.line_of_sight_sigma_rad[:, None]) ** 2,
+        axis=1,
     )
     # A chi-square with two degrees of freedom has mean 2 and variance 4; 3.29 standard errors are
     # 99.9 %.
-    assert len(found) > 8000
-    assert abs(squared.mean() - 2.0) < 3.29 * 2.0 / np.sqrt(len(found))
+    assert len(detections) > 8000
+    assert abs(squared.mean() - 2.0) < 3.29 * 2.0 / np.sqrt(len(detections))
 
 
-def test_events_carry_the_sigma_of_the_line_of_sight_by_either_way_of_writing_it() -> None:
+def test_events_carry_the_line_of_sight_sigma() -> None:
     sensors = (stub_sensor(line_of_sight_sigma_rad=1.2345678e-5), stub_sensor("B"))
     encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=0))
-    own = encoder.encode(stub_window(2, line_of_sight_sigma_rad=1.2345678e-5)).splitlines()
+    own_rows = encoder.encode(stub_window(2, line_of_sight_sigma_rad=1.2345678e-5)).splitlines()
     mixed = encoder.encode(
         stub_window(2, line_of_sight_sigma_rad=[1.2345678e-5, 7.5e-6])
     ).splitlines()
-    assert mixed[0] == own[0]
+    assert mixed[0] == own_rows[0]
     assert json.loads(mixed[1])["line_of_sight_sigma_urad"] == 7.5
 
 
@@ -140,7 +149,7 @@ def _at(sensor_m: Any) -> tuple[Any, Any]:
 
 
 @pytest.mark.slow
-def test_the_bias_is_one_draw_a_sensor_and_run_that_no_neighbour_changes() -> None:
+def test_the_bias_is_one_draw_per_sensor_and_run() -> None:
     sensors = [
         stub_sensor(f"S{number}", line_of_sight_bias_sigma_rad=2e-5) for number in range(4000)
     ]

@@ -9,8 +9,8 @@ from repository import EXAMPLES
 from scipy.stats import norm, poisson
 
 import opir_core as opir
-from opir_core.scene.scene import UNKNOWN_TYPE
-from opir_core.simulation.run import Run
+from opir_core import Run
+from opir_core.scene import UNKNOWN_TYPE
 
 EXAMPLE = EXAMPLES / "photons.yaml"
 DSP, SBIRS, NEXTGEN = range(3)
@@ -30,8 +30,8 @@ def counts(run: Run, ids: tuple[str, ...], sensor: int) -> dict[str, int]:
     """Return how often a sensor detected each thing, by id; what is nothing goes by the name of
     noise.
     """
-    seen = run.truth.target[run.detections.sensor == sensor]
-    numbers, times = np.unique(seen, return_counts=True)
+    detections = run.truth.target[run.detections.sensor == sensor]
+    numbers, times = np.unique(detections, return_counts=True)
     names = [ids[number] if number >= 0 else "noise" for number in numbers.tolist()]
     return dict(zip(names, times.tolist(), strict=True))
 
@@ -39,11 +39,11 @@ def counts(run: Run, ids: tuple[str, ...], sensor: int) -> dict[str, int]:
 @pytest.mark.slow
 def test_plumes_are_detected_each_by_the_sensors_that_can(run: Run, ids: tuple[str, ...]) -> None:
     for sensor in (SBIRS, NEXTGEN):
-        found = counts(run, ids, sensor)
-        assert min(found["T1"], found["T2"]) > 100
+        target_counts = counts(run, ids, sensor)
+        assert min(target_counts["T1"], target_counts["T2"]) > 100
     # A look in ten seconds, in air that hides the lowest looks.
-    found = counts(run, ids, DSP)
-    assert min(found["T1"], found["T2"]) >= 3
+    target_counts = counts(run, ids, DSP)
+    assert min(target_counts["T1"], target_counts["T2"]) >= 3
 
 
 def test_hot_sources_stand_in_the_truth_as_themselves(run: Run, ids: tuple[str, ...]) -> None:
@@ -53,9 +53,9 @@ def test_hot_sources_stand_in_the_truth_as_themselves(run: Run, ids: tuple[str, 
     sensors = [{**sensor, "focal_plane": single} for sensor in example["sensors"]]
     changes = {"sensors": sensors, "targets": [], "duration_s": 2, "outputs": []}
     steady = opir.simulate(opir.scene_from_mapping({**example, **changes}))
-    found = counts(steady, ids[2:], NEXTGEN)
+    target_counts = counts(steady, ids[2:], NEXTGEN)
     for block in ("fires", "flares"):
-        assert any(name.startswith(f"{block}-") for name in found), block
+        assert any(name.startswith(f"{block}-") for name in target_counts), block
     assert counts(run, ids, NEXTGEN)["meteor-1"] > 10
     # The meteor flashes for two seconds, and nothing is seen of it outside them.
     meteor = run.truth.target == ids.index("meteor-1")
@@ -70,19 +70,19 @@ def test_frame_differences_remove_most_of_what_is_steady(run: Run, ids: tuple[st
         number for number, name in enumerate(ids) if name.startswith(("fires", "flares", "sea"))
     ]
     for sensor in (SBIRS, NEXTGEN):
-        own = run.detections.sensor == sensor
-        left = run.detections.snr[own & np.isin(run.truth.target, steady)]
-        assert len(left) == 0 or np.median(left) < 30.0
-        assert np.median(run.detections.snr[own & (run.truth.target == 0)]) > 500.0
+        own_rows = run.detections.sensor == sensor
+        remaining = run.detections.snr[own_rows & np.isin(run.truth.target, steady)]
+        assert len(remaining) == 0 or np.median(remaining) < 30.0
+        assert np.median(run.detections.snr[own_rows & (run.truth.target == 0)]) > 500.0
 
 
-def test_what_is_reported_as_a_missile_is_one(run: Run) -> None:
+def test_reported_missiles_are_missiles(run: Run) -> None:
     reported = run.detections.reported_type != UNKNOWN_TYPE
     for sensor in (SBIRS, NEXTGEN):
-        own = reported & (run.detections.sensor == sensor)
-        assert own.sum() > 1000
+        own_rows = reported & (run.detections.sensor == sensor)
+        assert own_rows.sum() > 1000
         # The sensors report a type from a probability of 1/2.
-        assert np.isin(run.truth.target[own], (0, 1)).mean() > 0.99
+        assert np.isin(run.truth.target[own_rows], (0, 1)).mean() > 0.99
     assert not np.any(
         reported & ~np.isin(run.truth.target, (0, 1)) & (run.detections.sensor == DSP)
     )
@@ -123,7 +123,7 @@ def mapping(**changes: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("exact", [False, True])
-def test_a_scene_without_targets_has_noise_alone(exact: bool) -> None:
+def test_a_scene_without_targets_has_only_noise(exact: bool) -> None:
     run = opir.simulate(
         opir.scene_from_mapping(mapping(detection={"model": "snr", "exact": exact}))
     )

@@ -10,10 +10,11 @@ import pytest
 from attrs import evolve
 
 import opir_core as opir
-from opir_core.planning.plan import Plan
+from opir_core import Plan
 from opir_core.plugin import Classifier
+from opir_core.simulation import plan_warnings
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_checks import alignment_warnings, launch_expectations, plan_warnings
+from opir_core.simulation.plan_checks import alignment_warnings, launch_expectations
 
 SENSOR = {
     "model": "generic-scanner",
@@ -44,7 +45,7 @@ def plan(
     return opir.compile_plan(opir.scene_from_mapping(mapping))
 
 
-def test_aligned_scans_on_an_ignition_are_reported_with_the_remedy() -> None:
+def test_aligned_scans_on_an_ignition_are_reported() -> None:
     (warning,) = alignment_warnings(plan({"scan_phase": "aligned", "scan_period_ms": 5000.0}))
     assert "S0" in warning
     assert "ignitions of T1" in warning
@@ -96,20 +97,20 @@ def test_explain_lists_the_warnings() -> None:
 
 
 @pytest.mark.slow
-def test_aligned_latencies_are_whole_periods_and_random_ones_are_uniform() -> None:
+def test_latencies_of_aligned_and_random_scans() -> None:
     """With P_d of 1 and no light time the latency is one period, or uniform in it: its mean is half
     a period.
     """
     aligned = {"scan_phase": "aligned", "scan_period_ms": 5000.0}
-    seen = [
+    records = [
         opir.simulate(plan(aligned, seed=seed).scene).summary["targets"][0]["latency_s"]
         for seed in range(3)
     ]
-    assert seen == pytest.approx([5.0] * 3)
-    many = plan(*[{"scan_period_ms": 5000.0}] * 500, light_time=False)
-    found = opir.simulate(many.scene).detections
-    _, first = np.unique(found.sensor, return_index=True)
-    latency_s = found.time_s[first] - 10.0
+    assert records == pytest.approx([5.0] * 3)
+    crowd = plan(*[{"scan_period_ms": 5000.0}] * 500, light_time=False)
+    detections = opir.simulate(crowd.scene).detections
+    _, first_row = np.unique(detections.sensor, return_index=True)
+    latency_s = detections.time_s[first_row] - 10.0
     assert len(latency_s) == 500
     # 3.29 standard deviations of the mean: 99.9 %.
     assert abs(latency_s.mean() - 2.5) < 3.29 * 5.0 / np.sqrt(12.0 * 500.0)
@@ -145,23 +146,23 @@ class Expecting(Classifier):
 def test_ten_times_as_many_launches_as_expected_are_reported(
     launches: int, expected: float, is_reported: bool
 ) -> None:
-    made = plan({})
-    scene = evolve(made.scene, targets=made.scene.targets * launches)
-    made = evolve(made, scene=scene, classifier=Expecting(expected * 720.0))
-    assert launch_expectations(made) == [
+    compiled = plan({})
+    scene = evolve(compiled.scene, targets=compiled.scene.targets * launches)
+    compiled = evolve(compiled, scene=scene, classifier=Expecting(expected * 720.0))
+    assert launch_expectations(compiled) == [
         {
             "component": "classification: paper",
             "expected_launches": pytest.approx(expected),
             "launches": launches,
         }
     ]
-    warnings = [words for words in plan_warnings(made) if "expects" in words]
+    warnings = [words for words in plan_warnings(compiled) if "expects" in words]
     assert bool(warnings) == is_reported
     assert all(f"in the scene, which has {launches}" in words for words in warnings)
 
 
 def test_explain_says_which_classifier_knows_the_truth() -> None:
-    made = plan({})
-    assert explained(made)["truth_users"] == ["classification: paper"]
-    assert not explained(made)["expected_launches"]
+    compiled = plan({})
+    assert explained(compiled)["truth_users"] == ["classification: paper"]
+    assert not explained(compiled)["expected_launches"]
     assert not explained(plan({}, classification="none"))["truth_users"]

@@ -8,22 +8,20 @@ import numpy as np
 import pytest
 from attrs import evolve, fields
 from late_scene import CONSTANT, NS, UNEVEN, late_scene
+from opir_testing import stub_estimates
 from opir_testing.bench import encoder_of
-from opir_testing.doubles import stub_estimates
 
 import opir_core as opir
+from opir_core import Engine, Plan, Run, compile_plan, plan_windows, run_of_plan
 from opir_core.arrays import IntArray
-from opir_core.interfaces.records import Detections, Tracks
-from opir_core.planning.plan import Plan, compile_plan
-from opir_core.simulation.engine import Engine
-from opir_core.simulation.run import Run, plan_windows, run_of_plan
+from opir_core.plugin import Detections, Tracks
 
 MIXED = (UNEVEN, CONSTANT, "paper-ground-chain", "none")
 
 
 def lines(plan: Plan, window_s: float | None = None, encoder: str = "forge-tracks") -> bytes:
-    made = encoder_of(plan, encoder)
-    return b"".join(made.encode(window) for window in plan_windows(plan, window_s))
+    product = encoder_of(plan, encoder)
+    return b"".join(product.encode(window) for window in plan_windows(plan, window_s))
 
 
 def in_order(detections: Detections) -> Detections:
@@ -31,14 +29,14 @@ def in_order(detections: Detections) -> Detections:
     return detections.take(np.lexsort((detections.detection_id[:, 0], detections.time_ns)))
 
 
-def differing(ours: Any, theirs: Any) -> set[str]:
+def differing(actual: Any, expected: Any) -> set[str]:
     """Return the columns in which two records differ."""
-    names = (attribute.name for attribute in fields(type(ours)))
-    return {name for name in names if not _equal(getattr(ours, name), getattr(theirs, name))}
+    names = (attribute.name for attribute in fields(type(actual)))
+    return {name for name in names if not _equal(getattr(actual, name), getattr(expected, name))}
 
 
-def _equal(one: Any, other: Any) -> bool:
-    return bool(np.array_equal(one, other, equal_nan=one.dtype.kind == "f"))
+def _equal(first_run: Any, second_run: Any) -> bool:
+    return bool(np.array_equal(first_run, second_run, equal_nan=first_run.dtype.kind == "f"))
 
 
 def test_events_come_in_the_order_of_report_and_none_is_lost() -> None:
@@ -60,7 +58,7 @@ def test_events_come_in_the_order_of_report_and_none_is_lost() -> None:
         )
     )
     assert [
-        target[tuple(each)] for each in run.detections.detection_id.tolist()
+        target[tuple(item)] for item in run.detections.detection_id.tolist()
     ] == run.truth.target.tolist()
 
 
@@ -85,26 +83,26 @@ def test_a_window_has_what_is_reported_in_it() -> None:
 @pytest.mark.parametrize("tracker", ["none", "imm"])
 def test_bytes_do_not_depend_on_the_windows(tracker: str, order: str) -> None:
     plan = compile_plan(late_scene(*MIXED, tracker=tracker, tracking_order=order))
-    whole = lines(plan)
-    assert whole.count(b"\n") > 500
+    complete = lines(plan)
+    assert complete.count(b"\n") > 500
     for window_s in (0.31, 7.0, 25.0):
-        assert lines(plan, window_s) == whole
-    again = opir.simulate(plan.scene, window_s=5.0)
-    assert differing(again.tracks, run_of_plan(plan).tracks) == set()
+        assert lines(plan, window_s) == complete
+    repeat = opir.simulate(plan.scene, window_s=5.0)
+    assert differing(repeat.tracks, run_of_plan(plan).tracks) == set()
 
 
 @pytest.mark.slow
 def test_without_latency_windows_pass_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = []
+    built = []
     advance = Engine.advance
 
     def kept(engine: Engine, end_ns: int) -> Any:
-        made.append(advance(engine, end_ns))
-        return made[-1]
+        built.append(advance(engine, end_ns))
+        return built[-1]
 
     monkeypatch.setattr(Engine, "advance", kept)
     windows = list(plan_windows(compile_plan(late_scene("none", tracker="kepler-arc")), 10.0))
-    assert all(ours is theirs for ours, theirs in zip(windows, made, strict=True))
+    assert all(actual is expected for actual, expected in zip(windows, built, strict=True))
 
 
 class CountedTracker:
@@ -137,7 +135,7 @@ def tracked(
 @pytest.mark.slow
 @pytest.mark.parametrize("lag_s", [0.0, 4.0, 9.3, None])
 @pytest.mark.parametrize("duration_s", [60.0, 58.9])
-def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(
+def test_a_tick_gets_the_detections_reported_before_it(
     lag_s: float | None, duration_s: float
 ) -> None:
     """Against a plain loop over ticks and detections."""
@@ -159,63 +157,68 @@ def test_a_tracker_gets_at_each_tick_what_has_been_reported_by_then(
         )
     )
     before_ns = 0
-    late = 0
-    for tick_ns, (_, given) in zip(ticks_ns, spy.given, strict=True):
-        part = [row for row in rows if before_ns <= row[0] < tick_ns]
-        due = [row for row in part if row[2] < tick_ns + lag_ns]
-        late += len(part) - len(due)
+    delayed = 0
+    for tick_ns, (_, inputs) in zip(ticks_ns, spy.given, strict=True):
+        piece = [row for row in rows if before_ns <= row[0] < tick_ns]
+        expected = [row for row in piece if row[2] < tick_ns + lag_ns]
+        delayed += len(piece) - len(expected)
         reported = zip(
-            given.time_ns.tolist(),
-            given.sensor.tolist(),
-            map(tuple, given.detection_id.tolist()),
+            inputs.time_ns.tolist(),
+            inputs.sensor.tolist(),
+            map(tuple, inputs.detection_id.tolist()),
             strict=True,
         )
-        assert sorted(reported) == sorted((row[0], row[1], row[3]) for row in due)
-        assert np.all(np.diff(given.time_ns) >= 0)
+        assert sorted(reported) == sorted((row[0], row[1], row[3]) for row in expected)
+        assert np.all(np.diff(inputs.time_ns) >= 0)
         before_ns = tick_ns
-    assert (late > 0) == (lag_s is not None)
-    assert late < len(rows)
+    assert (delayed > 0) == (lag_s is not None)
+    assert delayed < len(rows)
 
 
-def test_an_event_has_the_estimate_that_was_available_before_its_report() -> None:
+def test_an_event_has_the_estimate_available_at_its_report() -> None:
     for lag_s in (0.0, 4.0, 9.3):
         spy, run = tracked(lag_s)
-        found = run.estimates
-        seen = run.detections
+        results = run.estimates
+        detections_read = run.detections
         ticks_ns = np.array([round(tick_s * NS) for tick_s, _ in spy.given])
-        steps = np.searchsorted(ticks_ns + round(lag_s * NS), seen.reported_ns, side="right")
-        in_time = seen.time_ns >= np.concatenate([[0], ticks_ns])[steps]
-        has = seen.estimate >= 0
+        steps = np.searchsorted(
+            ticks_ns + round(lag_s * NS), detections_read.reported_ns, side="right"
+        )
+        in_time = detections_read.time_ns >= np.concatenate([[0], ticks_ns])[steps]
+        has = detections_read.estimate >= 0
         # The tracker has a track from its first step on.
         assert np.array_equal(has, in_time & (steps > 0))
-        assert np.array_equal(has, seen.track == 0)
+        assert np.array_equal(has, detections_read.track == 0)
         assert np.array_equal(
-            np.rint(found.tick_s[seen.estimate[has]] * NS), ticks_ns[steps[has] - 1]
+            np.rint(results.tick_s[detections_read.estimate[has]] * NS), ticks_ns[steps[has] - 1]
         )
-        assert np.all(found.available_s[seen.estimate[has]] <= seen.reported_ns[has] * 1e-9 + 1e-9)
+        assert np.all(
+            results.available_s[detections_read.estimate[has]]
+            <= detections_read.reported_ns[has] * 1e-9 + 1e-9
+        )
         # It is asked by the tracks of that step, and of nothing that is late.
-        asked = sorted(
-            (last_s, time_ns) for last_s, part in spy.asked for time_ns in part.time_ns.tolist()
+        calls = sorted(
+            (last_s, time_ns) for last_s, piece in spy.asked for time_ns in piece.time_ns.tolist()
         )
-        due = zip(
+        expected = zip(
             np.concatenate([[0], ticks_ns])[steps[in_time]] / NS,
-            seen.time_ns[in_time].tolist(),
+            detections_read.time_ns[in_time].tolist(),
             strict=True,
         )
-        assert asked == sorted(due)
+        assert calls == sorted(expected)
 
 
 def test_what_a_tracker_gets_does_not_depend_on_the_windows() -> None:
     spies = [tracked(4.0, window_s=window_s)[0] for window_s in (None, 0.7, 11.0)]
     for spy in spies[1:]:
         assert [tick_s for tick_s, _ in spy.given] == [tick_s for tick_s, _ in spies[0].given]
-        for (_, ours), (_, theirs) in zip(spy.given, spies[0].given, strict=True):
-            assert differing(ours, theirs) == set()
+        for (_, actual), (_, expected) in zip(spy.given, spies[0].given, strict=True):
+            assert differing(actual, expected) == set()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
-def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(
+def test_constant_latency_gives_the_tracks_without_latency(
     tracker: str,
 ) -> None:
     """The lag is then the latency: the tracker does the same, that much later."""
@@ -234,22 +237,20 @@ def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(
         assert differing(run.tracks, prompt.tracks) == {"available_s"}
         has = run.detections.estimate >= 0
         assert np.array_equal(has, prompt.detections.estimate >= 0)
-        ours, theirs = (
-            each.estimates.take(each.detections.estimate[has]) for each in (run, prompt)
+        actual, expected = (
+            item.estimates.take(item.detections.estimate[has]) for item in (run, prompt)
         )
-        assert differing(ours, theirs) == {"available_s"}
+        assert differing(actual, expected) == {"available_s"}
     assert np.allclose(
         reported.tracks.available_s, reported.tracks.tick_s + 7.25, rtol=0.0, atol=1e-9
     )
-    alike = opir.simulate(late_scene("none", "none", tracker=tracker, tracking_order="report"))
-    assert differing(alike.detections, prompt.detections) == set()
-    assert differing(alike.tracks, prompt.tracks) == set()
+    equal_run = opir.simulate(late_scene("none", "none", tracker=tracker, tracking_order="report"))
+    assert differing(equal_run.detections, prompt.detections) == set()
+    assert differing(equal_run.tracks, prompt.tracks) == set()
 
 
 @pytest.mark.slow
-def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_reports_are_in() -> (
-    None
-):
+def test_estimates_wait_for_all_earlier_reports() -> None:
     run = opir.simulate(late_scene(*MIXED, tracker="imm"))
     for tick_s, available_s in {
         *zip(run.tracks.tick_s.tolist(), run.tracks.available_s.tolist(), strict=True)
@@ -279,9 +280,9 @@ def test_late_reports_are_events_and_are_not_tracked() -> None:
 def test_scores_of_a_run_are_those_of_its_files(
     tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from opir_scoring.evidence import evidence_of_files, evidence_of_run
+    from opir_scoring import evidence_of_files, evidence_of_run
 
-    from opir_core.output.delivery import deliver
+    from opir_core.output import deliver
 
     monkeypatch.chdir(tmp_path)
     plan = compile_plan(
@@ -297,30 +298,41 @@ def test_scores_of_a_run_are_those_of_its_files(
         assert np.array_equal(getattr(files, name), getattr(memory, name)), name
     rounded = {"launch", "impact", "launch_covariance", "impact_covariance", "impact_regions"}
     assert differing(files.tracks, memory.tracks) <= rounded
-    for name in ("launch", "impact"):  # degrees and back; the covariance with time is written once
-        points = getattr(files.tracks, name), getattr(memory.tracks, name)
-        assert np.allclose(*points, rtol=4e-16, atol=0.0, equal_nan=True)
-        one, other = (getattr(each.tracks, f"{name}_covariance") for each in (files, memory))
-        sigma = np.sqrt(np.diagonal(other, axis1=1, axis2=2))
-        assert not np.any(np.abs(one - other) > 1e-14 * sigma[:, :, None] * sigma[:, None, :])
-        assert np.array_equal(np.isnan(one), np.isnan(other))
-    for one, other in zip(files.tracks.impact_regions, memory.tracks.impact_regions, strict=True):
-        assert [each.containment for each in one] == [each.containment for each in other]
-        assert [each.area_km2 for each in one] == pytest.approx(
-            [each.area_km2 for each in other], abs=1e-3
+    for name in ("launch", "impact"):
+        require_same_points(files.tracks, memory.tracks, name)
+    rows = zip(files.tracks.impact_regions, memory.tracks.impact_regions, strict=True)
+    for regions, expected in rows:
+        assert [region.containment for region in regions] == [
+            region.containment for region in expected
+        ]
+        assert [region.area_km2 for region in regions] == pytest.approx(
+            [region.area_km2 for region in expected], abs=1e-3
         )
 
 
+def require_same_points(tracks: Any, expected: Any, name: str) -> None:
+    """Points are degrees and back; the covariance with time is written once."""
+    points = getattr(tracks, name), getattr(expected, name)
+    assert np.allclose(*points, rtol=4e-16, atol=0.0, equal_nan=True)
+    covariance, expected_covariance = (
+        getattr(table, f"{name}_covariance") for table in (tracks, expected)
+    )
+    sigma = np.sqrt(np.diagonal(expected_covariance, axis1=1, axis2=2))
+    difference = np.abs(covariance - expected_covariance)
+    assert not np.any(difference > 1e-14 * sigma[:, :, None] * sigma[:, None, :])
+    assert np.array_equal(np.isnan(covariance), np.isnan(expected_covariance))
+
+
 @pytest.mark.slow
-def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(
+def test_tracks_files_have_valid_and_available_times(
     tmp_path: Any,
 ) -> None:
-    from opir_core.output.tracks_file import TracksFile, read_tracks
+    from opir_core.output import TracksFile, read_tracks
 
     run = opir.simulate(late_scene(CONSTANT, CONSTANT, tracker="imm", tracking_order="report"))
     tracks = run.tracks
     with TracksFile(tmp_path / "t.jsonl", run.plan.hypothesis_names) as file:
         file.write(tracks)
-    again = read_tracks(tmp_path / "t.jsonl")
-    assert np.array_equal(again.available_s, tracks.available_s)
-    assert np.all(again.available_s > again.tick_s)
+    read_back = read_tracks(tmp_path / "t.jsonl")
+    assert np.array_equal(read_back.available_s, tracks.available_s)
+    assert np.all(read_back.available_s > read_back.tick_s)

@@ -11,13 +11,11 @@ import pytest
 from attrs import evolve
 from late_scene import CONSTANT, NS, UNEVEN, late_scene
 from opir_photons.detection import latency_mean
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_window
+from opir_testing import stub_sensor, stub_window
 from scipy.stats import gamma, kstest
 
 import opir_core as opir
-from opir_core.interfaces.protocols import ReportingStage
-from opir_core.interfaces.records import Detections
+from opir_core.plugin import Detections, ReportingStage
 from opir_core.simulation import engine as engine_module
 from opir_core.simulation.reporting import (
     LATE_CHANCE,
@@ -82,17 +80,17 @@ def test_stages_add_up_and_a_constant_one_is_exact() -> None:
     spread = np.sqrt((fourth + 6.0 * 9.0 * 1.0 - 100.0) / count)
     assert abs(drawn.var() - 10.0) < Z * spread
     alone = delays_s(np.arange(count), STAGES[0], evolve(STAGES[1], sigma_s=0.0), STAGES[2])
-    other = delays_s(np.arange(count), STAGES[0], STAGES[1], evolve(STAGES[2], sigma_s=0.0))
-    assert np.allclose(drawn, alone - 2.0 + other - 4.0 - 0.5, rtol=0.0, atol=3e-9)
+    second_run = delays_s(np.arange(count), STAGES[0], STAGES[1], evolve(STAGES[2], sigma_s=0.0))
+    assert np.allclose(drawn, alone - 2.0 + second_run - 4.0 - 0.5, rtol=0.0, atol=3e-9)
 
 
 def test_a_scan_has_one_latency_whatever_else_is_drawn() -> None:
-    every = delays_s(np.arange(5000), *STAGES)
+    complete = delays_s(np.arange(5000), *STAGES)
     scans = np.array([4999, 3, 3, 0, 2500, 3, 4000])
-    assert np.array_equal(delays_s(scans, *STAGES), every[scans])
-    assert len(np.unique(every)) == len(every)
-    for other in (delays_s(scans, *STAGES, seed=2), delays_s(scans, *STAGES, name="S@1")):
-        assert not np.any(other == every[scans])
+    assert np.array_equal(delays_s(scans, *STAGES), complete[scans])
+    assert len(np.unique(complete)) == len(complete)
+    for second_run in (delays_s(scans, *STAGES, seed=2), delays_s(scans, *STAGES, name="S@1")):
+        assert not np.any(second_run == complete[scans])
     assert len(delays_s(np.arange(0), *STAGES)) == 0
 
 
@@ -101,8 +99,12 @@ def test_each_sensor_draws_its_own() -> None:
         stub_sensor(f"S{number}", reporting=STAGES[: 3 * (number != 1)]) for number in range(3)
     ]
     delays = ReportingDelays(1, sensors, ["S0", "S1", "S2"])
-    seen = stub_window(300, scan=np.arange(300) // 3, sensor=np.arange(300) % 3).detections
-    delay_s = ((delays.reported(seen).reported_ns - seen.time_ns) * 1e-9).reshape(-1, 3)
+    detections_read = stub_window(
+        300, scan=np.arange(300) // 3, sensor=np.arange(300) % 3
+    ).detections
+    delay_s = (
+        (delays.reported(detections_read).reported_ns - detections_read.time_ns) * 1e-9
+    ).reshape(-1, 3)
     assert np.array_equal(delay_s[:, 0], delays_s(np.arange(100), *STAGES, name="S0"))
     assert np.array_equal(delay_s[:, 2], delays_s(np.arange(100), *STAGES, name="S2"))
     assert np.all(delay_s[:, 1] == 0.0)
@@ -124,13 +126,13 @@ def test_the_extremes_of_a_draw_are_finite_and_not_negative(exceedance: float) -
 
 
 def by_id(detections: Detections) -> dict[tuple[int, ...], int]:
-    both = zip(
+    pairs = zip(
         map(tuple, detections.detection_id.tolist()), detections.reported_ns.tolist(), strict=True
     )
-    return dict(both)
+    return dict(pairs)
 
 
-def test_windows_other_sensors_and_other_targets_change_no_report() -> None:
+def test_reports_do_not_depend_on_windows_or_other_sensors() -> None:
     run = opir.simulate(late_scene(UNEVEN, "paper-ground-chain"))
     reports = by_id(run.detections)
     assert len(reports) > 100
@@ -144,34 +146,37 @@ def test_windows_other_sensors_and_other_targets_change_no_report() -> None:
         late_scene(UNEVEN, "none"),
     ):
         fewer = by_id(opir.simulate(scene).detections)
-        first = {
+        first_value = {
             key: value
             for key, value in fewer.items()
             if scene.sensors[-1].id != "S1" or reports[key] == value
         }
-        assert all(reports[key] == value for key, value in first.items())
-        assert len(first) > 50
+        assert all(reports[key] == value for key, value in first_value.items())
+        assert len(first_value) > 50
 
 
-def test_all_detections_of_a_scan_travel_together_false_alarms_too() -> None:
+def test_detections_of_a_scan_share_its_latency() -> None:
     noisy = {"threshold_sigma": 4.2, "nei_w_m2": 1e-12}
     run = opir.simulate(late_scene(UNEVEN, UNEVEN, sensor=noisy, detection="snr"))
-    seen = run.detections
+    detections_read = run.detections
     assert np.count_nonzero(run.truth.target < 0) > 20
     scans, of_row, sizes = np.unique(
-        np.column_stack([seen.sensor, seen.scan]), axis=0, return_inverse=True, return_counts=True
+        np.column_stack([detections_read.sensor, detections_read.scan]),
+        axis=0,
+        return_inverse=True,
+        return_counts=True,
     )
     shared = sizes[of_row.ravel()] > 1
     assert np.count_nonzero(shared & (run.truth.target < 0)) > 3
-    delay_ns = seen.reported_ns - seen.time_ns
-    first = np.zeros(len(scans), dtype=np.int64)
-    first[of_row.ravel()] = delay_ns
-    assert np.array_equal(first[of_row.ravel()], delay_ns)
-    assert len(np.unique(first)) == len(scans)
+    delay_ns = detections_read.reported_ns - detections_read.time_ns
+    first_row = np.zeros(len(scans), dtype=np.int64)
+    first_row[of_row.ravel()] = delay_ns
+    assert np.array_equal(first_row[of_row.ravel()], delay_ns)
+    assert len(np.unique(first_row)) == len(scans)
 
 
 @pytest.mark.slow
-def test_without_latency_nothing_is_drawn_and_the_column_is_that_of_the_looks(
+def test_without_latency_reports_are_the_looks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def drawn(*_: object) -> None:
@@ -184,8 +189,8 @@ def test_without_latency_nothing_is_drawn_and_the_column_is_that_of_the_looks(
     assert run.tracks.available_s is run.tracks.tick_s
     window = engine_module.Engine(opir.compile_plan(late_scene("none"))).advance(60 * NS)
     assert window.detections.reported_ns is window.detections.time_ns
-    some = window.detections.take(np.arange(3))
-    assert some.reported_ns is some.time_ns
+    group = window.detections.take(np.arange(3))
+    assert group.reported_ns is group.time_ns
     with pytest.raises(AssertionError, match="was drawn"):
         opir.simulate(late_scene("none", UNEVEN))
 
@@ -208,7 +213,7 @@ def _paths() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 
 
-def test_the_mean_latency_from_ignition_to_report_is_that_of_the_looks_and_the_stages() -> None:
+def test_mean_latency_from_ignition_to_report() -> None:
     """With random scans of period T the first detection is T (1/P - 1/2) after ignition on average,
     and its report the sum of the means later. Reports do not overtake each other: T is far above
     the spread of the latencies."""
@@ -222,16 +227,16 @@ def test_the_mean_latency_from_ignition_to_report_is_that_of_the_looks_and_the_s
     }
     sensor = {"scan_period_ms": 1e3 * period_s, "detection_probability": {"ICBM": probability}}
     scene = late_scene(*[stages] * 1, targets=1, sensor=sensor, duration_s=230, light_time=False)
-    many = evolve(
+    crowd = evolve(
         scene, sensors=tuple(evolve(scene.sensors[0], id=f"S{number}") for number in range(count))
     )
-    run = opir.simulate(many)
+    run = opir.simulate(crowd)
     first_ns = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(first_ns, run.detections.sensor, run.detections.reported_ns)
-    seen = first_ns < np.iinfo(np.int64).max
+    visible = first_ns < np.iinfo(np.int64).max
     # 11 looks in the burn: a sensor sees nothing with a chance of 0.4^11 = 4e-5.
-    assert np.count_nonzero(seen) >= count - 1
-    latency_s = first_ns[seen] * 1e-9 - 3.1
+    assert np.count_nonzero(visible) >= count - 1
+    latency_s = first_ns[visible] * 1e-9 - 3.1
     closed_s = float(latency_mean(period_s, probability, "random")) + 1.0 + 2.0 + 4.0
     variance = period_s**2 * ((1.0 - probability) / probability**2 + 1.0 / 12.0) + 0.5**2
     assert abs(latency_s.mean() - closed_s) < Z * np.sqrt(variance / count)
@@ -241,16 +246,20 @@ def test_the_summary_has_the_first_report_of_each_target() -> None:
     run = opir.simulate(late_scene(UNEVEN, CONSTANT))
     assert [row["reporting_mean_s"] for row in run.summary["sensors"]] == [5.5, 7.25]
     for number, row in enumerate(run.summary["targets"]):
-        own = run.truth.target == number
+        own_rows = run.truth.target == number
         assert row["latency_s"] == pytest.approx(
-            run.detections.time_ns[own].min() * 1e-9 - row["ignition_s"]
+            run.detections.time_ns[own_rows].min() * 1e-9 - row["ignition_s"]
         )
         assert row["end_to_end_latency_s"] == pytest.approx(
-            run.detections.reported_ns[own].min() * 1e-9 - row["ignition_s"]
+            run.detections.reported_ns[own_rows].min() * 1e-9 - row["ignition_s"]
         )
-        first = run.detections.take(own).take(np.argmin(run.detections.time_ns[own], keepdims=True))
-        assert row["first_sensor_id"] == run.sensors[int(first.sensor[0])].id
-        assert row["last_detection_s"] == pytest.approx(run.detections.time_ns[own].max() * 1e-9)
+        first_row = run.detections.take(own_rows).take(
+            np.argmin(run.detections.time_ns[own_rows], keepdims=True)
+        )
+        assert row["first_sensor_id"] == run.sensors[int(first_row.sensor[0])].id
+        assert row["last_detection_s"] == pytest.approx(
+            run.detections.time_ns[own_rows].max() * 1e-9
+        )
     prompt = opir.simulate(late_scene("none")).summary["targets"]
     assert all(row["end_to_end_latency_s"] == row["latency_s"] for row in prompt)
     unseen = opir.simulate(
@@ -264,8 +273,8 @@ def test_the_lag_holds_nearly_all_reports_of_the_slowest_sensor() -> None:
     lag_s = release_lag_ns(sensors) * 1e-9
     drawn = delays_s(np.arange(40_000), *STAGES)
     # By the union bound at most two in a thousand: 99.9 % of a binomial count.
-    most = 2.0 * LATE_CHANCE
-    assert (drawn > lag_s).mean() < most + Z * np.sqrt(most / len(drawn))
+    maximum = 2.0 * LATE_CHANCE
+    assert (drawn > lag_s).mean() < maximum + Z * np.sqrt(maximum / len(drawn))
     expected = (
         0.5
         + gamma(4.0 / 9.0, scale=4.5).isf(LATE_CHANCE)

@@ -7,8 +7,8 @@ import pytest
 from repository import TEST_SCENES
 
 import opir_core as opir
-from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.run import Run
+from opir_core import Run
+from opir_core.plugin import REPORTED_TYPES
 
 EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 
@@ -34,16 +34,16 @@ def test_the_summary_counts_what_the_columns_hold(run: Run) -> None:
     for number, row in enumerate(run.summary["sensors"]):
         assert row["detections"] == int((run.detections.sensor == number).sum())
     for number, row in enumerate(run.summary["targets"]):
-        mine = run.truth.target == number
-        times_s = run.detections.time_ns[mine] * 1e-9
-        types = np.bincount(run.detections.reported_type[mine], minlength=4)
-        assert row["detections"] == int(mine.sum())
+        actual = run.truth.target == number
+        times_s = run.detections.time_ns[actual] * 1e-9
+        types = np.bincount(run.detections.reported_type[actual], minlength=4)
+        assert row["detections"] == int(actual.sum())
         assert row["first_detection_s"] == pytest.approx(times_s.min())
         assert row["last_detection_s"] == pytest.approx(times_s.max())
         assert row["latency_s"] == pytest.approx(times_s.min() - row["ignition_s"])
         assert row["reported_type"] == REPORTED_TYPES[types.argmax()]
-        assert row["highest_confidence"] == pytest.approx(run.detections.confidence[mine].max())
-        assert row["sensors"] == len(np.unique(run.detections.sensor[mine]))
+        assert row["highest_confidence"] == pytest.approx(run.detections.confidence[actual].max())
+        assert row["sensors"] == len(np.unique(run.detections.sensor[actual]))
 
 
 def test_the_manifest_names_every_component_and_its_distribution(run: Run) -> None:
@@ -57,9 +57,9 @@ def test_the_manifest_names_every_component_and_its_distribution(run: Run) -> No
 
 @pytest.mark.slow
 def test_a_scene_from_the_manifest_gives_the_same_detections(run: Run) -> None:
-    again = opir.simulate(opir.scene_from_mapping(run.manifest["scene"]))
-    assert again.manifest == run.manifest
-    assert again.detections.detection_id.tobytes() == run.detections.detection_id.tobytes()
+    repeat = opir.simulate(opir.scene_from_mapping(run.manifest["scene"]))
+    assert repeat.manifest == run.manifest
+    assert repeat.detections.detection_id.tobytes() == run.detections.detection_id.tobytes()
 
 
 def test_targets_that_nobody_sees_are_summed_up_too() -> None:

@@ -7,12 +7,12 @@ import pytest
 from repository import ROOT
 
 import opir_core as opir
-from opir_core.planning import pair_compiler
-from opir_core.planning.pair_compiler import PairCompiler
-from opir_core.planning.plan import compile_plan, scan_starts
-from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
+from opir_core import compile_plan
+from opir_core.planning import PairCompiler, pair_compiler, solar_exclusions
+from opir_core.planning.plan import scan_starts
+from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.reading import load_scene, scene_from_mapping
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation import plan_warnings
 from opir_core.simulation.scene_check import check_scene
 
 
@@ -24,7 +24,7 @@ def scene(**changes: Any) -> opir.Scene:
         "launch": launch,
         "aim": {"lat_deg": -20.0, "lon_deg": 110.0},
     }
-    there = {
+    geometry = {
         **target,
         "id": "T2",
         "launch": {**launch, "lon_deg": -160.0},
@@ -40,7 +40,7 @@ def scene(**changes: Any) -> opir.Scene:
                 {"model": "DSP", "id": "B", "orbital_slot_deg": 180.0},
                 {"model": "DSP", "id": "C", "orbital_slot_deg": 60.0, "scan_period_ms": 2500.0},
             ],
-            "targets": [target, there],
+            "targets": [target, geometry],
             **changes,
         }
     )
@@ -68,8 +68,8 @@ SCENES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", SCENES.values(), ids=SCENES)
 def test_warnings_are_those_of_the_plan(changes: dict[str, Any]) -> None:
-    made = scene(**changes)
-    assert plan_warnings(check_scene(made)) == plan_warnings(compile_plan(made))
+    checked_scene = scene(**changes)
+    assert plan_warnings(check_scene(checked_scene)) == plan_warnings(compile_plan(checked_scene))
 
 
 def test_one_of_these_scenes_has_a_warning_of_a_scan_instant() -> None:
@@ -86,11 +86,11 @@ def test_one_of_these_scenes_has_a_warning_of_a_scan_instant() -> None:
 )
 @pytest.mark.parametrize("detection", ["constant", "snr"])
 def test_too_much_work_is_refused_as_by_the_plan(limits: dict[str, float], detection: str) -> None:
-    made = scene(limits=limits, detection=detection)
+    checked_scene = scene(limits=limits, detection=detection)
     with pytest.raises(opir.SceneError) as by_plan:
-        compile_plan(made)
+        compile_plan(checked_scene)
     with pytest.raises(opir.SceneError) as by_check:
-        check_scene(made)
+        check_scene(checked_scene)
     assert str(by_check.value) == str(by_plan.value)
 
 
@@ -108,18 +108,20 @@ def test_a_limit_between_the_looks_and_their_bound_is_kept() -> None:
 def test_the_bound_of_the_looks_holds(name: str) -> None:
     plan = compile_plan(load_scene(ROOT / "examples" / f"{name}.yaml"))
     starts = scan_starts(plan.scene.seed, plan.sensors)
-    most = PairCompiler(
+    maximum = PairCompiler(
         plan.sensors, plan.targets, starts, plan.scene.light_time, plan.end_ns, ()
     ).most_looks()
     looks = np.bincount(plan.pairs.sensor, plan.pairs.looks, minlength=len(plan.sensors))
-    assert (looks <= most).all()
+    assert (looks <= maximum).all()
 
 
 def test_no_line_of_sight_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     rows: list[int] = []
     margins_of = pair_compiler.Margins.of
     monkeypatch.setattr(
-        pair_compiler.Margins, "of", lambda *given: rows.append(len(given[2])) or margins_of(*given)
+        pair_compiler.Margins,
+        "of",
+        lambda *arguments: rows.append(len(arguments[2])) or margins_of(*arguments),
     )
     check_scene(scene())
     assert not rows
@@ -132,18 +134,18 @@ def test_no_line_of_sight_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "duration_s", [60.0, 7200.0, pytest.param(86400.0, marks=pytest.mark.slow)]
 )
-def test_sensors_far_from_the_sun_are_left_out_of_the_search_only_without_outages(
-    hour: int, duration_s: float
-) -> None:
+def test_only_sensors_without_outages_leave_the_sun_search(hour: int, duration_s: float) -> None:
     sensors = [
         {"model": "DSP", "id": f"S{number}", "orbital_slot_deg": 7.2 * number - 180.0}
         for number in range(50)
     ]
-    made = scene(sensors=sensors, epoch=f"2026-03-20T{hour:02}:00:00Z", duration_s=duration_s)
+    checked_scene = scene(
+        sensors=sensors, epoch=f"2026-03-20T{hour:02}:00:00Z", duration_s=duration_s
+    )
     plan = compile_plan(scene(sensors=sensors))
-    found = solar_exclusions(plan.sensors, made.epoch_us, duration_s)
-    for sensor, exclusion in zip(plan.sensors, found, strict=True):
-        exact = SolarExclusion.of(sensor, made.epoch_us, duration_s)
+    results = solar_exclusions(plan.sensors, checked_scene.epoch_us, duration_s)
+    for sensor, exclusion in zip(plan.sensors, results, strict=True):
+        exact = SolarExclusion.of(sensor, checked_scene.epoch_us, duration_s)
         assert (exact is None) == (exclusion is None)
         if exact is not None and exclusion is not None:
             np.testing.assert_array_equal(exclusion.start_s, exact.start_s)

@@ -4,9 +4,9 @@ to nothing.
 
 import pytest
 
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation import plan_warnings
 
 LEO = {"circular": {"altitude_km": 500.0, "inclination_deg": 53.0, "lon_asc_node_deg": 0.0}}
 MEO = {"circular": {"altitude_km": 8000.0, "inclination_deg": 53.0, "lon_asc_node_deg": 0.0}}

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
+from opir_testing import stub_estimates, stub_regions
+from opir_testing.doubles import stub_hypotheses
 
-from opir_core.cli.answer_lines import answers, track_cells
-from opir_core.interfaces.records import Tracks
-from opir_core.scene.hypotheses import core_hypotheses
+from opir_core.cli import answers
+from opir_core.cli.answer_lines import track_cells
+from opir_core.plugin import Tracks
+from opir_core.scene import core_hypotheses
 from opir_core.simulation.latest_tracks import LatestTracks
 
 TRACK = stub_estimates(
@@ -48,9 +50,9 @@ def test_an_impact_has_an_axis_until_there_are_regions() -> None:
     [(12345.6, "95 % in 12 000 km2"), (10.2, "95 % in 10 km2"), (0.314, "95 % in 0.31 km2")],
 )
 def test_the_area_of_the_95_percent_region_is_printed(area_km2: float, words: str) -> None:
-    half, most, outer = stub_regions(9.0, 167.7)
+    half, maximum, outer = stub_regions(9.0, 167.7)
     regions = np.empty(1, dtype=object)
-    regions[0] = (half, most, evolve(outer, area_km2=area_km2))
+    regions[0] = (half, maximum, evolve(outer, area_km2=area_km2))
     impact, text = summary_of(evolve(TRACK, impact_regions=regions))
     assert impact["region_95_km2"] == area_km2
     assert text == f"9.00 N 167.70 E at 1800.0 s ({words})"
@@ -77,11 +79,11 @@ def row_of(chances: Any, regions: Any = (), **columns: Any) -> dict[str, Any]:
         "probability_missile",
         "probability_orbit",
     )
-    given = {name: getattr(weighed, name) for name in names} | columns
+    inputs = {name: getattr(weighed, name) for name in names} | columns
     tracks = evolve(
-        TRACK, impact_regions=stub_estimates(1, impact_regions=[regions]).impact_regions, **given
+        TRACK, impact_regions=stub_estimates(1, impact_regions=[regions]).impact_regions, **inputs
     )
-    latest = LatestTracks([each.name for each in core_hypotheses()])
+    latest = LatestTracks([core_hypothes.name for core_hypothes in core_hypotheses()])
     latest.take(tracks)
     (row,) = latest.rows()
     return row
@@ -102,7 +104,7 @@ def test_a_track_has_its_hypotheses_by_name_and_its_likeliest() -> None:
 
 
 def test_a_tracker_that_weighs_nothing_has_no_hypotheses() -> None:
-    latest = LatestTracks([each.name for each in core_hypotheses()])
+    latest = LatestTracks([core_hypothes.name for core_hypothes in core_hypotheses()])
     latest.take(TRACK)
     (row,) = latest.rows()
     names = (
@@ -118,14 +120,14 @@ def test_a_tracker_that_weighs_nothing_has_no_hypotheses() -> None:
     assert track_cells(row, weighs=False)[1] == "ICBM 0.75"
 
 
-def test_regions_have_their_conditions_and_tell_whether_it_comes_down() -> None:
+def test_regions_have_conditions_and_a_chance_of_coming_down() -> None:
     over = stub_regions(
         9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
     )
-    again = stub_regions(
+    repeat = stub_regions(
         9.0, 167.7, 400.0, condition="relights", probability=0.125, effective_samples=12.0
     )
-    row = row_of(stub_hypotheses(ICBM=0.9), (*over, *again))
+    row = row_of(stub_hypotheses(ICBM=0.9), (*over, *repeat))
     assert row["probability_comes_down"] == 0.875
     assert row["impact"]["regions"] == [
         {
@@ -137,7 +139,7 @@ def test_regions_have_their_conditions_and_tell_whether_it_comes_down() -> None:
         {
             "condition": "relights",
             "probability": 0.125,
-            "area_95_km2": again[2].area_km2,
+            "area_95_km2": repeat[2].area_km2,
             "effective_samples": 12.0,
         },
     ]
@@ -146,7 +148,7 @@ def test_regions_have_their_conditions_and_tell_whether_it_comes_down() -> None:
     assert track_cells(row, weighs=True)[-2:] == (impact, "-")
 
 
-def test_what_is_probably_no_launch_has_no_launch_point_and_no_impact() -> None:
+def test_an_improbable_launch_has_no_launch_point_or_impact() -> None:
     fire = row_of(stub_hypotheses(ground_source=0.75, SRBM=0.25), stub_regions(9.0, 167.7))
     assert track_cells(fire, weighs=True)[1:] == (
         "ground source 0.75",
@@ -160,8 +162,8 @@ def test_what_is_probably_no_launch_has_no_launch_point_and_no_impact() -> None:
     )
 
 
-def test_what_was_seen_too_briefly_says_so_whatever_it_most_probably_is() -> None:
-    latest = LatestTracks([each.name for each in core_hypotheses()])
+def test_a_brief_track_is_reported_as_brief() -> None:
+    latest = LatestTracks([core_hypothes.name for core_hypothes in core_hypotheses()])
     flash = {"seen_s": 0.42, "is_brief": True, "end": 3}
     latest.take(
         stub_estimates(1, tick_s=60.0, hypothesis_probability=stub_hypotheses(SRBM=0.75), **flash)

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from attrs import evolve, fields
 
-from opir_core.interfaces.records import Detections, Tracks
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan, run_of_plan
+from opir_core.plugin import Detections, Tracks
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 from opir_core.simulation.tracker_clock import rows_of
 
 SCENE = {
@@ -53,30 +52,30 @@ class Spy:
 def test_a_tracker_is_shown_no_count_and_no_confidence():
     spy = Spy()
     run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), make_tracker=lambda: spy))
-    for parts in (spy.asked, spy.shown):
-        seen = Detections.concatenate(parts)
-        assert len(seen) == len(run.detections) > 100
-        assert not seen.detection_count.any()
-        assert np.isnan(seen.confidence).all()
+    for pieces in (spy.asked, spy.shown):
+        detections_read = Detections.concatenate(pieces)
+        assert len(detections_read) == len(run.detections) > 100
+        assert not detections_read.detection_count.any()
+        assert np.isnan(detections_read.confidence).all()
     # What sinks get is whole.
     assert run.detections.detection_count.max() > 10
     assert (run.detections.confidence > 0.0).all()
 
 
-def test_what_a_tracker_is_shown_does_not_depend_on_which_target_it_was_of():
+def test_trackers_see_nothing_of_the_true_target():
     """Every column but the directions, the reported types and the ids is the same for two targets
     seen in one scan.
     """
     spy = Spy()
     run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), make_tracker=lambda: spy))
     shown = Detections.concatenate(spy.shown)
-    both = np.flatnonzero(np.diff(shown.time_ns) == 0)
-    assert len(both) > 20
-    assert (run.truth.target[both] != run.truth.target[both + 1]).all()
+    pairs = np.flatnonzero(np.diff(shown.time_ns) == 0)
+    assert len(pairs) > 20
+    assert (run.truth.target[pairs] != run.truth.target[pairs + 1]).all()
     differs = {"line_of_sight_ecef", "detection_id", "reported_type"}
     for name in (item.name for item in fields(Detections) if item.name not in differs):
         column = getattr(shown, name)
-        assert np.array_equal(column[both], column[both + 1], equal_nan=True), name
+        assert np.array_equal(column[pairs], column[pairs + 1], equal_nan=True), name
 
 
 class Watched:
@@ -100,17 +99,17 @@ class Watched:
 @pytest.mark.parametrize("tracker", ["imm", pytest.param("kepler-arc", marks=pytest.mark.slow)])
 def test_an_idle_tracker_is_not_stepped_and_misses_nothing(tracker):
     """Two short flights, long apart: the same tracks, in any windows."""
-    late = {
+    delayed = {
         "id": "T3",
         "type": "SRBM",
         "launch": {"lat_deg": 36.0, "lon_deg": -120.0, "time_s": 1501.0},
     }
-    targets = [{**late, "id": "T1", "launch": {**late["launch"], "time_s": 31.0}}, late]
+    targets = [{**delayed, "id": "T1", "launch": {**delayed["launch"], "time_s": 31.0}}, delayed]
     aim = {"lat_deg": 38.0, "lon_deg": -120.0}
     scene = {
         **SCENE,
         "duration_s": 1530.5,
-        "targets": [{**each, "aim": aim} for each in targets],
+        "targets": [{**target_value, "aim": aim} for target_value in targets],
         "tracker": tracker,
     }
     plan = compile_plan(scene_from_mapping(scene))
@@ -125,9 +124,11 @@ def test_an_idle_tracker_is_not_stepped_and_misses_nothing(tracker):
     assert len(runs[0].tracks) > 20
     for run in runs[1:]:
         for item in fields(Tracks):
-            one = getattr(runs[0].tracks, item.name)
-            other = getattr(run.tracks, item.name)
-            assert np.array_equal(one, other, equal_nan=one.dtype.kind == "f"), item.name
+            first_run = getattr(runs[0].tracks, item.name)
+            second_run = getattr(run.tracks, item.name)
+            assert np.array_equal(first_run, second_run, equal_nan=first_run.dtype.kind == "f"), (
+                item.name
+            )
         assert np.array_equal(runs[0].detections.track, run.detections.track)
     assert steps[0] > 1500
     # Boosts, and until the tracks are lost; then the one step before the next detection, and that

@@ -10,11 +10,10 @@ from attrs import evolve, frozen
 from attrs.exceptions import FrozenInstanceError
 
 import opir_core as opir
+from opir_core import run_of_plan
 from opir_core.errors import ModelError
-from opir_core.interfaces.records import Tracks
-from opir_core.plugin import TrackerModel, hookimpl, text
+from opir_core.plugin import TrackerModel, Tracks, hookimpl, text
 from opir_core.scene import core_hypotheses
-from opir_core.simulation.run import run_of_plan
 
 SCENE = {
     "scene": "answers",
@@ -211,7 +210,7 @@ def broken(method, answer):
     ("method", "answer", "words"),
     [(method, *fault) for method, faults in FAULTS.items() for fault in faults],
 )
-def test_a_broken_promise_is_reported_with_whose_it_is_and_the_way_out(method, answer, words):
+def test_invalid_tracks_are_reported_with_owner_and_remedy(method, answer, words):
     complaint = complaint_of(lambda *_: broken(method, answer))
     assert complaint.startswith(
         f"tracker: the tracker 'frail' of plugin Plugin (registered by this program): {words}"
@@ -279,22 +278,22 @@ def test_opirs_own_errors_go_through():
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_a_plan_run_twice_gives_the_same_run_twice(tracker):
     plan = opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": tracker}))
-    first, second, third = (run_of_plan(plan, window_s) for window_s in (None, 0.7, 4.0))
-    assert len(first.tracks) > 5
-    for other in (second, third):
-        assert np.array_equal(first.tracks.tick_s, other.tracks.tick_s)
-        assert np.array_equal(first.tracks.state, other.tracks.state, equal_nan=True)
-        assert np.array_equal(first.detections.track, other.detections.track)
+    first_value, second, third = (run_of_plan(plan, window_s) for window_s in (None, 0.7, 4.0))
+    assert len(first_value.tracks) > 5
+    for second_run in (second, third):
+        assert np.array_equal(first_value.tracks.tick_s, second_run.tracks.tick_s)
+        assert np.array_equal(first_value.tracks.state, second_run.tracks.state, equal_nan=True)
+        assert np.array_equal(first_value.detections.track, second_run.detections.track)
 
 
 def test_a_plan_makes_a_tracker_of_its_users_anew_for_each_run():
-    made = []
+    built = []
     plan = evolve(
         opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": "none"})),
-        make_tracker=lambda: made.append(Sound()) or made[-1],
+        make_tracker=lambda: built.append(Sound()) or built[-1],
     )
     for count in (1, 2):
         assert len(run_of_plan(plan).tracks)
-        assert len(made) == count
+        assert len(built) == count
     with pytest.raises(FrozenInstanceError):
         plan.make_tracker = Sound

@@ -14,13 +14,12 @@ import pytest
 from attrs import fields
 
 import opir_core as opir
+from opir_core import Engine, Plan, compile_plan
 from opir_core.cli.main import main
 from opir_core.errors import ModelError, SceneError
-from opir_core.interfaces.records import Detections, Window
-from opir_core.output.delivery import deliver
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.output import deliver
+from opir_core.plugin import Detections, Window
 from opir_core.simulation import run, workers
-from opir_core.simulation.engine import Engine
 from opir_core.simulation.hit_stages import CountDetections
 from opir_core.simulation.shared_run import counted
 from opir_core.simulation.summary import Tally
@@ -43,8 +42,8 @@ SCENES: dict[str, dict[str, Any]] = {
 
 
 def plan_of(added: dict[str, Any]) -> Plan:
-    rest = dict(added)
-    sensor = rest.pop("sensor", {})
+    remaining = dict(added)
+    sensor = remaining.pop("sensor", {})
     return compile_plan(
         opir.scene_from_mapping(
             {
@@ -76,7 +75,7 @@ def plan_of(added: dict[str, Any]) -> Plan:
                     for number in range(4)
                 ],
                 "outputs": [{"jsonl": {"path": "events.jsonl"}}],
-                **rest,
+                **remaining,
             }
         )
     )
@@ -94,7 +93,7 @@ def nothing_is_left() -> Any:
     assert not multiprocessing.active_children()
 
 
-def written(plan: Plan, count: int, **parts: Any) -> dict[str, bytes]:
+def written(plan: Plan, count: int, **pieces: Any) -> dict[str, bytes]:
     """Return the files of a run, by name."""
     tracks = None if plan.make_tracker().cadence_s is None else Path("tracks.jsonl")
     paths = {
@@ -102,7 +101,7 @@ def written(plan: Plan, count: int, **parts: Any) -> dict[str, bytes]:
         "manifest_path": Path("manifest.json"),
         "tracks_path": tracks,
     }
-    outcome = deliver(plan, workers=count, **paths, **parts)
+    outcome = deliver(plan, workers=count, **paths, **pieces)
     outcome.raise_for_failures()
     contents = {path.name: path.read_bytes() for path in Path().iterdir()}
     return {**contents, "summary": repr(outcome.summary).encode()}
@@ -126,13 +125,13 @@ def test_the_files_are_the_same_with_any_number_of_workers(name: str, count: int
 
 def test_the_columns_in_memory_are_the_same() -> None:
     plan = plan_of({})
-    one = opir.run_of_plan(plan)
+    first_run = opir.run_of_plan(plan)
     two = opir.run_of_plan(plan, workers=2)
     for column in fields(Detections):
-        mine = getattr(one.detections, column.name)
-        theirs = getattr(two.detections, column.name)
-        assert np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f")
-    assert one.manifest == two.manifest
+        actual = getattr(first_run.detections, column.name)
+        expected = getattr(two.detections, column.name)
+        assert np.array_equal(actual, expected, equal_nan=actual.dtype.kind == "f")
+    assert first_run.manifest == two.manifest
 
 
 def test_text_without_room_in_the_buffer_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,7 +148,7 @@ def dying(monkeypatch: pytest.MonkeyPatch, times: int, at: str) -> Path:
     flag = Path("deaths")
     observe = Engine.observe
     counted = CountDetections._counted
-    due = set()
+    expected = set()
 
     def kill() -> None:
         deaths = len(flag.read_bytes()) if flag.exists() else 0
@@ -158,19 +157,19 @@ def dying(monkeypatch: pytest.MonkeyPatch, times: int, at: str) -> Path:
             os.kill(os.getpid(), signal.SIGKILL)
 
     def killed(engine: Engine, start_ns: int, end_ns: int, turn: Any) -> Window:
-        due.clear()
+        expected.clear()
         if start_ns <= 20_000_000_000 < end_ns:
-            due.add(at)
-        if "before" in due:
+            expected.add(at)
+        if "before" in expected:
             kill()
         window = observe(engine, start_ns, end_ns, turn)
-        if "after" in due:
+        if "after" in expected:
             kill()
         return window
 
-    def killed_in_turn(count: CountDetections, *given: Any) -> Any:
-        result = counted(count, *given)
-        if "in" in due:
+    def killed_in_turn(count: CountDetections, *arguments: Any) -> Any:
+        result = counted(count, *arguments)
+        if "in" in expected:
             kill()
         return result
 
@@ -185,12 +184,12 @@ def test_a_killed_worker_costs_time_and_no_result(at: str, monkeypatch: pytest.M
     plan = plan_of(SCENES["constant"])
     alone = written(plan, 1)
     flag = dying(monkeypatch, 2, at)
-    again = written(plan, 2)
-    assert again.pop(flag.name) == b"xx"
-    assert again == alone
+    repeat = written(plan, 2)
+    assert repeat.pop(flag.name) == b"xx"
+    assert repeat == alone
 
 
-def test_a_window_that_always_kills_its_worker_ends_the_run_with_its_time(
+def test_a_window_that_kills_its_workers_ends_the_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     dying(monkeypatch, 99, "before")
@@ -205,7 +204,7 @@ def test_what_a_worker_raises_is_raised_when_its_window_is_due(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     observe = Engine.observe
-    seen: list[float] = []
+    records: list[float] = []
 
     def wrong(engine: Engine, start_ns: int, end_ns: int, turn: Any) -> Window:
         if end_ns > 30_000_000_000:
@@ -214,11 +213,11 @@ def test_what_a_worker_raises_is_raised_when_its_window_is_due(
 
     monkeypatch.setattr(Engine, "observe", wrong)
     with pytest.raises(ModelError, match="the model of Smith returned nonsense"):
-        written(plan_of({}), 2, on_window=lambda window: seen.append(window.end_s))
-    assert 20.0 < seen[-1] <= 30.0
+        written(plan_of({}), 2, on_window=lambda window: records.append(window.end_s))
+    assert 20.0 < records[-1] <= 30.0
 
 
-def test_an_interrupt_of_the_parent_ends_the_workers_and_leaves_no_file() -> None:
+def test_an_interrupt_ends_the_workers_and_leaves_no_file() -> None:
     def interrupt(_window: Window) -> None:
         raise KeyboardInterrupt
 

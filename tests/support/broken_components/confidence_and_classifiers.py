@@ -14,9 +14,8 @@ from opir_core.builtin.classification import (
     weighted_confidence,
 )
 from opir_core.builtin.configs import ConfusionConfig, WeightedConfig
-from opir_core.interfaces.protocols import RandomDraws
 from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin import ClassifierModel, ConfidenceModel
+from opir_core.plugin import ClassifierModel, ConfidenceModel, RandomDraws
 
 
 @frozen

@@ -13,9 +13,8 @@ import numpy as np
 from broken_components.offers import mutant
 from opir_core.arrays import FloatArray
 from opir_core.builtin.detection import ConstantDetection, always_detection
-from opir_core.interfaces.protocols import Measured, RandomDraws, Response
 from opir_core.interfaces.records import Exposures
-from opir_core.plugin import DetectionModel
+from opir_core.plugin import DetectionModel, Measured, RandomDraws, Response
 
 
 class Changed(ConstantDetection):

@@ -10,9 +10,8 @@ from attrs import evolve, fields_dict, frozen
 from broken_components.offers import SOUND, mutant
 from opir_core.arrays import FloatArray
 from opir_core.builtin.scanner import ScannerConfig
-from opir_core.interfaces.protocols import Band
 from opir_core.orbits.configs import CircularConfig, OrbitConfig
-from opir_core.plugin import SensorModel, scanning_sensor, with_defaults
+from opir_core.plugin import Band, SensorModel, scanning_sensor, with_defaults
 from opir_core.sensors import AlignedScan
 
 

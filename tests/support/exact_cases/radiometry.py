@@ -21,7 +21,7 @@ from exact_cases import draws
 from exact_cases.measure import Case, bound_of
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
-from opir_core.interfaces.protocols import Band
+from opir_core.plugin import Band
 
 with mp.workdps(60):
     H = mp.mpf("6.62607015e-34")

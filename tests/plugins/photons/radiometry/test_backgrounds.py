@@ -24,13 +24,13 @@ from opir_core.geometry.occlusion import grazing_height_m
 from opir_core.geometry.sun import sun_ecef_m
 from opir_core.host.components import NoConfig
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
     BackgroundContext,
     Structure,
     Views,
 )
+from opir_core.plugin import Band
 
 BANDS = tuple(table.band for table in sky_tables("us1976", "clear"))
 NAMES = [band.name for band in BANDS]

@@ -9,7 +9,6 @@ from opir_photons.radiometry.viewing import views
 
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
     BackgroundContext,
@@ -17,6 +16,7 @@ from opir_core.interfaces.radiometric_models import (
     SignatureContext,
     SourceContext,
 )
+from opir_core.plugin import Band
 
 HOST = Host.discover()
 ODD = (

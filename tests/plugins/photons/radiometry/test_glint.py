@@ -14,7 +14,6 @@ from opir_photons.radiometry.viewing import views
 from scipy import integrate
 
 from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
     BackgroundContext,
@@ -22,6 +21,7 @@ from opir_core.interfaces.radiometric_models import (
     Transmittance,
     Views,
 )
+from opir_core.plugin import Band
 
 
 class TestGlint:

@@ -18,8 +18,8 @@ from opir_photons.radiometry.propellants import continuum_w_sr, propellants
 import opir_core
 from opir_core.errors import ModelError
 from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import SignatureContext
+from opir_core.plugin import Band
 from opir_core.scene.fields import info_of
 from opir_core.scene.target_classes import core_profiles
 

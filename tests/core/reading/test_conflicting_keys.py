@@ -12,10 +12,9 @@ from attrs import evolve, fields, frozen
 from fake_components import fake_host, good_mapping
 
 from opir_core.errors import PluginError, SceneError
-from opir_core.host.host import Host
-from opir_core.plugin import Constellation, SensorModel, hookimpl, number
+from opir_core.plugin import Constellation, Host, SensorModel, hookimpl, number, with_defaults
 from opir_core.reading import scene_from_mapping, scene_hash, scene_mapping
-from opir_core.scene.fields import info_of, with_defaults
+from opir_core.scene import info_of
 
 
 @frozen(kw_only=True)
@@ -41,9 +40,9 @@ def opir_sensor_models() -> Iterable[SensorModel]:
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
-    for name, given in (("EYES", {"noise_w_cm2": 4e-16}), ("METRE-EYES", {"noise_w_m2": 4e-12})):
+    for name, settings in (("EYES", {"noise_w_cm2": 4e-16}), ("METRE-EYES", {"noise_w_m2": 4e-12})):
         yield Constellation(
-            name=name, summary="two", model="EYE", satellites=[{"id": f"{name}-1", **given}]
+            name=name, summary="two", model="EYE", satellites=[{"id": f"{name}-1", **settings}]
         )
 
 
@@ -66,8 +65,8 @@ def reported(**block: Any) -> tuple[float, float | None]:
 
 
 def effective_w_m2(**block: Any) -> float:
-    plain, other = reported(**block)
-    return plain if other is None else other * 1e4
+    plain, metre_value = reported(**block)
+    return plain if metre_value is None else metre_value * 1e4
 
 
 @pytest.mark.parametrize("model", ["EYE", "CM-EYE"])
@@ -83,7 +82,7 @@ def test_what_the_scene_names_wins_over_preset_and_class(
 
 
 @pytest.mark.parametrize("fleet", ["EYES", "METRE-EYES"])
-def test_a_constellation_wins_over_a_preset_and_the_scene_over_both(fleet: str) -> None:
+def test_precedence_of_scene_constellation_and_preset(fleet: str) -> None:
     for preset in ({}, {"preset": "cm"}, {"preset": "m"}):
         assert effective_w_m2(constellation=fleet, **preset) == pytest.approx(4e-12)
         assert effective_w_m2(constellation=fleet, **preset, **M) == 7e-12
@@ -120,18 +119,18 @@ def test_a_preset_that_tells_both_is_its_plugin_s_fault() -> None:
     assert effective_w_m2(model="EYE", preset="both", **CM) == 8e-12
 
 
-def test_the_canonical_form_tells_one_of_them_and_repeats_the_scene() -> None:
+def test_the_canonical_form_has_one_of_two_conflicting_keys() -> None:
     blocks = itertools.product(
         ("EYE", "CM-EYE"), ({}, {"preset": "cm"}, {"preset": "m"}), ({}, M, CM)
     )
     sensors = [
-        {"model": model, "id": f"A{n}", **more, **own}
-        for n, (model, more, own) in enumerate(blocks)
+        {"model": model, "id": f"A{n}", **more, **own_rows}
+        for n, (model, more, own_rows) in enumerate(blocks)
     ]
     scene = scene_of(*sensors, {"constellation": "METRE-EYES", **CM})
-    again = scene_from_mapping(scene_mapping(scene), host=HOST)
-    assert again == scene
-    assert scene_hash(again) == scene_hash(scene)
+    same_scene = scene_from_mapping(scene_mapping(scene), host=HOST)
+    assert same_scene == scene
+    assert scene_hash(same_scene) == scene_hash(scene)
 
 
 def test_python_tells_it_once_as_a_scene_does() -> None:
@@ -140,11 +139,11 @@ def test_python_tells_it_once_as_a_scene_does() -> None:
         "noise_w_cm2 sets the same quantity as noise_w_m2, which is also set; omit one of the two,"
         " or set"
     )
-    for both in ({**M, **CM}, {**CM, "noise_w_m2": float("1e-12")}):
+    for settings in ({**M, **CM}, {**CM, "noise_w_m2": float("1e-12")}):
         with pytest.raises(ValueError, match=words):
-            Eye(**both)
+            Eye(**settings)
         with pytest.raises(ValueError, match=words):
-            CentimetreEye(**both)
+            CentimetreEye(**settings)
     with pytest.raises(ValueError, match=f"{words} noise_w_cm2 to None"):
         evolve(Eye(**CM), **M)
 
@@ -173,15 +172,20 @@ def test_the_installed_sensors_refuse_two_ways_in_python(model: str) -> None:
         config(threshold_sigma=4.0, false_alarm_probability=1e-6)
 
 
-def test_every_such_setting_names_one_of_its_class_and_may_be_none() -> None:
+def test_alternatives_name_an_optional_setting_of_the_class() -> None:
     """The pairs of the sensors that are installed."""
-    found = set()
+    alternatives = set()
     host = Host.discover()
     for name in host.names("opir_sensor_models"):
         config = host.component("opir_sensor_models", name).config
-        for one in fields(config):
-            if info_of(one).instead_of:
-                names = [other.name for other in fields(config)]
-                assert info_of(one).instead_of in names[: names.index(one.name)], "it stands before"
-                found.add((one.name, info_of(one).instead_of))
-    assert found == {("nei_w_cm2", "nei_w_m2"), ("false_alarm_probability", "threshold_sigma")}
+        for field in fields(config):
+            if info_of(field).instead_of:
+                names = [setting.name for setting in fields(config)]
+                assert info_of(field).instead_of in names[: names.index(field.name)], (
+                    "it stands before"
+                )
+                alternatives.add((field.name, info_of(field).instead_of))
+    assert alternatives == {
+        ("nei_w_cm2", "nei_w_m2"),
+        ("false_alarm_probability", "threshold_sigma"),
+    }

@@ -10,8 +10,9 @@ import pytest
 
 import opir_core as opir
 from opir_core.errors import PluginError, SceneError
-from opir_core.host.error_messages import PACKAGES, READERS
-from opir_core.host.host import Host
+from opir_core.host import PACKAGES
+from opir_core.host.error_messages import READERS
+from opir_core.plugin import Host
 from opir_core.reading import scene_mapping
 from opir_core.simulation.explanation import explained
 
@@ -78,40 +79,43 @@ def scene(**changes: Any) -> opir.Scene:
 
 
 @pytest.mark.parametrize(("changes", "path"), LIGHT, ids=str)
-def test_a_scene_that_describes_light_gets_the_model_that_reads_it(
+def test_described_light_chooses_the_model_that_reads_it(
     changes: dict[str, Any], path: str
 ) -> None:
-    made = scene(**changes)
-    assert made.detection.name == "snr"
-    assert made.classification.name == "spectral"
-    assert made.automatic == [f"detection: snr, since the scene describes light: {path}"]
+    checked_scene = scene(**changes)
+    assert checked_scene.detection.name == "snr"
+    assert checked_scene.classification.name == "spectral"
+    assert checked_scene.automatic == [f"detection: snr, since the scene describes light: {path}"]
 
 
 @pytest.mark.parametrize("changes", DARK, ids=str)
-def test_a_scene_that_describes_none_has_a_constant_probability_and_says_so(
+def test_a_scene_without_light_has_constant_probability(
     changes: dict[str, Any],
 ) -> None:
-    made = scene(**changes)
-    assert (made.detection.name, made.classification.name) == ("constant", "paper")
-    assert made.automatic == ["detection: constant, since the scene describes no light"]
+    checked_scene = scene(**changes)
+    assert (checked_scene.detection.name, checked_scene.classification.name) == (
+        "constant",
+        "paper",
+    )
+    assert checked_scene.automatic == ["detection: constant, since the scene describes no light"]
 
 
 @pytest.mark.parametrize("name", ["constant", "snr", "never"])
 def test_a_model_that_is_named_stays_and_nothing_is_said(name: str) -> None:
     for changes in ({}, {"atmosphere": "lowtran"}):
-        made = scene(detection=name, **changes)
-        assert (made.detection.name, made.automatic) == (name, [])
+        checked_scene = scene(detection=name, **changes)
+        assert (checked_scene.detection.name, checked_scene.automatic) == (name, [])
 
 
 def test_a_scene_written_out_is_read_as_the_same_scene() -> None:
     for changes in (*DARK, LIGHT[0][0], LIGHT[4][0], LIGHT[6][0]):
-        made = scene(**changes)
-        again = opir.scene_from_mapping(scene_mapping(made))
-        assert again == made
-        assert again.automatic == []
+        checked_scene = scene(**changes)
+        same_scene = opir.scene_from_mapping(scene_mapping(checked_scene))
+        assert same_scene == checked_scene
+        assert same_scene.automatic == []
 
 
-def test_a_scene_written_out_without_its_model_describes_no_more_light_than_before() -> None:
+def test_defaults_written_out_describe_no_light() -> None:
     plain = {
         key: value
         for key, value in scene_mapping(scene()).items()
@@ -129,8 +133,16 @@ def test_overrides_count(tmp_path: Path) -> None:
         "sensors[0].threshold_sigma=5.0",
     ):
         assert opir.load_scene(path, overrides=[override]).detection.name == "snr"
-    chosen = opir.load_scene(path, overrides=["atmosphere=lowtran", "classification.launches=16"])
-    assert (chosen.classification.name, chosen.classification.config.launches) == ("spectral", 16)
+    scene_with_overrides = opir.load_scene(
+        path, overrides=["atmosphere=lowtran", "classification.launches=16"]
+    )
+    assert (
+        scene_with_overrides.classification.name,
+        scene_with_overrides.classification.config.launches,
+    ) == (
+        "spectral",
+        16,
+    )
     assert (
         opir.load_scene(path, overrides=["detection.band_confirmation=0.5"]).detection.name
         == "constant"
@@ -172,14 +184,14 @@ def test_a_missing_atmosphere_model_is_the_only_complaint() -> None:
         )
 
 
-def test_the_model_of_the_message_is_the_one_that_declares_to_read_light() -> None:
+def test_the_message_names_the_model_that_reads_light() -> None:
     host = Host.discover()
     for subject, entry in READERS.items():
         kind, _, name = entry.partition(".")
         declared = [
-            each
-            for each in host.names(f"opir_{kind}")
-            if subject in (_reads(host, f"opir_{kind}", each))
+            detection_name
+            for detection_name in host.names(f"opir_{kind}")
+            if subject in (_reads(host, f"opir_{kind}", detection_name))
         ]
         assert declared == [name]
         assert sum(entry in entries for entries in PACKAGES.values()) == 1
@@ -191,16 +203,16 @@ def _reads(host: Host, hook: str, name: str) -> Any:
 
 
 def test_explanation_summary_and_manifest_tell_the_model() -> None:
-    made = scene(sensors=[{**SBIRS, "threshold_sigma": 6.0}])
-    run = opir.simulate(made)
+    checked_scene = scene(sensors=[{**SBIRS, "threshold_sigma": 6.0}])
+    run = opir.simulate(checked_scene)
     line = "detection: snr, since the scene describes light: sensors[0].threshold_sigma"
     assert explained(run.plan)["automatic"] == run.summary["automatic"] == [line]
     assert run.manifest["scene"]["detection"]["model"] == "snr"
-    again = opir.simulate(opir.scene_from_mapping(run.manifest["scene"]))
-    assert again.detections.detection_id.tobytes() == run.detections.detection_id.tobytes()
+    repeated_run = opir.simulate(opir.scene_from_mapping(run.manifest["scene"]))
+    assert repeated_run.detections.detection_id.tobytes() == run.detections.detection_id.tobytes()
 
 
-def test_dsp_starts_from_its_preset_for_light_where_the_model_reads_light() -> None:
+def test_dsp_starts_from_its_preset_for_light() -> None:
     def period_ms(sensor: dict[str, Any], **changes: Any) -> float:
         return scene(sensors=[sensor], **changes).sensors[0].model.config.scan_period_ms
 
@@ -220,8 +232,8 @@ def test_a_preset_gives_nothing_to_bands_that_the_scene_replaces() -> None:
         .model.config
     )
     assert dict(config.band_focal_plane) == {}
-    own = {"bands": {"SWIR": [2.6, 2.9]}, "band_focal_plane": {"MWIR": {"bits": 8}}}
+    settings = {"bands": {"SWIR": [2.6, 2.9]}, "band_focal_plane": {"MWIR": {"bits": 8}}}
     with pytest.raises(
         SceneError, match=r"band_focal_plane: MWIR is not one of the sensor's bands"
     ):
-        scene(sensors=[{**DSP, **own}], detection="snr")
+        scene(sensors=[{**DSP, **settings}], detection="snr")

@@ -113,7 +113,7 @@ class Reserved:
         (Unknown, "the field types of Unknown are not known: name 'Nowhere' is not defined"),
         (
             Crashing,
-            "its configuration fails: KeyError: 'window' (scene/test_plugin_faults.py, line 101)",
+            "its configuration fails: KeyError: 'window' (reading/test_plugin_faults.py, line 101)",
         ),
         (Reserved, "its configuration has the field model, a key reserved by scenes"),
     ],

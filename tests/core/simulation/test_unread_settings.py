@@ -11,7 +11,7 @@ import opir_core as opir
 from opir_core.host.components import CATALOGUE
 from opir_core.reading import scene_mapping
 from opir_core.scene.fields import READ_BY, field_infos
-from opir_core.simulation.plan_checks import plan_warnings
+from opir_core.simulation import plan_warnings
 
 #: Parts of paths of settings that are read, and change nothing in some of these scenes: `notional`
 #: is the default, looks are too few to be interpolated, all bands are bright, a hot body reflects
@@ -113,27 +113,27 @@ def test_items_of_a_list_share_a_warning() -> None:
 
 def test_a_scene_that_is_written_out_names_nothing() -> None:
     for name in ("constant", "aligned", "sky", "paper"):
-        whole = scene_mapping(opir.scene_from_mapping(scene_of(name), host=HOST))
-        assert not unread_paths(whole)
+        complete = scene_mapping(opir.scene_from_mapping(scene_of(name), host=HOST))
+        assert not unread_paths(complete)
 
 
 def test_subjects_of_components_and_settings_have_words() -> None:
-    used = set[str]()
+    names_used = set[str]()
     for hook in CATALOGUE:
         for name in HOST.names(hook):
             component = HOST.component(hook, name)
             config_class = getattr(component, "config", None)
             if config_class is not None:
-                used |= {
+                names_used |= {
                     component.described,
                     *(info.subject for info in field_infos(config_class).values()),
                 }
-    assert used - {""} <= READ_BY.keys()
+    assert names_used - {""} <= READ_BY.keys()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-def test_a_setting_is_named_where_it_changes_nothing_and_only_there(name: str) -> None:
+def test_unread_settings_are_named(name: str) -> None:
     """Bytes of all that a run computes are the judge, not what components declare."""
     usual = digest(scene_of(name))
     wrong = []
@@ -143,7 +143,7 @@ def test_a_setting_is_named_where_it_changes_nothing_and_only_there(name: str) -
             continue
         is_unchanged = digest(scene) == usual
         if is_named(path, unread) != is_unchanged and not (
-            is_unchanged and any(part in f"{path}$" for part in WITHOUT_EFFECT)
+            is_unchanged and any(piece in f"{path}$" for piece in WITHOUT_EFFECT)
         ):
             wrong.append((path, is_unchanged))
     assert not wrong
@@ -152,12 +152,12 @@ def test_a_setting_is_named_where_it_changes_nothing_and_only_there(name: str) -
 @pytest.mark.slow
 def test_every_setting_with_a_condition_is_named_in_some_scene() -> None:
     named = set[str]()
-    every = set[str]()
+    complete = set[str]()
     for name in SCENES:
         for path, scene in changed_scenes(name):
             unread = unread_paths(scene)
             if unread is not None:
-                every.add(path)
+                complete.add(path)
                 named |= {path} if is_named(path, unread) else set()
-    assert len(every) > 60
-    assert every - named == set()
+    assert len(complete) > 60
+    assert complete - named == set()

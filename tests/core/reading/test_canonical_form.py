@@ -16,8 +16,8 @@ from fake_components import fake_host, good_mapping
 from hypothesis import given, strategies as st
 
 from examples import examples
+from opir_core import Scene
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
-from opir_core.scene.scene import Scene
 
 HOST = fake_host()
 
@@ -55,58 +55,61 @@ SCANNERS = st.fixed_dictionaries(
 )
 
 
+SENSOR_IDS = IDS.filter(lambda text: not text.startswith("FLEET"))
+SENSORS = st.lists(
+    st.builds(
+        lambda model, item_id, settings: {"model": model, "id": item_id, **settings},
+        st.sampled_from(["SCANNER", "STARER"]),
+        SENSOR_IDS,
+        SCANNERS,
+    ),
+    min_size=1,
+    max_size=4,
+    unique_by=lambda sensor: sensor["id"],
+)
+TARGETS = st.lists(
+    st.fixed_dictionaries(
+        {
+            "id": IDS,
+            "type": st.just("IRBM"),
+            "launch": PLACES,
+            "aim": PLACES,
+            "burn_time_s": st.none() | st.just(9),
+        }
+    ),
+    max_size=3,
+    unique_by=lambda target: target["id"],
+)
+EPOCHS = st.sampled_from(
+    ["1970-01-01T00:00:00Z", "2026-04-01T12:00:00.5Z", "2099-12-31T23:59:59.999999Z"]
+)
+OUTPUTS = st.lists(
+    st.sampled_from(["null", {"null": {}}, {"jsonl": {"path": "-"}}, "jsonl"]),
+    max_size=3,
+    unique_by=repr,
+)
+
+
 @st.composite
 def mappings(draw: st.DrawFn) -> dict[str, Any]:
     """Return any good scene."""
-    ids = draw(
-        st.lists(
-            IDS.filter(lambda text: not text.startswith("FLEET")),
-            min_size=1,
-            max_size=4,
-            unique=True,
-        )
-    )
-    singles = [
-        {"model": draw(st.sampled_from(["SCANNER", "STARER"])), "id": own, **draw(SCANNERS)}
-        for own in ids
-    ]
     fleet: dict[str, Any] = {"constellation": "FLEET", **draw(SCANNERS)}
     fleet |= draw(st.sampled_from([{}, {"preset": "slow"}]))
-    targets = [
-        {
-            "id": own,
-            "type": "IRBM",
-            "launch": draw(PLACES),
-            "aim": draw(PLACES),
-            "burn_time_s": draw(st.none() | st.just(9)),
-        }
-        for own in draw(st.lists(IDS, max_size=3, unique=True))
-    ]
     band = draw(st.sampled_from([0.0, 0.25, 0.5, 1.0]))
     return {
         "scene": draw(TEXTS.filter(str.strip)),
-        "epoch": draw(
-            st.sampled_from(
-                ["1970-01-01T00:00:00Z", "2026-04-01T12:00:00.5Z", "2099-12-31T23:59:59.999999Z"]
-            )
-        ),
+        "epoch": draw(EPOCHS),
         "duration_s": draw(st.floats(1e-3, 1e6) | st.integers(1, 10**6)),
         "seed": draw(st.integers(0, 2**63 - 1)),
         "light_time": draw(st.booleans()),
         "forces": draw(st.sampled_from(FORCES)),
-        "sensors": draw(st.permutations([*singles, *draw(st.sampled_from([[], [fleet]]))])),
-        "targets": targets,
+        "sensors": draw(st.permutations([*draw(SENSORS), *draw(st.sampled_from([[], [fleet]]))])),
+        "targets": draw(TARGETS),
         "confidence": draw(
             st.sampled_from(["weighted", {"model": "weighted", "band": band, "count": 1 - band}])
         ),
         "tracker": draw(st.sampled_from(["none", "arc", {"model": "arc", "window_s": 3}])),
-        "outputs": draw(
-            st.lists(
-                st.sampled_from(["null", {"null": {}}, {"jsonl": {"path": "-"}}, "jsonl"]),
-                max_size=3,
-                unique_by=repr,
-            )
-        ),
+        "outputs": draw(OUTPUTS),
     }
 
 
@@ -154,7 +157,7 @@ def test_the_hash_says_the_same_of_the_same_scene(
 
 def test_spelling_does_not_change_the_hash() -> None:
     page = yaml.safe_dump(good_mapping())
-    other = page
+    respelled = page
     spellings = {
         "900.0": "9e2",
         "200.0": "+200",
@@ -162,10 +165,10 @@ def test_spelling_does_not_change_the_hash() -> None:
         "light_time: true": "light_time: on",
         "scene: test range": 'scene: "test\\x20range"',
     }
-    for one, another in spellings.items():
-        assert one in other
-        other = other.replace(one, another)
-    assert scene_hash(from_text(other)) == scene_hash(from_text(page))
+    for spelling, another in spellings.items():
+        assert spelling in respelled
+        respelled = respelled.replace(spelling, another)
+    assert scene_hash(from_text(respelled)) == scene_hash(from_text(page))
 
 
 def test_a_preset_a_fleet_and_a_default_count_as_written_out() -> None:
@@ -184,7 +187,7 @@ def test_a_preset_a_fleet_and_a_default_count_as_written_out() -> None:
 
 def test_every_value_counts() -> None:
     scene = scene_from_mapping(good_mapping(), host=HOST)
-    others = [
+    variants = [
         evolve(scene, name="another"),
         evolve(scene, epoch_us=scene.epoch_us + 1),
         evolve(scene, duration_s=900.0000000000001),
@@ -197,9 +200,9 @@ def test_every_value_counts() -> None:
         evolve(scene, tracker=evolve(scene.tracker, name="none")),
         evolve(scene, sensors=(evolve(scene.sensors[0], constellation=None), scene.sensors[1])),
     ]
-    hashes = {scene_hash(other) for other in (scene, *others)}
-    assert len(hashes) == len(others) + 1
-    assert all(re.fullmatch("[0-9a-f]{64}", found) for found in hashes)
+    hashes = {scene_hash(variant) for variant in (scene, *variants)}
+    assert len(hashes) == len(variants) + 1
+    assert all(re.fullmatch("[0-9a-f]{64}", hashe) for hashe in hashes)
 
 
 @pytest.mark.parametrize("zero", ["0", "-0", "0.0", "-0.0", "0e5"])

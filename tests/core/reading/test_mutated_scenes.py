@@ -27,9 +27,9 @@ from mutated_scenes import (
 )
 
 from examples import examples
+from opir_core import Scene
 from opir_core.errors import OpirError
 from opir_core.reading import load_scene, scene_from_mapping, scene_mapping, strict_yaml
-from opir_core.scene.scene import Scene
 
 HOST = fake_host()
 

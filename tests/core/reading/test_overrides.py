@@ -34,16 +34,16 @@ from opir_core.reading import load_scene, scene_from_mapping
     ],
 )
 def test_an_override_sets_one_value(override: str, path: str, value: Any) -> None:
-    found: Any = read(override)
+    values: Any = read(override)
     for step in path.split("."):
-        is_container = isinstance(found, tuple | dict)
-        found = (
-            found[int(step) if isinstance(found, tuple) else step]
+        is_container = isinstance(values, tuple | dict)
+        values = (
+            values[int(step) if isinstance(values, tuple) else step]
             if is_container
-            else getattr(found, step)
+            else getattr(values, step)
         )
-    assert found == value
-    assert type(found) is type(value)
+    assert values == value
+    assert type(values) is type(value)
 
 
 def test_an_override_sets_nothing_else() -> None:

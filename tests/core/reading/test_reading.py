@@ -15,9 +15,8 @@ from fake_components import Ballistic, Launch, Place, Scanner, good_mapping
 from scene_reading import HOST, PAGE, host_with_tracker, plugin_of, problems, read
 
 from opir_core.errors import PluginError, SceneError
-from opir_core.host.host import Host
+from opir_core.plugin import Host, number
 from opir_core.reading import load_scene, scene_from_mapping, scene_mapping
-from opir_core.scene.fields import number
 
 
 @pytest.fixture
@@ -53,14 +52,14 @@ def test_a_page_is_read(page: Path) -> None:
 
 def test_models_not_named_are_the_defaults(page: Path) -> None:
     scene = load_scene(page, host=HOST)
-    chosen = (
+    names = (
         scene.detection,
         scene.classification,
         scene.confidence,
         scene.tracker,
         scene.targets[0].model,
     )
-    assert [choice.name for choice in chosen] == [
+    assert [choice.name for choice in names] == [
         "constant",
         "paper",
         "weighted",

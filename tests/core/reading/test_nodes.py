@@ -1,16 +1,17 @@
 """Errors of a scene are reported in the order of their lines."""
 
-from opir_core.reading.nodes import Complaint, ordered
+from opir_core.reading import ordered
+from opir_core.reading.nodes import Complaint
 
 
-def test_errors_come_by_line_and_column_and_those_without_a_place_last() -> None:
+def test_errors_are_sorted_by_place() -> None:
     errors = [
         Complaint("no place"),
         Complaint("late", (1_000_000, 1)),
         Complaint("right", (3, 9)),
         Complaint("left", (3, 2)),
     ]
-    assert [one.message for one in ordered([*errors, errors[0]])] == [
+    assert [complaint.message for complaint in ordered([*errors, errors[0]])] == [
         "left",
         "right",
         "late",

@@ -11,8 +11,7 @@ from fake_components import fake_host, good_mapping
 from opir_trackers.configs import ImmConfig
 
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.plugin import AtmosphereModel, NoConfig, SensorModel, hookimpl, nested, number
+from opir_core.plugin import AtmosphereModel, Host, NoConfig, SensorModel, hookimpl, nested, number
 from opir_core.reading import scene_from_mapping
 from opir_core.scene.field_rows import field_rows
 
@@ -151,9 +150,9 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     tracker = {"model": "imm", "thrust": {"tilt_deg": 4.0}}
     read, usual = (
         scene_from_mapping(
-            {**blocks, "tracker": each}, host=Host.of(opir_trackers.plugin)
+            {**blocks, "tracker": variant}, host=Host.of(opir_trackers.plugin)
         ).tracker.config
-        for each in (tracker, "imm")
+        for variant in (tracker, "imm")
     )
     assert isinstance(usual, ImmConfig)
     assert read == evolve(usual, thrust=evolve(usual.thrust, tilt_deg=4.0))
@@ -162,7 +161,7 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     assert rows["thrust.tilt_s"].default_text == "30"
 
 
-def test_an_exact_key_of_another_model_is_reported_beside_the_slip() -> None:
+def test_an_exact_key_of_another_model_is_reported() -> None:
     mapping = {"targets": [{**good_mapping()["targets"][0], "file": "x.csv"}]}
     (words,) = complaints(Host.discover(allowed=["readers"]), **mapping, **CORE)
     assert words == (

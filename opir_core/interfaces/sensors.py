@@ -1,0 +1,151 @@
+"""Sensors, and what they consist of: bands, radiometer, orbit, scan, reporting stages."""
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from attrs import field, frozen
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
+
+
+@frozen
+class Band:
+    """A spectral band, in µm."""
+
+    name: str
+    lower_um: float
+    upper_um: float
+
+
+@frozen
+class Radiometer:
+    """Radiometric properties of a sensor, by band in the order of its `bands`.
+
+    `nei_w_m2` are noise-equivalent irradiances per look, nan where they follow from the focal
+    plane; `ifov_rad` is the angle across a resolution cell; `collection_m2_s` the product of
+    aperture area, efficiency and integration time, which gives photons from irradiance. A look
+    detects above `threshold` standard deviations of its noise. For rules over several bands it is
+    that of the band `reference`, and `coincidence` that of the others; `ratios` bound their
+    intensity over that of the reference band at the source, and `ratio_tolerance` is how far noise
+    may carry a measurement beyond these bounds, in standard deviations. `confirmation` are the
+    detections M that a sensor needs in N successive scans to report the last, within the distance
+    that a source moves at `confirmation_speed_m_s`.
+
+    With `focal_planes`, by band, noise, clutter, saturation and the accuracy of lines of sight
+    follow from them, in pixels of `ifov_rad`.
+    """
+
+    nei_w_m2: tuple[float, ...]
+    ifov_rad: float
+    collection_m2_s: float
+    threshold: float
+    coincidence: float
+    ratios: tuple[tuple[float, float], ...]
+    focal_planes: tuple[FocalPlaneConfig, ...] = ()
+    ratio_tolerance: float = 0.0
+    reference: int = 0
+    confirmation: tuple[int, int] = (1, 1)
+    confirmation_speed_m_s: float = 0.0
+
+
+class Orbit(Protocol):
+    """The orbit of a satellite.
+
+    >>> class Parked:
+    ...     is_stationary = True
+    ...
+    ...     def position_ecef_m(self, time_s):
+    ...         return np.tile([4.2164e7, 0.0, 0.0], (len(time_s), 1))
+    >>> orbit: Orbit = Parked()
+    >>> orbit.position_ecef_m(np.zeros(2)).shape
+    (2, 3)
+    """
+
+    @property
+    def is_stationary(self) -> bool:
+        """Whether the position in ECEF does not change."""
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,)."""
+
+
+class ScanPattern(Protocol):
+    """The scan of a sensor: times of looks within its period.
+
+    >>> class Together:
+    ...     period_ns = 5_000_000_000
+    ...
+    ...     def phase_ns(self, sensor_ecef_m, target_ecef_m, uniform):
+    ...         return np.full(len(target_ecef_m), int(uniform * self.period_ns))
+    >>> scan: ScanPattern = Together()
+    >>> scan.phase_ns(np.zeros(3), np.zeros((2, 3)), 0.5)
+    array([2500000000, 2500000000])
+    """
+
+    @property
+    def period_ns(self) -> int:
+        """Time between two looks at one target, ns: a positive integer, so that look times are
+        exact.
+        """
+
+    def phase_ns(
+        self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float
+    ) -> IntArray:
+        """Return offsets (n,) in [0, period) of the looks at targets (n, 3); scan k looks at phase
+        + k · period.
+
+        `uniform` is a random number of the sensor in [0, 1), for patterns with a random start.
+        """
+
+
+@frozen
+class ReportingStage:
+    """A stage between a look and its report: the mean and the standard deviation of its latency, s.
+
+    The latency is constant where `sigma_s` is 0, else gamma distributed.
+    """
+
+    name: str
+    mean_s: float
+    sigma_s: float = 0.0
+
+
+@frozen(eq=False, kw_only=True)
+class Sensor:
+    """A sensor, built by a sensor model from a scene's block.
+
+    `detection_probability` is P_d per look, by target type, for models with constant P_d;
+    `confusion` gives, by true type, the probabilities of each reported type, or is empty.
+    `minimum_elevation_rad` is the least elevation of the sensor above the target's horizon, -pi/2
+    for no limit. `settings` are the complete settings of the sensor's block, for `opir explain` and
+    the manifest.
+
+    A sensor cannot look within `solar_exclusion_rad` of the Sun's centre while any part of the Sun
+    is in view of the satellite; 0 for no limit.
+
+    `line_of_sight_sigma_rad` is the standard deviation of single lines of sight, per axis,
+    `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run. A
+    sensor that `follows_bodies` observes targets after burnout, up to impact. The report of a scan
+    follows its looks by the sum of the latencies of `reporting`; without stages, at once.
+    """
+
+    id: str
+    type: str
+    orbital_slot_deg: float | None
+    bands: tuple[Band, ...]
+    orbit: Orbit
+    scan: ScanPattern
+    field_of_regard_half_angle_rad: float
+    minimum_elevation_rad: float
+    line_of_sight_sigma_rad: float
+    detection_probability: Mapping[str, float]
+    confusion: Mapping[str, Mapping[str, float]] = field(factory=dict)
+    line_of_sight_bias_sigma_rad: float = 0.0
+    false_alarm_susceptibility: str = "moderate"
+    spectral_discrimination: str = "none"
+    follows_bodies: bool = False
+    solar_exclusion_rad: float = 0.0
+    radiometer: Radiometer | None = None
+    reporting: tuple[ReportingStage, ...] = ()
+    settings: Mapping[str, Any] = field(factory=dict)
