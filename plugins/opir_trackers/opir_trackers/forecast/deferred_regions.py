@@ -1,4 +1,4 @@
-"""Impact regions whose rings and areas are made when somebody reads them: most are replaced
+"""Impact regions whose rings and areas are computed at the first reading: most regions are replaced
 before.
 """
 
@@ -12,30 +12,28 @@ from opir_core.plugin import ImpactRegion
 
 
 class Outline(NamedTuple):
-    """What a region encloses: its area, km², and the rings of its polygons, as in
-    `ImpactRegion`.
-    """
+    """Outline of a region: its area, km², and the rings of its polygons, as in `ImpactRegion`."""
 
     area_km2: float
     polygons: tuple[tuple[FloatArray, ...], ...]
 
 
 class Outlines:
-    """The outlines of regions of one ensemble, made together at the first question for one of
+    """The outlines of regions of one ensemble, computed together at the first question for one of
     them.
     """
 
     def __init__(self, make: Callable[[], Sequence[Outline]]) -> None:
         self._make: Callable[[], Sequence[Outline]] | None = make
-        self._made: Sequence[Outline] = ()
+        self._outlines: Sequence[Outline] = ()
 
     def __getitem__(self, number: int) -> Outline:
-        """Return the outline of a region; the points that it is made of are let go."""
+        """Return the outline of a region; the points of the ensemble are let go."""
         make = self._make  # another thread may read at the same time: both make the same outlines
         if make is not None:
-            self._made = make()
+            self._outlines = make()
             self._make = None
-        return self._made[number]
+        return self._outlines[number]
 
 
 class DeferredRegion(ImpactRegion):
@@ -49,19 +47,20 @@ class DeferredRegion(ImpactRegion):
     def of(cls, outlines: Outlines, number: int, **figures: Any) -> "DeferredRegion":
         """Return the region of an outline, with the other attributes of `ImpactRegion`."""
         region = cls.__new__(cls)
-        for name, value in (figures | {"_outlines": outlines, "_number": number}).items():
-            object.__setattr__(region, name, value)
+        region._set(figures | {"_outlines": outlines, "_number": number})
         return region
 
+    def _set(self, figures: dict[str, Any]) -> None:
+        for name, value in figures.items():
+            object.__setattr__(self, name, value)
+
     def __getattr__(self, name: str) -> Any:
-        """Set and return what of the outline is not yet set: Python asks here for slots that are
-        empty.
-        """
+        """Set and return an attribute of the outline: Python asks here for slots that are empty."""
         if name not in Outline._fields:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        for each, value in self._outlines[self._number]._asdict().items():
-            object.__setattr__(self, each, value)
+        self._set(self._outlines[self._number]._asdict())
         return getattr(self, name)
 
     def __reduce__(self) -> tuple[type[ImpactRegion], tuple[Any, ...]]:
-        return ImpactRegion, tuple(getattr(self, each.name) for each in fields(ImpactRegion))
+        figures = tuple(getattr(self, attribute.name) for attribute in fields(ImpactRegion))
+        return ImpactRegion, figures

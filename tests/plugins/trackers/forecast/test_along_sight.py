@@ -5,15 +5,7 @@ code with it.
 import numpy as np
 import pytest
 from opir_trackers.forecast.along_sight import Sighting, along_sight
-from opir_trackers.forecast.ascents import (
-    CLIMB,
-    HEIGHT,
-    LAUNCHERS,
-    LEVEL,
-    MISSILES,
-    NUMBERS,
-    ascents_of,
-)
+from opir_trackers.forecast.ascents import AscentRows, ascents_of
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.vehicles import vehicle_model
 from plain_boosts import RADIUS_M, flown
@@ -22,6 +14,8 @@ from opir_core.scene import core_hypotheses
 
 ASCENTS = ascents_of(Outcomes(vehicle_model(), core_hypotheses()))
 SENSOR = 4.2164e7 * np.array([np.cos(0.5), np.sin(0.5), 0.0])
+MISSILES = slice(0, 1800)
+LAUNCHERS = slice(2200, 2800)
 AT_ONCE = np.zeros((1, len(ASCENTS.log_weight)))
 
 
@@ -47,6 +41,12 @@ def sighting(start, state, since_s):
         np.zeros(2),
         noise,
     )
+
+
+def at_burnout(columns):
+    """Return the rows of some ascents when they last burn."""
+    last = [np.flatnonzero(lit)[-1] for lit in ASCENTS.burns[:, columns].T]
+    return AscentRows(*ASCENTS.path[last, :, np.arange(columns.start, columns.stop)].T)
 
 
 def hidden(line, state):
@@ -114,10 +114,7 @@ def test_after_every_burn_of_the_law_nothing_is_said():
 
 
 def test_launchers_are_steered_to_heights_of_orbits():
-    first = sum(NUMBERS[:LAUNCHERS])
-    own = slice(first, first + NUMBERS[LAUNCHERS])
-    last = np.array([np.flatnonzero(lit)[-1] for lit in ASCENTS.burns[:, own].T])
-    height = ASCENTS.path[last, HEIGHT, np.arange(own.start, own.stop)]
+    height = at_burnout(LAUNCHERS).height
     assert np.median(height) > 150e3
     assert np.mean(height < 450e3) > 0.9
 
@@ -126,14 +123,10 @@ def test_missiles_end_their_boosts_climbing_and_above_the_ground():
     """Those whose program leads into the ground look, until then, like boosts that climb less than
     any.
     """
-    own = slice(0, NUMBERS[MISSILES])
-    lit = ASCENTS.burns[:, own]
-    path = ASCENTS.path[:, :, own]
-    share = np.exp(ASCENTS.log_weight[own])
-    last = np.array([np.flatnonzero(each)[-1] for each in lit.T])
-    climb, level = (path[last, row, np.arange(len(last))] for row in (CLIMB, LEVEL))
-    angle = np.degrees(np.arctan2(climb, level))
-    near = path[last, HEIGHT, np.arange(len(last))] < 200.0
+    share = np.exp(ASCENTS.log_weight[MISSILES])
+    rows = at_burnout(MISSILES)
+    angle = np.degrees(np.arctan2(rows.climb, rows.level))
+    near = rows.height < 200.0
     share /= share.sum()
     assert np.mean(near) > 0.1
     assert share[near].sum() < 0.01

@@ -4,11 +4,10 @@ moments.
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.conditional_impacts import _moments
+from opir_trackers.forecast.conditional_impacts import impact_moments
 from opir_trackers.forecast.fates import features, free_impacts
 from opir_trackers.forecast.kernel_regression import squared_distances
-from opir_trackers.forecast.marginals import elevations, ranges_m
-from opir_trackers.forecast.planar_boost import MU, RADIUS_M
+from opir_trackers.forecast.planar_boost import MU, RADIUS_M, elevations, ranges_m
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -93,7 +92,7 @@ def test_moments_of_impacts_are_east_north_and_time() -> None:
     )
     when = np.array([1.0, 2.0, 3.0, 4.0])
     weight = np.array([0.4, 0.3, 0.2, 0.1])
-    mean, covariance, radii = _moments(place, when, weight)
+    mean, covariance, radii = impact_moments(place, when, weight)
     columns = np.column_stack([east, north, when])
     expected = weight @ columns
     apart = columns - expected

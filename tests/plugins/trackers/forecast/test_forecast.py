@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast import burning_on, marginals
+from opir_trackers.forecast import burning_on
 from opir_trackers.forecast.burning_on import RemainingBurns, drawn_steering
-from opir_trackers.forecast.forecast import Forecasts, forecasts
+from opir_trackers.forecast.forecast import forecasts
+from opir_trackers.forecast.launch_forecasts import LaunchForecasts
+from opir_trackers.forecast.marginals import burn_ends
 from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.planar_boost import drawn_stages
+from opir_trackers.forecast.planar_boost import drawn_stages, ranges_m
 from opir_trackers.forecast.stage_history import StageHistory
-from opir_trackers.forecast.vehicles import MISSILE, STAGES, vehicle_model
+from opir_trackers.forecast.vehicles import (
+    MISSILE,
+    STAGES,
+    VehicleStages,
+    vehicle_model,
+)
 from scipy.integrate import solve_ivp
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
@@ -76,7 +83,7 @@ def forecast(
     dark_s: float = 0.0,
     away_m: Any = 1e5,
     log: Any = None,
-) -> Forecasts:
+) -> LaunchForecasts:
     """Return the forecasts of tracks launched so far west, m, without reports of types."""
     count = len(estimates)
     east = -np.broadcast_to(away_m, count) / RADIUS_M
@@ -121,40 +128,39 @@ class Flights:
         drawn = 20 * count
         stages = drawn_stages(model, MISSILE, drawn, rng)
         steering = drawn_steering(drawn, model.data, seed)
-        range_m = marginals.ranges_m(marginals.flown(stages, steering))
+        range_m = ranges_m(burn_ends(stages, steering))
         weight = np.where(np.isfinite(range_m), OUTCOMES.missiles(range_m).sum(axis=1), 0.0)
         rows = rng.choice(drawn, count, p=weight / weight.sum())
-        stages = {name: value[rows] for name, value in stages.items()}
+        stages = VehicleStages(*(column[rows] for column in stages))
         steering = steering.take(rows)
-        used = np.sum(stages["burn"] > 0.0, axis=1)
+        used = np.sum(stages.burn_s > 0.0, axis=1)
         self.stage = rng.integers(0, used)
         each = np.arange(count)
-        starts = np.cumsum(stages["gap"] + stages["burn"], axis=1) - stages["burn"]
-        self.since = rng.uniform(0.3, 0.95, count) * stages["burn"][each, self.stage]
+        starts = stages.starts_s
+        self.since = rng.uniform(0.3, 0.95, count) * stages.burn_s[each, self.stage]
         now = starts[each, self.stage] + self.since
-        until = {**stages, "burn": np.clip(now[:, None] - starts, 0.0, stages["burn"])}
-        x, y, u, v = marginals.flown(
-            {**until, "gap": np.where(until["burn"] > 0.0, stages["gap"], 0.0)}, steering
-        )
+        burnt = np.clip(now[:, None] - starts, 0.0, stages.burn_s)
+        gap = np.where(burnt > 0.0, stages.gap_s, 0.0)
+        x, y, u, v = burn_ends(stages._replace(burn_s=burnt, gap_s=gap), steering)
         radius = np.hypot(x, y)
         speed = np.hypot(u, v)
         self.state = states(radius - RADIUS_M, speed, np.arcsin((x * u + y * v) / (radius * speed)))
         self.away_m = RADIUS_M * np.arctan2(x, y)
-        left = np.where(starts < now[:, None], stages["burn"] - until["burn"], stages["burn"])
-        shrink = np.maximum(1.0 - stages["growth"] * until["burn"], 0.02)
-        size = stages["first"] / shrink
-        growth = stages["growth"] / shrink
+        left = np.where(starts < now[:, None], stages.burn_s - burnt, stages.burn_s)
+        shrink = np.maximum(1.0 - stages.growth_per_s * burnt, 0.02)
+        size = stages.first_m_s2 / shrink
+        growth = stages.growth_per_s / shrink
         self.force = size[each, self.stage]
         self.growth = growth[each, self.stage]
         burns = RemainingBurns(np.maximum(starts - now[:, None], 0.0), left, size, growth, now)
         still = np.zeros((STAGES, burning_on.STEPS, count, 2))
         out, later, _ = burning_on.flown_on(self.state, burns, steering, still)
         self.impact = impacts_of(out, later)
-        ratio = -np.log(1.0 - stages["growth"] * stages["burn"])
-        after = np.concatenate([stages["gap"][:, 1:], np.zeros((count, 1))], axis=1)
+        ratio = -np.log(1.0 - stages.growth_per_s * stages.burn_s)
+        after = np.concatenate([stages.gap_s[:, 1:], np.zeros((count, 1))], axis=1)
         with np.errstate(divide="ignore"):
             self.logs = np.stack(
-                [np.log(stages["burn"]), np.log(stages["first"]), ratio, np.log(after)], axis=2
+                [np.log(stages.burn_s), np.log(stages.first_m_s2), ratio, np.log(after)], axis=2
             )
         self.logs[np.arange(STAGES) >= self.stage[:, None]] = np.nan
 
@@ -166,12 +172,14 @@ def test_flights_of_the_own_law_fall_into_the_stated_shares_of_regions() -> None
     seen = estimated(flights.state, flights.force, flights.growth, 1.0, rng)
     found = forecast(seen, burning_since(flights.since, flights.logs), away_m=flights.away_m)
     known = [
-        row for row in range(150) if found.regions[row] and np.isfinite(flights.impact[row, 0])
+        row
+        for row in range(150)
+        if found.impact_regions[row] and np.isfinite(flights.impact[row, 0])
     ]
     assert len(known) > 110
     inside = np.array(
         [
-            [region.contains(*flights.impact[row]) for region in found.regions[row][:3]]
+            [region.contains(*flights.impact[row]) for region in found.impact_regions[row][:3]]
             for row in known
         ]
     )
@@ -194,7 +202,7 @@ def test_what_is_said_of_a_track_agrees() -> None:
     assert not found.given_launch[:, ~able].any()
     assert np.all(found.given_launch[:, NAMES.index("none of these")] <= 0.05)
     for row in range(3):
-        regions = found.regions[row]
+        regions = found.impact_regions[row]
         assert len(regions) == 3
         assert regions[0].condition == "comes down"
         assert 0.0 < regions[0].probability <= found.probability_comes_down[row] + 1e-9
@@ -210,10 +218,10 @@ def test_a_dark_target_has_a_region_for_each_condition_and_relights_fade() -> No
     for dark_s in (2.0, 10.0, 40.0):
         history = evolve(burning_since(70.0 + dark_s, logs), dark_since_s=np.array([-dark_s]))
         found = forecast(seen, history, dark_s)
-        assert found.regions[0][0].condition == "burn over" or dark_s < 5.0
+        assert found.impact_regions[0][0].condition == "burn over" or dark_s < 5.0
         areas = {
             region.condition: region.area_km2
-            for region in found.regions[0]
+            for region in found.impact_regions[0]
             if region.containment == 0.95
         }
         if "relights" in areas:
@@ -229,7 +237,7 @@ def test_a_slow_long_burn_near_the_speed_of_an_orbit_goes_there_without_a_small_
     seen = estimated(states(1.7e5, 6000.0, 0.03), 16.0, 0.0026, 1.0, rng)
     found = forecast(seen, burning_since(250.0, logs), away_m=1e6)
     assert found.given_launch[0, NAMES.index("SLV")] > 0.9
-    assert all(region.area_km2 > 1e4 for region in found.regions[0])
+    assert all(region.area_km2 > 1e4 for region in found.impact_regions[0])
     orbiting = estimated(states(2.2e5, 7500.0, 0.0), 0.0, 0.0, 0.0, rng)
     logs[0, 1, :3] = np.log([380.0, 8.0, 3.8])
     over = evolve(burning_since(400.0, logs), dark_since_s=np.array([-20.0]))
@@ -267,17 +275,17 @@ def test_a_track_that_has_burnt_in_another_direction_may_be_none_of_these_and_co
     column = NAMES.index("none of these")
     assert plain.given_launch[0, column] < 0.05
     assert turned.given_launch[0, column] > 5.0 * plain.given_launch[0, column]
-    region = turned.regions[0][2]
+    region = turned.impact_regions[0][2]
     assert region.condition == "burn over"
     assert region.probability > 0.9
-    assert region.area_km2 == pytest.approx(plain.regions[0][2].area_km2, rel=0.2)
+    assert region.area_km2 == pytest.approx(plain.impact_regions[0][2].area_km2, rel=0.2)
 
 
 def test_a_burn_in_another_direction_leads_nowhere_that_a_region_could_say() -> None:
     seen = estimated(states(6e4, 2000.0, 0.7), 0.0, 0.0, 1.0, np.random.default_rng(12))
     free = evolve(seen, burn_share=np.array([[0.02, 0.0, 0.98]]))
     found = forecast(free, burning_since(90.0, no_stages(1)))
-    assert not found.regions[0] or found.regions[0][0].probability < 0.2
+    assert not found.impact_regions[0] or found.impact_regions[0][0].probability < 0.2
 
 
 def test_reported_types_move_classes_and_regions() -> None:
@@ -290,7 +298,7 @@ def test_reported_types_move_classes_and_regions() -> None:
     )
     column = NAMES.index("SRBM")
     assert reported.given_launch[0, column] > plain.given_launch[0, column]
-    assert reported.regions[0][2].area_km2 < plain.regions[0][2].area_km2
+    assert reported.impact_regions[0][2].area_km2 < plain.impact_regions[0][2].area_km2
 
 
 def test_a_level_end_of_the_burn_is_that_of_a_glider_whose_region_is_its_reach() -> None:
@@ -303,7 +311,7 @@ def test_a_level_end_of_the_burn_is_that_of_a_glider_whose_region_is_its_reach()
     )
     assert found.given_launch[0, NAMES.index("HGV")] > 0.3
     # At L/D of 2.5 some 4 600 km: R/2 · 2.5 · ln((1 - (1.5/7.9)²) / (1 - (5.3/7.9)²)).
-    assert found.regions[0][2].contains(0.0, 4.6e6 / RADIUS_M)
+    assert found.impact_regions[0][2].contains(0.0, 4.6e6 / RADIUS_M)
 
 
 def test_regions_hold_gliders_of_low_probability_too() -> None:
@@ -318,10 +326,12 @@ def test_regions_hold_gliders_of_low_probability_too() -> None:
     seen = estimated(states(5e4, 5300.0, 0.0), 0.0, 0.0, 0.0, np.random.default_rng(8))
     found = forecast(seen, over, 10.0, away_m=4e5, log=reports)
     assert 0.02 < found.given_launch[0, NAMES.index("HGV")] < 0.1
-    main = [region for region in found.regions[0] if region.condition == "burn over"]
+    main = [region for region in found.impact_regions[0] if region.condition == "burn over"]
     assert main[2].contains(0.0, 3.5e6 / RADIUS_M)
     assert not main[0].contains(0.0, 3.5e6 / RADIUS_M)
-    stated = sum(region.probability for region in found.regions[0] if region.containment == 0.95)
+    stated = sum(
+        region.probability for region in found.impact_regions[0] if region.containment == 0.95
+    )
     assert stated == pytest.approx(found.probability_comes_down[0])
 
 

@@ -4,7 +4,7 @@ on the globe.
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.regions import LEAST_M, map_area_m2, regions
+from opir_trackers.forecast.regions import LAW, map_area_m2, regions
 
 from opir_core.geometry.sphere import AzimuthalEquidistant, unit_vectors
 
@@ -154,7 +154,7 @@ def test_points_closer_than_the_least_spread_have_regions_of_it(spread_m: float)
         regions(points_about((0.5, 1.0), plane), np.full(256, 1 / 256)), SQUARES, strict=True
     ):
         assert region.area_km2 == pytest.approx(
-            np.pi * square * (LEAST_M**2 + spread_m**2) * 1e-6, rel=0.15
+            np.pi * square * (LAW.least_m**2 + spread_m**2) * 1e-6, rel=0.15
         )
 
 

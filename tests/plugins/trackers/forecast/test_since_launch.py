@@ -4,7 +4,7 @@ no code with it.
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.ascents import HEIGHT, LONGEST_S, ascents_of
+from opir_trackers.forecast.ascents import LONGEST_S, AscentRows, ascents_of
 from opir_trackers.forecast.kernel_regression import hidden_moments
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.since_launch import InFlight, _log_prior, launch_of
@@ -146,12 +146,13 @@ def test_of_what_no_boost_is_like_nothing_is_said():
 def test_ascents_reach_a_height_when_they_are_there():
     height_m = np.full(len(ASCENTS.log_weight), 12e3)
     since_s = ASCENTS.reaching(height_m)
-    there = ASCENTS.at(since_s)
+    height = AscentRows(*ASCENTS.at(since_s)[0]).height
+    before = AscentRows(*ASCENTS.at(np.maximum(since_s - 6.0, 0.0))[0]).height
     never = since_s == LONGEST_S
     assert 0.0 < np.mean(never) < 0.2
     # What has dipped on its way up is where the lower step was.
-    assert np.mean(np.abs(there.rows[HEIGHT, ~never] - 12e3) < 1.0) > 0.99
-    assert np.all(ASCENTS.at(np.maximum(since_s - 6.0, 0.0)).rows[HEIGHT, ~never] < 12e3)
+    assert np.mean(np.abs(height[~never] - 12e3) < 1.0) > 0.99
+    assert np.all(before[~never] < 12e3)
     assert np.all(ASCENTS.reaching(np.zeros_like(height_m)) == 0.0)
 
 

@@ -95,7 +95,7 @@ def test_the_evidence_of_a_burn_is_the_density_of_forces_and_growths_of_its_law(
         near = (np.abs(force - there[0]) < 1.5) & (np.abs(growth - there[1]) < 0.001)
         density = np.count_nonzero(near) / count / (3.0 * 0.002)
         found = present_burns(
-            np.array([there[0]]), np.array([there[1]]), np.array([since]), mean[None], sigma[None]
+            np.array([there[0]]), np.array([there[1]]), np.array([since]), (mean[None], sigma[None])
         )
         # The normalisation (2 π)^(3/2) is the same for all families, and left out.
         assert np.exp(found.log_evidence[0]) * (2.0 * np.pi) ** -1.5 == pytest.approx(
