@@ -94,7 +94,7 @@ def test_a_misfit_that_nobody_else_shows_is_not_believed() -> None:
     filter_ = after(ErrorFilter.of(np.full(2, 60e-6), 0.0, NEVER_S), made)
     rows, seen = slices(np.zeros(6), 1, 3.0)[0]
     wrong = filter_.updated(misfits_of(rows * 1e6, seen + 50.0))
-    assert wrong.used == filter_.used
+    assert wrong.comparisons == filter_.comparisons
     assert (wrong.mean == filter_.mean).all()
 
 

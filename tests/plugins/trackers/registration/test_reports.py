@@ -78,7 +78,7 @@ def test_a_sensor_without_compared_looks_is_not_judged() -> None:
     """Two of three sensors without biases compared 400 targets; the third has no look."""
     before = Registration.of(ErrorFilter.of(np.zeros(3), 0.0, 600.0), np.full(3, 0.1))
     weight = np.append(1.0, np.zeros(len(before.errors.log_weight) - 1))
-    errors = evolve(before.errors, used=400, log_weight=np.log(np.maximum(weight, 1e-300)))
+    errors = evolve(before.errors, comparisons=400, log_weight=np.log(np.maximum(weight, 1e-300)))
     innovations = evolve(
         before.innovations,
         looks=np.array([400.0, 400.0, 0.0]),
