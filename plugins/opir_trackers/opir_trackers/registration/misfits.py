@@ -164,7 +164,7 @@ def misfits(
     stack[row[:, None], sensor[:, None], :, columns] = (slope @ shift).transpose(0, 2, 1)
     stack[row, sensor, :, -1] = means.residual[shared]
     stack[row, sensor] *= weight[:, None, None]
-    whitened = stack.reshape(len(rows), 2 * sensors, -1)
+    whitened = stack.reshape(len(rows), 2 * sensors, stack.shape[-1])
     return _without_position(rows, whitened, looks[rows] * 2.0 - 3.0)
 
 
