@@ -47,7 +47,7 @@ def test_a_planted_design_of_10_000_is_found_in_200_evaluations(seed: int) -> No
     search = DesignSearch((10,) * 4, (True,) * 4, seed)
     search.run(200, lambda points: [outcome(each) for each in points])
     assert search.best == best
-    assert len(search.found) <= 200
+    assert len(search.outcomes) <= 200
 
 
 def test_all_of_few_designs_are_evaluated_once() -> None:
