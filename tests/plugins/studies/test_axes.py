@@ -90,9 +90,18 @@ def test_an_invalid_axis_says_what_to_write(values, words):
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["tracker", "tracker=", "=1", "x=1,,2", "x=[1"])
-def test_an_invalid_vary_is_refused(text):
-    with pytest.raises(ValueError):
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("tracker", "has no values"),
+        ("tracker=", "has no values"),
+        ("=1", "has no values"),
+        ("x=1,,2", "a value is missing between two commas"),
+        ("x=[1", "','"),
+    ],
+)
+def test_an_invalid_vary_is_refused(text, words):
+    with pytest.raises(ValueError, match=words):
         vary_of_text(text)
 
 
