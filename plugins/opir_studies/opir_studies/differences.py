@@ -232,8 +232,7 @@ def _probabilities(run: Run, detected: IntArray) -> tuple[IntArray, FloatArray]:
 
 
 def _look_keys(sensor: IndexArray, target: IndexArray, scan: IntArray, targets: int) -> IntArray:
-    keys: IntArray = (sensor.astype(np.int64) * targets + target << 36) + scan
-    return keys
+    return (sensor.astype(np.int64) * targets + target << 36) + scan
 
 
 def differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:

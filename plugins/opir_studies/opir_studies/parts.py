@@ -98,8 +98,7 @@ def _rows(path: Path, keys: Collection[str]) -> Sequence[Mapping[str, Any]]:
     ):
         raise _foreign(path)
     is_wanted = [str(key) in keys for key in table["key"].to_pylist()]
-    rows: list[Mapping[str, Any]] = table.filter(pa.array(is_wanted, pa.bool_())).to_pylist()
-    return rows
+    return table.filter(pa.array(is_wanted, pa.bool_())).to_pylist()
 
 
 def _foreign(path: Path) -> SceneError:

@@ -269,8 +269,7 @@ def _owner(choice: Choice, host: Host) -> str:
 
 
 def _built_metric(choice: Choice, host: Host) -> Metric:
-    metric: Metric = host.component(MetricModel, choice.name).build(choice.config, MetricContext())
-    return metric
+    return host.component(MetricModel, choice.name).build(choice.config, MetricContext())
 
 
 def _require_split(study: Study) -> None:

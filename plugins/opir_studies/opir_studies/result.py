@@ -72,8 +72,7 @@ class StudyResult:
     @property
     def units(self) -> Mapping[str, str]:
         """Return the units of the figures by name."""
-        units: Mapping[str, str] = self.definition["figures"]
-        return units
+        return self.definition["figures"]
 
     def rows(self, figure: str) -> list[dict[str, Any]]:
         """Return the rows of a figure, one per design; raises `KeyError` for an unknown figure."""

@@ -104,7 +104,7 @@ class BoostAscents:
     @cached_property
     def burning_s(self) -> FloatArray:
         """Return the burn times (n,) of ascents, s."""
-        return np.asarray(TABLE_S * np.count_nonzero(self.burns, axis=0))
+        return TABLE_S * np.count_nonzero(self.burns, axis=0)
 
 
 def ascents_of(outcomes: Outcomes) -> BoostAscents:
@@ -210,4 +210,4 @@ def _log_weights(outcomes: Outcomes, kind: str, end: FloatArray) -> FloatArray:
     weight = np.where(np.isfinite(end[0]) & np.isfinite(weight), weight, 0.0)
     shares = {"missile": missile, "glide": glide, "orbit": orbit, "none": none + outcomes.odd}
     share = shares[kind] * weight / max(float(weight.sum()), 1e-9)
-    return np.asarray(np.log(np.maximum(share, LAW.least_weight)))
+    return np.log(np.maximum(share, LAW.least_weight))

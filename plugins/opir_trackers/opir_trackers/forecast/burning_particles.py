@@ -10,14 +10,15 @@ from scipy.special import ndtri
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.square_root import inverse_root
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast.later_burns import FlownVehicles, later_burns
 from opir_trackers.forecast.particles import (
     BURNING,
     LAW,
     BurnState,
+    FlownVehicles,
     Particles,
     draws,
     families_of_particles,
+    later_burns,
     shares_in_numbers,
     widened,
 )
@@ -92,14 +93,23 @@ def _drawn_burns(
     log_more = np.log(np.maximum(model.more(stage), 1e-12))
     log_stages = known.log_evidence + log_more + history.log_free[track]
     force = force_along(state)
-    laws = []
-    for family in range(len(FAMILIES)):
-        scores = known.total[:, family], known.number[:, family]
-        law = model.law(np.array(family), stage, *scores)
-        highest = model.data["highest_m_s2"]
-        laws.append(present_burns(force, state[:, 9], since_s, law, highest))
+    laws = _present_laws(model, known, stage, (force, state[:, 9], since_s))
     burn_kind = burn_kind.ravel()
     return _DrawnBurns(track, burn_kind, state, force, since_s, stage, known, log_stages, laws)
+
+
+def _present_laws(
+    model: VehicleModel,
+    known: Known,
+    stage: IntArray,
+    burn: tuple[FloatArray, FloatArray, FloatArray],
+) -> list[PresentBurns]:
+    """Return the present burns of each family, by forces, growths and ages (p,)."""
+    laws = []
+    for family in range(len(FAMILIES)):
+        law = model.law(np.array(family), stage, known.total[:, family], known.number[:, family])
+        laws.append(present_burns(*burn, law, model.data["highest_m_s2"]))
+    return laws
 
 
 def _burn_kinds(share: FloatArray) -> IntArray:
@@ -135,12 +145,11 @@ def _staging_logs(
     hot = share[:, 1] * LAW.hot_share
     odds = hot / np.maximum(share[:, 0] + hot, 1e-12)
     is_known = (steady > 0.0) & (staging > 0.0) & (odds > 0.0) & (odds < 1.0)
-    log_odds, log_steady, log_staging = (
-        np.log(value, where=is_known, out=np.zeros(len(odds))) for value in (odds, steady, staging)
-    )
-    change = log_odds - np.log1p(-odds, where=is_known, out=np.zeros(len(odds)))
-    change += log_steady - log_staging
-    return np.where(burn_kind == STAGING, np.where(is_known, change, 0.0)[:, None], 0.0)
+    odds, steady, staging = (np.where(is_known, value, 0.5) for value in (odds, steady, staging))
+    change = np.log(odds) - np.log1p(-odds)
+    change += np.log(steady) - np.log(staging)
+    is_staging = (burn_kind == STAGING) & is_known[:, None]
+    return np.where(is_staging, change[:, None], 0.0)
 
 
 def _allotted(log: FloatArray, prior: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
@@ -188,26 +197,15 @@ def _with_later_burns(
     """Return the particles of rows of the drawn burns, with burn times and later stages of their
     families.
     """
-    burn, acceleration, rate = np.empty((3, len(rows)))
-    for number, law in enumerate(drawn.laws):
-        members = np.flatnonzero(family == number)
-        sources = rows[members]
-        burn[members] = law.burn_s(sources, draws().uniform[draw[members], 2])
-        acceleration[members] = law.first_m_s2[sources]
-        rate[members] = law.growth_per_s[sources]
-    stage = drawn.stage[rows]
-    since_s = drawn.since_s[rows]
-    track = drawn.track[rows]
-    state = drawn.state[rows]
+    burn, acceleration, rate = _present_stages(drawn, rows, family, draw)
     ratio_log = -np.log(np.maximum(1.0 - rate * burn, 0.02))
     logs = np.stack([np.log(burn), np.log(acceleration), ratio_log, np.zeros(len(burn))], axis=1)
-    score = model.scores(family, stage, logs) * _SHOWN
-    total = drawn.known.total[rows, family] + score
-    number = drawn.known.number[rows, family] + _SHOWN
-    hot = drawn.known.hot[rows, family]
-    later = later_burns(model, FlownVehicles(family, stage + 1, total, number, hot, draw))
+    later = later_burns(model, _after_present(model, drawn, rows, family, draw, logs))
+    since_s = drawn.since_s[rows]
     growth = rate / np.maximum(1.0 - rate * since_s, 0.05)
     burns = _joined(burn - since_s, drawn.force[rows], growth, later)
+    track = drawn.track[rows]
+    state = drawn.state[rows]
     return Particles(
         burns.starts_s,
         burns.burn_s,
@@ -223,6 +221,37 @@ def _with_later_burns(
         state[:, 6:9],
         drawn.burn_kind[rows] == FREE,
     )
+
+
+def _present_stages(
+    drawn: _DrawnBurns, rows: IntArray, family: IntArray, draw: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return burn times, first accelerations and growths (p,) of the present stages of rows."""
+    stages = np.empty((3, len(rows)))
+    for number, law in enumerate(drawn.laws):
+        members = np.flatnonzero(family == number)
+        sources = rows[members]
+        burn = law.burn_s(sources, draws().uniform[draw[members], 2])
+        stages[:, members] = burn, law.first_m_s2[sources], law.growth_per_s[sources]
+    burn, acceleration, growth = stages
+    return burn, acceleration, growth
+
+
+def _after_present(
+    model: VehicleModel,
+    drawn: _DrawnBurns,
+    rows: IntArray,
+    family: IntArray,
+    draw: IntArray,
+    logs: FloatArray,
+) -> FlownVehicles:
+    """Return the vehicles of rows after their present stages with logarithms (p, 4)."""
+    stage = drawn.stage[rows]
+    score = model.scores(family, stage, logs) * _SHOWN
+    total, number, hot = (
+        column[rows, family] for column in (drawn.known.total, drawn.known.number, drawn.known.hot)
+    )
+    return FlownVehicles(family, stage + 1, total + score, number + _SHOWN, hot, draw)
 
 
 def _joined(

@@ -9,8 +9,7 @@ from opir_core.flight import Forces
 from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
 from opir_core.plugin import ImpactRegion
-from opir_trackers.forecast.fates import Fates, free_impacts
-from opir_trackers.forecast.gliders import GlideEnds
+from opir_trackers.forecast.fates import Fates, GlideEnds, free_impacts
 from opir_trackers.forecast.particles import LAW, BurnState
 from opir_trackers.forecast.regions import regions
 

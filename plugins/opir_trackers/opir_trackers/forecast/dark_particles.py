@@ -12,15 +12,16 @@ from scipy.special import ndtr
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.square_root import inverse_root
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast.later_burns import FlownVehicles, later_burns
 from opir_trackers.forecast.particles import (
     AGAIN,
     LAW,
     OVER,
     BurnState,
+    FlownVehicles,
     Particles,
     draws,
     families_of_particles,
+    later_burns,
     shares_in_numbers,
     widened,
 )

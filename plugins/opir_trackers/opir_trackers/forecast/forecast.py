@@ -12,15 +12,14 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast.burning_particles import burning_particles
-from opir_trackers.forecast.conditional_impacts import Descents, impacts_by_condition
+from opir_trackers.forecast.conditional_impacts import Descents, Impacts, impacts_by_condition
 from opir_trackers.forecast.dark_particles import dark_particles
-from opir_trackers.forecast.fates import Fates, fates_of, features
-from opir_trackers.forecast.gliders import glide_ends
+from opir_trackers.forecast.fates import Fates, fates_of, features, glide_ends
 from opir_trackers.forecast.launch_forecasts import LaunchForecasts
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.particles import LAW, BurnState, Particles
 from opir_trackers.forecast.stage_history import StageHistory
-from opir_trackers.forecast.vehicles import FAMILIES, NONE, SPACE
+from opir_trackers.forecast.vehicles import FAMILIES, SPACE
 
 
 def forecasts(
@@ -84,44 +83,46 @@ def _hypotheses(
 ) -> FloatArray:
     """Return the densities (p, H) of hypotheses for each particle over those of its family.
 
-    `relight` (p,) is the probability of another burn if the particle is a space launcher; failed
-    ones belong to `none`.
+    `relight` (p,) is the probability of another burn if the particle is a space launcher.
     """
     missile, orbit, glide, none = outcomes.groups.tolist()
-    columns = {group: outcomes.columns(group) for group in ("missile", "orbit", "glide", "none")}
-    density = np.zeros((len(particles), len(outcomes.hypotheses)))
     # Of the vehicles of the broad law, some are of known classes.
     odd = outcomes.odd / max((missile + orbit) * (outcomes.odd + none), 1e-12)
-    ends = features(fates.burnt)
-    family = particles.family
-    falls = np.isfinite(fates.when_s)
-    is_space = family == SPACE
-    is_dark = particles.lit == BurnState.DARK
-    if missile + glide > 0.0:
-        share = missile / (missile + glide)
-        factor = np.array([share, 0.0, odd * missile])[family]
-        density[:, columns["missile"]] = factor[:, None] * _missile_densities(
-            outcomes, fates, ends[1]
-        )
-        gliding = outcomes.gliding(*ends) * np.array([1.0 - share, 0.0, 0.0])[family]
-        density[:, columns["glide"]] = (gliding / max(len(columns["glide"]), 1))[:, None]
-    # A stage that has gone out may have been the last one of a failure.
+    share = missile / max(missile + glide, 1e-300)
     failure = outcomes.model.data["failure_probability"]
-    launchers = max(len(columns["orbit"]), 1)
-    reach = np.array([0.0, 1.0 - failure, odd * orbit])[family] * fates.reach / launchers
+    is_missile, is_launcher, is_broad = np.eye(len(FAMILIES))[particles.family].T
+    ends = features(fates.burnt)
+    falls = np.isfinite(fates.when_s)
+    reach = is_launcher * (1.0 - failure) + is_broad * (odd * orbit)
+    densities = {
+        "missile": (is_missile * share + is_broad * (odd * missile))[:, None]
+        * _missile_densities(outcomes, fates, ends[1]),
+        "glide": (outcomes.gliding(*ends) * (is_missile * (1.0 - share)))[:, None],
+        "orbit": (reach * fates.reach)[:, None],
+    }
     other = none / max(outcomes.odd + none, 1e-12) * np.where(falls, 1.0, LAW.none_orbits)
-    other = np.where(family == NONE, other, 0.0)
-    # A particle in orbit is a space launch, whatever has brought it there.
-    in_orbit = is_dark & ~falls & bool(columns["orbit"])
-    density[:, columns["orbit"]] = (reach + np.where(in_orbit, other / launchers, 0.0))[:, None]
+    other = other * is_broad
+    is_dark = particles.lit == BurnState.DARK
+    # A stage that has gone out may have been the last one of a failure.
     lost = np.where(is_dark, np.where(falls, 1.0 + relight, 0.0), 1.0)
-    failed = np.where(is_space & bool(columns["orbit"]), failure * lost, 0.0)
-    density[:, columns["none"]] = (failed + np.where(in_orbit, 0.0, other))[:, None]
+    density = np.zeros((len(particles), len(outcomes.hypotheses)))
+    for group, values in densities.items():
+        columns = outcomes.columns(group)
+        density[:, columns] = values / (1 if group == "missile" else max(len(columns), 1))
+    launchers = outcomes.columns("orbit")
+    if launchers:
+        # A particle in orbit is a space launch, whatever has brought it there.
+        in_orbit = is_dark & ~falls
+        density[:, launchers] += (other * in_orbit / len(launchers))[:, None]
+        other = is_launcher * failure * lost + other * ~in_orbit
+    density[:, outcomes.columns("none")] = other[:, None]
     return density
 
 
 def _missile_densities(outcomes: Outcomes, fates: Fates, angle_rad: FloatArray) -> FloatArray:
     """Return the densities (p, classes) of missile classes over that of all boosts."""
+    if not outcomes.columns("missile"):
+        return np.zeros((len(fates), 0))
     climbing = outcomes.climbing(fates.range_m, angle_rad)
     density = outcomes.missiles(fates.range_m) * climbing[:, None]
     density[np.isnan(fates.range_m) & np.isfinite(fates.when_s)] = outcomes.unknown_range
@@ -148,7 +149,7 @@ def _normalised(weight: FloatArray, particles: Particles, burning: FloatArray) -
     group = 2 * particles.track + lit
     total = np.bincount(group, weight.sum(axis=1), 2 * len(burning))
     goal = np.stack([1.0 - burning, burning], axis=1).ravel()
-    return np.asarray(weight * (goal / np.maximum(total, 1e-300))[group, None])
+    return weight * (goal / np.maximum(total, 1e-300))[group, None]
 
 
 def _gathered(
@@ -162,7 +163,6 @@ def _gathered(
     """Return the forecasts of tracks with weights (p, H) of their particles."""
     count = len(burning)
     track = particles.track
-    total = weight.sum(axis=1)
     missile, orbit, glide, none = (
         weight[:, outcomes.columns(group)].sum(axis=1)
         for group in ("missile", "orbit", "glide", "none")
@@ -172,6 +172,7 @@ def _gathered(
     # and dark ones.
     none = none * ((particles.family == SPACE) | is_dark)
     down = np.where(np.isfinite(fates.when_s), missile + none, 0.0)
+    relit = weight.sum(axis=1) * (particles.lit == BurnState.RELIT)
     result = LaunchForecasts(
         _given_launch(outcomes, track, weight, count),
         np.full((count, 3), np.nan),
@@ -179,7 +180,7 @@ def _gathered(
         np.full((count, 3), np.nan),
         np.empty(count, dtype=np.object_),
         burning,
-        _sums(track, total * (particles.lit == BurnState.RELIT), count),
+        _sums(track, relit, count),
         _sums(track, down + glide, count),
         _sums(track, orbit * is_dark, count),
         np.zeros(count, dtype=np.int64),
@@ -190,16 +191,19 @@ def _gathered(
         ends = fates.take(rows)
         glides = glide_ends(outcomes, ends.burnt, ends.burnt_s, glide[rows], falls[rows])
         descents = Descents(particles.lit[rows], ends, falls[rows], glides)
-        impacts = impacts_by_condition(descents, burning[number], forces)
-        result.impact_regions[number] = tuple(
-            region for impact in impacts for region in impact.regions
-        )
-        if impacts:
-            mean, covariance, sigmas = impacts[0].moments
-            result.impact[number] = mean
-            result.impact_covariance[number] = covariance
-            result.impact_sigmas[number] = sigmas
+        _put_impacts(result, number, impacts_by_condition(descents, burning[number], forces))
     return result
+
+
+def _put_impacts(result: LaunchForecasts, number: int, impacts: list[Impacts]) -> None:
+    """Write the impacts of the track with a number into a result."""
+    regions = tuple(region for impact in impacts for region in impact.regions)
+    result.impact_regions[number] = regions
+    if impacts:
+        mean, covariance, sigmas = impacts[0].moments
+        result.impact[number] = mean
+        result.impact_covariance[number] = covariance
+        result.impact_sigmas[number] = sigmas
 
 
 def _given_launch(

@@ -125,7 +125,7 @@ class Forecaster:
 
 def _is_dark(estimates: ModeEstimates) -> BoolArray:
     """Whether tracks (n,) probably do not burn."""
-    return np.asarray(estimates.weight[:, 0] <= 0.5)
+    return estimates.weight[:, 0] <= 0.5
 
 
 def _ends(latest: LaunchForecasts, tick_s: float, is_silent: BoolArray) -> IntArray:

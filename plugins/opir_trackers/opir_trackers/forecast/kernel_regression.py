@@ -49,7 +49,7 @@ def _kernel_weights(
     """
     log = log_prior - 0.5 * squared_distances(difference, width, noise)
     weight = np.exp(log - log.max())
-    return np.asarray(weight / weight.sum())
+    return weight / weight.sum()
 
 
 def squared_distances(difference: FloatArray, width: FloatArray, noise: FloatArray) -> FloatArray:
@@ -57,7 +57,7 @@ def squared_distances(difference: FloatArray, width: FloatArray, noise: FloatArr
     and noise (d, d).
     """
     white = np.linalg.solve(np.linalg.cholesky(np.diag(width * width) + noise), difference.T)
-    return np.asarray(np.sum(white * white, axis=0))
+    return np.sum(white * white, axis=0)
 
 
 def _regressed(

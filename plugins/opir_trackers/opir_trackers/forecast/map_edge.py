@@ -83,7 +83,7 @@ def _on_edge(inner: FloatArray, outer: FloatArray) -> FloatArray:
     """Return the point (2,) at which a short line from (2,) to (2,) crosses the edge."""
     inner_m = np.hypot(*inner)
     between = inner + (FARTHEST_M - inner_m) / (np.hypot(*outer) - inner_m) * (outer - inner)
-    return np.asarray(between * (FARTHEST_M / np.hypot(*between)))
+    return between * (FARTHEST_M / np.hypot(*between))
 
 
 def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:

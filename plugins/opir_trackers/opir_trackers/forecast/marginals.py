@@ -76,7 +76,7 @@ def _density(log_km: FloatArray, nodes_km: FloatArray) -> FloatArray:
     """Return the densities of the logarithms of ranges (n,), nan without an impact, at nodes."""
     distance = (np.log(nodes_km)[:, None] - log_km[np.isfinite(log_km)]) / LAW.kernel
     total = np.exp(-0.5 * distance**2).sum(axis=1)
-    return np.asarray(total / (LAW.kernel * np.sqrt(2.0 * np.pi) * len(log_km)))
+    return total / (LAW.kernel * np.sqrt(2.0 * np.pi) * len(log_km))
 
 
 def _ideal_speeds(stages: VehicleStages) -> FloatArray:

@@ -106,7 +106,7 @@ class Outcomes:
         log_m = np.log(np.maximum(np.nan_to_num(range_m), 1.0))
         nodes = np.log(1e3 * np.array(marginal["range_km"]))
         density = np.interp(log_m, nodes, np.log(marginal["density"]))
-        return np.asarray(share * np.exp(-density)[:, None])
+        return share * np.exp(-density)[:, None]
 
     def climbing(self, range_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
         """Return the density (p,) of missiles that end their boosts at an elevation over that of
@@ -129,7 +129,7 @@ class Outcomes:
         range is unknown.
         """
         _, priors = self._ranges
-        return np.asarray(priors / priors.sum())
+        return priors / priors.sum()
 
     def gliding(
         self, height_m: FloatArray, angle_rad: FloatArray, speed_m_s: FloatArray
@@ -162,7 +162,7 @@ def _needed_speed(state: FloatArray, burn_s: FloatArray) -> FloatArray:
     lift = np.maximum(np.abs(rise - climb), 0.0) * (circular > level)
     gain = np.hypot(np.maximum(circular - level, 0.0), lift)
     loss = LAW.gravity_loss_m_s2 * burn_s * np.clip(1.0 - (level / circular) ** 2, 0.0, 1.0)
-    return np.asarray(gain + np.minimum(loss, LAW.largest_loss * gain))
+    return gain + np.minimum(loss, LAW.largest_loss * gain)
 
 
 def is_glide(
@@ -174,7 +174,7 @@ def is_glide(
     down, up = np.radians(law["angle_deg"])
     is_low = (height_m > low) & (height_m < high)
     is_level = (angle_rad > down) & (angle_rad < up)
-    return np.asarray(is_low & is_level & (speed_m_s > law["least_m_s"]))
+    return is_low & is_level & (speed_m_s > law["least_m_s"])
 
 
 def log_elevation(range_m: FloatArray, angle_rad: FloatArray) -> FloatArray:

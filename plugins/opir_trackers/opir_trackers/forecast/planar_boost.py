@@ -61,7 +61,7 @@ class PlanarBoost:
     @cached_property
     def over_s(self) -> FloatArray:
         """Return the times (n,) of the last burnout."""
-        return np.asarray((self.starts_s + self.stages.burn_s).max(axis=1))
+        return (self.starts_s + self.stages.burn_s).max(axis=1)
 
     def at_rest(self) -> FloatArray:
         """Return the states on the ground."""

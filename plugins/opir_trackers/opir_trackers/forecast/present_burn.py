@@ -37,7 +37,7 @@ class PresentBurns:
         row = np.arange(len(cell))
         inside = 1.0 - (total[row, cell] - share) / np.maximum(cells[row, cell], 1e-12)
         quantile = (cell + np.clip(inside, 0.0, 1.0)) / LAW.cells
-        return np.asarray(self.since_s[rows] + (self.longest_s - self.since_s)[rows] * quantile)
+        return self.since_s[rows] + (self.longest_s - self.since_s)[rows] * quantile
 
 
 def present_burns(
@@ -62,20 +62,31 @@ def present_burns(
     middles = (np.arange(LAW.cells) + 0.5) / LAW.cells
     burn = since_s[:, None] + (longest_s - since_s)[:, None] * middles
     mass = np.maximum(1.0 - rate[:, None] * burn, LAW.least_mass)
-    burn_score = (np.log(burn) - mean[:, BURN, None]) / sigma[:, BURN, None]
-    ratio_score = (-np.log(mass) - mean[:, RATIO, None]) / sigma[:, RATIO, None]
-    log = -0.5 * (burn_score * burn_score + ratio_score * ratio_score)
-    peak = log.max(axis=1)
-    # Few structures bear more at the end of a burn: odds by the eighth power of the last
-    # acceleration.
-    power_8 = np.square(np.square(np.square((start_force / highest_m_s2)[:, None] / mass)))
-    density = np.exp(log - peak[:, None]) / (mass * (1.0 + power_8))
+    density, peak = _burn_density(burn, mass, (start_force / highest_m_s2)[:, None], law)
     total = density.sum(axis=1)
     force_score = (np.log(start_force) - mean[:, FORCE]) / sigma[:, FORCE]
     scale = np.log(sigma[:, :GAP].prod(axis=1) * force * grown * grown)
     integral = np.log(total * (longest_s - since_s) / LAW.cells)
     evidence = peak + integral - 0.5 * force_score * force_score - scale
     return PresentBurns(since_s, longest_s, start_force, rate, evidence, density / total[:, None])
+
+
+def _burn_density(
+    burn: FloatArray, mass: FloatArray, force: FloatArray, law: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the densities (p, cells) of burn times with remaining masses, over the exponentials of
+    peaks (p,).
+
+    `force` (p, 1) is the first acceleration over the highest one. Few structures bear more at the
+    end of a burn: odds by the eighth power of the last acceleration.
+    """
+    mean, sigma = law
+    burn_score = (np.log(burn) - mean[:, BURN, None]) / sigma[:, BURN, None]
+    ratio_score = (-np.log(mass) - mean[:, RATIO, None]) / sigma[:, RATIO, None]
+    log = -0.5 * (burn_score * burn_score + ratio_score * ratio_score)
+    peak = log.max(axis=1)
+    power_8 = np.square(np.square(np.square(force / mass)))
+    return np.exp(log - peak[:, None]) / (mass * (1.0 + power_8)), peak
 
 
 def _longest_s(longest_logs: FloatArray, rate: FloatArray, since_s: FloatArray) -> FloatArray:

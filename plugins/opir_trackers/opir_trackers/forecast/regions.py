@@ -9,13 +9,17 @@ variation in kernel estimates", Annals of Statistics 10(4), 1982): impacts of a 
 tails. What burns on spreads in proportion to its range: where all points lie in one direction,
 kernels are normal in the logarithm of the distance and in bearing, and levels are of the density on
 the ground.
+
+Rings and areas are computed at the first reading: most regions are replaced before.
 """
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from attrs import fields
 from contourpy import FillType, LineType, SerialContourGenerator, ZInterp
 
 from opir_core.arrays import FloatArray
@@ -23,7 +27,6 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
 from opir_core.plugin import ImpactRegion
-from opir_trackers.forecast.deferred_regions import DeferredRegion, Outline, Outlines
 from opir_trackers.forecast.map_edge import FARTHEST_M, LONGEST_EDGE_M, within_map
 from opir_trackers.law_files import law_parameters
 
@@ -31,6 +34,61 @@ LAW = law_parameters("opir_trackers.forecast", "regions")
 
 #: Steps of the sequence R2: a point of it is a multiple of both, modulo 1.
 _R2_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
+
+
+class Outline(NamedTuple):
+    """Outline of a region: its area, km², and the rings of its polygons, as in `ImpactRegion`."""
+
+    area_km2: float
+    polygons: tuple[tuple[FloatArray, ...], ...]
+
+
+class Outlines:
+    """The outlines of regions of one ensemble, computed together at the first question for one of
+    them.
+    """
+
+    def __init__(self, make: Callable[[], Sequence[Outline]]) -> None:
+        self._make: Callable[[], Sequence[Outline]] | None = make
+        self._outlines: Sequence[Outline] = ()
+
+    def __getitem__(self, number: int) -> Outline:
+        """Return the outline of a region; the points of the ensemble are let go."""
+        make = self._make  # another thread may read at the same time: both make the same outlines
+        if make is not None:
+            self._outlines = make()
+            self._make = None
+        return self._outlines[number]
+
+
+class DeferredRegion(ImpactRegion):
+    """A region that takes its area and polygons from outlines when they are first read; otherwise a
+    plain region.
+    """
+
+    __slots__ = ("_number", "_outlines")
+
+    @classmethod
+    def of(cls, outlines: Outlines, number: int, **figures: Any) -> "DeferredRegion":
+        """Return the region of an outline, with the other attributes of `ImpactRegion`."""
+        region = cls.__new__(cls)
+        region._set(figures | {"_outlines": outlines, "_number": number})
+        return region
+
+    def _set(self, figures: dict[str, Any]) -> None:
+        for name, value in figures.items():
+            object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        """Set and return an attribute of the outline: Python asks here for slots that are empty."""
+        if name not in Outline._fields:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        self._set(self._outlines[self._number]._asdict())
+        return getattr(self, name)
+
+    def __reduce__(self) -> tuple[type[ImpactRegion], tuple[Any, ...]]:
+        figures = tuple(getattr(self, attribute.name) for attribute in fields(ImpactRegion))
+        return ImpactRegion, figures
 
 
 class Plane:
@@ -79,7 +137,7 @@ class LogPolar(Plane):
         total = np.exp(curved[..., 0])
         distance = np.clip(total - LAW.near_m, LAW.near_m, FARTHEST_M)
         sine = np.sin(distance / EARTH_EQUATORIAL_RADIUS_M)
-        return np.asarray(EARTH_EQUATORIAL_RADIUS_M * sine * total)
+        return EARTH_EQUATORIAL_RADIUS_M * sine * total
 
 
 def coordinates(plane: FloatArray, weight: FloatArray) -> Plane:
@@ -198,7 +256,7 @@ class _Contours:
         turned = offset @ axes
         sigma = _robust_sigmas(turned, weight, np.sqrt(np.maximum(variance, 0.0)))
         self._scale = np.maximum(sigma, least)
-        return np.asarray(turned / self._scale)
+        return turned / self._scale
 
     def _contour_lines(
         self, unit: FloatArray, widths: FloatArray, weight: FloatArray, limit: FloatArray
@@ -291,7 +349,7 @@ def _normal_offsets(weight: FloatArray) -> FloatArray:
     radius = np.sqrt(-2.0 * np.log1p(-share))
     angle = 2.0 * np.pi * turn
     offset = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-    return np.asarray(offset - weight @ offset)
+    return offset - weight @ offset
 
 
 def _grid(unit: FloatArray, widths: FloatArray) -> FloatArray:
@@ -351,7 +409,7 @@ def _density_without_own(squares: FloatArray, widths: FloatArray, weight: FloatA
 
 
 def _kernel(distance: FloatArray, width: FloatArray) -> FloatArray:
-    return np.asarray(np.exp(-0.5 * np.square(distance / width)) / width)
+    return np.exp(-0.5 * np.square(distance / width)) / width
 
 
 def _dense_rings(

@@ -76,12 +76,7 @@ def launch_of(ascents: BoostAscents, target: InFlight) -> tuple[FloatArray, Floa
     """
     motion = _motion(target)
     passes = _passes(ascents, target, motion)
-    rows = AscentRows(*passes.rows)
-    variance = float(np.sqrt(motion.covariance[0, 0])) ** 2
-    follows = motion.covariance[1:, 0] / variance
-    difference = np.array([rows.climb, rows.level]).T - motion.values[1:]
-    difference = difference - passes.raised_m[:, None] * follows
-    noise = motion.covariance[1:, 1:] - np.outer(follows, follows) * variance
+    difference, noise = _differences(passes, motion)
     speed = float(np.hypot(*motion.values[1:]))
     scale = np.full(2, LAW.speed_share * max(speed, LAW.slowest_m_s))
     distance = squared_distances(difference, LAW.choice * scale, noise)
@@ -98,11 +93,28 @@ def launch_of(ascents: BoostAscents, target: InFlight) -> tuple[FloatArray, Floa
         return None
     mean, covariance, _ = moments
     covariance[:3, :3] += motion.residual
-    turn = min(motion.drift, 1.0)
-    across = turn * RADIUS_M * float(np.sqrt(np.mean(rows.angle[nearest] ** 2)))
-    covariance[:3, :3] += across**2 * np.outer(motion.axes[2], motion.axes[2])
+    covariance[:3, :3] += _turned_covariance(closest, motion)
     mean[:3] += target.state[:3]
     return mean, covariance
+
+
+def _differences(passes: _Passes, motion: _Motion) -> tuple[FloatArray, FloatArray]:
+    """Return the differences (n, 2), m/s, of climb and level speed of passes from the target's at
+    their height, and the covariance (2, 2) of these.
+    """
+    rows = AscentRows(*passes.rows)
+    variance = float(np.sqrt(motion.covariance[0, 0])) ** 2
+    follows = motion.covariance[1:, 0] / variance
+    difference = np.array([rows.climb, rows.level]).T - motion.values[1:]
+    noise = motion.covariance[1:, 1:] - np.outer(follows, follows) * variance
+    return difference - passes.raised_m[:, None] * follows, noise
+
+
+def _turned_covariance(passes: _Passes, motion: _Motion) -> FloatArray:
+    """Return the covariance (3, 3), m², of the place by the error of the direction."""
+    angle = AscentRows(*passes.rows).angle
+    across = min(motion.drift, 1.0) * RADIUS_M * float(np.sqrt(np.mean(angle**2)))
+    return across**2 * np.outer(motion.axes[2], motion.axes[2])
 
 
 def _passes(ascents: BoostAscents, target: InFlight, motion: _Motion) -> _Passes:
@@ -183,7 +195,7 @@ def _site_heights_m(draws: FloatArray, inland: float) -> FloatArray:
     """Return drawn heights (n,) of launch sites, m."""
     shares = np.cumsum(site_shares(inland))
     kind = np.minimum(np.searchsorted(shares, draws[1]), len(SITES) - 1)
-    return np.asarray(SITES[kind, 0] + SITES[kind, 1] * draws[2])
+    return SITES[kind, 0] + SITES[kind, 1] * draws[2]
 
 
 @lru_cache(maxsize=2)

@@ -75,7 +75,7 @@ class StageHistory(Columns):
     @property
     def is_dark(self) -> BoolArray:
         """Whether the last stage of each track (n,) is over."""
-        return np.asarray(np.isfinite(self.dark_since_s))
+        return np.isfinite(self.dark_since_s)
 
     @property
     def launch_s(self) -> FloatArray:
@@ -87,7 +87,7 @@ class StageHistory(Columns):
             for log in (self.logs[:, :, BURN], self.logs[:, :, GAP])
         )
         latest_s = np.where(self.is_dark, self.dark_since_s, self.ignition_s)
-        return np.asarray(latest_s - (burn_s + gap_s))
+        return latest_s - (burn_s + gap_s)
 
     @property
     def log_free(self) -> FloatArray:
@@ -256,4 +256,4 @@ def force_along(state: FloatArray) -> FloatArray:
     """
     velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity) + 1.0)
-    return np.asarray(dot(velocity, state[:, 6:9]) / speed)
+    return dot(velocity, state[:, 6:9]) / speed

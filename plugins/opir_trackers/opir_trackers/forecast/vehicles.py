@@ -69,8 +69,7 @@ class VehicleStages(NamedTuple):
     @property
     def starts_s(self) -> FloatArray:
         """Return the ignitions (n, STAGES) after the first gap begins."""
-        starts: FloatArray = np.cumsum(self.burn_s + self.gap_s, axis=1) - self.burn_s
-        return starts
+        return np.cumsum(self.burn_s + self.gap_s, axis=1) - self.burn_s
 
 
 @frozen(eq=False, repr=False)

@@ -73,7 +73,7 @@ class ErrorFilter:
     def weight(self) -> FloatArray:
         """The probabilities (g,) of the scales."""
         weight = np.exp(self.log_weight - self.log_weight.max())
-        return np.asarray(weight / weight.sum())
+        return weight / weight.sum()
 
     def predicted(self, step_s: float) -> "ErrorFilter":
         """Return the filter a step later."""
@@ -96,7 +96,7 @@ class ErrorFilter:
 
     def mean_prior(self) -> FloatArray:
         """Return the prior variances (q,) of the errors, by the scales' present probabilities."""
-        return np.asarray(self.weight @ self.prior)
+        return self.weight @ self.prior
 
     def reported(self) -> Moments:
         """Return the moments that count: those of sensors as stated, if anything else is
@@ -153,4 +153,4 @@ def distances(misfits: Misfits, errors: Moments) -> FloatArray:
     square = misfits.square - (misfits.vector + vector) @ errors.mean
     inner = np.eye(len(errors.mean)) + misfits.matrix @ errors.covariance
     expected = errors.covariance @ np.linalg.solve(inner, vector[:, :, None])
-    return np.asarray(square - np.sum(vector * expected[:, :, 0], axis=1))
+    return square - np.sum(vector * expected[:, :, 0], axis=1)

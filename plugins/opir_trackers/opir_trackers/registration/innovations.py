@@ -70,7 +70,7 @@ class SensorInnovations:
     @property
     def noise_scale_sigma(self) -> FloatArray:
         """The standard deviation (s,) of `noise_scale`."""
-        return np.asarray(self.noise_scale / np.sqrt(2.0 * np.maximum(self.degrees, 1.0)))
+        return self.noise_scale / np.sqrt(2.0 * np.maximum(self.degrees, 1.0))
 
     @property
     def believed_scale(self) -> FloatArray:
@@ -226,4 +226,4 @@ def stated_squares(assigned: GatedPairs, stated_rad: FloatArray) -> FloatArray:
     stated = np.maximum(
         spread - np.square(assigned.sigma_rad) + np.square(stated_rad), np.square(stated_rad)
     )
-    return np.asarray(assigned.distance * spread / stated)
+    return assigned.distance * spread / stated

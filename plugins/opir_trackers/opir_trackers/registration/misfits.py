@@ -105,7 +105,7 @@ def _medians(group: IntArray, count: int, values: FloatArray) -> FloatArray:
     """Return the lower medians (count,) of values (m,) by group."""
     order = np.lexsort((values, group))
     size = np.bincount(group, minlength=count)
-    return np.asarray(values[order[np.cumsum(size) - size + (size - 1) // 2]])
+    return values[order[np.cumsum(size) - size + (size - 1) // 2]]
 
 
 class Misfits(NamedTuple):

@@ -107,7 +107,7 @@ class Registration:
         """
         if not self.is_comparable:
             return _angle_sigmas(self.known)
-        return np.asarray(LAW.loose * _angle_sigmas(self.wide))
+        return LAW.loose * _angle_sigmas(self.wide)
 
     def corrected(self, lines: LinesOfSight) -> LinesOfSight:
         """Return lines of sight less the estimated errors, with the deviation of the remaining
@@ -124,10 +124,9 @@ class Registration:
 
     def stated_rad(self, sigma_rad: FloatArray, sensor: IntArray) -> FloatArray:
         """Return the stated errors (m,) of lines that `corrected` gave errors (m,), by sensor."""
-        stated: FloatArray = (
+        return (
             np.sqrt(np.square(sigma_rad) - np.square(self.apart_rad[sensor])) / self.noise[sensor]
         )
-        return stated
 
     @property
     def _of_gates(self) -> Moments:
@@ -164,12 +163,12 @@ class Registration:
         of.
         """
         relative = _relative_shifts(state, is_seen, vantages)
-        return np.asarray(relative @ self._of_gates.covariance @ relative.transpose(0, 1, 3, 2))
+        return relative @ self._of_gates.covariance @ relative.transpose(0, 1, 3, 2)
 
     def covariance(self, state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, 6, 6) of inertial states (n, 6) due to all errors."""
         shift = state_shifts(state, is_seen, vantages)
-        return np.asarray(shift @ self.known.covariance @ shift.transpose(0, 2, 1))
+        return shift @ self.known.covariance @ shift.transpose(0, 2, 1)
 
     def at(self, time_s: float) -> "Registration":
         """Return the registration at a later time."""
@@ -186,7 +185,7 @@ class Registration:
 def _angle_sigmas(errors: Moments) -> FloatArray:
     """Return the standard deviations (s,) of each sensor's angles, root mean square of both."""
     variance = np.diagonal(errors.covariance).reshape(-1, ERRORS)
-    return np.asarray(np.sqrt(0.5 * variance[:, :2].sum(axis=1)))
+    return np.sqrt(0.5 * variance[:, :2].sum(axis=1))
 
 
 def state_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
@@ -302,7 +301,7 @@ def _apart(errors: Moments, tracks: Followed, vantages: Vantages) -> FloatArray:
     along = np.sum(line * (spread @ line[..., None])[..., 0], axis=2) / square
     across = np.trace(spread, axis1=2, axis2=3) - along
     variance = np.where(is_seen, 0.5 * across / square, 0.0)
-    return np.asarray(np.sqrt(np.max(variance, axis=0, initial=0.0)))
+    return np.sqrt(np.max(variance, axis=0, initial=0.0))
 
 
 def shifted(

@@ -76,9 +76,7 @@ class Vantages(NamedTuple):
         """
         turn = shifts_of_positions(position_m, self.origin_m, is_seen, self.weight)
         moved = turn @ self.displacements(position_m, velocity_m_s)
-        return np.asarray(
-            moved.transpose(0, 2, 1, 3).reshape(*position_m.shape, ERRORS * is_seen.shape[1])
-        )
+        return moved.transpose(0, 2, 1, 3).reshape(*position_m.shape, ERRORS * is_seen.shape[1])
 
 
 def corrected(lines: LinesOfSight, error: FloatArray) -> LinesOfSight:
@@ -95,4 +93,4 @@ def turned_back(direction: FloatArray, origin_m: FloatArray, error: FloatArray) 
     axes = local_axes(origin_m)
     turn = error[:, 1:2] * axes[:, 0] - error[:, :1] * axes[:, 1]
     moved = direction - np.cross(turn, direction)
-    return np.asarray(moved / np.sqrt(dot(moved, moved))[:, None])
+    return moved / np.sqrt(dot(moved, moved))[:, None]
