@@ -102,10 +102,10 @@ def test_the_best_design_is_that_of_the_sweep_and_runs_stay(tmp_path) -> None:
     means = [row["mean"] for row in optimised.result.rows("latency_s")]
     assert optimised.best == int(np.nanargmin(means))
     assert (len(means), optimised.possible, optimised.is_feasible) == (12, 12, True)
-    parts = set((tmp_path / "parts").iterdir())
+    files = set((tmp_path / "parts").iterdir())
     repeated = optimise(STUDY, tmp_path, "min latency_s", evaluations=12)
     assert repeated.result.definition == optimised.result.definition
-    assert set((tmp_path / "parts").iterdir()) == parts
+    assert set((tmp_path / "parts").iterdir()) == files
 
 
 @pytest.mark.slow

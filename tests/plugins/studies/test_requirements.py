@@ -77,8 +77,8 @@ def test_a_scene_that_ends_with_the_burn_has_a_note() -> None:
 
 def test_a_study_names_the_detection_chosen_and_differences() -> None:
     periods = {"sensors[0].scan_period_ms": (50.0, 100.0)}
-    chosen = "detection: constant, since the scene describes no light"
-    assert notes(SCENE, vary=periods, metrics=("latency",)) == (chosen,)
+    sentence = "detection: constant, since the scene describes no light"
+    assert notes(SCENE, vary=periods, metrics=("latency",)) == (sentence,)
     air = {"atmosphere": ("clear", "lowtran")}
     (note,) = notes(SCENE, vary=air, metrics=("latency",))
     assert note.startswith("designs differ in their detection model, constant and snr, besides")

@@ -133,25 +133,25 @@ def test_a_changed_study_keeps_the_runs_that_still_match(tmp_path, counted):
     assert sorted(counted) == [(400.0, 6), (400.0, 7), *((800.0, number) for number in range(8))]
     swept(tmp_path, metrics=["latency"])
     assert len(counted) == 10 + 12
-    whole = swept(tmp_path / "other", vary={PERIOD: [400, 800]}, runs=8)
-    again = swept(tmp_path, vary={PERIOD: [400, 800]}, runs=8)
-    assert again.table.equals(whole.table)
-    assert load_study(tmp_path).runs.equals(whole.runs)
+    expected = swept(tmp_path / "other", vary={PERIOD: [400, 800]}, runs=8)
+    continued = swept(tmp_path, vary={PERIOD: [400, 800]}, runs=8)
+    assert continued.table.equals(expected.table)
+    assert load_study(tmp_path).runs.equals(expected.runs)
 
 
 @pytest.mark.slow
 def test_a_damaged_or_foreign_part_is_named(tmp_path):
     swept(tmp_path)
-    before = tables_of(tmp_path)
-    part = next((tmp_path / "parts").glob("*.parquet"))
+    tables = tables_of(tmp_path)
+    path = next((tmp_path / "parts").glob("*.parquet"))
     (tmp_path / "parts" / "x.parquet.part").write_bytes(b"half")
-    content = part.read_bytes()
-    part.write_bytes(content[:-20])
+    content = path.read_bytes()
+    path.write_bytes(content[:-20])
     with pytest.raises(SceneError, match=r"is damaged .*delete it, and its runs are made again"):
         swept(tmp_path)
-    part.unlink()
+    path.unlink()
     swept(tmp_path)
-    assert tables_of(tmp_path) == before
+    assert tables_of(tmp_path) == tables
     assert not list((tmp_path / "parts").glob("*.part"))
     pq.write_table(pa.table({"key": ["a"]}), tmp_path / "parts" / "foreign.parquet")
     with pytest.raises(SceneError, match="is no part of a study"):
@@ -180,16 +180,16 @@ def test_a_kill_loses_only_the_runs_under_way(tmp_path, kill):
     words = f"sweep scene.json --vary {PERIOD}=100,400 --runs 150 --out killed --workers 2 --quiet"
     command = [sys.executable, "-m", "opir_core", *words.split()]
     process = subprocess.Popen(command, cwd=tmp_path)
-    parts = tmp_path / "killed" / "parts"
+    folder_of_parts = tmp_path / "killed" / "parts"
     end_s = time.monotonic() + 240.0
-    while len(list(parts.glob("*.parquet"))) < 4 and time.monotonic() < end_s:
+    while len(list(folder_of_parts.glob("*.parquet"))) < 4 and time.monotonic() < end_s:
         time.sleep(0.01)
     workers = workers_of(process.pid)
     assert workers, process.kill()
     if kill == "parent":
         process.kill()
         process.wait()
-        assert 0 < len(keys_in(parts)) < 300
+        assert 0 < len(keys_in(folder_of_parts)) < 300
         while any(map(is_alive, workers)) and time.monotonic() < end_s:
             time.sleep(0.05)
         assert not any(map(is_alive, workers)), "workers outlive their parent"
@@ -197,12 +197,12 @@ def test_a_kill_loses_only_the_runs_under_way(tmp_path, kill):
     else:
         os.kill(workers[-1], signal.SIGKILL)
         assert process.wait(240) == 0
-    killed, whole = (
+    killed, complete = (
         (tmp_path / folder / "runs.parquet").read_bytes() for folder in ("killed", "whole")
     )
-    assert killed == whole
+    assert killed == complete
     # No run is on the disk twice.
-    keys = keys_in(parts)
+    keys = keys_in(folder_of_parts)
     assert len(keys) == len(set(keys)) == 300
 
 
@@ -326,11 +326,11 @@ def test_results_become_a_frame_of_pandas(tmp_path):
 @pytest.mark.slow
 def test_results_are_loaded_as_they_were_returned(tmp_path):
     result = swept(tmp_path)
-    again = load_study(tmp_path)
-    assert again.table.equals(result.table)
-    assert again.definition == result.definition
-    assert repr(again) == "<StudyResult s: 2 designs, 12 runs, 13 figures>"
+    loaded = load_study(tmp_path)
+    assert loaded.table.equals(result.table)
+    assert loaded.definition == result.definition
+    assert repr(loaded) == "<StudyResult s: 2 designs, 12 runs, 13 figures>"
     with pytest.raises(KeyError, match="there are latency_s"):
-        again.rows("nothing")
+        loaded.rows("nothing")
     with pytest.raises(SceneError, match="is no folder of a finished study"):
         load_study(tmp_path / "nowhere")

@@ -147,11 +147,11 @@ def test_a_run_does_not_differ_from_itself_and_a_coarse_one_does() -> None:
     scene = scene_from_mapping({**SCENE, "tracker": "kepler-arc"})
     exact = answers(scene)
     assert differences(exact, exact) == dict.fromkeys(MEASURES, 0.0)
-    late = differences(answers(evolve(scene, light_time=False)), exact)
+    errors = differences(answers(evolve(scene, light_time=False)), exact)
     # Light takes 0.12 s: a target that climbs at 100 m/s and turns with the Earth moves some 50 m,
     # 1.4 µrad from orbit.
-    assert 0.1 < late["line_of_sight_urad"] < 20.0
-    assert late["p_d"] == 0.0
+    assert 0.1 < errors["line_of_sight_urad"] < 20.0
+    assert errors["p_d"] == 0.0
 
 
 def test_an_answer_that_only_one_run_has_is_an_infinite_error() -> None:
@@ -162,14 +162,14 @@ def test_an_answer_that_only_one_run_has_is_an_infinite_error() -> None:
 
 def test_errors_of_runs_are_joined_by_their_kind() -> None:
     none = dict.fromkeys(MEASURES, 0.0)
-    joined = over_runs(
+    errors = over_runs(
         [
             {**none, "p_d": 1.0, "impact_km": 3.0, "counts": -0.5},
             {**none, "impact_km": 4.0, "counts": 0.5},
         ]
     )
     expected = {**none, "p_d": 1.0, "impact_km": np.sqrt(12.5)}
-    assert joined == pytest.approx(expected)
+    assert errors == pytest.approx(expected)
 
 
 @pytest.mark.slow
@@ -213,12 +213,12 @@ def test_p_d_is_compared_where_nothing_is_detected() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("bound", [1e-4, 1e-2])
-def test_the_decisionmeets_the_error_on_another_scene(path: Path, bound: float) -> None:
+def test_the_choice_meets_the_error_on_another_scene(path: Path, bound: float) -> None:
     exact_levels = [knob.levels[0] for knob in knobs_of(scene_from_mapping(ELSEWHERE))]
     exact = answers(ELSEWHERE, *chain(*exact_levels))
     assert len(exact.detections) > 100
-    chosen = answers(ELSEWHERE, *choice(path, p_d=bound).overrides)
-    assert differences(chosen, exact)["p_d"] <= bound
+    coarse = answers(ELSEWHERE, *choice(path, p_d=bound).overrides)
+    assert differences(coarse, exact)["p_d"] <= bound
 
 
 @pytest.mark.parametrize(

@@ -88,26 +88,28 @@ def _drawn_burns(
     uniform = np.tile(draws().uniform[BURNING, 1], len(estimates))
     error_s = histories.ignition_sigma_s[row] * ndtri(uniform)
     since_s = np.maximum(time_s - histories.ignition_s[row] + error_s, LAW.least_since_s)
-    known = model.given(histories.logs).take(row)
-    stage = np.minimum(known.done, STAGES - 1)
+    next_stage = model.given(histories.logs).take(row)
+    stage = np.minimum(next_stage.done, STAGES - 1)
     log_more = np.log(np.maximum(model.more(stage), 1e-12))
-    log_stages = known.log_evidence + log_more + history.log_free[track]
+    log_stages = next_stage.log_evidence + log_more + history.log_free[track]
     force = force_along(state)
-    laws = _present_laws(model, known, stage, (force, state[:, 9], since_s))
+    laws = _present_laws(model, next_stage, stage, (force, state[:, 9], since_s))
     burn_kind = burn_kind.ravel()
-    return _DrawnBurns(track, burn_kind, state, force, since_s, stage, known, log_stages, laws)
+    return _DrawnBurns(track, burn_kind, state, force, since_s, stage, next_stage, log_stages, laws)
 
 
 def _present_laws(
     model: VehicleModel,
-    known: Known,
+    next_stage: Known,
     stage: IntArray,
     burn: tuple[FloatArray, FloatArray, FloatArray],
 ) -> list[PresentBurns]:
     """Return the present burns of each family, by forces, growths and ages (p,)."""
     laws = []
     for family in range(len(FAMILIES)):
-        law = model.law(np.array(family), stage, known.total[:, family], known.number[:, family])
+        law = model.law(
+            np.array(family), stage, next_stage.total[:, family], next_stage.number[:, family]
+        )
         laws.append(present_burns(*burn, law, model.data["highest_m_s2"]))
     return laws
 

@@ -56,9 +56,9 @@ def dark_particles(
     not weighed by where these lead.
     """
     over = history.as_dark(time_s, dark_s)
-    known = model.given(over.logs)
-    waits, ends = _relight_weights(model, known, dark_s)
-    log = known.log_evidence + over.log_free
+    next_stage = model.given(over.logs)
+    waits, ends = _relight_weights(model, next_stage, dark_s)
+    log = next_stage.log_evidence + over.log_free
     evidence = np.exp(log - log.max(axis=1, keepdims=True)) * prior
     relight = evidence * waits
     total = (relight + evidence * ends).sum(axis=1, keepdims=True)
@@ -69,26 +69,26 @@ def dark_particles(
     particles = Particles.concatenate(
         [
             _free(coast, ended, OVER, np.arange(len(estimates))),
-            _again(model, known, relight, coast),
+            _again(model, next_stage, relight, coast),
         ]
     )
     return particles, relight / np.maximum(relight + ended, 1e-12)
 
 
 def _relight_weights(
-    model: VehicleModel, known: Known, dark_s: FloatArray
+    model: VehicleModel, next_stage: Known, dark_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities (n, families) that tracks dark for times (n,) wait for another
     stage, and that the burnt one was the last.
     """
-    stage = np.minimum(known.done, STAGES - 1)[:, None]
-    mean, sigma = model.law(np.arange(len(FAMILIES)), stage, known.total, known.number)
+    stage = np.minimum(next_stage.done, STAGES - 1)[:, None]
+    mean, sigma = model.law(np.arange(len(FAMILIES)), stage, next_stage.total, next_stage.number)
     log_dark = np.log(np.maximum(dark_s, 0.05))[:, None]
     longer = ndtr((mean[:, :, GAP] - log_dark) / sigma[:, :, GAP])
-    more = model.more(known.done)
-    at_least = model.more(np.maximum(known.done - 1, 0))
+    more = model.more(next_stage.done)
+    at_least = model.more(np.maximum(next_stage.done - 1, 0))
     # Without a gap the next stage ignites within about the time between two looks.
-    waits = more * longer * np.where(dark_s[:, None] > 1.0, 1.0 - known.hot, 1.0)
+    waits = more * longer * np.where(dark_s[:, None] > 1.0, 1.0 - next_stage.hot, 1.0)
     return waits, np.maximum(at_least - more, 1e-3)
 
 
@@ -126,16 +126,17 @@ def _turns(size: int) -> IntArray:
     return np.random.default_rng(5).permutation(size)
 
 
-def _again(model: VehicleModel, known: Known, relight: FloatArray, coast: _Coast) -> Particles:
+def _again(model: VehicleModel, next_stage: Known, relight: FloatArray, coast: _Coast) -> Particles:
     """Return dark particles that burn again, of tracks that may."""
     may_relight = relight.sum(axis=1) > LAW.least_relight
-    rows = np.flatnonzero(may_relight & (known.done < STAGES))
+    rows = np.flatnonzero(may_relight & (next_stage.done < STAGES))
     free = _free(coast, relight, AGAIN, rows)
     track = free.track
     total, number, hot = (
-        column[track, free.family] for column in (known.total, known.number, known.hot)
+        column[track, free.family]
+        for column in (next_stage.total, next_stage.number, next_stage.hot)
     )
-    vehicles = FlownVehicles(free.family, known.done[track], total, number, hot, free.draw)
+    vehicles = FlownVehicles(free.family, next_stage.done[track], total, number, hot, free.draw)
     waits = coast.dark_s[track]
     later = later_burns(model, vehicles, waits)
     later.gap_s[:, 0] = np.maximum(later.gap_s[:, 0] - waits, 0.0)

@@ -100,8 +100,8 @@ def _hypotheses(
         "glide": (outcomes.gliding(*ends) * (is_missile * (1.0 - share)))[:, None],
         "orbit": (reach * fates.reach)[:, None],
     }
-    other = none / max(outcomes.odd + none, 1e-12) * np.where(falls, 1.0, LAW.none_orbits)
-    other = other * is_broad
+    unlike = none / max(outcomes.odd + none, 1e-12) * np.where(falls, 1.0, LAW.none_orbits)
+    unlike = unlike * is_broad
     is_dark = particles.lit == BurnState.DARK
     # A stage that has gone out may have been the last one of a failure.
     lost = np.where(is_dark, np.where(falls, 1.0 + relight, 0.0), 1.0)
@@ -113,9 +113,9 @@ def _hypotheses(
     if launchers:
         # A particle in orbit is a space launch, whatever has brought it there.
         in_orbit = is_dark & ~falls
-        density[:, launchers] += (other * in_orbit / len(launchers))[:, None]
-        other = is_launcher * failure * lost + other * ~in_orbit
-    density[:, outcomes.columns("none")] = other[:, None]
+        density[:, launchers] += (unlike * in_orbit / len(launchers))[:, None]
+        unlike = is_launcher * failure * lost + unlike * ~in_orbit
+    density[:, outcomes.columns("none")] = unlike[:, None]
     return density
 
 

@@ -146,8 +146,8 @@ def coordinates(plane: FloatArray, weight: FloatArray) -> Plane:
     """
     distance = np.sqrt(np.sum(plane * plane, axis=1))
     x, y = weight @ (plane / np.maximum(distance, 1.0)[:, None])
-    near = weight[distance < 2.0 * LAW.near_m].sum()
-    is_polar = np.hypot(x, y) > LAW.gathered and near < LAW.outside
+    near_share = weight[distance < 2.0 * LAW.near_m].sum()
+    is_polar = np.hypot(x, y) > LAW.gathered and near_share < LAW.outside
     return LogPolar(float(np.arctan2(y, x))) if is_polar else Plane()
 
 

@@ -14,8 +14,8 @@ MISSILES = slice(0, 1800)
 LAUNCHERS = slice(2200, 2800)
 
 
-def moments(seen):
-    return along_sight(ASCENTS, seen, np.zeros((1, len(ASCENTS.log_weight))))
+def moments(target):
+    return along_sight(ASCENTS, target, np.zeros((1, len(ASCENTS.log_weight))))
 
 
 def sighting(start, state, since_s):
@@ -62,8 +62,8 @@ def test_boosts_of_many_kinds_are_where_the_law_says():
         start, state = flown(azimuth, kick, force, growth, since_s)
         if state[:3] @ state[3:6] <= 0.0:
             continue
-        line, seen = sighting(start, state, since_s)
-        result = moments(seen)
+        line, target = sighting(start, state, since_s)
+        result = moments(target)
         error = state.reshape(3, 3) @ line - result.mean
         squared.append(error @ np.linalg.solve(result.covariance, error) / 3.0)
     assert np.mean(np.array(squared) < 7.81 / 3.0) >= 0.9
@@ -86,25 +86,25 @@ def test_the_longer_a_boost_lasts_the_less_is_known():
 
 
 def test_the_filters_own_range_is_not_used():
-    line, seen = seen_boost(2.0, 60.0)
+    line, target = seen_boost(2.0, 60.0)
     offset = np.outer([60e3, -900.0, 15.0], line).ravel()
-    result = moments(seen)
-    moved = moments(seen._replace(state=seen.state + offset))
+    result = moments(target)
+    moved = moments(target._replace(state=target.state + offset))
     slack = 0.2 * np.sqrt(result.covariance[0, 0])
     assert moved.mean[:2] == pytest.approx(result.mean[:2], rel=0.0, abs=slack)
 
 
 def test_an_uncertain_first_line_makes_the_range_uncertain():
-    _, seen = seen_boost(2.0, 40.0)
+    _, target = seen_boost(2.0, 40.0)
     sure, unsure = (
-        moments(seen._replace(first_sigma_m=sigma_m)).covariance[0, 0] for sigma_m in (0.0, 5e3)
+        moments(target._replace(first_sigma_m=sigma_m)).covariance[0, 0] for sigma_m in (0.0, 5e3)
     )
     assert unsure > sure + 5e3**2
 
 
 def test_after_every_burn_of_the_law_there_is_no_estimate():
-    _, seen = seen_boost(1.0, 60.0)
-    assert moments(seen._replace(since_s=710.0)) is None
+    _, target = seen_boost(1.0, 60.0)
+    assert moments(target._replace(since_s=710.0)) is None
 
 
 def test_launchers_are_steered_to_heights_of_orbits():

@@ -104,10 +104,10 @@ def test_moments_of_impacts_are_east_north_and_time() -> None:
 
 def test_distances_are_those_of_kernel_and_noise() -> None:
     rng = np.random.default_rng(3)
-    seen = rng.normal(size=(5, 2))
+    offsets = rng.normal(size=(5, 2))
     width = np.array([0.5, 2.0])
     noise = np.array([[1.0, 0.3], [0.3, 0.5]])
-    both = np.linalg.inv(noise + np.diag(width**2))
-    assert squared_distances(seen, width, noise) == pytest.approx(
-        np.einsum("ni,ij,nj->n", seen, both, seen)
+    inverse = np.linalg.inv(noise + np.diag(width**2))
+    assert squared_distances(offsets, width, noise) == pytest.approx(
+        np.einsum("ni,ij,nj->n", offsets, inverse, offsets)
     )

@@ -41,11 +41,11 @@ def test_the_next_stage_is_that_of_the_joint_normal_law(family: int, done: int) 
     drawn = mean + np.random.default_rng(done).normal(size=16) * np.sqrt(np.diag(covariance))
     logs = np.full((1, STAGES, 4), np.nan)
     logs[0, :done] = drawn.reshape(STAGES, 4)[:done]
-    known = MODEL.given(logs)
+    law_of_next = MODEL.given(logs)
     past = slice(0, 4 * done)
     following = slice(4 * done, 4 * done + 4)
     gain = np.linalg.solve(covariance[past, past], covariance[past, following]).T
-    scores = known.total[:, family], known.number[:, family]
+    scores = law_of_next.total[:, family], law_of_next.number[:, family]
     stage_mean, sigma = MODEL.law(np.array([family]), np.array([done]), *scores)
     assert stage_mean[0] == pytest.approx(mean[following] + gain @ (drawn - mean)[past])
     residual = covariance[following, following] - gain @ covariance[past, following]
@@ -53,17 +53,17 @@ def test_the_next_stage_is_that_of_the_joint_normal_law(family: int, done: int) 
     # A tenth of the records is of no use: then they are those of anything.
     useless = np.log(0.1) + log_density(NONE, drawn[past])
     expected = np.logaddexp(log_density(family, drawn[past]), useless)
-    assert known.log_evidence[0, family] == pytest.approx(expected)
+    assert law_of_next.log_evidence[0, family] == pytest.approx(expected)
 
 
 def test_unknown_rows_do_not_count_and_hot_staging_comes_again() -> None:
     logs = np.full((2, STAGES, 4), np.nan)
     logs[:, 0] = MODEL.median_log[MISSILE, 0]
     logs[:, 0, GAP] = np.nan, -np.inf
-    known = MODEL.given(logs)
-    assert known.number[:, MISSILE, GAP].tolist() == [0.0, 0.0]
-    assert known.number[:, MISSILE, BURN].tolist() == [1.0, 1.0]
-    assert known.hot[1, MISSILE] > MODEL.hot[MISSILE] == known.hot[0, MISSILE]
+    law_of_next = MODEL.given(logs)
+    assert law_of_next.number[:, MISSILE, GAP].tolist() == [0.0, 0.0]
+    assert law_of_next.number[:, MISSILE, BURN].tolist() == [1.0, 1.0]
+    assert law_of_next.hot[1, MISSILE] > MODEL.hot[MISSILE] == law_of_next.hot[0, MISSILE]
 
 
 @pytest.fixture(scope="module")

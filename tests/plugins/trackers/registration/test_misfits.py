@@ -71,14 +71,14 @@ def test_two_sensors_see_the_misfit_of_their_epipolar_planes() -> None:
     displacement = VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0]
     moved = np.einsum("nij,nj->ni", displacement, ERROR.reshape(3, 3))
     lines = (PLACE + moved - VANTAGES.origin_m)[:2]
-    left, right = lines / np.linalg.norm(lines, axis=1)[:, None]
-    misfit = base @ np.cross(left, right)
+    west, east = lines / np.linalg.norm(lines, axis=1)[:, None]
+    misfit = base @ np.cross(west, east)
     assert np.linalg.matrix_rank(matrix[:6, :6], tol=1e6) == 1
     # Each ray off its plane by the noise of a mean: the misfit is linear in both, by the triple
     # products.
     slopes = [
         base @ np.cross(axis, partner)
-        for ray, partner in ((left, right), (right, left))
+        for ray, partner in ((west, east), (east, west))
         for axis in tangent_axes(ray[None])[0][:2]
     ]
     spread = SIGMA_RAD / np.sqrt(10.0) * np.linalg.norm(slopes)

@@ -47,17 +47,17 @@ SCENE: dict[str, Any] = {
 
 
 def test_unknown_is_none_and_known_is_plain() -> None:
-    known = {
+    figures = {
         "noise_scale": np.array([1.5, np.nan]),
         "bias_rad": np.array([[1e-6, np.nan], [0.0, 2e-6]]),
     }
-    first, second = SensorHealth.of(known, ("one", "other")).documents()
-    assert first["noise_scale"] == 1.5
-    assert first["bias_rad"] == [1e-6, None]
-    assert first["clock_s"] is None
+    west, second = SensorHealth.of(figures, ("one", "other")).documents()
+    assert west["noise_scale"] == 1.5
+    assert west["bias_rad"] == [1e-6, None]
+    assert west["clock_s"] is None
     assert second["noise_scale"] is None
     assert second["text"] == "other"
-    json.dumps([first, second], allow_nan=False)
+    json.dumps([west, second], allow_nan=False)
 
 
 def test_an_unobservable_combination_is_a_difference() -> None:
