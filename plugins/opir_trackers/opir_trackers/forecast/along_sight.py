@@ -168,36 +168,40 @@ class _Paths(NamedTuple):
             for axes in (sighting.axes, -2.0 * sighting.axes @ SPIN, sighting.first_axes)
         )
         level, climb = self.motion.swapaxes(0, 1)
+        first_level, first_climb = self.first
         shift = (climb * cosine - level * sine)[:, None] * image[:, 2]
         shift[0] += height_s * turn[:, 2]
         shift -= (sighting.state.reshape(3, 3) @ sighting.axes.T)[:, :, None]
         slope = (level * cosine + climb * sine)[:, None, None] * image[:, :2]
         slope[0] += distance_s * turn[:, :2]
-        first_level, first_climb = self.first
         first_shift = first_climb * first_image[:, 2] - sighting.first_m_s[:, None]
-        shift = np.concatenate([*shift, first_shift])
-        slope = np.concatenate([*slope, first_level * first_image[:, :2]])
         size = 1.0 / np.sqrt(width * width + np.diag(sighting.noise))
-        return shift * size[:, None], slope * size[:, None, None]
+        shift = np.concatenate([*shift, first_shift]) * size[:, None]
+        slope = np.concatenate([*slope, first_level * first_image[:, :2]])
+        return shift, slope * size[:, None, None]
 
 
-def _burning_paths(sighting: Sighting, ascents: BoostAscents, ignition_s: FloatArray) -> _Paths:
-    """Return the ascents that burn at the first detection, on its line of sight, and at present."""
-    since_s = sighting.since_s
+def _burning_rows(ascents: BoostAscents, ignition_s: FloatArray, since_s: float) -> FloatArray:
+    """Return the rows at the first detection and at present, and the log weights (3, 8, n), of
+    ascents that burn at both.
+    """
     pairs = []
     for times_s in ignition_s:
         start, burns_at_start = ascents.at(times_s)
         end, burns = ascents.at(times_s + since_s)
         pair = np.stack([start, end, np.broadcast_to(ascents.log_weight, start.shape)])
         pairs.append(pair[:, :, burns_at_start & burns])
-    start, end, log_weight = np.concatenate(pairs, axis=2)
+    return np.concatenate(pairs, axis=2)
+
+
+def _burning_paths(sighting: Sighting, ascents: BoostAscents, ignition_s: FloatArray) -> _Paths:
+    """Return the ascents that burn at the first detection, on its line of sight, and at present."""
+    since_s = sighting.since_s
+    start, end, log_weight = _burning_rows(ascents, ignition_s, since_s)
     initial = AscentRows(*start)
     present = AscentRows(*end)
     place, up, east = _starts(sighting, initial.height)
     radius = sighting.ground_radius_m + present.height
-    angle = present.angle - initial.angle
-    distance_s = present.distance_s - initial.distance_s - RADIUS_M * initial.angle * since_s
-    height_s = present.height_s - initial.height_s - initial.height * since_s
     motion = [
         [np.zeros_like(radius), radius],
         [present.level, present.climb],
@@ -210,9 +214,19 @@ def _burning_paths(sighting: Sighting, ascents: BoostAscents, ignition_s: FloatA
         np.cross(up, east, axis=0),
         np.array([initial.level, initial.climb]),
         np.array(motion),
-        np.array([np.cos(angle), np.sin(angle), distance_s, height_s]),
+        _moved(initial, present, since_s),
         log_weight[0],
     )
+
+
+def _moved(initial: AscentRows, present: AscentRows, since_s: float) -> FloatArray:
+    """Return cosine and sine of the angle over the ground since the first detection, and the
+    integrals of distances and heights gained since then (4, n).
+    """
+    angle = present.angle - initial.angle
+    distance_s = present.distance_s - initial.distance_s - RADIUS_M * initial.angle * since_s
+    height_s = present.height_s - initial.height_s - initial.height * since_s
+    return np.array([np.cos(angle), np.sin(angle), distance_s, height_s])
 
 
 def _starts(sighting: Sighting, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -224,10 +238,14 @@ def _starts(sighting: Sighting, height_m: FloatArray) -> tuple[FloatArray, Float
     radius = sighting.ground_radius_m + height_m
     chord = np.maximum(nadir * nadir - float(sensor @ sensor) + radius * radius, 0.0)
     start = sensor[:, None] + line[:, None] * (-nadir - np.sqrt(chord))
-    up = start / np.sqrt(np.sum(start * start, axis=0))
+    return start, *_up_and_east(start)
+
+
+def _up_and_east(place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors up and east (3, n) at places (3, n)."""
+    up = place / np.sqrt(np.sum(place * place, axis=0))
     horizontal = np.maximum(np.hypot(up[0], up[1]), 1e-9)
-    east = np.stack([-up[1], up[0], np.zeros(len(height_m))]) / horizontal
-    return start, up, east
+    return up, np.stack([-up[1], up[0], np.zeros(len(horizontal))]) / horizontal
 
 
 def _minima(
@@ -237,10 +255,7 @@ def _minima(
     (8, 2, n).
     """
     constant = np.sum(shift * shift, axis=0)
-    north, east = slope.swapaxes(0, 1)
-    products = north * shift, east * shift, north * north, north * east, east * east
-    terms = np.stack([np.sum(product, axis=0) for product in products])
-    terms[[0, 1, 3]] *= 2.0
+    terms = _terms(shift, slope)
     azimuth = 2.0 * np.pi * np.arange(LAW.directions) / LAW.directions
     cost = _powers(azimuth).T @ terms
     is_minimum = (cost <= np.roll(cost, 1, axis=0)) & (cost < np.roll(cost, -1, axis=0))
@@ -251,6 +266,15 @@ def _minima(
     # All azimuths are equally probable: the integral over one is that of a normal density about the
     # minimum.
     return log_weight[path] - 0.5 * total - 0.5 * np.log(curvature), path, angle
+
+
+def _terms(shift: FloatArray, slope: FloatArray) -> FloatArray:
+    """Return the factors (5, n) of `_powers` in |A + M (cos, sin)|²."""
+    north, east = slope.swapaxes(0, 1)
+    products = north * shift, east * shift, north * north, north * east, east * east
+    terms = np.stack([np.sum(product, axis=0) for product in products])
+    terms[[0, 1, 3]] *= 2.0
+    return terms
 
 
 def _refined(terms: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -13,7 +13,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.forecast.burning_on import drawn_steering
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.planar_boost import (
@@ -81,14 +81,8 @@ class BoostAscents:
         `LONGEST_S` if never.
         """
         highest = self._highest_m
+        below = _last_below(highest, height_m)
         ascent = np.arange(len(height_m))
-        below = np.zeros_like(ascent)
-        above = np.full_like(ascent, len(highest) - 1)
-        for _ in range(len(highest).bit_length()):
-            middle = (below + above) // 2
-            is_below = highest[middle, ascent] < height_m
-            below = np.where(is_below, middle, below)
-            above = np.where(is_below, above, middle)
         low = highest[below, ascent]
         rise = np.maximum(highest[below + 1, ascent] - low, LAW.least_rise_m)
         share = np.clip((height_m - low) / rise, 0.0, 1.0)
@@ -105,6 +99,19 @@ class BoostAscents:
     def burning_s(self) -> FloatArray:
         """Return the burn times (n,) of ascents, s."""
         return TABLE_S * np.count_nonzero(self.burns, axis=0)
+
+
+def _last_below(highest: FloatArray, height_m: FloatArray) -> IntArray:
+    """Return the last steps (n,) at which rising tables (times, n) are below heights (n,)."""
+    ascent = np.arange(len(height_m))
+    below = np.zeros_like(ascent)
+    above = np.full_like(ascent, len(highest) - 1)
+    for _ in range(len(highest).bit_length()):
+        middle = (below + above) // 2
+        is_below = highest[middle, ascent] < height_m
+        below = np.where(is_below, middle, below)
+        above = np.where(is_below, above, middle)
+    return below
 
 
 def ascents_of(outcomes: Outcomes) -> BoostAscents:
@@ -141,11 +148,16 @@ def _flights_of(
     heights_m = _heights_m(model, kind, count, rng)
     boost = PlanarBoost(stages, drawn_steering(count, model.data, 11 + number), heights_m)
     state, force = _flown(boost)
-    height = np.hypot(state[:, 0], state[:, 1]) - RADIUS_M
-    flies = np.logical_and.accumulate(height > -1.0, axis=0)
+    flies = _flies(state)
     ends = np.minimum(np.ceil(boost.over_s / TABLE_S).astype(np.int64), len(state) - 1)
     end = np.where(flies[:, None], state, np.nan)[ends, :, np.arange(count)].T
     return _ascent_rows(state, force).astype(np.float32), flies & np.any(force, axis=1), end
+
+
+def _flies(state: FloatArray) -> BoolArray:
+    """Whether ascents with states (times, 4, n) have not crashed yet (times, n)."""
+    height = np.hypot(state[:, 0], state[:, 1]) - RADIUS_M
+    return np.logical_and.accumulate(height > -1.0, axis=0)
 
 
 def _flown(boost: PlanarBoost) -> tuple[FloatArray, FloatArray]:
@@ -198,16 +210,21 @@ def _log_weights(outcomes: Outcomes, kind: str, end: FloatArray) -> FloatArray:
     A program that ends in the ground is a bad draw: before it does, it leads lower than any boost.
     """
     missile, orbit, glide, none = outcomes.groups.tolist()
-    weight = np.ones(end.shape[1])
-    if kind == "missile":
-        with np.errstate(divide="ignore", invalid="ignore"):
-            range_m = ranges_m(end)
-            climbing = outcomes.climbing(range_m, elevations(end))
-            weight = outcomes.missiles(range_m).sum(axis=1) * climbing
-    elif kind == "glide":
-        x, y, u, v = end
-        weight = outcomes.gliding(np.hypot(x, y) - RADIUS_M, elevations(end), np.hypot(u, v))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = _relative_density(outcomes, kind, end)
     weight = np.where(np.isfinite(end[0]) & np.isfinite(weight), weight, 0.0)
     shares = {"missile": missile, "glide": glide, "orbit": orbit, "none": none + outcomes.odd}
     share = shares[kind] * weight / max(float(weight.sum()), 1e-9)
     return np.log(np.maximum(share, LAW.least_weight))
+
+
+def _relative_density(outcomes: Outcomes, kind: str, end: FloatArray) -> FloatArray:
+    """Return the densities (n,) of a kind's ends of boosts over those of its law."""
+    if kind == "missile":
+        range_m = ranges_m(end)
+        climbing = outcomes.climbing(range_m, elevations(end))
+        return outcomes.missiles(range_m).sum(axis=1) * climbing
+    if kind == "glide":
+        x, y, u, v = end
+        return outcomes.gliding(np.hypot(x, y) - RADIUS_M, elevations(end), np.hypot(u, v))
+    return np.ones(end.shape[1])

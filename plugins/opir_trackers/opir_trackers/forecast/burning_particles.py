@@ -44,14 +44,14 @@ def burning_particles(
     families.
     """
     drawn = _drawn_burns(model, estimates, history, time_s)
+    size = len(BURNING)
     log = np.stack([law.log_evidence for law in drawn.laws]) + drawn.log_stages.T
-    log = log.reshape(len(FAMILIES), len(estimates), len(BURNING))
-    burn_kind = drawn.burn_kind.reshape(-1, len(BURNING))
-    log += _staging_logs(log, prior, burn_kind, estimates.burn_share)
+    log = log.reshape(len(FAMILIES), -1, size)
+    log += _staging_logs(log, prior, drawn.burn_kind.reshape(-1, size), estimates.burn_share)
     family, source, weight = _allotted(log, prior)
-    rows = (np.arange(len(source))[:, None] * len(BURNING) + source).ravel()
+    rows = (np.arange(len(source))[:, None] * size + source).ravel()
     flown_s = time_s - history.as_burning().launch_s
-    draw = np.tile(BURNING, len(estimates))
+    draw = np.tile(BURNING, len(source))
     return _with_later_burns(model, drawn, rows, family.ravel(), draw, weight.ravel(), flown_s)
 
 
@@ -160,16 +160,17 @@ def _allotted(log: FloatArray, prior: FloatArray) -> tuple[IntArray, IntArray, F
     `log` (families, n, m) are the log evidences of states by family: a family has a share of the
     particles near its probability, and its states are drawn by their evidence.
     """
-    _, count, size = log.shape
+    size = log.shape[2]
     density = np.exp(log - log.max(axis=(0, 2))[:, None])
     evidence = density.sum(axis=2).T * prior
     share = evidence / evidence.sum(axis=1, keepdims=True)
     number = shares_in_numbers(share, size)
     family = families_of_particles(number, size)
-    row = np.arange(count)[:, None]
-    start = (np.cumsum(number, axis=1) - number)[row, family]
-    position = (np.arange(size) - start + 0.5) / number[row, family]
-    weight = (share / np.maximum(number, 1))[row, family]
+    start, count, weight = (
+        np.take_along_axis(values, family, axis=1)
+        for values in (np.cumsum(number, axis=1) - number, number, share / np.maximum(number, 1))
+    )
+    position = (np.arange(size) - start + 0.5) / count
     return family, _systematic(density, family, position), weight
 
 

@@ -66,13 +66,7 @@ def _conditional(
     samples = probability**2 / float(np.sum(weight * weight) + np.sum(glides * glides))
     if samples < LAW.least_samples:
         return None
-    heavy = np.flatnonzero(weight > LAW.least_weight * weight.max(initial=0.0))
-    points = fates.place[heavy]
-    time_s = fates.when_s[heavy]
-    share = weight[heavy]
-    if not forces.is_kepler and len(heavy):
-        flights = fates.state[heavy], fates.out_s[heavy]
-        points = _shifted(points, share / share.sum(), flights, forces)
+    points, time_s, share = _impact_points(fates, weight, forces)
     if glided is not None and glides.any():
         gliders = np.flatnonzero(glides > 0.0)
         points = np.concatenate([points, glided.place[gliders]])
@@ -81,6 +75,19 @@ def _conditional(
     share = share / share.sum()
     areas = regions(points, share, condition, probability, samples, fates.origin[0])
     return Impacts(probability, areas, impact_moments(points, time_s, share))
+
+
+def _impact_points(
+    fates: Fates, weight: FloatArray, forces: Forces
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return places (m, 2), times (m,) and weights (m,) of ballistic impacts that count."""
+    heavy = np.flatnonzero(weight > LAW.least_weight * weight.max(initial=0.0))
+    points = fates.place[heavy]
+    share = weight[heavy]
+    if not forces.is_kepler and len(heavy):
+        flights = fates.state[heavy], fates.out_s[heavy]
+        points = _shifted(points, share / share.sum(), flights, forces)
+    return points, fates.when_s[heavy], share
 
 
 def _shifted(
@@ -120,9 +127,15 @@ def impact_moments(
     columns = np.column_stack([plane - mean, time_s - mean_s])
     covariance = (weight[:, None] * columns).T @ columns + np.diag([1.0, 1.0, 1e-6])
     covariance = 0.5 * (covariance + covariance.T)
-    horizontal = columns[:, :2]
-    scaled = np.linalg.solve(covariance[:2, :2], horizontal.T).T
-    distance = np.sqrt(np.sum(horizontal * scaled, axis=1))
-    order = np.argsort(distance)
-    radii = np.interp(TRACK_CONTAINMENTS, np.cumsum(weight[order]), distance[order])
+    radii = _radii(columns[:, :2], covariance[:2, :2], weight)
     return np.array([*chart.places(mean[None])[0], mean_s]), covariance, radii
+
+
+def _radii(offset: FloatArray, covariance: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the radii of ellipses that contain offsets (n, 2) in the shares
+    `TRACK_CONTAINMENTS`.
+    """
+    scaled = np.linalg.solve(covariance, offset.T).T
+    distance = np.sqrt(np.sum(offset * scaled, axis=1))
+    order = np.argsort(distance)
+    return np.interp(TRACK_CONTAINMENTS, np.cumsum(weight[order]), distance[order])

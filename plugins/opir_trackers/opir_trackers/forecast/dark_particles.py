@@ -66,12 +66,9 @@ def dark_particles(
     ended = evidence * ends / total
     root = widened(inverse_root(estimates.coast_root))
     coast = _Coast(estimates.coast_mean, root, dark_s, time_s - over.launch_s)
-    particles = Particles.concatenate(
-        [
-            _free(coast, ended, OVER, np.arange(len(estimates))),
-            _again(model, next_stage, relight, coast),
-        ]
-    )
+    over_particles = _free(coast, ended, OVER, np.arange(len(estimates)))
+    relit_particles = _again(model, next_stage, relight, coast)
+    particles = Particles.concatenate([over_particles, relit_particles])
     return particles, relight / np.maximum(relight + ended, 1e-12)
 
 
@@ -82,13 +79,14 @@ def _relight_weights(
     stage, and that the burnt one was the last.
     """
     stage = np.minimum(next_stage.done, STAGES - 1)[:, None]
-    mean, sigma = model.law(np.arange(len(FAMILIES)), stage, next_stage.total, next_stage.number)
+    law = model.law(np.arange(len(FAMILIES)), stage, next_stage.total, next_stage.number)
+    mean, sigma = (rows[:, :, GAP] for rows in law)
     log_dark = np.log(np.maximum(dark_s, 0.05))[:, None]
-    longer = ndtr((mean[:, :, GAP] - log_dark) / sigma[:, :, GAP])
     more = model.more(next_stage.done)
     at_least = model.more(np.maximum(next_stage.done - 1, 0))
     # Without a gap the next stage ignites within about the time between two looks.
-    waits = more * longer * np.where(dark_s[:, None] > 1.0, 1.0 - next_stage.hot, 1.0)
+    no_gap = np.where(dark_s[:, None] > 1.0, 1.0 - next_stage.hot, 1.0)
+    waits = more * ndtr((mean - log_dark) / sigma) * no_gap
     return waits, np.maximum(at_least - more, 1e-3)
 
 

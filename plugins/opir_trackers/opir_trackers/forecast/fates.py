@@ -72,21 +72,26 @@ def fates_of(
     out, later_s, least_m = flown_on(particles.state, burns, steering, tilt)
     out_s = time_s + later_s
     place, when_s = free_impacts(out, out_s, forces)
-    is_known = np.isfinite(launch[:, 0])
-    start = np.where(is_known[:, None], launch, 0.0)[particles.track]
     burnt, burnt_s = _at_burnout(out, out_s, particles, dark_s)
     return Fates(
         out,
         out_s,
         place,
         when_s,
-        np.where(is_known[particles.track], great_circle_m(start, place), np.nan),
+        _ranges_m(launch[particles.track], place),
         _orbit_reach(outcomes, particles, np.isfinite(when_s)),
         is_space | (least_m > local_radius_m(out) - LAW.crash_m),
         _origins(particles, time_s),
         burnt,
         burnt_s,
     )
+
+
+def _ranges_m(launch: FloatArray, place: FloatArray) -> FloatArray:
+    """Return the ranges (p,), m, from launches (p, 3), nan where unknown, to places (p, 2)."""
+    is_known = np.isfinite(launch[:, 0])
+    start = np.where(is_known[:, None], launch, 0.0)
+    return np.where(is_known, great_circle_m(start, place), np.nan)
 
 
 def _orbit_reach(outcomes: Outcomes, particles: Particles, falls: BoolArray) -> FloatArray:
@@ -155,12 +160,12 @@ def _thrust_angles(particles: Particles) -> FloatArray:
     force = particles.force[rows]
     velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity) + 1.0)
+    along = np.maximum(dot(force, velocity) / speed, 1.0)[:, None]
     side = np.cross(velocity, state[:, :3])
-    down = np.cross(velocity, side)
-    along = np.maximum(dot(force, velocity) / speed, 1.0)
-    across = [dot(force, axis) / np.sqrt(dot(axis, axis) + 1.0) for axis in (down, side)]
+    axes = np.cross(velocity, side), side
+    across = [dot(force, axis) / np.sqrt(dot(axis, axis) + 1.0) for axis in axes]
     is_fast = (speed > LAW.fast_m_s)[:, None]
-    angle[rows] = np.arctan2(np.stack(across, axis=1), along[:, None]) * is_fast
+    angle[rows] = np.arctan2(np.stack(across, axis=1), along) * is_fast
     return angle
 
 
@@ -185,13 +190,17 @@ def _steered(
     choice = (particles.draw[:, None] + LAW.stride * choices) % len(programs)
     since_s = np.repeat(particles.since_s, len(choices))
     leads = programs.take(choice.ravel()).leads(since_s).reshape(choice.shape)
-    sigma = np.radians(LAW.lead_deg) + LAW.lead_share * np.abs(leads)
-    score = (angle[:, :1] - leads) / sigma
-    weight = np.where(is_lit[:, None], np.exp(-0.5 * score * score) / sigma + 1e-9, 1.0)
-    total = np.cumsum(weight, axis=1)
+    total = np.cumsum(_lead_weights(angle[:, :1], leads, is_lit[:, None]), axis=1)
     pick = _uniform(6)[particles.draw, None]
     picked = np.sum(total < total[:, -1:] * pick, axis=1).clip(0, len(choices) - 1)
     return programs.take(choice[np.arange(len(choice)), picked])
+
+
+def _lead_weights(angle: FloatArray, leads: FloatArray, is_lit: BoolArray) -> FloatArray:
+    """Return the weights (p, k) of leads by angles (p, 1) of the thrust; equal ones in the dark."""
+    sigma = np.radians(LAW.lead_deg) + LAW.lead_share * np.abs(leads)
+    score = (angle - leads) / sigma
+    return np.where(is_lit, np.exp(-0.5 * score * score) / sigma + 1e-9, 1.0)
 
 
 def features(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -6,6 +6,9 @@ Hypotheses, regions, and the probabilities of relights and of coming down are su
 weights.
 """
 
+from collections.abc import Iterator
+from itertools import pairwise, starmap
+
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
@@ -47,6 +50,14 @@ def forecasts(
     return _gathered(outcomes, particles, fates, weight, burning, forces)
 
 
+def _burning(estimates: ModeEstimates) -> FloatArray:
+    """Return the probabilities (n,) of a burn; improbable modes have none."""
+    burning = estimates.weight[:, 0].copy()
+    burning[burning < LAW.least_mode] = 0.0
+    burning[burning > 1.0 - LAW.least_mode] = 1.0
+    return burning
+
+
 def _ensemble(
     outcomes: Outcomes,
     estimates: ModeEstimates,
@@ -57,22 +68,19 @@ def _ensemble(
     """Return the particles, in order of tracks, the probabilities (n,) of a burn, and of a relight
     by family.
     """
-    burning = estimates.weight[:, 0].copy()
-    burning[burning < LAW.least_mode] = 0.0
-    burning[burning > 1.0 - LAW.least_mode] = 1.0
+    burning = _burning(estimates)
     model = outcomes.model
     prior = outcomes.families
     relights = np.zeros((len(burning), len(prior)))
-    ensembles = []
     lit = np.flatnonzero(burning > 0.0)
     dark = np.flatnonzero(burning < 1.0)
+    ensembles = []
     if len(lit):
         particles = burning_particles(model, estimates.take(lit), history.take(lit), prior, time_s)
         ensembles.append(particles.of_tracks(lit))
     if len(dark):
-        particles, relights[dark] = dark_particles(
-            model, estimates.take(dark), history.take(dark), prior, dark_s[dark], time_s
-        )
+        tracks = estimates.take(dark), history.take(dark)
+        particles, relights[dark] = dark_particles(model, *tracks, prior, dark_s[dark], time_s)
         ensembles.append(particles.of_tracks(dark))
     particles = Particles.concatenate(ensembles)
     return particles.take(np.argsort(particles.track, kind="stable")), burning, relights
@@ -100,20 +108,20 @@ def _hypotheses(
         "glide": (outcomes.gliding(*ends) * (is_missile * (1.0 - share)))[:, None],
         "orbit": (reach * fates.reach)[:, None],
     }
-    unlike = none / max(outcomes.odd + none, 1e-12) * np.where(falls, 1.0, LAW.none_orbits)
-    unlike = unlike * is_broad
-    is_dark = particles.lit == BurnState.DARK
-    # A stage that has gone out may have been the last one of a failure.
-    lost = np.where(is_dark, np.where(falls, 1.0 + relight, 0.0), 1.0)
     density = np.zeros((len(particles), len(outcomes.hypotheses)))
     for group, values in densities.items():
         columns = outcomes.columns(group)
         density[:, columns] = values / (1 if group == "missile" else max(len(columns), 1))
+    unlike = none / max(outcomes.odd + none, 1e-12) * np.where(falls, 1.0, LAW.none_orbits)
+    unlike = unlike * is_broad
+    is_dark = particles.lit == BurnState.DARK
     launchers = outcomes.columns("orbit")
     if launchers:
         # A particle in orbit is a space launch, whatever has brought it there.
         in_orbit = is_dark & ~falls
         density[:, launchers] += (unlike * in_orbit / len(launchers))[:, None]
+        # A stage that has gone out may have been the last one of a failure.
+        lost = np.where(is_dark, np.where(falls, 1.0 + relight, 0.0), 1.0)
         unlike = is_launcher * failure * lost + unlike * ~in_orbit
     density[:, outcomes.columns("none")] = unlike[:, None]
     return density
@@ -162,7 +170,6 @@ def _gathered(
 ) -> LaunchForecasts:
     """Return the forecasts of tracks with weights (p, H) of their particles."""
     count = len(burning)
-    track = particles.track
     missile, orbit, glide, none = (
         weight[:, outcomes.columns(group)].sum(axis=1)
         for group in ("missile", "orbit", "glide", "none")
@@ -173,26 +180,37 @@ def _gathered(
     none = none * ((particles.family == SPACE) | is_dark)
     down = np.where(np.isfinite(fates.when_s), missile + none, 0.0)
     relit = weight.sum(axis=1) * (particles.lit == BurnState.RELIT)
+    relights, comes_down, in_orbit = (
+        _sums(particles.track, values, count) for values in (relit, down + glide, orbit * is_dark)
+    )
     result = LaunchForecasts(
-        _given_launch(outcomes, track, weight, count),
+        _given_launch(outcomes, particles.track, weight, count),
         np.full((count, 3), np.nan),
         np.full((count, 3, 3), np.nan),
         np.full((count, 3), np.nan),
         np.empty(count, dtype=np.object_),
         burning,
-        _sums(track, relit, count),
-        _sums(track, down + glide, count),
-        _sums(track, orbit * is_dark, count),
+        relights,
+        comes_down,
+        in_orbit,
         np.zeros(count, dtype=np.int64),
     )
     falls = np.where(particles.is_free, 0.0, down)
-    edges = np.searchsorted(track, np.arange(count + 1)).tolist()
-    for number, rows in enumerate(map(slice, edges[:-1], edges[1:])):
+    descents = _descents(outcomes, particles, fates, falls, glide)
+    for number, track in enumerate(descents):
+        _put_impacts(result, number, impacts_by_condition(track, burning[number], forces))
+    return result
+
+
+def _descents(
+    outcomes: Outcomes, particles: Particles, fates: Fates, falls: FloatArray, glide: FloatArray
+) -> Iterator[Descents]:
+    """Yield the descents of each track, by weights (p,) of ballistic impacts and glides."""
+    tracks = np.arange(particles.track[-1] + 2)
+    for rows in starmap(slice, pairwise(np.searchsorted(particles.track, tracks).tolist())):
         ends = fates.take(rows)
         glides = glide_ends(outcomes, ends.burnt, ends.burnt_s, glide[rows], falls[rows])
-        descents = Descents(particles.lit[rows], ends, falls[rows], glides)
-        _put_impacts(result, number, impacts_by_condition(descents, burning[number], forces))
-    return result
+        yield Descents(particles.lit[rows], ends, falls[rows], glides)
 
 
 def _put_impacts(result: LaunchForecasts, number: int, impacts: list[Impacts]) -> None:

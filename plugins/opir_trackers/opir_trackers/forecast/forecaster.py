@@ -66,14 +66,9 @@ class Forecaster:
         history = self._history.of(tracks.track, tick_s)
         self._history = history.updated(estimates, tracks.launch[:, 2], launch_sigma_s, tick_s)
         silent_s = estimates.detection_rate[:, 2]
-        silences = zip(silent_s.tolist(), _is_dark(estimates).tolist(), strict=True)
-        due = [
-            row
-            for row, silence in enumerate(silences)
-            if is_launch[row] and self._is_due(numbers[row], tick_s, *silence)
-        ]
-        if due:
-            self._renew(np.array(due), tracks, estimates, log_likelihood)
+        rows_due = self._due_rows(numbers, tick_s, estimates, is_launch)
+        if len(rows_due):
+            self._renew(rows_due, tracks, estimates, log_likelihood)
         self._latest = {
             number: self._latest[number] for number in numbers if number in self._latest
         }
@@ -84,6 +79,19 @@ class Forecaster:
         latest = LaunchForecasts.concatenate([self._nothing.take(slice(0)), *rows])
         end = _ends(latest, tick_s, silent_s > LAW.longest_gap_s)
         return evolve(latest, probability_burning=estimates.weight[:, 0], end=end)
+
+    def _due_rows(
+        self, numbers: list[int], tick_s: float, estimates: ModeEstimates, is_launch: BoolArray
+    ) -> IntArray:
+        """Return the rows of launched tracks whose forecasts are due."""
+        silent_s = estimates.detection_rate[:, 2].tolist()
+        is_dark = _is_dark(estimates).tolist()
+        rows = [
+            row
+            for row in np.flatnonzero(is_launch).tolist()
+            if self._is_due(numbers[row], tick_s, silent_s[row], is_dark[row])
+        ]
+        return np.array(rows, dtype=np.int64)
 
     def _is_due(self, number: int, tick_s: float, silent_s: float, is_dark: bool) -> bool:
         """Whether a track needs a new forecast: the longer it is silent, the less often; not for
@@ -109,10 +117,7 @@ class Forecaster:
         tick_s = float(tracks.tick_s[0])
         estimates = estimates.take(rows)
         history = self._history.take(rows)
-        hits, spell, silent_s = estimates.detection_rate.T
-        # The burn ended when detections did, if these are of plumes; or when the filter said so.
-        quiet_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)
-        dark_s = np.where(history.is_dark, tick_s - history.dark_since_s, quiet_s)
+        dark_s = _dark_s(estimates, history, tick_s)
         launch = tracks.launch[rows]
         renewed = forecasts(
             self._outcomes, estimates, history, dark_s, launch, log[rows], tick_s, self._forces
@@ -121,6 +126,16 @@ class Forecaster:
         for row, number in enumerate(tracks.track[rows].tolist()):
             forecast = renewed.take(slice(row, row + 1))
             self._latest[number] = _Latest(tick_s, is_dark[row], forecast)
+
+
+def _dark_s(estimates: ModeEstimates, history: StageHistory, tick_s: float) -> FloatArray:
+    """Return the times (n,) since the burns ended.
+
+    They ended when detections did, if these are of plumes; or when the filter said so.
+    """
+    hits, spell, silent_s = estimates.detection_rate.T
+    quiet_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)
+    return np.where(history.is_dark, tick_s - history.dark_since_s, quiet_s)
 
 
 def _is_dark(estimates: ModeEstimates) -> BoolArray:

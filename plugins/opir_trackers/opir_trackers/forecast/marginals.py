@@ -35,12 +35,12 @@ def burn_ends(stages: VehicleStages, steering: Steering) -> FloatArray:
     over_s = boost.over_s
     state = boost.at_rest()
     ends = np.full_like(state, np.nan)
-    crashed = np.zeros(len(over_s), dtype=bool)
+    crashed = np.zeros(over_s.shape, bool)
     step_s = LAW.marginal_step_s
     for time_s in np.arange(0.0, over_s.max() + step_s, step_s).tolist():
         ended = (over_s >= time_s) & (over_s < time_s + step_s)
         state = boost.stepped(state, time_s, step_s)
-        crashed |= (np.hypot(state[0], state[1]) < RADIUS_M - 1.0) & (over_s > time_s)
+        crashed |= (np.hypot(*state[:2]) < RADIUS_M - 1.0) & (over_s > time_s)
         ends[:, ended] = state[:, ended]
     ends[:, crashed] = np.nan
     return ends
@@ -53,23 +53,30 @@ def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
     end = burn_ends(stages, drawn_steering(draws, model.data, seed))
     end = end[:, np.isfinite(end[0])]
     range_m = ranges_m(end)
-    angle = elevations(end)
-    x, y, u, v = end
-    glide = np.mean(is_glide(model, np.hypot(x, y) - RADIUS_M, angle, np.hypot(u, v)))
     nodes_km = np.geomspace(LAW.nearest_km, LAW.farthest_km, LAW.nodes)
-    flies = np.isfinite(range_m) & (range_m > 1e3 * nodes_km[0])
-    climbs = flies & (angle > LEVEL)
-    steep = log_elevation(range_m[climbs], angle[climbs])
-    elevation = steep.mean(), steep.std(), climbs.sum() / flies.sum()
-    space = drawn_stages(model, SPACE, draws, rng)
     density = np.maximum(_density(np.log(range_m / 1e3), nodes_km), 1e-3)
+    x, y, u, v = end
+    glide = np.mean(is_glide(model, np.hypot(x, y) - RADIUS_M, elevations(end), np.hypot(u, v)))
+    space = drawn_stages(model, SPACE, draws, rng)
+    orbit = np.mean(_ideal_speeds(space) > ORBITS.ideal_speed_m_s)
+    elevation = _elevation_law(range_m, elevations(end), 1e3 * nodes_km[0])
     return {
         "range_km": [round(value, 1) for value in nodes_km.tolist()],
         "density": [float(f"{value:.3g}") for value in density.tolist()],
         "elevation": [float(f"{value:.2g}") for value in elevation],
         "glide": float(f"{glide:.2g}"),
-        "orbit": float(f"{np.mean(_ideal_speeds(space) > ORBITS.ideal_speed_m_s):.2g}"),
+        "orbit": float(f"{orbit:.2g}"),
     }
+
+
+def _elevation_law(
+    range_m: FloatArray, angle: FloatArray, nearest_m: float
+) -> tuple[float, float, float]:
+    """Return mean and deviation of the log elevations of boosts that climb, and their share."""
+    flies = np.isfinite(range_m) & (range_m > nearest_m)
+    climbs = flies & (angle > LEVEL)
+    steep = log_elevation(range_m[climbs], angle[climbs])
+    return steep.mean(), steep.std(), climbs.sum() / flies.sum()
 
 
 def _density(log_km: FloatArray, nodes_km: FloatArray) -> FloatArray:

@@ -102,11 +102,14 @@ class Outcomes:
         share = np.where(inside, priors, 0.0)
         span = np.log(limits[:, 1].max() / limits[:, 0].min())
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-9) * span
+        return share * np.exp(-self._log_marginal(range_m))[:, None]
+
+    def _log_marginal(self, range_m: FloatArray) -> FloatArray:
+        """Return the log densities (p,) of all boosts at ranges (p,)."""
         marginal = self.model.data["marginal"]
         log_m = np.log(np.maximum(np.nan_to_num(range_m), 1.0))
         nodes = np.log(1e3 * np.array(marginal["range_km"]))
-        density = np.interp(log_m, nodes, np.log(marginal["density"]))
-        return share * np.exp(-density)[:, None]
+        return np.interp(log_m, nodes, np.log(marginal["density"]))
 
     def climbing(self, range_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
         """Return the density (p,) of missiles that end their boosts at an elevation over that of
@@ -153,9 +156,7 @@ def _needed_speed(state: FloatArray, burn_s: FloatArray) -> FloatArray:
     """Return the speed (p,), m/s, that a state (p, 6) lacks for an orbit, gravity losses of burns
     included.
     """
-    radius = np.sqrt(dot(state[:, :3], state[:, :3]))
-    climb = dot(state[:, :3], state[:, 3:6]) / radius
-    level = np.sqrt(np.maximum(dot(state[:, 3:6], state[:, 3:6]) - climb * climb, 0.0))
+    radius, climb, level = _climb_and_level(state)
     orbit = np.maximum(radius, EARTH_RADIUS_M + LAW.lowest_m)
     circular = np.sqrt(EARTH_MU_M3_S2 / orbit)
     rise = np.sqrt(2.0 * 9.0 * np.maximum(orbit - radius, 0.0))
@@ -163,6 +164,15 @@ def _needed_speed(state: FloatArray, burn_s: FloatArray) -> FloatArray:
     gain = np.hypot(np.maximum(circular - level, 0.0), lift)
     loss = LAW.gravity_loss_m_s2 * burn_s * np.clip(1.0 - (level / circular) ** 2, 0.0, 1.0)
     return gain + np.minimum(loss, LAW.largest_loss * gain)
+
+
+def _climb_and_level(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the radius, m, and the vertical and level speeds, m/s, (p,) of states (p, 6)."""
+    position = state[:, :3]
+    velocity = state[:, 3:6]
+    radius = np.sqrt(dot(position, position))
+    climb = dot(position, velocity) / radius
+    return radius, climb, np.sqrt(np.maximum(dot(velocity, velocity) - climb * climb, 0.0))
 
 
 def is_glide(

@@ -146,12 +146,12 @@ def later_burns(
         more = model.more(done + step)[rows, family]
         exists = (done + step < STAGES) & (uniform[:, 3] * at_least < more)
         gap = np.where(uniform[:, 5 + step] < hot, 0.0, np.exp(logs[:, GAP]))
-        if dark_s is not None and step == 0:
+        if dark_s is not None and not step:
             at_least = more
             exists = done < STAGES
             gap = _longer_gap(mean[:, GAP], sigma[:, GAP], dark_s, uniform[:, 4])
             logs[:, GAP] = np.log(gap)
-        stages[:, :, step] = np.where(exists, np.stack([gap, *model.figures(logs)]), 0.0)
+        stages[:, :, step] = np.where(exists, [gap, *model.figures(logs)], 0.0)
         total = total + model.scores(family, stage, logs)
         number = number + 1.0
     return VehicleStages(*stages)

@@ -36,7 +36,7 @@ def drawn_stages(
         mean, sigma = model.law(families, stage, total, np.full(total.shape, float(step)))
         logs = mean + sigma * rng.normal(size=(count, 4))
         total = total + model.scores(families, stage, logs)
-        stages[:, :, step] = np.where(step < size, np.stack([gap, *model.figures(logs)]), 0.0)
+        stages[:, :, step] = np.where(step < size, [gap, *model.figures(logs)], 0.0)
         gap = np.where(hot[:, step], 0.0, np.exp(logs[:, GAP]))
     return VehicleStages(*stages)
 

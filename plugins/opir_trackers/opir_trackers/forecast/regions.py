@@ -22,7 +22,7 @@ import numpy as np
 from attrs import fields
 from contourpy import FillType, LineType, SerialContourGenerator, ZInterp
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
@@ -204,14 +204,14 @@ def _outlines_of(
     outlines = [within_map(*contours.around(share)) for share in TRACK_CONTAINMENTS]
     # The map is read once for all regions.
     places = chart.places(np.concatenate([points for points, _ in outlines]))
-    starts = np.cumsum([len(points) for points, _ in outlines])[:-1]
+    ends = np.cumsum([len(points) for points, _ in outlines])
     return [
-        _outline(points, ring_places, edges)
-        for (points, edges), ring_places in zip(outlines, np.split(places, starts), strict=True)
+        _outline(*outline, ring_places)
+        for outline, ring_places in zip(outlines, np.split(places, ends[:-1]), strict=True)
     ]
 
 
-def _outline(points: FloatArray, places: FloatArray, edges: list[list[int]]) -> Outline:
+def _outline(points: FloatArray, edges: list[list[int]], places: FloatArray) -> Outline:
     """Return the outline of rings of points of the map (k, 2), m, with places (k, 2) on Earth."""
     polygons = [[slice(start, end) for start, end in pairwise(ends)] for ends in edges]
     # The first ring of a polygon is the outer one, others are holes.
@@ -239,11 +239,15 @@ class _Contours:
         widths = _widths(squares, weight)
         density = _density_without_own(squares, widths, weight)
         density = density / frame.stretch(self._mean + offset)
+        self._set_levels(density, weight)
+        limit = (frame.limit - self._mean) / self._scale
+        self._generator = self._contour_lines(unit, widths, weight, limit)
+
+    def _set_levels(self, density: FloatArray, weight: FloatArray) -> None:
+        """Set the densities (n,) at the points from the highest down, and the shares above them."""
         order = np.argsort(-density, kind="stable")
         self._levels = density[order]
         self._shares = np.cumsum(weight[order])
-        limit = (frame.limit - self._mean) / self._scale
-        self._generator = self._contour_lines(unit, widths, weight, limit)
 
     def _whitened(self, offset: FloatArray, weight: FloatArray, least: Any) -> FloatArray:
         """Set the axes and scales of offsets (n, 2), at least as long as `least`; return these as
@@ -261,10 +265,7 @@ class _Contours:
     def _contour_lines(
         self, unit: FloatArray, widths: FloatArray, weight: FloatArray, limit: FloatArray
     ) -> SerialContourGenerator:
-        """Return a generator of contours of the density on a grid about points (n, 2).
-
-        `contour_generator` takes as long to look for masks.
-        """
+        """Return a generator of contours of the density on a grid about points (n, 2)."""
         x, y = (
             np.unique(np.minimum(_grid(column, widths), end))
             for column, end in zip(unit.T, limit, strict=True)
@@ -274,17 +275,7 @@ class _Contours:
             for grid, column in zip((x, y), unit.T, strict=True)
         )
         nodes = self._coordinates(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
-        density = (along * weight) @ across.T / self._frame.stretch(nodes)
-        no_mask: Any = np.False_
-        grid: Any = *np.meshgrid(x, y), density.T, no_mask
-        return SerialContourGenerator(
-            *grid,
-            corner_mask=False,
-            line_type=LineType.Separate,
-            fill_type=FillType.OuterOffset,
-            quad_as_tri=False,
-            z_interp=ZInterp.Linear,
-        )
+        return _generator(x, y, (along * weight) @ across.T / self._frame.stretch(nodes))
 
     def _coordinates(self, unit: FloatArray) -> FloatArray:
         """Return the coordinates (..., 2) of multiples (..., 2) of the scales along the axes."""
@@ -305,6 +296,23 @@ class _Contours:
             for offsets, start in zip(cuts, starts, strict=False)
         ]
         return _dense_rings(self._frame, self._coordinates(rings), edges)
+
+
+def _generator(x: FloatArray, y: FloatArray, density: FloatArray) -> SerialContourGenerator:
+    """Return a generator of contours of densities (x, y).
+
+    `contour_generator` takes as long to look for masks.
+    """
+    no_mask: Any = np.False_
+    grid: Any = *np.meshgrid(x, y), density.T, no_mask
+    return SerialContourGenerator(
+        *grid,
+        corner_mask=False,
+        line_type=LineType.Separate,
+        fill_type=FillType.OuterOffset,
+        quad_as_tri=False,
+        z_interp=ZInterp.Linear,
+    )
 
 
 def _widths(squares: FloatArray, weight: FloatArray) -> FloatArray:
@@ -427,12 +435,18 @@ def _dense_rings(
     if counts.max(initial=1) == 1:
         return points, edges
     moved = np.append(0, np.cumsum(counts))
-    start = np.repeat(np.arange(len(counts)), counts)
-    share = (np.arange(len(start)) - moved[start]) / counts[start]
-    between = ring[start] + share[:, None] * (ring[start + 1] - ring[start])
+    dense = frame.flat(_divided(ring, counts))
     moved = np.append(moved, moved[-1] + 1)
-    dense = frame.flat(np.concatenate([between, ring[-1:]]))
     return dense, [moved[ends].tolist() for ends in edges]
+
+
+def _divided(ring: FloatArray, counts: IntArray) -> FloatArray:
+    """Return the points of a ring (k, 2) with each edge divided into parts (k - 1,)."""
+    end = np.cumsum(counts)
+    start = np.repeat(np.arange(len(counts)), counts)
+    share = (np.arange(len(start)) - (end - counts)[start]) / counts[start]
+    between = ring[start] + share[:, None] * (ring[start + 1] - ring[start])
+    return np.concatenate([between, ring[-1:]])
 
 
 def map_area_m2(ring: FloatArray) -> float:

@@ -18,11 +18,9 @@ from opir_trackers.filter.thrust import air_velocity
 from opir_trackers.forecast.vehicles import (
     BURN,
     FAMILIES,
-    FORCE,
     GAP,
     LAW,
     NONE,
-    RATIO,
     STAGES,
 )
 
@@ -117,15 +115,14 @@ class StageHistory(Columns):
         stage = self.done[rows]
         burn = np.maximum(end_s[has_room] - self.ignition_s[rows], 1.0)
         since = np.clip(self.steady_s[rows] - self.ignition_s[rows], 0.0, burn)
+        remaining = burn - since
         force = self.force[rows]
         growth = self.growth[rows]
         start = np.maximum(force / np.maximum(1.0 + growth * since, 0.1), 1.0)
-        end = np.maximum(force / np.maximum(1.0 - growth * (burn - since), 0.3), 1.0)
+        end = np.maximum(force / np.maximum(1.0 - growth * remaining, 0.3), 1.0)
+        figures = np.log([burn, start, end / start])
         logs = self.logs.copy()
-        logs[rows, stage, BURN] = np.log(burn)
-        logs[rows, stage, FORCE] = np.log(start)
-        logs[rows, stage, RATIO] = np.log(end / start)
-        logs[rows, stage, GAP] = gap_log
+        logs[rows, stage] = np.stack([*figures, np.full(len(rows), gap_log)], axis=1)
         return evolve(self, logs=logs)
 
     def updated(
@@ -149,17 +146,23 @@ class StageHistory(Columns):
         history = history._staged(has_staged & is_long & (force < LAW.drop * self.force))
         is_recent = silent_s < np.maximum(LAW.recent_s, 3.0 * pause_s)
         steady = burning & (staging < LAW.steady) & is_recent
-        free_odds = _free_odds(burning, estimates.burn_share[:, 2])
-        history = evolve(
-            history,
-            force=np.where(steady, force, history.force),
-            growth=np.where(steady, estimates.burn_mean[:, 0, 9], history.growth),
-            steady_s=np.where(steady, tick_s, history.steady_s),
-            staging=staging,
-            free_odds=np.maximum(history.free_odds, free_odds),
-        )
+        history = history._with_burn(steady, force, estimates, tick_s)
         burnout_s = tick_s - np.maximum(silent_s - pause_s, 0.0)
         return history._dark_since(np.flatnonzero(~burning & ~history.is_dark), burnout_s)
+
+    def _with_burn(
+        self, steady: BoolArray, force: FloatArray, estimates: ModeEstimates, tick_s: float
+    ) -> "StageHistory":
+        """Return the histories with the present forces where burns are steady."""
+        free_odds = _free_odds(estimates.weight[:, 0] > 0.5, estimates.burn_share[:, 2])
+        return evolve(
+            self,
+            force=np.where(steady, force, self.force),
+            growth=np.where(steady, estimates.burn_mean[:, 0, 9], self.growth),
+            steady_s=np.where(steady, tick_s, self.steady_s),
+            staging=estimates.burn_share[:, 1],
+            free_odds=np.maximum(self.free_odds, free_odds),
+        )
 
     def _dark_since(self, rows: IntArray, time_s: FloatArray) -> "StageHistory":
         """Return the histories with the last stages of some rows over since times (n,)."""

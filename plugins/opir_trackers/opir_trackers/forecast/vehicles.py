@@ -121,12 +121,10 @@ class VehicleModel:
         number = np.zeros_like(total)
         log = np.zeros(total.shape[:2])
         for stage in range(STAGES):
-            mean, variance = self._next(total, number, family)
             is_known = np.isfinite(logs[:, stage])[:, None]
             score = self.scores(family, np.array(stage), logs[:, stage, None])
-            residual = np.where(is_known, score - mean, 0.0)
             sigma = self.sigma[:, int(stage > 0)]
-            density = -0.5 * residual * residual / variance - 0.5 * np.log(variance) - np.log(sigma)
+            density = _log_density(score, *self._next(total, number, family)) - np.log(sigma)
             log += np.sum(np.where(is_known, density, 0.0), axis=2)
             total += np.where(is_known, score, 0.0)
             number += is_known
@@ -176,6 +174,12 @@ class VehicleModel:
         coupling = self.coupling[family]
         tied = coupling / (1.0 + (number - 1.0) * coupling)
         return tied * total, 1.0 - number * coupling * tied
+
+
+def _log_density(score: FloatArray, mean: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return normal log densities of scores, without the constant."""
+    residual = score - mean
+    return -0.5 * residual * residual / variance - 0.5 * np.log(variance)
 
 
 def model_of(data: Mapping[str, Any]) -> VehicleModel:

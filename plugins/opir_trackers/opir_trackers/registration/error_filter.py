@@ -114,26 +114,22 @@ class ErrorFilter:
             return self
         limit = LAW.gate * (1.0 + misfits.degrees)
         plausible = np.flatnonzero(distances(misfits, self.moments()) <= limit)
-        share = 1.0 - len(plausible) / len(misfits.track)
+        count = len(plausible)
+        share = 1.0 - count / len(misfits.track)
         rejected = self.rejected + LAW.forgetting * (share - self.rejected)
         if rejected > LAW.most_rejected:
             return ErrorFilter.of_prior(self.prior, self.correlation_s)
         updated = self
-        if len(plausible):
+        if count:
             updated = self._informed(
                 misfits.matrix[plausible].sum(axis=0), misfits.vector[plausible].sum(axis=0)
             )
-        comparisons = self.comparisons + len(plausible)
-        return evolve(updated, comparisons=comparisons, rejected=rejected)
+        return evolve(updated, comparisons=self.comparisons + count, rejected=rejected)
 
     def _informed(self, matrix: FloatArray, vector: FloatArray) -> "ErrorFilter":
         """Return the filter after a matrix (q, q) and a vector (q,) of information."""
         gain = np.eye(len(vector)) + matrix @ self.covariance
-        covariance = self.covariance @ np.linalg.inv(gain)
-        covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
-        # An assumed error stays so: rounding must not give it a variance.
-        is_assumed = self.prior == 0.0
-        covariance[is_assumed[:, :, None] | is_assumed[:, None]] = 0.0
+        covariance = self._covariance_after(gain)
         turned = matvec(np.broadcast_to(matrix, covariance.shape), self.mean)
         residual = vector - turned
         step = matvec(covariance, residual)
@@ -145,6 +141,15 @@ class ErrorFilter:
             covariance=covariance,
             log_weight=log_weight - log_weight.max(),
         )
+
+    def _covariance_after(self, gain: FloatArray) -> FloatArray:
+        """Return the covariances (g, q, q) after information with gains (g, q, q)."""
+        covariance = self.covariance @ np.linalg.inv(gain)
+        covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
+        # An assumed error stays so: rounding must not give it a variance.
+        is_assumed = self.prior == 0.0
+        covariance[is_assumed[:, :, None] | is_assumed[:, None]] = 0.0
+        return covariance
 
 
 def distances(misfits: Misfits, errors: Moments) -> FloatArray:

@@ -22,28 +22,12 @@ def sensor_health(registration: Registration, names: tuple[str, ...]) -> SensorH
     The last result is kept: a live run asks every cycle, and the registration changes with a tick
     only.
     """
-    sums = registration.innovations
-    errors = registration.reported
-    mean = errors.mean.reshape(-1, ERRORS)
-    sigma = np.sqrt(np.maximum(np.diagonal(errors.covariance), 0.0)).reshape(-1, ERRORS)
-    hidden = unobservable(errors, registration.errors.mean_prior())
-    explained = registration.tracks.explained.sum(axis=0)
-    looks = registration.tracks.looks.sum(axis=0) + explained
-    unknown = np.full(len(looks), np.nan)
-    figures = {
-        "bias_rad": mean[:, :2],
-        "bias_sigma_rad": sigma[:, :2],
-        "clock_s": mean[:, 2],
-        "clock_sigma_s": sigma[:, 2],
-        "noise_scale": sums.noise_scale,
-        "noise_scale_sigma": sums.noise_scale_sigma,
-        "innovations": sums.mean_square,
-        "outlier_share": np.divide(explained, looks, out=unknown, where=looks > LAW.enough_looks),
-    }
+    figures = _figures(registration)
+    hidden = unobservable(registration.reported, registration.errors.mean_prior())
     rows = [
         _SensorRow(
             {name: column[row] for name, column in figures.items()},
-            float(sums.looks[row]),
+            float(registration.innovations.looks[row]),
             registration.errors.comparisons > 0,
             hidden,
             row,
@@ -52,6 +36,28 @@ def sensor_health(registration: Registration, names: tuple[str, ...]) -> SensorH
         for row in range(len(names))
     ]
     return SensorHealth.of(figures, tuple("; ".join(_sentence(row)) for row in rows))
+
+
+def _figures(registration: Registration) -> dict[str, FloatArray]:
+    """Return the figures of the sensors (s,), by the names of `SensorHealth`."""
+    sums = registration.innovations
+    errors = registration.reported
+    mean = errors.mean.reshape(-1, ERRORS)
+    sigma = np.sqrt(np.maximum(np.diagonal(errors.covariance), 0.0)).reshape(-1, ERRORS)
+    explained = registration.tracks.explained.sum(axis=0)
+    looks = registration.tracks.looks.sum(axis=0) + explained
+    unknown = np.full(len(looks), np.nan)
+    share = np.divide(explained, looks, out=unknown, where=looks > LAW.enough_looks)
+    return {
+        "bias_rad": mean[:, :2],
+        "bias_sigma_rad": sigma[:, :2],
+        "clock_s": mean[:, 2],
+        "clock_sigma_s": sigma[:, 2],
+        "noise_scale": sums.noise_scale,
+        "noise_scale_sigma": sums.noise_scale_sigma,
+        "innovations": sums.mean_square,
+        "outlier_share": share,
+    }
 
 
 def unobservable(errors: Moments, prior: FloatArray) -> FloatArray:

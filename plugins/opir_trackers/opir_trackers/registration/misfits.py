@@ -159,13 +159,24 @@ def misfits(
     row = np.searchsorted(rows, track)
     shift = vantages.displacements(position_m[rows], velocity_m_s[rows])[row, sensor]
     stack = np.zeros((len(rows), sensors, 2, 3 + ERRORS * sensors + 1))
-    stack[row, sensor, :, :3] = slope
-    columns = 3 + ERRORS * sensor[:, None] + np.arange(ERRORS)
-    stack[row[:, None], sensor[:, None], :, columns] = (slope @ shift).transpose(0, 2, 1)
-    stack[row, sensor, :, -1] = means.residual[shared]
-    stack[row, sensor] *= weight[:, None, None]
+    looked = _look_rows(slope, slope @ shift, means.residual[shared], sensor, stack.shape[-1])
+    stack[row, sensor] = looked * weight[:, None, None]
     whitened = stack.reshape(len(rows), 2 * sensors, stack.shape[-1])
     return _without_position(rows, whitened, looks[rows] * 2.0 - 3.0)
+
+
+def _look_rows(
+    slope: FloatArray, shift: FloatArray, residual: FloatArray, sensor: IntArray, width: int
+) -> FloatArray:
+    """Return rows (m, 2, width) of mean residuals (m, 2): their slopes by position and by the
+    errors of their sensors (m, 2, 3), and themselves.
+    """
+    rows = np.zeros((len(sensor), 2, width))
+    rows[:, :, :3] = slope
+    columns = 3 + ERRORS * sensor[:, None] + np.arange(ERRORS)
+    rows[np.arange(len(sensor))[:, None], :, columns] = shift.transpose(0, 2, 1)
+    rows[:, :, -1] = residual
+    return rows
 
 
 def _without_position(track: IntArray, stack: FloatArray, degrees: FloatArray) -> Misfits:

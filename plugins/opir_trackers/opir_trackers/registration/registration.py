@@ -297,11 +297,18 @@ def _apart(errors: Moments, tracks: Followed, vantages: Vantages) -> FloatArray:
     relative = _relative_shifts(tracks.state[rows], is_seen, vantages)
     spread = relative @ errors.covariance @ relative.transpose(0, 1, 3, 2)
     line = tracks.state[rows, None, :3] - vantages.origin_m
+    variance = np.where(is_seen, _angle_variances(line, spread), 0.0)
+    return np.sqrt(np.max(variance, axis=0, initial=0.0))
+
+
+def _angle_variances(line: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the variances (n, s), rad², across lines (n, s, 3) of positions with covariances (n,
+    s, 3, 3), mean of both axes.
+    """
     square = np.sum(line * line, axis=2)
     along = np.sum(line * (spread @ line[..., None])[..., 0], axis=2) / square
     across = np.trace(spread, axis1=2, axis2=3) - along
-    variance = np.where(is_seen, 0.5 * across / square, 0.0)
-    return np.sqrt(np.max(variance, axis=0, initial=0.0))
+    return 0.5 * across / square
 
 
 def shifted(
