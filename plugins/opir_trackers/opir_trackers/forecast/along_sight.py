@@ -125,8 +125,7 @@ class _Paths(NamedTuple):
         place, velocity, force = motion[:, 0] * level + motion[:, 1] * up
         velocity -= 2.0 * SPIN @ (place - self.start_m[:, path])
         place = place - 2.0 * SPIN @ (distance_s * course + height_s * zenith)
-        first_level, first_climb = self.first[:, path]
-        first_velocity = first_level * course + first_climb * zenith
+        first_velocity = self.first[0, path] * course + self.first[1, path] * zenith
         return np.stack([place, velocity, force, first_velocity]).transpose(0, 2, 1)
 
     def compared(
@@ -254,7 +253,6 @@ def _minima(
     """Return log weights, numbers and azimuths of the minima of |A + M (cos, sin)|², A (8, n), M
     (8, 2, n).
     """
-    constant = np.sum(shift * shift, axis=0)
     terms = _terms(shift, slope)
     azimuth = 2.0 * np.pi * np.arange(LAW.directions) / LAW.directions
     cost = _powers(azimuth).T @ terms
@@ -262,7 +260,7 @@ def _minima(
     direction, path = is_minimum.nonzero()
     terms = terms[:, path]
     angle, curvature = _refined(terms, azimuth[direction])
-    total = constant[path] + np.sum(terms * _powers(angle), axis=0)
+    total = np.sum(shift * shift, axis=0)[path] + np.sum(terms * _powers(angle), axis=0)
     # All azimuths are equally probable: the integral over one is that of a normal density about the
     # minimum.
     return log_weight[path] - 0.5 * total - 0.5 * np.log(curvature), path, angle

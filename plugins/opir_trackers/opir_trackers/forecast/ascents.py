@@ -145,13 +145,14 @@ def _flights_of(
     """
     rng = np.random.default_rng([11, number])
     stages = drawn_stages(model, KINDS[kind], count, rng)
-    heights_m = _heights_m(model, kind, count, rng)
-    boost = PlanarBoost(stages, drawn_steering(count, model.data, 11 + number), heights_m)
+    steering = drawn_steering(count, model.data, 11 + number)
+    boost = PlanarBoost(stages, steering, _heights_m(model, kind, count, rng))
     state, force = _flown(boost)
     flies = _flies(state)
-    ends = np.minimum(np.ceil(boost.over_s / TABLE_S).astype(np.int64), len(state) - 1)
+    ends = np.minimum(np.ceil(boost.over_s / TABLE_S), len(state) - 1).astype(np.int64)
     end = np.where(flies[:, None], state, np.nan)[ends, :, np.arange(count)].T
-    return _ascent_rows(state, force).astype(np.float32), flies & np.any(force, axis=1), end
+    rows = _ascent_rows(state, force).astype(np.float32)
+    return rows, flies & force.any(axis=1), end
 
 
 def _flies(state: FloatArray) -> BoolArray:

@@ -50,9 +50,9 @@ def burning_particles(
     log += _staging_logs(log, prior, drawn.burn_kind.reshape(-1, size), estimates.burn_share)
     family, source, weight = _allotted(log, prior)
     rows = (np.arange(len(source))[:, None] * size + source).ravel()
-    flown_s = time_s - history.as_burning().launch_s
-    draw = np.tile(BURNING, len(source))
-    return _with_later_burns(model, drawn, rows, family.ravel(), draw, weight.ravel(), flown_s)
+    columns = family.ravel(), np.tile(BURNING, len(source)), weight.ravel()
+    launch_s = history.as_burning().launch_s
+    return _with_later_burns(model, drawn, rows, *columns, time_s - launch_s)
 
 
 class _DrawnBurns(NamedTuple):

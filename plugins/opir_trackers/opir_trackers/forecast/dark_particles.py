@@ -60,16 +60,14 @@ def dark_particles(
     waits, ends = _relight_weights(model, next_stage, dark_s)
     log = next_stage.log_evidence + over.log_free
     evidence = np.exp(log - log.max(axis=1, keepdims=True)) * prior
-    relight = evidence * waits
-    total = (relight + evidence * ends).sum(axis=1, keepdims=True)
-    relight = relight / total
+    total = (evidence * waits + evidence * ends).sum(axis=1, keepdims=True)
+    relight = evidence * waits / total
     ended = evidence * ends / total
     root = widened(inverse_root(estimates.coast_root))
     coast = _Coast(estimates.coast_mean, root, dark_s, time_s - over.launch_s)
-    over_particles = _free(coast, ended, OVER, np.arange(len(estimates)))
-    relit_particles = _again(model, next_stage, relight, coast)
-    particles = Particles.concatenate([over_particles, relit_particles])
-    return particles, relight / np.maximum(relight + ended, 1e-12)
+    free = _free(coast, ended, OVER, np.arange(len(estimates)))
+    relit = _again(model, next_stage, relight, coast)
+    return Particles.concatenate([free, relit]), relight / np.maximum(relight + ended, 1e-12)
 
 
 def _relight_weights(
@@ -81,11 +79,12 @@ def _relight_weights(
     stage = np.minimum(next_stage.done, STAGES - 1)[:, None]
     law = model.law(np.arange(len(FAMILIES)), stage, next_stage.total, next_stage.number)
     mean, sigma = (rows[:, :, GAP] for rows in law)
-    log_dark = np.log(np.maximum(dark_s, 0.05))[:, None]
+    dark_s = dark_s[:, None]
+    log_dark = np.log(np.maximum(dark_s, 0.05))
     more = model.more(next_stage.done)
     at_least = model.more(np.maximum(next_stage.done - 1, 0))
     # Without a gap the next stage ignites within about the time between two looks.
-    no_gap = np.where(dark_s[:, None] > 1.0, 1.0 - next_stage.hot, 1.0)
+    no_gap = np.where(dark_s > 1.0, 1.0 - next_stage.hot, 1.0)
     waits = more * ndtr((mean - log_dark) / sigma) * no_gap
     return waits, np.maximum(at_least - more, 1e-3)
 

@@ -162,11 +162,15 @@ def _thrust_angles(particles: Particles) -> FloatArray:
     speed = np.sqrt(dot(velocity, velocity) + 1.0)
     along = np.maximum(dot(force, velocity) / speed, 1.0)[:, None]
     side = np.cross(velocity, state[:, :3])
-    axes = np.cross(velocity, side), side
-    across = [dot(force, axis) / np.sqrt(dot(axis, axis) + 1.0) for axis in axes]
+    across = [_component(force, axis) for axis in (np.cross(velocity, side), side)]
     is_fast = (speed > LAW.fast_m_s)[:, None]
     angle[rows] = np.arctan2(np.stack(across, axis=1), along) * is_fast
     return angle
+
+
+def _component(vector: FloatArray, axis: FloatArray) -> FloatArray:
+    """Return the components (n,) of vectors (n, 3) along long axes (n, 3)."""
+    return dot(vector, axis) / np.sqrt(dot(axis, axis) + 1.0)
 
 
 def _steering_and_tilts(model: VehicleModel, particles: Particles) -> tuple[Steering, FloatArray]:
@@ -186,13 +190,13 @@ def _steered(
     """Return the programs (p,) of particles: of some draws for each, one that fits the present
     angle of its thrust.
     """
-    choices = np.arange(LAW.choices)
-    choice = (particles.draw[:, None] + LAW.stride * choices) % len(programs)
-    since_s = np.repeat(particles.since_s, len(choices))
+    steps = LAW.stride * np.arange(LAW.choices)
+    choice = (particles.draw[:, None] + steps) % len(programs)
+    since_s = np.repeat(particles.since_s, LAW.choices)
     leads = programs.take(choice.ravel()).leads(since_s).reshape(choice.shape)
     total = np.cumsum(_lead_weights(angle[:, :1], leads, is_lit[:, None]), axis=1)
-    pick = _uniform(6)[particles.draw, None]
-    picked = np.sum(total < total[:, -1:] * pick, axis=1).clip(0, len(choices) - 1)
+    pick = total[:, -1:] * _uniform(6)[particles.draw, None]
+    picked = np.sum(total < pick, axis=1).clip(0, LAW.choices - 1)
     return programs.take(choice[np.arange(len(choice)), picked])
 
 

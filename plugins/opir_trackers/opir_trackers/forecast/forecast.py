@@ -76,12 +76,12 @@ def _ensemble(
     dark = np.flatnonzero(burning < 1.0)
     ensembles = []
     if len(lit):
-        particles = burning_particles(model, estimates.take(lit), history.take(lit), prior, time_s)
-        ensembles.append(particles.of_tracks(lit))
+        tracks = estimates.take(lit), history.take(lit)
+        ensembles += [burning_particles(model, *tracks, prior, time_s).of_tracks(lit)]
     if len(dark):
         tracks = estimates.take(dark), history.take(dark)
         particles, relights[dark] = dark_particles(model, *tracks, prior, dark_s[dark], time_s)
-        ensembles.append(particles.of_tracks(dark))
+        ensembles += [particles.of_tracks(dark)]
     particles = Particles.concatenate(ensembles)
     return particles.take(np.argsort(particles.track, kind="stable")), burning, relights
 

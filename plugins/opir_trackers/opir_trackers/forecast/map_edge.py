@@ -90,7 +90,7 @@ def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:
     """Return chains as closed rings: each continues along the edge, counter-clockwise if `way` is
     1, with the next.
     """
-    angles = [np.arctan2(chain[[0, -1], 1], chain[[0, -1], 0]) for chain in chains]
+    angles = np.array([np.arctan2(chain[[0, -1], 1], chain[[0, -1], 0]) for chain in chains])
     open_chains = set(range(len(chains)))
     rings = []
     while open_chains:
@@ -99,9 +99,9 @@ def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:
         ring = []
         while number in open_chains:
             open_chains.remove(number)
-            end = angles[number][1]
-            turns = [(way * (entry - end)) % (2.0 * np.pi) for entry, _ in angles]
-            ring += [chains[number], _arc(end, way * min(turns))]
+            end = angles[number, 1]
+            turns = (way * (angles[:, 0] - end)) % (2.0 * np.pi)
+            ring += [chains[number], _arc(end, way * turns.min())]
             number = int(np.argmin(turns))
         rings.append(np.concatenate([*ring, chains[start][:1]]))
     return rings

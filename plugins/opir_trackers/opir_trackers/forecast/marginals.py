@@ -37,7 +37,7 @@ def burn_ends(stages: VehicleStages, steering: Steering) -> FloatArray:
     ends = np.full_like(state, np.nan)
     crashed = np.zeros(over_s.shape, bool)
     step_s = LAW.marginal_step_s
-    for time_s in np.arange(0.0, over_s.max() + step_s, step_s).tolist():
+    for time_s in np.arange(0.0, over_s.max() + step_s, step_s):
         ended = (over_s >= time_s) & (over_s < time_s + step_s)
         state = boost.stepped(state, time_s, step_s)
         crashed |= (np.hypot(*state[:2]) < RADIUS_M - 1.0) & (over_s > time_s)

@@ -434,10 +434,8 @@ def _dense_rings(
     counts[[end - 1 for ends in edges for end in ends[1:] if end < len(points)]] = 1
     if counts.max(initial=1) == 1:
         return points, edges
-    moved = np.append(0, np.cumsum(counts))
-    dense = frame.flat(_divided(ring, counts))
-    moved = np.append(moved, moved[-1] + 1)
-    return dense, [moved[ends].tolist() for ends in edges]
+    moved = np.cumsum([0, *counts, 1])
+    return frame.flat(_divided(ring, counts)), [moved[ends].tolist() for ends in edges]
 
 
 def _divided(ring: FloatArray, counts: IntArray) -> FloatArray:

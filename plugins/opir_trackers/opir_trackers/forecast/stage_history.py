@@ -205,10 +205,9 @@ class StageHistory(Columns):
         stage = self.done[rows] - 1
         gap = tick_s - 0.5 - self.dark_since_s[rows]
         is_gap = (gap > 1.0 + 3.0 * pause_s[rows]) & (stage >= 0) & (stage < STAGES - 1)
-        logs[rows[is_gap], stage[is_gap], GAP] = np.log(gap[is_gap])
+        logs[rows, stage, GAP] = np.log(np.maximum(gap, 1.0))
         logs[rows[~is_gap], stage[~is_gap]] = np.nan
-        dark = self.dark_since_s.copy()
-        dark[rows] = np.inf
+        dark = np.where(lit, np.inf, self.dark_since_s)
         history = evolve(self, logs=logs, dark_since_s=dark)
         return history._ignited(rows[is_gap], tick_s - 0.5, LAW.relit_s)
 

@@ -43,7 +43,8 @@ def _figures(registration: Registration) -> dict[str, FloatArray]:
     sums = registration.innovations
     errors = registration.reported
     mean = errors.mean.reshape(-1, ERRORS)
-    sigma = np.sqrt(np.maximum(np.diagonal(errors.covariance), 0.0)).reshape(-1, ERRORS)
+    variance = np.maximum(np.diagonal(errors.covariance), 0.0)
+    sigma = np.sqrt(variance).reshape(-1, ERRORS)
     explained = registration.tracks.explained.sum(axis=0)
     looks = registration.tracks.looks.sum(axis=0) + explained
     unknown = np.full(len(looks), np.nan)
