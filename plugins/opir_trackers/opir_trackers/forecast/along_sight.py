@@ -140,19 +140,20 @@ class _Paths(NamedTuple):
         line = sighting.state[:3] - sighting.sensor_m
         range_m = float(np.linalg.norm(line))
         line = line / range_m
+        axes = sighting.axes.T
         relative = place - sighting.sensor_m
         drift = velocity - sighting.sensor_m_s
         scale = (range_m / (relative @ line))[:, None]
-        axes = sighting.axes.T
         offset = relative @ axes * scale
         turn = drift @ axes * scale - offset * (drift @ line)[:, None] / range_m * scale
+        _, speed, push = sighting.state.reshape(3, 3)
         differences = [
             offset,
-            turn - (sighting.state[3:6] - sighting.sensor_m_s) @ axes,
-            force @ axes * scale - sighting.state[6:] @ axes,
+            turn - (speed - sighting.sensor_m_s) @ axes,
+            force @ axes * scale - push @ axes,
             first_velocity @ sighting.first_axes.T - sighting.first_m_s,
         ]
-        hidden = [place @ line, velocity @ line, force @ line]
+        hidden = [vector @ line for vector in (place, velocity, force)]
         return np.concatenate(differences, axis=1), np.stack(hidden, axis=1)
 
     def linear(self, sighting: Sighting, width: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -137,16 +137,21 @@ def _drawn_flights(model: VehicleModel) -> tuple[NDArray[np.float32], BoolArray,
     return path, burns, ends
 
 
+def _drawn_boost(model: VehicleModel, kind: str, count: int, number: int) -> PlanarBoost:
+    """Return boosts of the kind with a number."""
+    rng = np.random.default_rng([11, number])
+    stages = drawn_stages(model, KINDS[kind], count, rng)
+    steering = drawn_steering(count, model.data, 11 + number)
+    return PlanarBoost(stages, steering, _heights_m(model, kind, count, rng))
+
+
 def _flights_of(
     model: VehicleModel, kind: str, count: int, number: int
 ) -> tuple[NDArray[np.float32], BoolArray, FloatArray]:
     """Return the flights of the kind with a number, which seeds its draws; ends are nan once they
     have crashed.
     """
-    rng = np.random.default_rng([11, number])
-    stages = drawn_stages(model, KINDS[kind], count, rng)
-    steering = drawn_steering(count, model.data, 11 + number)
-    boost = PlanarBoost(stages, steering, _heights_m(model, kind, count, rng))
+    boost = _drawn_boost(model, kind, count, number)
     state, force = _flown(boost)
     flies = _flies(state)
     ends = np.minimum(np.ceil(boost.over_s / TABLE_S), len(state) - 1).astype(np.int64)

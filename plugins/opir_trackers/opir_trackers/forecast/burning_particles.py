@@ -45,14 +45,19 @@ def burning_particles(
     """
     drawn = _drawn_burns(model, estimates, history, time_s)
     size = len(BURNING)
-    log = np.stack([law.log_evidence for law in drawn.laws]) + drawn.log_stages.T
-    log = log.reshape(len(FAMILIES), -1, size)
-    log += _staging_logs(log, prior, drawn.burn_kind.reshape(-1, size), estimates.burn_share)
+    log = _log_evidence(drawn, prior, estimates.burn_share)
     family, source, weight = _allotted(log, prior)
     rows = (np.arange(len(source))[:, None] * size + source).ravel()
     columns = family.ravel(), np.tile(BURNING, len(source)), weight.ravel()
     launch_s = history.as_burning().launch_s
     return _with_later_burns(model, drawn, rows, *columns, time_s - launch_s)
+
+
+def _log_evidence(drawn: "_DrawnBurns", prior: FloatArray, share: FloatArray) -> FloatArray:
+    """Return the log evidences (families, n, m) of drawn burns, by shares (n, 3) of their kinds."""
+    log = np.stack([law.log_evidence for law in drawn.laws]) + drawn.log_stages.T
+    log = log.reshape(len(FAMILIES), len(share), -1)
+    return log + _staging_logs(log, prior, drawn.burn_kind.reshape(len(share), -1), share)
 
 
 class _DrawnBurns(NamedTuple):
@@ -148,8 +153,7 @@ def _staging_logs(
     odds = hot / np.maximum(share[:, 0] + hot, 1e-12)
     is_known = (steady > 0.0) & (staging > 0.0) & (odds > 0.0) & (odds < 1.0)
     odds, steady, staging = (np.where(is_known, value, 0.5) for value in (odds, steady, staging))
-    change = np.log(odds) - np.log1p(-odds)
-    change += np.log(steady) - np.log(staging)
+    change = np.log(odds) - np.log1p(-odds) + (np.log(steady) - np.log(staging))
     is_staging = (burn_kind == STAGING) & is_known[:, None]
     return np.where(is_staging, change[:, None], 0.0)
 

@@ -57,17 +57,28 @@ def dark_particles(
     """
     over = history.as_dark(time_s, dark_s)
     next_stage = model.given(over.logs)
-    waits, ends = _relight_weights(model, next_stage, dark_s)
-    log = next_stage.log_evidence + over.log_free
-    evidence = np.exp(log - log.max(axis=1, keepdims=True)) * prior
-    total = (evidence * waits + evidence * ends).sum(axis=1, keepdims=True)
-    relight = evidence * waits / total
-    ended = evidence * ends / total
+    relight, ended = _shares(model, next_stage, over.log_free, prior, dark_s)
     root = widened(inverse_root(estimates.coast_root))
     coast = _Coast(estimates.coast_mean, root, dark_s, time_s - over.launch_s)
     free = _free(coast, ended, OVER, np.arange(len(estimates)))
     relit = _again(model, next_stage, relight, coast)
     return Particles.concatenate([free, relit]), relight / np.maximum(relight + ended, 1e-12)
+
+
+def _shares(
+    model: VehicleModel,
+    next_stage: Known,
+    log_free: FloatArray,
+    prior: FloatArray,
+    dark_s: FloatArray,
+) -> FloatArray:
+    """Return the probabilities (2, n, families) of tracks that wait for another stage, and of
+    those whose burnt one was the last.
+    """
+    log = next_stage.log_evidence + log_free
+    evidence = np.exp(log - log.max(axis=1, keepdims=True)) * prior
+    weights = np.array(_relight_weights(model, next_stage, dark_s)) * evidence
+    return weights / (weights[0] + weights[1]).sum(axis=1, keepdims=True)
 
 
 def _relight_weights(
@@ -76,17 +87,17 @@ def _relight_weights(
     """Return the probabilities (n, families) that tracks dark for times (n,) wait for another
     stage, and that the burnt one was the last.
     """
-    stage = np.minimum(next_stage.done, STAGES - 1)[:, None]
+    done = next_stage.done
+    stage = np.minimum(done, STAGES - 1)[:, None]
     law = model.law(np.arange(len(FAMILIES)), stage, next_stage.total, next_stage.number)
     mean, sigma = (rows[:, :, GAP] for rows in law)
     dark_s = dark_s[:, None]
     log_dark = np.log(np.maximum(dark_s, 0.05))
-    more = model.more(next_stage.done)
-    at_least = model.more(np.maximum(next_stage.done - 1, 0))
+    more = model.more(done)
+    at_least = model.more(np.maximum(done - 1, 0))
     # Without a gap the next stage ignites within about the time between two looks.
-    no_gap = np.where(dark_s > 1.0, 1.0 - next_stage.hot, 1.0)
-    waits = more * ndtr((mean - log_dark) / sigma) * no_gap
-    return waits, np.maximum(at_least - more, 1e-3)
+    waits = np.where(dark_s > 1.0, 1.0 - next_stage.hot, 1.0)
+    return more * ndtr((mean - log_dark) / sigma) * waits, np.maximum(at_least - more, 1e-3)
 
 
 def _free(coast: _Coast, share: FloatArray, draw: IntArray, rows: IntArray) -> Particles:
@@ -123,19 +134,24 @@ def _turns(size: int) -> IntArray:
     return np.random.default_rng(5).permutation(size)
 
 
+def _vehicles(next_stage: Known, free: Particles) -> FlownVehicles:
+    """Return the vehicles of particles before their next stages."""
+    total, number, hot = (
+        column[free.track, free.family]
+        for column in (next_stage.total, next_stage.number, next_stage.hot)
+    )
+    done = next_stage.done[free.track]
+    return FlownVehicles(free.family, done, total, number, hot, free.draw)
+
+
 def _again(model: VehicleModel, next_stage: Known, relight: FloatArray, coast: _Coast) -> Particles:
     """Return dark particles that burn again, of tracks that may."""
     may_relight = relight.sum(axis=1) > LAW.least_relight
     rows = np.flatnonzero(may_relight & (next_stage.done < STAGES))
     free = _free(coast, relight, AGAIN, rows)
     track = free.track
-    total, number, hot = (
-        column[track, free.family]
-        for column in (next_stage.total, next_stage.number, next_stage.hot)
-    )
-    vehicles = FlownVehicles(free.family, next_stage.done[track], total, number, hot, free.draw)
     waits = coast.dark_s[track]
-    later = later_burns(model, vehicles, waits)
+    later = later_burns(model, _vehicles(next_stage, free), waits)
     later.gap_s[:, 0] = np.maximum(later.gap_s[:, 0] - waits, 0.0)
     return evolve(
         free,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
 from opir_core.estimation import dot
 from opir_core.flight import Forces, propagate_kepler
@@ -156,16 +156,18 @@ def _thrust_angles(particles: Particles) -> FloatArray:
     the dark or slow."""
     rows = np.flatnonzero(particles.lit == BurnState.LIT)
     angle = np.zeros((len(particles), 2))
-    state = particles.state[rows]
-    force = particles.force[rows]
+    angle[rows] = _angles(particles.state[rows], particles.force[rows])
+    return angle
+
+
+def _angles(state: FloatArray, force: FloatArray) -> FloatArray:
+    """Return the angles (n, 2), rad, of forces from the velocities of states; 0 in the slow."""
     velocity = air_velocity(state)
     speed = np.sqrt(dot(velocity, velocity) + 1.0)
     along = np.maximum(dot(force, velocity) / speed, 1.0)[:, None]
     side = np.cross(velocity, state[:, :3])
     across = [_component(force, axis) for axis in (np.cross(velocity, side), side)]
-    is_fast = (speed > LAW.fast_m_s)[:, None]
-    angle[rows] = np.arctan2(np.stack(across, axis=1), along) * is_fast
-    return angle
+    return np.arctan2(np.stack(across, axis=1), along) * (speed > LAW.fast_m_s)[:, None]
 
 
 def _component(vector: FloatArray, axis: FloatArray) -> FloatArray:
@@ -192,12 +194,17 @@ def _steered(
     """
     steps = LAW.stride * np.arange(LAW.choices)
     choice = (particles.draw[:, None] + steps) % len(programs)
-    since_s = np.repeat(particles.since_s, LAW.choices)
-    leads = programs.take(choice.ravel()).leads(since_s).reshape(choice.shape)
+    leads = _leads_of(programs, choice, particles.since_s)
     total = np.cumsum(_lead_weights(angle[:, :1], leads, is_lit[:, None]), axis=1)
     pick = total[:, -1:] * _uniform(6)[particles.draw, None]
     picked = np.sum(total < pick, axis=1).clip(0, LAW.choices - 1)
     return programs.take(choice[np.arange(len(choice)), picked])
+
+
+def _leads_of(programs: Steering, choice: IntArray, since_s: FloatArray) -> FloatArray:
+    """Return the leads (p, k) of programs (p, k) at times (p,) since the first ignition."""
+    times_s = np.repeat(since_s, choice.shape[1])
+    return programs.take(choice.ravel()).leads(times_s).reshape(choice.shape)
 
 
 def _lead_weights(angle: FloatArray, leads: FloatArray, is_lit: BoolArray) -> FloatArray:

@@ -72,18 +72,22 @@ def _ensemble(
     model = outcomes.model
     prior = outcomes.families
     relights = np.zeros((len(burning), len(prior)))
-    lit = np.flatnonzero(burning > 0.0)
-    dark = np.flatnonzero(burning < 1.0)
     ensembles = []
+    lit = np.flatnonzero(burning > 0.0)
     if len(lit):
         tracks = estimates.take(lit), history.take(lit)
-        ensembles += [burning_particles(model, *tracks, prior, time_s).of_tracks(lit)]
+        ensembles.append(burning_particles(model, *tracks, prior, time_s).of_tracks(lit))
+    dark = np.flatnonzero(burning < 1.0)
     if len(dark):
         tracks = estimates.take(dark), history.take(dark)
         particles, relights[dark] = dark_particles(model, *tracks, prior, dark_s[dark], time_s)
-        ensembles += [particles.of_tracks(dark)]
+        ensembles.append(particles.of_tracks(dark))
+    return _in_order_of_tracks(ensembles), burning, relights
+
+
+def _in_order_of_tracks(ensembles: list[Particles]) -> Particles:
     particles = Particles.concatenate(ensembles)
-    return particles.take(np.argsort(particles.track, kind="stable")), burning, relights
+    return particles.take(np.argsort(particles.track, kind="stable"))
 
 
 def _hypotheses(

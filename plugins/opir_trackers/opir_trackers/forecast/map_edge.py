@@ -5,6 +5,7 @@ are cut: chains remain that end on the edge, and each continues along the edge w
 (Weiler and Atherton, Computer Graphics 11(2), 1977, for a convex window).
 """
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -46,6 +47,7 @@ def within_map(points: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, 
 
 def _cut(rings: list[FloatArray]) -> list[list[FloatArray]]:
     """Return a polygon as those that lie within the edge."""
+    way = 1.0 if _signed_area(rings[0]) > 0.0 else -1.0
     holes = []
     chains = []
     turns_about_centre = 0
@@ -59,12 +61,15 @@ def _cut(rings: list[FloatArray]) -> list[list[FloatArray]]:
             chains += _chains(ring[:-1], is_within)
         else:
             turns_about_centre += _holds(ring, np.zeros(2))
-    way = 1.0 if _signed_area(rings[0]) > 0.0 else -1.0
-    outers = _joined(chains, way)
-    if not chains and turns_about_centre % 2:
-        circle = _arc(0.0, way * 2.0 * np.pi)
-        outers = [np.concatenate([circle, circle[:1]])]
+    is_edge_outer = not chains and turns_about_centre % 2
+    outers = [_edge(way)] if is_edge_outer else _joined(chains, way)
     return [[outer, *(hole for hole in holes if _holds(outer, hole[0]))] for outer in outers]
+
+
+def _edge(way: float) -> FloatArray:
+    """Return the edge as a closed ring (k, 2)."""
+    circle = _arc(0.0, way * 2.0 * np.pi)
+    return np.concatenate([circle, circle[:1]])
 
 
 def _chains(ring: FloatArray, is_within: BoolArray) -> list[FloatArray]:
@@ -95,16 +100,23 @@ def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:
     rings = []
     while open_chains:
         start = min(open_chains)
-        number = start
         ring = []
-        while number in open_chains:
-            open_chains.remove(number)
-            end = angles[number, 1]
-            turns = (way * (angles[:, 0] - end)) % (2.0 * np.pi)
-            ring += [chains[number], _arc(end, way * turns.min())]
-            number = int(np.argmin(turns))
+        for number, arc in _ring_from(start, open_chains, angles, way):
+            ring += [chains[number], arc]
         rings.append(np.concatenate([*ring, chains[start][:1]]))
     return rings
+
+
+def _ring_from(
+    number: int, open_chains: set[int], angles: FloatArray, way: float
+) -> Iterator[tuple[int, FloatArray]]:
+    """Yield the open chains of a ring from a number on, with the arc after each; they are closed."""
+    while number in open_chains:
+        open_chains.remove(number)
+        end = angles[number, 1]
+        turns = (way * (angles[:, 0] - end)) % (2.0 * np.pi)
+        yield number, _arc(end, way * turns.min())
+        number = int(np.argmin(turns))
 
 
 def _arc(start: float, turn: float) -> FloatArray:

@@ -115,14 +115,9 @@ class StageHistory(Columns):
         stage = self.done[rows]
         burn = np.maximum(end_s[has_room] - self.ignition_s[rows], 1.0)
         since = np.clip(self.steady_s[rows] - self.ignition_s[rows], 0.0, burn)
-        remaining = burn - since
-        force = self.force[rows]
-        growth = self.growth[rows]
-        start = np.maximum(force / np.maximum(1.0 + growth * since, 0.1), 1.0)
-        end = np.maximum(force / np.maximum(1.0 - growth * remaining, 0.3), 1.0)
-        figures = np.log([burn, start, end / start])
+        figures = _stage_figures(burn, since, self.force[rows], self.growth[rows])
         logs = self.logs.copy()
-        logs[rows, stage] = np.stack([*figures, np.full(len(rows), gap_log)], axis=1)
+        logs[rows, stage] = np.stack([*np.log(figures), np.full(len(rows), gap_log)], axis=1)
         return evolve(self, logs=logs)
 
     def updated(
@@ -198,18 +193,19 @@ class StageHistory(Columns):
         """Return the histories with those that burn again after a gap, or that a silence had
         misled.
         """
-        rows = np.flatnonzero(lit)
-        if not len(rows):
+        if not np.count_nonzero(lit):
             return self
+        rows = np.flatnonzero(lit)
         logs = self.logs.copy()
         stage = self.done[rows] - 1
-        gap = tick_s - 0.5 - self.dark_since_s[rows]
+        time_s = tick_s - 0.5
+        gap = time_s - self.dark_since_s[rows]
         is_gap = (gap > 1.0 + 3.0 * pause_s[rows]) & (stage >= 0) & (stage < STAGES - 1)
         logs[rows, stage, GAP] = np.log(np.maximum(gap, 1.0))
         logs[rows[~is_gap], stage[~is_gap]] = np.nan
-        dark = np.where(lit, np.inf, self.dark_since_s)
-        history = evolve(self, logs=logs, dark_since_s=dark)
-        return history._ignited(rows[is_gap], tick_s - 0.5, LAW.relit_s)
+        since_s = np.where(lit, np.inf, self.dark_since_s)
+        relit = evolve(self, logs=logs, dark_since_s=since_s)
+        return relit._ignited(rows[is_gap], time_s, LAW.relit_s)
 
     def _staged(self, staged: BoolArray) -> "StageHistory":
         """Return the histories with another stage of some since their last steady burn."""
@@ -242,6 +238,17 @@ class StageHistory(Columns):
         burn.
         """
         return self._dark_since(np.flatnonzero(~self.is_dark), tick_s - dark_s)
+
+
+def _stage_figures(
+    burn: FloatArray, since: FloatArray, force: FloatArray, growth: FloatArray
+) -> list[FloatArray]:
+    """Return burn times, first accelerations and ratios of masses (n,) of stages with forces and
+    growths at times since ignition.
+    """
+    start = np.maximum(force / np.maximum(1.0 + growth * since, 0.1), 1.0)
+    end = np.maximum(force / np.maximum(1.0 - growth * (burn - since), 0.3), 1.0)
+    return [burn, start, end / start]
 
 
 def _free_odds(burning: BoolArray, share: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.plugin import SensorHealth
 from opir_trackers.registration.error_filter import LAW, Moments
+from opir_trackers.registration.innovations import TrackInnovations
 from opir_trackers.registration.registration import Registration
 from opir_trackers.registration.shared_errors import ERRORS
 
@@ -45,10 +46,6 @@ def _figures(registration: Registration) -> dict[str, FloatArray]:
     mean = errors.mean.reshape(-1, ERRORS)
     variance = np.maximum(np.diagonal(errors.covariance), 0.0)
     sigma = np.sqrt(variance).reshape(-1, ERRORS)
-    explained = registration.tracks.explained.sum(axis=0)
-    looks = registration.tracks.looks.sum(axis=0) + explained
-    unknown = np.full(len(looks), np.nan)
-    share = np.divide(explained, looks, out=unknown, where=looks > LAW.enough_looks)
     return {
         "bias_rad": mean[:, :2],
         "bias_sigma_rad": sigma[:, :2],
@@ -57,8 +54,16 @@ def _figures(registration: Registration) -> dict[str, FloatArray]:
         "noise_scale": sums.noise_scale,
         "noise_scale_sigma": sums.noise_scale_sigma,
         "innovations": sums.mean_square,
-        "outlier_share": share,
+        "outlier_share": _outlier_share(registration.tracks),
     }
+
+
+def _outlier_share(tracks: TrackInnovations) -> FloatArray:
+    """Return the shares (s,) of looks that tracks explain as outliers; nan for few looks."""
+    explained = tracks.explained.sum(axis=0)
+    looks = tracks.looks.sum(axis=0) + explained
+    unknown = np.full(len(looks), np.nan)
+    return np.divide(explained, looks, out=unknown, where=looks > LAW.enough_looks)
 
 
 def unobservable(errors: Moments, prior: FloatArray) -> FloatArray:
