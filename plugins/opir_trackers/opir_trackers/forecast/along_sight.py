@@ -181,17 +181,22 @@ class _Paths(NamedTuple):
         return shift, slope * size[:, None, None]
 
 
-def _burning_rows(ascents: BoostAscents, ignition_s: FloatArray, since_s: float) -> FloatArray:
-    """Return the rows at the first detection and at present, and the log weights (3, 8, n), of
+def _burning_rows(
+    ascents: BoostAscents, ignition_s: FloatArray, since_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the rows at the first detection and at present (8, n), and the log weights (n,), of
     ascents that burn at both.
     """
-    pairs = []
+    burning = []
     for times_s in ignition_s:
         start, burns_at_start = ascents.at(times_s)
         end, burns = ascents.at(times_s + since_s)
-        pair = np.stack([start, end, np.broadcast_to(ascents.log_weight, start.shape)])
-        pairs.append(pair[:, :, burns_at_start & burns])
-    return np.concatenate(pairs, axis=2)
+        ascent = np.flatnonzero(burns_at_start & burns)
+        burning.append((start[:, ascent], end[:, ascent], ascents.log_weight[ascent]))
+    start, end, log_weight = (
+        np.concatenate(columns, axis=-1) for columns in zip(*burning, strict=True)
+    )
+    return start, end, log_weight
 
 
 def _burning_paths(sighting: Sighting, ascents: BoostAscents, ignition_s: FloatArray) -> _Paths:
@@ -215,7 +220,7 @@ def _burning_paths(sighting: Sighting, ascents: BoostAscents, ignition_s: FloatA
         np.array([initial.level, initial.climb]),
         np.array(motion),
         _moved(initial, present, since_s),
-        log_weight[0],
+        log_weight,
     )
 
 

@@ -156,7 +156,7 @@ def _flights_of(
     flies = _flies(state)
     ends = np.minimum(np.ceil(boost.over_s / TABLE_S), len(state) - 1).astype(np.int64)
     end = np.where(flies[:, None], state, np.nan)[ends, :, np.arange(count)].T
-    rows = _ascent_rows(state, force).astype(np.float32)
+    rows = _ascent_rows(state, force)
     return rows, flies & force.any(axis=1), end
 
 
@@ -180,7 +180,7 @@ def _flown(boost: PlanarBoost) -> tuple[FloatArray, FloatArray]:
     return np.array(states), np.array(forces)
 
 
-def _ascent_rows(state: FloatArray, force: FloatArray) -> FloatArray:
+def _ascent_rows(state: FloatArray, force: FloatArray) -> NDArray[np.float32]:
     """Return the rows (times, 8, n) of states (times, 4, n) with forces (times, 2, n)."""
     x, y = state[:, :2].swapaxes(0, 1)
     radius = np.hypot(x, y)
@@ -193,7 +193,7 @@ def _ascent_rows(state: FloatArray, force: FloatArray) -> FloatArray:
     steps = 0.5 * TABLE_S * (distance[:, 1:] + distance[:, :-1])
     sums = np.pad(np.cumsum(steps, axis=1), [(0, 0), (1, 0), (0, 0)])
     rows = AscentRows(distance[0] / RADIUS_M, distance[1], *motion, *sums)
-    return np.stack(rows, axis=1)
+    return np.stack(rows, axis=1, dtype=np.float32, casting="same_kind")
 
 
 def _heights_m(model: VehicleModel, kind: str, count: int, rng: np.random.Generator) -> FloatArray:

@@ -112,7 +112,7 @@ class PlanarBoost:
     def _size(self, time_s: float, rows: IntArray) -> FloatArray:
         """Return the magnitude (m,) of the specific force, m/s²; 0 between stages."""
         since = time_s - self.starts_s[rows]
-        _, burn, acceleration, growth = (column[rows] for column in self.stages)
+        burn, acceleration, growth = (column[rows] for column in self.stages[1:])
         is_lit = (since >= 0.0) & (since < burn)
         force = acceleration / np.maximum(1.0 - growth * since, 0.02)
         return np.sum(np.where(is_lit, force, 0.0), axis=1)
