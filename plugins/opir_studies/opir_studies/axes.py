@@ -11,6 +11,7 @@ from attrs import frozen
 
 from opir_core.errors import Problem, SceneError
 from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
+from opir_studies.refusals import refusal
 from opir_studies.study import FACTORIAL, LATIN_HYPERCUBE, Study
 
 #: The most designs of a study.
@@ -86,7 +87,7 @@ def designs_of(study: Study) -> tuple[Design, ...]:
             f"gives more than {MAXIMUM_DESIGNS} designs; vary less, or use design:"
             f" {LATIN_HYPERCUBE}"
         )
-        raise SceneError([Problem("vary", words)], source=f"study {study.study}")
+        raise refusal("vary", words, f"study {study.study}")
     paths = tuple(axis.path for axis in axes)
     return tuple(Design(number, tuple(row), paths) for number, row in enumerate(rows))
 
@@ -100,9 +101,12 @@ def _combinations(study: Study, axes: Sequence[Axis]) -> Iterable[Sequence[Level
         return _hypercube(axes, study.samples, study.seed)
     if study.design == FACTORIAL:
         return product(*(axis.levels for axis in axes))
-    first = [axis.levels[0] for axis in axes]
+    reference = [axis.levels[0] for axis in axes]
     changes = ((place, level) for place, axis in enumerate(axes) for level in axis.levels[1:])
-    return [first, *([*first[:place], level, *first[place + 1 :]] for place, level in changes)]
+    return [
+        reference,
+        *([*reference[:place], level, *reference[place + 1 :]] for place, level in changes),
+    ]
 
 
 def _hypercube(axes: Sequence[Axis], samples: int, seed: int) -> Iterator[Sequence[Level]]:
@@ -230,9 +234,11 @@ def vary_of_text(words: str) -> tuple[str, Any]:
     if not equals or not path.strip() or not text.strip():
         raise AxisError(f"{words!r} has no values; write PATH=VALUE,VALUE")
     try:
-        values = [_value(part) for part in _split(text)]
+        values = [_value(word) for word in _split(text)]
     except InvalidNode as refused:
-        raise AxisError("; ".join(each.message for each in refused.complaints)) from refused
+        raise AxisError(
+            "; ".join(complaint.message for complaint in refused.complaints)
+        ) from refused
     is_block = len(values) == 1 and isinstance(values[0], dict)
     return path.strip(), values[0] if is_block and {"from", "uniform", "named"} & values[
         0
@@ -240,12 +246,19 @@ def vary_of_text(words: str) -> tuple[str, Any]:
 
 
 def _value(text: str) -> Any:
-    plain = text.strip()
-    if not plain:
+    if not text.strip():
         raise AxisError("a value is missing between two commas")
-    return data_of_node(
-        node_of_yaml(plain, plain) if plain[0] in "'\"[{" else node_of_scalar(plain, plain)
-    )
+    return value_of_text(text)
+
+
+def value_of_text(text: str) -> Any:
+    """Return the value of a text of the command line: YAML in quotes or brackets, else a scalar.
+
+    Raises `InvalidNode` for invalid YAML, and `IndexError` for an empty text.
+    """
+    plain = text.strip()
+    make_node = node_of_yaml if plain[0] in "'\"[{" else node_of_scalar
+    return data_of_node(make_node(plain, plain))
 
 
 def _split(text: str) -> Iterator[str]:

@@ -7,26 +7,18 @@ import sys
 from opir_scoring import comparison_text, score_settings, scorecard_text
 
 from opir_core.cli import progress
-from opir_core.errors import Problem, SceneError
 from opir_core.host import ended_if_stuck
 from opir_studies.comparison import Comparison, compared
-
-_HERE = "command line"
+from opir_studies.refusals import require_positive
 
 
 def compare(arguments: argparse.Namespace) -> int:
     """Run the scene with every tracker and print the scores."""
-    if arguments.runs < 1:
-        raise SceneError(
-            [Problem("--runs", f"{arguments.runs} is not a number of runs; give 1 or more")],
-            source=_HERE,
-        )
-    if arguments.workers < 1:
-        problem = f"{arguments.workers} is not a number of processes; give 1 or more"
-        raise SceneError([Problem("--workers", problem)], source=_HERE)
+    require_positive("--runs", arguments.runs, "runs")
+    require_positive("--workers", arguments.workers, "processes")
     watched = ended_if_stuck(arguments.dead_after)
     with watched, progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
-        found = compared(
+        comparison = compared(
             arguments.scene,
             trackers=arguments.trackers,
             runs=arguments.runs,
@@ -37,21 +29,21 @@ def compare(arguments: argparse.Namespace) -> int:
             on_run=on_run,
         )
     text = (
-        json.dumps(found.as_plain(), indent=2)
+        json.dumps(comparison.as_plain(), indent=2)
         if arguments.json
-        else _text(found, arguments.details)
+        else _text(comparison, arguments.details)
     )
     sys.stdout.write(text + "\n")
     return 0
 
 
-def _text(found: Comparison, has_details: bool) -> str:
-    parts = [comparison_text(found.paired, found.cards)]
-    parts += [scorecard_text(found.cards)] if has_details else []
-    notes = list(found.automatic)
+def _text(comparison: Comparison, has_details: bool) -> str:
+    paragraphs = [comparison_text(comparison.paired, comparison.cards)]
+    paragraphs += [scorecard_text(comparison.cards)] if has_details else []
+    notes = list(comparison.automatic)
     notes += [
         f"{name}: impacts by the paper's law, without containment"
-        for name, card in found.cards.items()
+        for name, card in comparison.cards.items()
         if card.figures["impact_method"] == "paper"
     ]
-    return "\n\n".join([*parts, *(["\n".join(notes)] if notes else [])])
+    return "\n\n".join([*paragraphs, *(["\n".join(notes)] if notes else [])])

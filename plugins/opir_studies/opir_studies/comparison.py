@@ -20,11 +20,12 @@ from opir_scoring import (
 
 from opir_core import Scene, compile_plan, run_of_plan
 from opir_core.arrays import IntArray
-from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.errors import OpirError
 from opir_core.host import DEAD_AFTER_S
 from opir_core.plugin import Detections, Host, Tracker, Tracks
 from opir_core.reading import load_scene
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
+from opir_studies.refusals import refusal
 from opir_studies.runs import PLANS
 
 
@@ -122,9 +123,10 @@ def compared(
     scored = _scored_runs(tasks, list(scenes), workers, dead_after_s, on_run)
     rows = {label: scored[place * runs : (place + 1) * runs] for place, label in enumerate(scenes)}
     paired = paired_figures(
-        {label: [row.run for row in own] for label, own in rows.items()}, settings
+        {label: [row.run for row in rows_of_label] for label, rows_of_label in rows.items()},
+        settings,
     )
-    cards = {label: _card(own, settings) for label, own in rows.items()}
+    cards = {label: _card(rows_of_label, settings) for label, rows_of_label in rows.items()}
     scene = next(iter(scenes.values()))
     return Comparison(cards, paired, scene.automatic)
 
@@ -140,11 +142,11 @@ def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) ->
     """Return the scene with the named tracker, or its own; `SceneError` where that reports no
     tracks.
     """
-    chosen = [] if name is None else [f"tracker={name}"]
-    scene = evolve(load_scene(path, overrides=[*overrides, *chosen], host=host), outputs=())
+    setting = [] if name is None else [f"tracker={name}"]
+    scene = evolve(load_scene(path, overrides=[*overrides, *setting], host=host), outputs=())
     if compile_plan(scene, host).make_tracker().cadence_s is None:
         words = f"{scene.tracker.name} makes no tracks to score; name other trackers with --tracker"
-        raise SceneError([Problem("tracker", words)], source=path)
+        raise refusal("tracker", words, path)
     return scene
 
 
@@ -167,11 +169,11 @@ def _scored_runs(
     workers = min(workers, len(tasks))
     runs = len(tasks) // len(labels)
     executor = SerialExecutor() if workers < 2 else ProcessesExecutor(workers, dead_after_s)
-    found: dict[int, _Scored] = {}
+    results: dict[int, _Scored] = {}
     done = dict.fromkeys(labels, 0)
     try:
         for index, scored in executor.results(_scored, tasks):
-            found[index] = scored
+            results[index] = scored
             label = labels[index // runs]
             done[label] += 1
             on_run(label, done[label])
@@ -185,7 +187,7 @@ def _scored_runs(
         raise OpirError(words) from error
     finally:
         executor.close()
-    return [found[index] for index in range(len(tasks))]
+    return [results[index] for index in range(len(tasks))]
 
 
 def _scored(task: _Task) -> _Scored:

@@ -54,7 +54,7 @@ _CONTAINMENTS_PERCENT = (50.0, 90.0, 95.0)
 
 
 def _phases_complaint(phases: Any) -> str | None:
-    unknown = [each for each in phases if each not in PHASE_NAMES]
+    unknown = [phase for phase in phases if phase not in PHASE_NAMES]
     if unknown or len(set(phases)) < len(phases):
         return (
             f"{unknown[0]!r} is no phase; there are {', '.join(PHASE_NAMES)}"

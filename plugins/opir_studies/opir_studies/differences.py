@@ -1,4 +1,4 @@
-"""How far the answers of a run are from those of an exact reference run with the same seed.
+"""Differences of the answers of a run from those of an exact reference run with the same seed.
 
 Detections of both runs are matched by their ids, which depends on seed, sensor, target and scan
 alone: so measurement noise is the same in both, and differences are those of the settings.
@@ -27,7 +27,7 @@ from opir_core.planning import Looks
 from opir_core.plugin import Detections
 from opir_core.simulation import ProbabilityInterpolant
 
-#: What each error says; all are 0 where the runs agree, and infinite where only one of them has an
+#: Meaning of each error; all are 0 where the runs agree, and infinite where only one of them has an
 #: answer.
 MEASURES: Mapping[str, str] = {
     "p_d": "largest error of the probability of detection of a look",
@@ -64,8 +64,8 @@ LOOKS = 20_000
 
 @frozen(eq=False)
 class RunAnswers:
-    """What a user reads of a run: detections with their P_d, and for each launch the estimates, nan
-    where none.
+    """Answers of a run: detections with their P_d, and for each launch the estimates, nan without
+    one.
     """
 
     detections: Detections
@@ -91,29 +91,26 @@ def unanswered(answers: RunAnswers) -> set[str]:
     """Return the measures of which a run has no answer: their errors are 0 whatever the
     settings.
     """
-    known = {
+    detections = answers.detections.sensor
+    values: dict[str, Any] = {
+        **dict.fromkeys(("counts", "line_of_sight_urad", "confidence", "type"), detections),
         "position_km": answers.ticks,
-        "launch_km": answers.launch[np.isfinite(answers.launch)],
-        "impact_km": answers.impact[np.isfinite(answers.impact)],
-        "region_contains": answers.contained[np.isfinite(answers.contained)],
-        "impact_area": answers.area_km2[np.isfinite(answers.area_km2)],
-        "truth_m": answers.truth[np.isfinite(answers.truth)],
-        "latency_s": answers.first_s[np.isfinite(answers.first_s)],
+        "launch_km": answers.launch,
+        "impact_km": answers.impact,
+        "region_contains": answers.contained,
+        "impact_area": answers.area_km2,
+        "truth_m": answers.truth,
+        "latency_s": answers.first_s,
         "p_d": answers.looks,
     }
-    needs_detections = (
-        {"counts", "line_of_sight_urad", "confidence", "type"}
-        if not len(answers.detections)
-        else set()
-    )
-    return needs_detections | {name for name, values in known.items() if not len(values)}
+    return {name for name, column in values.items() if not np.isfinite(column).any()}
 
 
 @frozen(eq=False)
 class TrackAnswers:
-    """What tracks say: of each target's last row the launch (n, 3), impact (n, 3), area (n,), km2,
-    and whether it contains the truth (n,); of each row in force the number of its tick and target
-    (m,), the position (m, 3) and its error (m, 3), m.
+    """Answers of tracks: of each target's last row the launch (n, 3), impact (n, 3), area (n,),
+    km2, and whether it contains the truth (n,); of each row in force the number of its tick and
+    target (m,), the position (m, 3) and its error (m, 3), m.
     """
 
     launch: FloatArray
@@ -132,141 +129,157 @@ def answers_of(run: Run) -> RunAnswers:
     detections = run.detections.take(rows)
     first_s = np.full(count, np.inf)
     np.minimum.at(first_s, run.truth.target[rows], detections.time_s)
-    truths = run.plan.targets.truth()
-    impacts = np.array([place_of(each.get("impact")) for each in truths]).reshape(-1, 3)
-    launches = np.array([place_of(each.get("launch")) for each in truths]).reshape(-1, 3)
+    targets = run.plan.targets.truth()
+    launches, impacts = (
+        np.array([place_of(target.get(name)) for target in targets]).reshape(-1, 3)
+        for name in ("launch", "impact")
+    )
     tracks = _answers_of_tracks(run)
     errors_m = (
         np.linalg.norm(tracks.errors, axis=1),
         _distances(tracks.launch, launches, np.nan),
         _distances(tracks.impact, impacts, np.nan),
     )
-    are_estimated = (
-        (np.isin(np.arange(count), tracks.ticks % max(count, 1)), launches),
-        (np.isfinite(tracks.launch[:, 0]), launches),
-        (np.isfinite(tracks.impact[:, 0]), impacts),
+    shares = (
+        _share_of_launches(np.isin(np.arange(count), tracks.ticks % max(count, 1)), launches),
+        _share_of_launches(np.isfinite(tracks.launch[:, 0]), launches),
+        _share_of_launches(np.isfinite(tracks.impact[:, 0]), impacts),
     )
+    looks, probability = _probabilities(run, rows)
     return RunAnswers(
-        detections,
-        *_probabilities(run, rows),
-        first_s,
-        impacts[:, :2],
-        tracks.ticks,
-        tracks.positions,
-        tracks.launch,
-        tracks.impact,
-        tracks.area_km2,
-        tracks.contained,
-        {name: 1e-3 * _rms_of_known(each) for name, each in zip(OF_TRUTH, errors_m, strict=True)},
-        {
-            name: _share_of_launches(*each)
-            for name, each in zip(OF_TRUTH, are_estimated, strict=True)
-        },
+        detections=detections,
+        looks=looks,
+        probability=probability,
+        first_s=first_s,
+        truth=impacts[:, :2],
+        ticks=tracks.ticks,
+        states=tracks.positions,
+        launch=tracks.launch,
+        impact=tracks.impact,
+        area_km2=tracks.area_km2,
+        contained=tracks.contained,
+        from_truth=dict(zip(OF_TRUTH, (1e-3 * _rms_of_known(e) for e in errors_m), strict=True)),
+        estimated=dict(zip(OF_TRUTH, shares, strict=True)),
     )
 
 
 def _answers_of_tracks(run: Run) -> TrackAnswers:
     count = len(run.plan.targets.ids)
-    launch = np.full((count, 3), np.nan)
-    impact = np.full((count, 3), np.nan)
-    area_km2 = np.full(count, np.nan)
-    contained = np.full(count, np.nan)
+    answers = TrackAnswers(
+        np.full((count, 3), np.nan),
+        np.full((count, 3), np.nan),
+        np.full(count, np.nan),
+        np.full(count, np.nan),
+        np.empty(0, dtype=np.int64),
+        np.empty((0, 3)),
+        np.empty((0, 3)),
+    )
     if not len(run.tracks):
-        nothing = np.empty((0, 3))
-        ticks = np.empty(0, dtype=np.int64)
-        return TrackAnswers(launch, impact, area_km2, contained, ticks, nothing, nothing)
+        return answers
     evidence = evidence_of_run(run, run.plan)
     owners = ownership(evidence)
-    last = last_rows(evidence, owners)
-    targets = owners.target[np.searchsorted(owners.track, run.tracks.track[last])]
-    launch[targets] = run.tracks.launch[last]
-    impact[targets] = run.tracks.impact[last]
-    scores = impact_scores(evolve(evidence, tracks=run.tracks.take(last)), owners)
-    area_km2[scores.target] = scores.area_km2[:, -1]
-    contained[scores.target] = scores.contained[:, -1]
+    rows = last_rows(evidence, owners)
+    targets = owners.target[np.searchsorted(owners.track, run.tracks.track[rows])]
+    answers.launch[targets] = run.tracks.launch[rows]
+    answers.impact[targets] = run.tracks.impact[rows]
+    scores = impact_scores(evolve(evidence, tracks=run.tracks.take(rows)), owners)
+    answers.area_km2[scores.target] = scores.area_km2[:, -1]
+    answers.contained[scores.target] = scores.contained[:, -1]
     rows = rows_in_force(evidence, owners)
     tick_s = run.tracks.tick_s[rows]
     targets = owners.target[np.searchsorted(owners.track, run.tracks.track[rows])]
     ticks = np.rint(tick_s * 1e3).astype(np.int64) * count + targets
     positions = run.tracks.state[rows, :3]
     truth = true_states_ecef(run.plan, targets.astype(np.int32), tick_s)[:, :3]
-    return TrackAnswers(launch, impact, area_km2, contained, ticks, positions, positions - truth)
+    return evolve(answers, ticks=ticks, positions=positions, errors=positions - truth)
 
 
 def _share_of_launches(has_estimate: BoolArray, truth: FloatArray) -> float:
     """Return the share with an estimate of targets (n,) whose truth (n, 3) is known; nan without
     any.
     """
-    known = np.isfinite(truth[:, 0])
-    return float(has_estimate[known].mean()) if known.any() else np.nan
+    is_known = np.isfinite(truth[:, 0])
+    return float(has_estimate[is_known].mean()) if is_known.any() else np.nan
 
 
-def _probabilities(run: Run, mine: IntArray) -> tuple[IntArray, FloatArray]:
-    """Return keys of looks and their P_d: of every n-th scan for a model of signals, else of what
-    was detected.
+def _probabilities(run: Run, detected: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return keys of looks and their P_d: of every n-th scan for a model of signals, else of the
+    detected ones.
 
     A detection's own P_d says little of a model that is wrong where it detects nothing.
     """
     plan = run.plan
-    model = run.plan.detection
+    model = plan.detection
     count = len(plan.targets.ids)
-    every = Looks.between(plan.pairs, 0, plan.end_ns)
-    first = plan.look_geometry().exposures(every.pair[:1], every.scan[:1])
-    if not len(first) or model.response(first) is None:
-        detected = run.detections.take(mine)
-        return _look_keys(
-            detected.sensor, run.truth.target[mine], detected.scan, count
-        ), run.truth.probability[mine]
-    stride = 1 << max(0, math.ceil(math.log2(max(len(every.pair), 1) / LOOKS)))
-    kept = np.flatnonzero(every.scan % stride == 0)
-    pair = every.pair[kept]
-    scan = every.scan[kept]
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    geometry = plan.look_geometry()
+    sample = geometry.exposures(looks.pair[:1], looks.scan[:1])
+    if not len(sample) or model.response(sample) is None:
+        detections = run.detections.take(detected)
+        targets = run.truth.target[detected]
+        keys = _look_keys(detections.sensor, targets, detections.scan, count)
+        return keys, run.truth.probability[detected]
+    stride = 1 << max(0, math.ceil(math.log2(max(len(looks.pair), 1) / LOOKS)))
+    rows = np.flatnonzero(looks.scan % stride == 0)
+    pair = looks.pair[rows]
+    scan = looks.scan[rows]
     if model.probability_tolerance is None:
-        probability = model.probability(plan.look_geometry().exposures(pair, scan))
+        probability = model.probability(geometry.exposures(pair, scan))
     else:
-        whole = ProbabilityInterpolant.of(plan.look_geometry(), model, model.probability_tolerance)
-        probability = whole.over(every).probability()[kept]
+        interpolant = ProbabilityInterpolant.of(geometry, model, model.probability_tolerance)
+        probability = interpolant.over(looks).probability()[rows]
     return _look_keys(plan.pairs.sensor[pair], plan.pairs.target[pair], scan, count), probability
 
 
 def _look_keys(sensor: IndexArray, target: IndexArray, scan: IntArray, targets: int) -> IntArray:
-    keys: IntArray = (sensor.astype(np.int64) * targets + target << 36) + scan
-    return keys
+    return (sensor.astype(np.int64) * targets + target << 36) + scan
 
 
 def differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:
     """Return the errors of a run, by the names of `MEASURES`."""
-    ours, theirs = _matched(_keys(run.detections), _keys(reference.detections))
-    here = run.detections.take(ours)
-    there = reference.detections.take(theirs)
-    across = np.linalg.norm(here.line_of_sight_ecef - there.line_of_sight_ecef, axis=1)
-    row, other = _matched(run.ticks, reference.ticks)
-    apart = np.linalg.norm(run.states[row] - reference.states[other], axis=1)
-    look, same = _matched(run.looks, reference.looks)
-    wanted = len(reference.detections)
-    has_same_tracks = np.array_equal(_tracked(run), _tracked(reference))
-    has_same_regions = np.array_equal(np.isfinite(run.contained), np.isfinite(reference.contained))
+    rows, reference_rows = _matched(run.looks, reference.looks)
+    probability = run.probability[rows] - reference.probability[reference_rows]
     return {
-        "p_d": _largest(run.probability[look] - reference.probability[same]),
-        "counts": (len(run.detections) - wanted) / wanted
-        if wanted
-        else float(len(run.detections) > 0),
-        "latency_s": _largest(_both(run.first_s, reference.first_s)),
-        "line_of_sight_urad": 1e6 * _largest(across),
-        "confidence": _largest(here.confidence - there.confidence),
-        "type": float(np.mean(here.reported_type != there.reported_type)) if len(here) else 0.0,
+        "p_d": _largest(probability),
+        "latency_s": _largest(_differences_of_known(run.first_s, reference.first_s)),
         "truth_m": _largest(_distances(run.truth, reference.truth)),
-        "position_km": 1e-3 * _rms(apart)
-        if has_same_tracks and (len(row) or not len(reference.ticks))
-        else np.inf,
+        **_detection_differences(run.detections, reference.detections),
+        **_track_differences(run, reference),
+    }
+
+
+def _detection_differences(detections: Detections, reference: Detections) -> dict[str, float]:
+    """Return the errors of the detections of a run, matched by their ids."""
+    rows, reference_rows = _matched(_keys(detections), _keys(reference))
+    count = len(reference)
+    more = len(detections) - count
+    matched = detections.take(rows)
+    partner = reference.take(reference_rows)
+    across = np.linalg.norm(matched.line_of_sight_ecef - partner.line_of_sight_ecef, axis=1)
+    has_other_type = matched.reported_type != partner.reported_type
+    return {
+        "counts": more / count if count else float(more > 0),
+        "line_of_sight_urad": 1e6 * _largest(across),
+        "confidence": _largest(matched.confidence - partner.confidence),
+        "type": float(np.mean(has_other_type)) if len(rows) else 0.0,
+    }
+
+
+def _track_differences(run: RunAnswers, reference: RunAnswers) -> dict[str, float]:
+    """Return the errors of the estimates of a run; infinite where only one run has them."""
+    rows, reference_rows = _matched(run.ticks, reference.ticks)
+    distance = np.linalg.norm(run.states[rows] - reference.states[reference_rows], axis=1)
+    are_alike = np.array_equal(_tracked(run), _tracked(reference))
+    are_alike = are_alike and bool(len(rows) or not len(reference.ticks))
+    has_same_regions = np.array_equal(np.isfinite(run.contained), np.isfinite(reference.contained))
+    contained = _share(run.contained) - _share(reference.contained)
+    area_km2 = _differences_of_known(run.area_km2, reference.area_km2)
+    return {
+        "position_km": 1e-3 * _rms(distance) if are_alike else np.inf,
         "launch_km": 1e-3 * _rms(_distances(run.launch, reference.launch)),
         "impact_km": 1e-3 * _rms(_distances(run.impact, reference.impact)),
-        "region_contains": _share(run.contained) - _share(reference.contained)
-        if has_same_regions
-        else np.inf,
-        "impact_area": _rms(
-            _both(run.area_km2, reference.area_km2) / np.nan_to_num(reference.area_km2, nan=1.0)
-        ),
+        "region_contains": contained if has_same_regions else np.inf,
+        "impact_area": _rms(area_km2 / np.nan_to_num(reference.area_km2, nan=1.0)),
     }
 
 
@@ -275,18 +288,20 @@ def _tracked(answers: RunAnswers) -> IntArray:
     return np.unique(answers.ticks % len(answers.first_s)) if len(answers.ticks) else answers.ticks
 
 
-def over_runs(found: list[dict[str, float]]) -> dict[str, float]:
+def over_runs(runs: list[dict[str, float]]) -> dict[str, float]:
     """Return the errors of several runs as one: mean, root mean square or largest, by measure."""
-    return {name: _over_runs(name, np.array([each[name] for each in found])) for name in MEASURES}
+    return {
+        name: _over_runs(name, np.array([errors[name] for errors in runs])) for name in MEASURES
+    }
 
 
-def from_truth_over_runs(found: list[Mapping[str, float]]) -> dict[str, float]:
+def from_truth_over_runs(runs: list[Mapping[str, float]]) -> dict[str, float]:
     """Return the errors from the truth of several runs as one: root mean squares over those that
     have any.
 
     `estimated` of the runs belongs beside them.
     """
-    return {name: _rms_of_known(np.array([each[name] for each in found])) for name in OF_TRUTH}
+    return {name: _rms_of_known(np.array([errors[name] for errors in runs])) for name in OF_TRUTH}
 
 
 def _over_runs(name: str, values: FloatArray) -> float:
@@ -299,32 +314,33 @@ def _keys(detections: Detections) -> Any:
     return np.ascontiguousarray(detections.detection_id).view("V16").ravel()
 
 
-def _matched(ours: Any, theirs: Any) -> tuple[IntArray, IntArray]:
-    _, row, other = np.intersect1d(ours, theirs, return_indices=True)
-    return row, other
+def _matched(keys: Any, reference: Any) -> tuple[IntArray, IntArray]:
+    """Return the rows of both with the same key."""
+    _, rows, reference_rows = np.intersect1d(keys, reference, return_indices=True)
+    return rows, reference_rows
 
 
-def _both(ours: FloatArray, theirs: FloatArray) -> FloatArray:
-    """Return differences where both are known, 0 where none is, infinity where one is."""
-    known = np.isfinite(ours)
-    wanted = np.isfinite(theirs)
-    apart = np.where(known, ours, 0.0) - np.where(wanted, theirs, 0.0)
-    return np.where(known != wanted, np.inf, np.where(known, apart, 0.0))
+def _differences_of_known(values: FloatArray, reference: FloatArray) -> FloatArray:
+    """Return differences where both are finite, 0 where neither is, infinity where one is."""
+    is_finite = np.isfinite(values)
+    has_reference = np.isfinite(reference)
+    pair = is_finite & has_reference
+    difference = np.where(pair, values, 0.0) - np.where(pair, reference, 0.0)
+    return np.where(is_finite != has_reference, np.inf, difference)
 
 
-def _distances(ours: FloatArray, theirs: FloatArray, of_one: float = np.inf) -> FloatArray:
-    """Return ground distances, m, between places (n, 2+) of latitude and longitude, rad: `of_one`
-    where only one is known, 0 where none is.
+def _distances(places: FloatArray, reference: FloatArray, missing: float = np.inf) -> FloatArray:
+    """Return ground distances, m, between places (n, 2+) of latitude and longitude, rad: `missing`
+    where only one is finite, 0 where neither is.
     """
-    known = np.isfinite(ours[:, 0])
-    wanted = np.isfinite(theirs[:, 0])
-    pair = known & wanted
-    found = np.where(known != wanted, of_one, 0.0)
+    is_finite = np.isfinite(places[:, 0])
+    has_reference = np.isfinite(reference[:, 0])
+    distance = np.where(is_finite != has_reference, missing, 0.0)
+    pair = is_finite & has_reference
     if pair.any():
-        found[pair] = np.linalg.norm(
-            ground_error(_ground(ours[pair]), _ground(theirs[pair])), axis=1
-        )
-    return found
+        error = ground_error(_ground(places[pair]), _ground(reference[pair]))
+        distance[pair] = np.linalg.norm(error, axis=1)
+    return distance
 
 
 def _ground(places: FloatArray) -> FloatArray:
@@ -332,8 +348,8 @@ def _ground(places: FloatArray) -> FloatArray:
 
 
 def _share(contained: FloatArray) -> float:
-    known = contained[np.isfinite(contained)]
-    return float(known.mean()) if len(known) else 0.0
+    values = contained[np.isfinite(contained)]
+    return float(values.mean()) if len(values) else 0.0
 
 
 def _largest(values: FloatArray) -> float:
@@ -341,8 +357,8 @@ def _largest(values: FloatArray) -> float:
 
 
 def _rms_of_known(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return _rms(known) if len(known) else math.nan
+    finite = values[np.isfinite(values)]
+    return _rms(finite) if len(finite) else math.nan
 
 
 def _rms(values: FloatArray) -> float:

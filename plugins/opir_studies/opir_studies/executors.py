@@ -116,10 +116,10 @@ class ProcessesExecutor:
         self, function: Callable[[Any], Any], tasks: Sequence[Any]
     ) -> Iterator[tuple[int, Any]]:
         """Yield the index and the result of each task once, as they end."""
-        left = _Progress(deque(range(len(tasks))), {}, {}, deque(), [])
+        progress = _Progress(deque(range(len(tasks))), {}, {}, deque(), [])
         running: dict[Future[Any], int] = {}
-        while left.waiting or left.suspects or running:
-            dead = self._filled(running, left, function, tasks)
+        while progress.waiting or progress.suspects or running:
+            dead = self._filled(running, progress, function, tasks)
             done = wait(running, return_when=FIRST_COMPLETED).done if running else set()
             for future in done:
                 if isinstance(future.exception(), BrokenProcessPool):
@@ -127,9 +127,9 @@ class ProcessesExecutor:
                 else:
                     yield running.pop(future), future.result()
             if dead:
-                yield from self._rebuilt(running, left)
-        if left.lost or left.stuck:
-            raise LostTasksError(sorted([*left.lost, *left.stuck]), left.stuck)
+                yield from self._rebuilt(running, progress)
+        if progress.lost or progress.stuck:
+            raise LostTasksError(sorted([*progress.lost, *progress.stuck]), progress.stuck)
 
     def close(self) -> None:
         """End the workers, also those that are in the middle of a task."""
@@ -148,7 +148,7 @@ class ProcessesExecutor:
     def _filled(
         self,
         running: dict[Future[Any], int],
-        left: _Progress,
+        progress: _Progress,
         function: Callable[[Any], Any],
         tasks: Sequence[Any],
     ) -> bool:
@@ -156,11 +156,11 @@ class ProcessesExecutor:
         already.
         """
         # Few are on their way at a time, so that a death puts few under suspicion.
-        while left.waiting and len(running) < 2 * self.workers:
-            if not self._submitted(left.waiting, running, function, tasks):
+        while progress.waiting and len(running) < 2 * self.workers:
+            if not self._submitted(progress.waiting, running, function, tasks):
                 return True
-        if left.suspects and not left.waiting and not running:
-            return not self._submitted(left.suspects, running, function, tasks)
+        if progress.suspects and not progress.waiting and not running:
+            return not self._submitted(progress.suspects, running, function, tasks)
         return False
 
     def _submitted(
@@ -171,8 +171,8 @@ class ProcessesExecutor:
         tasks: Sequence[Any],
     ) -> bool:
         if self._pool is None:
-            given = self._stuck, self.dead_after_s
-            self._pool = ProcessPoolExecutor(self.workers, self._context, start_worker, given)
+            arguments = self._stuck, self.dead_after_s
+            self._pool = ProcessPoolExecutor(self.workers, self._context, start_worker, arguments)
         try:
             with one_thread_each():
                 running[self._pool.submit(_done, function, queue[0], tasks[queue[0]])] = queue[0]
@@ -182,7 +182,7 @@ class ProcessesExecutor:
         return True
 
     def _rebuilt(
-        self, running: dict[Future[Any], int], left: _Progress
+        self, running: dict[Future[Any], int], progress: _Progress
     ) -> Iterator[tuple[int, Any]]:
         """Yield what had ended before a worker died, and put the rest back into the queues."""
         wait(running)
@@ -194,24 +194,26 @@ class ProcessesExecutor:
             index, reason = self._stuck.get()
             if index in unfinished:
                 unfinished.remove(index)
-                left.stuck[index] = reason
-        is_alone = len(unfinished) == 1 and unfinished[0] in left.deaths_alone
+                progress.stuck[index] = reason
+        is_alone = len(unfinished) == 1 and unfinished[0] in progress.deaths_alone
         for index in reversed(unfinished):
-            _put_back(index, left, is_alone=is_alone)
+            _put_back(index, progress, is_alone=is_alone)
         yield from ((index, future.result()) for future, index in ended.items())
 
 
-def _put_back(index: int, left: _Progress, *, is_alone: bool) -> None:
+def _put_back(index: int, progress: _Progress, *, is_alone: bool) -> None:
     if is_alone:
-        left.deaths_alone[index] += 1
-        (left.lost if left.deaths_alone[index] >= DEATHS_ALONE else left.suspects).append(index)
+        progress.deaths_alone[index] += 1
+        (
+            progress.lost if progress.deaths_alone[index] >= DEATHS_ALONE else progress.suspects
+        ).append(index)
         return
-    left.deaths[index] = left.deaths.get(index, 0) + 1
-    if left.deaths[index] < DEATHS_BESIDE_OTHERS:
-        left.waiting.appendleft(index)
+    progress.deaths[index] = progress.deaths.get(index, 0) + 1
+    if progress.deaths[index] < DEATHS_BESIDE_OTHERS:
+        progress.waiting.appendleft(index)
     else:
-        left.deaths_alone[index] = 0
-        left.suspects.append(index)
+        progress.deaths_alone[index] = 0
+        progress.suspects.append(index)
 
 
 @contextmanager

@@ -45,13 +45,13 @@ def knobs_of(scene: Scene) -> list[Knob]:
 def _probability(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
     if scene.detection.name == "snr":
         tolerances = ("1.0e-6", "1.0e-5", "1.0e-4", "1.0e-3", "1.0e-2", "1.0e-1")
-        rest = (
-            (f"detection.probability_tolerance={each}", "detection.exact=false")
-            for each in tolerances
+        tolerant = (
+            (f"detection.probability_tolerance={tolerance}", "detection.exact=false")
+            for tolerance in tolerances
         )
         yield Knob(
             "probability tolerance",
-            (("detection.exact=true",), *rest),
+            (("detection.exact=true",), *tolerant),
             (0.0, *map(float, tolerances)),
         )
 
@@ -68,10 +68,10 @@ def _forces(scene: Scene, plain: Mapping[str, Any]) -> Iterator[Knob]:
     named = plain.get("forces")
     if not isinstance(named, list):
         return
-    drag = [each for each in named if isinstance(each, dict) or each == "drag"]
-    zonal = [each for each in named if each not in drag]
+    drag = [term for term in named if isinstance(term, dict) or term == "drag"]
+    zonal = [term for term in named if term not in drag]
     fewer = [zonal[:count] for count in range(len(zonal) - (not drag), 0, -1)]
-    levels = [json.dumps(each) for each in fewer]
+    levels = [json.dumps(term) for term in fewer]
     yield Knob("forces", ((), *((f"forces={level}",) for level in levels), ("forces=kepler",)))
 
 

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 from opir_core.cli import grouped, table
-from opir_core.errors import Problem, SceneError
 from opir_studies.optimising import Objective, Optimised, best_row, optimise as best_of, outcome_of
+from opir_studies.refusals import require_positive
 from opir_studies.requirements import FigureRequirement
 from opir_studies.result_words import cell, share_lines
 from opir_studies.search import Outcome
@@ -22,12 +22,10 @@ _ROWS = 5
 def optimise(arguments: argparse.Namespace) -> int:
     """Find the best design and print it; exit code 2 where no design meets the requirements."""
     study = study_of(arguments)
-    if arguments.evaluations < 1:
-        words = f"{arguments.evaluations} is not a number of designs; give 1 or more"
-        raise SceneError([Problem("--evaluations", words)], source="command line")
+    require_positive("--evaluations", arguments.evaluations, "designs")
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-optimum")
     with watched_runs(arguments, folder) as on_progress:
-        found = best_of(
+        optimised = best_of(
             study,
             folder,
             arguments.objective,
@@ -37,21 +35,26 @@ def optimise(arguments: argparse.Namespace) -> int:
             on_progress=on_progress,
         )
     if not arguments.quiet:
-        sys.stdout.write((as_json(found) if arguments.json else as_text(found)) + "\n")
-    return 0 if found.is_feasible else 2
+        sys.stdout.write((as_json(optimised) if arguments.json else as_text(optimised)) + "\n")
+    return 0 if optimised.is_feasible else 2
 
 
-def as_text(found: Optimised) -> str:
+def as_text(optimised: Optimised) -> str:
     """Return the best design in a sentence, and a table of the best ones."""
-    result = found.result
+    result = optimised.result
     objective = result.definition["objective"]
-    requirements = [FigureRequirement(**each) for each in result.definition["requirements"]]
-    figures = list(dict.fromkeys([objective["figure"], *(each.figure for each in requirements)]))
+    requirements = [
+        FigureRequirement(**requirement) for requirement in result.definition["requirements"]
+    ]
+    figures = list(
+        dict.fromkeys([objective["figure"], *(requirement.figure for requirement in requirements)])
+    )
     rows = {name: result.shown_rows(name) for name in figures}
 
     def rank(number: int) -> Outcome:
         means, shares = (
-            {name: own[number][key] for name, own in rows.items()} for key in ("mean", "share")
+            {name: figure_rows[number][key] for name, figure_rows in rows.items()}
+            for key in ("mean", "share")
         )
         return outcome_of(means, shares, requirements, Objective(**objective))
 
@@ -63,23 +66,23 @@ def as_text(found: Optimised) -> str:
         ]
         for number in order
     ]
-    words = ", ".join(f"{path}={value}" for path, value in best_row(found).items())
-    which = "largest" if objective["is_largest"] else "smallest"
+    words = ", ".join(f"{path}={value}" for path, value in best_row(optimised).items())
+    extreme = "largest" if objective["is_largest"] else "smallest"
     met = (
         ""
-        if found.is_feasible
+        if optimised.is_feasible
         else "; no design that was evaluated meets all requirements, this one is nearest"
     )
     count = (
-        f"{grouped(len(result.definition['designs']))} of {grouped(found.possible)} designs"
+        f"{grouped(len(result.definition['designs']))} of {grouped(optimised.possible)} designs"
         f" evaluated"
     )
     return "\n\n".join(
         [
             *map("note: {}".format, result.definition["notes"]),
             (
-                f"{which} {objective['figure']}: {words} ({count}, the best at evaluation"
-                f" {found.best + 1}){met}"
+                f"{extreme} {objective['figure']}: {words} ({count}, the best at evaluation"
+                f" {optimised.best + 1}){met}"
             ),
             table([*result.paths, *figures], body),
             *share_lines(result, figures),
@@ -91,20 +94,20 @@ def as_text(found: Optimised) -> str:
     )
 
 
-def as_json(found: Optimised) -> str:
+def as_json(optimised: Optimised) -> str:
     """Return the best design as JSON."""
-    rows = [row for row in found.result.table.to_pylist() if row["design"] == found.best]
+    rows = [row for row in optimised.result.table.to_pylist() if row["design"] == optimised.best]
     means, shares = (
         {row["figure"]: row[key] if row[key] == row[key] else None for row in rows}
         for key in ("mean", "share")
     )
     document = {
-        "best": best_row(found),
+        "best": best_row(optimised),
         "means": means,
         "shares": shares,
-        "is_feasible": found.is_feasible,
-        "evaluation": found.best + 1,
-        "evaluations": len(found.result.definition["designs"]),
-        "possible": found.possible,
+        "is_feasible": optimised.is_feasible,
+        "evaluation": optimised.best + 1,
+        "evaluations": len(optimised.result.definition["designs"]),
+        "possible": optimised.possible,
     }
     return json.dumps(document, indent=2)

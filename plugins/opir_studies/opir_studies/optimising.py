@@ -16,6 +16,7 @@ from opir_core.plugin import ExecutorContext, Host
 from opir_studies.axes import Axis, AxisError, Design, axis_of
 from opir_studies.parts import PARTS, Parts, remove_unfinished
 from opir_studies.planning import PlannedStudy, planned_study
+from opir_studies.refusals import refusal
 from opir_studies.requirements import FigureRequirement, require_figures
 from opir_studies.result import StudyResult, written_result
 from opir_studies.runs import RunRecord
@@ -39,11 +40,11 @@ class Objective:
         """Return the objective of a text, `max warning_time_s`; raises `SceneError` for what is
         none.
         """
-        wanted, _, figure = text.strip().partition(" ")
-        if wanted not in _WANTED or not figure.strip():
+        direction, _, figure = text.strip().partition(" ")
+        if direction not in _WANTED or not figure.strip():
             words = f"{text!r} is not 'min FIGURE' or 'max FIGURE', such as 'max warning_time_s'"
-            raise SceneError([Problem("objective", words)], source="optimise")
-        return cls(figure.strip(), _WANTED[wanted])
+            raise refusal("objective", words, "optimise")
+        return cls(figure.strip(), _WANTED[direction])
 
 
 @frozen(eq=False)
@@ -78,10 +79,10 @@ def optimise(
     which all have the same seeds. Runs that are in the folder are not made again. Raises as
     `sweep`, and `PluginError` without Optuna.
     """
-    wanted = Objective.of(objective)
+    goal = Objective.of(objective)
     axes = _axes(study)
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
-    work = _Evaluation(study, axes, wanted, Path(folder), context, on_progress)
+    work = _Evaluation(study, axes, goal, Path(folder), context, on_progress)
     search = DesignSearch(
         tuple(len(axis.levels) for axis in axes),
         tuple(_is_ordered(axis) for axis in axes),
@@ -89,7 +90,7 @@ def optimise(
     )
     work.require_objective()
     search.run(evaluations, work.outcomes)
-    points = list(search.found)
+    points = list(search.outcomes)
     planned = planned_study(
         study, work.host, [work.design(number, point) for number, point in enumerate(points)]
     )
@@ -98,12 +99,14 @@ def optimise(
         for point in points
     ]
     extra = {
-        "objective": {"figure": wanted.figure, "is_largest": wanted.is_largest},
+        "objective": {"figure": goal.figure, "is_largest": goal.is_largest},
         "design": "optimise",
     }
     result = written_result(planned, Path(folder), records, extra)
     best = points.index(search.best)
-    return Optimised(result, best, search.found[search.best].is_feasible, math.prod(search.levels))
+    return Optimised(
+        result, best, search.outcomes[search.best].is_feasible, math.prod(search.levels)
+    )
 
 
 def _axes(study: Study) -> list[Axis]:
@@ -171,13 +174,15 @@ class _Evaluation:
     def outcomes(self, points: Sequence[Point]) -> list[Outcome]:
         """Run designs and return their outcomes."""
         planned = planned_study(
-            self._study, self.host, [self.design(*each) for each in enumerate(points)]
+            self._study, self.host, [self.design(*record) for record in enumerate(points)]
         )
-        parts = Parts(self._folder / PARTS, tuple(planned.units))
+        finished = Parts(self._folder / PARTS, tuple(planned.units))
         keys = {
             design.key(number) for design in planned.designs for number in range(self._study.runs)
         }
-        state = SweepState(planned, parts, parts.found(keys), self._context, self._on_progress)
+        state = SweepState(
+            planned, finished, finished.found(keys), self._context, self._on_progress
+        )
         try:
             counts = state.run()
         finally:
@@ -185,7 +190,7 @@ class _Evaluation:
         state.require_no_failure()
         for point, design, count in zip(points, planned.designs, counts, strict=True):
             self.records[point] = [
-                each for each in state.records_of(design, count) if each is not None
+                record for record in state.records_of(design, count) if record is not None
             ]
         return [self._outcome(planned, point) for point in points]
 
@@ -205,9 +210,13 @@ def outcome_of(
     """Return how good a design is, of the means of its figures and the shares of launches, or runs,
     that have them.
     """
-    counted = dict.fromkeys([objective.figure, *(each.figure for each in requirements)])
+    counted = dict.fromkeys(
+        [objective.figure, *(requirement.figure for requirement in requirements)]
+    )
     without = sum(1.0 - shares[name] if shares[name] == shares[name] else 1.0 for name in counted)
-    violation = sum(each.violation(means[each.figure]) for each in requirements)
+    violation = sum(
+        requirement.violation(means[requirement.figure]) for requirement in requirements
+    )
     value = means[objective.figure]
     if math.isnan(value):
         return Outcome(without, violation, math.inf)

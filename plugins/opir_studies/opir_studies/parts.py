@@ -14,8 +14,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from attrs import frozen
 
-from opir_core.errors import Problem, SceneError, reason_of
+from opir_core.errors import SceneError, reason_of
 from opir_core.output import OutputFiles
+from opir_studies.refusals import refusal
 from opir_studies.runs import RunRecord
 
 #: The folder of the parts in that of the study.
@@ -34,7 +35,7 @@ class Parts:
     folder: Path
     figures: tuple[str, ...]
 
-    def found(self, wanted: Collection[str]) -> dict[str, RunRecord]:
+    def found(self, keys: Collection[str]) -> dict[str, RunRecord]:
         """Return the records of the wanted keys that are on the disk.
 
         Runs of other definitions of the study are left alone. Raises `SceneError` for a file that
@@ -42,7 +43,7 @@ class Parts:
         """
         records: dict[str, RunRecord] = {}
         for path in sorted(self.folder.glob(f"*{_SUFFIX}")):
-            rows = _rows(path, wanted)
+            rows = _rows(path, keys)
             records.update({str(row["key"]): _record(row, self.figures) for row in rows})
         return records
 
@@ -80,7 +81,7 @@ def remove_unfinished(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _rows(path: Path, wanted: Collection[str]) -> Sequence[Mapping[str, Any]]:
+def _rows(path: Path, keys: Collection[str]) -> Sequence[Mapping[str, Any]]:
     if len(path.stem) != _DIGEST_LENGTH:
         raise _foreign(path)
     try:
@@ -91,21 +92,20 @@ def _rows(path: Path, wanted: Collection[str]) -> Sequence[Mapping[str, Any]]:
     except (OSError, ValueError, pa.ArrowException) as error:
         reason = reason_of(error) if isinstance(error, OSError) else str(error).splitlines()[0]
         words = f"is damaged ({reason}); delete it, and its runs are made again"
-        raise SceneError([Problem("", words)], source=str(path)) from error
+        raise refusal("", words, str(path)) from error
     if (table.schema.metadata or {}).get(b"opir_study_part") != b"1" or not set(_COLUMNS) <= set(
         table.column_names
     ):
         raise _foreign(path)
-    is_wanted = [str(key) in wanted for key in table["key"].to_pylist()]
-    rows: list[Mapping[str, Any]] = table.filter(pa.array(is_wanted, pa.bool_())).to_pylist()
-    return rows
+    is_wanted = [str(key) in keys for key in table["key"].to_pylist()]
+    return table.filter(pa.array(is_wanted, pa.bool_())).to_pylist()
 
 
 def _foreign(path: Path) -> SceneError:
     words = (
         "is no part of a study of this opir; move it elsewhere, or give another folder with --out"
     )
-    return SceneError([Problem("", words)], source=str(path))
+    return refusal("", words, str(path))
 
 
 def _record(row: Mapping[str, Any], figures: Sequence[str]) -> RunRecord:

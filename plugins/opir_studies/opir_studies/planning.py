@@ -29,6 +29,7 @@ from opir_core.reading import (
 )
 from opir_core.scene import Choice
 from opir_studies.axes import Design, designs_of, override_text
+from opir_studies.refusals import cut_short, refusal
 from opir_studies.requirements import FigureRequirement, require_figures, requirements_of
 from opir_studies.runs import identity_of, run_key
 from opir_studies.statistics import share_with_value
@@ -108,52 +109,68 @@ def planned_study(
     scene, or `PluginError` for a component that is missing.
     """
     host = host or Host.discover()
+    source = f"study {study.study}"
     choices = [
-        _choice(MetricModel.hook, each, f"metrics[{row}]", host)
-        for row, each in enumerate(study.metrics)
+        _choice(MetricModel.hook, metric, f"metrics[{row}]", host)
+        for row, metric in enumerate(study.metrics)
     ]
     _require_split(study)
     metrics = tuple(_built_metric(choice, host) for choice in choices)
-    _require_distinct(metrics, study)
-    described = [
-        (choice.name, asdict(choice.config), _owner(choice, host), list(metric.units))
-        for choice, metric in zip(choices, metrics, strict=True)
+    _require_distinct(metrics, source)
+    settings = [asdict(choice.config) for choice in choices]
+    metric_identities = [
+        (choice.name, config, _owner(choice, host), list(metric.units))
+        for choice, config, metric in zip(choices, settings, metrics, strict=True)
     ]
+    ready, end_notes = _ready_designs(study, host, designs, metric_identities)
+    figures = {name: unit for metric in metrics for name, unit in metric.units.items()}
+    names = _numbered([choice.name for choice in choices])
+    require_figures(study.show, "show", figures, source)
+    requirements = requirements_of(study.requirements, figures, source)
+    if not set(names) & _OF_WHOLE_BURNS:
+        end_notes = []
+    template = "{} more designs have scenes that end too early"
+    detection_notes = _detection_notes([design.scene for design in ready])
+    return PlannedStudy(
+        study,
+        ready,
+        names,
+        metrics,
+        until_of(study, figures),
+        requirements,
+        (*detection_notes, *cut_short(end_notes, _MOST_NOTES, template)),
+        dict(zip(names, settings, strict=True)),
+    )
+
+
+def _ready_designs(
+    study: Study,
+    host: Host,
+    designs: Sequence[Design] | None,
+    metrics: Sequence[tuple[str, Mapping[str, Any], str, Sequence[str]]],
+) -> tuple[tuple[PlannedDesign, ...], list[str]]:
+    """Return the compiled designs, and notes on scenes that end too early; raises `SceneError` with
+    the problems of all designs.
+    """
     ready = list[PlannedDesign]()
     problems = list[Problem]()
-    notes = list[str]()
+    notes = dict[str, None]()
     for design in designs_of(study) if designs is None else designs:
         try:
             plan = _compiled(study, design, host)
-            ready.append(PlannedDesign(design, plan.scene, identity_of(plan, described)))
-            notes += filter(None, [_end_note(plan)])
         except SceneError as error:
             problems += [Problem(design.name, str(problem)) for problem in error.problems]
+            continue
+        ready.append(PlannedDesign(design, plan.scene, identity_of(plan, metrics)))
+        notes[_end_note(plan)] = None
     if problems:
+        more = len(problems) - _MOST_PROBLEMS
+        more_problems = [Problem("", f"and {more} more")] if more > 0 else []
         raise SceneError(
-            _cut_short(problems), source=f"study {study.study}, scene {_scene_name(study)}"
+            [*problems[:_MOST_PROBLEMS], *more_problems],
+            source=f"study {study.study}, scene {_name(study)}",
         )
-    figures = {name: unit for metric in metrics for name, unit in metric.units.items()}
-    names = _numbered([choice.name for choice in choices])
-    source = f"study {study.study}"
-    require_figures(study.show, "show", figures, source)
-    requirements = requirements_of(study.requirements, figures, source)
-    shown = _few(tuple(dict.fromkeys(notes))) if set(names) & _OF_WHOLE_BURNS else ()
-    shown = (*_detection_notes([design.scene for design in ready]), *shown)
-    settings = {name: each for name, (_, each, *_) in zip(names, described, strict=True)}
-    return PlannedStudy(
-        study, tuple(ready), names, metrics, until_of(study, figures), requirements, shown, settings
-    )
-
-
-def _few(notes: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a few of the notes on designs, and how many are left out."""
-    more = len(notes) - _MOST_NOTES
-    return (
-        notes
-        if more <= 0
-        else (*notes[:_MOST_NOTES], f"{more} more designs have scenes that end too early")
-    )
+    return tuple(ready), list(filter(None, notes))
 
 
 def _detection_notes(scenes: Sequence[Scene]) -> Iterator[str]:
@@ -170,20 +187,20 @@ def _detection_notes(scenes: Sequence[Scene]) -> Iterator[str]:
 
 
 def _end_note(plan: Plan) -> str:
-    """Return what is wrong with the end of a scene for metrics of predicted impacts, "" for
-    nothing.
+    """Return a note on the end of a scene that is too early for metrics of predicted impacts, or
+    "".
     """
     launches = len(plan.scene.targets)
     if not launches:
         return ""
-    last = int(np.argmax(plan.targets.burnout_s[:launches]))
-    after_s = plan.scene.duration_s - float(plan.targets.burnout_s[last])
+    target = int(np.argmax(plan.targets.burnout_s[:launches]))
+    after_s = plan.scene.duration_s - float(plan.targets.burnout_s[target])
     if after_s >= AFTER_BURNOUT_S:
         return ""
     where = f"{-after_s:.0f} s before" if after_s < 0.0 else f"{after_s:.0f} s after"
     return (
         f"the scene ends at {plan.scene.duration_s:g} s, {where} the burnout of"
-        f" {plan.targets.ids[last]}:"
+        f" {plan.targets.ids[target]}:"
         f" impact regions shrink when a burnout is recognised; let it last {AFTER_BURNOUT_S:.0f} s"
         f" longer than the burn"
     )
@@ -200,17 +217,12 @@ def built_executor(study: Study, context: ExecutorContext, host: Host | None = N
 
 def _compiled(study: Study, design: Design, host: Host) -> Plan:
     fixed = [f"{path}={override_text(value)}" for path, value in study.overrides.items()]
-    overrides, chosen = parted([*fixed, *design.overrides])
+    overrides, subset = parted([*fixed, *design.overrides])
     if isinstance(study.scene, Mapping):
         scene = scene_from_mapping(study.scene, overrides=overrides, host=host)
     else:
         scene = load_scene(study.scene, overrides=overrides, host=host)
-    return compile_plan(evolve(with_subset(scene, chosen), outputs=()), host)
-
-
-def _cut_short(problems: Sequence[Problem]) -> Sequence[Problem]:
-    rest = len(problems) - _MOST_PROBLEMS
-    return [*problems[:_MOST_PROBLEMS], *([Problem("", f"and {rest} more")] if rest > 0 else [])]
+    return compile_plan(evolve(with_subset(scene, subset), outputs=()), host)
 
 
 def _numbered(names: Sequence[str]) -> tuple[str, ...]:
@@ -221,10 +233,9 @@ def _numbered(names: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _scene_name(study: Study) -> str:
-    return (
-        str(study.scene.get("scene", "")) if isinstance(study.scene, Mapping) else str(study.scene)
-    )
+def _name(study: Study) -> str:
+    is_block = isinstance(study.scene, Mapping)
+    return str(study.scene.get("scene", "") if is_block else study.scene)
 
 
 def _choice(hook: str, written: Any, path: str, host: Host) -> Choice:
@@ -236,7 +247,7 @@ def _choice(hook: str, written: Any, path: str, host: Host) -> Choice:
     if isinstance(written, Mapping) and len(written) == 1:
         ((name, settings),) = written.items()
     if not isinstance(name, str) or not name:
-        raise SceneError([Problem(path, "write a name, or {name: settings}")], source=source)
+        raise refusal(path, "write a name, or {name: settings}", source)
     node = node_of_data(settings or {})
     try:
         return reader.choice(
@@ -244,8 +255,8 @@ def _choice(hook: str, written: Any, path: str, host: Host) -> Choice:
         )
     except InvalidNode as refused:
         problems = [
-            Problem(f"{path}.{name}{'.' if each.path else ''}{each.path}", each.text)
-            for each in ordered(refused.complaints)
+            Problem(f"{path}.{name}{'.' if complaint.path else ''}{complaint.path}", complaint.text)
+            for complaint in ordered(refused.complaints)
         ]
         if problems:
             raise SceneError(problems, source=source) from None
@@ -258,26 +269,23 @@ def _owner(choice: Choice, host: Host) -> str:
 
 
 def _built_metric(choice: Choice, host: Host) -> Metric:
-    metric: Metric = host.component(MetricModel, choice.name).build(choice.config, MetricContext())
-    return metric
+    return host.component(MetricModel, choice.name).build(choice.config, MetricContext())
 
 
 def _require_split(study: Study) -> None:
     if study.split and study.split not in study.vary:
         words = f"{study.split!r} does not vary; {', '.join(study.vary) or 'nothing'} does"
-        raise SceneError([Problem("split", words)], source=f"study {study.study}")
+        raise refusal("split", words, f"study {study.study}")
 
 
-def _require_distinct(metrics: Sequence[Metric], study: Study) -> None:
+def _require_distinct(metrics: Sequence[Metric], source: str) -> None:
     names = [name for metric in metrics for name in metric.units]
     twice = sorted({name for name in names if names.count(name) > 1})
     reserved = sorted(set(names) & {"key", "replicate", "seed", "run_time_s", "design"})
-    if twice or reserved or not names:
-        words = (
-            f"two metrics give {twice[0]}"
-            if twice
-            else f"{reserved[0]} is reserved"
-            if reserved
-            else "name one at least"
-        )
-        raise SceneError([Problem("metrics", words)], source=f"study {study.study}")
+    words = [
+        *(f"two metrics give {name}" for name in twice),
+        *(f"{name} is reserved" for name in reserved),
+        *([] if names else ["name one at least"]),
+    ]
+    if words:
+        raise refusal("metrics", words[0], source)

@@ -13,7 +13,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.errors import Problem, SceneError, nearest
+from opir_core.errors import nearest
+from opir_studies.refusals import refusal
 
 _FORM = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>|≤|≥)\s*(\S+)\s*")
 
@@ -40,7 +41,7 @@ class FigureRequirement:
 
         A mean that is nan, or of a share below 1, does not.
         """
-        met = [self.violation(float(each)) == 0.0 for each in means]
+        met = [self.violation(float(mean)) == 0.0 for mean in means]
         return np.array(met) & (shares == 1.0)
 
     def __str__(self) -> str:
@@ -69,7 +70,7 @@ def _requirement(text: str, path: str, units: Mapping[str, str], source: str) ->
         words = (
             f"{text!r} is not FIGURE >= VALUE or FIGURE <= VALUE, such as 'warning_time_s >= 900'"
         )
-        raise SceneError([Problem(path, words)], source=source)
+        raise refusal(path, words, source)
     require_figures([match[1]], path, units, source)
     return FigureRequirement(match[1], limit, match[2] in (">", ">=", "≥"))
 
@@ -82,4 +83,4 @@ def require_figures(names: Sequence[str], path: str, units: Mapping[str, str], s
                 f"no metric of the study gives {name!r}{nearest(name, units)}; there are"
                 f" {', '.join(units)}"
             )
-            raise SceneError([Problem(path, words)], source=source)
+            raise refusal(path, words, source)

@@ -19,11 +19,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from attrs import asdict, frozen
 
-from opir_core.errors import Problem, SceneError, reason_of
+from opir_core.errors import reason_of
 from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
 from opir_studies.axes import Level
 from opir_studies.parts import parquet_bytes
 from opir_studies.planning import PlannedStudy
+from opir_studies.refusals import refusal
 from opir_studies.runs import RunRecord
 from opir_studies.statistics import difference_of, figures_of
 
@@ -71,8 +72,7 @@ class StudyResult:
     @property
     def units(self) -> Mapping[str, str]:
         """Return the units of the figures by name."""
-        units: Mapping[str, str] = self.definition["figures"]
-        return units
+        return self.definition["figures"]
 
     def rows(self, figure: str) -> list[dict[str, Any]]:
         """Return the rows of a figure, one per design; raises `KeyError` for an unknown figure."""
@@ -85,10 +85,10 @@ class StudyResult:
         tables show them.
         """
         low, high = self.definition["bounds"][figure]
-        least = -math.inf if low is None else low
-        most = math.inf if high is None else high
+        lowest = -math.inf if low is None else low
+        largest = math.inf if high is None else high
         return [
-            {**row, "low_95": max(row["low_95"], least), "high_95": min(row["high_95"], most)}
+            {**row, "low_95": max(row["low_95"], lowest), "high_95": min(row["high_95"], largest)}
             for row in self.rows(figure)
         ]
 
@@ -118,7 +118,7 @@ def load_study(folder: str | Path) -> StudyResult:
         )
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
-        raise SceneError([Problem("", words)], source=str(place)) from error
+        raise refusal("", words, str(place)) from error
     except (
         ValueError,
         LookupError,
@@ -131,7 +131,7 @@ def load_study(folder: str | Path) -> StudyResult:
             f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are"
             f" kept"
         )
-        raise SceneError([Problem("", words)], source=str(place)) from error
+        raise refusal("", words, str(place)) from error
 
 
 def written_result(
@@ -187,7 +187,7 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         "figures": dict(planned.units),
         "shares": dict(planned.shares),
         "shown": list(study.show),
-        "requirements": [asdict(each) for each in planned.requirements],
+        "requirements": [asdict(planned_design) for planned_design in planned.requirements],
         "notes": list(planned.notes),
         "settings": json.loads(
             json.dumps(dict(planned.settings))
@@ -198,14 +198,16 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         },
         "designs": [
             {
-                "design": each.design.number,
+                "design": planned_design.design.number,
                 **{
                     path: level.label
-                    for path, level in zip(each.design.paths, each.design.levels, strict=True)
+                    for path, level in zip(
+                        planned_design.design.paths, planned_design.design.levels, strict=True
+                    )
                 },
-                "runs_of": each.identity,
+                "runs_of": planned_design.identity,
             }
-            for each in planned.designs
+            for planned_design in planned.designs
         ],
     }
 
@@ -214,33 +216,29 @@ def _bounds(planned: PlannedStudy, runs: pa.Table) -> dict[str, list[float | Non
     """Return the bounds of each figure's mean: 0 where no run has less, and 1 of shares; None for
     no bound.
     """
-    is_least = {
-        name: not any(value < 0.0 for value in runs[name].to_pylist()) for name in planned.units
-    }
-    is_share = {
-        name: name.startswith(_SHARES) or name in planned.shares.values() for name in planned.units
-    }
-    return {
-        name: [0.0 if is_least[name] else None, 1.0 if is_share[name] else None]
-        for name in planned.units
-    }
+    shares = set(planned.shares.values())
+    bounds = dict[str, list[float | None]]()
+    for name in planned.units:
+        is_negative = any(value < 0.0 for value in runs[name].to_pylist())
+        is_share = name.startswith(_SHARES) or name in shares
+        bounds[name] = [None if is_negative else 0.0, 1.0 if is_share else None]
+    return bounds
 
 
 def _labels(planned: PlannedStudy, counts: Sequence[int]) -> dict[str, pa.Array]:
     """Return the columns of the designs: the number, and the label of each path, repeated `counts`
     times.
     """
-    designs = [each.design for each in planned.designs]
-    repeated = np.repeat(np.arange(len(designs)), counts).tolist()
-    columns = {"design": pa.array(repeated, pa.int64())}
+    designs = [design.design for design in planned.designs]
+    rows = np.repeat(np.arange(len(designs)), counts).tolist()
+    columns = {"design": pa.array(rows, pa.int64())}
     for place, path in enumerate(designs[0].paths):
-        levels = [design.levels[place] for design in designs]
-        labels = _same_kind(levels)
-        columns[path] = pa.array([labels[row] for row in repeated])
+        labels = _labels_of_one_kind([design.levels[place] for design in designs])
+        columns[path] = pa.array([labels[row] for row in rows])
     return columns
 
 
-def _same_kind(levels: Sequence[Level]) -> list[Any]:
+def _labels_of_one_kind(levels: Sequence[Level]) -> list[Any]:
     """Return labels as numbers if all are, else as text."""
     labels = [level.label for level in levels]
     if all(isinstance(label, int | float) and not isinstance(label, bool) for label in labels):
@@ -252,13 +250,13 @@ def _same_kind(levels: Sequence[Level]) -> list[Any]:
 
 
 def _runs_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
-    kept = [[record for record in each if record is not None] for each in records]
-    every = [record for each in kept for record in each]
-    columns = _labels(planned, [len(each) for each in kept])
-    columns["replicate"] = pa.array([record.replicate for record in every], pa.int64())
-    columns["seed"] = pa.array([record.seed for record in every], pa.int64())
+    finished = [list(filter(None, runs)) for runs in records]
+    runs = [run for runs in finished for run in runs]
+    columns = _labels(planned, list(map(len, finished)))
+    columns["replicate"] = pa.array([run.replicate for run in runs], pa.int64())
+    columns["seed"] = pa.array([run.seed for run in runs], pa.int64())
     for place, name in enumerate(planned.units):
-        columns[name] = pa.array([record.values[place] for record in every], pa.float64())
+        columns[name] = pa.array([run.values[place] for run in runs], pa.float64())
     return pa.table(columns)
 
 
@@ -266,28 +264,31 @@ def _results_table(
     planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]
 ) -> pa.Table:
     units = planned.units
+    values = [_values(runs, len(units)) for runs in records]
     rows = list[dict[str, Any]]()
-    values = [_values(each, len(units)) for each in records]
-    for each, own, found in zip(planned.designs, values, records, strict=True):
-        finished = own[[record is not None for record in found]]
+    for design, runs, columns in zip(planned.designs, records, values, strict=True):
+        finished = columns[[run is not None for run in runs]]
         seeds = {
             "runs": len(finished),
-            "first_seed": each.scene.seed,
-            "last_seed": each.scene.seed + len(own) - 1,
+            "first_seed": design.scene.seed,
+            "last_seed": design.scene.seed + len(columns) - 1,
         }
-        for place, (name, unit) in enumerate(units.items()):
-            share = planned.share_of(finished, name)
-            difference = difference_of(own[:, place], values[0][:, place])
-            row = {
+        rows += [
+            {
                 "figure": name,
                 "unit": unit,
                 **seeds,
-                "share": share,
-                **figures_of(own[:, place]),
-                **difference,
+                "share": planned.share_of(finished, name),
+                **figures_of(columns[:, place]),
+                **difference_of(columns[:, place], values[0][:, place]),
             }
-            rows.append(row)
-    columns = _labels(planned, [len(units)] * len(records))
+            for place, (name, unit) in enumerate(units.items())
+        ]
+    return _table(_labels(planned, [len(units)] * len(records)), rows)
+
+
+def _table(columns: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Return a table of columns, and of rows that follow them."""
     return pa.table(
         {**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}}
     )
@@ -295,20 +296,17 @@ def _results_table(
 
 def _values(records: Sequence[RunRecord | None], figures: int) -> Any:
     """Return the values (runs, figures), nan for runs that failed."""
-    none = (np.nan,) * figures
-    rows = [none if record is None else record.values for record in records]
+    nothing = (np.nan,) * figures
+    rows = [record.values if record else nothing for record in records]
     return np.array(rows, dtype=np.float64).reshape(-1, figures)
 
 
 def _times_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
-    times = [
-        np.array([record.run_time_s for record in each if record is not None]) for each in records
+    rows = [
+        {"unit": "s", **figures_of(np.array([run.run_time_s for run in filter(None, runs)]))}
+        for runs in records
     ]
-    rows = [figures_of(each) for each in times]
-    columns = {**_labels(planned, [1] * len(records)), "unit": pa.array(["s"] * len(rows))}
-    return pa.table(
-        {**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}}
-    )
+    return _table(_labels(planned, [1] * len(records)), rows)
 
 
 def _csv_bytes(table: pa.Table) -> bytes:

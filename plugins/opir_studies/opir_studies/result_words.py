@@ -27,12 +27,12 @@ def cell(row: Mapping[str, Any]) -> str:
     return text if row["share"] == 1.0 or text == "-" else f"{text} ({percent_text(row['share'])})"
 
 
-def difference_cell(row: Mapping[str, Any], first: Mapping[str, Any]) -> str:
+def difference_cell(row: Mapping[str, Any], reference: Mapping[str, Any]) -> str:
     """Return the difference of two means; the shares that they are of follow if one is not all."""
     text = _interval_text(row, "difference", "difference_low_95", "difference_high_95")
-    if row["share"] == first["share"] == 1.0 or text == "-":
+    if row["share"] == reference["share"] == 1.0 or text == "-":
         return text
-    return f"{text} ({percent_text(row['share'])} minus {percent_text(first['share'])})"
+    return f"{text} ({percent_text(row['share'])} minus {percent_text(reference['share'])})"
 
 
 def share_lines(result: StudyResult, figures: Sequence[str]) -> Sequence[str]:
@@ -44,9 +44,9 @@ def share_lines(result: StudyResult, figures: Sequence[str]) -> Sequence[str]:
     lines = []
     runs = result.runs.num_rows
     for of, are_of in (("launches", True), ("runs", False)):
-        own = [name for name in partial if (name in result.definition["shares"]) == are_of]
-        counts = ", ".join(f"{name} in {with_value[name]}" for name in own)
-        if own:
+        names = [name for name in partial if (name in result.definition["shares"]) == are_of]
+        counts = ", ".join(f"{name} in {with_value[name]}" for name in names)
+        if names:
             lines.append(
                 f"(%): the mean is over that share of the {of}. With a value: {counts} of {runs}"
                 f" runs"
@@ -59,13 +59,13 @@ def verdict_lines(result: StudyResult) -> Sequence[str]:
     designs = result.definition["designs"]
     names = np.array([", ".join(str(design[path]) for path in result.paths) for design in designs])
     lines = []
-    for each in result.definition["requirements"]:
-        required = FigureRequirement(**each)
-        rows = result.rows(each["figure"])
+    for settings in result.definition["requirements"]:
+        required = FigureRequirement(**settings)
+        rows = result.rows(settings["figure"])
         means, shares = (np.array([row[key] for row in rows]) for key in ("mean", "share"))
         met = required.is_met(means, shares)
         by_others = required.is_met(means, np.ones(len(rows))) & ~met
-        named = [f"({'; '.join(few)})"] if (few := _few(names[met].tolist())) else []
+        named = [f"({'; '.join(examples)})"] if (examples := _few(names[met].tolist())) else []
         lines.append(
             " ".join([f"{required}: met by {met.sum()} of {len(designs)} designs", *named])
         )
@@ -77,9 +77,9 @@ def verdict_lines(result: StudyResult) -> Sequence[str]:
             words = [
                 ": ".join(filter(None, pair)) for pair in zip(names.tolist(), counts, strict=True)
             ]
-            few = _few(np.array(words)[by_others].tolist())
+            examples = _few(np.array(words)[by_others].tolist())
             lines.append(
-                f"  not by a mean over some, as {of} without the figure miss it: {'; '.join(few)}"
+                f"  not by a mean over some, as {of} without the figure miss it: {'; '.join(examples)}"
             )
     return ["\n".join(lines)] if lines else []
 

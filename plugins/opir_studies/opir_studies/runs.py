@@ -78,16 +78,18 @@ def result_of(task: RunTask) -> TaskResult:
     """Return the records of a task: the function that executors run."""
     records = tuple(_record(task, number) for number in task.replicates)
     plugins = {
-        each.distribution: each.version for each in worker_host().used() if each.distribution
+        plugin.distribution: plugin.version
+        for plugin in worker_host().used()
+        if plugin.distribution
     }
     return TaskResult({"opir-core": __version__, "numpy": np.__version__, **plugins}, records)
 
 
 def installed_version(name: str) -> str:
     """Return the version of a distribution in this process, "none" if it has none."""
-    ours = {"opir-core": __version__, "numpy": np.__version__}
+    versions = {"opir-core": __version__, "numpy": np.__version__}
     with suppress(PackageNotFoundError):
-        return ours.get(name) or version(name)
+        return versions.get(name) or version(name)
     return "none"
 
 
@@ -130,24 +132,26 @@ def identity_of(
     These are the scene, the files that it reads, opir-core, the plugins of its components, and the
     metrics: name, settings, owner and figures of each.
     """
-    owners = sorted({(part["distribution"], part["version"]) for part in components_used(plan)})
+    owners = sorted(
+        {(component["distribution"], component["version"]) for component in components_used(plan)}
+    )
     files = run_files(plan)
-    parts = [
+    contents = [
         scene_hash(plan.scene),
         files,
         SCHEME,
         __version__,
         owners,
-        [list(each) for each in metrics],
+        [list(metric) for metric in metrics],
     ]
-    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(contents, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def run_files(plan: Plan) -> list[Any]:
     """Return the files that a plan's trajectories were read from, with their hashes, as in the
     manifest.
     """
-    return [file for part in plan.targets.trajectories for file in part.files]
+    return [file for trajectory in plan.targets.trajectories for file in trajectory.files]
 
 
 def run_key(identity: str, replicate: int) -> str:

@@ -55,7 +55,7 @@ class DesignSearch:
     levels: tuple[int, ...]
     is_ordered: tuple[bool, ...]
     seed: int
-    found: dict[Point, Outcome] = field(factory=dict)
+    outcomes: dict[Point, Outcome] = field(factory=dict)
     _study: Any = field(init=False)
     _rng: np.random.Generator = field(init=False)
 
@@ -66,26 +66,26 @@ class DesignSearch:
     @property
     def best(self) -> Point:
         """The best design so far; the earliest of equals."""
-        return min(self.found, key=self.found.__getitem__)
+        return min(self.outcomes, key=self.outcomes.__getitem__)
 
     def run(
-        self, evaluations: int, outcomes: Callable[[Sequence[Point]], Sequence[Outcome]]
+        self, evaluations: int, evaluate: Callable[[Sequence[Point]], Sequence[Outcome]]
     ) -> None:
         """Evaluate designs, a batch at a time, until there are `evaluations` of them or none is
         left.
         """
-        most = min(evaluations, int(np.prod(self.levels, dtype=np.float64)))
-        while len(self.found) < most:
-            near = (
+        limit = min(evaluations, int(np.prod(self.levels, dtype=np.float64)))
+        while len(self.outcomes) < limit:
+            neighbours = (
                 []
-                if len(self.found) < _EXPLORING * evaluations
+                if len(self.outcomes) < _EXPLORING * evaluations
                 else list(self._neighbours(self.best))
             )
-            trials = [] if near else self._asked(min(BATCH, most - len(self.found)))
-            points = near[: most - len(self.found)] or [point for _, point in trials]
-            self.found.update(zip(points, outcomes(points), strict=True))
+            trials = [] if neighbours else self._asked(min(BATCH, limit - len(self.outcomes)))
+            points = neighbours[: limit - len(self.outcomes)] or [point for _, point in trials]
+            self.outcomes.update(zip(points, evaluate(points), strict=True))
             for trial, point in trials:
-                self._tell(trial, self.found[point])
+                self._tell(trial, self.outcomes[point])
 
     def _neighbours(self, point: Point) -> Iterator[Point]:
         """Yield designs not evaluated yet that differ by one step of a number, or by any other
@@ -93,10 +93,10 @@ class DesignSearch:
         """
         for axis, (place, count) in enumerate(zip(point, self.levels, strict=True)):
             steps = (place - 1, place + 1) if self.is_ordered[axis] else range(count)
-            for each in steps:
-                other = (*point[:axis], each, *point[axis + 1 :])
-                if 0 <= each < count and other not in self.found:
-                    yield other
+            for level in steps:
+                neighbour = (*point[:axis], level, *point[axis + 1 :])
+                if 0 <= level < count and neighbour not in self.outcomes:
+                    yield neighbour
 
     def _asked(self, count: int) -> list[tuple[Any, Point]]:
         """Return trials of Optuna with designs that were not evaluated.
@@ -104,24 +104,24 @@ class DesignSearch:
         Optuna may suggest a design again: it is given the outcome of that design if there is one,
         and asked anew.
         """
-        asked: dict[Point, Any] = {}
+        suggestions: dict[Point, Any] = {}
         repeated = 0
-        while len(asked) < count:
+        while len(suggestions) < count:
             trial = self._study.ask()
             point = self._suggested(trial)
             if repeated >= _REPEATED:
                 self._study.tell(trial, state=_failed())
                 trial = None
                 point = self._drawn()
-            if point in self.found or point in asked:
+            if point in self.outcomes or point in suggestions:
                 repeated += 1
-                if trial is not None and point in self.found:
-                    self._tell(trial, self.found[point])
+                if trial is not None and point in self.outcomes:
+                    self._tell(trial, self.outcomes[point])
                 elif trial is not None:
                     self._study.tell(trial, state=_failed())
                 continue
-            asked[point] = trial
-        return [(trial, point) for point, trial in asked.items()]
+            suggestions[point] = trial
+        return [(trial, point) for point, trial in suggestions.items()]
 
     def _suggested(self, trial: Any) -> Point:
         return tuple(

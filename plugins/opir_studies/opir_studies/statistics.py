@@ -14,16 +14,16 @@ def interval(values: FloatArray) -> tuple[float, float, float]:
 
     The interval is nan for fewer than two values.
     """
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return np.nan, np.nan, np.nan
-    mean = float(known.mean())
-    if len(known) < 2:
+    mean = float(finite.mean())
+    if len(finite) < 2:
         return mean, np.nan, np.nan
     from scipy.special import stdtrit  # lazily: reading a result needs no SciPy
 
     half = float(
-        stdtrit(len(known) - 1, 0.5 + 0.5 * _LEVEL) * known.std(ddof=1) / np.sqrt(len(known))
+        stdtrit(len(finite) - 1, 0.5 + 0.5 * _LEVEL) * finite.std(ddof=1) / np.sqrt(len(finite))
     )
     return mean, mean - half, mean + half
 
@@ -46,17 +46,17 @@ def figures_of(values: FloatArray) -> dict[str, Any]:
 
     All but the count are of the runs that have a value: `share_with_value` belongs beside them.
     """
-    known = values[np.isfinite(values)]
+    finite = values[np.isfinite(values)]
     mean, low, high = interval(values)
     low_10, median, high_90 = (
-        np.quantile(known, [0.1, 0.5, 0.9]).tolist() if len(known) else [np.nan] * 3
+        np.quantile(finite, [0.1, 0.5, 0.9]).tolist() if len(finite) else [np.nan] * 3
     )
     return {
-        "runs_with_value": len(known),
+        "runs_with_value": len(finite),
         "mean": mean,
         "low_95": low,
         "high_95": high,
-        "sd": float(known.std(ddof=1)) if len(known) > 1 else np.nan,
+        "sd": float(finite.std(ddof=1)) if len(finite) > 1 else np.nan,
         "q10": low_10,
         "median": median,
         "q90": high_90,

@@ -10,6 +10,7 @@ from opir_core.errors import Problem, SceneError, reason_of
 from opir_core.plugin import nested, number, text
 from opir_core.reading import InvalidNode, class_reader, complaints_inside, node_of_yaml, ordered
 from opir_core.scene import file_bytes, text_of
+from opir_studies.refusals import refusal
 
 FACTORIAL, ONE_AT_A_TIME, LATIN_HYPERCUBE = DESIGNS = (
     "factorial",
@@ -130,14 +131,14 @@ def read_study(path: str | Path) -> Study:
             raise InvalidNode(complaints)
         study: Study = class_reader(Study).made(root, ())
     except InvalidNode as refused:
-        problems = [Problem(each.path, each.text) for each in ordered(refused.complaints)]
+        problems = [
+            Problem(complaint.path, complaint.text) for complaint in ordered(refused.complaints)
+        ]
         raise SceneError(problems, source=str(path)) from None
     except OSError as error:
-        raise SceneError(
-            [Problem("", f"cannot be read: {reason_of(error)}")], source=str(path)
-        ) from None
+        raise refusal("", f"cannot be read: {reason_of(error)}", str(path)) from None
     except ValueError as error:
-        raise SceneError([Problem("", str(error))], source=str(path)) from None
+        raise refusal("", str(error), str(path)) from None
     if isinstance(study.scene, str):
         return evolve(study, scene=str(place.parent / study.scene))
     return study

@@ -12,17 +12,17 @@ from typing import Any
 from attrs import evolve
 
 from opir_core.cli import grouped, table
-from opir_core.errors import Problem, SceneError, install_command
+from opir_core.errors import install_command
 from opir_core.host import ended_if_stuck
-from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
-from opir_studies.axes import AxisError, vary_of_text
+from opir_core.reading import InvalidNode
+from opir_studies.axes import AxisError, value_of_text, vary_of_text
+from opir_studies.refusals import refusal, require_positive
 from opir_studies.result import RESULTS_CSV, StudyResult
 from opir_studies.result_words import cell, difference_cell, share_lines, verdict_lines
 from opir_studies.study import Study, is_study, read_study
 from opir_studies.subsets import SUBSET_PATHS
 from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
 
-_HERE = "command line"
 #: The most designs that are printed; all are in the files.
 _MOST_ROWS = 40
 #: Columns of a terminal that a table fills.
@@ -36,9 +36,9 @@ def sweep(arguments: argparse.Namespace) -> int:
     write_report = report_writer(arguments)
     study = study_of(arguments)
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
-    given = {"workers": arguments.workers, "dead_after_s": arguments.dead_after}
+    limits = {"workers": arguments.workers, "dead_after_s": arguments.dead_after}
     with watched_runs(arguments, folder) as on_progress:
-        result = result_of_sweep(study, folder, **given, on_progress=on_progress)
+        result = result_of_sweep(study, folder, **limits, on_progress=on_progress)
     written = write_report(folder)
     if arguments.quiet:
         return 0
@@ -65,7 +65,7 @@ def report_writer(arguments: argparse.Namespace) -> Callable[[Path], Sequence[st
         from opir_report import write_study_figures, write_study_report  # takes a second
     except ImportError as error:
         flag = "--report" if page is not None else "--figures"
-        raise _refused(flag, f"needs opir-report; {install_command('opir-report')}") from error
+        raise refusal(flag, f"needs opir-report; {install_command('opir-report')}") from error
 
     def write(folder: Path) -> Sequence[str]:
         lines = []
@@ -83,65 +83,52 @@ def study_of(arguments: argparse.Namespace) -> Study:
     """Return the study of the arguments: that of the file, or of a scene, with what the command
     line changes.
     """
-    if arguments.workers is not None and arguments.workers < 1:
-        raise _refused(
-            "--workers", f"{arguments.workers} is not a number of workers; give 1 or more"
-        )
+    if arguments.workers is not None:
+        require_positive("--workers", arguments.workers, "workers")
     path = arguments.study
     study = read_study(path) if is_study(path) else Study(scene=path, study=Path(path).stem)
-    changes = {
-        name: getattr(arguments, name)
-        for name in ("runs", "executor", "until", "design", "samples", "seed")
-    }
-    changes = {name: value for name, value in changes.items() if value is not None}
-    vary = dict(study.vary)
-    overrides = dict(study.overrides)
-    for words in arguments.vary:
-        try:
-            axis, values = vary_of_text(words)
-        except AxisError as error:
-            raise _refused("--vary", str(error)) from error
-        vary[axis] = values
-    for words in arguments.overrides:
-        axis, equals, text = words.partition("=")
-        if not equals:
-            raise _refused("--set", f"{words!r} has no '='; write PATH=VALUE")
-        overrides[axis.strip()] = _value("--set", text)
-    metrics = tuple(_value("--metric", words) for words in arguments.metrics) or study.metrics
-    if "executor" in changes:
-        changes["executor"] = _value("--executor", changes["executor"])
-    show = tuple(arguments.show) or study.show
-    requirements = tuple(arguments.requirements) or study.requirements
+    metrics = tuple(_value("--metric", words) for words in arguments.metrics)
     study = evolve(
-        study, vary=vary, overrides=overrides, metrics=metrics, show=show, requirements=requirements
+        study,
+        vary={**study.vary, **dict(map(_vary, arguments.vary))},
+        overrides={**study.overrides, **dict(map(_override, arguments.overrides))},
+        metrics=metrics or study.metrics,
+        show=tuple(arguments.show) or study.show,
+        requirements=tuple(arguments.requirements) or study.requirements,
     )
-    for name, value in changes.items():
+    for name in ("runs", "executor", "until", "design", "samples", "seed"):
+        value = getattr(arguments, name)
+        if value is None:
+            continue
+        if name == "executor":
+            value = _value("--executor", value)
         try:
             study = evolve(study, **{name: value})
         except ValueError as error:
-            raise _refused(f"--{name}", str(error)) from error
+            raise refusal(f"--{name}", str(error)) from error
     return study
 
 
-def _value(flag: str, text: str) -> Any:
-    plain = text.strip()
+def _vary(words: str) -> tuple[str, Any]:
     try:
-        node = (
-            node_of_yaml(plain, plain)
-            if plain[:1] in tuple("'\"[{")
-            else node_of_scalar(plain, plain)
-        )
-        return data_of_node(node)
+        return vary_of_text(words)
+    except AxisError as error:
+        raise refusal("--vary", str(error)) from error
+
+
+def _override(words: str) -> tuple[str, Any]:
+    path, equals, text = words.partition("=")
+    if not equals:
+        raise refusal("--set", f"{words!r} has no '='; write PATH=VALUE")
+    return path.strip(), _value("--set", text)
+
+
+def _value(flag: str, text: str) -> Any:
+    try:
+        return value_of_text(text)
     except (InvalidNode, IndexError) as refused:
-        words = (
-            "; ".join(each.message for each in getattr(refused, "complaints", ()))
-            or "a value is missing"
-        )
-        raise _refused(flag, words) from refused
-
-
-def _refused(path: str, words: str) -> SceneError:
-    return SceneError([Problem(path, words)], source=_HERE)
+        complaints = [complaint.message for complaint in getattr(refused, "complaints", ())]
+        raise refusal(flag, "; ".join(complaints) or "a value is missing") from refused
 
 
 @contextmanager
@@ -196,7 +183,7 @@ def as_text(result: StudyResult) -> str:
     A mean over some of the launches, or runs, has their share in brackets. Figures that have one
     value in all runs are a line of text below the table.
     """
-    shown, same = _shown(result)
+    shown, constant = _shown(result)
     rows = {name: result.shown_rows(name) for name in result.units}
     designs = result.definition["designs"]
     head = [*map(_short, result.paths), "runs", *shown]
@@ -217,7 +204,7 @@ def as_text(result: StudyResult) -> str:
             *_tables(head, body, len(head) - len(shown)),
             *([f"and {more} more designs"] if more > 0 else []),
             *share_lines(result, shown),
-            *([f"In every run: {', '.join(same)}"] if same else []),
+            *([f"In every run: {', '.join(constant)}"] if constant else []),
             *_differences(result, shown, rows),
             f"All figures: {result.folder / RESULTS_CSV}",
         ]
@@ -226,18 +213,22 @@ def as_text(result: StudyResult) -> str:
 
 def _shown(result: StudyResult) -> tuple[Sequence[str], Sequence[str]]:
     """Return the figures of the table, and in words those that have one value in all runs."""
-    asked = result.definition["shown"]
-    if asked:
-        return asked, []
-    first = [names[0] for names in result.definition["metrics"].values()]
-    values = {name: set(result.runs[name].to_pylist()) for name in first}
-    whole = [name for name in first if all(row["share"] == 1.0 for row in result.rows(name))]
-    same = [
-        name for name in whole if len(values[name]) == 1 and len(result.definition["designs"]) > 1
+    requested = result.definition["shown"]
+    if requested:
+        return requested, []
+    leading = [names[0] for names in result.definition["metrics"].values()]
+    values = {name: set(result.runs[name].to_pylist()) for name in leading}
+    complete = [name for name in leading if all(row["share"] == 1.0 for row in result.rows(name))]
+    constant = [
+        name
+        for name in complete
+        if len(values[name]) == 1 and len(result.definition["designs"]) > 1
     ]
-    words = [f"{name} {next(iter(values[name])):g} {result.units[name]}".strip() for name in same]
-    varying = [name for name in first if name not in same][:_MOST_FIGURES]
-    return (varying, words) if varying else (first[:_MOST_FIGURES], [])
+    words = [
+        f"{name} {next(iter(values[name])):g} {result.units[name]}".strip() for name in constant
+    ]
+    varying = [name for name in leading if name not in constant][:_MOST_FIGURES]
+    return (varying, words) if varying else (leading[:_MOST_FIGURES], [])
 
 
 def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> Sequence[str]:
@@ -247,16 +238,18 @@ def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> S
     widths = [max(len(row[column]) for row in (head, *body)) + 2 for column in range(len(head))]
     room = _WIDEST - sum(widths[:fixed])
     groups = [[fixed]]
-    left = room - widths[fixed]
+    space = room - widths[fixed]
     for column in range(fixed + 1, len(head)):
-        if widths[column] > left:
+        if widths[column] > space:
             groups.append([])
-            left = room
+            space = room
         groups[-1].append(column)
-        left -= widths[column]
+        space -= widths[column]
     places = [[*range(fixed), *group] for group in groups]
     return [
-        table([head[each] for each in row], [[cells[each] for each in row] for cells in body])
+        table(
+            [head[column] for column in row], [[cells[column] for column in row] for cells in body]
+        )
         for row in places
     ]
 
@@ -295,8 +288,10 @@ def _differences(
 def _short(path: str) -> str:
     if path in SUBSET_PATHS:
         return path
-    *_, before, last = ["", *path.split(".")]
-    return f"{before}.{last}" if last.isupper() else last  # a target class says little alone
+    *_, parent, setting = ["", *path.split(".")]
+    return (
+        f"{parent}.{setting}" if setting.isupper() else setting
+    )  # a target class says little alone
 
 
 def _plain(result: StudyResult) -> Mapping[str, Any]:

@@ -5,12 +5,13 @@ from pathlib import Path
 
 from attrs import define, field, frozen
 
-from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.errors import OpirError
 from opir_core.host import DEAD_AFTER_S
 from opir_core.plugin import Executor, ExecutorContext
 from opir_studies.executors import LostTasksError
 from opir_studies.parts import PARTS, Parts, remove_unfinished
 from opir_studies.planning import PlannedDesign, PlannedStudy, built_executor, planned_study
+from opir_studies.refusals import cut_short, refusal
 from opir_studies.result import StudyResult, written_result
 from opir_studies.runs import RunRecord, RunTask, TaskResult, installed_version, result_of
 from opir_studies.study import Study
@@ -60,10 +61,10 @@ def sweep(
     planned = planned_study(study)
     place = Path(folder)
     remove_unfinished(place)
-    wanted = {design.key(number) for design in planned.designs for number in range(study.runs)}
-    parts = Parts(place / PARTS, tuple(planned.units))
+    keys = {design.key(number) for design in planned.designs for number in range(study.runs)}
+    finished = Parts(place / PARTS, tuple(planned.units))
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
-    state = SweepState(planned, parts, parts.found(wanted), context, on_progress)
+    state = SweepState(planned, finished, finished.found(keys), context, on_progress)
     try:
         counts = state.run()
     finally:
@@ -71,7 +72,7 @@ def sweep(
     result = written_result(
         planned,
         place,
-        [state.records_of(*each) for each in zip(planned.designs, counts, strict=True)],
+        [state.records_of(*design) for design in zip(planned.designs, counts, strict=True)],
     )
     state.require_no_failure()
     return result
@@ -112,20 +113,16 @@ class SweepState:
 
     def records_of(self, design: PlannedDesign, count: int) -> Sequence[RunRecord | None]:
         """Return the records of the first runs of a design, None for those that failed."""
-        every = (self.records.get(design.key(number)) for number in range(count))
-        return [None if record is None or record.failure else record for record in every]
+        records = (self.records.get(design.key(number)) for number in range(count))
+        return [None if record is None or record.failure else record for record in records]
 
     def require_no_failure(self) -> None:
         """Raise `StudyError` with the runs that failed."""
-        if self.failures:
-            count = len(self.failures)
-            rest = len(self.failures) - _SHOWN
-            head = (
-                f"{count} run{'s' if count > 1 else ''} failed; the others are kept in"
-                f" {self.parts.folder.parent}"
-            )
-            more = [f"and {rest} more"] if rest > 0 else []
-            raise StudyError("\n  ".join([head, *self.failures[:_SHOWN], *more]))
+        count = len(self.failures)
+        if count:
+            runs = "runs" if count > 1 else "run"
+            head = f"{count} {runs} failed; the others are kept in {self.parts.folder.parent}"
+            raise StudyError("\n  ".join([head, *cut_short(self.failures, _SHOWN)]))
 
     def _is_narrow(self, place: int, number: int) -> bool:
         until = self.planned.until
@@ -172,12 +169,12 @@ class SweepState:
         ended, and why.
         """
         self.executor = self.executor or built_executor(self.planned.study, self.context)
-        given = [
+        runs = [
             RunTask(self.planned.designs[place].scene, numbers, self.planned.metrics)
             for place, numbers in tasks
         ]
         try:
-            for index, result in self.executor.results(result_of, given):
+            for index, result in self.executor.results(result_of, runs):
                 self._keep(tasks[index][0], result)
                 self._report(counts)
         except LostTasksError as error:
@@ -185,18 +182,16 @@ class SweepState:
 
     def _keep(self, place: int, result: TaskResult) -> None:
         for name, version in result.versions.items():
-            if version != (here := installed_version(name)):
-                words = (
-                    f"a worker has {name} {version}, and this is {here}; install the same on both"
-                )
-                raise SceneError([Problem("executor", words)], source="study")
+            if version != (installed := installed_version(name)):
+                words = f"a worker has {name} {version}, and this is {installed}; install the same on both"
+                raise refusal("executor", words, "study")
         design = self.planned.designs[place]
-        kept = {
+        finished = {
             design.key(record.replicate): record for record in result.records if not record.failure
         }
-        if kept:
-            self.parts.write(kept)
-        self.records.update(kept)
+        if finished:
+            self.parts.write(finished)
+        self.records.update(finished)
         for record in result.records:
             if record.failure:
                 self._fail(place, record.replicate, record.failure)

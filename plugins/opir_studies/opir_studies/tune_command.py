@@ -11,101 +11,102 @@ from typing import Any
 from opir_scoring import percent_text
 
 from opir_core.cli import prints_on_standard_error, table
-from opir_core.errors import Problem, SceneError
 from opir_core.host import ended_if_stuck
 from opir_studies.differences import MEASURES, OF_TRUTH
+from opir_studies.refusals import refusal, require_positive
 from opir_studies.tuning import Trial, Tuned, tune as tune_scene
 
 
 def tune(arguments: argparse.Namespace) -> int:
     """Choose the settings and print them; exit code 2 where no choice is within the errors."""
-    if arguments.runs < 1:
-        words = f"{arguments.runs} is not a number of runs; give 1 or more"
-        raise SceneError([Problem("--runs", words)], source="command line")
-    wanted = wanted_of(arguments)
+    require_positive("--runs", arguments.runs, "runs")
+    bounds = wanted_of(arguments)
     with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
-        found = tune_scene(
-            arguments.scene, wanted, overrides=arguments.overrides, runs=arguments.runs
+        choice = tune_scene(
+            arguments.scene, bounds, overrides=arguments.overrides, runs=arguments.runs
         )
     sys.stdout.write(
-        (as_json(found, wanted) if arguments.json else as_text(arguments.scene, found, wanted))
+        (as_json(choice, bounds) if arguments.json else as_text(arguments.scene, choice, bounds))
         + "\n"
     )
-    return 0 if found.meets else 2
+    return 0 if choice.meets else 2
 
 
 def wanted_of(arguments: argparse.Namespace) -> dict[str, float]:
     """Return the errors that the command line names."""
-    wanted = {}
+    bounds = {}
     for words in arguments.errors:
         name, _, text = words.partition("=")
         try:
-            wanted[name.strip()] = float(text)
+            bounds[name.strip()] = float(text)
         except ValueError:
-            problem = Problem(
-                "--error", f"{words!r} has no number; write NAME=VALUE, e.g. impact_km=1"
-            )
-            raise SceneError([problem], source="command line") from None
-    return wanted
+            remedy = "write NAME=VALUE, e.g. impact_km=1"
+            raise refusal("--error", f"{words!r} has no number; {remedy}") from None
+    return bounds
 
 
-def as_text(scene: str, found: Tuned, wanted: Mapping[str, float]) -> str:
+def as_text(scene: str, choice: Tuned, bounds: Mapping[str, float]) -> str:
     """Return the choice, its errors and its cost."""
     head = ["error", "wanted", "these settings", "the scene's own", "what it is"]
     rows = [
         [
             name,
             f"{bound:g}",
-            f"{found.checked.error(name):.2g}",
-            f"{found.given.error(name):.2g}",
+            f"{choice.checked.error(name):.2g}",
+            f"{choice.given.error(name):.2g}",
             MEASURES[name],
         ]
-        for name, bound in wanted.items()
+        for name, bound in bounds.items()
     ]
-    chosen = found.chosen.time_s
-    given = found.given.time_s
-    exact = found.exact.time_s
+    chosen_s = choice.chosen.time_s
+    own_s = choice.given.time_s
+    exact_s = choice.exact.time_s
     command = " ".join(
-        ["opir run", quote(scene), *(f"--set {quote(each)}" for each in found.overrides)]
+        ["opir run", quote(scene), *(f"--set {quote(override)}" for override in choice.overrides)]
     )
     cost = (
-        f"{chosen:.2f} s a run, {chosen / given:.2f} of the scene's own settings ({given:.2f} s),"
-        f" {chosen / exact:.2f} of the most exact ({exact:.2f} s); processor time"
+        f"{chosen_s:.2f} s a run, {chosen_s / own_s:.2f} of the scene's own settings ({own_s:.2f} s),"
+        f" {chosen_s / exact_s:.2f} of the most exact ({exact_s:.2f} s); processor time"
     )
     return "\n\n".join(
         [
             cost,
             table(head, rows, numbers=(1, 2, 3)),
-            *_not_asked(found, wanted),
-            *_from_truth(found),
-            _levels(found),
-            command if found.meets else "no settings are within the errors on other seeds",
+            *_not_asked(choice, bounds),
+            *_from_truth(choice),
+            _levels(choice),
+            command if choice.meets else "no settings are within the errors on other seeds",
         ]
     )
 
 
-def _not_asked(found: Tuned, wanted: Mapping[str, float]) -> list[str]:
+def _not_asked(choice: Tuned, bounds: Mapping[str, float]) -> list[str]:
     """Return the table of errors that were not asked for and are larger than with the scene's own
     settings, if any.
     """
     head = ["not asked for, and larger", "these settings", "the scene's own", "what it is"]
     rows = [
-        [name, f"{found.chosen.error(name):.2g}", f"{found.given.error(name):.2g}", MEASURES[name]]
-        for name in found.not_asked(wanted)
+        [
+            name,
+            f"{choice.chosen.error(name):.2g}",
+            f"{choice.given.error(name):.2g}",
+            MEASURES[name],
+        ]
+        for name in choice.not_asked(bounds)
     ]
     return [table(head, rows, numbers=(1, 2))] if rows else []
 
 
-def _from_truth(found: Tuned) -> list[str]:
+def _from_truth(choice: Tuned) -> list[str]:
     """Return the table of errors from the truth, if the scene has estimates whose truth is known.
 
     The share of launches with an estimate follows where it is not all.
     """
-    trials = (found.exact, found.chosen, found.given)
+    trials = (choice.exact, choice.chosen, choice.given)
     rows = [
-        [name, *(_with_share(each.from_truth[name], each.estimated[name]) for each in trials)]
+        [name, *(_with_share(trial.from_truth[name], trial.estimated[name]) for trial in trials)]
         for name in OF_TRUTH
-        if math.isfinite(found.exact.from_truth[name])
+        if math.isfinite(choice.exact.from_truth[name])
     ]
     head = ["error from the truth", "most exact", "these settings", "the scene's own"]
     return [table(head, rows, numbers=(1, 2, 3))] if rows else []
@@ -115,31 +116,36 @@ def _with_share(error: float, share: float) -> str:
     return f"{error:.2g}" if share == 1.0 else f"{error:.2g} ({percent_text(share)} of launches)"
 
 
-def _levels(found: Tuned) -> str:
+def _levels(choice: Tuned) -> str:
     """Return the table of the chosen levels."""
     rows = []
-    for knob, level, own in zip(found.knobs, found.levels, found.own_levels, strict=True):
-        chosen = " ".join(knob.levels[level]) if level is not None and found.overrides else ""
+    for knob, level, own_level in zip(choice.knobs, choice.levels, choice.own_levels, strict=True):
+        overrides = " ".join(knob.levels[level]) if level is not None and choice.overrides else ""
         place = "none" if level is None else f"{level + 1} of {len(knob.levels)}"
         rows.append(
-            [knob.name, chosen or "as in the scene", place, "none" if own is None else f"{own + 1}"]
+            [
+                knob.name,
+                overrides or "as in the scene",
+                place,
+                "none" if own_level is None else f"{own_level + 1}",
+            ]
         )
     return table(["setting", "chosen", "level, 1 is exact", "the scene's own level"], rows)
 
 
-def as_json(found: Tuned, wanted: Mapping[str, float]) -> str:
+def as_json(choice: Tuned, bounds: Mapping[str, float]) -> str:
     """Return the choice as one JSON document."""
     return json.dumps(
         {
-            "overrides": list(found.overrides),
-            "meets": found.meets,
-            "errors": {name: found.checked.error(name) for name in MEASURES},
-            "not_asked": found.not_asked(wanted),
-            "time_s": found.chosen.time_s,
-            "from_truth": _finite(found.chosen.from_truth),
-            "estimated": _finite(found.chosen.estimated),
-            "own_settings": _as_plain(found.given),
-            "reference": _as_plain(found.exact),
+            "overrides": list(choice.overrides),
+            "meets": choice.meets,
+            "errors": {name: choice.checked.error(name) for name in MEASURES},
+            "not_asked": choice.not_asked(bounds),
+            "time_s": choice.chosen.time_s,
+            "from_truth": _finite(choice.chosen.from_truth),
+            "estimated": _finite(choice.chosen.estimated),
+            "own_settings": _as_plain(choice.given),
+            "reference": _as_plain(choice.exact),
         },
         indent=2,
     )

@@ -29,13 +29,13 @@ from opir_studies.differences import (
 )
 from opir_studies.knobs import Knob, Overrides, knobs_of
 
-#: The share of a wanted error that the choice may use on its own seeds: other seeds and scenes like
-#: it need the rest.
+#: The share of a bound that the choice may use on its own seeds: other seeds and scenes like it need
+#: the rest.
 MARGIN = 0.5
 #: A coarser level must be cheaper by this share to be taken: processor times repeat to a few per
 #: cent.
 WORTH = 0.03
-#: An error that is larger by less than this is no other.
+#: An error that is larger by a smaller factor counts as equal.
 MORE = 1.1
 #: Seeds of the check are this far from those of the choice.
 _OTHER_SEEDS = 1_000_000
@@ -63,9 +63,9 @@ class Trial:
         error = abs(self.errors[name])
         return min(error, self.from_truth.get(name, error)) if math.isfinite(error) else error
 
-    def worst(self, wanted: Mapping[str, float]) -> float:
+    def worst(self, bounds: Mapping[str, float]) -> float:
         """Return the largest error over what is wanted of it; 1 and less is within."""
-        return max(self.error(name) / bound for name, bound in wanted.items())
+        return max(self.error(name) / bound for name, bound in bounds.items())
 
 
 @frozen
@@ -88,12 +88,12 @@ class Tuned:
     alone: Sequence[Trial]
     meets: bool
 
-    def not_asked(self, wanted: Mapping[str, float]) -> list[str]:
+    def not_asked(self, bounds: Mapping[str, float]) -> list[str]:
         """Return the errors that nobody asked for and that are larger than with the scene's own
         settings.
         """
-        rest = [name for name in MEASURES if name not in wanted]
-        return [name for name in rest if self.chosen.error(name) > MORE * self.given.error(name)]
+        unasked = [name for name in MEASURES if name not in bounds]
+        return [name for name in unasked if self.chosen.error(name) > MORE * self.given.error(name)]
 
 
 def tune(
@@ -122,15 +122,15 @@ def timed_answers(scene: Scene, seeds: Sequence[int], host: Host) -> Answered:
     start = time.process_time()
     plan = compile_plan(evolve(scene, seed=seeds[0]), host)
     planned_s = time.process_time() - start
-    found = list[RunAnswers]()
+    answers = list[RunAnswers]()
     times = list[float]()
     for number, seed in enumerate(seeds):
-        own = evolve(reseeded(plan, seed) if number else plan, kept={})
+        replicate = evolve(reseeded(plan, seed) if number else plan, kept={})
         start = time.process_time()
-        run = run_of_plan(own)
+        run = run_of_plan(replicate)
         times.append(time.process_time() - start)
-        found.append(answers_of(run))
-    return found, planned_s + median(times)
+        answers.append(answers_of(run))
+    return answers, planned_s + median(times)
 
 
 @frozen(eq=False, slots=False)
@@ -162,14 +162,16 @@ class Tuner:
         """Return the level of each knob that the scene itself has; None where it has none of
         them.
         """
-        own = scene_mapping(self.scene())
-        found = list[int | None]()
+        settings = scene_mapping(self.scene())
+        levels = list[int | None]()
         for knob in self.knobs:
-            same = (
-                n for n, level in enumerate(knob.levels) if scene_mapping(self.scene(level)) == own
+            matches = (
+                n
+                for n, level in enumerate(knob.levels)
+                if scene_mapping(self.scene(level)) == settings
             )
-            found.append(next(same, None))
-        return found
+            levels.append(next(matches, None))
+        return levels
 
     def trial(self, levels: Sequence[int], seeds: Sequence[int]) -> Trial:
         """Return the time and errors of levels over runs with these seeds."""
@@ -197,11 +199,11 @@ class Tuner:
         key = scene_hash(scene), seeds
         if key not in self._trials:
             is_exact = overrides == self._exact()
-            found, time_s = exact if is_exact else self.simulate(scene, seeds, self.host)
-            errors = [differences(one, other) for one, other in zip(found, exact[0], strict=True)]
-            truth = from_truth_over_runs([each.from_truth for each in found])
+            answers, time_s = exact if is_exact else self.simulate(scene, seeds, self.host)
+            errors = [differences(*pair) for pair in zip(answers, exact[0], strict=True)]
+            truth = from_truth_over_runs([run.from_truth for run in answers])
             estimated = {
-                name: float(np.mean([each.estimated[name] for each in found])) for name in OF_TRUTH
+                name: float(np.mean([run.estimated[name] for run in answers])) for name in OF_TRUTH
             }
             self._trials[key] = Trial((), time_s, over_runs(errors), truth, estimated)
         return self._trials[key]
@@ -210,113 +212,134 @@ class Tuner:
 def overrides_at(knobs: Sequence[Knob], levels: Sequence[int]) -> Overrides:
     """Return the overrides of a level of each knob."""
     return tuple(
-        each for knob, level in zip(knobs, levels, strict=True) for each in knob.levels[level]
+        override
+        for knob, level in zip(knobs, levels, strict=True)
+        for override in knob.levels[level]
     )
 
 
-def tuned(tuner: Tuner, wanted: Mapping[str, float]) -> Tuned:
-    """Return the cheapest settings found whose errors are within `wanted`, by the names of
+def tuned(tuner: Tuner, bounds: Mapping[str, float]) -> Tuned:
+    """Return the cheapest settings found whose errors are within `bounds`, by the names of
     `MEASURES`.
 
-    Each knob is loosened by itself as long as the errors stay within half of what is wanted; the
-    levels that pay are then tried together, and the knob with the largest error is tightened until
-    they fit. The scene's own settings, if they are within what is wanted, stay unless these are
-    cheaper. At last other seeds are run: where these exceed what is wanted, the scene's own
-    settings are given up, or else a knob is tightened, and further seeds are run. `meets` says
-    whether the last check held; it does not where even the reference differs from itself, which it
-    never does.
+    Each knob is loosened by itself as long as the errors stay within half of the bounds; the levels
+    that pay are then tried together, and the knob with the largest error is tightened until they
+    fit. The scene's own settings, if they are within the bounds, stay unless these are cheaper. At
+    last other seeds are run: where these exceed the bounds, the scene's own settings are given up,
+    or else a knob is tightened, and further seeds are run. `meets` says whether the last check
+    held; it does not where even the reference differs from itself, which it never does.
     """
-    _check(wanted)
-    knobs = tuner.knobs
-    first = tuner.scene().seed
-    seeds = [first + number for number in range(tuner.runs)]
+    _check(bounds)
     tuner.simulate(
-        tuner.scene(), seeds[:1], tuner.host
-    )  # what is imported at the first use is not counted
-    _check_answered(tuner, wanted, seeds)
-    given = tuner.as_given(seeds)
-    within = {name: MARGIN * bound for name, bound in wanted.items()}
-    alone = [_loosened(tuner, number, wanted, seeds) for number in range(len(knobs))]
-    levels = [
-        max(trials, key=lambda each: each.levels[number]).levels[number]
-        for number, trials in enumerate(alone)
-    ]
-    chosen = tuner.trial(levels, seeds)
-    while chosen.worst(within) > 1.0 and any(levels):
-        _tighten(levels, alone, within)
-        chosen = tuner.trial(levels, seeds)
-    # Nothing chose them among others, so that all of what is wanted is theirs to use.
-    may_stay = given.worst(wanted) <= 1.0
-    for others in _fresh_seeds(first, tuner.runs):
-        stays = may_stay and (1.0 - WORTH) * given.time_s <= chosen.time_s
-        checked = tuner.as_given(others) if stays else tuner.trial(levels, others)
-        meets = checked.worst(wanted) <= 1.0
-        if meets or not (stays or any(levels)):
-            break
-        if stays:
-            may_stay = False
-            continue
-        _tighten(levels, alone, within)
-        chosen = tuner.trial(levels, seeds)
-    tried_alone = tuple(each for trials in alone for each in trials)
-    exact = tuner.trial([0] * len(knobs), seeds)
-    own_levels = tuner.own_levels()
-    if stays:
+        tuner.scene(), [tuner.scene().seed], tuner.host
+    )  # imports at the first use are not counted
+    choice = _Choice(tuner, bounds)
+    _check_answered(tuner, bounds, choice.seeds)
+    return choice.tuned()
+
+
+class _Choice:
+    """Levels of the knobs that are tightened until their errors are within bounds."""
+
+    def __init__(self, tuner: Tuner, bounds: Mapping[str, float]) -> None:
+        start = tuner.scene().seed
+        self.seeds = [start + number for number in range(tuner.runs)]
+        self._tuner = tuner
+        self._bounds = bounds
+        self._margins = {name: MARGIN * bound for name, bound in bounds.items()}
+
+    def tuned(self) -> Tuned:
+        """Return the choice, checked on other seeds."""
+        tuner = self._tuner
+        own_trial = tuner.as_given(self.seeds)
+        numbers = range(len(tuner.knobs))
+        self._loosened = [_loosened(tuner, n, self._bounds, self.seeds) for n in numbers]
+        self._levels = [trials[-1].levels[n] for n, trials in enumerate(self._loosened)]
+        self._trial = tuner.trial(self._levels, self.seeds)
+        while self._trial.worst(self._margins) > 1.0 and any(self._levels):
+            self._tighten()
+        checked, stays = self._checked(own_trial)
+        own_levels = tuner.own_levels()
         return Tuned(
-            (), own_levels, given, checked, given, own_levels, exact, knobs, tried_alone, meets
+            overrides=() if stays else overrides_at(tuner.knobs, self._levels),
+            levels=own_levels if stays else self._levels,
+            chosen=own_trial if stays else self._trial,
+            checked=checked,
+            given=own_trial,
+            own_levels=own_levels,
+            exact=tuner.trial([0] * len(tuner.knobs), self.seeds),
+            knobs=tuner.knobs,
+            alone=tuple(trial for trials in self._loosened for trial in trials),
+            meets=checked.worst(self._bounds) <= 1.0,
         )
-    overrides = overrides_at(knobs, levels)
-    return Tuned(
-        overrides, levels, chosen, checked, given, own_levels, exact, knobs, tried_alone, meets
-    )
+
+    def _checked(self, own_trial: Trial) -> tuple[Trial, bool]:
+        """Return the last trial on other seeds, and whether the scene's own settings stay.
+
+        They were not chosen among others, so that they may use all of the bounds.
+        """
+        may_stay = own_trial.worst(self._bounds) <= 1.0
+        for seeds in _other_seeds(self.seeds[0], len(self.seeds)):
+            stays = may_stay and (1.0 - WORTH) * own_trial.time_s <= self._trial.time_s
+            tuner = self._tuner
+            checked = tuner.as_given(seeds) if stays else tuner.trial(self._levels, seeds)
+            if checked.worst(self._bounds) <= 1.0 or not (stays or any(self._levels)):
+                break
+            if stays:
+                may_stay = False
+            else:
+                self._tighten()
+        return checked, stays
+
+    def _tighten(self) -> None:
+        """Set the loosened knob with the largest error of its own to its next more exact level that
+        paid.
+        """
+        worst = {
+            number: _trial_at(trials, number, level).worst(self._margins)
+            for number, (trials, level) in enumerate(zip(self._loosened, self._levels, strict=True))
+            if level
+        }
+        number = max(worst, key=worst.__getitem__)
+        paid = [trial.levels[number] for trial in self._loosened[number]]
+        self._levels[number] = max(level for level in paid if level < self._levels[number])
+        self._trial = self._tuner.trial(self._levels, self.seeds)
 
 
 def _loosened(
-    tuner: Tuner, number: int, wanted: Mapping[str, float], seeds: Sequence[int]
+    tuner: Tuner, number: int, bounds: Mapping[str, float], seeds: Sequence[int]
 ) -> list[Trial]:
     """Return the trials of one knob alone that are within bounds and each cheaper than the one
     before.
     """
     knob = tuner.knobs[number]
     levels = [0] * len(tuner.knobs)
-    kept = [tuner.trial(levels, seeds)]
+    trials = [tuner.trial(levels, seeds)]
     for level in range(1, len(knob.levels)):
-        if not knob.allows(level, wanted):
+        if not knob.allows(level, bounds):
             break
         levels[number] = level
         trial = tuner.trial(levels, seeds)
-        if trial.worst(wanted) > MARGIN:
+        if trial.worst(bounds) > MARGIN:
             break
-        if trial.time_s <= (1.0 - WORTH) * kept[-1].time_s:
-            kept.append(trial)
-    return kept
+        if trial.time_s <= (1.0 - WORTH) * trials[-1].time_s:
+            trials.append(trial)
+    return trials
 
 
-def _tighten(
-    levels: list[int], alone: Sequence[Sequence[Trial]], within: Mapping[str, float]
-) -> None:
-    """Set the loosened knob with the largest error of its own to its next more exact level that
-    paid.
-    """
-    loose = [number for number, level in enumerate(levels) if level]
-    number = max(loose, key=lambda each: _own(alone[each], each, levels[each]).worst(within))
-    levels[number] = max(
-        each.levels[number] for each in alone[number] if each.levels[number] < levels[number]
-    )
+def _trial_at(trials: Sequence[Trial], number: int, level: int) -> Trial:
+    """Return the trial with a level of the knob with a number."""
+    return next(trial for trial in trials if trial.levels[number] == level)
 
 
-def _own(trials: Sequence[Trial], number: int, level: int) -> Trial:
-    return next(each for each in trials if each.levels[number] == level)
-
-
-def _fresh_seeds(first: int, runs: int) -> Sequence[list[int]]:
-    """Yield lists of seeds that nothing was chosen on."""
-    start = (first + _OTHER_SEEDS) % (1 << 62)
+def _other_seeds(seed: int, runs: int) -> Sequence[list[int]]:
+    """Return lists of seeds that nothing was chosen on."""
+    start = (seed + _OTHER_SEEDS) % (1 << 62)
     return [[*islice(count(start + block * runs), runs)] for block in range(100)]
 
 
-def _check_answered(tuner: Tuner, wanted: Mapping[str, float], seeds: Sequence[int]) -> None:
-    """Refuse errors of what the scene has no answer to, which no setting changes."""
+def _check_answered(tuner: Tuner, bounds: Mapping[str, float], seeds: Sequence[int]) -> None:
+    """Refuse errors of answers that the scene does not have, which no setting changes."""
     lacking = unanswered(tuner.reference(seeds)[0][0])
     tracker = (
         f"its tracker is {tuner.scene().tracker.name}; name one that estimates it, e.g. --set"
@@ -328,16 +351,16 @@ def _check_answered(tuner: Tuner, wanted: Mapping[str, float], seeds: Sequence[i
             f"even the most exact run has no answer whose error this is ({MEASURES[name]}): "
             f"{tracker if name in OF_TRACKS else ''}let the scene last longer",
         )
-        for name in wanted
+        for name in bounds
         if name in lacking
     ]
     if problems:
         raise SceneError(problems, source=tuner.path)
 
 
-def _check(wanted: Mapping[str, float]) -> None:
+def _check(bounds: Mapping[str, float]) -> None:
     problems = []
-    for name, bound in wanted.items():
+    for name, bound in bounds.items():
         if name not in MEASURES:
             words = (
                 f"no error is called {name!r}{nearest(name, MEASURES)}; there are"
@@ -346,7 +369,7 @@ def _check(wanted: Mapping[str, float]) -> None:
             problems.append(Problem("--error", words))
         elif not bound > 0.0:
             problems.append(Problem("--error", f"{name}={bound:g} is not a positive error"))
-    if not wanted:
+    if not bounds:
         problems.append(Problem("--error", "name an error, e.g. --error impact_km=1"))
     if problems:
         raise SceneError(problems, source="command line")

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.errors import Problem, SceneError, nearest
+from opir_core.errors import nearest
+from opir_studies.refusals import refusal
 from opir_studies.statistics import interval
 from opir_studies.study import MINIMUM_RUNS, Study
 
@@ -43,6 +44,7 @@ def until_of(study: Study, units: Mapping[str, str]) -> Until | None:
     """
     if not study.until:
         return None
+    source = f"study {study.study}"
     figure, colon, width = study.until.partition(":")
     is_relative = width.strip().endswith("%")
     try:
@@ -50,15 +52,14 @@ def until_of(study: Study, units: Mapping[str, str]) -> Until | None:
     except ValueError:
         value = np.nan
     if not colon or not 0.0 < value < np.inf:
-        raise _problem(
-            study, f"{study.until!r} is not FIGURE:WIDTH; write latency_s:0.5% or latency_s:0.2"
-        )
+        words = f"{study.until!r} is not FIGURE:WIDTH; write latency_s:0.5% or latency_s:0.2"
+        raise refusal("until", words, source)
     if figure.strip() not in units:
+        figures = ", ".join(units)
         words = (
-            f"no metric of the study gives {figure!r}{nearest(figure, units)}; there are"
-            f" {', '.join(units)}"
+            f"no metric of the study gives {figure!r}{nearest(figure, units)}; there are {figures}"
         )
-        raise _problem(study, words)
+        raise refusal("until", words, source)
     return Until(figure.strip(), value, is_relative)
 
 
@@ -72,7 +73,3 @@ def rounds(runs: int, until: Until | None) -> Iterator[int]:
         yield number
         number = int(np.ceil(number * _GROWTH))
     yield runs
-
-
-def _problem(study: Study, words: str) -> SceneError:
-    return SceneError([Problem("until", words)], source=f"study {study.study}")

@@ -4,27 +4,35 @@ from itertools import product
 
 import numpy as np
 import pytest
-from opir_studies.axes import AxisError, axis_of, designs_of, vary_of_text
-from opir_studies.study import Study
+from opir_studies import Study
+from opir_studies.axes import designs_of, vary_of_text
 
 from opir_core.errors import SceneError
 
 
-def labels(values, **options):
-    return [level.label for level in axis_of("p", values, **options).levels]
+def levels(values, **settings):
+    """Return the labels and texts of the levels of a path."""
+    designs = designs_of(Study(scene="x", vary={"p": values}, **settings))
+    return [(level.label, level.text) for design in designs for level in design.levels]
 
 
-def test_ranges_have_both_ends():
-    assert labels({"from": 50, "to": 200, "step": 50}) == [50, 100, 150, 200]
-    assert labels({"from": 0, "to": 1, "step": 0.3}) == [0, 0.3, 0.6, 0.9]
-    assert labels({"from": 0, "to": 0.3, "step": 0.1}) == [0, 0.1, 0.2, 0.3]
-    assert labels({"from": 50, "to": 200, "count": 4}) == [50, 100, 150, 200]
-    assert labels({"from": 1, "to": 1000, "count": 4, "scale": "log"}) == [1, 10, 100, 1000]
+@pytest.mark.parametrize(
+    ("values", "labels"),
+    [
+        ({"from": 50, "to": 200, "step": 50}, [50, 100, 150, 200]),
+        ({"from": 0, "to": 1, "step": 0.3}, [0, 0.3, 0.6, 0.9]),
+        ({"from": 0, "to": 0.3, "step": 0.1}, [0, 0.1, 0.2, 0.3]),
+        ({"from": 50, "to": 200, "count": 4}, [50, 100, 150, 200]),
+        ({"from": 1, "to": 1000, "count": 4, "scale": "log"}, [1, 10, 100, 1000]),
+    ],
+)
+def test_ranges_have_both_ends(values, labels):
+    assert [label for label, _ in levels(values)] == labels
 
 
 def test_values_become_overrides_that_mean_the_same():
-    axis = axis_of("p", ["imm", 2, 0.5, True, None, {"model": "imm", "cadence_s": 2.0}, "ümlaut"])
-    assert [level.text for level in axis.levels] == [
+    values = ["imm", 2, 0.5, True, None, {"model": "imm", "cadence_s": 2.0}, "ümlaut"]
+    assert [text for _, text in levels(values)] == [
         '"imm"',
         "2",
         "0.5",
@@ -33,8 +41,7 @@ def test_values_become_overrides_that_mean_the_same():
         '{"model": "imm", "cadence_s": 2.0}',
         '"ümlaut"',
     ]
-    named = axis_of("sensors", {"named": {"two": [{"constellation": "DSP"}], "none": None}})
-    assert [(level.label, level.text) for level in named.levels] == [
+    assert levels({"named": {"two": [{"constellation": "DSP"}], "none": None}}) == [
         ("two", '[{"constellation": "DSP"}]'),
         ("none", "null"),
     ]
@@ -78,50 +85,61 @@ def test_values_of_the_command_line(text, path, values):
     ],
 )
 def test_an_invalid_axis_says_what_to_write(values, words):
-    with pytest.raises(AxisError) as caught:
-        axis_of("p", values)
+    with pytest.raises(SceneError) as caught:
+        levels(values)
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["tracker", "tracker=", "=1", "x=1,,2", "x=[1"])
-def test_an_invalid_vary_is_refused(text):
-    with pytest.raises(AxisError):
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("tracker", "has no values"),
+        ("tracker=", "has no values"),
+        ("=1", "has no values"),
+        ("x=1,,2", "a value is missing between two commas"),
+        ("x=[1", "','"),
+    ],
+)
+def test_an_invalid_vary_is_refused(text, words):
+    with pytest.raises(ValueError, match=words):
         vary_of_text(text)
 
 
-def rows(**changes):
-    return [
-        tuple(level.label for level in each.levels)
-        for each in designs_of(Study(scene="x", **changes))
-    ]
+def rows(**settings):
+    designs = designs_of(Study(scene="x", **settings))
+    return [tuple(level.label for level in design.levels) for design in designs]
 
 
 def test_designs_are_all_combinations_the_first_path_slowest():
     vary = {"a": [1, 2], "b": ["x", "y", "z"]}
-    assert rows(vary=vary) == list(product([1, 2], ["x", "y", "z"]))
+    assert rows(vary=vary) == list(product([1, 2], "xyz"))
     assert rows(vary=vary, design="one-at-a-time") == [(1, "x"), (2, "x"), (1, "y"), (1, "z")]
     assert rows(vary={}) == [()]
 
 
-def test_a_latin_hypercube_has_one_sample_in_each_part_of_each_axis():
-    vary = {
-        "a": {"uniform": [10.0, 20.0]},
-        "b": {"uniform": [1.0, 1e4], "scale": "log"},
-        "c": ["x", "y"],
+def test_a_latin_hypercube_has_a_sample_in_each_cell_of_an_axis():
+    hypercube = {
+        "vary": {
+            "a": {"uniform": [10.0, 20.0]},
+            "b": {"uniform": [1.0, 1e4], "scale": "log"},
+            "c": ["x", "y"],
+        },
+        "design": "latin-hypercube",
+        "samples": 16,
     }
-    found = rows(vary=vary, design="latin-hypercube", samples=16)
-    a, b, c = zip(*found, strict=True)
-    assert sorted(((np.array(a) - 10.0) / 10.0 * 16).astype(int).tolist()) == list(range(16))
-    assert sorted((np.log10(b) / 4.0 * 16).astype(int).tolist()) == list(range(16))
+    samples = rows(**hypercube)
+    a, b, c = zip(*samples, strict=True)
+    for share in ((np.array(a) - 10.0) / 10.0, np.log10(b) / 4.0):
+        assert sorted((share * 16).astype(int).tolist()) == list(range(16))
     assert c.count("x") == c.count("y") == 8
-    assert found == rows(vary=vary, design="latin-hypercube", samples=16)
-    assert found != rows(vary=vary, design="latin-hypercube", samples=16, seed=1)
+    assert samples == rows(**hypercube)
+    assert samples != rows(**hypercube, seed=1)
 
 
 def test_all_invalid_axes_and_too_many_designs_are_reported():
     with pytest.raises(SceneError) as caught:
         rows(vary={"a": [], "b": {"to": 3}, "c": [1]})
     assert [problem.path for problem in caught.value.problems] == ["vary.a", "vary.b"]
-    many = {name: {"from": 0, "to": 99, "step": 1} for name in "abc"}
+    hundred = {"from": 0, "to": 99, "step": 1}
     with pytest.raises(SceneError, match="more than 10000 designs"):
-        rows(vary=many)
+        rows(vary=dict.fromkeys("abc", hundred))

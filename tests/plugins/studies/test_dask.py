@@ -1,5 +1,7 @@
 """The executor `dask` gives the results of the others."""
 
+from contextlib import closing
+
 import pytest
 from opir_dask.executor import DaskExecutor
 from opir_studies import LostTasksError, Study, sweep
@@ -18,9 +20,8 @@ class TestDask(ExecutorContract):
 
 @pytest.fixture
 def executor():
-    made = DaskExecutor("", 2, 30.0)
-    yield made
-    made.close()
+    with closing(DaskExecutor("", 2, 30.0)) as dask:
+        yield dask
 
 
 def test_a_killed_worker_costs_no_result(executor, tmp_path):
@@ -32,17 +33,14 @@ def test_a_killed_worker_costs_no_result(executor, tmp_path):
 
 
 def test_a_task_that_kills_every_worker_is_lost(executor):
-    results = executor.results(doubled_or_always_killed, range(6))
-    found = {}
     with pytest.raises(LostTasksError) as caught:
-        found.update(results)
+        list(executor.results(doubled_or_always_killed, range(6)))
     assert 3 in caught.value.tasks
 
 
 def test_no_scheduler_is_one_message():
-    with pytest.raises(
-        OpirError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1 within 0\.5 s"
-    ):
+    message = r"no Dask scheduler answers at tcp://127.0.0.1:1 within 0\.5 s"
+    with pytest.raises(OpirError, match=message):
         list(DaskExecutor("tcp://127.0.0.1:1", None, 0.5).results(doubled_or_killed, [(1, "")]))
 
 

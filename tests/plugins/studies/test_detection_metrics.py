@@ -28,11 +28,8 @@ class TestFalseEvents(MetricContract):
 
 
 def launch(number, time_s):
-    return {
-        **SCENE["targets"][0],
-        "id": f"T{number}",
-        "launch": {**SCENE["targets"][0]["launch"], "time_s": time_s},
-    }
+    target = SCENE["targets"][0]
+    return {**target, "id": f"T{number}", "launch": {**target["launch"], "time_s": time_s}}
 
 
 @pytest.fixture(scope="module")
@@ -42,38 +39,35 @@ def run():
 
 
 def first_latencies(run):
-    ignition_s = run.plan.targets.ignition_s
-    seen = [run.detections.time_s[run.truth.target == row] for row in range(len(ignition_s))]
-    return np.array(
-        [
-            times[0] - start if len(times) else np.nan
-            for times, start in zip(seen, ignition_s, strict=True)
-        ]
-    )
+    latencies = []
+    for target, ignition_s in enumerate(run.plan.targets.ignition_s):
+        times_s = run.detections.time_s[run.truth.target == target]
+        latencies.append(times_s[0] - ignition_s if len(times_s) else np.nan)
+    return np.array(latencies)
 
 
 def test_latency_is_that_of_the_first_detections(run):
     expected = first_latencies(run)
-    found = LatencyMetric().values(run)
-    assert found["detected"] == pytest.approx(np.isfinite(expected).mean()) == 5 / 6
-    assert found["latency_s"] == pytest.approx(np.nanmean(expected), abs=1e-8)
+    figures = LatencyMetric().values(run)
+    assert figures["detected"] == pytest.approx(np.isfinite(expected).mean()) == 5 / 6
+    assert figures["latency_s"] == pytest.approx(np.nanmean(expected), abs=1e-8)
     ordered = np.sort(expected)
-    assert found["latency_p50_s"] == pytest.approx(0.5 * (ordered[2] + ordered[3]), abs=1e-8)
+    assert figures["latency_p50_s"] == pytest.approx(0.5 * (ordered[2] + ordered[3]), abs=1e-8)
     # Place 4.5 of 0 to 5 lies between the fifth launch and the sixth, which is never detected.
-    assert np.isnan(found["latency_p90_s"])
-    assert found["latency_end_to_end_s"] == pytest.approx(found["latency_s"], abs=1e-8)
+    assert np.isnan(figures["latency_p90_s"])
+    assert figures["latency_end_to_end_s"] == pytest.approx(figures["latency_s"], abs=1e-8)
 
 
 def test_reports_follow_their_looks(run):
-    late = {**SCENE, "sensors": [{**SCENE["sensors"][0], "reporting": "paper-ground-chain"}]}
-    found = LatencyMetric().values(opir_core.simulate(opir_core.scene_from_mapping(late)))
-    assert found["latency_end_to_end_s"] > found["latency_s"] + 0.1
+    delayed = {**SCENE, "sensors": [{**SCENE["sensors"][0], "reporting": "paper-ground-chain"}]}
+    figures = LatencyMetric().values(opir_core.simulate(opir_core.scene_from_mapping(delayed)))
+    assert figures["latency_end_to_end_s"] > figures["latency_s"] + 0.1
 
 
 def test_detection_by_time_counts_launches(run):
     expected = first_latencies(run)
-    found = DetectionByTimeMetric((0.1, 0.5, 10.0)).values(run)
-    assert found == {
+    figures = DetectionByTimeMetric((0.1, 0.5, 10.0)).values(run)
+    assert figures == {
         "detected_by_0_1_s": np.mean(expected <= 0.1),
         "detected_by_0_5_s": np.mean(expected <= 0.5),
         "detected_by_10_s": 5 / 6,

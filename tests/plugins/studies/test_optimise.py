@@ -26,6 +26,19 @@ STUDY = Study(
 )
 
 
+@pytest.fixture
+def optimised(tmp_path, monkeypatch, capsys):
+    """Return a function that optimises over revisit times, and returns the exit code and texts."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(json.dumps(SCENE), encoding="utf-8")
+
+    def command(words: str, *more: str):
+        code = main(["optimise", "scene.yaml", *words.split(), *more])
+        return code, capsys.readouterr()
+
+    return command
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 4, 6])
 def test_a_planted_design_of_10_000_is_found_in_200_evaluations(seed: int) -> None:
@@ -38,29 +51,28 @@ def test_a_planted_design_of_10_000_is_found_in_200_evaluations(seed: int) -> No
     weight = rng.uniform(0.5, 2.0, 4)
 
     def outcome(point: tuple[int, ...]) -> Outcome:
-        apart = np.subtract(point, best)
-        coupled = 1.2 * apart[0] * apart[1] * min(weight[:2])
-        return Outcome(
-            0.0, max(0.0, 0.1 * (best[2] - point[2])), float(np.sum(weight * apart**2) + coupled)
-        )
+        distance = np.subtract(point, best)
+        coupled = 1.2 * distance[0] * distance[1] * min(weight[:2])
+        violation = max(0.0, 0.1 * (best[2] - point[2]))
+        return Outcome(0.0, violation, float(np.sum(weight * distance**2) + coupled))
 
     search = DesignSearch((10,) * 4, (True,) * 4, seed)
-    search.run(200, lambda points: [outcome(each) for each in points])
+    search.run(200, lambda points: list(map(outcome, points)))
     assert search.best == best
-    assert len(search.found) <= 200
+    assert len(search.outcomes) <= 200
 
 
 def test_all_of_few_designs_are_evaluated_once() -> None:
     pytest.importorskip("optuna")
-    asked = []
+    evaluated = []
 
     def outcomes(points):
-        asked.extend(points)
-        return [Outcome(0.0, 0.0, float(sum(each))) for each in points]
+        evaluated.extend(points)
+        return [Outcome(0.0, 0.0, float(sum(point))) for point in points]
 
     search = DesignSearch((3, 2), (True, False), 1)
     search.run(50, outcomes)
-    assert sorted(asked) == [(a, b) for a in range(3) for b in range(2)]
+    assert sorted(evaluated) == [(a, b) for a in range(3) for b in range(2)]
     assert search.best == (0, 0)
 
 
@@ -84,52 +96,34 @@ def test_numbers_alone_have_neighbours(values: list[Any], is_ordered: bool) -> N
 
 
 @pytest.mark.slow
-def test_the_best_design_is_that_of_the_whole_sweep_and_runs_are_kept(tmp_path) -> None:
+def test_the_best_design_is_that_of_the_sweep_and_runs_stay(tmp_path) -> None:
     pytest.importorskip("optuna")
-    calls = []
-    found = optimise(STUDY, tmp_path, "min latency_s", evaluations=12, on_progress=calls.append)
-    means = [row["mean"] for row in found.result.rows("latency_s")]
-    assert found.best == int(np.nanargmin(means))
-    assert (len(means), found.possible, found.is_feasible) == (12, 12, True)
-    parts = sorted(path.name for path in (tmp_path / "parts").iterdir())
-    again = optimise(STUDY, tmp_path, "min latency_s", evaluations=12)
-    assert again.result.definition == found.result.definition
-    assert sorted(path.name for path in (tmp_path / "parts").iterdir()) == parts
+    optimised = optimise(STUDY, tmp_path, "min latency_s", evaluations=12)
+    means = [row["mean"] for row in optimised.result.rows("latency_s")]
+    assert optimised.best == int(np.nanargmin(means))
+    assert (len(means), optimised.possible, optimised.is_feasible) == (12, 12, True)
+    files = set((tmp_path / "parts").iterdir())
+    repeated = optimise(STUDY, tmp_path, "min latency_s", evaluations=12)
+    assert repeated.result.definition == optimised.result.definition
+    assert set((tmp_path / "parts").iterdir()) == files
 
 
 @pytest.mark.slow
-def test_requirements_come_before_the_objective(tmp_path, capsys) -> None:
+def test_requirements_come_before_the_objective(optimised) -> None:
     pytest.importorskip("optuna")
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(json.dumps(SCENE), encoding="utf-8")
-    command = [
-        "optimise",
-        str(scene),
-        "--vary",
-        f"{PERIOD}=100,500,2000",
-        "--runs",
-        "3",
-        "--metric",
-        "latency",
-    ]
-    command += [
-        "--executor",
-        "serial",
-        "--objective",
-        "max latency_s",
-        "-o",
-        str(tmp_path / "out"),
-        "--json",
-    ]
-    assert main([*command, "--require", "latency_s <= 1"]) == 0
-    best = json.loads(capsys.readouterr().out)
+    words = f"--vary {PERIOD}=100,500,2000 --runs 3 --metric latency --executor serial --json"
+    command = words, "--objective", "max latency_s", "--require"
+    code, printed = optimised(*command, "latency_s <= 1")
+    best = json.loads(printed.out)
+    assert code == 0
     assert best["means"]["latency_s"] <= 1.0
     assert best["best"][PERIOD] == 500
-    assert main([*command, "--require", "latency_s <= 1e-6"]) == 2
-    assert json.loads(capsys.readouterr().out)["best"][PERIOD] == 100
+    code, printed = optimised(*command, "latency_s <= 1e-6")
+    assert code == 2
+    assert json.loads(printed.out)["best"][PERIOD] == 100
 
 
-def test_what_is_no_objective_is_refused(tmp_path) -> None:
+def test_an_invalid_objective_is_refused(tmp_path) -> None:
     pytest.importorskip("optuna")
     with pytest.raises(SceneError, match="is not 'min FIGURE' or 'max FIGURE'"):
         optimise(STUDY, tmp_path, "latency_s")
@@ -137,23 +131,18 @@ def test_what_is_no_objective_is_refused(tmp_path) -> None:
         optimise(STUDY, tmp_path, "min latenci_s")
 
 
-def test_impossible_numbers_are_refused(tmp_path, capsys) -> None:
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(json.dumps(SCENE), encoding="utf-8")
-    command = [
-        "optimise",
-        str(scene),
-        "--vary",
-        f"{PERIOD}=100,500",
-        "--objective",
-        "min latency_s",
-    ]
-    for flag, words in (
+@pytest.mark.parametrize(
+    ("flag", "words"),
+    [
         ("--workers", "is not a number of workers"),
         ("--evaluations", "is not a number of designs"),
-    ):
-        assert main([*command, flag, "-1"]) == 2
-        assert f"-1 {words}" in capsys.readouterr().err
+    ],
+)
+def test_impossible_numbers_are_refused(optimised, flag, words) -> None:
+    command = f"--vary {PERIOD}=100,500 {flag} -1 --objective"
+    code, printed = optimised(command, "min latency_s")
+    assert code == 2
+    assert f"-1 {words}" in printed.err
 
 
 def test_without_optuna_the_message_says_what_to_install(tmp_path, monkeypatch) -> None:

@@ -3,6 +3,7 @@ of a study.
 """
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,19 +20,18 @@ UNITS = {"latency_s": "s", "detected": ""}
 
 
 def test_both_signs_are_read() -> None:
-    least, most = requirements_of(["detected >= 0.9", "latency_s<=2"], UNITS, "study")
-    assert (least, most) == (
-        FigureRequirement("detected", 0.9, True),
-        FigureRequirement("latency_s", 2.0, False),
-    )
-    assert least.is_met(np.array([0.9, 0.8, np.nan]), np.ones(3)).tolist() == [True, False, False]
-    assert most.is_met(np.array([1.0, 1.0, np.nan]), np.array([1.0, 0.999, np.nan])).tolist() == [
-        True,
-        False,
-        False,
-    ]
-    assert most.violation(3.0) == pytest.approx(0.5)
-    assert str(most) == "latency_s <= 2"
+    lower, upper = requirements_of(["detected >= 0.9", "latency_s<=2"], UNITS, "study")
+    assert lower == FigureRequirement("detected", 0.9, True)
+    assert upper == FigureRequirement("latency_s", 2.0, False)
+    assert lower.is_met(np.array([0.9, 0.8, np.nan]), np.ones(3)).tolist() == [True, False, False]
+    means = np.array([1.0, 1.0, np.nan])
+    assert upper.is_met(means, np.array([1.0, 0.999, np.nan])).tolist() == [True, False, False]
+    assert upper.violation(3.0) == pytest.approx(0.5)
+    assert str(upper) == "latency_s <= 2"
+
+
+def notes(scene, **settings):
+    return planned_study(Study(scene=scene, **settings)).notes
 
 
 @pytest.mark.parametrize(
@@ -67,34 +67,32 @@ def test_the_table_says_who_meets_them_and_what_never_changes(tmp_path) -> None:
     assert "latency_s <= 1: met by 1 of 2 designs (50)" in text
 
 
-def test_a_scene_that_ends_with_the_burn_is_reported_to_metrics_of_impacts() -> None:
+def test_a_scene_that_ends_with_the_burn_has_a_note() -> None:
     scene = {**SCENE, "detection": "constant"}
-    (note,) = planned_study(Study(scene=scene, metrics=("warning_time",))).notes
+    (note,) = notes(scene, metrics=("warning_time",))
     assert note.startswith("the scene ends at 20 s, 231 s before the burnout of T1")
-    assert planned_study(Study(scene=scene, metrics=("latency",))).notes == ()
-    long = {**scene, "duration_s": 285.0}
-    assert planned_study(Study(scene=long, metrics=("warning_time",))).notes == ()
+    assert notes(scene, metrics=("latency",)) == ()
+    assert notes({**scene, "duration_s": 285.0}, metrics=("warning_time",)) == ()
 
 
-def test_a_study_says_which_detection_was_chosen_and_where_designs_differ_in_it() -> None:
-    vary = {"sensors[0].scan_period_ms": (50.0, 100.0)}
-    notes = planned_study(Study(scene=SCENE, vary=vary, metrics=("latency",))).notes
-    assert notes == ("detection: constant, since the scene describes no light",)
-    vary = {"atmosphere": ("clear", "lowtran")}
-    (note,) = planned_study(Study(scene=SCENE, vary=vary, metrics=("latency",))).notes
+def test_a_study_names_the_detection_chosen_and_differences() -> None:
+    periods = {"sensors[0].scan_period_ms": (50.0, 100.0)}
+    sentence = "detection: constant, since the scene describes no light"
+    assert notes(SCENE, vary=periods, metrics=("latency",)) == (sentence,)
+    air = {"atmosphere": ("clear", "lowtran")}
+    (note,) = notes(SCENE, vary=air, metrics=("latency",))
     assert note.startswith("designs differ in their detection model, constant and snr, besides")
-    scene = {**SCENE, "detection": "snr"}
-    assert planned_study(Study(scene=scene, vary=vary, metrics=("latency",))).notes == ()
+    assert notes({**SCENE, "detection": "snr"}, vary=air, metrics=("latency",)) == ()
 
 
 def test_wide_tables_are_cut_between_figures() -> None:
     head = ["design", "runs", *(f"figure_{place}" for place in range(9))]
     body = [["1", "5", *["x" * 18] * 9]]
-    cut = _tables(head, body, 2)
-    assert len(cut) == 3
-    assert all(len(line.rstrip()) <= 100 for each in cut for line in each.splitlines())
-    assert all(each.startswith("design  runs  figure_") for each in cut)
-    assert " ".join(cut).count("figure_") == 9
+    tables = _tables(head, body, 2)
+    assert len(tables) == 3
+    assert all(len(line.rstrip()) <= 100 for text in tables for line in text.splitlines())
+    assert all(text.startswith("design  runs  figure_") for text in tables)
+    assert " ".join(tables).count("figure_") == 9
 
 
 def test_a_setting_that_is_answered_value_by_value_varies() -> None:
@@ -103,35 +101,28 @@ def test_a_setting_that_is_answered_value_by_value_varies() -> None:
 
 
 @pytest.mark.slow
-def test_a_study_writes_its_report(tmp_path, capsys) -> None:
-    (tmp_path / "scene.json").write_text(json.dumps(SCENE), encoding="utf-8")
-    words = {
+def test_a_study_writes_its_report(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scene.json").write_text(json.dumps(SCENE), encoding="utf-8")
+    settings = {
         "study": "s",
         "scene": "scene.json",
         "vary": {PERIOD: [5000, 50]},
         "runs": 3,
         "metrics": ["latency"],
-    }
-    words |= {
         "question": "How soon is a launch seen?",
         "executor": "serial",
         "requirements": ["latency_s <= 1"],
     }
-    (tmp_path / "study.yaml").write_text(json.dumps(words), encoding="utf-8")
-    page = tmp_path / "page.html"
-    figures = tmp_path / "figures"
-    command = [
-        "sweep",
-        str(tmp_path / "study.yaml"),
-        "-o",
-        str(tmp_path / "s"),
-        "--report",
-        str(page),
-    ]
-    assert main([*command, "--figures", str(figures)]) == 0
+    Path("study.yaml").write_text(json.dumps(settings), encoding="utf-8")
+    assert (
+        main(["sweep", "study.yaml", "-o", "s", "--report", "page.html", "--figures", "figures"])
+        == 0
+    )
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "note: detection: constant, since the scene describes no light"
     assert lines[4].startswith("latency_s <= 1: met by 1 of 2 designs (50)")
-    assert lines[-2:] == [f"Report: {page}", f"Figures: {figures}"]
-    assert "<h1>How soon is a launch seen?</h1>" in page.read_text(encoding="utf-8")
-    assert (figures / "effect-latency_s.pdf").exists()
+    assert lines[-2:] == ["Report: page.html", "Figures: figures"]
+    page = Path("page.html").read_text(encoding="utf-8")
+    assert "<h1>How soon is a launch seen?</h1>" in page
+    assert Path("figures/effect-latency_s.pdf").exists()

@@ -39,10 +39,10 @@ class TestChance(MetricContract):
 @pytest.fixture(scope="module")
 def host():
     """Let every host offer the metric, whose contract is tested without this."""
-    found = Host.discover()
-    found.register(some_launches)
+    host = Host.discover()
+    host.register(some_launches)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(Host, "discover", classmethod(lambda _cls: found))
+        patched.setattr(Host, "discover", classmethod(lambda _cls: host))
         yield
 
 
@@ -57,19 +57,15 @@ def study(**changes):
     return Study(**{**base, "metrics": ("chance",), "requirements": ("time_s <= 60",), **changes})
 
 
-def written(asked, folder, spread_s=10.0):
+def written(settings, folder, spread_s=10.0):
     """Return the result of a study whose runs are drawn here, without a simulation."""
-    planned = planned_study(asked)
+    planned = planned_study(settings)
     records = []
-    for each in planned.designs:
-        chance = each.scene.sensors[0].model.config.detection_probability["ICBM"]
-        rows = figures(values_of(each.scene.seed, asked.runs, chance, spread_s))
-        records.append(
-            [
-                RunRecord(number, each.scene.seed + number, 0.0, row)
-                for number, row in enumerate(rows)
-            ]
-        )
+    for design in planned.designs:
+        seed = design.scene.seed
+        chance = design.scene.sensors[0].model.config.detection_probability["ICBM"]
+        rows = figures(values_of(seed, settings.runs, chance, spread_s))
+        records.append([RunRecord(run, seed + run, 0.0, row) for run, row in enumerate(rows)])
     return written_result(planned, folder, records)
 
 
@@ -77,13 +73,11 @@ def figures(values):
     """Return the mean, the share and the mean where all have a value, of the launches (runs,
     launches) of each run.
     """
-    known = np.isfinite(values)
-    means = np.where(known, values, 0.0).sum(axis=1) / np.where(
-        known.any(axis=1), known.sum(axis=1), np.nan
-    )
-    return list(
-        zip(means, known.mean(axis=1), np.where(known.all(axis=1), means, np.nan), strict=True)
-    )
+    has_value = np.isfinite(values)
+    count = np.where(has_value.any(axis=1), has_value.sum(axis=1), np.nan)
+    means = np.where(has_value, values, 0.0).sum(axis=1) / count
+    means_of_all = np.where(has_value.all(axis=1), means, np.nan)
+    return list(zip(means, has_value.mean(axis=1), means_of_all, strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -93,23 +87,23 @@ def result(host, tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_study_that_is_run_has_the_values_that_are_drawn(result, tmp_path):
-    found = sweep(study(show=("time_s", "time_of_all_s")), tmp_path)
+    simulated = sweep(study(show=("time_s", "time_of_all_s")), tmp_path)
     for name in ("share", "mean", "runs_with_value", "low_95"):
-        np.testing.assert_allclose(
-            found.table[name].to_numpy(), result.table[name].to_numpy(), rtol=1e-12
-        )
+        drawn = result.table[name].to_numpy()
+        np.testing.assert_allclose(simulated.table[name].to_numpy(), drawn, rtol=1e-12)
 
 
-def test_the_share_is_that_of_the_launches_that_have_a_value(result):
-    few, all_of_them = result.rows("time_s")
-    known = np.isfinite(values_of(SCENE["seed"], RUNS, 0.3))
-    assert few["share"] == pytest.approx(known.mean(), rel=1e-12)
-    count = few["share"] * known.size
-    assert binom.ppf(5e-4, known.size, 0.3) <= count <= binom.isf(5e-4, known.size, 0.3)
-    assert all_of_them["share"] == 1.0
-    assert few["runs_with_value"] == np.count_nonzero(known.any(axis=1))
-    whole = result.rows("time_of_all_s")
-    assert [row["share"] for row in whole] == [np.mean(known.all(axis=1)), 1.0]
+def test_the_share_is_that_of_the_launches_with_a_value(result):
+    partial, complete = result.rows("time_s")
+    has_value = np.isfinite(values_of(SCENE["seed"], RUNS, 0.3))
+    size = has_value.size
+    assert partial["share"] == pytest.approx(has_value.mean(), rel=1e-12)
+    count = partial["share"] * size
+    assert binom.ppf(5e-4, size, 0.3) <= count <= binom.isf(5e-4, size, 0.3)
+    assert complete["share"] == 1.0
+    assert partial["runs_with_value"] == np.count_nonzero(has_value.any(axis=1))
+    shares = [row["share"] for row in result.rows("time_of_all_s")]
+    assert shares == [np.mean(has_value.all(axis=1)), 1.0]
 
 
 def test_a_share_is_over_the_runs_that_a_figure_applies_to():
@@ -119,43 +113,39 @@ def test_a_share_is_over_the_runs_that_a_figure_applies_to():
     assert np.isnan(share_with_value(values[1:2], np.array([np.nan])))
 
 
-def test_a_mean_over_some_launches_meets_no_requirement_and_says_of_which(result):
-    few, _ = result.rows("time_s")
-    assert few["mean"] < 60.0
+def test_a_mean_over_some_launches_meets_no_requirement(result):
+    partial, _ = result.rows("time_s")
+    assert partial["mean"] < 60.0
     text = as_text(result)
-    percent = f"{100.0 * few['share']:.0f} %"
-    assert "time_s <= 60: met by 1 of 2 designs (1.0)" in text
-    assert (
-        f"not by a mean over some, as launches without the figure miss it: 0.3: {percent} of the"
-        f" launches in 20" in text
-    )
-    (row,) = [line for line in text.splitlines() if line.startswith("0.3 ")]
+    percent = f"{100.0 * partial['share']:.0f} %"
+    count = partial["runs_with_value"] + RUNS
+    for words in (
+        "time_s <= 60: met by 1 of 2 designs (1.0)",
+        f"as launches without the figure miss it: 0.3: {percent} of the launches in 20",
+        "not by a mean over some, as launches",
+        f"(%): the mean is over that share of the launches. With a value: time_s in {count}",
+        "over that share of the runs. With a value: time_of_all_s in 20 of 40 runs",
+    ):
+        assert words in text
+    table, differences = text.split("minus the first design")
+    (row,) = [line for line in table.splitlines() if line.startswith("0.3 ")]
     assert f"] ({percent})" in row
-    assert (
-        f"(%): the mean is over that share of the launches. With a value: time_s in"
-        f" {few['runs_with_value'] + RUNS}" in text
-    )
-    assert "over that share of the runs. With a value: time_of_all_s in 20 of 40 runs" in text
-    difference = next(
-        line
-        for line in text.split("minus the first design")[1].splitlines()
-        if line.startswith("1.0")
-    )
+    difference = next(line for line in differences.splitlines() if line.startswith("1.0"))
     assert f"(100 % minus {percent})" in difference
 
 
 @pytest.mark.parametrize(("chance", "is_in_every_run"), [(0.05, False), (1.0, True)])
-def test_every_run_is_every_run(host, tmp_path, chance, is_in_every_run):
-    same = {
-        "metrics": ({"chance": {"spread_s": 0.0}},),
-        "vary": {PERIOD: [100, 200]},
-        "requirements": (),
-    }
-    overrides = {"sensors[0].detection_probability": {"ICBM": chance}}
-    text = as_text(written(study(**same, overrides=overrides), tmp_path, spread_s=0.0))
-    page = study_page(read_study(tmp_path))
-    words = " ".join(each.text for each in page.sections)
-    assert ("In every run: time 50 s" in words) == is_in_every_run
+def test_figures_of_every_run_are_a_sentence(host, tmp_path, chance, is_in_every_run):
+    settings = study(
+        metrics=({"chance": {"spread_s": 0.0}},),
+        vary={PERIOD: [100, 200]},
+        requirements=(),
+        overrides={"sensors[0].detection_probability": {"ICBM": chance}},
+    )
+    text = as_text(written(settings, tmp_path, spread_s=0.0))
+    sections = study_page(read_study(tmp_path)).sections
+    is_said = "In every run: time 50 s" in " ".join(section.text for section in sections)
+    assert is_said == is_in_every_run
     assert ("In brackets" in text or "(%)" in text) != is_in_every_run
 
 
@@ -177,13 +167,16 @@ def test_the_report_says_of_which_launches_a_mean_is(result):
 
 
 def test_an_answer_names_the_best_design_of_all_launches(host, tmp_path):
-    vary = {CHANCE: [0.3, 1.0], PERIOD: [100, 200]}
-    asked = study(question="Which?", vary=vary, requirements=("time_s <= 1",), show=("time_s",))
-    written(asked, tmp_path)
+    question = {
+        "question": "Which?",
+        "vary": {CHANCE: [0.3, 1.0], PERIOD: [100, 200]},
+        "show": ("time_s",),
+    }
+    written(study(**question, requirements=("time_s <= 1",)), tmp_path)
     (answer,) = answers(read_study(tmp_path))
     assert "time is at best 54" in answer or "time is at best 55" in answer
     assert "detection probability of ICBM 1" in answer
-    written(study(question="Which?", vary=vary, show=("time_s",)), tmp_path)
+    written(study(**question), tmp_path)
     (answer,) = answers(read_study(tmp_path))
     assert answer.startswith("2 of 4 designs meet time at most 60 s")
     assert "2 would by means over some of the launches, which do not count" in answer
@@ -193,35 +186,28 @@ def test_an_answer_names_the_best_design_of_all_launches(host, tmp_path):
 @pytest.mark.slow
 def test_the_best_design_is_one_that_all_launches_have(host, tmp_path):
     pytest.importorskip("optuna")
-    found = optimise(study(requirements=()), tmp_path, "min time_s", evaluations=2)
-    means = [row["mean"] for row in found.result.rows("time_s")]
-    best = found.result.definition["designs"][found.best]
+    optimised = optimise(study(requirements=()), tmp_path, "min time_s", evaluations=2)
+    means = [row["mean"] for row in optimised.result.rows("time_s")]
+    best = optimised.result.definition["designs"][optimised.best]
     assert best[CHANCE] == 1.0
-    assert means[found.best] == max(means)
-    assert found.is_feasible
+    assert means[optimised.best] == max(means)
+    assert optimised.is_feasible
 
 
 @pytest.mark.slow
-def test_the_command_exits_with_2_where_launches_lack_what_is_required(host, tmp_path, capsys):
+def test_the_command_exits_with_2_where_launches_lack_figures(host, tmp_path, capsys, monkeypatch):
     pytest.importorskip("optuna")
-    scene = tmp_path / "scene.json"
-    scene.write_text(json.dumps({**SCENE, "duration_s": 2.0}), encoding="utf-8")
-    command = [
-        "optimise",
-        str(scene),
-        "--vary",
-        f"{CHANCE}=0.2,0.4",
-        "--runs",
-        "5",
-        "--metric",
-        "chance",
-    ]
-    command += ["--executor", "serial", "--objective", "max having", "-o", str(tmp_path / "out")]
-    assert main([*command, "--require", "time_s <= 60", "--json"]) == 2
-    found = json.loads(capsys.readouterr().out)
-    assert found["best"][CHANCE] == 0.4
-    assert found["shares"]["time_s"] == pytest.approx(found["means"]["having"])
-    assert main([*command, "--require", "time_s <= 60"]) == 2
+    monkeypatch.chdir(tmp_path)
+    scene = json.dumps({**SCENE, "duration_s": 2.0})
+    (tmp_path / "scene.json").write_text(scene, encoding="utf-8")
+    words = f"optimise scene.json --vary {CHANCE}=0.2,0.4 --runs 5 --metric chance -o out"
+    command = [*words.split(), "--executor=serial", "--objective", "max having"]
+    command += ["--require", "time_s <= 60"]
+    assert main([*command, "--json"]) == 2
+    document = json.loads(capsys.readouterr().out)
+    assert document["best"][CHANCE] == 0.4
+    assert document["shares"]["time_s"] == pytest.approx(document["means"]["having"])
+    assert main(command) == 2
     text = capsys.readouterr().out
     assert "no design that was evaluated meets all requirements" in text
     assert "(%): the mean is over that share of the launches" in text
@@ -239,18 +225,19 @@ def test_ranks_put_launches_first_then_requirements_then_the_value():
         outcome(6.0, 9.0),
         outcome(1.0, 11.0),
         outcome(1.0, 9.0, share_x=0.9),
+        outcome(1.0, 9.0, share_y=0.5),
+        outcome(np.nan, np.nan, share_x=0.0, share_y=np.nan),
     ]
-    order += [outcome(1.0, 9.0, share_y=0.5), outcome(np.nan, np.nan, share_x=0.0, share_y=np.nan)]
     assert sorted(order) == order
-    assert [each.is_feasible for each in order] == [True, True, False, False, False, False]
+    assert [design.is_feasible for design in order] == [True, True, False, False, False, False]
 
 
-def test_runs_that_failed_are_no_runs(host, tmp_path):
+def test_runs_that_failed_are_not_counted(host, tmp_path):
     planned = planned_study(study(runs=3))
-    done = [RunRecord(number, number, 0.0, (50.0, 1.0, 50.0)) for number in range(3)]
-    found = written_result(planned, tmp_path, [[done[0], None, done[2]], done])
-    first, second = found.rows("time_s")
-    assert [(row["runs"], row["share"]) for row in (first, second)] == [(2, 1.0), (3, 1.0)]
+    runs = [RunRecord(number, number, 0.0, (50.0, 1.0, 50.0)) for number in range(3)]
+    result = written_result(planned, tmp_path, [[runs[0], None, runs[2]], runs])
+    counts = [(row["runs"], row["share"]) for row in result.rows("time_s")]
+    assert counts == [(2, 1.0), (3, 1.0)]
 
 
 @pytest.mark.parametrize(

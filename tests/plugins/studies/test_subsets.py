@@ -19,19 +19,20 @@ SCENE = {
 }
 
 
-def kept(path, values, **more):
-    planned = planned_study(Study(scene=SCENE, vary={path: values}, metrics=("latency",), **more))
-    return ["".join(sensor.id for sensor in each.scene.sensors) for each in planned.designs]
+def sensors(path, values, **settings):
+    study = Study(scene=SCENE, vary={path: values}, metrics=("latency",), **settings)
+    designs = planned_study(study).designs
+    return ["".join(sensor.id for sensor in design.scene.sensors) for design in designs]
 
 
 def test_a_number_of_sensors_is_taken_evenly_from_the_list():
-    assert kept("sensors.count", [1, 2, 3, 4]) == ["A", "AC", "ABC", "ABCD"]
+    assert sensors("sensors.count", [1, 2, 3, 4]) == ["A", "AC", "ABC", "ABCD"]
 
 
 def test_sensors_are_kept_or_left_out_by_name():
-    assert kept("sensors.keep", ["B", ["D", "A"], "all"]) == ["B", "AD", "ABCD"]
-    assert kept("sensors.without", ["none", "B", ["A", "D"]]) == ["ABCD", "ACD", "BC"]
-    assert kept("sensors.count", [1, 2], overrides={"sensors.without": "A"}) == ["B", "BC"]
+    assert sensors("sensors.keep", ["B", ["D", "A"], "all"]) == ["B", "AD", "ABCD"]
+    assert sensors("sensors.without", ["none", "B", ["A", "D"]]) == ["ABCD", "ACD", "BC"]
+    assert sensors("sensors.count", [1, 2], overrides={"sensors.without": "A"}) == ["B", "BC"]
 
 
 @pytest.mark.parametrize(
@@ -45,6 +46,6 @@ def test_sensors_are_kept_or_left_out_by_name():
 )
 def test_a_value_that_chooses_no_sensor_is_refused_with_its_setting(path, value, words):
     with pytest.raises(SceneError) as refused:
-        kept(path, [value])
+        sensors(path, [value])
     assert path in str(refused.value)
     assert words in str(refused.value)

@@ -9,56 +9,46 @@ from opir_core.cli.main import main
 
 
 @pytest.fixture
-def scene(tmp_path, monkeypatch):
+def sweep(tmp_path, monkeypatch, capsys):
+    """Return a function that runs the command, and returns the exit code and texts."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "short.yaml").write_text(json.dumps(SCENE))
-    return "short.yaml"
+
+    def command(words: str, *more: str):
+        return main(["sweep", *words.split(), *more]), capsys.readouterr()
+
+    return command
 
 
 @pytest.mark.slow
-def test_a_table_has_a_row_per_design(scene, capsys):
-    assert (
-        main(["sweep", scene, "--vary", f"{PERIOD}=100,400", "--runs", "5", "--executor", "serial"])
-        == 0
-    )
-    printed = capsys.readouterr().out
-    note, _, table = printed.partition("\n\n")
+def test_a_table_has_a_row_per_design(sweep):
+    code, printed = sweep(f"short.yaml --vary {PERIOD}=100,400 --runs 5 --executor serial")
+    assert code == 0
+    note, _, table = printed.out.partition("\n\n")
     assert note == "note: detection: constant, since the scene describes no light"
     assert table.startswith("short: 2 designs, 10 runs; mean [95 % interval] over runs\n")
-    rows = [line.split() for line in table.splitlines()]
-    assert [row[:2] for row in rows[3:5]] == [["100", "5"], ["400", "5"]]
-    assert "minus the first design" in printed
-    assert printed.endswith("All figures: short-study/results.csv\n")
+    rows = [line.split()[:2] for line in table.splitlines()]
+    assert rows[3:5] == [["100", "5"], ["400", "5"]]
+    assert "minus the first design" in printed.out
+    assert printed.out.endswith("All figures: short-study/results.csv\n")
 
 
 @pytest.mark.slow
-def test_a_study_file_and_flags(scene, tmp_path, capsys):
+def test_a_study_file_and_flags(sweep, tmp_path):
     (tmp_path / "study.yaml").write_text(
         "study: mine\nscene: short.yaml\nruns: 9\nexecutor: serial\n"
         f"vary:\n  '{PERIOD}': {{from: 100, to: 300, step: 100}}\n"
     )
-    flags = [
-        "--runs",
-        "3",
-        "--set",
-        "targets[0].launch.time_s=2",
-        "--metric",
-        "latency",
-        "--out",
-        "there",
-        "--json",
-    ]
-    assert main(["sweep", "study.yaml", *flags]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["study"] == "mine"
-    assert [design[PERIOD] for design in found["designs"]] == [100, 200, 300]
-    assert {row["figure"] for row in found["results"]} == set(found["figures"])
-    assert all(row["runs"] == 3 for row in found["results"])
-    assert (
-        (tmp_path / "there" / "results.csv")
-        .read_text()
-        .startswith(f"design,{PERIOD},figure,unit,runs,")
-    )
+    flags = "--runs 3 --set targets[0].launch.time_s=2 --metric latency --out there --json"
+    code, printed = sweep(f"study.yaml {flags}")
+    document = json.loads(printed.out)
+    assert code == 0
+    assert document["study"] == "mine"
+    assert [design[PERIOD] for design in document["designs"]] == [100, 200, 300]
+    assert {row["figure"] for row in document["results"]} == set(document["figures"])
+    assert all(row["runs"] == 3 for row in document["results"])
+    table = (tmp_path / "there" / "results.csv").read_text()
+    assert table.startswith(f"design,{PERIOD},figure,unit,runs,")
 
 
 @pytest.mark.slow
@@ -76,11 +66,13 @@ def test_a_study_file_and_flags(scene, tmp_path, capsys):
         (["--show", "latency"], 2, "no metric of the study gives 'latency'"),
     ],
 )
-def test_invalid_words_are_refused(scene, capsys, flags, code, words):
-    assert main(["sweep", scene, "--runs", "2", "--executor", "serial", *flags]) == code
-    assert words in capsys.readouterr().err
+def test_invalid_words_are_refused(sweep, flags, code, words):
+    returned, printed = sweep("short.yaml --runs 2 --executor serial", *flags)
+    assert returned == code
+    assert words in printed.err
 
 
-def test_a_missing_file_is_one_message(scene, capsys):
-    assert main(["sweep", "nowhere.yaml"]) == 2
-    assert "there is no such file" in capsys.readouterr().err
+def test_a_missing_file_is_one_message(sweep):
+    code, printed = sweep("nowhere.yaml")
+    assert code == 2
+    assert "there is no such file" in printed.err

@@ -55,54 +55,61 @@ def test_the_launch_error_is_the_geodesic_to_the_true_point(run):
     _, _, distance_m = Geod(ellps="WGS84").inv(
         *np.degrees(estimate[1::-1]), truth["lon_deg"], truth["lat_deg"]
     )
-    found = LaunchErrorMetric().values(run)
-    assert found["launch_error_m"] == pytest.approx(distance_m, rel=1e-3)
-    assert found["launch_time_error_s"] == pytest.approx(
-        abs(estimate[2] - truth["time_s"]), rel=1e-9
-    )
+    figures = LaunchErrorMetric().values(run)
+    error_s = abs(estimate[2] - truth["time_s"])
+    assert figures["launch_error_m"] == pytest.approx(distance_m, rel=1e-3)
+    assert figures["launch_time_error_s"] == pytest.approx(error_s, rel=1e-9)
 
 
 def test_position_errors_are_those_of_the_tracks(run):
     plan = run.plan
     tick_s = run.tracks.tick_s
-    known = (tick_s <= plan.targets.end_s[0]) & np.isfinite(run.tracks.state[:, 0])
-    true = plan.targets.position_ecef_m(np.zeros(known.sum(), dtype=np.int32), tick_s[known])
-    error_m = np.linalg.norm(run.tracks.state[known, :3] - true, axis=1)
+    has_truth = (tick_s <= plan.targets.end_s[0]) & np.isfinite(run.tracks.state[:, 0])
+    true = plan.targets.position_ecef_m(
+        np.zeros(has_truth.sum(), dtype=np.int32), tick_s[has_truth]
+    )
+    error_m = np.linalg.norm(run.tracks.state[has_truth, :3] - true, axis=1)
     assert AccuracyMetric().values(run)["position_rmse_m"] == pytest.approx(
         np.sqrt(np.mean(error_m**2)), rel=1e-9
     )
 
 
 def test_one_launch_has_one_track(run):
-    found = TracksMetric().values(run)
-    assert (found["tracked"], found["false_tracks"], found["tracks_a_launch"]) == (1.0, 0.0, 1.0)
+    figures = TracksMetric().values(run)
+    assert (figures["tracked"], figures["false_tracks"], figures["tracks_a_launch"]) == (
+        1.0,
+        0.0,
+        1.0,
+    )
     detected_s = run.detections.time_s.min()
     expected = np.arange(2.0 * np.ceil(detected_s / 2.0), 91.0, 2.0)
-    assert found["completeness"] == pytest.approx(np.isin(expected, run.tracks.tick_s).mean())
+    assert figures["completeness"] == pytest.approx(np.isin(expected, run.tracks.tick_s).mean())
 
 
 def test_impact_figures_are_those_of_the_region_at_the_instant(run):
+    def region(row, containment):
+        regions = run.tracks.impact_regions[row]
+        return next(region for region in regions if region.containment == containment)
+
     (row,) = np.flatnonzero(run.tracks.tick_s == 60.0)
-    (region,) = (each for each in run.tracks.impact_regions[row] if each.containment == 0.9)
     aim = np.radians([9.0, 167.7])
-    found = impact_figures(run, containment_percent=90.0, phases=(), times_s=(50.0,))
-    assert found == {
-        "impact_area_at_50_s_km2": region.area_km2,
-        "impact_contained_at_50_s": float(region.contains(*aim)),
+    figures = impact_figures(run, containment_percent=90.0, phases=(), times_s=(50.0,))
+    assert figures == {
+        "impact_area_at_50_s_km2": region(row, 0.9).area_km2,
+        "impact_contained_at_50_s": float(region(row, 0.9).contains(*aim)),
         "impact_predicted_at_50_s": 1.0,
     }
-    last = impact_figures(run, phases=("last estimate",))
-    (region,) = (each for each in run.tracks.impact_regions[-1] if each.containment == 0.95)
-    assert last["impact_area_last_estimate_km2"] == region.area_km2
+    figures = impact_figures(run, phases=("last estimate",))
+    assert figures["impact_area_last_estimate_km2"] == region(-1, 0.95).area_km2
 
 
 def test_without_tracks_there_are_no_figures():
     run = opir_core.simulate(opir_core.scene_from_mapping(UNTRACKED))
     assert TracksMetric().values(run)["tracked"] == 0.0
     assert np.isnan(AccuracyMetric().values(run)["position_rmse_m"])
-    found = impact_figures(run, times_s=(10.0,))
-    assert found["impact_predicted_at_10_s"] == 0.0
-    assert np.isnan(found["impact_area_at_10_s_km2"])
+    figures = impact_figures(run, times_s=(10.0,))
+    assert figures["impact_predicted_at_10_s"] == 0.0
+    assert np.isnan(figures["impact_area_at_10_s_km2"])
 
 
 def test_phases_are_those_of_the_scores():

@@ -5,8 +5,8 @@ here.
 from typing import ClassVar
 
 import numpy as np
-import opir_studies.metrics.warning_metric as subject
 import pytest
+from attrs import evolve
 from opir_scoring import (
     Ownership,
     RunEvidence,
@@ -16,6 +16,7 @@ from opir_scoring import (
     warning_times,
 )
 from opir_studies.configs import WarningConfig
+from opir_studies.metrics.warning_metric import warning_time_metric
 from opir_testing import MetricContract
 from scored_scene import SCENE
 from study_scene import SCENE as UNTRACKED
@@ -38,107 +39,101 @@ def run():
 
 @pytest.fixture(scope="module")
 def evidence(run) -> tuple[RunEvidence, Ownership]:
-    found = evidence_of_run(run, run.plan)
-    return found, ownership(found)
+    run_evidence = evidence_of_run(run, run.plan)
+    return run_evidence, ownership(run_evidence)
 
 
 NOTHING = {"missile_probability": None, "region_km2": None, "launch_point_km": None}
 IGNITION_S = SCENE["targets"][0]["launch"]["time_s"]
 
 
-def times(evidence, probability=None, **requirement):
-    """Return the warning times of the run, with other probabilities of a missile if given."""
-    import attrs
+def times(evidence, columns=None, **requirement):
+    """Return the warning times of the run, with other columns of tracks if given."""
+    run_evidence, owners = evidence
+    tracks = evolve(run_evidence.tracks, **columns or {})
+    requirement = WarningRequirement(**NOTHING | requirement)
+    return warning_times(evolve(run_evidence, tracks=tracks), owners, requirement)
 
-    found, owners = evidence
-    tracks = (
-        found.tracks
-        if probability is None
-        else attrs.evolve(found.tracks, probability_missile=probability)
-    )
-    return warning_times(
-        attrs.evolve(found, tracks=tracks), owners, WarningRequirement(**NOTHING | requirement)
-    )
+
+def probabilities(run, *low):
+    """Return columns with P(missile) of 0.95, but 0.5 at some rows."""
+    probability = np.full(len(run.tracks), 0.95)
+    probability[list(low)] = 0.5
+    return {"probability_missile": probability}
 
 
 def test_without_a_requirement_the_first_estimate_warns(run, evidence):
-    found = times(evidence)
+    warned = times(evidence)
     impact_s = run.plan.targets.truth()[0]["impact"]["time_s"]
-    assert found.warned_s[0] == found.track_s[0] == run.tracks.available_s.min() - IGNITION_S
-    assert found.warning_s[0] == pytest.approx(impact_s - run.tracks.available_s.min())
+    available_s = run.tracks.available_s.min()
+    assert warned.warned_s[0] == warned.track_s[0] == available_s - IGNITION_S
+    assert warned.warning_s[0] == pytest.approx(impact_s - available_s)
 
 
-def test_what_is_lost_again_is_no_warning(run, evidence):
+def test_a_warning_that_is_lost_again_does_not_count(run, evidence):
     """P(missile) passes the threshold at the 5th estimate, falls once at the 10th and stays from
     the 11th on.
     """
-    probability = np.full(len(run.tracks), 0.95)
-    probability[:4] = 0.5
-    probability[9] = 0.5
-    found = times(evidence, probability, missile_probability=0.9)
-    assert found.warned_s[0] == run.tracks.available_s[10] - IGNITION_S
+    low = probabilities(run, 0, 1, 2, 3, 9)
+    warned = times(evidence, low, missile_probability=0.9)
+    assert warned.warned_s[0] == run.tracks.available_s[10] - IGNITION_S
 
 
 def test_a_requirement_missed_at_the_end_gives_no_warning(run, evidence):
-    probability = np.full(len(run.tracks), 0.95)
-    probability[-1] = 0.5
-    found = times(evidence, probability, missile_probability=0.9)
-    assert (found.warned_s[0], found.warning_s[0]) == (np.inf, 0.0)
-    assert np.isnan(found.contained[0])
+    warned = times(evidence, probabilities(run, -1), missile_probability=0.9)
+    assert (warned.warned_s[0], warned.warning_s[0]) == (np.inf, 0.0)
+    assert np.isnan(warned.contained[0])
 
 
 def test_a_tracker_without_hypotheses_never_states_a_missile(run, evidence):
-    unknown = np.full(len(run.tracks), np.nan)
+    unknown = {"probability_missile": np.full(len(run.tracks), np.nan)}
     assert times(evidence, unknown, missile_probability=0.0).warning_s[0] == 0.0
     assert times(evidence, unknown).warning_s[0] > 0.0
 
 
 def test_regions_and_launch_points_are_those_that_are_reported(run, evidence):
+    available_s = np.append(run.tracks.available_s, np.inf)
     areas = [
-        max((each.area_km2 for each in row if each.containment == 0.95), default=np.nan)
+        max((region.area_km2 for region in row if region.containment == 0.95), default=np.nan)
         for row in run.tracks.impact_regions
     ]
     limit_km2 = float(np.nanmedian(areas))
-    failed = [row for row, area in enumerate(areas) if not area < limit_km2]
-    found = times(evidence, region_km2=limit_km2)
-    expected = run.tracks.available_s[failed[-1] + 1] if failed[-1] + 1 < len(areas) else np.inf
-    assert found.warned_s[0] + IGNITION_S == expected
-    known = np.flatnonzero(np.isfinite(areas))
-    assert found.region_s[0] == run.tracks.available_s[known[0]] - IGNITION_S
+    too_large = max(row for row, area in enumerate(areas) if not area < limit_km2)
+    warned = times(evidence, region_km2=limit_km2)
+    assert warned.warned_s[0] + IGNITION_S == available_s[too_large + 1]
+    first_region = np.flatnonzero(np.isfinite(areas))[0]
+    assert warned.region_s[0] == available_s[first_region] - IGNITION_S
     spread_m = [
-        np.sqrt(np.linalg.eigvalsh(each[:2, :2]).max() * -2.0 * np.log(0.05))
-        if np.isfinite(each).all()
+        np.sqrt(np.linalg.eigvalsh(covariance[:2, :2]).max() * -2.0 * np.log(0.05))
+        if np.isfinite(covariance).all()
         else np.nan
-        for each in run.tracks.launch_covariance
+        for covariance in run.tracks.launch_covariance
     ]
-    first = next(row for row, each in enumerate(spread_m) if each < 1.01 * spread_m[-1])
-    found = times(evidence, launch_point_km=1.01e-3 * spread_m[-1])
-    assert found.warned_s[0] == run.tracks.available_s[first] - IGNITION_S
-    assert times(evidence, launch_point_km=0.99e-3 * spread_m[-1]).warning_s[0] == 0.0
+    limit_m = spread_m[-1]
+    small_enough = next(row for row, value in enumerate(spread_m) if value < 1.01 * limit_m)
+    warned = times(evidence, launch_point_km=1.01e-3 * limit_m)
+    assert warned.warned_s[0] == available_s[small_enough] - IGNITION_S
+    assert times(evidence, launch_point_km=0.99e-3 * limit_m).warning_s[0] == 0.0
 
 
 def test_late_estimates_warn_when_they_are_available(run, evidence):
-    import attrs
-
-    found, owners = evidence
-    late = attrs.evolve(
-        found, tracks=attrs.evolve(found.tracks, available_s=found.tracks.tick_s + 7.0)
-    )
-    warned = warning_times(late, owners, WarningRequirement(**NOTHING))
+    warned = times(evidence, {"available_s": run.tracks.tick_s + 7.0})
     assert warned.warned_s[0] == pytest.approx(run.tracks.tick_s.min() + 7.0 - IGNITION_S)
 
 
 def test_the_metric_counts_launches_without_a_warning_as_zero():
     run = opir_core.simulate(opir_core.scene_from_mapping(UNTRACKED))
-    found = subject.warning_time_metric(WarningConfig(), MetricContext()).values(run)
-    assert (found["warning_time_s"], found["warned"]) == (0.0, 0.0)
-    assert np.isnan(found["time_to_track_s"])
-    assert (found["share_with_track"], found["share_with_region"], found["share_with_report"]) == (
-        0.0,
-        0.0,
-        1.0,
-    )
-    assert found["time_to_report_s"] == run.summary["targets"][0]["end_to_end_latency_s"]
+    figures = warning_time_metric(WarningConfig(), MetricContext()).values(run)
+    expected = {
+        "warning_time_s": 0.0,
+        "warned": 0.0,
+        "share_with_track": 0.0,
+        "share_with_region": 0.0,
+        "share_with_report": 1.0,
+        "time_to_report_s": run.summary["targets"][0]["end_to_end_latency_s"],
+    }
+    assert {name: figures[name] for name in expected} == expected
+    assert np.isnan(figures["time_to_track_s"])
 
 
 def test_an_unknown_containment_is_refused():

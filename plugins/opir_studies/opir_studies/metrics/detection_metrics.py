@@ -132,8 +132,8 @@ def mean_of_known(values: FloatArray) -> float:
     """Return the mean of the finite ones of values (n,), nan without any; `share_of_known` belongs
     beside it.
     """
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else np.nan
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else np.nan
 
 
 def share_of_known(values: FloatArray, launches: int) -> float:

@@ -61,15 +61,15 @@ class TracksMetric:
         `share_with_ticks`.
         """
         evidence, owners = run_evidence(run)
-        found = coverage(evidence, owners)
+        covered = coverage(evidence, owners)
         launches = len(run.plan.scene.targets)
         return {
-            "tracked": np.count_nonzero(found.tracks) / launches if launches else np.nan,
-            "completeness": mean_of_known(found.share),
-            "share_with_ticks": share_of_known(found.share, launches),
+            "tracked": np.count_nonzero(covered.tracks) / launches if launches else np.nan,
+            "completeness": mean_of_known(covered.share),
+            "share_with_ticks": share_of_known(covered.share, launches),
             "false_tracks": float(np.count_nonzero(owners.target < 0)),
-            "tracks_a_launch": mean_of_known(found.tracks[found.tracks > 0].astype(np.float64)),
-            "first_track_s": mean_of_known(found.first_track_s),
+            "tracks_a_launch": mean_of_known(covered.tracks[covered.tracks > 0].astype(np.float64)),
+            "first_track_s": mean_of_known(covered.first_track_s),
         }
 
 
@@ -180,19 +180,21 @@ class ImpactRegionMetric:
         """Return the figures of every instant; nan for those that no track reaches."""
         evidence, owners = run_evidence(run)
         truth = evidence.plan.targets.truth()[: len(run.plan.scene.targets)]
-        landing = sum(bool(each.get("impact")) for each in truth)
-        found: dict[str, float] = {}
+        landing = sum(bool(target.get("impact")) for target in truth)
+        figures: dict[str, float] = {}
         phase, scores = phase_scores(evidence, owners)
         for name in self.phases:
-            found |= self._figures(
+            figures |= self._figures(
                 _phase_words(name), scores.take(phase == PHASES.index(name)), landing
             )
-        every = impact_scores(evidence, owners) if self.times_s else scores
+        scores_at_ticks = impact_scores(evidence, owners) if self.times_s else scores
         for time_s in self.times_s:
-            found |= self._figures(
-                f"at_{time_words(time_s)}", every.take(_rows_at(evidence, every, time_s)), landing
+            figures |= self._figures(
+                f"at_{time_words(time_s)}",
+                scores_at_ticks.take(_rows_at(evidence, scores_at_ticks, time_s)),
+                landing,
             )
-        return found
+        return figures
 
     @property
     def _instants(self) -> list[str]:
@@ -205,9 +207,9 @@ class ImpactRegionMetric:
         scores = scores.take(scores.has_impact)
         area_km2 = scores.area_km2[:, self.place]
         contained = scores.contained[:, self.place]
-        known = area_km2[np.isfinite(area_km2)]
+        finite = area_km2[np.isfinite(area_km2)]
         values = (
-            float(np.median(known)) if len(known) else np.nan,
+            float(np.median(finite)) if len(finite) else np.nan,
             mean_of_known(contained),
             share_of_known(area_km2, landing),
         )
@@ -242,5 +244,5 @@ def _rows_at(evidence: RunEvidence, scores: ImpactScores, time_s: float) -> IntA
 
 
 def _rms(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(np.square(known)))) if len(known) else np.nan
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(np.square(finite)))) if len(finite) else np.nan

@@ -52,28 +52,28 @@ class WarningTimeMetric:
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return means over launches; nan without a launch that comes down."""
-        found = warning_times(*run_evidence(run), self.requirement)
-        landing = np.isfinite(found.impact_s)
-        launches = len(found.impact_s)
-        is_warned = found.warning_s[landing] > 0.0
+        times = warning_times(*run_evidence(run), self.requirement)
+        landing = np.isfinite(times.impact_s)
+        launches = len(times.impact_s)
+        is_warned = times.warning_s[landing] > 0.0
         rows = run.summary["targets"][: len(landing)]
         reports = [row["end_to_end_latency_s"] for row in rows]
         report_s = np.array(
-            [np.nan if each is None else each for each in reports], dtype=np.float64
+            [np.nan if latency is None else latency for latency in reports], dtype=np.float64
         )
         return {
-            "warning_time_s": mean_of_known(found.warning_s[landing]),
+            "warning_time_s": mean_of_known(times.warning_s[landing]),
             "warned": mean_of_known(is_warned.astype(np.float64)),
             "warning_contained": mean_of_known(
-                (found.contained[landing][is_warned] == 1.0).astype(np.float64)
+                (times.contained[landing][is_warned] == 1.0).astype(np.float64)
             ),
             "time_to_report_s": mean_of_known(report_s),
-            "time_to_track_s": mean_of_known(found.track_s),
-            "time_to_region_s": mean_of_known(found.region_s),
-            "time_to_warning_s": mean_of_known(found.warned_s[landing][is_warned]),
+            "time_to_track_s": mean_of_known(times.track_s),
+            "time_to_region_s": mean_of_known(times.region_s),
+            "time_to_warning_s": mean_of_known(times.warned_s[landing][is_warned]),
             "share_with_report": share_of_known(report_s, launches),
-            "share_with_track": share_of_known(found.track_s, launches),
-            "share_with_region": share_of_known(found.region_s, launches),
+            "share_with_track": share_of_known(times.track_s, launches),
+            "share_with_region": share_of_known(times.region_s, launches),
         }
 
 

@@ -1,9 +1,8 @@
-"""What one sensor does not see: position, velocity and force along its line of sight, given the law
-of boosts.
+"""Position, velocity and force along a single sensor's line of sight, given the law of boosts.
 
 A boost begins on the ground, so the first line of sight says where. Since then each ascent of the
 law (`ascents`), in the direction that fits best, leads to a place and a motion in the image plane;
-those near to what is seen there say how far away the target is (`kernel_regression`).
+those near to the measured ones say how far away the target is (`kernel_regression`).
 """
 
 from typing import NamedTuple
@@ -11,53 +10,24 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_trackers.forecast.ascents import (
-    ABOVE_S,
-    AHEAD_S,
-    ANGLE,
-    CLIMB,
-    HEIGHT,
-    LEVEL,
-    LEVEL_FORCE,
-    LIFT,
-    BoostAscents,
-)
-from opir_trackers.forecast.kernel_regression import ENOUGH, hidden_moments
+from opir_trackers.forecast.ascents import AscentRows, BoostAscents
+from opir_trackers.forecast.kernel_regression import LAW, hidden_moments
 from opir_trackers.forecast.planar_boost import RADIUS_M
 from opir_trackers.lines_of_sight import SPIN
 from opir_trackers.triangulation import GRAZING_SINE
 
-#: Directions over the ground in which an ascent is tried before the best are refined, and steps of
-#: that.
-_DIRECTIONS = 24
-_REFINEMENTS = 3
-
-#: Most ascents that are compared exactly.
-_MOST = 400
-
-#: Width of the narrowest kernel: a share of the speed in the image plane, of the force, m/s², and
-#: of the velocity at the first detection, m/s. Wider ones are multiples of it. Positions have that
-#: of the velocity times half of the time.
-_SHARE = 0.06
-_FORCE_M_S2 = 3.0
-_FIRST_M_S = 6.0
-_SLOWEST_M_S = 100.0
-
-#: The kernel of the first choice.
-_CHOICE = 2.0
-
 
 class Sighting(NamedTuple):
-    """What one sensor sees of a target, in ECEF, m and m/s.
+    """Measurements of a target by one sensor, in ECEF, m and m/s.
 
     `first_sensor_m` and `first_m` (3,) are the sensor at the first detection, `since_s` ago, and a
-    point on its line of sight then; `first_sigma_m` is the error of the line's height there,
-    `ground_radius_m` the distance of the ground there from the Earth's centre. `sensor_m` and
-    `sensor_m_s` are the sensor now. `state` (9,) is position, velocity relative to the Earth and
-    specific force by the filter, of which what is along the line of sight is not used. `axes` and
-    `first_axes` (2, 3) are those of the image plane now and then, `first_m_s` (2,) the velocity
-    along the latter then. `noise` (8, 8) is the covariance of the state along the former, and of
-    `first_m_s`.
+    point on its line of sight at that time; `first_sigma_m` is the error of the line's height
+    there, `ground_radius_m` the distance of the ground there from the Earth's centre. `sensor_m`
+    and `sensor_m_s` are the sensor at present. `state` (9,) is position, velocity relative to the
+    Earth and specific force by the filter, whose components along the line of sight are not used.
+    `axes` and `first_axes` (2, 3) are those of the image plane at present and at the first
+    detection, `first_m_s` (2,) the velocity along the latter at that time. `noise` (8, 8) is the
+    covariance of the state along the former, and of `first_m_s`.
     """
 
     first_sensor_m: FloatArray
@@ -87,54 +57,50 @@ class AlongSight(NamedTuple):
 def along_sight(
     ascents: BoostAscents, sighting: Sighting, ignition_s: FloatArray
 ) -> AlongSight | None:
-    """Return what ascents say along the line of sight; None if too few are like it.
+    """Return the moments along the line of sight by ascents; None if too few are alike.
 
     `ignition_s` (k, n) are k equally probable times from the ignition of each ascent to the first
     detection.
     """
-    paths = [_Paths.of(sighting, ascents, each) for each in ignition_s]
-    if sum(len(each.log_weight) for each in paths) < ENOUGH:
+    paths = _burning_paths(sighting, ascents, ignition_s)
+    if len(paths.log_weight) < LAW.enough:
         return None
-    path = _Paths(*(np.concatenate(columns, axis=-1) for columns in zip(*paths, strict=True)))
     scale = _scale(sighting)
-    log, which, azimuth = _minima(*path.linear(sighting, _CHOICE * scale), path.log_weight)
-    best = np.argsort(-log)[:_MOST]
-    which = which[best]
-    azimuth = azimuth[best]
-    seen, hidden = path.compared(sighting, which, azimuth)
-    moments = hidden_moments(seen, hidden, scale, sighting.noise, path.log_weight[which])
+    log, path, azimuth = _minima(*paths.linear(sighting, LAW.choice * scale), paths.log_weight)
+    best = np.argsort(-log)[: LAW.compared]
+    path = path[best]
+    differences, hidden = paths.compared(sighting, path, azimuth[best])
+    moments = hidden_moments(differences, hidden, scale, sighting.noise, paths.log_weight[path])
     if moments is None:
         return None
-    found = AlongSight(*moments)
-    found.covariance[0, 0] += _ground_variance(sighting)
-    return found
+    result = AlongSight(*moments)
+    result.covariance[0, 0] += _ground_variance(sighting)
+    return result
 
 
 def _ground_variance(sighting: Sighting) -> float:
     """Return the variance, m², of where the first line of sight meets the ground, along it."""
     line = sighting.first_m - sighting.first_sensor_m
-    sine = -float(line @ sighting.first_m) / float(
-        np.linalg.norm(line) * np.linalg.norm(sighting.first_m)
-    )
+    length = np.linalg.norm(line) * np.linalg.norm(sighting.first_m)
+    sine = -float(line @ sighting.first_m) / float(length)
     return (sighting.first_sigma_m / max(sine, GRAZING_SINE)) ** 2
 
 
 def _scale(sighting: Sighting) -> FloatArray:
     """Return the widths (8,) of the narrowest kernel."""
-    speed = sighting.axes @ sighting.state[3:6]
-    wide = np.full(2, _SHARE * max(float(np.linalg.norm(speed)), _SLOWEST_M_S))
-    return np.concatenate(
-        [0.5 * sighting.since_s * wide, wide, np.full(2, _FORCE_M_S2), np.full(2, _FIRST_M_S)]
-    )
+    speed = float(np.linalg.norm(sighting.axes @ sighting.state[3:6]))
+    width_m_s = LAW.speed_share * max(speed, LAW.slowest_m_s)
+    position_m = 0.5 * sighting.since_s * width_m_s
+    return np.repeat([position_m, width_m_s, LAW.force_m_s2, LAW.first_velocity_m_s], 2)
 
 
 class _Paths(NamedTuple):
-    """Ascents (n,) that begin on a line of sight: first places and axes up, east and north (3, n),
-    and rows (8, n).
+    """Ascents (n,) that begin on a line of sight: first places and axes up, east and north (3, n).
 
-    `moved` (5, n) are cosine and sine of the angle over the ground since the first detection, the
-    distance from the Earth's centre, and the integrals of distances ahead and above since then, for
-    the Coriolis force.
+    `first` (2, n) are level and vertical velocities at the first detection, `motion` (3, 2, n)
+    level and vertical components of present positions from the Earth's centre, velocities and
+    forces. `moved` (4, n) are cosine and sine of the angle over the ground since the first
+    detection, and the integrals of distances and heights gained since then, for the Coriolis force.
     """
 
     start_m: FloatArray
@@ -142,117 +108,149 @@ class _Paths(NamedTuple):
     east: FloatArray
     north: FloatArray
     first: FloatArray
-    now: FloatArray
+    motion: FloatArray
     moved: FloatArray
     log_weight: FloatArray
 
-    @classmethod
-    def of(cls, sighting: Sighting, ascents: BoostAscents, ignition_s: FloatArray) -> "_Paths":
-        """Return the ascents that burn at the first detection, on its line of sight, and now."""
-        since = sighting.since_s
-        before = ascents.at(ignition_s)
-        after = ascents.at(ignition_s + since)
-        rows = np.flatnonzero(before.burns & after.burns)
-        first = before.rows[:, rows]
-        now = after.rows[:, rows]
-        sensor = sighting.first_sensor_m
-        ground = sighting.ground_radius_m
-        towards = sighting.first_m - sensor
-        towards = towards / np.linalg.norm(towards)
-        near = float(sensor @ towards)
-        radius = ground + first[HEIGHT]
-        far = -near - np.sqrt(
-            np.maximum(near * near - float(sensor @ sensor) + radius * radius, 0.0)
-        )
-        start = sensor[:, None] + towards[:, None] * far
-        up = start / np.sqrt(np.sum(start * start, axis=0))
-        east = np.stack([-up[1], up[0], np.zeros(len(rows))]) / np.maximum(
-            np.hypot(up[0], up[1]), 1e-9
-        )
-        angle = now[ANGLE] - first[ANGLE]
-        ahead = now[AHEAD_S] - first[AHEAD_S] - RADIUS_M * first[ANGLE] * since
-        above = now[ABOVE_S] - first[ABOVE_S] - first[HEIGHT] * since
-        moved = np.array([np.cos(angle), np.sin(angle), ground + now[HEIGHT], ahead, above])
-        north = np.cross(up, east, axis=0)
-        return cls(start, up, east, north, first, now, moved, ascents.log_weight[rows])
-
-    def states(self, which: IntArray, azimuth: FloatArray) -> FloatArray:
+    def states(self, path: IntArray, azimuth: FloatArray) -> FloatArray:
         """Return places, velocities, forces and first velocities (4, m, 3) of ascents (m,) towards
         azimuths (m,).
         """
-        above = self.up[:, which]
-        ahead = np.sin(azimuth) * self.east[:, which] + np.cos(azimuth) * self.north[:, which]
-        cosine, sine, radius, ahead_s, above_s = self.moved[:, which]
-        up = cosine * above + sine * ahead
-        level = cosine * ahead - sine * above
-        first = self.first[:, which]
-        now = self.now[:, which]
-        place = radius * up
-        velocity = now[LEVEL] * level + now[CLIMB] * up
-        velocity -= 2.0 * SPIN @ (place - self.start_m[:, which])
-        place = place - 2.0 * SPIN @ (ahead_s * ahead + above_s * above)
-        force = now[LEVEL_FORCE] * level + now[LIFT] * up
-        return np.stack(
-            [place, velocity, force, first[LEVEL] * ahead + first[CLIMB] * above]
-        ).transpose(0, 2, 1)
+        zenith = self.up[:, path]
+        course = np.sin(azimuth) * self.east[:, path] + np.cos(azimuth) * self.north[:, path]
+        cosine, sine, distance_s, height_s = self.moved[:, path]
+        up = cosine * zenith + sine * course
+        level = cosine * course - sine * zenith
+        motion = self.motion[:, :, None, path]
+        place, velocity, force = motion[:, 0] * level + motion[:, 1] * up
+        velocity -= 2.0 * SPIN @ (place - self.start_m[:, path])
+        place = place - 2.0 * SPIN @ (distance_s * course + height_s * zenith)
+        first_velocity = self.first[0, path] * course + self.first[1, path] * zenith
+        return np.stack([place, velocity, force, first_velocity]).transpose(0, 2, 1)
 
     def compared(
-        self, sighting: Sighting, which: IntArray, azimuth: FloatArray
+        self, sighting: Sighting, path: IntArray, azimuth: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return by how much ascents (m,) differ from what is seen (m, 8), and what is hidden (m,
-        3).
+        """Return the differences (m, 8) of ascents (m,) from the measurements, and their hidden
+        components (m, 3).
 
         Positions and motions are seen as angles, at the range of the state.
         """
-        place, velocity, force, first = self.states(which, azimuth)
+        place, velocity, force, first_velocity = self.states(path, azimuth)
         line = sighting.state[:3] - sighting.sensor_m
         range_m = float(np.linalg.norm(line))
         line = line / range_m
-        apart = place - sighting.sensor_m
-        fast = velocity - sighting.sensor_m_s
-        nearer = (range_m / (apart @ line))[:, None]
         axes = sighting.axes.T
-        off = apart @ axes * nearer
-        turned = fast @ axes * nearer - off * (fast @ line)[:, None] / range_m * nearer
-        seen = [
-            off,
-            turned - (sighting.state[3:6] - sighting.sensor_m_s) @ axes,
-            force @ axes * nearer - sighting.state[6:] @ axes,
-            first @ sighting.first_axes.T - sighting.first_m_s,
+        relative = place - sighting.sensor_m
+        drift = velocity - sighting.sensor_m_s
+        scale = (range_m / (relative @ line))[:, None]
+        offset = relative @ axes * scale
+        turn = drift @ axes * scale - offset * (drift @ line)[:, None] / range_m * scale
+        _, speed, push = sighting.state.reshape(3, 3)
+        differences = [
+            offset,
+            turn - (speed - sighting.sensor_m_s) @ axes,
+            force @ axes * scale - push @ axes,
+            first_velocity @ sighting.first_axes.T - sighting.first_m_s,
         ]
-        hidden = [place @ line, velocity @ line, force @ line]
-        return np.concatenate(seen, axis=1), np.stack(hidden, axis=1)
+        hidden = [vector @ line for vector in (place, velocity, force)]
+        return np.concatenate(differences, axis=1), np.stack(hidden, axis=1)
 
     def linear(self, sighting: Sighting, width: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return A (8, n) and M (8, 2, n): far from the sensor, ascents differ from what is seen by
-        A + M (cos, sin).
+        """Return A (8, n) and M (8, 2, n): far from the sensor, ascents differ from the
+        measurements by A + M (cos, sin).
 
         The angle is the azimuth; the rows are in units of a kernel's widths (8,) and the noise.
         """
-        cosine, sine, radius, ahead_s, above_s = self.moved
-        first = self.first
-        now = self.now
-        ways = np.stack([self.north, self.east, self.up], axis=1)
-        seen = np.tensordot(sighting.axes, ways, axes=1)
-        turn = np.tensordot(-2.0 * sighting.axes @ SPIN, ways, axes=1)
-        early = np.tensordot(sighting.first_axes, ways, axes=1)
-        above = seen[:, 2]
-        level = seen[:, :2]
-        state = sighting.axes @ sighting.state.reshape(3, 3).T
-        shift = [
-            radius * cosine * above + above_s * turn[:, 2] - state[:, :1],
-            (now[CLIMB] * cosine - now[LEVEL] * sine) * above - state[:, 1:2],
-            (now[LIFT] * cosine - now[LEVEL_FORCE] * sine) * above - state[:, 2:],
-            first[CLIMB] * early[:, 2] - sighting.first_m_s[:, None],
-        ]
-        slope = [
-            radius * sine * level + ahead_s * turn[:, :2],
-            (now[LEVEL] * cosine + now[CLIMB] * sine) * level,
-            (now[LEVEL_FORCE] * cosine + now[LIFT] * sine) * level,
-            first[LEVEL] * early[:, :2],
-        ]
+        cosine, sine, distance_s, height_s = self.moved
+        image, turn, first_image = (
+            np.tensordot(axes, np.stack([self.north, self.east, self.up], axis=1), axes=1)
+            for axes in (sighting.axes, -2.0 * sighting.axes @ SPIN, sighting.first_axes)
+        )
+        level, climb = self.motion.swapaxes(0, 1)
+        first_level, first_climb = self.first
+        shift = (climb * cosine - level * sine)[:, None] * image[:, 2]
+        shift[0] += height_s * turn[:, 2]
+        shift -= (sighting.state.reshape(3, 3) @ sighting.axes.T)[:, :, None]
+        slope = (level * cosine + climb * sine)[:, None, None] * image[:, :2]
+        slope[0] += distance_s * turn[:, :2]
+        first_shift = first_climb * first_image[:, 2] - sighting.first_m_s[:, None]
         size = 1.0 / np.sqrt(width * width + np.diag(sighting.noise))
-        return np.concatenate(shift) * size[:, None], np.concatenate(slope) * size[:, None, None]
+        shift = np.concatenate([*shift, first_shift]) * size[:, None]
+        slope = np.concatenate([*slope, first_level * first_image[:, :2]])
+        return shift, slope * size[:, None, None]
+
+
+def _burning_rows(
+    ascents: BoostAscents, ignition_s: FloatArray, since_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the rows at the first detection and at present (8, n), and the log weights (n,), of
+    ascents that burn at both.
+    """
+    burning = []
+    for times_s in ignition_s:
+        start, burns_at_start = ascents.at(times_s)
+        end, burns = ascents.at(times_s + since_s)
+        ascent = np.flatnonzero(burns_at_start & burns)
+        burning.append((start[:, ascent], end[:, ascent], ascents.log_weight[ascent]))
+    start, end, log_weight = (
+        np.concatenate(columns, axis=-1) for columns in zip(*burning, strict=True)
+    )
+    return start, end, log_weight
+
+
+def _burning_paths(sighting: Sighting, ascents: BoostAscents, ignition_s: FloatArray) -> _Paths:
+    """Return the ascents that burn at the first detection, on its line of sight, and at present."""
+    since_s = sighting.since_s
+    start, end, log_weight = _burning_rows(ascents, ignition_s, since_s)
+    initial = AscentRows(*start)
+    present = AscentRows(*end)
+    place, up, east = _starts(sighting, initial.height)
+    radius = sighting.ground_radius_m + present.height
+    motion = [
+        [np.zeros_like(radius), radius],
+        [present.level, present.climb],
+        [present.level_force, present.lift],
+    ]
+    return _Paths(
+        place,
+        up,
+        east,
+        np.cross(up, east, axis=0),
+        np.array([initial.level, initial.climb]),
+        np.array(motion),
+        _moved(initial, present, since_s),
+        log_weight,
+    )
+
+
+def _moved(initial: AscentRows, present: AscentRows, since_s: float) -> FloatArray:
+    """Return cosine and sine of the angle over the ground since the first detection, and the
+    integrals of distances and heights gained since then (4, n).
+    """
+    angle = present.angle - initial.angle
+    distance_s = present.distance_s - initial.distance_s - RADIUS_M * initial.angle * since_s
+    height_s = present.height_s - initial.height_s - initial.height * since_s
+    return np.array([np.cos(angle), np.sin(angle), distance_s, height_s])
+
+
+def _starts(sighting: Sighting, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return places (3, n) on the first line of sight at heights (n,), and axes up and east."""
+    sensor = sighting.first_sensor_m
+    line = sighting.first_m - sensor
+    line = line / np.linalg.norm(line)
+    nadir = float(sensor @ line)
+    radius = sighting.ground_radius_m + height_m
+    chord = np.maximum(nadir * nadir - float(sensor @ sensor) + radius * radius, 0.0)
+    start = sensor[:, None] + line[:, None] * (-nadir - np.sqrt(chord))
+    return start, *_up_and_east(start)
+
+
+def _up_and_east(place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors up and east (3, n) at places (3, n)."""
+    up = place / np.sqrt(np.sum(place * place, axis=0))
+    horizontal = np.maximum(np.hypot(up[0], up[1]), 1e-9)
+    return up, np.stack([-up[1], up[0], np.zeros(len(horizontal))]) / horizontal
 
 
 def _minima(
@@ -261,37 +259,44 @@ def _minima(
     """Return log weights, numbers and azimuths of the minima of |A + M (cos, sin)|², A (8, n), M
     (8, 2, n).
     """
-    constant = np.sum(shift * shift, axis=0)
-    north = slope[:, 0]
-    east = slope[:, 1]
-    pull = 2.0 * np.sum(north * shift, axis=0), 2.0 * np.sum(east * shift, axis=0)
-    square = (
-        np.sum(north * north, axis=0),
-        2.0 * np.sum(north * east, axis=0),
-        np.sum(east * east, axis=0),
-    )
-    terms = np.stack([*pull, *square])
-    azimuth = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    terms = _terms(shift, slope)
+    azimuth = 2.0 * np.pi * np.arange(LAW.directions) / LAW.directions
     cost = _powers(azimuth).T @ terms
-    least = (cost <= np.roll(cost, 1, axis=0)) & (cost < np.roll(cost, -1, axis=0))
-    place, which = least.nonzero()
-    angle = azimuth[place]
-    mine = terms[:, which]
-    bend = np.ones_like(angle)
-    for _ in range(_REFINEMENTS):
-        c = np.cos(angle)
-        s = np.sin(angle)
-        tilt = mine[4] - mine[2]
-        turn = c * c - s * s
-        first = -mine[0] * s + mine[1] * c + 2.0 * tilt * c * s + mine[3] * turn
-        bend = np.maximum(
-            -mine[0] * c - mine[1] * s + 2.0 * tilt * turn - 4.0 * mine[3] * c * s, 1.0
-        )
-        angle = angle - np.clip(first / bend, -0.3, 0.3)
-    total = constant[which] + np.sum(mine * _powers(angle), axis=0)
+    is_minimum = (cost <= np.roll(cost, 1, axis=0)) & (cost < np.roll(cost, -1, axis=0))
+    direction, path = is_minimum.nonzero()
+    terms = terms[:, path]
+    angle, curvature = _refined(terms, azimuth[direction])
+    total = np.sum(shift * shift, axis=0)[path] + np.sum(terms * _powers(angle), axis=0)
     # All azimuths are equally probable: the integral over one is that of a normal density about the
     # minimum.
-    return log_weight[which] - 0.5 * total - 0.5 * np.log(bend), which, angle
+    return log_weight[path] - 0.5 * total - 0.5 * np.log(curvature), path, angle
+
+
+def _terms(shift: FloatArray, slope: FloatArray) -> FloatArray:
+    """Return the factors (5, n) of `_powers` in |A + M (cos, sin)|²."""
+    north, east = slope.swapaxes(0, 1)
+    products = north * shift, east * shift, north * north, north * east, east * east
+    terms = np.stack([np.sum(product, axis=0) for product in products])
+    terms[[0, 1, 3]] *= 2.0
+    return terms
+
+
+def _refined(terms: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return minima (m,) of forms with terms (5, m), near angles (m,), and their curvatures, by
+    Newton's method.
+    """
+    curvature = np.ones_like(angle)
+    for _ in range(LAW.refinements):
+        c, s, *_ = _powers(angle)
+        tilt = terms[4] - terms[2]
+        turn = c * c - s * s
+        gradient = -terms[0] * s + terms[1] * c + 2.0 * tilt * c * s + terms[3] * turn
+        curvature = np.maximum(
+            -terms[0] * c - terms[1] * s + 2.0 * tilt * turn - 4.0 * terms[3] * c * s, 1.0
+        )
+        step = np.clip(gradient / curvature, -LAW.most_turn_rad, LAW.most_turn_rad)
+        angle = angle - step
+    return angle, curvature
 
 
 def _powers(angle: FloatArray) -> FloatArray:

@@ -10,21 +10,22 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.interfaces import Columns
 from opir_trackers.forecast.vehicles import STAGES
+from opir_trackers.law_files import law_parameters
 
-#: Steps of Runge and Kutta for each burn, and the time constant of a tilt that no program has, s.
+LAW = law_parameters("opir_trackers.forecast", "flight")
+
+#: Steps of Runge and Kutta for each burn.
 STEPS = 3
-TILT_S = 30.0
 
-#: Ends of the steps as shares of a burn: short ones first, while a slow boost turns fast.
-_SHARES = (np.arange(STEPS + 1) / STEPS) ** 2
-
-#: Least share of its mass at which a stage still accelerates more.
-_LEAST_MASS = 0.05
+#: Starts, middles and ends of the steps as shares of a burn: short steps first, while a slow boost
+#: turns fast.
+_ENDS = (np.arange(STEPS + 1) / STEPS) ** 2
+_NODES = np.interp(np.arange(2 * STEPS + 1), np.arange(0, 2 * STEPS + 1, 2), _ENDS)[:, None]
 
 
 @frozen(eq=False, repr=False)
 class Steering(Columns):
-    """By which angle the thrust of boosts (n,) leads the velocity downwards, by the time since the
+    """Angle by which the thrust of boosts (n,) leads the velocity downwards, by the time since the
     first ignition.
 
     It is vertical for `rise_s`, leads by up to `lead_rad` over the next `over_s` (pitch-over), and
@@ -40,12 +41,12 @@ class Steering(Columns):
 
     def leads(self, time_s: FloatArray) -> FloatArray:
         """Return the angles (..., n), rad, at times since ignition (..., n)."""
-        part = (time_s - self.rise_s) / self.over_s
+        progress = (time_s - self.rise_s) / self.over_s
         lead: FloatArray = self.steer_rad * np.sin(self.steer_rate * time_s + self.steer_phase)
-        lead[part <= 0.0] = 0.0
+        lead[progress <= 0.0] = 0.0
         # Most have pitched over.
-        turns = ((part > 0.0) & (part < 1.0)).nonzero()
-        lead[turns] += self.lead_rad[turns[-1]] * np.sin(np.pi * part[turns]) ** 2
+        turns = ((progress > 0.0) & (progress < 1.0)).nonzero()
+        lead[turns] += self.lead_rad[turns[-1]] * np.sin(np.pi * progress[turns]) ** 2
         return lead
 
 
@@ -73,7 +74,7 @@ def drawn_steering(count: int, data: Mapping[str, Any], seed: int) -> Steering:
 
 @frozen(eq=False, repr=False)
 class RemainingBurns(Columns):
-    """What remains of the boosts of particles (p,), from now on.
+    """Remaining burns of particles (p,), from the present time on.
 
     Ignitions `start_s`, burn times, first accelerations and growths c are (p, STAGES), burns of 0 s
     where there is none; an acceleration is A / (1 - c s) after s seconds. `since_s` (p,) is the
@@ -90,23 +91,22 @@ class RemainingBurns(Columns):
     def ideal_speed_m_s(self) -> FloatArray:
         """Return the speed (p,), m/s, that the thrust has yet to gain: A ln(1/(1 - c B)) / c."""
         growth = np.where(np.abs(self.growth_per_s) < 1e-6, 1e-6, self.growth_per_s)
-        gained = -np.log(np.maximum(1.0 - growth * self.burn_s, _LEAST_MASS)) / growth
-        total: FloatArray = np.sum(self.acceleration_m_s2 * gained, axis=1)
-        return total
+        gained = -np.log(np.maximum(1.0 - growth * self.burn_s, LAW.least_mass)) / growth
+        return np.sum(self.acceleration_m_s2 * gained, axis=1)
 
     def cut_off(self, share: FloatArray) -> "RemainingBurns":
         """Return the burns if the thrust ends for good after a share (p,) of the burn time that
         remains.
         """
-        before = np.cumsum(self.burn_s, axis=1) - self.burn_s
-        left = (share * self.burn_s.sum(axis=1))[:, None] - before
-        return evolve(self, burn_s=np.clip(left, 0.0, self.burn_s))
+        burnt = np.cumsum(self.burn_s, axis=1) - self.burn_s
+        remaining = (share * self.burn_s.sum(axis=1))[:, None] - burnt
+        return evolve(self, burn_s=np.clip(remaining, 0.0, self.burn_s))
 
 
 def flown_on(
     state: FloatArray, burns: RemainingBurns, steering: Steering, tilt: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return inertial states (p, 6) at the end of the last burn, how long after now (p,), s, and
+    """Return inertial states (p, 6) at the end of the last burn, its time from now (p,), s, and
     least distances.
 
     These (p,), m, are from the Earth's centre, at the ends of steps.
@@ -114,8 +114,8 @@ def flown_on(
     `tilt` (STAGES, STEPS, p, 2), rad, are angles of the thrust from its program, downwards and
     sidewards, in each step.
     """
-    now = np.zeros(len(state))
-    least = np.full(len(state), np.inf)
+    time_s = np.zeros(len(state))
+    least_m = np.full(len(state), np.inf)
     # Components are rows here: numbers that are added lie side by side.
     state = np.ascontiguousarray(state[:, :6].T)
     for stage in range(STAGES):
@@ -123,28 +123,24 @@ def flown_on(
         if not len(rows):
             continue
         start_s = burns.start_s[rows, stage]
-        length_s = burns.burn_s[rows, stage]
-        here = state[:, rows]
-        dark_s = start_s - now[rows]
+        burn_s = burns.burn_s[rows, stage]
+        moving = state[:, rows]
+        dark_s = start_s - time_s[rows]
         if np.count_nonzero(dark_s > 1e-9):
-            here = _step(here, dark_s, _NO_PUSHES)
+            moving = _step(moving, dark_s, (None, None, None))
         thrust = _Thrust(burns, steering.take(rows), rows, stage)
-        for number, share in enumerate(np.diff(_SHARES).tolist()):
-            here = _step(here, share * length_s, thrust.pushes(number, tilt[stage, number, rows]))
-            least[rows] = np.minimum(least[rows], np.sqrt(_dot(here[:3], here[:3])))
-        state[:, rows] = here
-        now[rows] = start_s + length_s
-    return np.ascontiguousarray(state.T), now, least
+        for number, share in enumerate(np.diff(_ENDS).tolist()):
+            pushes = thrust.pushes(number, tilt[stage, number, rows])
+            moving = _step(moving, share * burn_s, pushes)
+            least_m[rows] = np.minimum(least_m[rows], np.sqrt(_dot(moving[:3], moving[:3])))
+        state[:, rows] = moving
+        time_s[rows] = start_s + burn_s
+    return np.ascontiguousarray(state.T), time_s, least_m
 
 
 #: The thrust of particles (p,) at a time, m/s²: along the velocity, downwards from it and
 #: sidewards; None in the dark.
 _Push = tuple[FloatArray, FloatArray, FloatArray]
-
-_NO_PUSHES = (None, None, None)
-
-#: Starts, middles and ends of the steps as shares of a burn.
-_NODES = np.interp(np.arange(2 * STEPS + 1), np.arange(0, 2 * STEPS + 1, 2), _SHARES)[:, None]
 
 
 class _Thrust:
@@ -155,8 +151,8 @@ class _Thrust:
     ) -> None:
         since_s = _NODES * burns.burn_s[rows, stage]
         self._lead = steering.leads(burns.since_s[rows] + burns.start_s[rows, stage] + since_s)
-        left = np.maximum(1.0 - burns.growth_per_s[rows, stage] * since_s, _LEAST_MASS)
-        self._size = burns.acceleration_m_s2[rows, stage] / left
+        mass = np.maximum(1.0 - burns.growth_per_s[rows, stage] * since_s, LAW.least_mass)
+        self._size = burns.acceleration_m_s2[rows, stage] / mass
 
     def pushes(self, step: int, tilt: FloatArray) -> Sequence[_Push]:
         """Return the thrust at start, middle and end of a step, with tilts (p, 2) from the
@@ -169,34 +165,33 @@ class _Thrust:
         return list(zip(along, along * down, along * side, strict=True))
 
 
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return scalar products (p,) of vectors (3, p)."""
-    (x, y, z), (u, v, w) = one, other
-    product: FloatArray = x * u
-    product += y * v
-    product += z * w
+    product: FloatArray = a[0] * b[0]
+    product += a[1] * b[1]
+    product += a[2] * b[2]
     return product
 
 
-#: Axes in cyclic order, from which those after and before each one are slices.
+#: Axes in cyclic order: the next and the previous axes of each are slices of them.
 _CYCLE = np.array([0, 1, 2, 0, 1])
 
 
-def _rates(there: FloatArray, push: _Push | None) -> FloatArray:
+def _rates(state: FloatArray, push: _Push | None) -> FloatArray:
     """Return the rates (6, p) of states (6, p).
 
     v × (v × r) points down, away from the velocity, with the length |v| |v × r|.
     """
-    place = there[:3]
-    rates = np.empty_like(there)
-    rates[:3] = there[3:]
+    place = state[:3]
+    rates = np.empty_like(state)
+    rates[:3] = state[3:]
     square = _dot(place, place)
     pull = -EARTH_MU_M3_S2 / (square * np.sqrt(square))
     if push is None:
         np.multiply(place, pull, out=rates[3:])
         return rates
     places = place.take(_CYCLE, axis=0)
-    air = there[3:].take(_CYCLE, axis=0)
+    air = state[3:].take(_CYCLE, axis=0)
     air[::3] += EARTH_ROTATION_RAD_S * place[1]
     air[1::3] -= EARTH_ROTATION_RAD_S * place[0]
     velocity = air[:3]
@@ -217,14 +212,14 @@ def _step(state: FloatArray, step_s: FloatArray, pushes: Sequence[_Push | None])
     """Return states (6, p) after a step of the classical method of Runge and Kutta."""
     start, middle, end = pushes
     half_s = 0.5 * step_s
-    first = _rates(state, start)
-    second = _rates(state + half_s * first, middle)
-    third = _rates(state + half_s * second, middle)
-    fourth = _rates(state + step_s * third, end)
-    second += third
-    second += second
-    second += first
-    second += fourth
-    second *= step_s / 6.0
-    second += state
-    return second
+    start_rate = _rates(state, start)
+    rate = _rates(state + half_s * start_rate, middle)
+    middle_rate = _rates(state + half_s * rate, middle)
+    end_rate = _rates(state + step_s * middle_rate, end)
+    rate += middle_rate
+    rate += rate
+    rate += start_rate
+    rate += end_rate
+    rate *= step_s / 6.0
+    rate += state
+    return rate

@@ -1,8 +1,9 @@
-"""Particles of dark tracks: in free flight, with no burn left or with those of the stages to
+"""Particles of dark tracks: in free flight, without another burn or with those of the stages to
 come.
 """
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
@@ -11,23 +12,33 @@ from scipy.special import ndtr
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.square_root import inverse_root
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast.burning_on import RemainingBurns
-from opir_trackers.forecast.later_burns import later_burns
 from opir_trackers.forecast.particles import (
     AGAIN,
-    BURNING,
+    LAW,
     OVER,
-    Draws,
+    BurnState,
+    FlownVehicles,
     Particles,
     draws,
+    families_of_particles,
+    later_burns,
     shares_in_numbers,
     widened,
 )
 from opir_trackers.forecast.stage_history import StageHistory
 from opir_trackers.forecast.vehicles import FAMILIES, GAP, STAGES, Known, VehicleModel
 
-#: Relights less probable than this, of all dark particles, get none.
-_LEAST_RELIGHT = 2e-3
+
+class _Coast(NamedTuple):
+    """Free flights of tracks (n,): means (n, 6) and covariance roots (n, 6, 6) of their states.
+
+    `dark_s` and `flown_s` (n,) are the times since the burn ended and since the launch.
+    """
+
+    mean: FloatArray
+    root: FloatArray
+    dark_s: FloatArray
+    flown_s: FloatArray
 
 
 def dark_particles(
@@ -38,79 +49,82 @@ def dark_particles(
     dark_s: FloatArray,
     time_s: float,
 ) -> tuple[Particles, FloatArray]:
-    """Return the particles of tracks (n,) that are dark for times (n,), s, and what may yet burn
-    again, (n, families).
+    """Return the particles of tracks (n,) that are dark for times (n,), s, and probabilities (n,
+    families) of another burn.
 
     The second is the probability of a relight of each family, by its number of stages and its gaps,
     not weighed by where these lead.
     """
     over = history.as_dark(time_s, dark_s)
-    known = model.given(over.logs)
-    families = np.arange(len(FAMILIES))
-    count = len(estimates)
-    stage = np.minimum(known.done, STAGES - 1)
-    law = model.law(families, stage[:, None], known.total, known.number)
-    longer = ndtr(
-        (law[0][:, :, GAP] - np.log(np.maximum(dark_s, 0.05))[:, None]) / law[1][:, :, GAP]
-    )
-    more = model.more(known.done)
-    all_ = model.more(np.maximum(known.done - 1, 0))
-    # What ignites without a gap does so within about the time between two looks.
-    waits = more * longer * np.where(dark_s[:, None] > 1.0, 1.0 - known.hot, 1.0)
-    ends = np.maximum(all_ - more, 1e-3)
-    log = known.log_evidence + over.log_free
+    next_stage = model.given(over.logs)
+    relight, ended = _shares(model, next_stage, over.log_free, prior, dark_s)
+    root = widened(inverse_root(estimates.coast_root))
+    coast = _Coast(estimates.coast_mean, root, dark_s, time_s - over.launch_s)
+    free = _free(coast, ended, OVER, np.arange(len(estimates)))
+    relit = _again(model, next_stage, relight, coast)
+    return Particles.concatenate([free, relit]), relight / np.maximum(relight + ended, 1e-12)
+
+
+def _shares(
+    model: VehicleModel,
+    next_stage: Known,
+    log_free: FloatArray,
+    prior: FloatArray,
+    dark_s: FloatArray,
+) -> FloatArray:
+    """Return the probabilities (2, n, families) of tracks that wait for another stage, and of
+    those whose burnt one was the last.
+    """
+    log = next_stage.log_evidence + log_free
     evidence = np.exp(log - log.max(axis=1, keepdims=True)) * prior
-    relight = evidence * waits
-    whole = (relight + evidence * ends).sum(axis=1, keepdims=True)
-    relight = relight / whole
-    ended = evidence * ends / whole
-    side = widened(inverse_root(estimates.coast_root))
-    lots = draws()
-    parts = [
-        _free(known, ended, estimates, side, np.arange(OVER) + BURNING, np.arange(count)),
-        _again(model, known, relight, estimates, side, lots, dark_s, time_s - over.launch_s),
-    ]
-    return Particles.concatenate(parts), relight / np.maximum(relight + ended, 1e-12)
+    weights = np.array(_relight_weights(model, next_stage, dark_s)) * evidence
+    return weights / (weights[0] + weights[1]).sum(axis=1, keepdims=True)
 
 
-def _free(
-    known: Known,
-    ended: FloatArray,
-    estimates: ModeEstimates,
-    side: FloatArray,
-    draw: IntArray,
-    rows: IntArray,
-) -> Particles:
+def _relight_weights(
+    model: VehicleModel, next_stage: Known, dark_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the probabilities (n, families) that tracks dark for times (n,) wait for another
+    stage, and that the burnt one was the last.
+    """
+    done = next_stage.done
+    stage = np.minimum(done, STAGES - 1)[:, None]
+    law = model.law(np.arange(len(FAMILIES)), stage, next_stage.total, next_stage.number)
+    mean, sigma = (rows[:, :, GAP] for rows in law)
+    dark_s = dark_s[:, None]
+    log_dark = np.log(np.maximum(dark_s, 0.05))
+    more = model.more(done)
+    at_least = model.more(np.maximum(done - 1, 0))
+    # Without a gap the next stage ignites within about the time between two looks.
+    waits = np.where(dark_s > 1.0, 1.0 - next_stage.hot, 1.0)
+    return more * ndtr((mean - log_dark) / sigma) * waits, np.maximum(at_least - more, 1e-3)
+
+
+def _free(coast: _Coast, share: FloatArray, draw: IntArray, rows: IntArray) -> Particles:
     """Return particles in free flight of tracks `rows`, of each family in turn; weights are by
     families, (n, families)."""
     count = len(rows)
     size = len(draw)
-    number = shares_in_numbers(ended[rows], size)
-    family = np.sum(np.arange(size) >= np.cumsum(number, axis=1)[:, :, None], axis=1).clip(
-        0, len(FAMILIES) - 1
-    )
-    row = np.arange(count)[:, None]
-    weight = (ended[rows] / np.maximum(number, 1))[row, family].ravel()
-    state = draws().state[draw, :6] @ side[rows].swapaxes(1, 2) + estimates.coast_mean[rows, None]
-    nothing = np.zeros((count * size, STAGES))
-    burns = RemainingBurns(nothing, nothing, nothing, nothing, nothing[:, 0])
-    track = np.repeat(rows, size)
-    lit = np.zeros(count * size, dtype=np.int64)
-    free = np.zeros(count * size, np.bool_)
+    number = shares_in_numbers(share[rows], size)
     # Families take turns, so that each has states of all kinds.
-    turn = _turns(size)
-    family = family[:, turn].ravel()
-    weight = weight.reshape(count, size)[:, turn].ravel()
-    return Particles.of(
-        burns,
-        track,
-        family,
-        lit,
+    family = families_of_particles(number, size)[:, _turns(size)]
+    weight = (share[rows] / np.maximum(number, 1))[np.arange(count)[:, None], family]
+    state = draws().state[draw, :6] @ coast.root[rows].swapaxes(1, 2) + coast.mean[rows, None]
+    nothing = np.zeros((count * size, STAGES))
+    return Particles(
+        nothing,
+        nothing,
+        nothing,
+        nothing,
+        nothing[:, 0],
+        np.repeat(rows, size),
+        family.ravel(),
+        np.full(count * size, int(BurnState.DARK)),
         np.tile(draw, count),
-        weight,
+        weight.ravel(),
         state.reshape(-1, 6),
         nothing[:, :3],
-        free,
+        np.zeros(count * size, np.bool_),
     )
 
 
@@ -120,36 +134,31 @@ def _turns(size: int) -> IntArray:
     return np.random.default_rng(5).permutation(size)
 
 
-def _again(
-    model: VehicleModel,
-    known: Known,
-    relight: FloatArray,
-    estimates: ModeEstimates,
-    side: FloatArray,
-    lots: Draws,
-    dark_s: FloatArray,
-    flown_s: FloatArray,
-) -> Particles:
-    """Return dark particles that burn again, of tracks that may."""
-    rows = np.flatnonzero((relight.sum(axis=1) > _LEAST_RELIGHT) & (known.done < STAGES))
-    draw = np.arange(AGAIN) + BURNING + OVER
-    free = _free(known, relight, estimates, side, draw, rows)
-    total = known.total[free.track, free.family]
-    number = known.number[free.track, free.family]
-    hot = known.hot[free.track, free.family]
-    waits = dark_s[free.track]
-    later = later_burns(
-        model, free.family, known.done[free.track], total, number, free.draw, hot, waits
+def _vehicles(next_stage: Known, free: Particles) -> FlownVehicles:
+    """Return the vehicles of particles before their next stages."""
+    total, number, hot = (
+        column[free.track, free.family]
+        for column in (next_stage.total, next_stage.number, next_stage.hot)
     )
-    gap = later.gap_s.copy()
-    gap[:, 0] = np.maximum(gap[:, 0] - waits, 0.0)
-    start = np.cumsum(later.burn_s + gap, axis=1) - later.burn_s
+    done = next_stage.done[free.track]
+    return FlownVehicles(free.family, done, total, number, hot, free.draw)
+
+
+def _again(model: VehicleModel, next_stage: Known, relight: FloatArray, coast: _Coast) -> Particles:
+    """Return dark particles that burn again, of tracks that may."""
+    may_relight = relight.sum(axis=1) > LAW.least_relight
+    rows = np.flatnonzero(may_relight & (next_stage.done < STAGES))
+    free = _free(coast, relight, AGAIN, rows)
+    track = free.track
+    waits = coast.dark_s[track]
+    later = later_burns(model, _vehicles(next_stage, free), waits)
+    later.gap_s[:, 0] = np.maximum(later.gap_s[:, 0] - waits, 0.0)
     return evolve(
         free,
-        start_s=start,
+        start_s=later.starts_s,
         burn_s=later.burn_s,
-        acceleration_m_s2=later.acceleration_m_s2,
+        acceleration_m_s2=later.first_m_s2,
         growth_per_s=later.growth_per_s,
-        since_s=flown_s[free.track],
-        lit=np.full(len(free), 2),
+        since_s=coast.flown_s[track],
+        lit=np.full(len(free), int(BurnState.RELIT)),
     )

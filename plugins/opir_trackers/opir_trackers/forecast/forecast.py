@@ -1,54 +1,28 @@
-"""What launched tracks are and where they come down: one weighted ensemble of particles for each.
+"""Hypotheses and impacts of launched tracks: one weighted ensemble of particles for each.
 
-A part of the particles burns, in proportion to the filter's probability of a burn; the others are
-dark now, with or without another burn to come. All fly on, and fall, reach an orbit or glide.
+Some of the particles burn, in proportion to the filter's probability of a burn; the others are
+dark, with or without another burn to come. All fly on, and fall, reach an orbit or glide.
 Hypotheses, regions, and the probabilities of relights and of coming down are sums over the same
 weights.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from itertools import pairwise, starmap
 
 import numpy as np
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces
 from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.forecast import gliders
 from opir_trackers.forecast.burning_particles import burning_particles
-from opir_trackers.forecast.conditional_impacts import impacts_by_condition
+from opir_trackers.forecast.conditional_impacts import Descents, Impacts, impacts_by_condition
 from opir_trackers.forecast.dark_particles import dark_particles
-from opir_trackers.forecast.fates import Fates, fates_of, features
+from opir_trackers.forecast.fates import Fates, fates_of, features, glide_ends
+from opir_trackers.forecast.launch_forecasts import LaunchForecasts
 from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.particles import Particles
+from opir_trackers.forecast.particles import LAW, BurnState, Particles
 from opir_trackers.forecast.stage_history import StageHistory
-from opir_trackers.forecast.vehicles import FAMILIES, NONE, SPACE
-
-#: Relative weight of what is none of these and does not fall: of such boosts a third gains more
-#: than an orbit needs.
-_NONE_ORBITS = 0.3
-
-#: A mode that is less probable gets no particles.
-_LEAST_MODE = 0.01
-
-
-class Forecasts(NamedTuple):
-    """What tracks (n,) are, given that they were launched, and where they come down.
-
-    `given_launch` (n, H) are the probabilities of the hypotheses: 0 for those that are no launch,
-    but `none`. `impact` and its moments are those of the most probable condition, whose `regions`
-    come first. The probabilities are of a burn now, of another one later, of coming down, and of an
-    orbit in which nothing burns any more.
-    """
-
-    given_launch: FloatArray
-    impact: FloatArray
-    covariance: FloatArray
-    sigmas: FloatArray
-    regions: ObjectArray
-    probability_burning: FloatArray
-    probability_relights: FloatArray
-    probability_comes_down: FloatArray
-    in_orbit: FloatArray
+from opir_trackers.forecast.vehicles import FAMILIES, SPACE
 
 
 def forecasts(
@@ -60,18 +34,28 @@ def forecasts(
     log_likelihood: FloatArray,
     time_s: float,
     forces: Forces,
-) -> Forecasts:
+) -> LaunchForecasts:
     """Return the forecasts of tracks (n,) with stages and launches (n, 3), nan where unknown, at a
     time.
 
-    `dark_s` (n,) is the time since the burn ended, if it did, `log_likelihood` (n, H) that of what
-    sensors reported.
+    `dark_s` (n,) is the time since the burn ended, if it did, `log_likelihood` (n, H) that of
+    sensors' reports.
     """
     particles, burning, relights = _ensemble(outcomes, estimates, history, dark_s, time_s)
     fates = fates_of(outcomes, particles, launch, dark_s, time_s, forces)
-    weight = _hypotheses(outcomes, particles, fates, relights, log_likelihood)
+    weight = _hypotheses(outcomes, particles, fates, relights[particles.track, SPACE])
+    weight *= np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))[particles.track]
+    weight = weight * (particles.weight * _flying_factors(particles, fates.flies))[:, None]
     weight = _normalised(weight, particles, burning)
     return _gathered(outcomes, particles, fates, weight, burning, forces)
+
+
+def _burning(estimates: ModeEstimates) -> FloatArray:
+    """Return the probabilities (n,) of a burn; improbable modes have none."""
+    burning = estimates.weight[:, 0].copy()
+    burning[burning < LAW.least_mode] = 0.0
+    burning[burning > 1.0 - LAW.least_mode] = 1.0
+    return burning
 
 
 def _ensemble(
@@ -84,88 +68,80 @@ def _ensemble(
     """Return the particles, in order of tracks, the probabilities (n,) of a burn, and of a relight
     by family.
     """
-    burning = estimates.weight[:, 0].copy()
-    burning[burning < _LEAST_MODE] = 0.0
-    burning[burning > 1.0 - _LEAST_MODE] = 1.0
+    burning = _burning(estimates)
     model = outcomes.model
     prior = outcomes.families
-    relights = np.zeros((len(burning), len(outcomes.families)))
-    parts = []
-    on = np.flatnonzero(burning > 0.0)
-    off = np.flatnonzero(burning < 1.0)
-    if len(on):
-        part = burning_particles(model, estimates.take(on), history.take(on), prior, time_s)
-        parts.append(part.of_tracks(on))
-    if len(off):
-        part, relights[off] = dark_particles(
-            model, estimates.take(off), history.take(off), prior, dark_s[off], time_s
-        )
-        parts.append(part.of_tracks(off))
-    every = Particles.concatenate(parts)
-    return every.take(np.argsort(every.track, kind="stable")), burning, relights
+    relights = np.zeros((len(burning), len(prior)))
+    ensembles = []
+    lit = np.flatnonzero(burning > 0.0)
+    if len(lit):
+        tracks = estimates.take(lit), history.take(lit)
+        ensembles.append(burning_particles(model, *tracks, prior, time_s).of_tracks(lit))
+    dark = np.flatnonzero(burning < 1.0)
+    if len(dark):
+        tracks = estimates.take(dark), history.take(dark)
+        particles, relights[dark] = dark_particles(model, *tracks, prior, dark_s[dark], time_s)
+        ensembles.append(particles.of_tracks(dark))
+    return _in_order_of_tracks(ensembles), burning, relights
+
+
+def _in_order_of_tracks(ensembles: list[Particles]) -> Particles:
+    particles = Particles.concatenate(ensembles)
+    return particles.take(np.argsort(particles.track, kind="stable"))
 
 
 def _hypotheses(
-    outcomes: Outcomes,
-    particles: Particles,
-    fates: Fates,
-    relights: FloatArray,
-    log_likelihood: FloatArray,
+    outcomes: Outcomes, particles: Particles, fates: Fates, relight: FloatArray
 ) -> FloatArray:
-    """Return the weights (p, H) of hypotheses for each particle; those of failed space launchers
-    are of `none`.
+    """Return the densities (p, H) of hypotheses for each particle over those of its family.
+
+    `relight` (p,) is the probability of another burn if the particle is a space launcher.
     """
     missile, orbit, glide, none = outcomes.groups.tolist()
-    columns = {group: outcomes.columns(group) for group in ("missile", "orbit", "glide", "none")}
-    weight = np.zeros((len(particles), len(outcomes.hypotheses)))
-    space = particles.family == SPACE
-    broad = particles.family == NONE
-    first = ~space & ~broad
     # Of the vehicles of the broad law, some are of known classes.
     odd = outcomes.odd / max((missile + orbit) * (outcomes.odd + none), 1e-12)
-    if missile + glide > 0.0:
-        share = missile / (missile + glide)
-        unknown = np.isnan(fates.range_m) & np.isfinite(fates.when_s)
-        ends = features(fates.burnt)
-        by_class = (
-            outcomes.missiles(fates.range_m) * outcomes.climbing(fates.range_m, ends[1])[:, None]
-        )
-        by_class[unknown] = outcomes.unknown_range
-        weight[np.ix_(first, columns["missile"])] = share * by_class[first]
-        weight[np.ix_(broad, columns["missile"])] = odd * missile * by_class[broad]
-        if columns["glide"]:
-            each = outcomes.gliding(*ends) * (1.0 - share) / len(columns["glide"])
-            weight[np.ix_(first, columns["glide"])] = each[first, None]
-    if columns["orbit"]:
+    share = missile / max(missile + glide, 1e-300)
+    failure = outcomes.model.data["failure_probability"]
+    is_missile, is_launcher, is_broad = np.eye(len(FAMILIES))[particles.family].T
+    ends = features(fates.burnt)
+    falls = np.isfinite(fates.when_s)
+    reach = is_launcher * (1.0 - failure) + is_broad * (odd * orbit)
+    densities = {
+        "missile": (is_missile * share + is_broad * (odd * missile))[:, None]
+        * _missile_densities(outcomes, fates, ends[1]),
+        "glide": (outcomes.gliding(*ends) * (is_missile * (1.0 - share)))[:, None],
+        "orbit": (reach * fates.reach)[:, None],
+    }
+    density = np.zeros((len(particles), len(outcomes.hypotheses)))
+    for group, values in densities.items():
+        columns = outcomes.columns(group)
+        density[:, columns] = values / (1 if group == "missile" else max(len(columns), 1))
+    unlike = none / max(outcomes.odd + none, 1e-12) * np.where(falls, 1.0, LAW.none_orbits)
+    unlike = unlike * is_broad
+    is_dark = particles.lit == BurnState.DARK
+    launchers = outcomes.columns("orbit")
+    if launchers:
+        # A particle in orbit is a space launch, whatever has brought it there.
+        in_orbit = is_dark & ~falls
+        density[:, launchers] += (unlike * in_orbit / len(launchers))[:, None]
         # A stage that has gone out may have been the last one of a failure.
-        failure = outcomes.model.data["failure_probability"]
-        weight[np.ix_(space, columns["orbit"])] = (
-            (1.0 - failure) * fates.reach / len(columns["orbit"])
-        )[space, None]
-        over = space & (particles.lit == 0)
-        lost = np.where(
-            over,
-            np.where(np.isfinite(fates.when_s), 1.0 + relights[particles.track, SPACE], 0.0),
-            1.0,
-        )
-        weight[np.ix_(space, columns["none"])] = (failure * lost)[space, None]
-        weight[np.ix_(broad, columns["orbit"])] = (
-            odd * orbit * fates.reach / len(columns["orbit"])
-        )[broad, None]
-    other = (
-        none
-        / max(outcomes.odd + none, 1e-12)
-        * np.where(np.isfinite(fates.when_s), 1.0, _NONE_ORBITS)
-    )
-    # What is in orbit is a space launch, whatever has brought it there.
-    up = broad & (particles.lit == 0) & np.isnan(fates.when_s) & bool(columns["orbit"])
-    weight[np.ix_(up, columns["orbit"])] += other[up, None] / max(len(columns["orbit"]), 1)
-    weight[np.ix_(broad & ~up, columns["none"])] = other[broad & ~up, None]
-    weight *= np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))[particles.track]
-    return weight * (particles.weight * _of_flying(particles, fates.flies))[:, None]
+        lost = np.where(is_dark, np.where(falls, 1.0 + relight, 0.0), 1.0)
+        unlike = is_launcher * failure * lost + unlike * ~in_orbit
+    density[:, outcomes.columns("none")] = unlike[:, None]
+    return density
 
 
-def _of_flying(particles: Particles, flies: BoolArray) -> FloatArray:
+def _missile_densities(outcomes: Outcomes, fates: Fates, angle_rad: FloatArray) -> FloatArray:
+    """Return the densities (p, classes) of missile classes over that of all boosts."""
+    if not outcomes.columns("missile"):
+        return np.zeros((len(fates), 0))
+    climbing = outcomes.climbing(fates.range_m, angle_rad)
+    density = outcomes.missiles(fates.range_m) * climbing[:, None]
+    density[np.isnan(fates.range_m) & np.isfinite(fates.when_s)] = outcomes.unknown_range
+    return density
+
+
+def _flying_factors(particles: Particles, flies: BoolArray) -> FloatArray:
     """Return factors (p,): 0 for burns into the ground, more for others, so that each family keeps
     its weight.
 
@@ -173,22 +149,19 @@ def _of_flying(particles: Particles, flies: BoolArray) -> FloatArray:
     """
     group = (particles.track * len(FAMILIES) + particles.family) * 3 + particles.lit
     drawn = np.bincount(group, particles.weight)
-    left = np.bincount(group, particles.weight * flies)
-    factor: FloatArray = np.where(
-        left[group] > 0.0, flies * drawn[group] / np.maximum(left[group], 1e-300), 1.0
-    )
-    return factor
+    flying = np.bincount(group, particles.weight * flies)
+    factor = flies * drawn[group] / np.maximum(flying[group], 1e-300)
+    return np.where(flying[group] > 0.0, factor, 1.0)
 
 
 def _normalised(weight: FloatArray, particles: Particles, burning: FloatArray) -> FloatArray:
     """Return weights (p, H) that sum to the probability of the filter over the burning, and the
     dark ones of a track."""
-    lit = (particles.lit == 1).astype(np.int64)
+    lit = (particles.lit == BurnState.LIT).astype(np.int64)
     group = 2 * particles.track + lit
     total = np.bincount(group, weight.sum(axis=1), 2 * len(burning))
     goal = np.stack([1.0 - burning, burning], axis=1).ravel()
-    scaled: FloatArray = weight * (goal / np.maximum(total, 1e-300))[group, None]
-    return scaled
+    return weight * (goal / np.maximum(total, 1e-300))[group, None]
 
 
 def _gathered(
@@ -198,48 +171,72 @@ def _gathered(
     weight: FloatArray,
     burning: FloatArray,
     forces: Forces,
-) -> Forecasts:
+) -> LaunchForecasts:
+    """Return the forecasts of tracks with weights (p, H) of their particles."""
     count = len(burning)
-    given = np.stack([_sums(particles.track, column, count) for column in weight.T], axis=1)
-    whole = given.sum(axis=1, keepdims=True)
-    # No particle explains the track: none of these does.
-    nothing = np.eye(given.shape[1])[outcomes.columns("none")[0]]
-    given = np.where(whole > 1e-9, given / np.maximum(whole, 1e-300), nothing)
-    orbit, glide = (weight[:, outcomes.columns(group)].sum(axis=1) for group in ("orbit", "glide"))
-    # What is none of these burns on to anywhere: it has no region, but for failed space launchers
-    # and what is dark.
-    other = weight[:, outcomes.columns("none")].sum(axis=1) * (
-        (particles.family == SPACE) | (particles.lit == 0)
+    missile, orbit, glide, none = (
+        weight[:, outcomes.columns(group)].sum(axis=1)
+        for group in ("missile", "orbit", "glide", "none")
     )
-    down = np.where(
-        np.isfinite(fates.when_s), weight[:, outcomes.columns("missile")].sum(axis=1) + other, 0.0
+    is_dark = particles.lit == BurnState.DARK
+    # Vehicles of `none` burn on to anywhere: they have no region, but for failed space launchers
+    # and dark ones.
+    none = none * ((particles.family == SPACE) | is_dark)
+    down = np.where(np.isfinite(fates.when_s), missile + none, 0.0)
+    relit = weight.sum(axis=1) * (particles.lit == BurnState.RELIT)
+    relights, comes_down, in_orbit = (
+        _sums(particles.track, values, count) for values in (relit, down + glide, orbit * is_dark)
     )
-    falls = np.where(particles.is_free, 0.0, down)
-    found = Forecasts(
-        given,
+    result = LaunchForecasts(
+        _given_launch(outcomes, particles.track, weight, count),
         np.full((count, 3), np.nan),
         np.full((count, 3, 3), np.nan),
         np.full((count, 3), np.nan),
         np.empty(count, dtype=np.object_),
         burning,
-        _sums(particles.track, weight.sum(axis=1) * (particles.lit == 2), count),
-        _sums(particles.track, down + glide, count),
-        _sums(particles.track, orbit * (particles.lit == 0), count),
+        relights,
+        comes_down,
+        in_orbit,
+        np.zeros(count, dtype=np.int64),
     )
-    edges = np.searchsorted(particles.track, np.arange(count + 1)).tolist()
-    for number, rows in enumerate(map(slice, edges[:-1], edges[1:])):
-        glided = gliders.reached(
-            outcomes, fates.burnt[rows], fates.burnt_s[rows], glide[rows], falls[rows]
-        )
-        impacts = impacts_by_condition(
-            particles.lit[rows], burning[number], rows, fates, falls, glided, forces
-        )
-        found.regions[number] = tuple(region for one in impacts for region in one.regions)
-        if impacts:
-            found.impact[number], found.covariance[number], found.sigmas[number] = impacts[
-                0
-            ].moments
-    return found
+    falls = np.where(particles.is_free, 0.0, down)
+    descents = _descents(outcomes, particles, fates, falls, glide)
+    for number, track in enumerate(descents):
+        _put_impacts(result, number, impacts_by_condition(track, burning[number], forces))
+    return result
+
+
+def _descents(
+    outcomes: Outcomes, particles: Particles, fates: Fates, falls: FloatArray, glide: FloatArray
+) -> Iterator[Descents]:
+    """Yield the descents of each track, by weights (p,) of ballistic impacts and glides."""
+    tracks = np.arange(particles.track[-1] + 2)
+    for rows in starmap(slice, pairwise(np.searchsorted(particles.track, tracks).tolist())):
+        ends = fates.take(rows)
+        glides = glide_ends(outcomes, ends.burnt, ends.burnt_s, glide[rows], falls[rows])
+        yield Descents(particles.lit[rows], ends, falls[rows], glides)
+
+
+def _put_impacts(result: LaunchForecasts, number: int, impacts: list[Impacts]) -> None:
+    """Write the impacts of the track with a number into a result."""
+    regions = tuple(region for impact in impacts for region in impact.regions)
+    result.impact_regions[number] = regions
+    if impacts:
+        mean, covariance, sigmas = impacts[0].moments
+        result.impact[number] = mean
+        result.impact_covariance[number] = covariance
+        result.impact_sigmas[number] = sigmas
+
+
+def _given_launch(
+    outcomes: Outcomes, track: IntArray, weight: FloatArray, count: int
+) -> FloatArray:
+    """Return the probabilities (count, H) of hypotheses, by weights (p, H) of tracks' particles."""
+    sums = np.stack([_sums(track, column, count) for column in weight.T], axis=1)
+    total = sums.sum(axis=1, keepdims=True)
+    # No particle explains the track: no class does.
+    none = np.eye(sums.shape[1])[outcomes.columns("none")[0]]
+    return np.where(total > 1e-9, sums / np.maximum(total, 1e-300), none)
 
 
 def _sums(track: IntArray, weight: FloatArray, count: int) -> FloatArray:

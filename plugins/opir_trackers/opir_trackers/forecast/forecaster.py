@@ -1,68 +1,31 @@
-"""When forecasts of tracks are made anew, and the latest of each."""
+"""The latest forecast of each track, and when it is renewed."""
 
 from typing import NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces
-from opir_core.plugin import Hypothesis, ImpactRegion, Tracks
+from opir_core.interfaces import TRACK_ENDS
+from opir_core.plugin import Hypothesis, Tracks
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.forecast.launch_forecasts import LaunchForecasts
 from opir_trackers.forecast.outcomes import Outcomes
+from opir_trackers.forecast.particles import LAW
 from opir_trackers.forecast.stage_history import StageHistory
 from opir_trackers.forecast.vehicles import VehicleModel, vehicle_model
 
-#: A dark gap longer than this, s, is none: nothing new can come of a silent track.
-LONGEST_GAP_S = 90.0
-
-#: A silent track has a new forecast after this share of its silence: only the chance of a relight
-#: changes.
-_SILENT_SHARE = 0.5
-
-#: Tracks that are renewed together: a batch of three takes little longer than one.
-_GROUP = 8
-
-#: Probability of an orbit in which nothing burns any more that ends a track.
-_IN_ORBIT = 0.95
-
-#: Codes of `Tracks.end`: none, impact, orbit.
-_GOES_ON, _IMPACT, _ORBIT = range(3)
+_IMPACT = TRACK_ENDS.index("impact")
+_ORBIT = TRACK_ENDS.index("orbit")
 
 
 class _Latest(NamedTuple):
-    """The latest forecast of a track."""
+    """The latest forecast of a track: one row."""
 
     tick_s: float
     is_dark: bool
-    given_launch: FloatArray
-    impact: FloatArray
-    covariance: FloatArray
-    sigmas: FloatArray
-    regions: tuple[ImpactRegion, ...]
-    probability_relights: float
-    probability_comes_down: float
-    in_orbit: float
-
-
-@frozen(eq=False)
-class LaunchForecasts:
-    """The latest forecasts of tracks (n,), given that they were launched.
-
-    `given_launch` (n, H) are over the hypotheses: zero but for launches and `none`, each row sums
-    to one. The other columns are those of `Tracks`; `end` says of which tracks nothing new can
-    come, and why.
-    """
-
-    given_launch: FloatArray
-    impact: FloatArray
-    impact_covariance: FloatArray
-    impact_sigmas: FloatArray
-    impact_regions: ObjectArray
-    probability_burning: FloatArray
-    probability_relights: FloatArray
-    probability_comes_down: FloatArray
-    end: IntArray
+    forecast: LaunchForecasts
 
 
 class Forecaster:
@@ -82,93 +45,57 @@ class Forecaster:
         self._outcomes = Outcomes(model or vehicle_model(), hypotheses)
         self._latest: dict[int, _Latest] = {}
         self._history = StageHistory.begun(np.empty(0, dtype=np.int64), 0.0)
+        self._nothing = _without_impact(self._outcomes.prior)
 
     def launch_forecasts(
         self,
         tracks: Tracks,
         estimates: ModeEstimates,
         log_likelihood: FloatArray,
-        is_launch: BoolArray | None = None,
+        is_launch: BoolArray,
     ) -> LaunchForecasts:
         """Return the forecasts of tracks (n,), given their estimates (same rows); to be called at
         each tick.
 
-        `log_likelihood` (n, H) is that of what sensors reported. Tracks that are no launch by
-        `is_launch` (n,) have no forecast: the prior of hypotheses, and no region.
+        `log_likelihood` (n, H) is that of sensors' reports. Without a launch by `is_launch` (n,) a
+        track has the prior of hypotheses, and no region.
         """
-        wanted = np.ones(len(tracks), dtype=np.bool_) if is_launch is None else is_launch
         numbers = tracks.track.tolist()
         tick_s = float(tracks.tick_s[0]) if numbers else 0.0
         launch_sigma_s = np.sqrt(tracks.launch_covariance[:, 2, 2])
         history = self._history.of(tracks.track, tick_s)
         self._history = history.updated(estimates, tracks.launch[:, 2], launch_sigma_s, tick_s)
-        silent_s = estimates.detection_rate[:, 2].tolist()
-        dark = (estimates.weight[:, 0] <= 0.5).tolist()
-        due = [
-            row
-            for row, number in enumerate(numbers)
-            if wanted[row] and self._is_due(number, tick_s, silent_s[row], dark[row])
-        ]
-        if due:
-            self._renew(np.array(due), tracks, estimates, log_likelihood)
-        nothing = self._nothing()
+        silent_s = estimates.detection_rate[:, 2]
+        rows_due = self._due_rows(numbers, tick_s, estimates, is_launch)
+        if len(rows_due):
+            self._renew(rows_due, tracks, estimates, log_likelihood)
         self._latest = {
             number: self._latest[number] for number in numbers if number in self._latest
         }
-        latest = [
-            self._latest.get(number, nothing) if wanted[row] else nothing
-            for row, number in enumerate(numbers)
+        rows = [
+            self._latest[number].forecast if launched else self._nothing
+            for number, launched in zip(numbers, is_launch.tolist(), strict=True)
         ]
-        return self._columns(latest, estimates, tick_s, np.array(silent_s))
+        latest = LaunchForecasts.concatenate([self._nothing.take(slice(0)), *rows])
+        end = _ends(latest, tick_s, silent_s > LAW.longest_gap_s)
+        return evolve(latest, probability_burning=estimates.weight[:, 0], end=end)
 
-    def _nothing(self) -> _Latest:
-        """Return the forecast of what has none."""
-        place = np.full(3, np.nan)
-        return _Latest(
-            -np.inf,
-            False,
-            self._outcomes.prior,
-            place,
-            np.full((3, 3), np.nan),
-            place,
-            (),
-            0.0,
-            np.nan,
-            0.0,
-        )
-
-    def _columns(
-        self, latest: list[_Latest], estimates: ModeEstimates, tick_s: float, silent_s: FloatArray
-    ) -> LaunchForecasts:
-        count = len(latest)
-        size = len(self._outcomes.hypotheses)
-        regions = np.empty(count, dtype=np.object_)
-        for row, one in enumerate(latest):
-            regions[row] = one.regions
-        impact = np.array([one.impact for one in latest]).reshape(count, 3)
-        in_orbit = np.array([one.in_orbit for one in latest])
-        silent = silent_s > LONGEST_GAP_S
-        end = np.where(silent & (in_orbit > _IN_ORBIT), _ORBIT, _GOES_ON)
-        down = (
-            impact[:, 2] + 3.0 * np.sqrt(np.array([one.covariance[2, 2] for one in latest]))
-            < tick_s
-        )
-        end = np.where(silent & down, _IMPACT, end)
-        return LaunchForecasts(
-            np.array([one.given_launch for one in latest]).reshape(count, size),
-            impact,
-            np.array([one.covariance for one in latest]).reshape(count, 3, 3),
-            np.array([one.sigmas for one in latest]).reshape(count, 3),
-            regions,
-            estimates.weight[:, 0],
-            np.array([one.probability_relights for one in latest]),
-            np.array([one.probability_comes_down for one in latest]),
-            end,
-        )
+    def _due_rows(
+        self, numbers: list[int], tick_s: float, estimates: ModeEstimates, is_launch: BoolArray
+    ) -> IntArray:
+        """Return the rows of launched tracks whose forecasts are due."""
+        silent_s = estimates.detection_rate[:, 2].tolist()
+        is_dark = _is_dark(estimates).tolist()
+        rows = [
+            row
+            for row in np.flatnonzero(is_launch).tolist()
+            if self._is_due(numbers[row], tick_s, silent_s[row], is_dark[row])
+        ]
+        return np.array(rows, dtype=np.int64)
 
     def _is_due(self, number: int, tick_s: float, silent_s: float, is_dark: bool) -> bool:
-        """Return whether a track needs a new forecast: the longer it is silent, the less often; not
-        for ever.
+        """Whether a track needs a new forecast: the longer it is silent, the less often; not for
+        ever.
         """
         latest = self._latest.get(number)
         if latest is None or is_dark != latest.is_dark:
@@ -176,47 +103,67 @@ class Forecaster:
         since_s = tick_s - latest.tick_s
         # Tracks of a group have the same periods, so one batch renews them; groups take turns, so
         # no tick renews all.
-        turn_s = number // _GROUP + 1e-6
+        turn_s = number // LAW.group + 1e-6
         is_new = (tick_s + turn_s) // self._every_s > (latest.tick_s + turn_s) // self._every_s
-        return (
-            is_new
-            and since_s >= _SILENT_SHARE * silent_s - 1e-6
-            and silent_s - since_s < LONGEST_GAP_S
-        )
+        is_long = since_s >= LAW.silent_share * silent_s - 1e-6
+        return bool(is_new and is_long and silent_s - since_s < LAW.longest_gap_s)
 
     def _renew(
         self, rows: IntArray, tracks: Tracks, estimates: ModeEstimates, log: FloatArray
     ) -> None:
+        """Renew the forecasts of some rows of tracks."""
         from opir_trackers.forecast.forecast import forecasts
 
         tick_s = float(tracks.tick_s[0])
-        part = estimates.take(rows)
+        estimates = estimates.take(rows)
         history = self._history.take(rows)
-        hits, spell, silent_s = part.detection_rate.T
-        # The burn ended when detections did, if these are of plumes; or when the filter said so.
-        quiet_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)
-        dark_s = np.where(np.isfinite(history.dark_since_s), tick_s - history.dark_since_s, quiet_s)
-        found = forecasts(
-            self._outcomes,
-            part,
-            history,
-            dark_s,
-            tracks.launch[rows],
-            log[rows],
-            tick_s,
-            self._forces,
+        dark_s = _dark_s(estimates, history, tick_s)
+        launch = tracks.launch[rows]
+        renewed = forecasts(
+            self._outcomes, estimates, history, dark_s, launch, log[rows], tick_s, self._forces
         )
-        dark = (part.weight[:, 0] <= 0.5).tolist()
+        is_dark = _is_dark(estimates).tolist()
         for row, number in enumerate(tracks.track[rows].tolist()):
-            self._latest[number] = _Latest(
-                tick_s,
-                dark[row],
-                found.given_launch[row],
-                found.impact[row],
-                found.covariance[row],
-                found.sigmas[row],
-                found.regions[row],
-                float(found.probability_relights[row]),
-                float(found.probability_comes_down[row]),
-                float(found.in_orbit[row]),
-            )
+            forecast = renewed.take(slice(row, row + 1))
+            self._latest[number] = _Latest(tick_s, is_dark[row], forecast)
+
+
+def _dark_s(estimates: ModeEstimates, history: StageHistory, tick_s: float) -> FloatArray:
+    """Return the times (n,) since the burns ended.
+
+    They ended when detections did, if these are of plumes; or when the filter said so.
+    """
+    hits, spell, silent_s = estimates.detection_rate.T
+    quiet_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)
+    return np.where(history.is_dark, tick_s - history.dark_since_s, quiet_s)
+
+
+def _is_dark(estimates: ModeEstimates) -> BoolArray:
+    """Whether tracks (n,) probably do not burn."""
+    return estimates.weight[:, 0] <= 0.5
+
+
+def _ends(latest: LaunchForecasts, tick_s: float, is_silent: BoolArray) -> IntArray:
+    """Return the codes (n,) of the ends of tracks, which are silent for longer than a gap."""
+    impact_s = latest.impact[:, 2]
+    sigma_s = np.sqrt(latest.impact_covariance[:, 2, 2])
+    end = np.where(is_silent & (latest.in_orbit > LAW.in_orbit), _ORBIT, 0)
+    return np.where(is_silent & (impact_s + 3.0 * sigma_s < tick_s), _IMPACT, end)
+
+
+def _without_impact(prior: FloatArray) -> LaunchForecasts:
+    """Return the forecast of a track without any: the prior (H,) of hypotheses."""
+    regions = np.empty(1, dtype=np.object_)
+    regions[0] = ()
+    return LaunchForecasts(
+        prior[None],
+        np.full((1, 3), np.nan),
+        np.full((1, 3, 3), np.nan),
+        np.full((1, 3), np.nan),
+        regions,
+        np.zeros(1),
+        np.zeros(1),
+        np.full(1, np.nan),
+        np.zeros(1),
+        np.zeros(1, dtype=np.int64),
+    )

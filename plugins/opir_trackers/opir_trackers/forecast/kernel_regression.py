@@ -1,92 +1,79 @@
-"""Approximate Bayesian computation with regression adjustment: what draws like one that is seen say
-of what is hidden.
+"""Approximate Bayesian computation with regression adjustment: hidden variables, by draws whose
+other variables are like the measured ones.
 
-Draws are weighted by a normal kernel of their distance from what is seen, and what the kernel adds
-to the noise is removed by linear regression (Beaumont, Zhang and Balding, Genetics 162, 2002).
+Draws are weighted by a normal kernel of their distance from the measurement, and the variance that
+the kernel adds to the noise is removed by linear regression (Beaumont, Zhang and Balding, Genetics
+162, 2002).
 """
 
 import numpy as np
 
 from opir_core.arrays import FloatArray
+from opir_trackers.law_files import law_parameters
 
-#: Least effective number of draws under a kernel, and fewest that say anything: a regression on
-#: eight numbers needs twice as many.
-ENOUGH = 100.0
-_FEWEST = 20.0
-
-#: The first kernel, the factor from one to the next, and the widest.
-_NARROW = 0.25
-_WIDER = 1.3
-_WIDEST = 10.0
+LAW = law_parameters("opir_trackers.forecast", "matching")
 
 
 def hidden_moments(
-    seen: FloatArray,
+    difference: FloatArray,
     hidden: FloatArray,
     scale: FloatArray,
     noise: FloatArray,
     log_prior: FloatArray,
 ) -> tuple[FloatArray, FloatArray, float] | None:
-    """Return mean (k,), covariance (k, k) and effective samples of what is hidden; None if too few
-    draws are like it.
+    """Return mean (k,), covariance (k, k) and effective samples of the hidden variables; None if
+    too few draws are like the measurement.
 
-    `seen` (m, d) is by how much draws differ from what is seen with `noise` (d, d), `hidden` (m, k)
-    what they say of the rest. The kernel is the narrowest multiple of `scale` (d,) under which
-    enough draws count.
+    `difference` (m, d) of draws is that from a measurement with `noise` (d, d), `hidden` (m, k) are
+    their hidden variables. The kernel is the narrowest multiple of `scale` (d,) under which enough
+    draws count.
     """
-    factor = _NARROW
-    weight = _kernel_weights(seen, factor * scale, noise, log_prior)
-    while 1.0 / np.sum(weight * weight) < ENOUGH and factor < _WIDEST:
-        factor *= _WIDER
-        weight = _kernel_weights(seen, factor * scale, noise, log_prior)
-    if 1.0 / np.sum(weight * weight) < _FEWEST:
+    factor = LAW.narrow
+    weight = _kernel_weights(difference, factor * scale, noise, log_prior)
+    while 1.0 / np.sum(weight * weight) < LAW.enough and factor < LAW.widest:
+        factor *= LAW.wider
+        weight = _kernel_weights(difference, factor * scale, noise, log_prior)
+    if 1.0 / np.sum(weight * weight) < LAW.fewest:
         return None
-    return _regressed(seen, hidden, weight, _beyond_kernel(noise, factor * scale))
+    # Draws weighted by the noise N and a kernel W lack just a look with the covariance
+    # (N⁻¹ - (N + W)⁻¹)⁻¹ = N + N W⁻¹ N.
+    width = factor * scale
+    return _regressed(difference, hidden, weight, noise + (noise / (width * width)) @ noise)
 
 
 def _kernel_weights(
-    seen: FloatArray, width: FloatArray, noise: FloatArray, log_prior: FloatArray
+    difference: FloatArray, width: FloatArray, noise: FloatArray, log_prior: FloatArray
 ) -> FloatArray:
-    """Return the weights (m,) of draws by their distances (m, d), with a kernel of widths (d,) and
-    noise (d, d).
+    """Return the weights (m,) of draws by their differences (m, d), with a kernel of widths (d,)
+    and noise (d, d).
     """
-    log = log_prior - 0.5 * squared_distances(seen, width, noise)
-    weight: FloatArray = np.exp(log - log.max())
+    log = log_prior - 0.5 * squared_distances(difference, width, noise)
+    weight = np.exp(log - log.max())
     return weight / weight.sum()
 
 
-def squared_distances(seen: FloatArray, width: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return the squared lengths (m,) of distances (m, d), in units of a kernel of widths (d,) and
-    noise (d, d).
+def squared_distances(difference: FloatArray, width: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the squared lengths (m,) of differences (m, d), in units of a kernel of widths (d,)
+    and noise (d, d).
     """
-    white = np.linalg.solve(np.linalg.cholesky(np.diag(width * width) + noise), seen.T)
-    return np.asarray(np.sum(white * white, axis=0))
-
-
-def _beyond_kernel(noise: FloatArray, width: FloatArray) -> FloatArray:
-    """Return the covariance (d, d) of a look that is as informative as one with noise beside one
-    with a kernel too.
-
-    (N⁻¹ - (N + W)⁻¹)⁻¹ = N + N W⁻¹ N: draws weighted by the noise N and a kernel W lack just this
-    look.
-    """
-    return noise + (noise / (width * width)) @ noise
+    white = np.linalg.solve(np.linalg.cholesky(np.diag(width * width) + noise), difference.T)
+    return np.sum(white * white, axis=0)
 
 
 def _regressed(
-    seen: FloatArray, hidden: FloatArray, weight: FloatArray, noise: FloatArray
+    difference: FloatArray, hidden: FloatArray, weight: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Return the moments of what is hidden (m, k) after a look that sees nothing of what is seen
-    (m, d), with noise.
+    """Return the moments of hidden variables (m, k) after a look, with noise, that shows no
+    difference (m, d).
     """
     samples = 1.0 / float(np.sum(weight * weight))
-    mean_seen = weight @ seen
+    mean_difference = weight @ difference
     mean = weight @ hidden
-    apart = seen - mean_seen
-    away = hidden - mean
-    freed = samples / max(samples - 1.0 - seen.shape[1], 1.0)
-    spread = (apart * weight[:, None]).T @ apart + noise
-    gain = np.linalg.solve(spread, (apart * weight[:, None]).T @ away)
-    left = away - apart @ gain
-    covariance = freed * ((left * weight[:, None]).T @ left + gain.T @ noise @ gain)
-    return mean - mean_seen @ gain, covariance, samples
+    centred = difference - mean_difference
+    deviation = hidden - mean
+    weighted = (centred * weight[:, None]).T
+    gain = np.linalg.solve(weighted @ centred + noise, weighted @ deviation)
+    residual = deviation - centred @ gain
+    freed = samples / max(samples - 1.0 - difference.shape[1], 1.0)
+    covariance = freed * ((residual * weight[:, None]).T @ residual + gain.T @ noise @ gain)
+    return mean - mean_difference @ gain, covariance, samples

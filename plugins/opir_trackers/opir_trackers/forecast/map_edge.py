@@ -1,10 +1,11 @@
 """Rings of a map cut at its edge: beyond the antipode of the centre there is no more Earth.
 
 Points beyond the edge that are moved onto it make rings that run along it there and back. So rings
-are cut: what is left of them are chains that end on the edge, and each continues along the edge
-with the next one (Weiler and Atherton, Computer Graphics 11(2), 1977, for a convex window).
+are cut: chains remain that end on the edge, and each continues along the edge with the next one
+(Weiler and Atherton, Computer Graphics 11(2), 1977, for a convex window).
 """
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -20,30 +21,33 @@ LONGEST_EDGE_M = 100e3
 FARTHEST_M = np.pi * EARTH_EQUATORIAL_RADIUS_M - 100e3
 
 
-def within_map(point: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, list[list[int]]]:
-    """Return points (k, 2), m, of the rings of polygons within the edge, and where rings begin and
-    end, by polygon.
+def within_map(points: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, list[list[int]]]:
+    """Return points (k, 2), m, of the rings of polygons within the edge, and the ends of rings, by
+    polygon.
 
     Arguments are alike. Rings are closed, and the first of a polygon is the outer one; its interior
     is on one side of all its rings.
     """
-    if not len(point) or np.sum(point * point, axis=1).max() <= FARTHEST_M**2:
-        return point, edges
+    if not len(points) or np.sum(points * points, axis=1).max() <= FARTHEST_M**2:
+        return points, edges
     polygons = [
-        part for starts in edges for part in _cut([point[one:two] for one, two in pairwise(starts)])
+        polygon
+        for ends in edges
+        for polygon in _cut([points[start:end] for start, end in pairwise(ends)])
     ]
-    rings = [ring for polygon in polygons for ring in polygon]
-    ends = np.cumsum([0, *map(len, rings)]).tolist()
-    first = 0
     cuts = []
+    total = 0
     for polygon in polygons:
-        cuts.append(ends[first : first + len(polygon) + 1])
-        first += len(polygon)
+        ends = np.cumsum([total, *map(len, polygon)]).tolist()
+        cuts.append(ends)
+        total = ends[-1]
+    rings = [ring for polygon in polygons for ring in polygon]
     return np.concatenate([*rings, np.empty((0, 2))]), cuts
 
 
 def _cut(rings: list[FloatArray]) -> list[list[FloatArray]]:
     """Return a polygon as those that lie within the edge."""
+    way = 1.0 if _signed_area(rings[0]) > 0.0 else -1.0
     holes = []
     chains = []
     turns_about_centre = 0
@@ -57,55 +61,62 @@ def _cut(rings: list[FloatArray]) -> list[list[FloatArray]]:
             chains += _chains(ring[:-1], is_within)
         else:
             turns_about_centre += _holds(ring, np.zeros(2))
-    way = 1.0 if _signed_area(rings[0]) > 0.0 else -1.0
-    outers = _joined(chains, way)
-    if not chains and turns_about_centre % 2:
-        circle = _arc(0.0, way * 2.0 * np.pi)
-        outers = [np.concatenate([circle, circle[:1]])]
+    is_edge_outer = not chains and turns_about_centre % 2
+    outers = [_edge(way)] if is_edge_outer else _joined(chains, way)
     return [[outer, *(hole for hole in holes if _holds(outer, hole[0]))] for outer in outers]
 
 
+def _edge(way: float) -> FloatArray:
+    """Return the edge as a closed ring (k, 2)."""
+    circle = _arc(0.0, way * 2.0 * np.pi)
+    return np.concatenate([circle, circle[:1]])
+
+
 def _chains(ring: FloatArray, is_within: BoolArray) -> list[FloatArray]:
-    """Return the parts of an open ring within the edge, with their ends on it."""
-    enters = np.flatnonzero(is_within & ~np.roll(is_within, 1))
+    """Return the chains of an open ring within the edge, with their ends on it."""
     chains = []
-    for first in enters:
-        turned = np.roll(ring, -first, axis=0)
-        within = np.roll(is_within, -first)
-        count = int(np.argmin(within))
-        ends = _on_edge(turned[0], turned[-1]), _on_edge(turned[count - 1], turned[count])
-        chains.append(np.concatenate([ends[0][None], turned[:count], ends[1][None]]))
+    for entry in np.flatnonzero(is_within & ~np.roll(is_within, 1)):
+        turned = np.roll(ring, -entry, axis=0)
+        count = int(np.argmin(np.roll(is_within, -entry)))
+        start = _on_edge(turned[0], turned[-1])
+        end = _on_edge(turned[count - 1], turned[count])
+        chains.append(np.concatenate([start[None], turned[:count], end[None]]))
     return chains
 
 
 def _on_edge(inner: FloatArray, outer: FloatArray) -> FloatArray:
-    """Return where a short line (2,) to (2,) crosses the edge."""
-    near_m = np.hypot(*inner)
-    far_m = np.hypot(*outer)
-    between = inner + (FARTHEST_M - near_m) / (far_m - near_m) * (outer - inner)
-    crossed: FloatArray = between * (FARTHEST_M / np.hypot(*between))
-    return crossed
+    """Return the point (2,) at which a short line from (2,) to (2,) crosses the edge."""
+    inner_m = np.hypot(*inner)
+    between = inner + (FARTHEST_M - inner_m) / (np.hypot(*outer) - inner_m) * (outer - inner)
+    return between * (FARTHEST_M / np.hypot(*between))
 
 
 def _joined(chains: list[FloatArray], way: float) -> list[FloatArray]:
     """Return chains as closed rings: each continues along the edge, counter-clockwise if `way` is
     1, with the next.
     """
-    angle = [np.arctan2(chain[[0, -1], 1], chain[[0, -1], 0]) for chain in chains]
-    left = set(range(len(chains)))
+    angles = np.array([np.arctan2(chain[[0, -1], 1], chain[[0, -1], 0]) for chain in chains])
+    open_chains = set(range(len(chains)))
     rings = []
-    while left:
-        first = min(left)
-        number = first
-        parts = []
-        while number in left:
-            left.remove(number)
-            end = angle[number][1]
-            turns = [(way * (start - end)) % (2.0 * np.pi) for start, _ in angle]
-            parts += [chains[number], _arc(end, way * min(turns))]
-            number = int(np.argmin(turns))
-        rings.append(np.concatenate([*parts, chains[first][:1]]))
+    while open_chains:
+        start = min(open_chains)
+        ring = []
+        for number, arc in _ring_from(start, open_chains, angles, way):
+            ring += [chains[number], arc]
+        rings.append(np.concatenate([*ring, chains[start][:1]]))
     return rings
+
+
+def _ring_from(
+    number: int, open_chains: set[int], angles: FloatArray, way: float
+) -> Iterator[tuple[int, FloatArray]]:
+    """Yield the open chains of a ring from a number on, with the arc after each; they are closed."""
+    while number in open_chains:
+        open_chains.remove(number)
+        end = angles[number, 1]
+        turns = (way * (angles[:, 0] - end)) % (2.0 * np.pi)
+        yield number, _arc(end, way * turns.min())
+        number = int(np.argmin(turns))
 
 
 def _arc(start: float, turn: float) -> FloatArray:
@@ -126,10 +137,10 @@ def _signed_area(ring: FloatArray) -> float:
 
 
 def _holds(ring: FloatArray, point: FloatArray) -> bool:
-    """Return whether a point lies in a closed ring: a ray from it crosses the ring an odd number of
+    """Whether a point lies in a closed ring: a ray from it crosses the ring an odd number of
     times.
     """
     x, y = (ring - point).T
     rows = np.flatnonzero((y[:-1] > 0.0) != (y[1:] > 0.0))
-    at = x[rows] - y[rows] * (x[rows + 1] - x[rows]) / (y[rows + 1] - y[rows])
-    return bool(np.count_nonzero(at > 0.0) % 2)
+    crossing = x[rows] - y[rows] * (x[rows + 1] - x[rows]) / (y[rows + 1] - y[rows])
+    return bool(np.count_nonzero(crossing > 0.0) % 2)

@@ -1,4 +1,4 @@
-"""Ranges of the boosts of a law of vehicles: what `vehicles.json` keeps under `marginal`.
+"""Ranges of the boosts of a law of vehicles: the figures under `marginal` in `vehicles.json`.
 
 Flights of the law of missiles from the ground, in a plane without rotation or drag: densities of
 the logarithm of the range, the share whose burn ends low and level, and the share of space
@@ -12,97 +12,82 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_trackers.forecast.burning_on import Steering, drawn_steering
-from opir_trackers.forecast.outcomes import LEVEL, log_elevation
-from opir_trackers.forecast.planar_boost import MU, RADIUS_M, PlanarBoost, drawn_stages
-from opir_trackers.forecast.vehicles import MISSILE, SPACE, VehicleModel
+from opir_trackers.forecast.outcomes import LEVEL, is_glide, log_elevation
+from opir_trackers.forecast.planar_boost import (
+    RADIUS_M,
+    PlanarBoost,
+    drawn_stages,
+    elevations,
+    ranges_m,
+)
+from opir_trackers.forecast.vehicles import MISSILE, SPACE, VehicleModel, VehicleStages
+from opir_trackers.law_files import law_parameters
 
-STEP_S = 1.0
-
-#: Nodes of the density, km, and the width of its kernel in the logarithm.
-NODES_KM = np.geomspace(25.0, 20000.0, 24)
-WIDTH = 0.2
-
-#: What a space launcher must gain to orbit, gravity included, m/s: 7 800 at 200 km and 1 500 of
-#: losses.
-ORBIT_M_S = 9300.0
+LAW = law_parameters("opir_trackers.forecast", "ascents")
+ORBITS = law_parameters("opir_trackers.forecast", "orbits")
 
 
-def flown(stages: dict[str, FloatArray], steering: Steering) -> FloatArray:
-    """Return planar states (4, n) at the ends of the burns: x ahead, y up from the centre, and
+def burn_ends(stages: VehicleStages, steering: Steering) -> FloatArray:
+    """Return planar states (4, n) at the ends of the burns: x forwards, y up from the centre, and
     velocity; nan below.
     """
     boost = PlanarBoost(stages, steering, np.full(len(steering), np.nan))
-    over = boost.over_s
+    over_s = boost.over_s
     state = boost.at_rest()
-    done = np.full_like(state, np.nan)
-    crashed = np.zeros(len(over), dtype=bool)
-    for now in np.arange(0.0, over.max() + STEP_S, STEP_S).tolist():
-        ended = (over >= now) & (over < now + STEP_S)
-        state = boost.stepped(state, now, STEP_S)
-        crashed |= (np.hypot(state[0], state[1]) < RADIUS_M - 1.0) & (over > now)
-        done[:, ended] = state[:, ended]
-    done[:, crashed] = np.nan
-    return done
-
-
-def ranges_m(state: FloatArray) -> FloatArray:
-    """Return the ranges (n,), m, of free flights over a round Earth; nan without an impact."""
-    x, y, u, v = state
-    radius = np.hypot(x, y)
-    momentum = x * v - y * u
-    parameter = momentum**2 / MU
-    energy = 0.5 * (u * u + v * v) - MU / radius
-    excess = np.sqrt(np.maximum(1.0 + 2.0 * energy * momentum**2 / MU**2, 0.0))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        now = np.arccos(np.clip((parameter / radius - 1.0) / excess, -1.0, 1.0))
-        now = np.where(x * u + y * v >= 0.0, now, 2.0 * np.pi - now)
-        cosine = (parameter / RADIUS_M - 1.0) / excess
-        down = 2.0 * np.pi - np.arccos(np.where(np.abs(cosine) <= 1.0, cosine, np.nan))
-    swept = np.where(energy < 0.0, down - now, np.nan)
-    return RADIUS_M * np.abs(np.arctan2(x, y) - np.copysign(swept, momentum))
-
-
-def elevations(state: FloatArray) -> FloatArray:
-    """Return the elevations (n,), rad, of the velocities of planar states (4, n)."""
-    x, y, u, v = state
-    return np.arctan2(x * u + y * v, np.abs(y * u - x * v))
+    ends = np.full_like(state, np.nan)
+    crashed = np.zeros(over_s.shape, bool)
+    step_s = LAW.marginal_step_s
+    for time_s in np.arange(0.0, over_s.max() + step_s, step_s):
+        ended = (over_s >= time_s) & (over_s < time_s + step_s)
+        state = boost.stepped(state, time_s, step_s)
+        crashed |= (np.hypot(*state[:2]) < RADIUS_M - 1.0) & (over_s > time_s)
+        ends[:, ended] = state[:, ended]
+    ends[:, crashed] = np.nan
+    return ends
 
 
 def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:
-    """Return the densities and shares of a model."""
+    """Return the densities and shares of a model, from a number of drawn boosts."""
     rng = np.random.default_rng(seed)
     stages = drawn_stages(model, MISSILE, draws, rng)
-    end = flown(stages, drawn_steering(draws, model.data, seed))
-    known = np.isfinite(end[0])
-    end = end[:, known]
+    end = burn_ends(stages, drawn_steering(draws, model.data, seed))
+    end = end[:, np.isfinite(end[0])]
     range_m = ranges_m(end)
-    log = np.log(range_m / 1e3)
-    flies = np.isfinite(range_m) & (range_m > 1e3 * NODES_KM[0])
-    angle = elevations(end)
+    nodes_km = np.geomspace(LAW.nearest_km, LAW.farthest_km, LAW.nodes)
+    density = np.maximum(_density(np.log(range_m / 1e3), nodes_km), 1e-3)
+    x, y, u, v = end
+    glide = np.mean(is_glide(model, np.hypot(x, y) - RADIUS_M, elevations(end), np.hypot(u, v)))
+    space = drawn_stages(model, SPACE, draws, rng)
+    orbit = np.mean(_ideal_speeds(space) > ORBITS.ideal_speed_m_s)
+    elevation = _elevation_law(range_m, elevations(end), 1e3 * nodes_km[0])
+    return {
+        "range_km": [round(value, 1) for value in nodes_km.tolist()],
+        "density": [float(f"{value:.3g}") for value in density.tolist()],
+        "elevation": [float(f"{value:.2g}") for value in elevation],
+        "glide": float(f"{glide:.2g}"),
+        "orbit": float(f"{orbit:.2g}"),
+    }
+
+
+def _elevation_law(
+    range_m: FloatArray, angle: FloatArray, nearest_m: float
+) -> tuple[float, float, float]:
+    """Return mean and deviation of the log elevations of boosts that climb, and their share."""
+    flies = np.isfinite(range_m) & (range_m > nearest_m)
     climbs = flies & (angle > LEVEL)
     steep = log_elevation(range_m[climbs], angle[climbs])
-    away = (np.log(NODES_KM)[:, None] - log[np.isfinite(log)]) / WIDTH
-    density = np.exp(-0.5 * away**2).sum(axis=1) / (WIDTH * np.sqrt(2.0 * np.pi) * len(log))
-    box = model.data["glide"]
-    x, y, u, v = end
-    height = np.hypot(x, y) - RADIUS_M
-    speed = np.hypot(u, v)
-    low, high = np.multiply(box["height_km"], 1e3)
-    least, most = np.radians(box["angle_deg"])
-    level = (angle > least) & (angle < most)
-    glide = np.mean((height > low) & (height < high) & level & (speed > box["least_m_s"]))
-    space = drawn_stages(model, SPACE, draws, rng)
-    growth = np.maximum(space["growth"], 1e-9)
-    gained = np.sum(
-        space["first"] * -np.log1p(-np.minimum(growth * space["burn"], 0.98)) / growth, axis=1
-    )
-    return {
-        "range_km": [round(value, 1) for value in NODES_KM.tolist()],
-        "density": [float(f"{value:.3g}") for value in np.maximum(density, 1e-3).tolist()],
-        "elevation": [
-            float(f"{value:.2g}")
-            for value in (steep.mean(), steep.std(), climbs.sum() / flies.sum())
-        ],
-        "glide": float(f"{glide:.2g}"),
-        "orbit": float(f"{np.mean(gained > ORBIT_M_S):.2g}"),
-    }
+    return steep.mean(), steep.std(), climbs.sum() / flies.sum()
+
+
+def _density(log_km: FloatArray, nodes_km: FloatArray) -> FloatArray:
+    """Return the densities of the logarithms of ranges (n,), nan without an impact, at nodes."""
+    distance = (np.log(nodes_km)[:, None] - log_km[np.isfinite(log_km)]) / LAW.kernel
+    total = np.exp(-0.5 * distance**2).sum(axis=1)
+    return total / (LAW.kernel * np.sqrt(2.0 * np.pi) * len(log_km))
+
+
+def _ideal_speeds(stages: VehicleStages) -> FloatArray:
+    """Return the speeds (n,), m/s, that vehicles gain without gravity."""
+    growth = np.maximum(stages.growth_per_s, 1e-9)
+    gained = -np.log1p(-np.minimum(growth * stages.burn_s, 0.98))
+    return np.sum(stages.first_m_s2 * gained / growth, axis=1)

@@ -1,34 +1,38 @@
-"""Particles of tracks: what each may be, with a state of the filter and the burns that remain to
-it.
+"""Particles of tracks: each has a family, a state of the filter and the burns that remain to it.
 
 All draws are the same quantiles for all tracks and ticks, so regions change smoothly.
 """
 
+from enum import IntEnum
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
+from scipy.special import ndtr, ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces import names_of
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.forecast.burning_on import RemainingBurns
-from opir_trackers.forecast.vehicles import STAGES
+from opir_trackers.forecast.vehicles import GAP, STAGES, VehicleModel, VehicleStages
+from opir_trackers.law_files import law_parameters
 
-#: Particles of a burning track; of a dark one, those whose burn is over, and those that burn again.
-BURNING = 256
-OVER = 192
-AGAIN = 128
+LAW = law_parameters("opir_trackers.forecast", "particles")
 
-#: Least share of the particles of each family: regions are mostly of missiles.
-_LEAST_SHARE = np.array([0.5, 0.06, 0.04])
+#: Numbers of the draws of burning particles, of those whose burn is over, and of those that burn
+#: again.
+BURNING = np.arange(LAW.burning)
+OVER = len(BURNING) + np.arange(LAW.over)
+AGAIN = len(BURNING) + len(OVER) + np.arange(LAW.again)
+DRAWS = len(BURNING) + len(OVER) + len(AGAIN)
 
-#: Families less probable than this have none.
-_NEGLIGIBLE = 1e-3
 
-#: Below this share of the velocity's prior standard deviation, looks know more than the prior.
-_SEEN = 0.4
+class BurnState(IntEnum):
+    """States of particles: dark, burning, or dark with another burn to come."""
+
+    DARK = 0
+    LIT = 1
+    RELIT = 2
 
 
 @frozen(eq=False, repr=False)
@@ -36,11 +40,11 @@ class Particles(RemainingBurns):
     """Particles (p,) of tracks (rows of the forecast) with families, inertial states (p, 6), and
     remaining burns.
 
-    `lit` is 1 for those that burn now, 2 for those that burn again, 0 for dark ones whose burn is
-    over; `weight` sums to one over each of a track's burning and dark particles. `draw` is the
-    number of a particle's draws, `force` (p, 3) its specific force, 0 in the dark. `is_free` (p,)
-    says whether it thrusts in another direction than along the velocity, which no program
-    continues.
+    `lit` is 1 for those that burn at present, 2 for those that burn again, 0 for dark ones whose
+    burn is over (`BurnState`); `weight` sums to one over each of a track's burning and dark particles.
+    `draw` is the number of a particle's draws, `force` (p, 3) its specific force, 0 in the dark.
+    `is_free` (p,) says whether it thrusts in another direction than along the velocity, which no
+    program continues.
     """
 
     track: IntArray
@@ -51,11 +55,6 @@ class Particles(RemainingBurns):
     state: FloatArray
     force: FloatArray
     is_free: BoolArray
-
-    @classmethod
-    def of(cls, burns: RemainingBurns, *rest: Any) -> "Particles":
-        """Return the particles of remaining burns and the other columns, in order."""
-        return cls(*(getattr(burns, name) for name in names_of(RemainingBurns)), *rest)
 
     def of_tracks(self, rows: IntArray) -> "Particles":
         """Return the particles with the numbers of their tracks among others."""
@@ -77,34 +76,91 @@ def draws() -> Draws:
     mean.
     """
     rng = np.random.default_rng(1)
-    size = BURNING + OVER + AGAIN
-    state = rng.normal(size=(size, 10))
-    steps = np.stack([rng.permutation(size) for _ in range(5 + STAGES)], axis=1)
-    return Draws(
-        state, rng.normal(size=(size, STAGES, 4)), (steps + rng.random(steps.shape)) / size
-    )
+    state = rng.normal(size=(DRAWS, 10))
+    steps = np.stack([rng.permutation(DRAWS) for _ in range(5 + STAGES)], axis=1)
+    later = rng.normal(size=(DRAWS, STAGES, 4))
+    return Draws(state, later, (steps + rng.random(steps.shape)) / DRAWS)
 
 
-def widened(side: FloatArray) -> FloatArray:
+def widened(root: FloatArray) -> FloatArray:
     """Return covariance roots (n, d, d), wider where the velocity is known by the filter's prior
     alone.
 
     That prior is of all times of a burn (`mode_mixing.SPEED_SIGMA_M_S`); late stages are up to four
     times as fast. One sensor does not see the velocity along its line of sight.
     """
-    spread = np.sqrt(np.sum(side[:, 3:6] ** 2, axis=(1, 2))) / SPEED_SIGMA_M_S
-    factor = 1.0 + np.clip((spread - _SEEN) / (1.0 - _SEEN), 0.0, 1.0)
-    return side * factor[:, None, None]
+    spread = np.sqrt(np.sum(root[:, 3:6] ** 2, axis=(1, 2))) / SPEED_SIGMA_M_S
+    factor = 1.0 + np.clip((spread - LAW.looks_share) / (1.0 - LAW.looks_share), 0.0, 1.0)
+    return root * factor[:, None, None]
 
 
 def shares_in_numbers(share: FloatArray, size: int) -> IntArray:
     """Return numbers (n, families) of particles that add up to `size`, nearly in proportion to
     shares.
     """
-    given = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
-    given = np.where(given > _NEGLIGIBLE, np.maximum(given, _LEAST_SHARE), 0.0)
-    given /= given.sum(axis=1, keepdims=True)
-    numbers: IntArray = np.diff(
-        np.rint(np.cumsum(given, axis=1) * size).astype(np.int64), axis=1, prepend=0
-    )
-    return numbers
+    share = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
+    share = np.where(share > LAW.negligible, np.maximum(share, LAW.least_shares), 0.0)
+    share /= share.sum(axis=1, keepdims=True)
+    ends = np.rint(np.cumsum(share, axis=1) * size).astype(np.int64)
+    return np.diff(ends, axis=1, prepend=0)
+
+
+def families_of_particles(number: IntArray, size: int) -> IntArray:
+    """Return the families (n, size) of particles, in their order, by numbers (n, families)."""
+    ends = np.cumsum(number, axis=1)[:, :, None]
+    return np.sum(np.arange(size) >= ends, axis=1).clip(0, number.shape[1] - 1)
+
+
+class FlownVehicles(NamedTuple):
+    """Vehicles (p,) of particles: families, numbers of stages that are over, and draws.
+
+    `total` and `number` (p, 4) are the sums of the scores of these stages, and how many are known;
+    `hot` (p,) is the probability that the next stage ignites without a gap.
+    """
+
+    family: IntArray
+    done: IntArray
+    total: FloatArray
+    number: FloatArray
+    hot: FloatArray
+    draw: IntArray
+
+
+def later_burns(
+    model: VehicleModel, vehicles: FlownVehicles, dark_s: FloatArray | None = None
+) -> VehicleStages:
+    """Return the stages to come of vehicles (p,).
+
+    With `dark_s` (p,) there is at least one, after a gap longer than that; without, their number is
+    drawn.
+    """
+    family, done, total, number, hot, draw = vehicles
+    uniform = draws().uniform[draw]
+    rows = np.arange(len(family))
+    stages = np.zeros((4, len(family), STAGES))
+    at_least = model.more(done - 1)[rows, family]
+    for step in range(STAGES - 1):
+        stage = np.minimum(done + step, STAGES - 1)
+        mean, sigma = model.law(family, stage, total, number)
+        logs = mean + sigma * draws().later[draw, step]
+        more = model.more(done + step)[rows, family]
+        exists = (done + step < STAGES) & (uniform[:, 3] * at_least < more)
+        gap = np.where(uniform[:, 5 + step] < hot, 0.0, np.exp(logs[:, GAP]))
+        if dark_s is not None and not step:
+            at_least = more
+            exists = done < STAGES
+            gap = _longer_gap(mean[:, GAP], sigma[:, GAP], dark_s, uniform[:, 4])
+            logs[:, GAP] = np.log(gap)
+        stages[:, :, step] = np.where(exists, [gap, *model.figures(logs)], 0.0)
+        total = total + model.scores(family, stage, logs)
+        number = number + 1.0
+    return VehicleStages(*stages)
+
+
+def _longer_gap(
+    mean: FloatArray, sigma: FloatArray, dark_s: FloatArray, share: FloatArray
+) -> FloatArray:
+    """Return draws (p,) of log-normal gaps longer than a time (p,), s."""
+    below = ndtr((np.log(np.maximum(dark_s, 0.05)) - mean) / sigma)
+    score = ndtri(np.minimum(below + (1.0 - below) * share, 1.0 - 1e-12))
+    return np.maximum(np.exp(mean + sigma * score), dark_s)

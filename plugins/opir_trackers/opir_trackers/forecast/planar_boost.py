@@ -10,76 +10,58 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_trackers.forecast.burning_on import Steering
-from opir_trackers.forecast.vehicles import BURN, FORCE, GAP, RATIO, STAGES, VehicleModel
+from opir_trackers.forecast.vehicles import GAP, STAGES, VehicleModel, VehicleStages
+from opir_trackers.law_files import law_parameters
 
 #: A sphere with the Earth's gravity.
 MU = EARTH_MU_M3_S2
 RADIUS_M = EARTH_EQUATORIAL_RADIUS_M
 
-#: Limits of the sine of the thrust's elevation towards an orbit, and the least time, s, in which it
-#: changes: the program of a launcher is smooth, and never points far below the horizon.
-_SINES = (-0.6, 0.97)
-_LEAST_LEFT_S = 15.0
+LAW = law_parameters("opir_trackers.forecast", "orbits")
 
 
 def drawn_stages(
     model: VehicleModel, family: int, count: int, rng: np.random.Generator
-) -> dict[str, FloatArray]:
-    """Return the stages (count, STAGES) of vehicles: gaps before them, burn times, accelerations,
-    growths.
-    """
-    family_of = np.full(count, family)
-    number = rng.choice(
-        np.arange(1, STAGES + 1), count, p=model.stages[family] / model.stages[family].sum()
-    )
-    total = np.zeros((count, 4))
-    seen = np.zeros((count, 4))
-    columns = {name: np.zeros((count, STAGES)) for name in ("gap", "burn", "first", "growth")}
+) -> VehicleStages:
+    """Return the drawn stages (count, STAGES) of vehicles of a family."""
+    families = np.full(count, family)
+    share = model.stages[family]
+    size = rng.choice(np.arange(1, STAGES + 1), count, p=share / share.sum())
     hot = rng.random((count, STAGES)) < model.hot[family]
+    total = np.zeros((count, 4))
+    stages = np.zeros((4, count, STAGES))
     gap = np.zeros(count)
-    for stage in range(STAGES):
-        mean, sigma = model.law(family_of, np.full(count, stage), total, seen)
+    for step in range(STAGES):
+        stage = np.full(count, step)
+        mean, sigma = model.law(families, stage, total, np.full(total.shape, float(step)))
         logs = mean + sigma * rng.normal(size=(count, 4))
-        score = model.scores(family_of, np.full(count, stage), logs)
-        total = total + score
-        seen = seen + 1.0
-        ratio = np.maximum(
-            np.minimum(logs[:, RATIO], np.log(model.data["highest_m_s2"]) - logs[:, FORCE]), 0.02
-        )
-        burn = np.exp(logs[:, BURN])
-        first = np.exp(logs[:, FORCE])
-        row = {"gap": gap, "burn": burn, "first": first, "growth": -np.expm1(-ratio) / burn}
-        for name, value in row.items():
-            columns[name][:, stage] = np.where(stage < number, value, 0.0)
-        gap = np.where(hot[:, stage], 0.0, np.exp(logs[:, GAP]))
-    return columns
+        total = total + model.scores(families, stage, logs)
+        stages[:, :, step] = np.where(step < size, [gap, *model.figures(logs)], 0.0)
+        gap = np.where(hot[:, step], 0.0, np.exp(logs[:, GAP]))
+    return VehicleStages(*stages)
 
 
 @frozen(eq=False)
 class PlanarBoost:
-    """Vehicles (n,): their stages, as of `drawn_stages`, and steering.
+    """Vehicles (n,): their stages and steering.
 
     Those with an `orbit_m` (n,), not nan, are steered to the height of an orbit instead, and cut
-    off at its speed. States (4, n) are x ahead and y up from the Earth's centre, and velocity.
+    off at its speed. States (4, n) are x forwards and y up from the Earth's centre, and velocity.
     """
 
-    stages: dict[str, FloatArray]
+    stages: VehicleStages
     steering: Steering
     orbit_m: FloatArray
 
     @cached_property
     def starts_s(self) -> FloatArray:
         """Return the ignitions (n, STAGES)."""
-        starts: FloatArray = (
-            np.cumsum(self.stages["gap"] + self.stages["burn"], axis=1) - self.stages["burn"]
-        )
-        return starts
+        return self.stages.starts_s
 
     @cached_property
     def over_s(self) -> FloatArray:
         """Return the times (n,) of the last burnout."""
-        over: FloatArray = (self.starts_s + self.stages["burn"]).max(axis=1)
-        return over
+        return (self.starts_s + self.stages.burn_s).max(axis=1)
 
     def at_rest(self) -> FloatArray:
         """Return the states on the ground."""
@@ -87,54 +69,56 @@ class PlanarBoost:
         state[1] = RADIUS_M
         return state
 
-    def stepped(self, state: FloatArray, now: float, step_s: float) -> FloatArray:
+    def stepped(self, state: FloatArray, time_s: float, step_s: float) -> FloatArray:
         """Return the states after a step, by the midpoint rule."""
-        middle = state + 0.5 * step_s * self._rates(state, now)
-        return state + step_s * self._rates(middle, now + 0.5 * step_s)
+        middle = state + 0.5 * step_s * self._rates(state, time_s)
+        return state + step_s * self._rates(middle, time_s + 0.5 * step_s)
 
-    def _rates(self, state: FloatArray, now: float) -> FloatArray:
+    def _rates(self, state: FloatArray, time_s: float) -> FloatArray:
         x, y, u, v = state
-        ahead, up = self.force(state, now)
+        force_x, force_y = self.force(state, time_s)
         pull: FloatArray = -MU / (x * x + y * y) ** 1.5
-        return np.array([u, v, pull * x + ahead, pull * y + up])
+        return np.array([u, v, pull * x + force_x, pull * y + force_y])
 
-    def force(self, state: FloatArray, now: float) -> FloatArray:
-        """Return the specific force (2, n), m/s²: nothing after the last burnout, and nothing is
-        computed there.
+    def force(self, state: FloatArray, time_s: float) -> FloatArray:
+        """Return the specific force (2, n), m/s²; it is computed for vehicles before their last
+        burnout alone.
         """
         thrust = np.zeros((2, len(self.orbit_m)))
-        rows = np.flatnonzero(now < self.over_s)
+        rows = np.flatnonzero(time_s < self.over_s)
         if len(rows):
-            thrust[:, rows] = self._thrust(state[:, rows], now, rows)
+            thrust[:, rows] = self._thrust(state[:, rows], time_s, rows)
         return thrust
 
-    def _thrust(self, state: FloatArray, now: float, rows: IntArray) -> FloatArray:
+    def _thrust(self, state: FloatArray, time_s: float, rows: IntArray) -> FloatArray:
         """Return the specific force (2, m), m/s², of some vehicles, given by their rows."""
-        since = now - self.starts_s[rows]
-        burn, first, growth = (self.stages[name][rows] for name in ("burn", "first", "growth"))
-        on = (since >= 0.0) & (since < burn)
-        size = np.sum(np.where(on, first / np.maximum(1.0 - growth * since, 0.02), 0.0), axis=1)
+        size = self._size(time_s, rows)
         speed = np.hypot(state[2], state[3])
         steering = self.steering.take(rows)
-        rising = (now < steering.rise_s) | (speed < 1.0)
-        ahead, up = (
-            np.where(rising, rest, part / np.maximum(speed, 1.0))
-            for rest, part in ((0.0, state[2]), (1.0, state[3]))
-        )
-        lead = steering.leads(np.full(len(speed), now))
+        rising = (time_s < steering.rise_s) | (speed < 1.0)
+        x, y = np.where(rising, [[0.0], [1.0]], state[2:] / np.maximum(speed, 1.0))
+        lead = steering.leads(np.full(len(speed), time_s))
         cosine = np.cos(lead)
         sine = np.sin(lead)
-        unit = np.array([ahead * cosine + up * sine, up * cosine - ahead * sine])
+        unit = np.array([x * cosine + y * sine, y * cosine - x * sine])
         steered = np.flatnonzero(np.isfinite(self.orbit_m[rows]) & ~rising)
         if len(steered):
             unit[:, steered], cut_off = self._to_orbit(
-                state[:, steered], now, size[steered], rows[steered]
+                state[:, steered], time_s, size[steered], rows[steered]
             )
             size[steered[cut_off]] = 0.0
         return size * unit
 
+    def _size(self, time_s: float, rows: IntArray) -> FloatArray:
+        """Return the magnitude (m,) of the specific force, m/s²; 0 between stages."""
+        since = time_s - self.starts_s[rows]
+        burn, acceleration, growth = (column[rows] for column in self.stages[1:])
+        is_lit = (since >= 0.0) & (since < burn)
+        force = acceleration / np.maximum(1.0 - growth * since, 0.02)
+        return np.sum(np.where(is_lit, force, 0.0), axis=1)
+
     def _to_orbit(
-        self, state: FloatArray, now: float, size: FloatArray, rows: IntArray
+        self, state: FloatArray, time_s: float, size: FloatArray, rows: IntArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return thrust directions (2, m) that end at the height of an orbit without climbing, and
         who is fast enough.
@@ -146,12 +130,37 @@ class PlanarBoost:
         up = np.array([x, y]) / radius
         level = np.array([up[1], -up[0]])
         climb = u * up[0] + v * up[1]
-        fast = u * level[0] + v * level[1]
+        speed = u * level[0] + v * level[1]
         circular = np.sqrt(MU / radius)
         push = np.maximum(size, 1.0)
-        left_s = np.maximum(
-            np.minimum(self.over_s[rows] - now, (circular - fast) / push), _LEAST_LEFT_S
-        )
-        wanted = 6.0 * (self.orbit_m[rows] + RADIUS_M - radius) / left_s**2 - 4.0 * climb / left_s
-        sine = np.clip((wanted + MU / radius**2 - fast**2 / radius) / push, *_SINES)
-        return sine * up + np.sqrt(1.0 - sine**2) * level, fast > circular
+        burn_left_s = np.minimum(self.over_s[rows] - time_s, (circular - speed) / push)
+        left_s = np.maximum(burn_left_s, LAW.least_left_s)
+        lift = 6.0 * (self.orbit_m[rows] + RADIUS_M - radius) / left_s**2 - 4.0 * climb / left_s
+        needed = lift + MU / radius**2 - speed**2 / radius
+        sine = np.clip(needed / push, *LAW.thrust_sines)
+        return sine * up + np.sqrt(1.0 - sine**2) * level, speed > circular
+
+
+def ranges_m(state: FloatArray) -> FloatArray:
+    """Return the ranges (n,), m, of free flights over a round Earth from planar states (4, n); nan
+    without an impact.
+    """
+    x, y, u, v = state
+    radius = np.hypot(x, y)
+    momentum = x * v - y * u
+    parameter = momentum**2 / MU
+    energy = 0.5 * (u * u + v * v) - MU / radius
+    excess = np.sqrt(np.maximum(1.0 + 2.0 * energy * momentum**2 / MU**2, 0.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        anomaly = np.arccos(np.clip((parameter / radius - 1.0) / excess, -1.0, 1.0))
+        anomaly = np.where(x * u + y * v >= 0.0, anomaly, 2.0 * np.pi - anomaly)
+        cosine = (parameter / RADIUS_M - 1.0) / excess
+        impact = 2.0 * np.pi - np.arccos(np.where(np.abs(cosine) <= 1.0, cosine, np.nan))
+    swept = np.where(energy < 0.0, impact - anomaly, np.nan)
+    return RADIUS_M * np.abs(np.arctan2(x, y) - np.copysign(swept, momentum))
+
+
+def elevations(state: FloatArray) -> FloatArray:
+    """Return the elevations (n,), rad, of the velocities of planar states (4, n)."""
+    x, y, u, v = state
+    return np.arctan2(x * u + y * v, np.abs(y * u - x * v))

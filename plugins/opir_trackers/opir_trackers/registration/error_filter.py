@@ -15,22 +15,14 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.estimation import matvec
+from opir_trackers.law_files import law_parameters
 from opir_trackers.registration.misfits import Misfits
 from opir_trackers.registration.shared_errors import ERRORS
 
-#: Scales of unstated biases, rad: from half of a look's error of the finest sensors to what moves a
-#: target by 10 km from geostationary height; and the prior probability of all but the first
-#: together: one constellation in twenty-five is not as stated. Notional.
-SCALES_RAD = np.append(0.0, np.geomspace(10e-6, 320e-6, 6))
-_UNSTATED = 0.04
+LAW = law_parameters("opir_trackers.registration", "registration")
 
-#: That sensors are not as stated counts if it is more probable than this, as what 95 % regions
-#: leave out.
-_NEGLECTED = 0.05
-
-#: Squared misfit of a target, in variances for each degree of freedom and one more, above which it
-#: is not believed.
-_GATE = 13.8
+#: Scales of unstated biases, rad.
+SCALES_RAD = np.append(0.0, np.geomspace(LAW.least_scale_rad, LAW.largest_scale_rad, LAW.scales))
 
 
 class Moments(NamedTuple):
@@ -45,9 +37,9 @@ class ErrorFilter:
     """Means (g, q) and covariances (g, q, q) of the errors for each scale, and the scales' log
     weights (g,).
 
-    `prior` (g, q) are the variances of the errors where nothing is known, `correlation_s` is that
-    of the angles. `used` is the number of targets and slices whose misfits were used, `refused` the
-    running mean of the share that was rejected as outliers.
+    `prior` (g, q) are the variances of the errors before the first look, `correlation_s` is that of
+    the angles. `comparisons` is the number of targets and slices whose misfits were used,
+    `rejected` the running mean of the share that was rejected as outliers.
     """
 
     prior: FloatArray
@@ -55,8 +47,8 @@ class ErrorFilter:
     mean: FloatArray
     covariance: FloatArray
     log_weight: FloatArray
-    used: int = 0
-    refused: float = 0.0
+    comparisons: int = 0
+    rejected: float = 0.0
 
     @classmethod
     def of(
@@ -72,90 +64,77 @@ class ErrorFilter:
     @classmethod
     def of_prior(cls, prior: FloatArray, correlation_s: float) -> "ErrorFilter":
         """Return the filter with prior variances (g, q) before the first look."""
-        scales = len(SCALES_RAD)
-        weight = np.append(1.0 - _UNSTATED, np.full(scales - 1, _UNSTATED / (scales - 1)))
-        every = np.zeros((scales, prior.shape[1], prior.shape[1]))
-        every[:, range(prior.shape[1]), range(prior.shape[1])] = prior
-        return cls(prior, correlation_s, np.zeros_like(prior), every, np.log(weight))
+        unstated = len(prior) - 1
+        weight = np.append(1.0 - LAW.unstated, np.full(unstated, LAW.unstated / unstated))
+        covariance = prior[:, :, None] * np.eye(prior.shape[1])
+        return cls(prior, correlation_s, np.zeros_like(prior), covariance, np.log(weight))
 
     @property
     def weight(self) -> FloatArray:
         """The probabilities (g,) of the scales."""
         weight = np.exp(self.log_weight - self.log_weight.max())
-        return np.asarray(weight / weight.sum())
+        return weight / weight.sum()
 
     def predicted(self, step_s: float) -> "ErrorFilter":
         """Return the filter a step later."""
-        if not self.used:
+        if not self.comparisons:
             return self
-        kept = np.ones(self.prior.shape[1])
-        kept[np.arange(len(kept)) % ERRORS < 2] = np.exp(-step_s / self.correlation_s)
-        covariance = self.covariance * (kept[:, None] * kept)
-        axis = range(len(kept))
-        covariance[:, axis, axis] += (1.0 - kept * kept) * self.prior
-        return evolve(self, mean=self.mean * kept, covariance=covariance)
+        decay = np.ones(self.prior.shape[1])
+        decay[np.arange(len(decay)) % ERRORS < 2] = np.exp(-step_s / self.correlation_s)
+        covariance = self.covariance * (decay[:, None] * decay)
+        axis = range(len(decay))
+        covariance[:, axis, axis] += (1.0 - decay * decay) * self.prior
+        return evolve(self, mean=self.mean * decay, covariance=covariance)
 
     def moments(self) -> Moments:
         """Return the moments over all scales."""
         weight = self.weight
         mean = weight @ self.mean
-        apart = self.mean - mean
-        covariance = np.tensordot(weight, self.covariance, 1) + apart.T @ (weight[:, None] * apart)
-        return Moments(mean, covariance)
+        deviation = self.mean - mean
+        spread = deviation.T @ (weight[:, None] * deviation)
+        return Moments(mean, np.tensordot(weight, self.covariance, 1) + spread)
 
     def mean_prior(self) -> FloatArray:
         """Return the prior variances (q,) of the errors, by the scales' present probabilities."""
-        return np.asarray(self.weight @ self.prior)
+        return self.weight @ self.prior
 
     def reported(self) -> Moments:
         """Return the moments that count: those of sensors as stated, if anything else is
         improbable.
         """
-        return (
-            self.moments()
-            if self.weight[0] < 1.0 - _NEGLECTED
-            else Moments(self.mean[0], self.covariance[0])
-        )
+        is_stated = self.weight[0] >= 1.0 - LAW.neglected
+        return Moments(self.mean[0], self.covariance[0]) if is_stated else self.moments()
 
     def updated(self, misfits: Misfits) -> "ErrorFilter":
-        """Return the filter after the misfits of targets (k,), those left out that are not
-        believed.
+        """Return the filter after the misfits of targets (k,), without implausible ones.
+
+        It begins anew if it rejects most targets.
         """
         if not len(misfits.track):
             return self
-        good = np.flatnonzero(distances(misfits, self.moments()) <= _GATE * (1.0 + misfits.degrees))
-        share = len(good) / len(misfits.track)
-        after = (
-            self
-            if not len(good)
-            else self._taken(misfits.matrix[good].sum(axis=0), misfits.vector[good].sum(axis=0))
-        )
-        refused = self.refused + _FORGETTING * (1.0 - share - self.refused)
-        if refused > _MOST_REFUSED:
-            return self._anew()
-        return evolve(after, used=self.used + len(good), refused=refused)
+        limit = LAW.gate * (1.0 + misfits.degrees)
+        plausible = np.flatnonzero(distances(misfits, self.moments()) <= limit)
+        count = len(plausible)
+        share = 1.0 - count / len(misfits.track)
+        rejected = self.rejected + LAW.forgetting * (share - self.rejected)
+        if rejected > LAW.most_rejected:
+            return ErrorFilter.of_prior(self.prior, self.correlation_s)
+        updated = self
+        if count:
+            updated = self._informed(
+                misfits.matrix[plausible].sum(axis=0), misfits.vector[plausible].sum(axis=0)
+            )
+        return evolve(updated, comparisons=self.comparisons + count, rejected=rejected)
 
-    def _anew(self) -> "ErrorFilter":
-        """Return the filter before the first look: most targets say that what it believes is
-        wrong.
-        """
-        return ErrorFilter.of_prior(self.prior, self.correlation_s)
-
-    def _taken(self, matrix: FloatArray, vector: FloatArray) -> "ErrorFilter":
+    def _informed(self, matrix: FloatArray, vector: FloatArray) -> "ErrorFilter":
         """Return the filter after a matrix (q, q) and a vector (q,) of information."""
-        size = len(vector)
-        gain = np.eye(size) + matrix @ self.covariance
-        covariance = self.covariance @ np.linalg.inv(gain)
-        covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
-        # What is assumed stays so: rounding must not give it a variance.
-        covariance[np.broadcast_to((self.prior == 0.0)[:, :, None], covariance.shape)] = 0.0
-        covariance[np.broadcast_to((self.prior == 0.0)[:, None], covariance.shape)] = 0.0
+        gain = np.eye(len(vector)) + matrix @ self.covariance
+        covariance = self._covariance_after(gain)
         turned = matvec(np.broadcast_to(matrix, covariance.shape), self.mean)
-        off = vector - turned
-        step = matvec(covariance, off)
-        log = np.sum(self.mean * (vector - 0.5 * turned) + 0.5 * off * step, axis=1)
-        log -= 0.5 * np.linalg.slogdet(gain)[1]
-        log_weight = self.log_weight + log
+        residual = vector - turned
+        step = matvec(covariance, residual)
+        log = np.sum(self.mean * (vector - 0.5 * turned) + 0.5 * residual * step, axis=1)
+        log_weight = self.log_weight + (log - 0.5 * np.linalg.slogdet(gain)[1])
         return evolve(
             self,
             mean=self.mean + step,
@@ -163,19 +142,20 @@ class ErrorFilter:
             log_weight=log_weight - log_weight.max(),
         )
 
+    def _covariance_after(self, gain: FloatArray) -> FloatArray:
+        """Return the covariances (g, q, q) after information with gains (g, q, q)."""
+        covariance = self.covariance @ np.linalg.inv(gain)
+        covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
+        # An assumed error stays so: rounding must not give it a variance.
+        is_assumed = self.prior == 0.0
+        covariance[is_assumed[:, :, None] | is_assumed[:, None]] = 0.0
+        return covariance
 
-#: Share of the last slice in the running mean of what is not believed, and the mean at which all
-#: begins anew.
-_FORGETTING = 0.1
-_MOST_REFUSED = 0.5
 
-
-def distances(misfits: Misfits, known: Moments) -> FloatArray:
-    """Return the squared misfits (k,) of targets, in variances, given what is known of the
-    errors.
-    """
-    vector = misfits.vector - misfits.matrix @ known.mean
-    square = misfits.square - (misfits.vector + vector) @ known.mean
-    inner = np.eye(len(known.mean)) + misfits.matrix @ known.covariance
-    expected = known.covariance @ np.linalg.solve(inner, vector[:, :, None])
-    return np.asarray(square - np.sum(vector * expected[:, :, 0], axis=1))
+def distances(misfits: Misfits, errors: Moments) -> FloatArray:
+    """Return the squared misfits (k,) of targets, in variances, given moments of the errors."""
+    vector = misfits.vector - misfits.matrix @ errors.mean
+    square = misfits.square - (misfits.vector + vector) @ errors.mean
+    inner = np.eye(len(errors.mean)) + misfits.matrix @ errors.covariance
+    expected = errors.covariance @ np.linalg.solve(inner, vector[:, :, None])
+    return square - np.sum(vector * expected[:, :, 0], axis=1)

@@ -12,30 +12,23 @@ better than stated gains nothing.
 
 **Explained looks.** A target gives at most one look a scan. So outliers of a track's target lie
 near it in scans in which it has no look of its own, while a second target is seen in both kinds of
-scans, more often in those with one if the first is seen more often than not. Looks near a track
-that has none in their scan initiate no track while there are more of them than beside its own
-looks.
+scans, more often in those with such a look if the first is seen more often than not. Looks near a
+track without a look in their scan initiate no track while there are more of them than beside its
+own looks.
 """
+
+from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
+from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces import Columns, names_of
+from opir_core.interfaces import Columns
 from opir_trackers.association import scan_numbers
 from opir_trackers.gating import GatedPairs
 from opir_trackers.lines_of_sight import LinesOfSight
-from opir_trackers.registration.misfits import MeanResiduals
-
-#: Time, s, over which innovations and noise are averaged: long enough for 2 % of the noise of one
-#: target at 10 Hz, short enough to follow a sensor that changes; notional.
-MEMORY_S = 60.0
-
-#: Degrees of freedom for which the stated noise counts.
-_BELIEVED = 20.0
-
-#: Number of standard deviations by which noise must exceed what is stated before it is believed.
-_SURE = 2.0
+from opir_trackers.registration.misfits import LAW, MeanResiduals
 
 #: An outlier may be this far from its track, standard deviations of a look, beyond the gate of the
 #: track: 44 km at 20 µrad from geostationary height. Farther ones seldom form the clusters that
@@ -63,27 +56,27 @@ class SensorInnovations:
 
     def faded(self, step_s: float) -> "SensorInnovations":
         """Return the sums a step later."""
-        kept = np.exp(-step_s / MEMORY_S)
+        decay = np.exp(-step_s / LAW.memory_s)
         sums = self.square, self.looks, self.scatter, self.degrees
-        return SensorInnovations(*(kept * each for each in sums))
+        return SensorInnovations(*(decay * column for column in sums))
 
     @property
     def noise_scale(self) -> FloatArray:
-        """The noise (s,) in units of what is stated; nan where too few looks show it."""
-        known = self.degrees > _BELIEVED
-        scale = np.sqrt((self.scatter + _BELIEVED) / (self.degrees + _BELIEVED))
-        return np.where(known, scale, np.nan)
+        """The noise (s,) in units of the stated one; nan where too few looks show it."""
+        prior = LAW.prior_degrees
+        scale = np.sqrt((self.scatter + prior) / (self.degrees + prior))
+        return np.where(self.degrees > prior, scale, np.nan)
 
     @property
     def noise_scale_sigma(self) -> FloatArray:
         """The standard deviation (s,) of `noise_scale`."""
-        return np.asarray(self.noise_scale / np.sqrt(2.0 * np.maximum(self.degrees, 1.0)))
+        return self.noise_scale / np.sqrt(2.0 * np.maximum(self.degrees, 1.0))
 
     @property
     def believed_scale(self) -> FloatArray:
         """The noise (s,) that is assumed, at least 1."""
-        least = self.noise_scale - _SURE * self.noise_scale_sigma
-        return np.where(least > 1.0, least, 1.0)
+        lowest = self.noise_scale - LAW.noise_sigmas * self.noise_scale_sigma
+        return np.where(lowest > 1.0, lowest, 1.0)
 
     @property
     def mean_square(self) -> FloatArray:
@@ -104,13 +97,12 @@ class SensorInnovations:
         `stated_rad` (k,) is the stated error of the looks of each mean.
         """
         count = len(self.looks)
-        return evolve(
-            self,
-            square=self.square + np.bincount(sensor, square, count),
-            looks=self.looks + np.bincount(sensor, minlength=count),
-            scatter=self.scatter
-            + np.bincount(means.sensor, means.scatter_rad2 / np.square(stated_rad), count),
-            degrees=self.degrees + np.bincount(means.sensor, means.degrees, count),
+        scatter = means.scatter_rad2 / np.square(stated_rad)
+        return SensorInnovations(
+            self.square + np.bincount(sensor, square, count),
+            self.looks + np.bincount(sensor, minlength=count),
+            self.scatter + np.bincount(means.sensor, scatter, count),
+            self.degrees + np.bincount(means.sensor, means.degrees, count),
         )
 
 
@@ -132,45 +124,44 @@ class TrackInnovations(Columns):
     beside: FloatArray
 
     @classmethod
-    def fresh(cls, number: IntArray, sensors: int) -> "TrackInnovations":
+    def begun(cls, number: IntArray, sensors: int) -> "TrackInnovations":
         """Return the sums of tracks without looks."""
         count = len(number)
         return cls(number, *(np.zeros((count, sensors)) for _ in range(5)))
 
     def of(self, number: IntArray) -> "TrackInnovations":
-        """Return those of tracks (n,) in ascending order: of what is known, or without looks."""
+        """Return those of tracks (n,) in ascending order; new ones are without looks."""
         if np.array_equal(number, self.number):
             return self
-        fresh = TrackInnovations.fresh(number, self.looks.shape[1])
+        sums = TrackInnovations.begun(number, self.looks.shape[1])
         place = np.searchsorted(number, self.number)
-        here = np.flatnonzero(np.append(number, -1)[place] == self.number)
-        for name in names_of(TrackInnovations)[1:]:
-            getattr(fresh, name)[place[here]] = getattr(self, name)[here]
-        return fresh
+        rows = np.flatnonzero(np.append(number, -1)[place] == self.number)
+        sums.overwrite(place[rows], self.take(rows))
+        return sums
 
     def faded(self, step_s: float, period_s: FloatArray) -> "TrackInnovations":
         """Return the sums a step later, of sensors with scan periods (s,)."""
-        kept = np.exp(-step_s / np.maximum(MEMORY_S, _SCANS * period_s))
-        soon = np.exp(-step_s / (_RECENT_SCANS * period_s))
-        recent = self.instead * soon, self.beside * soon
-        lasting = self.looks * kept, self.explained * kept, self.owned * kept
-        return TrackInnovations(self.number, *lasting, *recent)
+        lasting = np.exp(-step_s / np.maximum(LAW.memory_s, LAW.scans * period_s))
+        recent = np.exp(-step_s / (LAW.recent_scans * period_s))
+        return TrackInnovations(
+            self.number,
+            self.looks * lasting,
+            self.explained * lasting,
+            self.owned * lasting,
+            self.instead * recent,
+            self.beside * recent,
+        )
 
     def after(self, track: IntArray, sensor: IntArray) -> "TrackInnovations":
         """Return the sums after looks (m,), by rows and sensors."""
-        looks = self.looks.copy()
-        np.add.at(looks, (track, sensor), 1.0)
-        return evolve(self, looks=looks)
+        return evolve(self, looks=_counted(self.looks, track, sensor))
 
 
-#: Scans of slow sensors over which a track's looks are counted, and those over which outliers and a
-#: second target are discriminated.
-_SCANS = 10.0
-_RECENT_SCANS = 20.0
-
-
-#: Looks that a track explains before it has as many of its own: those of the first scans.
-_FIRST = 4.0
+def _counted(counts: FloatArray, track: IntArray, sensor: NDArray[np.integer[Any]]) -> FloatArray:
+    """Return counts (n, s) with one more for each track and sensor (m,)."""
+    counts = counts.copy()
+    np.add.at(counts, (track, sensor), 1.0)
+    return counts
 
 
 def explained_looks(
@@ -187,39 +178,40 @@ def explained_looks(
     deviations.
     """
     reach = gate * np.exp(0.25 * pairs.log_volume) + OUTLIER_SIGMAS * pairs.sigma_rad
-    near = np.sum(pairs.measured * pairs.measured, axis=1) <= reach * reach
+    is_near = np.sum(pairs.measured * pairs.measured, axis=1) <= reach * reach
+    rows = _nearest(pairs, np.flatnonzero(is_near))
+    track = pairs.track[rows]
+    line = pairs.line[rows]
+    sensor = free.sensor[line].astype(np.int64)
+    has_look = _has_look(len(tracks), owned, free)[track, line]
+    owner, lines = owned
+    owned_looks = _counted(tracks.owned, owner, lines.sensor)
+    beside = _counted(tracks.beside, track[has_look], sensor[has_look])
+    instead = _counted(tracks.instead, track[~has_look], sensor[~has_look])
+    of_target = ~has_look & (beside < instead)[track, sensor]
+    explained = _counted(tracks.explained, track[of_target], sensor[of_target])
+    limit = np.maximum(tracks.looks, owned_looks) + LAW.first_looks
+    of_target &= (explained <= limit)[track, sensor]
+    is_explained = np.zeros(len(free.time_s), dtype=np.bool_)
+    is_explained[line[of_target]] = True
+    return is_explained, evolve(
+        tracks, explained=explained, owned=owned_looks, instead=instead, beside=beside
+    )
+
+
+def _has_look(tracks: int, owned: tuple[IntArray, LinesOfSight], free: LinesOfSight) -> BoolArray:
+    """Whether tracks have a look of their own (tracks, f) in the scan of each unassigned line."""
     owner, lines = owned
     scan = scan_numbers(
         np.concatenate([lines.sensor, free.sensor]), np.concatenate([lines.scan, free.scan])
     )
-    scans = int(scan.max(initial=0)) + 1
-    has_own = np.zeros((len(tracks), scans), dtype=np.bool_)
-    has_own[owner, scan[: len(owner)]] = True
-    near = _nearest(pairs, np.flatnonzero(near))
-    track = pairs.track[near]
-    line = pairs.line[near]
-    mine = scan[len(owner) :][line]
-    sensor = free.sensor[line].astype(np.int64)
-    beside = tracks.beside.copy()
-    instead = tracks.instead.copy()
-    explained = tracks.explained.copy()
-    own_looks = tracks.owned.copy()
-    np.add.at(own_looks, (owner, lines.sensor), 1.0)
-    own = has_own[track, mine]
-    np.add.at(beside, (track[own], sensor[own]), 1.0)
-    np.add.at(instead, (track[~own], sensor[~own]), 1.0)
-    of_target = ~own & (beside < instead)[track, sensor]
-    np.add.at(explained, (track[of_target], sensor[of_target]), 1.0)
-    of_target &= (explained <= np.maximum(tracks.looks, own_looks) + _FIRST)[track, sensor]
-    which = np.zeros(len(free.time_s), dtype=np.bool_)
-    which[line[of_target]] = True
-    return which, evolve(
-        tracks, explained=explained, owned=own_looks, instead=instead, beside=beside
-    )
+    has_look = np.zeros((tracks, int(scan.max(initial=0)) + 1), dtype=np.bool_)
+    has_look[owner, scan[: len(owner)]] = True
+    return has_look[:, scan[len(owner) :]]
 
 
 def _nearest(pairs: GatedPairs, rows: IntArray) -> IntArray:
-    """Return those of rows of pairs with the nearest track of each line."""
+    """Return the rows of pairs with the nearest track of each line."""
     order = rows[np.argsort(np.sum(pairs.measured[rows] ** 2, axis=1), kind="stable")]
     return order[np.unique(pairs.line[order], return_index=True)[1]]
 
@@ -234,4 +226,4 @@ def stated_squares(assigned: GatedPairs, stated_rad: FloatArray) -> FloatArray:
     stated = np.maximum(
         spread - np.square(assigned.sigma_rad) + np.square(stated_rad), np.square(stated_rad)
     )
-    return np.asarray(assigned.distance * spread / stated)
+    return assigned.distance * spread / stated

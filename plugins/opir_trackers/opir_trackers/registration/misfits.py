@@ -1,9 +1,10 @@
-"""What the lines of sight of a slice say of the sensors' shared errors, whatever their targets do.
+"""Information on the sensors' shared errors from the lines of sight of a slice, whatever their
+targets do.
 
 Of each target that several sensors see in a slice, the mean residuals of the sensors determine its
 position and, beyond it, how far the rays miss each other: two residuals a sensor less three
 coordinates, which for two sensors is the misfit of the epipolar planes. The position is eliminated
-with no prior to speak of, so neither the target's motion nor the errors of its track enter, each
+with practically no prior, so neither the target's motion nor the errors of its track enter, each
 look counts once, and slices are independent but for the errors themselves.
 """
 
@@ -14,14 +15,10 @@ import numpy as np
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import matvec
 from opir_trackers.gating import GatedPairs
+from opir_trackers.law_files import law_parameters
 from opir_trackers.registration.shared_errors import ERRORS, Vantages
 
-#: Prior standard deviation of a position about its prediction, m: none to speak of.
-_ANYWHERE_M = 1e6
-
-#: Squared distance from the median of a sensor's residuals, in variances, beyond which a look
-#: counts as an outlier: two degrees of freedom exceed it with a probability of 10⁻³, as for tracks.
-_IMPROBABLE = 13.8
+LAW = law_parameters("opir_trackers.registration", "registration")
 
 
 class MeanResiduals(NamedTuple):
@@ -49,32 +46,34 @@ def mean_residuals(assigned: GatedPairs, sensor: IntArray, sensors: int) -> Mean
     without outliers.
     """
     key, group = np.unique(assigned.track * sensors + sensor, return_inverse=True)
-    count = len(key)
-    residual = assigned.measured
-    middle = np.stack([_medians(group, count, residual[:, axis]) for axis in (0, 1)], axis=1)
-    apart = residual - middle[group]
-    good = np.flatnonzero(
-        np.sum(apart * apart, axis=1) <= _IMPROBABLE * np.square(assigned.sigma_rad)
-    )
+    plausible = _without_outliers(assigned, group, len(key))
     # The median of each axis may be another look's, so that no look is near both.
-    some, whose = np.unique(group[good], return_inverse=True)
-    mean = _means(whose, len(some), np.column_stack([residual, assigned.time_s])[good])
-    looks = np.bincount(whose, minlength=len(some)).astype(np.float64)
-    look_rad = np.sqrt(_means(whose, len(some), np.square(assigned.sigma_rad[good])[:, None])[:, 0])
-    scatter, degrees = _scatter(
-        whose, looks, residual[good] - mean[whose, :2], assigned.time_s[good] - mean[whose, 2]
-    )
+    groups, first_row, group = np.unique(group[plausible], return_index=True, return_inverse=True)
+    residual = assigned.measured[plausible]
+    time_s = assigned.time_s[plausible]
+    variance = np.square(assigned.sigma_rad[plausible])
+    mean = _means(group, len(groups), np.column_stack([residual, time_s, variance]))
+    looks = np.bincount(group, minlength=len(groups)).astype(np.float64)
+    look_rad = np.sqrt(mean[:, 3])
+    scatter, degrees = _scatter(group, looks, residual - mean[group, :2], time_s - mean[group, 2])
     return MeanResiduals(
-        key[some] // sensors,
-        key[some] % sensors,
+        key[groups] // sensors,
+        key[groups] % sensors,
         mean[:, 2],
-        assigned.axes[good[np.unique(whose, return_index=True)[1]], :2],
+        assigned.axes[plausible[first_row], :2],
         mean[:, :2],
         look_rad * look_rad / looks,
         look_rad,
         scatter,
         degrees,
     )
+
+
+def _without_outliers(assigned: GatedPairs, group: IntArray, count: int) -> IntArray:
+    """Return the rows of pairs (m,) that are near the median residual of their groups."""
+    middle = [_medians(group, count, column) for column in assigned.measured.T]
+    distance = np.sum((assigned.measured - np.stack(middle, axis=1)[group]) ** 2, axis=1)
+    return np.flatnonzero(distance <= LAW.gate * np.square(assigned.sigma_rad))
 
 
 def _means(group: IntArray, count: int, values: FloatArray) -> FloatArray:
@@ -89,25 +88,24 @@ def _scatter(
     """Return the sums (k,) of squared deviations of residuals (m, 2) from lines over time, and
     degrees of freedom.
 
-    Both are about the means of their groups. What is not known of a velocity shows as a slope,
-    which is no noise.
+    Both are about the means of their groups. The error of a velocity shows as a slope, which is not
+    noise.
     """
     count = len(looks)
-    long = np.bincount(group, since_s * since_s, count)
+    spread = np.bincount(group, since_s * since_s, count)
     total = np.bincount(group, np.sum(residual * residual, axis=1), count)
-    pulled = np.stack(
-        [np.bincount(group, since_s * residual[:, axis], count) for axis in (0, 1)], axis=1
-    )
-    sloped = np.divide(np.sum(pulled * pulled, axis=1), long, out=np.zeros(count), where=long > 0.0)
-    enough = looks > 2.0
-    return np.where(enough, total - sloped, 0.0), np.where(enough, 2.0 * looks - 4.0, 0.0)
+    slopes = [np.bincount(group, since_s * column, count) for column in residual.T]
+    slope = np.sum(np.square(np.stack(slopes, axis=1)), axis=1)
+    sloped = np.divide(slope, spread, out=np.zeros(count), where=spread > 0.0)
+    is_enough = looks > 2.0
+    return np.where(is_enough, total - sloped, 0.0), np.where(is_enough, 2.0 * looks - 4.0, 0.0)
 
 
 def _medians(group: IntArray, count: int, values: FloatArray) -> FloatArray:
     """Return the lower medians (count,) of values (m,) by group."""
     order = np.lexsort((values, group))
     size = np.bincount(group, minlength=count)
-    return np.asarray(values[order[np.cumsum(size) - size + (size - 1) // 2]])
+    return values[order[np.cumsum(size) - size + (size - 1) // 2]]
 
 
 class Misfits(NamedTuple):
@@ -146,30 +144,39 @@ def misfits(
     of the velocity, which counts where the sensors looked at different times.
     """
     sensors = len(vantages.origin_m)
-    seen = np.bincount(means.track, minlength=len(position_m)).astype(np.float64)
-    rows = np.flatnonzero(seen >= 2.0)
-    place = np.full(len(position_m), -1)
-    place[rows] = np.arange(len(rows))
-    mine = np.flatnonzero(place[means.track] >= 0)
-    track = means.track[mine]
-    sensor = means.sensor[mine]
-    apart = position_m[track] - vantages.origin_m[sensor]
-    range_m = np.sqrt(np.sum(apart * apart, axis=1))
-    slope = means.axes[mine] / range_m[:, None, None]
-    middle_s = np.bincount(track, means.time_s[mine], len(position_m)) / np.maximum(seen, 1.0)
-    moved = speed_m_s[track] * (means.time_s[mine] - middle_s[track]) / range_m
-    sharp = 1.0 / np.sqrt(means.variance[mine] + moved * moved)
+    looks = np.bincount(means.track, minlength=len(position_m)).astype(np.float64)
+    rows = np.flatnonzero(looks >= 2.0)
+    shared = np.flatnonzero(looks[means.track] >= 2.0)
+    track = means.track[shared]
+    sensor = means.sensor[shared]
+    time_s = means.time_s[shared]
+    line = position_m[track] - vantages.origin_m[sensor]
+    range_m = np.sqrt(np.sum(line * line, axis=1))
+    slope = means.axes[shared] / range_m[:, None, None]
+    middle_s = np.bincount(track, time_s, len(position_m)) / np.maximum(looks, 1.0)
+    moved = speed_m_s[track] * (time_s - middle_s[track]) / range_m
+    weight = 1.0 / np.sqrt(means.variance[shared] + moved * moved)
+    row = np.searchsorted(rows, track)
+    shift = vantages.displacements(position_m[rows], velocity_m_s[rows])[row, sensor]
     stack = np.zeros((len(rows), sensors, 2, 3 + ERRORS * sensors + 1))
-    at = place[track], sensor
-    stack[*at, :, :3] = slope
-    own = vantages.displacements(position_m[rows], velocity_m_s[rows])[at]
+    looked = _look_rows(slope, slope @ shift, means.residual[shared], sensor, stack.shape[-1])
+    stack[row, sensor] = looked * weight[:, None, None]
+    whitened = stack.reshape(len(rows), 2 * sensors, stack.shape[-1])
+    return _without_position(rows, whitened, looks[rows] * 2.0 - 3.0)
+
+
+def _look_rows(
+    slope: FloatArray, shift: FloatArray, residual: FloatArray, sensor: IntArray, width: int
+) -> FloatArray:
+    """Return rows (m, 2, width) of mean residuals (m, 2): their slopes by position and by the
+    errors of their sensors (m, 2, 3), and themselves.
+    """
+    rows = np.zeros((len(sensor), 2, width))
+    rows[:, :, :3] = slope
     columns = 3 + ERRORS * sensor[:, None] + np.arange(ERRORS)
-    stack[at[0][:, None], at[1][:, None], :, columns] = (slope @ own).transpose(0, 2, 1)
-    stack[*at, :, -1] = means.residual[mine]
-    stack[at] *= sharp[:, None, None]
-    return _without_position(
-        rows, stack.reshape(len(rows), 2 * sensors, stack.shape[-1]), seen[rows] * 2.0 - 3.0
-    )
+    rows[np.arange(len(sensor))[:, None], :, columns] = shift.transpose(0, 2, 1)
+    rows[:, :, -1] = residual
+    return rows
 
 
 def _without_position(track: IntArray, stack: FloatArray, degrees: FloatArray) -> Misfits:
@@ -177,6 +184,6 @@ def _without_position(track: IntArray, stack: FloatArray, degrees: FloatArray) -
     residuals, position free.
     """
     gram = stack.transpose(0, 2, 1) @ stack
-    inner = gram[:, :3, :3] + np.eye(3) / _ANYWHERE_M**2
-    left = gram[:, 3:, 3:] - gram[:, 3:, :3] @ np.linalg.solve(inner, gram[:, :3, 3:])
-    return Misfits(track, left[:, :-1, :-1], left[:, :-1, -1], left[:, -1, -1], degrees)
+    inner = gram[:, :3, :3] + np.eye(3) / LAW.position_sigma_m**2
+    errors = gram[:, 3:, 3:] - gram[:, 3:, :3] @ np.linalg.solve(inner, gram[:, :3, 3:])
+    return Misfits(track, errors[:, :-1, :-1], errors[:, :-1, -1], errors[:, -1, -1], degrees)

@@ -1,12 +1,13 @@
-"""What a tracker knows of its sensors at a time: it corrects lines of sight, shifts states and
-widens covariances.
+"""The estimated errors of a tracker's sensors at a time: they correct lines of sight, shift states
+and widen covariances.
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from attrs import Factory, evolve, field, frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import COAST
@@ -15,7 +16,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.gating import GatedPairs
 from opir_trackers.lines_of_sight import LinesOfSight
-from opir_trackers.registration.error_filter import ErrorFilter, Moments
+from opir_trackers.registration.error_filter import LAW, ErrorFilter, Moments
 from opir_trackers.registration.innovations import (
     SensorInnovations,
     TrackInnovations,
@@ -24,32 +25,13 @@ from opir_trackers.registration.innovations import (
 from opir_trackers.registration.misfits import MeanResiduals, mean_residuals, misfits
 from opir_trackers.registration.shared_errors import ERRORS, Vantages, corrected
 
-#: Comparisons of a target's looks before gates rely on what is found.
-_FEW = 15
-
-#: Up to this number of tracks, sensors that are as stated are compared now and then; with more,
-#: each track shows another combination.
-_LONE = 3
-
-#: Comparisons of targets after which they are made less often, and the least number of them a
-#: second. Errors and noise change over a minute.
-_OFTEN = 600
-_MANY = 20
-
-#: Looks that tracks explain as outliers, from which all looks are counted.
-_SOME = 0.5
-
-#: Sensors that are as stated are compared again after this time, s: innovations and noise have a
-#: memory of 60 s.
-_AGAIN_S = 5.0
-
 
 @frozen(eq=False)
 class Registration:
-    """The filter of the sensors' shared errors, and what of it is taken off lines of sight.
+    """The filter of the sensors' shared errors, and the estimates that correct lines of sight.
 
-    `known` is what is reported and taken off, `wide` includes improbable scales; `apart_rad` (s,)
-    is the standard deviation of what the errors leave between the sensors that see a target,
+    `known` are the reported and corrected errors, `wide` includes improbable scales; `apart_rad`
+    (s,) is the standard deviation that the errors leave between the sensors that see a target,
     `noise` (s,) the scale of their noise. `period_s` (s,) are their scan periods; `compared_s` is
     the time of the last comparison.
     """
@@ -64,49 +46,52 @@ class Registration:
     period_s: FloatArray
     time_s: float = 0.0
     compared_s: float = -np.inf
-    #: Whether what is not known of the errors counts in gates, and whether anything is taken off
-    #: lines of sight.
-    widens_gates: bool = field(
-        default=Factory(
-            lambda own: own.several and bool(own._of_gates.covariance.any()), takes_self=True
-        ),
-        init=False,
-    )
-    corrects: bool = field(
-        default=Factory(
-            lambda own: bool(
-                own.known.mean.any() or own.apart_rad.any() or own.noise.max(initial=1.0) > 1.0
-            ),
-            takes_self=True,
-        ),
-        init=False,
-    )
-    has_outliers: bool = field(
-        default=Factory(lambda own: bool(own.tracks.explained.sum() > _SOME), takes_self=True),
-        init=False,
-    )
-    has_errors: bool = field(
-        default=Factory(lambda own: bool(own.known.covariance.any()), takes_self=True), init=False
-    )
 
     @classmethod
     def of(cls, errors: ErrorFilter, period_s: FloatArray) -> "Registration":
         """Return the registration before the first look."""
-        known = errors.reported()
-        wide = errors.moments()
-        apart_rad = _angle_sigmas(known)
-        none = np.empty(0, dtype=np.int64)
+        reported = errors.reported()
+        apart_rad = _angle_sigmas(reported)
         sensors = len(apart_rad)
-        sums = SensorInnovations.of(sensors), TrackInnovations.fresh(none, sensors)
-        return cls(errors, known, wide, apart_rad, np.ones(sensors), *sums, period_s)
+        return cls(
+            errors,
+            reported,
+            errors.moments(),
+            apart_rad,
+            np.ones(sensors),
+            SensorInnovations.of(sensors),
+            TrackInnovations.begun(np.empty(0, dtype=np.int64), sensors),
+            period_s,
+        )
+
+    @cached_property
+    def widens_gates(self) -> bool:
+        """Whether the uncertainty of the errors counts in gates."""
+        return self.is_comparable and bool(self._of_gates.covariance.any())
+
+    @cached_property
+    def corrects(self) -> bool:
+        """Whether lines of sight are corrected."""
+        has_shift = self.known.mean.any() or self.apart_rad.any()
+        return bool(has_shift or self.noise.max(initial=1.0) > 1.0)
+
+    @cached_property
+    def has_outliers(self) -> bool:
+        """Whether tracks explain looks as outliers."""
+        return bool(self.tracks.explained.sum() > LAW.explained_looks)
+
+    @cached_property
+    def has_errors(self) -> bool:
+        """Whether errors are uncertain."""
+        return bool(self.known.covariance.any())
 
     @property
     def reported(self) -> Moments:
-        """What is reported: where targets were compared, with improbable scales too."""
-        return self.wide if self.errors.used else self.known
+        """The reported moments: where targets were compared, with improbable scales too."""
+        return self.wide if self.errors.comparisons else self.known
 
     @property
-    def several(self) -> bool:
+    def is_comparable(self) -> bool:
         """Whether there are sensors that may be compared."""
         return len(self.apart_rad) > 1
 
@@ -120,11 +105,13 @@ class Registration:
         """Standard deviations (s,) of the errors at the initiation of tracks, which large errors
         must not stop.
         """
-        return _LOOSE * _angle_sigmas(self.wide) if self.several else _angle_sigmas(self.known)
+        if not self.is_comparable:
+            return _angle_sigmas(self.known)
+        return LAW.loose * _angle_sigmas(self.wide)
 
     def corrected(self, lines: LinesOfSight) -> LinesOfSight:
-        """Return lines of sight without the errors that are known, and with the deviation of what
-        is not.
+        """Return lines of sight less the estimated errors, with the deviation of the remaining
+        ones.
         """
         if not self.corrects:
             return lines
@@ -137,14 +124,13 @@ class Registration:
 
     def stated_rad(self, sigma_rad: FloatArray, sensor: IntArray) -> FloatArray:
         """Return the stated errors (m,) of lines that `corrected` gave errors (m,), by sensor."""
-        stated: FloatArray = (
+        return (
             np.sqrt(np.square(sigma_rad) - np.square(self.apart_rad[sensor])) / self.noise[sensor]
         )
-        return stated
 
     @property
     def _of_gates(self) -> Moments:
-        return self.wide if self.errors.used < _FEW else self.known
+        return self.wide if self.errors.comparisons < LAW.few_comparisons else self.known
 
     def is_due(self, time_s: float, tracks: int) -> bool:
         """Whether looks are compared at a time.
@@ -153,10 +139,10 @@ class Registration:
         they have been often.
         """
         since_s = time_s - self.compared_s
-        if self.errors.used >= _OFTEN and tracks > _MANY:
-            return since_s >= min(_AGAIN_S, tracks / _MANY) - 1e-6
-        always = tracks > _LONE or self.widens_gates or self.corrects or self.has_outliers
-        return always or since_s >= _AGAIN_S
+        if self.errors.comparisons >= LAW.many_comparisons and tracks > LAW.many_tracks:
+            return bool(since_s >= min(LAW.again_s, tracks / LAW.many_tracks) - 1e-6)
+        has_news = self.widens_gates or self.corrects or self.has_outliers
+        return bool(tracks > LAW.few_tracks or has_news or since_s >= LAW.again_s)
 
     def counted(
         self, time_s: float, number: IntArray, track: IntArray, sensor: IntArray
@@ -164,67 +150,66 @@ class Registration:
         """Return the registration after looks (m,) of rows of tracks `number` (n,) that are not
         compared.
         """
-        now = self.at(time_s)
-        return evolve(now, tracks=now.tracks.of(number).after(track, sensor))
+        later = self.at(time_s)
+        return evolve(later, tracks=later.tracks.of(number).after(track, sensor))
 
-    def gate_covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
-        """Return the covariances (n, s, 3, 3), m², of what each sensor sees about where a track is,
+    def gate_covariance(
+        self, state: FloatArray, is_seen: BoolArray, vantages: Vantages
+    ) -> FloatArray:
+        """Return the covariances (n, s, 3, 3), m², of positions of tracks as each sensor sees them,
         due to all errors.
 
-        `state` (n, 6) is inertial; `seen` (n, s) marks the sensors whose looks the track is made
+        `state` (n, 6) is inertial; `is_seen` (n, s) marks the sensors whose looks the track is made
         of.
         """
-        own = _own_less_shift(state, seen, vantages)
-        return np.asarray(own @ self._of_gates.covariance @ own.transpose(0, 1, 3, 2))
+        relative = _relative_shifts(state, is_seen, vantages)
+        return relative @ self._of_gates.covariance @ relative.transpose(0, 1, 3, 2)
 
-    def covariance(self, state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
+    def covariance(self, state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, 6, 6) of inertial states (n, 6) due to all errors."""
-        shift = state_shifts(state, seen, vantages)
-        return np.asarray(shift @ self.known.covariance @ shift.transpose(0, 2, 1))
+        shift = state_shifts(state, is_seen, vantages)
+        return shift @ self.known.covariance @ shift.transpose(0, 2, 1)
 
     def at(self, time_s: float) -> "Registration":
         """Return the registration at a later time."""
         step_s = time_s - self.time_s
-        later = self.innovations.faded(step_s), self.tracks.faded(step_s, self.period_s)
         return evolve(
             self,
             errors=self.errors.predicted(step_s),
-            innovations=later[0],
-            tracks=later[1],
+            innovations=self.innovations.faded(step_s),
+            tracks=self.tracks.faded(step_s, self.period_s),
             time_s=time_s,
         )
 
 
-_LOOSE = 2.0
-
-
-def _angle_sigmas(known: Moments) -> FloatArray:
+def _angle_sigmas(errors: Moments) -> FloatArray:
     """Return the standard deviations (s,) of each sensor's angles, root mean square of both."""
-    variance = np.diagonal(known.covariance).reshape(-1, ERRORS)
-    return np.asarray(np.sqrt(0.5 * variance[:, :2].sum(axis=1)))
+    variance = np.diagonal(errors.covariance).reshape(-1, ERRORS)
+    return np.sqrt(0.5 * variance[:, :2].sum(axis=1))
 
 
-def state_shifts(state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
+def state_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
     """Return the shifts (n, 6, q) of inertial states (n, 6) by all errors of 1 rad and 1 s.
 
     Those of velocities are differences over a second of flight.
     """
-    here = vantages.shifts(state[:, :3], state[:, 3:], seen)
-    then = vantages.shifts(state[:, :3] + state[:, 3:], state[:, 3:], seen)
-    return np.concatenate([here, then - here], axis=1)
+    shift = vantages.shifts(state[:, :3], state[:, 3:], is_seen)
+    later_shift = vantages.shifts(state[:, :3] + state[:, 3:], state[:, 3:], is_seen)
+    return np.concatenate([shift, later_shift - shift], axis=1)
 
 
-def _own_less_shift(state: FloatArray, seen: BoolArray, vantages: Vantages) -> FloatArray:
-    """Return what each sensor sees less where the track is (n, s, 3, q), by all errors of 1 rad and
-    1 s.
+def _relative_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
+    """Return the shifts (n, s, 3, q) of each sensor's view relative to the track, by all errors of
+    1 rad and 1 s.
     """
-    count, sensors = seen.shape
-    own = vantages.displacements(state[:, :3], state[:, 3:])
-    shift = vantages.shifts(state[:, :3], state[:, 3:], seen)
-    out = np.repeat(-shift[:, None], sensors, axis=1).reshape(count, sensors, 3, sensors, ERRORS)
-    which = np.arange(sensors)
-    out[:, which, :, which] += own.transpose(1, 0, 2, 3)
-    return out.reshape(count, sensors, 3, ERRORS * sensors)
+    count, sensors = is_seen.shape
+    displacement = vantages.displacements(state[:, :3], state[:, 3:])
+    shift = vantages.shifts(state[:, :3], state[:, 3:], is_seen)
+    relative = np.repeat(-shift[:, None], sensors, axis=1)
+    relative = relative.reshape(count, sensors, 3, sensors, ERRORS)
+    sensor = np.arange(sensors)
+    relative[:, sensor, :, sensor] += displacement.transpose(1, 0, 2, 3)
+    return relative.reshape(count, sensors, 3, ERRORS * sensors)
 
 
 def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registration:
@@ -239,22 +224,23 @@ class Followed(NamedTuple):
     """Tracks (n,) whose looks are compared: numbers, inertial states (n, 6), deviations of speeds,
     and visibility.
 
-    `speed_m_s` (n,) is the standard deviation of the speed, `seen` (n, s) marks the sensors that
-    saw them.
+    `speed_m_s` (n,) is the standard deviation of the speed, `is_seen` (n, s) marks the sensors
+    that saw them.
     """
 
     number: IntArray
     state: FloatArray
     speed_m_s: FloatArray
-    seen: BoolArray
+    is_seen: BoolArray
 
     @classmethod
     def of(
-        cls, number: IntArray, moments: tuple[FloatArray, FloatArray], seen: BoolArray
+        cls, number: IntArray, moments: tuple[FloatArray, FloatArray], is_seen: BoolArray
     ) -> "Followed":
         """Return tracks with moments (n, 6) and (n, 6, 6)."""
         state, covariance = moments
-        return cls(number, state, np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)), seen)
+        speed_m_s = np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2))
+        return cls(number, state, speed_m_s, is_seen)
 
 
 def registered(
@@ -270,61 +256,70 @@ def registered(
     if not len(assigned):
         return before
     means = mean_residuals(assigned, sensor, len(before.apart_rad))
-    after = _with_innovations(before, assigned, sensor, tracks, means)
-    if not before.several:
-        return after
-    found = misfits(means, tracks.state[:, :3], tracks.state[:, 3:], tracks.speed_m_s, vantages)
-    if not len(found.track):
-        return after
-    errors = before.errors.updated(found.about(before.known.mean))
-    after = evolve(after, errors=errors, known=errors.reported(), wide=errors.moments())
-    return evolve(after, apart_rad=_apart(after, tracks, vantages))
+    registration = _with_innovations(before, assigned, sensor, tracks, means)
+    if not before.is_comparable:
+        return registration
+    position_m = tracks.state[:, :3]
+    information = misfits(means, position_m, tracks.state[:, 3:], tracks.speed_m_s, vantages)
+    if not len(information.track):
+        return registration
+    errors = before.errors.updated(information.about(before.known.mean))
+    known = errors.reported()
+    apart_rad = _apart(known, tracks, vantages)
+    wide = errors.moments()
+    return evolve(registration, errors=errors, known=known, wide=wide, apart_rad=apart_rad)
 
 
 def _with_innovations(
-    before: Registration,
+    registration: Registration,
     assigned: GatedPairs,
     sensor: IntArray,
     tracks: Followed,
     means: MeanResiduals,
 ) -> Registration:
     """Return the registration with the innovations and the scatter of pairs (m,)."""
-    square = stated_squares(assigned, before.stated_rad(assigned.sigma_rad, sensor))
-    stated_rad = before.stated_rad(means.look_rad, means.sensor)
-    innovations = before.innovations.after(square, sensor, means, stated_rad)
-    mine = before.tracks.of(tracks.number).after(assigned.track, sensor)
-    return evolve(before, innovations=innovations, tracks=mine, noise=innovations.believed_scale)
+    square = stated_squares(assigned, registration.stated_rad(assigned.sigma_rad, sensor))
+    stated_rad = registration.stated_rad(means.look_rad, means.sensor)
+    innovations = registration.innovations.after(square, sensor, means, stated_rad)
+    sums = registration.tracks.of(tracks.number).after(assigned.track, sensor)
+    noise = innovations.believed_scale
+    return evolve(registration, innovations=innovations, tracks=sums, noise=noise)
 
 
-def _apart(now: Registration, tracks: Followed, vantages: Vantages) -> FloatArray:
+def _apart(errors: Moments, tracks: Followed, vantages: Vantages) -> FloatArray:
     """Return the largest deviations (s,), rad, that the errors leave between a sensor and the
     others, over tracks.
     """
-    rows = np.flatnonzero(tracks.seen.sum(axis=1) > 1)
-    if not now.known.covariance.any():
-        return np.zeros_like(now.apart_rad)
-    own = _own_less_shift(tracks.state[rows], tracks.seen[rows], vantages)
-    left = own @ now.known.covariance @ own.transpose(0, 1, 3, 2)
-    off = tracks.state[rows, None, :3] - vantages.origin_m
-    square = np.sum(off * off, axis=2)
-    along = np.sum(off * (left @ off[..., None])[..., 0], axis=2) / square
-    across = np.trace(left, axis1=2, axis2=3) - along
-    return np.asarray(
-        np.sqrt(
-            np.max(np.where(tracks.seen[rows], 0.5 * across / square, 0.0), axis=0, initial=0.0)
-        )
-    )
+    if not errors.covariance.any():
+        return np.zeros(tracks.is_seen.shape[1])
+    rows = np.flatnonzero(tracks.is_seen.sum(axis=1) > 1)
+    is_seen = tracks.is_seen[rows]
+    relative = _relative_shifts(tracks.state[rows], is_seen, vantages)
+    spread = relative @ errors.covariance @ relative.transpose(0, 1, 3, 2)
+    line = tracks.state[rows, None, :3] - vantages.origin_m
+    variance = np.where(is_seen, _angle_variances(line, spread), 0.0)
+    return np.sqrt(np.max(variance, axis=0, initial=0.0))
+
+
+def _angle_variances(line: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the variances (n, s), rad², across lines (n, s, 3) of positions with covariances (n,
+    s, 3, 3), mean of both axes.
+    """
+    square = np.sum(line * line, axis=2)
+    along = np.sum(line * (spread @ line[..., None])[..., 0], axis=2) / square
+    across = np.trace(spread, axis1=2, axis2=3) - along
+    return 0.5 * across / square
 
 
 def shifted(
     estimates: ModeEstimates, change: FloatArray, tracks: Followed, vantages: Vantages
 ) -> ModeEstimates:
-    """Return estimates (n,) after a change (q,) of the errors that are taken off the lines that
-    they were made of.
+    """Return estimates (n,) after a change (q,) of the errors that were taken off their lines of
+    sight.
     """
     if not len(estimates) or not change.any():
         return estimates
-    moved = state_shifts(tracks.state, tracks.seen, vantages) @ change
+    moved = state_shifts(tracks.state, tracks.is_seen, vantages) @ change
     boost = estimates.boost_mean.copy()
     coast = estimates.coast_mean - moved
     burn = estimates.burn_mean.copy()

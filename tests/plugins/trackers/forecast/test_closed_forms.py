@@ -4,11 +4,10 @@ moments.
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.conditional_impacts import _moments
+from opir_trackers.forecast.conditional_impacts import impact_moments
 from opir_trackers.forecast.fates import features, free_impacts
 from opir_trackers.forecast.kernel_regression import squared_distances
-from opir_trackers.forecast.marginals import elevations, ranges_m
-from opir_trackers.forecast.planar_boost import MU, RADIUS_M
+from opir_trackers.forecast.planar_boost import MU, RADIUS_M, elevations, ranges_m
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -87,33 +86,28 @@ def test_moments_of_impacts_are_east_north_and_time() -> None:
     latitude, longitude = np.radians([-33.0, 151.0])
     east = np.array([-2e3, 0.0, 5e3, 0.0])
     north = np.array([0.0, 1e3, 0.0, -4e3])
-    place = np.stack(
-        [latitude + north / 6371.0088e3, longitude + east / (6371.0088e3 * np.cos(latitude))],
-        axis=1,
-    )
-    when = np.array([1.0, 2.0, 3.0, 4.0])
+    radius_m = 6371.0088e3 * np.array([1.0, np.cos(latitude)])
+    place = [latitude, longitude] + np.stack([north, east], axis=1) / radius_m
+    columns = np.column_stack([east, north, [1.0, 2.0, 3.0, 4.0]])
     weight = np.array([0.4, 0.3, 0.2, 0.1])
-    mean, covariance, radii = _moments(place, when, weight)
-    columns = np.column_stack([east, north, when])
+    mean, covariance, radii = impact_moments(place, columns[:, 2], weight)
     expected = weight @ columns
-    apart = columns - expected
-    spread = (weight[:, None] * apart).T @ apart
-    assert mean[0] - latitude == pytest.approx(expected[1] / 6371.0088e3, abs=2e-7)
-    assert mean[1] - longitude == pytest.approx(
-        expected[0] / (6371.0088e3 * np.cos(latitude)), abs=5e-6
-    )
+    offset = columns - expected
+    moved = (mean[:2] - [latitude, longitude]) * radius_m
+    assert moved == pytest.approx(expected[1::-1], abs=2.0)
     assert mean[2] == pytest.approx(expected[2])
     # On a sphere of another radius, by geodetic latitudes: 0.3 %.
+    spread = (weight[:, None] * offset).T @ offset
     assert covariance == pytest.approx(spread, rel=3e-3, abs=3e-4 * 6.56e6)
     assert (np.diff(radii) >= 0.0).all()
 
 
 def test_distances_are_those_of_kernel_and_noise() -> None:
     rng = np.random.default_rng(3)
-    seen = rng.normal(size=(5, 2))
+    offsets = rng.normal(size=(5, 2))
     width = np.array([0.5, 2.0])
     noise = np.array([[1.0, 0.3], [0.3, 0.5]])
-    both = np.linalg.inv(noise + np.diag(width**2))
-    assert squared_distances(seen, width, noise) == pytest.approx(
-        np.einsum("ni,ij,nj->n", seen, both, seen)
+    inverse = np.linalg.inv(noise + np.diag(width**2))
+    assert squared_distances(offsets, width, noise) == pytest.approx(
+        np.einsum("ni,ij,nj->n", offsets, inverse, offsets)
     )

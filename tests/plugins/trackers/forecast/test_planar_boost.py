@@ -27,9 +27,9 @@ def test_only_vehicles_that_burn_or_will_are_steered(
         return leads(self, time_s)
 
     monkeypatch.setattr(Steering, "leads", counted)
-    for now in (1.0, float(np.median(boost.over_s)) + 1e-3, float(boost.over_s.max()) + 1.0):
+    for time_s in (1.0, float(np.median(boost.over_s)) + 1e-3, float(boost.over_s.max()) + 1.0):
         steered.clear()
-        force = boost.force(boost.at_rest(), now)
-        assert sum(steered) == np.count_nonzero(now < boost.over_s)
-        assert not force[:, now >= boost.over_s].any()
+        force = boost.force(boost.at_rest(), time_s)
+        assert sum(steered) == np.count_nonzero(time_s < boost.over_s)
+        assert not force[:, time_s >= boost.over_s].any()
     assert boost.force(boost.at_rest(), 0.5 * float(boost.over_s.min())).any()

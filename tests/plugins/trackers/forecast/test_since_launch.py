@@ -1,78 +1,74 @@
-"""When and where the law of boosts says that a target in flight was launched, on boosts that share
-no code with it.
+"""Time and place of the launch of a target in flight, by the law of boosts, on boosts that share no
+code with it.
 """
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.ascents import HEIGHT, LONGEST_S, ascents_of
+from boost_law import ASCENTS
+from opir_trackers.forecast.ascents import LONGEST_S, AscentRows
 from opir_trackers.forecast.kernel_regression import hidden_moments
-from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.since_launch import InFlight, _log_prior, launch_of
-from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.launch_points import AT_ONCE, EDGES_S, delays_at_once
 from plain_boosts import RADIUS_M, flown
 
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.scene import core_hypotheses
 
-ASCENTS = ascents_of(Outcomes(vehicle_model(), core_hypotheses()))
-SOON = delays_at_once(np.array([0.1, 0.1]), np.array([0.6, 0.7]), np.ones((1, 2), dtype=np.bool_))[
-    0
-]
+
+def delays(period_s, probabilities):
+    """Return the prior of the delays of two sensors that see a launch."""
+    sees = np.ones((1, 2), dtype=np.bool_)
+    return delays_at_once(np.full(2, period_s), np.array(probabilities), sees)[0]
+
+
+SOON = delays(0.1, [0.6, 0.7])
 SIGMA = np.repeat([150.0, 40.0], 3)
 LATITUDE = 0.7
 
 
-def in_flight(boost, since_s, seen_s=5.0, rng=None, height_m=0.0):
-    """Return where a boost began, on the ellipsoid, and the target as two sensors see it after a
+def in_flight(azimuth, kick_deg, force, since_s, noise=0.0):
+    """Return the site of a boost, on the ellipsoid, and the target as two sensors see it after a
     time.
     """
-    start, state = flown(*boost, since_s, LATITUDE)
-    site = geodetic_to_ecef(LATITUDE, 0.0, height_m)
-    place = site + state[:3] - start
-    seen = np.concatenate([place, state[3:6]])
-    if rng is not None:
-        seen = seen + SIGMA * rng.standard_normal(6)
-    return site, InFlight(seen, np.diag(SIGMA**2), seen_s, SOON, 0.5)
+    start, state = flown(azimuth, np.radians(kick_deg), force, 0.006, since_s, LATITUDE)
+    site = geodetic_to_ecef(LATITUDE, 0.0, 0.0)
+    state = np.concatenate([site + state[:3] - start, state[3:6]]) + SIGMA * noise
+    return site, InFlight(state, np.diag(SIGMA**2), 5.0, SOON, 0.5)
 
 
 def test_launches_of_many_kinds_were_when_and_where_the_law_says():
-    """Their forces, pitch-overs and headings are none of its draws; the time is unknown to a fifth
-    of itself.
+    """Their forces, pitch-overs and headings are not its draws; the time is unknown to a fifth of
+    itself.
     """
     rng = np.random.default_rng(5)
     squared = []
-    late = []
-    while len(late) < 40:
-        since_s = float(rng.uniform(25.0, 70.0))
-        boost = (
-            rng.uniform(0.0, 6.28),
-            np.radians(rng.uniform(4.0, 14.0)),
-            rng.uniform(14.0, 26.0),
-            0.006,
+    delays_s = []
+    while len(squared) < 40:
+        since_s, azimuth, kick_deg, force = rng.uniform(
+            [25.0, 0.0, 4.0, 14.0], [70.0, 6.28, 14.0, 26.0]
         )
-        site, target = in_flight(boost, since_s, rng=rng)
+        site, target = in_flight(azimuth, kick_deg, force, since_s, rng.standard_normal(6))
         if target.state[:3] @ target.state[3:] <= 0.0:
             continue
         mean, covariance = launch_of(ASCENTS, target)
         error = mean - np.append(site, since_s)
         squared.append(error @ np.linalg.solve(covariance, error) / 4.0)
-        late.append(error[3] / since_s)
+        delays_s.append(error[3] / since_s)
         assert np.linalg.norm(error[:3]) < 0.2 * np.linalg.norm(target.state[:3] - site) + 2e3
     assert np.mean(np.array(squared) < 9.49 / 4.0) >= 0.9
     assert 0.2 < np.mean(squared) < 1.5
-    assert np.sqrt(np.mean(np.square(late))) < 0.25
+    assert np.sqrt(np.mean(np.square(delays_s))) < 0.25
 
 
 def test_the_place_is_known_across_the_heading_better_than_along_it():
-    site, target = in_flight((0.9, np.radians(9.0), 20.0, 0.006), 50.0)
+    site, target = in_flight(0.9, 9.0, 20.0, 50.0)
     _, covariance = launch_of(ASCENTS, target)
     up = site / np.linalg.norm(site)
     level = target.state[3:] - (target.state[3:] @ up) * up
-    ahead = level / np.linalg.norm(level)
-    across = np.cross(up, ahead)
-    along, aside = (np.sqrt(axis @ covariance[:3, :3] @ axis) for axis in (ahead, across))
-    assert 300.0 < aside < 0.7 * along
+    heading = level / np.linalg.norm(level)
+    along, across = (
+        np.sqrt(axis @ covariance[:3, :3] @ axis) for axis in (heading, np.cross(up, heading))
+    )
+    assert 300.0 < across < 0.7 * along
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 2.0, 4.0])
@@ -80,8 +76,8 @@ def test_the_earth_turns_below_a_flight(azimuth):
     """A minute after the launch, 28 km away: unless the turn of the heading counts, the place is
     off by over 30 m.
     """
-    site, target = in_flight((azimuth, np.radians(12.0), 22.0, 0.006), 60.0)
-    mean, _ = launch_of(ASCENTS, target._replace(covariance=np.diag(np.repeat([1.0, 1.0], 3))))
+    site, target = in_flight(azimuth, 12.0, 22.0, 60.0)
+    mean, _ = launch_of(ASCENTS, target._replace(covariance=np.eye(6)))
     north = np.array([-np.sin(LATITUDE), 0.0, np.cos(LATITUDE)])
     across = np.sin(azimuth) * north - np.cos(azimuth) * np.array([0.0, 1.0, 0.0])
     assert abs((mean[:3] - site) @ across) < 30.0
@@ -91,7 +87,7 @@ def test_the_earth_turns_below_a_flight(azimuth):
     ("inland", "low_m", "high_m"), [(0.0, -120.0, 120.0), (1.0, 300.0, 1600.0)]
 )
 def test_sites_are_as_high_as_they_are_said_to_be(inland, low_m, high_m):
-    site, target = in_flight((0.9, np.radians(9.0), 20.0, 0.006), 35.0)
+    site, target = in_flight(0.9, 9.0, 20.0, 35.0)
     mean, covariance = launch_of(ASCENTS, target._replace(inland=inland))
     up = site / np.linalg.norm(site)
     assert low_m < (mean[:3] - site) @ up < high_m
@@ -99,65 +95,64 @@ def test_sites_are_as_high_as_they_are_said_to_be(inland, low_m, high_m):
 
 
 def test_a_launch_was_before_its_first_detection():
-    """What scanners of 10 s have seen for 38 s was not launched 35 s ago, however fast it is."""
-    looks = delays_at_once(
-        np.array([10.0, 10.0]), np.array([0.9, 0.9]), np.ones((1, 2), dtype=np.bool_)
-    )[0]
-    _, target = in_flight((0.9, np.radians(9.0), 24.0, 0.006), 40.0)
-    target = target._replace(at_once=looks)
-    first, late = (
+    """A target that scanners of 10 s have seen for 38 s was not launched 35 s ago, however fast."""
+    _, target = in_flight(0.9, 9.0, 24.0, 40.0)
+    target = target._replace(at_once=delays(10.0, [0.9, 0.9]))
+    short_s, long_s = (
         launch_of(ASCENTS, target._replace(since_s=seen_s))[0][3] for seen_s in (2.0, 38.0)
     )
-    assert late > max(first, 38.0)
+    assert long_s > max(short_s, 38.0)
 
 
 def test_the_prior_of_a_first_detection_is_a_density_over_its_intervals():
-    """What is not hidden counts with a share, as a histogram over the intervals; beyond the last
-    edge it counts not.
+    """Visible launches count with a share, as a histogram over the intervals; beyond the last edge
+    they do not count.
     """
-    _, target = in_flight((0.9, np.radians(9.0), 24.0, 0.006), 40.0)
+    _, target = in_flight(0.9, 9.0, 24.0, 40.0)
     count = len(ASCENTS.log_weight)
-    middle_s = 0.5 * (EDGES_S[1:] + EDGES_S[:-1])
+
+    def density(first_s, at_once):
+        log = _log_prior(
+            ASCENTS, np.full(count, first_s), np.zeros(count), target._replace(at_once=at_once)
+        )
+        return np.exp(log)
+
     width_s = np.diff(EDGES_S)
     chance = np.random.default_rng(5).dirichlet(np.ones(len(width_s)))
-    beyond = [(EDGES_S[-1], 0.0), (EDGES_S[-1] + 1.0, 0.0)]
-    for first_s, density in [*zip(middle_s, chance / width_s, strict=True), *beyond]:
-        densities = []
-        for at_once in (chance, 1e-12 * chance):
-            log = _log_prior(
-                ASCENTS, np.full(count, first_s), np.zeros(count), target._replace(at_once=at_once)
-            )
-            densities.append(np.exp(log))
-        assert densities[0] - densities[1] == pytest.approx(
-            np.full(count, AT_ONCE * density), rel=1e-9, abs=1e-12
-        )
-    never = _log_prior(ASCENTS, np.full(count, -1.0), np.zeros(count), target)
-    assert (never == -np.inf).all()
+    end_s = EDGES_S[-1]
+    times_s = [*(EDGES_S[:-1] + 0.5 * width_s), end_s, end_s + 1.0]
+    for first_s, expected in zip(times_s, [*(chance / width_s), 0.0, 0.0], strict=True):
+        visible = density(first_s, chance) - density(first_s, 1e-12 * chance)
+        assert visible == pytest.approx(np.full(count, AT_ONCE * expected), rel=1e-9, abs=1e-12)
+    assert not density(-1.0, target.at_once).any()
 
 
-def test_of_what_no_boost_is_like_nothing_is_said():
-    _, target = in_flight((0.9, np.radians(9.0), 20.0, 0.006), 35.0)
-    deep = target._replace(state=np.append(target.state[:3], -7e3 * target.state[:3] / RADIUS_M))
-    assert launch_of(ASCENTS, deep) is None
-    far = target._replace(state=np.append(40.0 * target.state[:3], target.state[3:]))
-    assert launch_of(ASCENTS, far) is None
+@pytest.mark.parametrize(("radius", "climb_m_s"), [(1.0, -7e3), (40.0, 0.0)])
+def test_a_target_unlike_any_boost_has_no_launch(radius, climb_m_s):
+    _, target = in_flight(0.9, 9.0, 20.0, 35.0)
+    place = target.state[:3]
+    velocity = climb_m_s * place / RADIUS_M if climb_m_s else target.state[3:]
+    state = np.append(radius * place, velocity)
+    assert launch_of(ASCENTS, target._replace(state=state)) is None
 
 
 def test_ascents_reach_a_height_when_they_are_there():
+    def heights(times_s):
+        return AscentRows(*ASCENTS.at(times_s)[0]).height[reach]
+
     height_m = np.full(len(ASCENTS.log_weight), 12e3)
     since_s = ASCENTS.reaching(height_m)
-    there = ASCENTS.at(since_s)
-    never = since_s == LONGEST_S
-    assert 0.0 < np.mean(never) < 0.2
-    # What has dipped on its way up is where the lower step was.
-    assert np.mean(np.abs(there.rows[HEIGHT, ~never] - 12e3) < 1.0) > 0.99
-    assert np.all(ASCENTS.at(np.maximum(since_s - 6.0, 0.0)).rows[HEIGHT, ~never] < 12e3)
-    assert np.all(ASCENTS.reaching(np.zeros_like(height_m)) == 0.0)
+    reach = since_s < LONGEST_S
+    assert 0.8 < np.mean(reach) < 1.0
+    # An ascent that has dipped on its way up is where the lower step was.
+    assert np.mean(np.abs(heights(since_s) - 12e3) < 1.0) > 0.99
+    assert np.all(heights(np.maximum(since_s - 6.0, 0.0)) < 12e3)
+    assert not ASCENTS.reaching(np.zeros_like(height_m)).any()
 
 
 def test_a_kernel_and_a_regression_leave_the_moments_of_normal_variables():
-    """What is hidden is twice what is seen, plus noise of 1: a closed form. 20 000 draws leave 2
-    %.
+    """The hidden variable is twice the measured one, plus noise of 1: a closed form. 20 000 draws
+    leave 2 %.
     """
     rng = np.random.default_rng(3)
     truth = rng.normal(size=20_000)

@@ -3,118 +3,108 @@ that the wheel keeps."""
 
 import numpy as np
 import pytest
+from boost_law import MODEL
 from opir_trackers.forecast.marginals import marginal_of
 from opir_trackers.forecast.present_burn import present_burns
-from opir_trackers.forecast.vehicles import BURN, GAP, MISSILE, NONE, SPACE, STAGES, vehicle_model
+from opir_trackers.forecast.vehicles import BURN, GAP, MISSILE, NONE, SPACE, STAGES
 
 
 def joint(family: int) -> tuple[np.ndarray, np.ndarray]:
     """Return mean (16,) and covariance (16, 16) of the rows of four stages, by the definition of
     the model.
     """
-    model = vehicle_model()
     upper = (np.arange(STAGES) > 0).astype(int)
-    mean = model.median_log[family, upper].ravel()
-    sigma = model.sigma[family, upper].ravel()
+    mean = MODEL.median_log[family, upper].ravel()
+    sigma = MODEL.sigma[family, upper].ravel()
     correlation = np.zeros((16, 16))
     for row in range(4):
-        block = np.full((STAGES, STAGES), model.coupling[family, row])
+        block = np.full((STAGES, STAGES), MODEL.coupling[family, row])
         np.fill_diagonal(block, 1.0)
         correlation[row::4, row::4] = block
     return mean, correlation * np.outer(sigma, sigma)
 
 
+def log_density(family: int, rows: np.ndarray) -> float:
+    """Return the log density of the first rows (m,) of a family's stages, without (2 π)^(-m/2)."""
+    mean, covariance = joint(family)
+    size = len(rows)
+    residual = rows - mean[:size]
+    covariance = covariance[:size, :size]
+    square = residual @ np.linalg.solve(covariance, residual)
+    return float(-0.5 * square - 0.5 * np.linalg.slogdet(covariance)[1])
+
+
 @pytest.mark.parametrize("family", [MISSILE, SPACE, NONE])
 @pytest.mark.parametrize("done", [1, 2, 3])
-def test_the_next_stage_given_earlier_ones_is_that_of_the_joint_normal_law(
-    family: int, done: int
-) -> None:
-    model = vehicle_model()
+def test_the_next_stage_is_that_of_the_joint_normal_law(family: int, done: int) -> None:
     mean, covariance = joint(family)
-    rng = np.random.default_rng(done)
+    drawn = mean + np.random.default_rng(done).normal(size=16) * np.sqrt(np.diag(covariance))
     logs = np.full((1, STAGES, 4), np.nan)
-    logs[0, :done] = (mean + rng.normal(size=16) * np.sqrt(np.diag(covariance))).reshape(STAGES, 4)[
-        :done
-    ]
-    known = model.given(logs)
-    here = slice(0, 4 * done)
-    there = slice(4 * done, 4 * done + 4)
-    gain = np.linalg.solve(covariance[here, here], covariance[here, there]).T
-    away = logs[0, :done].ravel() - mean[here]
-    found = model.law(
-        np.array([family]), np.array([done]), known.total[:, family], known.number[:, family]
-    )
-    assert found[0][0] == pytest.approx(mean[there] + gain @ away)
-    assert found[1][0] ** 2 == pytest.approx(
-        np.diag(covariance[there, there] - gain @ covariance[here, there])
-    )
-    log = (
-        -0.5 * away @ np.linalg.solve(covariance[here, here], away)
-        - 0.5 * np.linalg.slogdet(covariance[here, here])[1]
-    )
+    logs[0, :done] = drawn.reshape(STAGES, 4)[:done]
+    law_of_next = MODEL.given(logs)
+    past = slice(0, 4 * done)
+    following = slice(4 * done, 4 * done + 4)
+    gain = np.linalg.solve(covariance[past, past], covariance[past, following]).T
+    scores = law_of_next.total[:, family], law_of_next.number[:, family]
+    stage_mean, sigma = MODEL.law(np.array([family]), np.array([done]), *scores)
+    assert stage_mean[0] == pytest.approx(mean[following] + gain @ (drawn - mean)[past])
+    residual = covariance[following, following] - gain @ covariance[past, following]
+    assert sigma[0] ** 2 == pytest.approx(np.diag(residual))
     # A tenth of the records is of no use: then they are those of anything.
-    broad = joint(NONE)
-    off = logs[0, :done].ravel() - broad[0][here]
-    other = (
-        -0.5 * off @ np.linalg.solve(broad[1][here, here], off)
-        - 0.5 * np.linalg.slogdet(broad[1][here, here])[1]
-    )
-    assert known.log_evidence[0, family] == pytest.approx(np.logaddexp(log, np.log(0.1) + other))
+    useless = np.log(0.1) + log_density(NONE, drawn[past])
+    expected = np.logaddexp(log_density(family, drawn[past]), useless)
+    assert law_of_next.log_evidence[0, family] == pytest.approx(expected)
 
 
-def test_unknown_rows_say_nothing_and_hot_staging_says_that_it_comes_again() -> None:
-    model = vehicle_model()
+def test_unknown_rows_do_not_count_and_hot_staging_comes_again() -> None:
     logs = np.full((2, STAGES, 4), np.nan)
-    logs[:, 0] = model.median_log[MISSILE, 0]
-    logs[0, 0, GAP] = np.nan
-    logs[1, 0, GAP] = -np.inf
-    known = model.given(logs)
-    assert known.number[:, MISSILE, GAP].tolist() == [0.0, 0.0]
-    assert known.number[:, MISSILE, BURN].tolist() == [1.0, 1.0]
-    assert known.hot[1, MISSILE] > model.hot[MISSILE] == known.hot[0, MISSILE]
+    logs[:, 0] = MODEL.median_log[MISSILE, 0]
+    logs[:, 0, GAP] = np.nan, -np.inf
+    law_of_next = MODEL.given(logs)
+    assert law_of_next.number[:, MISSILE, GAP].tolist() == [0.0, 0.0]
+    assert law_of_next.number[:, MISSILE, BURN].tolist() == [1.0, 1.0]
+    assert law_of_next.hot[1, MISSILE] > MODEL.hot[MISSILE] == law_of_next.hot[0, MISSILE]
 
 
-def test_the_evidence_of_a_burn_is_the_density_of_forces_and_growths_of_its_law() -> None:
+@pytest.fixture(scope="module")
+def burning() -> np.ndarray:
+    """Return force, growth and burn time (3, n) of those of 2 000 000 drawn stages that burn after
+    40 s.
+    """
+    count = 2_000_000
+    (mean,), (sigma,) = MODEL.law(np.zeros(1, int), np.zeros(1, int), *np.zeros((2, 1, 4)))
+    normal = np.random.default_rng(6).normal(size=(4, count))
+    burn, force, ratio, _ = np.exp(mean[:, None] + sigma[:, None] * normal)
+    rate = (1.0 - 1.0 / ratio) / burn
+    mass = 1.0 - 40.0 * rate
+    return np.stack([force / mass, rate / mass, burn])[:, burn > 40.0]
+
+
+@pytest.mark.parametrize(("force", "growth"), [(30.0, 0.014), (22.0, 0.008), (45.0, 0.022)])
+def test_the_evidence_of_a_burn_is_the_density_of_its_law(
+    burning: np.ndarray, force: float, growth: float
+) -> None:
     """Boosts are drawn by the law, seen at one time: those near a force and growth, counted,
     against the evidence.
     """
-    model = vehicle_model()
-    rng = np.random.default_rng(6)
-    count = 2_000_000
-    since = 40.0
-    mean, sigma = (
-        part[0]
-        for part in model.law(np.array([0]), np.array([0]), np.zeros((1, 4)), np.zeros((1, 4)))
-    )
-    burn, first, ratio, _ = np.exp(mean[:, None] + sigma[:, None] * rng.normal(size=(4, count)))
-    rate = (1.0 - 1.0 / ratio) / burn
-    on = burn > since
-    force = (first / (1.0 - rate * since))[on]
-    growth = (rate / (1.0 - rate * since))[on]
-    for there in ((30.0, 0.014), (22.0, 0.008), (45.0, 0.022)):
-        near = (np.abs(force - there[0]) < 1.5) & (np.abs(growth - there[1]) < 0.001)
-        density = np.count_nonzero(near) / count / (3.0 * 0.002)
-        found = present_burns(
-            np.array([there[0]]), np.array([there[1]]), np.array([since]), mean[None], sigma[None]
-        )
-        # The normalisation (2 π)^(3/2) is the same for all families, and left out.
-        assert np.exp(found.log_evidence[0]) * (2.0 * np.pi) ** -1.5 == pytest.approx(
-            density, rel=0.1
-        )
-        left = np.sort(burn[on][near])
-        shares = np.array([0.1, 0.5, 0.9])
-        drawn = found.burn_s(np.zeros(3, dtype=np.int64), shares)
-        assert drawn == pytest.approx(np.quantile(left, shares), rel=0.04)
+    is_near = (np.abs(burning[0] - force) < 1.5) & (np.abs(burning[1] - growth) < 0.001)
+    density = np.count_nonzero(is_near) / 2_000_000 / (3.0 * 0.002)
+    law = MODEL.law(np.zeros(1, int), np.zeros(1, int), *np.zeros((2, 1, 4)))
+    result = present_burns(np.array([force]), np.array([growth]), np.array([40.0]), law)
+    # The normalisation (2 π)^(3/2) is the same for all families, and left out.
+    evidence = np.exp(result.log_evidence[0]) * (2.0 * np.pi) ** -1.5
+    assert evidence == pytest.approx(density, rel=0.1)
+    shares = np.array([0.1, 0.5, 0.9])
+    quantiles = np.quantile(burning[2, is_near], shares)
+    assert result.burn_s(np.zeros(3, dtype=np.int64), shares) == pytest.approx(quantiles, rel=0.04)
 
 
 @pytest.mark.slow
-def test_the_marginal_law_of_ranges_is_that_of_fresh_flights() -> None:
-    model = vehicle_model()
-    found = marginal_of(model, 20000, 7)
-    kept = model.data["marginal"]
-    assert found["range_km"] == kept["range_km"]
+def test_the_marginal_law_of_ranges_is_that_of_other_flights() -> None:
+    marginal = marginal_of(MODEL, 20000, 7)
+    stored = MODEL.data["marginal"]
+    assert marginal["range_km"] == stored["range_km"]
     # 20 000 boosts: 4 % of a density of 0.2 in kernels of 0.2.
-    assert found["density"] == pytest.approx(kept["density"], rel=0.25)
-    assert found["elevation"] == pytest.approx(kept["elevation"], rel=0.1)
-    assert found["glide"] == pytest.approx(kept["glide"], rel=0.15)
-    assert found["orbit"] == pytest.approx(kept["orbit"], rel=0.05)
+    tolerances = {"density": 0.25, "elevation": 0.1, "glide": 0.15, "orbit": 0.05}
+    for name, tolerance in tolerances.items():
+        assert marginal[name] == pytest.approx(stored[name], rel=tolerance)

@@ -120,11 +120,11 @@ def test_a_second_target_beside_another_is_still_seen() -> None:
     beside = np.cross(direction, [0.0, 0.0, 1.0])
     beside /= np.linalg.norm(beside, axis=1)[:, None]
     moved = direction + 4e-4 * beside
-    kept = np.random.default_rng(3).random(len(detections)) < 0.7
+    is_selected = np.random.default_rng(3).random(len(detections)) < 0.7
     twin = evolve(detections, line_of_sight_ecef=moved / np.linalg.norm(moved, axis=1)[:, None])
-    both = Detections.concatenate([detections, twin.take(np.flatnonzero(kept))])
-    both = both.take(np.argsort(both.time_ns, kind="stable"))
-    assert followed(both)[0] >= 2 * len(LAUNCHES)
+    detections_of_two = Detections.concatenate([detections, twin.take(np.flatnonzero(is_selected))])
+    detections_of_two = detections_of_two.take(np.argsort(detections_of_two.time_ns, kind="stable"))
+    assert followed(detections_of_two)[0] >= 2 * len(LAUNCHES)
 
 
 def test_one_sensor_alone_says_that_its_bias_is_as_stated() -> None:

@@ -1,4 +1,4 @@
-"""Misfits of rays: what they say of shared errors depends on no motion."""
+"""Misfits of rays: their information on shared errors does not depend on motion."""
 
 import numpy as np
 import pytest
@@ -22,80 +22,68 @@ def pairs(
 ) -> tuple[GatedPairs, np.ndarray]:
     """Return pairs of a track predicted at a place with ten looks of each sensor at `PLACE`."""
     sensor = np.repeat(np.arange(sensors), 10)
-    apart = predicted - VANTAGES.origin_m[sensor]
-    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
-    moved = VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0][sensor]
-    seen = (
-        PLACE
-        + np.einsum("nij,nj->ni", moved, error.reshape(-1, 3)[sensor])
-        - VANTAGES.origin_m[sensor]
-    )
-    local = np.einsum("nij,nj->ni", axes, seen)
+    origin_m = VANTAGES.origin_m[sensor]
+    line = predicted - origin_m
+    axes = tangent_axes(line / np.linalg.norm(line, axis=1)[:, None])
+    displacement = VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0][sensor]
+    moved = np.einsum("nij,nj->ni", displacement, error.reshape(-1, 3)[sensor])
+    local = np.einsum("nij,nj->ni", axes, PLACE + moved - origin_m)
     measured = local[:, :2] / local[:, 2:] + noise
     count = len(sensor)
-    time_s = np.tile(np.arange(10) * 0.1 - 1.0, sensors)
-    whole = np.zeros(count, dtype=np.int64)
-    rest = np.zeros(count), np.zeros(count), np.full(count, SIGMA_RAD)
     return GatedPairs(
-        whole, np.arange(count), time_s, VANTAGES.origin_m[sensor], axes, measured, *rest
+        np.zeros(count, dtype=np.int64),
+        np.arange(count),
+        np.tile(np.arange(10) * 0.1 - 1.0, sensors),
+        origin_m,
+        axes,
+        measured,
+        np.zeros(count),
+        np.zeros(count),
+        np.full(count, SIGMA_RAD),
     ), sensor
 
 
-def found(
-    made: tuple[GatedPairs, np.ndarray], place: np.ndarray
+def information(
+    looks: tuple[GatedPairs, np.ndarray], place: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    means = mean_residuals(*made, 3)
-    one = misfits(means, place[None], np.zeros((1, 3)), np.zeros(1), VANTAGES)
-    return one.matrix[0], one.vector[0], float(one.square[0])
+    means = mean_residuals(*looks, 3)
+    result = misfits(means, place[None], np.zeros((1, 3)), np.zeros(1), VANTAGES)
+    return result.matrix[0], result.vector[0], float(result.square[0])
 
 
 @pytest.mark.parametrize("off_m", [(0.0, 0.0, 0.0), (3e3, -2e3, 5e3)])
 def test_errors_are_found_wherever_the_track_is(off_m: tuple[float, float, float]) -> None:
     place = PLACE + off_m
-    matrix, vector, square = found(pairs(place, ERROR, np.zeros((30, 2))), place)
+    matrix, vector, square = information(pairs(place, ERROR, np.zeros((30, 2))), place)
     # Three sensors have three misfits: of six angles three combinations are seen, and these to
     # within a nanoradian.
-    assert (
-        np.linalg.matrix_rank(matrix[np.ix_([0, 1, 3, 4, 6, 7], [0, 1, 3, 4, 6, 7])], tol=1e6) == 3
-    )
+    angles = [0, 1, 3, 4, 6, 7]
+    assert np.linalg.matrix_rank(matrix[np.ix_(angles, angles)], tol=1e6) == 3
     sharp = np.sqrt(np.diagonal(matrix)).max()
     assert np.abs(vector - matrix @ ERROR).max() < 2e-3 * sharp * np.sqrt(square)
     assert square == pytest.approx(ERROR @ matrix @ ERROR, rel=5e-3)
 
 
 def test_two_sensors_see_the_misfit_of_their_epipolar_planes() -> None:
-    made = pairs(PLACE, ERROR, np.zeros((20, 2)), sensors=2)
-    matrix, vector, square = found(made, PLACE)
+    looks = pairs(PLACE, ERROR, np.zeros((20, 2)), sensors=2)
+    matrix, vector, square = information(looks, PLACE)
     base = VANTAGES.origin_m[1] - VANTAGES.origin_m[0]
-    seen = [
-        PLACE
-        + VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0][row] @ ERROR.reshape(3, 3)[row]
-        for row in range(2)
-    ]
-    rays = [place - VANTAGES.origin_m[row] for row, place in enumerate(seen)]
-    units = [ray / np.linalg.norm(ray) for ray in rays]
-    misfit = base @ np.cross(*units)
+    displacement = VANTAGES.displacements(PLACE[None], np.zeros((1, 3)))[0]
+    moved = np.einsum("nij,nj->ni", displacement, ERROR.reshape(3, 3))
+    lines = (PLACE + moved - VANTAGES.origin_m)[:2]
+    west, east = lines / np.linalg.norm(lines, axis=1)[:, None]
+    misfit = base @ np.cross(west, east)
     assert np.linalg.matrix_rank(matrix[:6, :6], tol=1e6) == 1
     # Each ray off its plane by the noise of a mean: the misfit is linear in both, by the triple
     # products.
-    spread = (
-        SIGMA_RAD
-        / np.sqrt(10.0)
-        * np.hypot(
-            np.linalg.norm(base @ _across(units[0], units[1])),
-            np.linalg.norm(base @ _across(units[1], units[0])),
-        )
-    )
+    slopes = [
+        base @ np.cross(axis, partner)
+        for ray, partner in ((west, east), (east, west))
+        for axis in tangent_axes(ray[None])[0][:2]
+    ]
+    spread = SIGMA_RAD / np.sqrt(10.0) * np.linalg.norm(slopes)
     assert np.sqrt(square) == pytest.approx(abs(misfit) / spread, rel=5e-3)
     assert vector.any()
-
-
-def _across(moved: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the derivatives (3, 2) of the cross product of two directions by angles across the
-    first.
-    """
-    axes = tangent_axes(moved[None])[0]
-    return np.stack([np.cross(axes[0], other), np.cross(axes[1], other)], axis=1)
 
 
 def test_an_outlier_moves_no_mean_and_no_scatter() -> None:
@@ -114,8 +102,9 @@ def test_scatter_is_that_of_the_noise_whatever_the_velocity() -> None:
     ratio = []
     for _ in range(200):
         noise = SIGMA_RAD * rng.standard_normal((30, 2))
-        made, sensor = pairs(PLACE, ERROR, noise)
-        drifting = evolve(made, measured=made.measured + 5e-4 * made.time_s[:, None] * [1.0, -2.0])
-        means = mean_residuals(evolve(drifting, sigma_rad=np.full(30, 1e-2)), sensor, 3)
+        looks, sensor = pairs(PLACE, ERROR, noise)
+        drift = 5e-4 * looks.time_s[:, None] * [1.0, -2.0]
+        looks = evolve(looks, measured=looks.measured + drift, sigma_rad=np.full(30, 1e-2))
+        means = mean_residuals(looks, sensor, 3)
         ratio.append(means.scatter_rad2.sum() / means.degrees.sum() / SIGMA_RAD**2)
     assert np.mean(ratio) == pytest.approx(1.0, abs=4.0 / np.sqrt(100.0 * 200 * 0.5))

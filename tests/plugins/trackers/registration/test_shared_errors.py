@@ -12,7 +12,7 @@ from opir_trackers.triangulation import triangulated
 from opir_core.planning.sensor_states import PointingBias
 
 SENSORS = (stub_sensor("A", -40.0), stub_sensor("B", 20.0))
-EACH = np.arange(2)
+BOTH = np.arange(2)
 ORIGIN = np.concatenate([sensor.orbit.position_ecef_m(np.zeros(1)) for sensor in SENSORS])
 PLACE = np.array([5.9e6, -1.2e6, 2.4e6])
 VELOCITY = np.array([-2000.0, -1000.0, 2500.0])
@@ -21,22 +21,22 @@ TURN_RAD_S = 7.292115e-5
 
 def lines(direction: np.ndarray) -> LinesOfSight:
     return LinesOfSight(
-        np.zeros(2), EACH.astype(np.int32), EACH, ORIGIN, direction, np.full(2, 2e-5)
+        np.zeros(2), BOTH.astype(np.int32), BOTH, ORIGIN, direction, np.full(2, 2e-5)
     )
 
 
-def directions(apart: np.ndarray) -> np.ndarray:
-    return apart / np.linalg.norm(apart, axis=1)[:, None]
+def directions(offset: np.ndarray) -> np.ndarray:
+    return offset / np.linalg.norm(offset, axis=1)[:, None]
 
 
 def test_what_the_simulator_turns_is_turned_back() -> None:
     true = directions(PLACE - ORIGIN)
     bias = PointingBias(np.array([6e-5, -3e-5]), np.array([2e-5, 8e-5]))
-    seen = np.stack(bias.applied(*true.T, EACH, ORIGIN), axis=1)
+    turned = np.stack(bias.applied(*true.T, BOTH, ORIGIN), axis=1)
     error = np.column_stack([bias.east_rad, bias.north_rad, [0.1, -0.2]])
-    right = corrected(lines(seen), error)
+    right = corrected(lines(turned), error)
     assert np.abs(right.direction_ecef - true).max() < 1e-8
-    assert np.abs(seen - true).max() > 1e-5
+    assert np.abs(turned - true).max() > 1e-5
     assert right.time_s == pytest.approx([-0.1, 0.2])
 
 
@@ -47,17 +47,17 @@ def test_against_triangulation_of_lines_with_an_error(sensor: int, error: int) -
     size = (1e-5, 1e-5, 0.1)[error]
     true = directions(PLACE - ORIGIN)
     if error == 2:
-        early = PLACE - size * (VELOCITY - np.cross([0.0, 0.0, TURN_RAD_S], PLACE))
-        wrong = directions(np.where((sensor == EACH)[:, None], early, PLACE) - ORIGIN)
+        shifted = PLACE - size * (VELOCITY - np.cross([0.0, 0.0, TURN_RAD_S], PLACE))
+        wrong = directions(np.where((sensor == BOTH)[:, None], shifted, PLACE) - ORIGIN)
     else:
-        angles = np.where(sensor == EACH, size, 0.0)
+        angles = np.where(sensor == BOTH, size, 0.0)
         bias = PointingBias(*((angles, 0.0 * angles) if error == 0 else (0.0 * angles, angles)))
-        wrong = np.stack(bias.applied(*true.T, EACH, ORIGIN), axis=1)
-    both = [
-        triangulated(np.zeros(2, dtype=np.int64), 1, ORIGIN, one, np.full(2, 2e-5))
-        for one in (true, wrong)
-    ]
-    expected = (both[1].position_m - both[0].position_m)[0]
+        wrong = np.stack(bias.applied(*true.T, BOTH, ORIGIN), axis=1)
+    position, moved = (
+        triangulated(np.zeros(2, dtype=np.int64), 1, ORIGIN, rays, np.full(2, 2e-5)).position_m
+        for rays in (true, wrong)
+    )
+    expected = (moved - position)[0]
     vantages = Vantages.of(SENSORS, 0.0)._replace(weight=np.full(2, 1e9))
     shift = vantages.shifts(PLACE[None], VELOCITY[None], np.ones((1, 2), dtype=np.bool_))
     assert size * shift[0, :, 3 * sensor + error] == pytest.approx(expected, rel=0.01, abs=0.3)

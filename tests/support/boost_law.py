@@ -1,0 +1,13 @@
+"""The law of boosts of the tracker `imm` with the core's hypotheses, for tests of its forecast."""
+
+from opir_trackers.forecast.ascents import ascents_of
+from opir_trackers.forecast.outcomes import Outcomes
+from opir_trackers.forecast.vehicles import vehicle_model
+
+from opir_core.scene import core_hypotheses
+
+MODEL = vehicle_model()
+HYPOTHESES = core_hypotheses()
+NAMES = [hypothesis.name for hypothesis in HYPOTHESES]
+OUTCOMES = Outcomes(MODEL, HYPOTHESES)
+ASCENTS = ascents_of(OUTCOMES)
