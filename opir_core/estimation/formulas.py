@@ -49,7 +49,7 @@ class Functions(NamedTuple):
     least: Callable[[Any, Any], Any]
     greatest: Callable[[Any, Any], Any]
     where: Callable[[Any, Any, Any], Any]
-    gravity: Callable[..., Vector]
+    gravity: Any = None
 
 
 class Arithmetic(NamedTuple):
@@ -59,7 +59,7 @@ class Arithmetic(NamedTuple):
     numbers: Functions
     columns: Functions
 
-    def values(self, formula: Callable[..., Sequence[Any]], *arrays: FloatArray) -> FloatArray:
+    def values(self, formula: Callable[..., Sequence[Any]], *arrays: Any) -> FloatArray:
         """Return the values (n, k) of a formula for the rows of arrays, (n,) or (n, components)."""
         if 0 < len(arrays[0]) <= self.few:
             rows = zip(*[array.tolist() for array in arrays], strict=True)
@@ -68,17 +68,14 @@ class Arithmetic(NamedTuple):
         return np.stack(formula(*columns, self.columns), axis=1)
 
 
-def arithmetic(few: int, gravity: Gravity) -> Arithmetic:
+def arithmetic(few: int, gravity: Gravity | None = None) -> Arithmetic:
     """Return the arithmetic of formulas, with plain numbers for up to `few` rows."""
-    numbers = Functions(math.sqrt, math.exp, min, max, _chosen, gravity.alone_with_inverse_radius)
-    columns = Functions(
-        np.sqrt,
-        np.exp,
-        np.minimum,
-        np.maximum,
-        np.where,
-        lambda *position: gravity(np.stack(position)),
-    )
+    numbers = Functions(math.sqrt, math.exp, min, max, _chosen)
+    columns = Functions(np.sqrt, np.exp, np.minimum, np.maximum, np.where)
+    if gravity is not None:
+        field = gravity
+        numbers = numbers._replace(gravity=gravity.alone_with_inverse_radius)
+        columns = columns._replace(gravity=lambda *position: field(np.stack(position)))
     return Arithmetic(few, numbers, columns)
 
 
