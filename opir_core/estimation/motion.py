@@ -46,11 +46,14 @@ def gravity_gradient(position: Vector, mu_m3_s2: float, functions: Functions) ->
     """Return the gravity gradient of a point mass, 1/s², 9 elements by row."""
     square = inner(position, position)
     scale = mu_m3_s2 / (square * functions.sqrt(square))
-    weighted = scaled(3.0 * scale / square, position)
-    elements = [row * column for row in weighted for column in position[:3]]
-    for diagonal in (0, 4, 8):
-        elements[diagonal] = elements[diagonal] - scale
-    return elements
+    x, y, z = scaled(3.0 * scale / square, position)
+    return [
+        x * position[0] - scale,
+        *(x * position[1], x * position[2], y * position[0]),
+        y * position[1] - scale,
+        *(y * position[2], z * position[0], z * position[1]),
+        z * position[2] - scale,
+    ]
 
 
 def stepped_state(state: Vector, step: Any, functions: Functions) -> list[Any]:

@@ -1,6 +1,6 @@
 """Pairing of focal-plane tracks across sensors: the second level of association, by geometry alone.
 
-Each focal-plane track keeps its directions of the last `KEPT_S`, one a slice. Directions of one
+Each focal-plane track keeps its directions of the last `LAW.kept_s`, one a slice. Directions of one
 target meet, at every instant; those of two targets pass one another. The cost of a set of
 focal-plane tracks, one a sensor, is the sum over the stretch of the least squares of the
 triangulation: for two sensors the misfit of their epipolar planes. The cheapest one-to-one
@@ -22,71 +22,88 @@ from opir_core.interfaces import Columns
 from opir_trackers.assignment import cheapest_assignment, ranks, swap_probabilities
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 
-#: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a
-#: kilometre are paired right in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
-KEPT_S = 40.0
 
-#: Time from one pairing to the next, s.
-RENEWED_S = 4.0
+@frozen
+class PairingLaw:
+    """Gains and thresholds of pairings, log likelihoods where no unit is given."""
 
-#: Least gain (log likelihood) of a set over its parts alone: a stage that ignites moves focal-plane
-#: tracks by more than their errors for a second or two, and wrong partners lose more within a few
-#: slices.
-_LEAST_GAIN = -20.0
+    #: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a
+    #: kilometre are paired right in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
+    kept_s: float = 40.0
 
-#: That of sets that begin tracks: a squared misfit of one degree of freedom above 15.1 has a
-#: probability of 10⁻⁴.
-_LEAST_FIRST_GAIN = -7.5
+    #: Time from one pairing to the next, s.
+    renewed_s: float = 4.0
 
-#: Tolerance below the ground of a first crossing, m, in addition to its own error.
-_DEEP_M = 500.0
+    #: Least gain of a set over its parts alone: a stage that ignites moves focal-plane tracks by
+    #: more than their errors for a second or two, and wrong partners lose more within a few slices.
+    least_gain: float = -20.0
 
-#: Log likelihood that a degree of freedom has for one target over different ones, at each of the
-#: stretch's instants: those of different targets are larger by chance three times in four or so,
-#: and long correlated.
-REWARD = 1.0
+    #: That of sets that begin tracks: a squared misfit of one degree of freedom above 15.1 has a
+    #: probability of 10⁻⁴.
+    least_first_gain: float = -7.5
 
-#: That of one of a first crossing: mean lines are known to some 350 m, in a crowd of 10 km.
-_FIRST_REWARD = 3.0
+    #: Tolerance below the ground of a first crossing, m, in addition to its own error.
+    deep_m: float = 500.0
 
-#: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks
-#: change targets every 20 s or so; and how many last instants count whatever was before.
-_SWAPPED = 3.0
-_RECENT = 3
+    #: What a degree of freedom has for one target over different ones, at each of the stretch's
+    #: instants: those of different targets are larger by chance three times in four or so, and long
+    #: correlated.
+    reward: float = 1.0
 
-#: Log likelihood that a present pairing has over another, by what came before the stretch.
-_KEPT = 3.0
+    #: That of one of a first crossing: mean lines are known to some 350 m, in a crowd of 10 km.
+    first_reward: float = 3.0
 
-#: Assignments are repeated while they gain more than this (log likelihood).
-_SETTLED = 1e-3
+    #: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks
+    #: change targets every 20 s or so.
+    swapped: float = 3.0
 
-#: Sets and focal-plane tracks are compared at these instants first, from the last. If they add more
-#: to the least squares there, in the mean, they are no pair: two degrees of freedom exceed it with
-#: a probability of 10⁻⁴ at one.
-_COARSE = (-1, -3, -6)
-_HOPELESS = 18.0
+    #: How many last instants count whatever was before.
+    recent: int = 3
 
-#: Lowest and highest distance of a target from the Earth's centre, m.
-_LOWEST_M = 6.33e6
-_HIGHEST_M = 7.2e6
+    #: What a present pairing has over another, by what came before the stretch.
+    present: float = 3.0
 
-#: LineCrossings beyond these distances by fewer standard deviations than this may be targets.
-_SURE_SIGMAS = 5.0
+    #: Assignments are repeated while they gain more than this.
+    tolerance: float = 1e-3
 
-#: Lines that cross to within no better than this, m, are parallel: nothing says that they are of
-#: one target.
-_VAGUE_M = 300e3
+    #: Sets and focal-plane tracks are compared at these instants first, from the last.
+    coarse: tuple[int, ...] = (-1, -3, -6)
 
-#: With this number of sensors, crossings of wrong sets are rare: sets that fit are right. With
-#: more, the assignment starts from the present pairing.
-_CERTAIN = 3
+    #: If they add more to the least squares there, in the mean, they are no pair: two degrees of
+    #: freedom exceed it with a probability of 10⁻⁴ at one.
+    hopeless: float = 18.0
 
-#: Rounds of assignment of each sensor to the sets of the others.
-_ROUNDS = 6
+    #: Lowest and highest distance of a target from the Earth's centre, m.
+    lowest_m: float = 6.33e6
+    highest_m: float = 7.2e6
 
-#: Log likelihoods of pairings are divided by this: errors of directions are correlated over some
-#: slices.
-_CORRELATED = 4.0
+    #: Crossings beyond these distances by fewer standard deviations than this may be targets.
+    sure_sigmas: float = 5.0
+
+    #: Lines that cross to within no better than this, m, are parallel: nothing says that they are
+    #: of one target.
+    vague_m: float = 300e3
+
+    #: With this number of sensors, crossings of wrong sets are rare: sets that fit are right. With
+    #: more, the assignment starts from the present pairing.
+    certain: int = 3
+
+    #: Rounds of assignment of each sensor to the sets of the others.
+    rounds: int = 6
+
+    #: Log likelihoods of pairings are divided by this: errors of directions are correlated over
+    #: some slices.
+    correlated: float = 4.0
+
+    #: Weight of the point of reference, 1/m²: parallel lines meet as far off as 10 000 km.
+    least_weight: float = 1e-14
+
+    #: A set of three sensors is sure where it has lost less than this share of its reward: where
+    #: the mean least squares of a degree of freedom are below 1.5.
+    fitting: float = 0.25
+
+
+LAW = PairingLaw()
 
 
 @frozen(eq=False, repr=False)
@@ -144,9 +161,6 @@ def normal_equations(
     return table, centre
 
 
-#: Weight of the point of reference, 1/m²: parallel lines meet as far off as 10 000 km.
-_LEAST_WEIGHT = 1e-14
-
 #: Rows and columns of the elements of a symmetric matrix (6).
 _FIRST = np.array([0, 0, 0, 1, 1, 2])
 _SECOND = np.array([0, 1, 2, 1, 2, 2])
@@ -176,9 +190,9 @@ class LineCrossings(NamedTuple):
 def fixes(table: FloatArray) -> LineCrossings:
     """Return the crossings of sums of normal equations (..., 12)."""
     xx, xy, xz, yy, yz, zz, x, y, z, rest = (table[..., column] for column in range(10))
-    xx = xx + _LEAST_WEIGHT
-    yy = yy + _LEAST_WEIGHT
-    zz = zz + _LEAST_WEIGHT
+    xx = xx + LAW.least_weight
+    yy = yy + LAW.least_weight
+    zz = zz + LAW.least_weight
     first = yy * zz - yz * yz
     second = xz * yz - xy * zz
     third = xy * yz - xz * yy
@@ -195,7 +209,7 @@ def intersections(table: FloatArray) -> FloatArray:
     return np.stack(fixes(table).point, axis=-1)
 
 
-def gains(table: FloatArray, reward: float = REWARD) -> FloatArray:
+def gains(table: FloatArray, reward: float = LAW.reward) -> FloatArray:
     """Return the log likelihoods (...) of sets, by sums of normal equations (..., instants, 12).
 
     The least squares of an instant with k lines have 2 k - 3 degrees of freedom, each of which has
@@ -215,7 +229,7 @@ def _gains(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
 
 def first_instants(table: FloatArray) -> IntArray:
     """Return the instant (...) from which on each set is most likely of one target."""
-    first: IntArray = np.argmin(_losses(table, fixes(table).misfit, REWARD), axis=-1)
+    first: IntArray = np.argmin(_losses(table, fixes(table).misfit, LAW.reward), axis=-1)
     return first
 
 
@@ -226,9 +240,9 @@ def are_open(table: FloatArray, group: IntArray) -> BoolArray:
     Lines of three sensors do not cross at all instants by chance.
     """
     sums = set_sums(table, group)
-    whole = REWARD * _degrees(sums[..., 11]).sum(axis=-1)
-    is_sure = (sums[:, 0, 10] >= _CERTAIN) & (
-        _losses(sums, fixes(sums).misfit, REWARD)[:, 0] < _FITTING * whole
+    whole = LAW.reward * _degrees(sums[..., 11]).sum(axis=-1)
+    is_sure = (sums[:, 0, 10] >= LAW.certain) & (
+        _losses(sums, fixes(sums).misfit, LAW.reward)[:, 0] < LAW.fitting * whole
     )
     open_rows: BoolArray = ~is_sure[group]
     return open_rows
@@ -239,11 +253,6 @@ def _is_settled(table: FloatArray, group: IntArray) -> bool:
     return len(np.unique(group[are_open(table, group)])) < 2
 
 
-#: A set of three sensors is sure where it has lost less than this share of its reward: where the
-#: mean least squares of a degree of freedom are below 1.5.
-_FITTING = 0.25
-
-
 def _losses(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
     """Return what sets lose (..., instants) to perfect ones if they are of one target since each
     instant.
@@ -252,8 +261,8 @@ def _losses(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
     excess = np.where(degrees > 0.0, 0.5 * (misfit - degrees), 0.0)
     rest = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
     before = np.cumsum(reward * degrees, axis=-1) - reward * degrees
-    loss: FloatArray = (rest + before + _SWAPPED * (before > 0.0))[
-        ..., : max(table.shape[-2] - _RECENT, 1)
+    loss: FloatArray = (rest + before + LAW.swapped * (before > 0.0))[
+        ..., : max(table.shape[-2] - LAW.recent, 1)
     ]
     return loss
 
@@ -284,12 +293,12 @@ class SetModel(NamedTuple):
             if self.present is None
             else len(group) - np.unique(np.stack([group, self.present]), axis=1).shape[1]
         )
-        return float(self.gains(set_sums(table, group)).sum()) + _KEPT * kept
+        return float(self.gains(set_sums(table, group)).sum()) + LAW.present * kept
 
     @property
     def least_gain(self) -> float:
         """Return the least gain (log likelihood) of a set over its parts alone."""
-        return _LEAST_FIRST_GAIN if self.begin else _LEAST_GAIN
+        return LAW.least_first_gain if self.begin else LAW.least_gain
 
     def gains(self, table: FloatArray) -> FloatArray:
         """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the
@@ -298,10 +307,10 @@ class SetModel(NamedTuple):
         every = fixes(table)
         last = table[..., -1, :]
         height_m, sigma_m = self._heights(every.last())
-        cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
+        cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, LAW.deep_m))
         if self.begin:
             cost += np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
-        gain = _gains(table, every.misfit, _FIRST_REWARD if self.begin else REWARD)
+        gain = _gains(table, every.misfit, LAW.first_reward if self.begin else LAW.reward)
         lawful: FloatArray = gain - np.where(last[..., 11] > 1.5, cost, 0.0)
         return lawful
 
@@ -335,19 +344,19 @@ class SetModel(NamedTuple):
         both = fixes(theirs + mine)
         met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
         radius = self._radius(both)
-        blur_m = _SURE_SIGMAS * np.sqrt(
+        blur_m = LAW.sure_sigmas * np.sqrt(
             both.covariance[0] + both.covariance[3] + both.covariance[5]
         )
         lawful = (
-            (radius > _LOWEST_M - blur_m)
-            & (radius < _HIGHEST_M + blur_m)
-            & (blur_m < _SURE_SIGMAS * _VAGUE_M)
+            (radius > LAW.lowest_m - blur_m)
+            & (radius < LAW.highest_m + blur_m)
+            & (blur_m < LAW.sure_sigmas * LAW.vague_m)
         )
         lawful |= ~met
         added = np.where(met, both.misfit - fixes(theirs).misfit, 0.0).sum(axis=-1) / np.maximum(
             met.sum(axis=-1), 1
         )
-        possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
+        possible: BoolArray = lawful.all(axis=-1) & (added < LAW.hopeless)
         return possible
 
 
@@ -369,7 +378,7 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
     """
     mine = table[rows]
     which, row = np.nonzero(model.may_be_one(sums[:, None, -1:], mine[None, :, -1:]))
-    some = list(_COARSE) if table.shape[1] >= -_COARSE[-1] else slice(None)
+    some = list(LAW.coarse) if table.shape[1] >= -LAW.coarse[-1] else slice(None)
     theirs = sums[which][:, some]
     ours = mine[row][:, some]
     likely = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
@@ -385,7 +394,7 @@ def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> In
     """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the
     least total cost.
     """
-    if model.present is not None and np.ptp(sensor) >= _CERTAIN:
+    if model.present is not None and np.ptp(sensor) >= LAW.certain:
         return _relaxed(table, sensor, model.present, model)[0]
     group, total = _relaxed(table, sensor, _in_sequence(table, sensor, model), model)
     if model.present is None and _is_settled(table, group):
@@ -429,12 +438,12 @@ def _relaxed(
         return group, model.total(table, group)
     total = model.total(table, group)
     moves = ones
-    for _ in range(_ROUNDS):
+    for _ in range(LAW.rounds):
         before = total
         for some in moves:
             group = _reassigned(table, sensor, group, some, model)
         total = model.total(table, group)
-        if total > before + _SETTLED:
+        if total > before + LAW.tolerance:
             moves = ones
         elif moves is pairs or len(sensors) == 3 or _is_settled(table, group):
             break
@@ -469,7 +478,7 @@ def _reassigned(
         mine = np.empty(len(part), dtype=np.int64)
         label[place[::-1]] = model.present[others[::-1]]
         mine[part_of[::-1]] = model.present[rows[::-1]]
-        gain = gain + _KEPT * (label[pairs.set] == mine[pairs.row])
+        gain = gain + LAW.present * (label[pairs.set] == mine[pairs.row])
     used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
     # Parts that fit no set make sets of their own.
     fresh = int(group.max(initial=0)) + 1 + np.arange(len(part))
@@ -507,7 +516,7 @@ def rivals(
         pairs = candidates(table, set_sums(table[others], place), rows, model)
         if not len(pairs.set):
             continue
-        beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / _CORRELATED)
+        beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / LAW.correlated)
         own = np.full(int(group.max()) + 1, -1, dtype=np.int64)
         own[group[rows]] = rows
         mine = own[number[pairs.set]]

@@ -9,7 +9,7 @@ and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001
 """
 
 from math import sqrt, tan
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from attrs import Factory, field, frozen
@@ -23,6 +23,7 @@ from opir_core.estimation import (
     Motion,
     Vector,
     chain_roots,
+    gravity_gradient,
     inner,
     matvec,
     plus,
@@ -60,37 +61,23 @@ _LONGEST_STEP_S = 2.5
 _SPIN = EARTH_ROTATION_RAD_S
 
 
-class _Course(NamedTuple):
-    """Direction of the velocity relative to the air, and acceleration and specific force along it.
-
-    `push` is the acceleration relative to the air, m/s²; `soft` is 1 / (v² + `SLOW_M_S`²), s²/m².
-    """
-
-    unit: Vector
-    push: Vector
-    force: Vector
-    square: Any
-    speed: Any
-    soft: Any
-    force_along: Any
-    push_along: Any
+#: Of a state: direction of the velocity relative to the air, acceleration relative to the air,
+#: specific force, squared speed, speed, 1 / (v² + `SLOW_M_S`²), and force and acceleration along
+#: the velocity.
+_Course = tuple[Vector, Vector, Vector, Any, Any, Any, Any, Any]
 
 
 def _course(state: Vector, functions: Functions) -> _Course:
     x, y, z, vx, vy, vz, *force = state[:9]
-    fall = functions.gravity(x, y, z)
-    push = (
-        fall[0] + force[0] + _SPIN * vy,
-        fall[1] + force[1] - _SPIN * vx,
-        fall[2] + force[2],
-    )
+    ax, ay, az = functions.gravity(x, y, z)[:3]
+    push = ax + force[0] + _SPIN * vy, ay + force[1] - _SPIN * vx, az + force[2]
     vx = vx + _SPIN * y
     vy = vy - _SPIN * x
     square = vx * vx + vy * vy + vz * vz
     speed = functions.sqrt(square + 1.0)
     unit = vx / speed, vy / speed, vz / speed
     soft = 1.0 / (square + SLOW_M_S * SLOW_M_S)
-    return _Course(unit, push, force, square, speed, soft, inner(force, unit), inner(push, unit))
+    return unit, push, force, square, speed, soft, inner(force, unit), inner(push, unit)
 
 
 def across_share_at(late: float, square_speed: Any) -> Any:
@@ -187,11 +174,16 @@ class Thrust:
     def slopes(self, state: FloatArray) -> FloatArray:
         """Return the Jacobian (n, 10, 10) of the state's rate, 1/s."""
         rate = _KINEMATICS.repeat(len(state), axis=0)
-        rate[:, 3:6, :3] = self.fall.gradient(state[:, :3])
+        values = self.fall.arithmetic.values(self._other_slopes, state)
+        rate[:, 3:6, :3] = values[:, :9].reshape(-1, 3, 3)
         rate[:, 6:9, 3:] = self.force_slopes(state)
-        growth = state[:, 9]
-        rate[:, 9, 9] = 2.0 * growth * (growth < MOST_GROWTH)
+        rate[:, 9, 9] = values[:, 9]
         return rate
+
+    def _other_slopes(self, state: Vector, functions: Functions) -> list[Any]:
+        """Return the gravity gradient, and the slope of the growth's rate."""
+        gradient = gravity_gradient(state, self.forces.gravity.mu_m3_s2, functions)
+        return [*gradient, functions.where(state[9] < MOST_GROWTH, 2.0 * state[9], 0.0)]
 
     def force_slopes(self, state: FloatArray) -> FloatArray:
         """Return the Jacobian (n, 3, 7) of `jerk` by velocity, force and growth."""
@@ -259,7 +251,7 @@ class Thrust:
         step = np.abs(step_s)
         side = self.fall.arithmetic.values(self._noise_side, state)
         if len(state) == 1:
-            side[:, [3, 6, 7]] = side[:, [1, 2, 5]]
+            side = side.take(_UPPER, axis=1)
         side = side.reshape(-1, 1, 3, 1, 3)
         root = np.zeros((len(state), THRUST, THRUST))
         root[:, :9, :9] = (chain_roots(step, 3)[:, :, None, :, None] * side).reshape(-1, 9, 9)
@@ -274,10 +266,10 @@ class Thrust:
         steady = tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s)
         across = across_share_at(steady, square) * functions.sqrt(inner(force, force))
         share = (self.noise_m_s2 - across) / (square + 1.0)
-        side = [row * column for row in scaled(share, velocity) for column in velocity]
-        for diagonal in (0, 4, 8):
-            side[diagonal] = side[diagonal] + across
-        return side
+        xx, xy, xz = scaled(share * velocity[0], velocity)
+        yx, yy, yz = scaled(share * velocity[1], velocity)
+        zx, zy, zz = scaled(share * velocity[2], velocity)
+        return [xx + across, xy, xz, yx, yy + across, yz, zx, zy, zz + across]
 
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the position derivatives (n, 5, 3) of order 0 to 4."""
@@ -331,3 +323,6 @@ _HALF = 0.5 * np.eye(THRUST)
 
 #: The Jacobian (1, 10, 10) of the kinematic part.
 _KINEMATICS = np.eye(THRUST, k=3)[None] * (np.arange(THRUST) < COAST)[:, None]
+
+#: The elements of a matrix (9), with those below the diagonal from above it.
+_UPPER = np.array([0, 1, 2, 1, 4, 5, 2, 5, 8])
