@@ -33,13 +33,17 @@ class Composition:
     @classmethod
     def of(cls, hypotheses: Sequence[Hypothesis]) -> "Composition":
         """Return the composition of a scene's hypotheses."""
-        kind = np.array([REPORTED_TYPES.index(one.reported_type) for one in hypotheses])
+        kind = np.array(
+            [REPORTED_TYPES.index(hypothesis.reported_type) for hypothesis in hypotheses]
+        )
         of_groups = np.zeros((len(_COLUMNS) + 1, len(hypotheses)))
-        for place, one in enumerate(hypotheses):
-            if not one.is_launch:
-                of_groups[_COLUMNS[one.group], place] = 1.0
+        for place, hypothesis in enumerate(hypotheses):
+            if not hypothesis.is_launch:
+                of_groups[_COLUMNS[hypothesis.group], place] = 1.0
         sums = [kind == code for code in range(len(REPORTED_TYPES))]
-        sums += [np.array([one.group == group for one in hypotheses]) for group in _SUMMED]
+        sums += [
+            np.array([hypothesis.group == group for hypothesis in hypotheses]) for group in _SUMMED
+        ]
         return cls(of_groups, np.array(sums, dtype=np.float64).T)
 
     def probabilities(self, groups: FloatArray, given_launch: FloatArray) -> FloatArray:
