@@ -57,13 +57,13 @@ def split_clusters(
     by.
     """
     wide = _wide_clusters(cluster, lines.scan, direction, sigma_rad)
-    parts = cluster.copy()
+    split = cluster.copy()
     for one in wide.tolist():
         rows = np.flatnonzero(cluster == one)
-        part = _parts_of(lines.time_s[rows], lines.scan[rows], direction[rows], sigma_rad[rows])
-        parts[rows] = parts.max() + 1 + part
-    number, which = np.unique(parts, return_inverse=True)
-    return which.astype(np.int64), np.asarray(number > cluster.max(initial=-1))
+        new_part = _parts_of(lines.time_s[rows], lines.scan[rows], direction[rows], sigma_rad[rows])
+        split[rows] = split.max() + 1 + new_part
+    number, renumbered = np.unique(split, return_inverse=True)
+    return renumbered.astype(np.int64), np.asarray(number > cluster.max(initial=-1))
 
 
 def _wide_clusters(
@@ -72,12 +72,12 @@ def _wide_clusters(
     """Return the clusters in which some scan has lines of several resolved targets."""
     order = np.lexsort((scan, cluster))
     key = np.stack([cluster, scan])[:, order]
-    first = np.append(0, 1 + np.flatnonzero(np.any(key[:, 1:] != key[:, :-1], axis=0)))
-    across = np.maximum.reduceat(direction[order], first) - np.minimum.reduceat(
-        direction[order], first
+    starts = np.append(0, 1 + np.flatnonzero(np.any(key[:, 1:] != key[:, :-1], axis=0)))
+    across = np.maximum.reduceat(direction[order], starts) - np.minimum.reduceat(
+        direction[order], starts
     )
-    far = dot(across, across) > np.square(_WIDE_SIGMAS * sigma_rad[order[first]])
-    wide: IntArray = np.unique(key[0, first[far]])
+    is_wide = dot(across, across) > np.square(_WIDE_SIGMAS * sigma_rad[order[starts]])
+    wide: IntArray = np.unique(key[0, starts[is_wide]])
     return wide
 
 
@@ -90,8 +90,8 @@ def _parts_of(
     mean = np.zeros((len(scan), 3))
     looks = np.zeros(len(scan))
     seen_s = np.zeros(len(scan))
-    for one in np.unique(scan).tolist():
-        rows = np.flatnonzero(scan == one)
+    for scan_number in np.unique(scan).tolist():
+        rows = np.flatnonzero(scan == scan_number)
         moved = SPEED_SIGMA_M_S * (time_s[rows[0]] - seen_s[:total]) / FAR_M
         blur = np.sqrt(1.0 / looks[:total] + np.square(moved / sigma_rad[rows].min()))
         row, old = _assigned(
@@ -101,15 +101,15 @@ def _parts_of(
             blur,
             np.zeros(len(rows), dtype=np.int64),
         )
-        mine = np.full(len(rows), -1)
-        mine[row] = old
-        new = np.flatnonzero(mine < 0)
-        mine[new] = total + np.arange(len(new))
+        owner = np.full(len(rows), -1)
+        owner[row] = old
+        new = np.flatnonzero(owner < 0)
+        owner[new] = total + np.arange(len(new))
         total += len(new)
-        looks[mine] += 1.0
-        mean[mine] += (direction[rows] - mean[mine]) / looks[mine][:, None]
-        part[rows] = mine
-        seen_s[mine] = time_s[rows]
+        looks[owner] += 1.0
+        mean[owner] += (direction[rows] - mean[owner]) / looks[owner][:, None]
+        part[rows] = owner
+        seen_s[owner] = time_s[rows]
     # A line before the first of its own part may have been assigned to a neighbour's.
     row, new = _assigned(
         direction, sigma_rad, mean[:total], np.sqrt(1.0 / looks[:total]), ranks(scan - scan.min())
@@ -131,14 +131,16 @@ def _assigned(
     if not len(mean):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     reach = GATE_SIGMAS * sigma_rad.max() * np.hypot(1.0, blur.max())
-    near = cKDTree(direction).sparse_distance_matrix(cKDTree(mean), reach, output_type="ndarray")
-    line = near["i"].astype(np.int64)
-    part = near["j"].astype(np.int64)
-    distance = np.square(near["v"] / sigma_rad[line]) / (1.0 + np.square(blur[part]))
-    used = np.flatnonzero(
+    distances = cKDTree(direction).sparse_distance_matrix(
+        cKDTree(mean), reach, output_type="ndarray"
+    )
+    line = distances["i"].astype(np.int64)
+    part = distances["j"].astype(np.int64)
+    distance = np.square(distances["v"] / sigma_rad[line]) / (1.0 + np.square(blur[part]))
+    rows_used = np.flatnonzero(
         cheapest_assignment(line, scan[line] * len(mean) + part, distance - GATE_SIGMAS**2)
     )
-    return line[used], part[used]
+    return line[rows_used], part[rows_used]
 
 
 #: Half the speed across the line of sight that a cluster allows for over its scans, m/s.
@@ -233,10 +235,10 @@ class Initiation:
         clusters in the gate, only the candidate's own lines count.
         """
         clusters = np.unique(np.stack([place, sensor, self.cluster[line]]), axis=1)[:2]
-        looks, several = np.unique(clusters, axis=1, return_counts=True)
-        crowded = np.isin(place, looks[0, several > 1])
-        own: BoolArray = ~crowded | (self.place[line] == place)
-        return own
+        looks, counts = np.unique(clusters, axis=1, return_counts=True)
+        crowded = np.isin(place, looks[0, counts > 1])
+        is_owned: BoolArray = ~crowded | (self.place[line] == place)
+        return is_owned
 
 
 def track_candidates(
@@ -249,8 +251,8 @@ def track_candidates(
     over scans does not reduce.
     """
     clusters, cluster = clusters_of(lines)
-    used = np.flatnonzero(clusters.scans >= 2)
-    likely = clusters.take(used)
+    rows_used = np.flatnonzero(clusters.scans >= 2)
+    likely = clusters.take(rows_used)
     likely = evolve(likely, sigma_rad=np.hypot(likely.sigma_rad, bias_sigma_rad[likely.sensor]))
     group, count = _candidate_groups(likely)
     scans = np.bincount(group, likely.scans, count)
@@ -267,7 +269,7 @@ def track_candidates(
     place = np.full(len(clusters), -1)
     number = np.full(count, -1)
     number[ready] = np.arange(len(ready))
-    place[used] = number[group]
+    place[rows_used] = number[group]
     begun = TrackCandidates(position, time_s, sensors, sine, is_part).take(ready)
     return Initiation(cluster, place[cluster], _raised_by_speed(begun, lines, place[cluster]))
 
@@ -286,15 +288,17 @@ def _raised_by_speed(
     rows = rows[~are_low_orbits(lines.origin_ecef_m[rows])]
     if not len(rows):
         return begun
-    mine = lines.take(rows)
+    candidate_lines = lines.take(rows)
     of = owner[rows]
     count = len(begun)
     total = np.maximum(np.bincount(of, minlength=count), 1)
-    since_s = mine.time_s - (np.bincount(of, mine.time_s, count) / total)[of]
-    foot = points_near_ground(mine.origin_ecef_m, mine.direction_ecef)
+    since_s = candidate_lines.time_s - (np.bincount(of, candidate_lines.time_s, count) / total)[of]
+    foot = points_near_ground(candidate_lines.origin_ecef_m, candidate_lines.direction_ecef)
     across = foot - begun.position_ecef_m[of]
-    across -= dot(across, mine.direction_ecef)[:, None] * mine.direction_ecef
-    blur_m = mine.sigma_rad * np.sqrt(np.sum((foot - mine.origin_ecef_m) ** 2, axis=1))
+    across -= dot(across, candidate_lines.direction_ecef)[:, None] * candidate_lines.direction_ecef
+    blur_m = candidate_lines.sigma_rad * np.sqrt(
+        np.sum((foot - candidate_lines.origin_ecef_m) ** 2, axis=1)
+    )
     spread = np.maximum(np.bincount(of, since_s * since_s, count), 1e-9)
     rate = group_sums(of, since_s[:, None] * across, count)
     noise = np.sqrt(np.bincount(of, np.square(since_s * blur_m), count))
@@ -303,11 +307,12 @@ def _raised_by_speed(
         return begun
     faster = evolve(begun, speed_m_s=speed)
     # Along the line of sight, towards the sensor.
-    last = np.zeros(count, dtype=np.int64)
-    last[of] = rows
-    away = faster.height_by_speed_m / np.maximum(begun.sine, GRAZING_SINE)
+    newest = np.zeros(count, dtype=np.int64)
+    newest[of] = rows
+    rise_m = faster.height_by_speed_m / np.maximum(begun.sine, GRAZING_SINE)
     return evolve(
-        faster, position_ecef_m=begun.position_ecef_m - away[:, None] * lines.direction_ecef[last]
+        faster,
+        position_ecef_m=begun.position_ecef_m - rise_m[:, None] * lines.direction_ecef[newest],
     )
 
 
@@ -326,22 +331,28 @@ def placed_at_crossings(
 
     `owner` (m,) are the candidates of lines, by association.
     """
-    mine = np.flatnonzero(owner >= 0)
-    seen = np.unique(np.stack([owner[mine], lines.sensor[mine].astype(np.int64)]), axis=1)[0]
-    sensors = np.bincount(seen, minlength=len(begun))
-    several = (begun.sensors == 1) & (sensors > 1)
-    if not np.count_nonzero(several):
+    owned = np.flatnonzero(owner >= 0)
+    candidate_of = np.unique(
+        np.stack([owner[owned], lines.sensor[owned].astype(np.int64)]), axis=1
+    )[0]
+    sensors = np.bincount(candidate_of, minlength=len(begun))
+    is_crossed = (begun.sensors == 1) & (sensors > 1)
+    if not np.count_nonzero(is_crossed):
         return begun
-    rows = _lines_of(several, owner)
-    used = lines.take(rows)
-    number = np.cumsum(several) - 1
+    rows = _lines_of(is_crossed, owner)
+    rows_used = lines.take(rows)
+    number = np.cumsum(is_crossed) - 1
     of = number[owner[rows]]
     point = triangulated(
-        of, int(several.sum()), used.origin_ecef_m, used.direction_ecef, used.sigma_rad
+        of,
+        int(is_crossed.sum()),
+        rows_used.origin_ecef_m,
+        rows_used.direction_ecef,
+        rows_used.sigma_rad,
     ).position_m
     height_m = ecef_to_geodetic(point).height_m
     possible = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
-    moved = np.flatnonzero(several)[possible]
+    moved = np.flatnonzero(is_crossed)[possible]
     position = begun.position_ecef_m.copy()
     count = begun.sensors.copy()
     position[moved] = point[possible]
@@ -354,44 +365,45 @@ def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
 
     Clusters are connected groups of occupied direction bins per sensor, or parts of these.
     """
-    sensor, which = np.unique(lines.sensor, return_inverse=True)
+    sensor, sensor_row = np.unique(lines.sensor, return_inverse=True)
     span = np.zeros(len(sensor))
     newest = np.full(len(sensor), -np.inf)
-    np.maximum.at(newest, which, lines.time_s)
-    np.maximum.at(span, which, newest[which] - lines.time_s)
-    direction, sigma_rad = geostationary_directions(lines, which)
+    np.maximum.at(newest, sensor_row, lines.time_s)
+    np.maximum.at(span, sensor_row, newest[sensor_row] - lines.time_s)
+    direction, sigma_rad = geostationary_directions(lines, sensor_row)
     widest = np.zeros(len(sensor))
-    np.maximum.at(widest, which, sigma_rad)
+    np.maximum.at(widest, sensor_row, sigma_rad)
     width = _WIDE_SIGMAS * widest + _CLUSTER_SPEED_M_S * span / FAR_M
-    cluster = _connected(which, direction, width)
+    cluster = _connected(sensor_row, direction, width)
     clusters = _means(lines, cluster)
     if clusters.scans.sum() == len(cluster):
         return clusters, cluster
-    cluster, parts = split_clusters(cluster, lines, direction, sigma_rad)
+    cluster, is_part = split_clusters(cluster, lines, direction, sigma_rad)
     return (
-        evolve(_means(lines, cluster), is_part=parts) if np.count_nonzero(parts) else clusters
+        evolve(_means(lines, cluster), is_part=is_part) if np.count_nonzero(is_part) else clusters
     ), cluster
 
 
-def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:
+def _connected(sensor_row: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:
     """Return the number of each row's group of touching bins."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     bins = (
-        np.floor((direction + 1.0) / np.maximum(width, _NARROWEST_RAD)[which][:, None]).astype(
+        np.floor((direction + 1.0) / np.maximum(width, _NARROWEST_RAD)[sensor_row][:, None]).astype(
             np.int64
         )
         + 1
     )
     size = int(bins.max(initial=0)) + 2
     key, of_row = np.unique(
-        ((which * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2], return_inverse=True
+        ((sensor_row * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2],
+        return_inverse=True,
     )
-    sought = key + (_FORWARD @ np.array([size * size, size, 1]))[:, None]
-    place = np.minimum(np.searchsorted(key, sought), len(key) - 1)
-    here = key[place] == sought
-    edges = here.nonzero()[1], place[here]
+    neighbour_key = key + (_FORWARD @ np.array([size * size, size, 1]))[:, None]
+    place = np.minimum(np.searchsorted(key, neighbour_key), len(key) - 1)
+    is_present = key[place] == neighbour_key
+    edges = is_present.nonzero()[1], place[is_present]
     graph = coo_array((np.ones(len(edges[0]), dtype=np.int8), edges), shape=(len(key), len(key)))
     label: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
     return label[of_row]
@@ -438,19 +450,19 @@ def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
 
     The groups are the cheapest assignment across the sensors of mean lines.
     """
-    every = np.arange(len(clusters))
-    if not len(every) or np.ptp(clusters.sensor) == 0:
-        return every, len(every)
+    numbers = np.arange(len(clusters))
+    if not len(numbers) or np.ptp(clusters.sensor) == 0:
+        return numbers, len(numbers)
     range_m = ranges_m(clusters.origin_ecef_m, clusters.direction_ecef)
     lines = Directions(
-        every,
+        numbers,
         clusters.sensor,
-        np.zeros(len(every)),
+        np.zeros(len(numbers)),
         clusters.origin_ecef_m,
         clusters.direction_ecef,
         _sigma_with_motion(clusters),
     )
-    table, centre = normal_equations(lines, every, len(every), range_m)
+    table, centre = normal_equations(lines, numbers, len(numbers), range_m)
     group = cheapest_pairing(table, clusters.sensor, SetModel(centre, begin=True))
     return group, int(group.max()) + 1
 
@@ -477,12 +489,16 @@ def _positions(clusters: Clusters, group: IntArray, count: int, sensors: IntArra
     position[group[single]] = points_near_ground(
         clusters.origin_ecef_m[single], clusters.direction_ecef[single]
     )
-    several = np.flatnonzero(~single)
-    if len(several):
-        used, place = np.unique(group[several], return_inverse=True)
-        part = clusters.take(several)
+    rows = np.flatnonzero(~single)
+    if len(rows):
+        rows_used, place = np.unique(group[rows], return_inverse=True)
+        clusters_ = clusters.take(rows)
         fix = triangulated(
-            place, len(used), part.origin_ecef_m, part.direction_ecef, _sigma_with_motion(part)
+            place,
+            len(rows_used),
+            clusters_.origin_ecef_m,
+            clusters_.direction_ecef,
+            _sigma_with_motion(clusters_),
         )
-        position[used] = fix.position_m
+        position[rows_used] = fix.position_m
     return position

@@ -174,7 +174,7 @@ class LaunchDelayPrior(NamedTuple):
 
 
 def delays_at_once(
-    period_s: FloatArray, detection_probability: FloatArray, seen: BoolArray
+    period_s: FloatArray, detection_probability: FloatArray, visible: BoolArray
 ) -> FloatArray:
     """Return the prior (n, times) of the time from launch to first detection of launches seen from
     the ground.
@@ -184,10 +184,10 @@ def delays_at_once(
     Probabilities are those of the intervals.
     """
     looks = EDGES_S / period_s[:, None]
-    whole = np.floor(looks)
+    full_scans = np.floor(looks)
     chance = detection_probability[:, None]
-    log_unseen = whole * np.log1p(-chance) + np.log1p(-chance * (looks - whole))
-    return -np.diff(np.exp(seen @ log_unseen), axis=1)
+    log_unseen = full_scans * np.log1p(-chance) + np.log1p(-chance * (looks - full_scans))
+    return -np.diff(np.exp(visible @ log_unseen), axis=1)
 
 
 def launches(

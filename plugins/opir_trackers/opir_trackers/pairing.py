@@ -122,10 +122,10 @@ class Directions(Columns):
     @classmethod
     def empty(cls) -> "Directions":
         """Return no directions."""
-        whole = np.empty(0, dtype=np.int64)
+        numbers = np.empty(0, dtype=np.int64)
         none = np.empty(0)
         vectors = np.empty((0, 3))
-        return cls(whole, whole, none, vectors, vectors, none)
+        return cls(numbers, numbers, none, vectors, vectors, none)
 
 
 def normal_equations(
@@ -180,8 +180,8 @@ class LineCrossings(NamedTuple):
 
     def last(self) -> "LineCrossings":
         """Return those of the last instant."""
-        point = [one[..., -1] for one in self.point]
-        covariance = [one[..., -1] for one in self.covariance]
+        point = [values[..., -1] for values in self.point]
+        covariance = [values[..., -1] for values in self.covariance]
         return LineCrossings(
             (point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1]
         )
@@ -189,18 +189,20 @@ class LineCrossings(NamedTuple):
 
 def fixes(table: FloatArray) -> LineCrossings:
     """Return the crossings of sums of normal equations (..., 12)."""
-    xx, xy, xz, yy, yz, zz, x, y, z, rest = (table[..., column] for column in range(10))
+    xx, xy, xz, yy, yz, zz, x, y, z, square = (table[..., column] for column in range(10))
     xx = xx + LAW.least_weight
     yy = yy + LAW.least_weight
     zz = zz + LAW.least_weight
-    first = yy * zz - yz * yz
+    cofactor_x = yy * zz - yz * yz
     second = xz * yz - xy * zz
     third = xy * yz - xz * yy
-    share = 1.0 / (xx * first + xy * second + xz * third)
-    minors = first, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    share = 1.0 / (xx * cofactor_x + xy * second + xz * third)
+    minors = cofactor_x, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     a, b, c, d, e, f = (minor * share for minor in minors)
     point = a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
-    misfit = np.where(table[..., 11] > 1.5, rest - point[0] * x - point[1] * y - point[2] * z, 0.0)
+    misfit = np.where(
+        table[..., 11] > 1.5, square - point[0] * x - point[1] * y - point[2] * z, 0.0
+    )
     return LineCrossings(point, (a, b, c, d, e, f), misfit)
 
 
@@ -229,8 +231,8 @@ def _gains(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
 
 def first_instants(table: FloatArray) -> IntArray:
     """Return the instant (...) from which on each set is most likely of one target."""
-    first: IntArray = np.argmin(_losses(table, fixes(table).misfit, LAW.reward), axis=-1)
-    return first
+    instants: IntArray = np.argmin(_losses(table, fixes(table).misfit, LAW.reward), axis=-1)
+    return instants
 
 
 def are_open(table: FloatArray, group: IntArray) -> BoolArray:
@@ -240,9 +242,9 @@ def are_open(table: FloatArray, group: IntArray) -> BoolArray:
     Lines of three sensors do not cross at all instants by chance.
     """
     sums = set_sums(table, group)
-    whole = LAW.reward * _degrees(sums[..., 11]).sum(axis=-1)
+    full_reward = LAW.reward * _degrees(sums[..., 11]).sum(axis=-1)
     is_sure = (sums[:, 0, 10] >= LAW.certain) & (
-        _losses(sums, fixes(sums).misfit, LAW.reward)[:, 0] < LAW.fitting * whole
+        _losses(sums, fixes(sums).misfit, LAW.reward)[:, 0] < LAW.fitting * full_reward
     )
     open_rows: BoolArray = ~is_sure[group]
     return open_rows
@@ -259,9 +261,9 @@ def _losses(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
     """
     degrees = _degrees(table[..., 11])
     excess = np.where(degrees > 0.0, 0.5 * (misfit - degrees), 0.0)
-    rest = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
-    before = np.cumsum(reward * degrees, axis=-1) - reward * degrees
-    loss: FloatArray = (rest + before + LAW.swapped * (before > 0.0))[
+    misfits = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
+    earlier_reward = np.cumsum(reward * degrees, axis=-1) - reward * degrees
+    loss: FloatArray = (misfits + earlier_reward + LAW.swapped * (earlier_reward > 0.0))[
         ..., : max(table.shape[-2] - LAW.recent, 1)
     ]
     return loss
@@ -288,12 +290,12 @@ class SetModel(NamedTuple):
 
     def total(self, table: FloatArray, group: IntArray) -> float:
         """Return the log likelihood of sets (n,), from 0, of the rows of normal equations."""
-        kept = (
+        unchanged = (
             0
             if self.present is None
             else len(group) - np.unique(np.stack([group, self.present]), axis=1).shape[1]
         )
-        return float(self.gains(set_sums(table, group)).sum()) + LAW.present * kept
+        return float(self.gains(set_sums(table, group)).sum()) + LAW.present * unchanged
 
     @property
     def least_gain(self) -> float:
@@ -304,48 +306,49 @@ class SetModel(NamedTuple):
         """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the
         last height.
         """
-        every = fixes(table)
-        last = table[..., -1, :]
-        height_m, sigma_m = self._heights(every.last())
+        crossings = fixes(table)
+        newest = table[..., -1, :]
+        height_m, sigma_m = self._heights(crossings.last())
         cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, LAW.deep_m))
         if self.begin:
             cost += np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
-        gain = _gains(table, every.misfit, LAW.first_reward if self.begin else LAW.reward)
-        lawful: FloatArray = gain - np.where(last[..., 11] > 1.5, cost, 0.0)
+        gain = _gains(table, crossings.misfit, LAW.first_reward if self.begin else LAW.reward)
+        lawful: FloatArray = gain - np.where(newest[..., 11] > 1.5, cost, 0.0)
         return lawful
 
-    def _heights(self, there: LineCrossings) -> tuple[FloatArray, FloatArray]:
+    def _heights(self, crossings: LineCrossings) -> tuple[FloatArray, FloatArray]:
         """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their
         standard deviations.
         """
-        radius = self._radius(there)
+        radius = self._radius(crossings)
         x, y, z = (
-            (one + centre) / radius
-            for one, centre in zip(there.point, self.centre.tolist(), strict=True)
+            (part_ + centre) / radius
+            for part_, centre in zip(crossings.point, self.centre.tolist(), strict=True)
         )
         ground = WGS84.equatorial_radius_m * (1.0 - WGS84.flattening * np.square(z))
-        xx, xy, xz, yy, yz, zz = there.covariance
+        xx, xy, xz, yy, yz, zz = crossings.covariance
         variance = (
             xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
         )
         return radius - ground, np.sqrt(variance)
 
-    def _radius(self, there: LineCrossings) -> FloatArray:
+    def _radius(self, crossings: LineCrossings) -> FloatArray:
         x, y, z = (
-            one + centre for one, centre in zip(there.point, self.centre.tolist(), strict=True)
+            part_ + centre
+            for part_, centre in zip(crossings.point, self.centre.tolist(), strict=True)
         )
         radius: FloatArray = np.sqrt(x * x + y * y + z * z)
         return radius
 
-    def may_be_one(self, theirs: FloatArray, mine: FloatArray) -> BoolArray:
+    def may_be_one(self, set_sums_: FloatArray, row_sums: FloatArray) -> BoolArray:
         """Return which sums (..., instants, 12) may be of one target at a lawful height, where both
         have lines.
         """
-        both = fixes(theirs + mine)
-        met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
-        radius = self._radius(both)
+        crossings = fixes(set_sums_ + row_sums)
+        met = (set_sums_[..., 11] > 0.5) & (row_sums[..., 11] > 0.5)
+        radius = self._radius(crossings)
         blur_m = LAW.sure_sigmas * np.sqrt(
-            both.covariance[0] + both.covariance[3] + both.covariance[5]
+            crossings.covariance[0] + crossings.covariance[3] + crossings.covariance[5]
         )
         lawful = (
             (radius > LAW.lowest_m - blur_m)
@@ -353,9 +356,9 @@ class SetModel(NamedTuple):
             & (blur_m < LAW.sure_sigmas * LAW.vague_m)
         )
         lawful |= ~met
-        added = np.where(met, both.misfit - fixes(theirs).misfit, 0.0).sum(axis=-1) / np.maximum(
-            met.sum(axis=-1), 1
-        )
+        added = np.where(met, crossings.misfit - fixes(set_sums_).misfit, 0.0).sum(
+            axis=-1
+        ) / np.maximum(met.sum(axis=-1), 1)
         possible: BoolArray = lawful.all(axis=-1) & (added < LAW.hopeless)
         return possible
 
@@ -376,18 +379,22 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
 
     They are sought at the last instant, then at some.
     """
-    mine = table[rows]
-    which, row = np.nonzero(model.may_be_one(sums[:, None, -1:], mine[None, :, -1:]))
-    some = list(LAW.coarse) if table.shape[1] >= -LAW.coarse[-1] else slice(None)
-    theirs = sums[which][:, some]
-    ours = mine[row][:, some]
-    likely = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
+    row_sums = table[rows]
+    sets, row = np.nonzero(model.may_be_one(sums[:, None, -1:], row_sums[None, :, -1:]))
+    instants = list(LAW.coarse) if table.shape[1] >= -LAW.coarse[-1] else slice(None)
+    set_sums_ = sums[sets][:, instants]
+    row_sums_ = row_sums[row][:, instants]
+    likely = ((set_sums_[..., 11] > 0.5) & (row_sums_[..., 11] > 0.5)).any(axis=-1)
     if table.shape[1] > 1:
-        likely &= model.may_be_one(theirs, ours)
-    which = which[likely]
+        likely &= model.may_be_one(set_sums_, row_sums_)
+    sets = sets[likely]
     row = row[likely]
-    gain = model.gains(sums[which] + mine[row]) - model.gains(sums)[which] - model.gains(mine)[row]
-    return Candidates(which, rows[row], gain)
+    gain = (
+        model.gains(sums[sets] + row_sums[row])
+        - model.gains(sums)[sets]
+        - model.gains(row_sums)[row]
+    )
+    return Candidates(sets, rows[row], gain)
 
 
 def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
@@ -404,8 +411,8 @@ def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> In
         if model.present is None
         else model.present
     )
-    other, most = _relaxed(table, sensor, start, model)
-    return other if most > total else group
+    alternative, alternative_total = _relaxed(table, sensor, start, model)
+    return alternative if alternative_total > total else group
 
 
 def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
@@ -413,12 +420,12 @@ def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArr
     before.
     """
     group = np.arange(len(sensor))
-    for one in np.unique(sensor)[1:].tolist():
-        rows = np.flatnonzero(sensor <= one)
-        part = model if model.present is None else model._replace(present=model.present[rows])
-        group[rows] = _reassigned(table[rows], sensor[rows], ranks(group[rows]), [one], part)
+    for number in np.unique(sensor)[1:].tolist():
+        rows = np.flatnonzero(sensor <= number)
+        subset = model if model.present is None else model._replace(present=model.present[rows])
+        group[rows] = _reassigned(table[rows], sensor[rows], ranks(group[rows]), [number], subset)
         # The others stay alone.
-        group[sensor > one] = len(sensor) + np.flatnonzero(sensor > one)
+        group[sensor > number] = len(sensor) + np.flatnonzero(sensor > number)
     return ranks(group)
 
 
@@ -431,20 +438,20 @@ def _relaxed(
     Where one sensor at a time gains nothing, of four or more sensors pairs are assigned together.
     """
     sensors = np.unique(sensor).tolist()
-    ones = [[one] for one in sensors]
+    single_moves = [[number] for number in sensors]
     pairs = [list(pair) for pair in pairwise(sensors)]
     if len(sensors) == 2:
-        group = _reassigned(table, sensor, group, ones[1], model)
+        group = _reassigned(table, sensor, group, single_moves[1], model)
         return group, model.total(table, group)
     total = model.total(table, group)
-    moves = ones
+    moves = single_moves
     for _ in range(LAW.rounds):
-        before = total
-        for some in moves:
-            group = _reassigned(table, sensor, group, some, model)
+        previous_total = total
+        for move in moves:
+            group = _reassigned(table, sensor, group, move, model)
         total = model.total(table, group)
-        if total > before + LAW.tolerance:
-            moves = ones
+        if total > previous_total + LAW.tolerance:
+            moves = single_moves
         elif moves is pairs or len(sensors) == 3 or _is_settled(table, group):
             break
         else:
@@ -460,32 +467,32 @@ def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
 
 
 def _reassigned(
-    table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], model: SetModel
+    table: FloatArray, sensor: IntArray, group: IntArray, moved_sensors: list[int], model: SetModel
 ) -> IntArray:
     """Return the sets after the parts of sets of some sensors are assigned to the parts of the
     others.
     """
-    chosen = np.isin(sensor, ones)
-    rows = np.flatnonzero(chosen)
-    others = np.flatnonzero(~chosen)
-    number, place = np.unique(group[others], return_inverse=True)
-    part, part_of = np.unique(group[rows], return_inverse=True)
-    parts = set_sums(table[rows], part_of)
-    pairs = candidates(parts, set_sums(table[others], place), np.arange(len(part)), model)
+    is_moved = np.isin(sensor, moved_sensors)
+    rows = np.flatnonzero(is_moved)
+    fixed_rows = np.flatnonzero(~is_moved)
+    number, place = np.unique(group[fixed_rows], return_inverse=True)
+    pieces, part_of = np.unique(group[rows], return_inverse=True)
+    part_sums = set_sums(table[rows], part_of)
+    pairs = candidates(part_sums, set_sums(table[fixed_rows], place), np.arange(len(pieces)), model)
     gain = pairs.gain
     if model.present is not None:
         label = np.empty(len(number), dtype=np.int64)
-        mine = np.empty(len(part), dtype=np.int64)
-        label[place[::-1]] = model.present[others[::-1]]
-        mine[part_of[::-1]] = model.present[rows[::-1]]
-        gain = gain + LAW.present * (label[pairs.set] == mine[pairs.row])
-    used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
+        piece_label = np.empty(len(pieces), dtype=np.int64)
+        label[place[::-1]] = model.present[fixed_rows[::-1]]
+        piece_label[part_of[::-1]] = model.present[rows[::-1]]
+        gain = gain + LAW.present * (label[pairs.set] == piece_label[pairs.row])
+    assigned = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
     # Parts that fit no set make sets of their own.
-    fresh = int(group.max(initial=0)) + 1 + np.arange(len(part))
-    fresh[pairs.row[used]] = number[pairs.set[used]]
-    after = group.copy()
-    after[rows] = fresh[part_of]
-    renumbered: IntArray = np.unique(after, return_inverse=True)[1].astype(np.int64)
+    new_group = int(group.max(initial=0)) + 1 + np.arange(len(pieces))
+    new_group[pairs.row[assigned]] = number[pairs.set[assigned]]
+    regrouped = group.copy()
+    regrouped[rows] = new_group[part_of]
+    renumbered: IntArray = np.unique(regrouped, return_inverse=True)[1].astype(np.int64)
     return renumbered
 
 
@@ -506,25 +513,27 @@ def rivals(
     """Return other partners of sets, with probabilities of at least `least`, of all sensors but the
     first.
     """
-    parts = []
+    alternatives = []
     for one in np.unique(sensor).tolist()[1:]:
         rows = np.flatnonzero(sensor == one)
-        others = np.flatnonzero(sensor != one)
-        if not len(others):
+        fixed_rows = np.flatnonzero(sensor != one)
+        if not len(fixed_rows):
             continue
-        number, place = np.unique(group[others], return_inverse=True)
-        pairs = candidates(table, set_sums(table[others], place), rows, model)
+        number, place = np.unique(group[fixed_rows], return_inverse=True)
+        pairs = candidates(table, set_sums(table[fixed_rows], place), rows, model)
         if not len(pairs.set):
             continue
         beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / LAW.correlated)
-        own = np.full(int(group.max()) + 1, -1, dtype=np.int64)
-        own[group[rows]] = rows
-        mine = own[number[pairs.set]]
-        some = np.flatnonzero((beta > least) & (mine >= 0) & (mine != pairs.row))
-        parts.append(Rivals(number[pairs.set[some]], mine[some], pairs.row[some], beta[some]))
+        row_of_set = np.full(int(group.max()) + 1, -1, dtype=np.int64)
+        row_of_set[group[rows]] = rows
+        present_row = row_of_set[number[pairs.set]]
+        likely = np.flatnonzero((beta > least) & (present_row >= 0) & (present_row != pairs.row))
+        alternatives.append(
+            Rivals(number[pairs.set[likely]], present_row[likely], pairs.row[likely], beta[likely])
+        )
     none = np.empty(0, dtype=np.int64)
     return (
-        Rivals(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-        if parts
+        Rivals(*(np.concatenate(columns) for columns in zip(*alternatives, strict=True)))
+        if alternatives
         else Rivals(none, none, none, np.empty(0))
     )

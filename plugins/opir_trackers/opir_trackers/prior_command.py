@@ -83,9 +83,9 @@ def fit(arguments: argparse.Namespace) -> int:
 def _shown(path: Path, flight: RecordedFlight) -> str:
     """Return what a file is taken for, and its stages with units."""
     stages = [
-        f"{burn:.0f} s from {first:.1f} m/s2 to {1.0 / ratio:.2f} of the mass"
+        f"{burn:.0f} s from {acceleration:.1f} m/s2 to {1.0 / ratio:.2f} of the mass"
         f"{f', {gap:.0f} s dark' if gap > 0.0 else ''}"
-        for burn, first, ratio, gap in flight.stages.tolist()
+        for burn, acceleration, ratio, gap in flight.stages.tolist()
     ]
     return f"{path}: {'space launch' if flight.orbits else 'missile'}; burns of {'; '.join(stages)}"
 
@@ -124,18 +124,18 @@ def recorded_flight(path: Path) -> RecordedFlight:
     columns = np.column_stack([stages, np.array([*gaps, np.nan])])
     # A burn against the motion is a return or a landing, not a stage on the way up; nor is what
     # follows.
-    ahead = np.logical_and.accumulate(np.isfinite(stages[:, 0]))
-    if not ahead[0]:
+    is_ascent = np.logical_and.accumulate(np.isfinite(stages[:, 0]))
+    if not is_ascent[0]:
         raise OpirError(f"{path}: the first burn is against the motion")
-    columns[np.count_nonzero(ahead) - 1, 3] = np.nan
-    return RecordedFlight(columns[ahead], _perigee_m(table[-1]) > _ORBIT_M)
+    columns[np.count_nonzero(is_ascent) - 1, 3] = np.nan
+    return RecordedFlight(columns[is_ascent], _perigee_m(table[-1]) > _ORBIT_M)
 
 
 def _burns(table: FloatArray) -> list[slice]:
     """Return the rows of each burn."""
     on = np.concatenate([[0], table[:, -1] > 0.5, [0]]).astype(np.int64)
     edges = np.flatnonzero(np.diff(on)).reshape(-1, 2).tolist()
-    return [slice(one, two) for one, two in edges]
+    return [slice(start, stop) for start, stop in edges]
 
 
 def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
@@ -200,25 +200,25 @@ def fitted(flights: list[RecordedFlight]) -> dict[str, Any]:
         law = data["families"][name]
         count = np.bincount([len(stages) - 1 for stages in mine], minlength=STAGES) + 0.5
         law["stages"] = (count / count.sum()).round(4).tolist()
-        for part, rows in (
-            ("first", [one[:1] for one in mine]),
-            ("upper", [one[1:] for one in mine]),
+        for name_, rows in (
+            ("first", [flight_stages[:1] for flight_stages in mine]),
+            ("upper", [flight_stages[1:] for flight_stages in mine]),
         ):
-            _fit_part(law[part], np.concatenate(rows))
+            _fit_part(law[name_], np.concatenate(rows))
     data["marginal"] = marginal_of(model_of(data), DRAWS, 1)
     return data
 
 
-def _fit_part(part: dict[str, list[float]], rows: FloatArray) -> None:
+def _fit_part(law: dict[str, list[float]], rows: FloatArray) -> None:
     """Replace medians and standard deviations of a part by those of stages (n, 4), where there are
     any.
     """
     for row in range(4):
-        known = rows[:, row][np.isfinite(rows[:, row]) & (rows[:, row] > 0.5)]
-        if not len(known):
+        values = rows[:, row][np.isfinite(rows[:, row]) & (rows[:, row] > 0.5)]
+        if not len(values):
             continue
-        part["median"][row] = round(float(np.exp(np.mean(np.log(known)))), 3)
+        law["median"][row] = round(float(np.exp(np.mean(np.log(values)))), 3)
         spread = (
-            WIDEN * float(np.std(np.log(known), ddof=1)) if len(known) > 2 else part["sigma"][row]
+            WIDEN * float(np.std(np.log(values), ddof=1)) if len(values) > 2 else law["sigma"][row]
         )
-        part["sigma"][row] = round(max(spread, LEAST[row]), 3)
+        law["sigma"][row] = round(max(spread, LEAST[row]), 3)

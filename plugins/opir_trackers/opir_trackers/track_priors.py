@@ -102,10 +102,10 @@ def _boost_of(thrust: ThrustConfig, forces: Forces) -> Dynamics:
 def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfig) -> ModeEstimates:
     """Return the prior estimates (n,) of new tracks at a time."""
     count = len(candidates)
-    now = np.full(count, time_s)
+    times_s = np.full(count, time_s)
     axes = prior_axes(candidates)
-    inertial = np.stack([earth_rotated(axes[:, row], now) for row in range(3)], axis=1)
-    position = earth_rotated(candidates.position_ecef_m, now)
+    inertial = np.stack([earth_rotated(axes[:, row], times_s) for row in range(3)], axis=1)
+    position = earth_rotated(candidates.position_ecef_m, times_s)
     velocity = EARTH_ROTATION_RAD_S * np.stack(
         [-position[:, 1], position[:, 0], np.zeros(count)], axis=1
     )
@@ -127,7 +127,7 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
 
 
 def standing_estimates(
-    before: ModeEstimates,
+    estimates: ModeEstimates,
     position_m: FloatArray,
     covariance: FloatArray,
     speed_sigma_m_s: float,
@@ -138,8 +138,8 @@ def standing_estimates(
     `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances
     the weight.
     """
-    count, size = before.boost_mean.shape
-    mean = before.boost_mean.copy()
+    count, size = estimates.boost_mean.shape
+    mean = estimates.boost_mean.copy()
     root = np.zeros((count, size, size))
     cubed = dot(position_m, position_m)[:, None] ** 1.5
     mean[:, :3] = position_m
@@ -154,7 +154,7 @@ def standing_estimates(
     coast_mean = mean[:, :COAST].copy()
     coast_root = root[:, :COAST, :COAST].copy()
     return ModeEstimates(
-        _first_weights(count, config), mean, root, coast_mean, coast_root, before.detection_rate
+        _first_weights(count, config), mean, root, coast_mean, coast_root, estimates.detection_rate
     )
 
 

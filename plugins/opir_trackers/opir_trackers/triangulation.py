@@ -46,14 +46,16 @@ def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArra
     point = intersection_with_ellipsoid(origin_m, direction, FIRST_HEIGHT_M)
     missed = np.flatnonzero(np.isnan(point[:, 0]))
     if len(missed):
-        ahead = np.maximum(-np.sum(origin_m[missed] * direction[missed], axis=1), 0.0)
-        lowest = origin_m[missed] + ahead[:, None] * direction[missed]
+        distance_m = np.maximum(-np.sum(origin_m[missed] * direction[missed], axis=1), 0.0)
+        lowest = origin_m[missed] + distance_m[:, None] * direction[missed]
         lawful = ecef_to_geodetic(lowest).height_m < HIGHEST_M
         point[missed[lawful]] = lowest[lawful]
     return point
 
 
-def geostationary_directions(lines: LinesOfSight, which: IntArray) -> tuple[FloatArray, FloatArray]:
+def geostationary_directions(
+    lines: LinesOfSight, sensor_row: IntArray
+) -> tuple[FloatArray, FloatArray]:
     """Return directions (n, 3) as from geostationary height, and their errors (n,), rad; `which`
     (n,) is the sensor.
 
@@ -68,7 +70,7 @@ def geostationary_directions(lines: LinesOfSight, which: IntArray) -> tuple[Floa
     low = low[met]
     origin = origin[met]
     point = point[met]
-    above = lines.origin_ecef_m[np.unique(which, return_index=True)[1]][which[low]]
+    above = lines.origin_ecef_m[np.unique(sensor_row, return_index=True)[1]][sensor_row[low]]
     height_m = FAR_M + EARTH_EQUATORIAL_RADIUS_M
     off = point - height_m * above / np.sqrt(np.sum(above * above, axis=1))[:, None]
     direction = lines.direction_ecef.copy()
@@ -98,8 +100,8 @@ def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
     range_m = np.full(len(origin_m), FAR_M)
     low = np.flatnonzero(are_low_orbits(origin_m))
     if len(low):
-        apart = points_near_ground(origin_m[low], direction[low]) - origin_m[low]
-        distance_m = np.sqrt(np.sum(apart * apart, axis=1))
+        offset = points_near_ground(origin_m[low], direction[low]) - origin_m[low]
+        distance_m = np.sqrt(np.sum(offset * offset, axis=1))
         range_m[low] = np.where(np.isfinite(distance_m), distance_m, FAR_M)
     return range_m
 
@@ -157,9 +159,9 @@ def triangulated(
         np.add.at(pull, group, np.sum(weight * origin_m[:, None, :], axis=2))
         point = _solved(total, pull)
         range_m = np.sqrt(np.sum((point[group] - origin_m) ** 2, axis=1))
-    apart = point[group] - origin_m
+    offset = point[group] - origin_m
     misfit = np.zeros(count)
-    np.add.at(misfit, group, np.sum(apart * np.sum(weight * apart[:, None, :], axis=2), axis=1))
+    np.add.at(misfit, group, np.sum(offset * np.sum(weight * offset[:, None, :], axis=2), axis=1))
     return Fixes(point, total, misfit)
 
 

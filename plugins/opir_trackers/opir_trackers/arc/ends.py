@@ -46,7 +46,7 @@ def latency_s(schedule: SensorSchedule) -> tuple[FloatArray, FloatArray]:
 
 
 def expected_looks(
-    schedule: SensorSchedule, seen: BoolArray, elapsed_s: FloatArray, share: FloatArray
+    schedule: SensorSchedule, visible: BoolArray, elapsed_s: FloatArray, share: FloatArray
 ) -> FloatArray:
     """Return the expected number of detections (n,) of whole boosts that have lasted for
     `elapsed_s` (n,), s, so far.
@@ -60,7 +60,7 @@ def expected_looks(
     elapsed = np.maximum(elapsed_s, 1e-3)[:, None]
     log = log_ndtr(np.log(_BURN_S / elapsed) / _BURN_LOG_SIGMA)
     weight = share * np.exp(log - log.max(axis=1, keepdims=True))
-    rate = seen @ (schedule.detection_probability / schedule.period_s[:, None])
+    rate = visible @ (schedule.detection_probability / schedule.period_s[:, None])
     looks = weight * rate * np.maximum(_BURN_S, elapsed)
     expected: FloatArray = looks.sum(axis=1) / weight.sum(axis=1)
     return expected
@@ -95,11 +95,13 @@ def launches(
     firsts = firsts[
         left_s[firsts] <= begun_s[owner[firsts]] + (late_s + doubt_s)[lines.sensor[firsts]]
     ]
-    first = lines.take(firsts)
+    first_lines = lines.take(firsts)
     row = owner[firsts]
     place = ground[firsts]
     axes = local_axes(place)
-    flat, spread = _on_ground(axes, first.direction_ecef, range_m[firsts] * first.sigma_rad)
+    flat, spread = _on_ground(
+        axes, first_lines.direction_ecef, range_m[firsts] * first_lines.sigma_rad
+    )
     moves = np.concatenate([np.broadcast_to(np.eye(2), spread.shape), flat[:, :, None]], axis=2)
     weighed = moves.transpose(0, 2, 1) @ np.linalg.inv(spread).astype(np.float64, copy=False)
     information = np.zeros((count, 3, 3))
@@ -107,14 +109,14 @@ def launches(
     about = np.full((count, 3), np.nan)
     information[:, 2, 2] = site_m**-2
     about[row[::-1]] = place[::-1]
-    apart = matvec(axes, place - about[row])[:, :2]
+    offset = matvec(axes, place - about[row])[:, :2]
     np.add.at(information, row, weighed @ moves)
-    np.add.at(pull, row, matvec(weighed, apart))
+    np.add.at(pull, row, matvec(weighed, offset))
     when = np.full(count, np.nan)
     wait_s = np.full(count, np.nan)
     order = np.argsort(-left_s[firsts], kind="stable")
-    when[row[order]] = (left_s[firsts] - late_s[first.sensor])[order]
-    wait_s[row[order]] = doubt_s[first.sensor][order]
+    when[row[order]] = (left_s[firsts] - late_s[first_lines.sensor])[order]
+    wait_s[row[order]] = doubt_s[first_lines.sensor][order]
     return _pooled(about, information, pull, when, wait_s)
 
 
@@ -143,20 +145,20 @@ def _pooled(
 ) -> LaunchPoints:
     """Return the weighted mean points of tracks, from east, north and height."""
     points = LaunchPoints.nowhere(len(about))
-    known = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
-    if not len(known):
+    rows = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
+    if not len(rows):
         return points
-    spread = np.linalg.inv(information[known]).astype(np.float64, copy=False)
+    spread = np.linalg.inv(information[rows]).astype(np.float64, copy=False)
     spread = 0.5 * (spread + spread.transpose(0, 2, 1))
-    away = matvec(spread, pull[known])[:, :2]
+    shift = matvec(spread, pull[rows])[:, :2]
     spread = spread[:, :2, :2]
-    axes = local_axes(about[known])
-    place = ecef_to_geodetic(about[known] + away[:, :1] * axes[:, 0] + away[:, 1:] * axes[:, 1])
-    points.place[known] = np.stack([place.latitude_rad, place.longitude_rad, when[known]], axis=1)
-    whole = np.zeros((len(known), 3, 3))
-    whole[:, :2, :2] = spread
-    whole[:, 2, 2] = np.square(wait_s[known])
-    points.covariance[known] = whole
+    axes = local_axes(about[rows])
+    place = ecef_to_geodetic(about[rows] + shift[:, :1] * axes[:, 0] + shift[:, 1:] * axes[:, 1])
+    points.place[rows] = np.stack([place.latitude_rad, place.longitude_rad, when[rows]], axis=1)
+    covariance_ = np.zeros((len(rows), 3, 3))
+    covariance_[:, :2, :2] = spread
+    covariance_[:, 2, 2] = np.square(wait_s[rows])
+    points.covariance[rows] = covariance_
     return points
 
 
@@ -166,9 +168,9 @@ def states_at(arcs: ArcFits, time_s: FloatArray) -> tuple[FloatArray, FloatArray
 
     The covariance is that of the noise, times the reduced χ² where this exceeds 1.
     """
-    _, covariance, left = solved(arcs.normal())
+    _, covariance, misfit = solved(arcs.normal())
     freedom = np.maximum(np.where(arcs.seen.sum(axis=1) < 2, 3, 2) * arcs.looks - 6, 1)
-    covariance = covariance * np.maximum(left / freedom, 1.0)[:, None, None]
+    covariance = covariance * np.maximum(misfit / freedom, 1.0)[:, None, None]
     trials = arcs.state[:, None] + np.concatenate([np.zeros((1, 6)), np.diag(STEPS)])
     flown = propagate_kepler(trials[:, :, :3], trials[:, :, 3:], (time_s - arcs.epoch_s)[:, None])
     state = np.concatenate(eci_to_ecef_state(*flown, time_s[:, None]), axis=2)

@@ -135,8 +135,8 @@ def solved(normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         sound[:, None, None], 0.5 * (covariance + covariance.transpose(0, 2, 1)), np.nan
     )
     step = (covariance @ normal[:, :6, 6:])[:, :, 0]
-    left = np.maximum(normal[:, 6, 6] - np.sum(step * normal[:, :6, 6], axis=1), 0.0)
-    return step, covariance, left
+    misfit = np.maximum(normal[:, 6, 6] - np.sum(step * normal[:, :6, 6], axis=1), 0.0)
+    return step, covariance, misfit
 
 
 def initialised(
@@ -159,11 +159,11 @@ def initialised(
     left_s = emission_s(
         lines.time_s, np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1)), light_time
     )
-    first = np.unique(owner, return_index=True)[1]
+    first_rows = np.unique(owner, return_index=True)[1]
     epoch_s = arcs.epoch_s.copy()
     place = np.full((len(arcs), 3), np.nan)
-    epoch_s[owner[first]] = left_s[first]
-    place[owner[first]] = earth_rotated(ground[first], left_s[first])
+    epoch_s[owner[first_rows]] = left_s[first_rows]
+    place[owner[first_rows]] = earth_rotated(ground[first_rows], left_s[first_rows])
     rough = np.concatenate([place, np.cross(_TURN, place)], axis=1)
     started = evolve(arcs, epoch_s=epoch_s, reference=rough, state=rough)
     straight = _straight_paths(started, owner, left_s)
@@ -193,25 +193,25 @@ def updated(
     rounds: int = _ROUNDS,
 ) -> ArcFits:
     """Return the arcs after lines (m,) in order of time; undetermined ones have no state."""
-    before = arcs
-    moved = before
+    start = arcs
+    moved = start
     added = arcs
     left_s = lines.time_s
     for turn in range(rounds):
         left_s = _emission_times(moved, lines, owner, left_s, light_time, 1 if turn else 2)
         paths = kepler_paths(moved.state, moved.epoch_s, owner, left_s)
-        trial = evolve(before, state=moved.state)
+        trial = evolve(start, state=moved.state)
         added = _with_equations(trial, lines, owner, left_s, paths, launch_s, climb_m_s2)
         moved = _solved_state(trial, added)
         if np.max(np.abs(moved.state - trial.state), initial=0.0) < _SETTLED:
             break
     last_s = arcs.last_s.copy()
-    seen = arcs.seen.copy()
+    visible = arcs.seen.copy()
     # An arc that diverged has no emission times.
     np.fmax.at(last_s, owner, left_s)
-    seen[owner, lines.sensor] = True
+    visible[owner, lines.sensor] = True
     looks = arcs.looks + np.bincount(owner, minlength=len(arcs))
-    return evolve(added, state=moved.state, last_s=last_s, seen=seen, looks=looks)
+    return evolve(added, state=moved.state, last_s=last_s, seen=visible, looks=looks)
 
 
 def _emission_times(
@@ -224,10 +224,10 @@ def _emission_times(
 ) -> FloatArray:
     """Return the emission times (m,), s, of lines from their arcs, from a first guess."""
     for _ in range(passes if light_time else 0):
-        apart = _positions_at(arcs.state[:, None], arcs.epoch_s, owner, left_s)[
+        offset = _positions_at(arcs.state[:, None], arcs.epoch_s, owner, left_s)[
             :, 0
         ] - earth_rotated(lines.origin_ecef_m, left_s)
-        left_s = emission_s(lines.time_s, np.sqrt(np.sum(apart * apart, axis=1)), light_time)
+        left_s = emission_s(lines.time_s, np.sqrt(np.sum(offset * offset, axis=1)), light_time)
     return left_s
 
 
@@ -251,28 +251,28 @@ def _with_equations(
     position, slope = paths
     origin = earth_rotated(lines.origin_ecef_m, left_s)
     direction = earth_rotated(lines.direction_ecef, left_s)
-    apart = position - origin
-    depth = np.sum(apart * direction, axis=1)
+    offset = position - origin
+    depth = np.sum(offset * direction, axis=1)
     shift = slope @ (arcs.state - arcs.reference)[owner][:, :, None]
     bordered = (
-        np.concatenate([slope, shift - apart[:, :, None]], axis=2)
+        np.concatenate([slope, shift - offset[:, :, None]], axis=2)
         / (depth * lines.sigma_rad)[:, None, None]
     )
-    ahead = direction[:, None, :] @ bordered
-    sideways = bordered - direction[:, :, None] * ahead
+    along_line = direction[:, None, :] @ bordered
+    sideways = bordered - direction[:, :, None] * along_line
     across = arcs.across.copy()
     along = arcs.along.copy()
     np.add.at(across, owner, sideways.transpose(0, 2, 1) @ sideways)
     since_s = left_s - launch_s[owner]
     height = 0.5 * climb_m_s2 * since_s * np.maximum(since_s, 0.0)
     point = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef, height)
-    far = np.sqrt(np.sum((point - lines.origin_ecef_m) ** 2, axis=1))
-    ahead[:, 0, 6] += far / (depth * lines.sigma_rad)
-    assumed = np.flatnonzero(np.isfinite(far) & (since_s <= LONGEST_BURN_S))
-    np.add.at(along, owner[assumed], (ahead.transpose(0, 2, 1) @ ahead)[assumed])
-    seen = arcs.seen.copy()
-    seen[owner, lines.sensor] = True
-    return evolve(arcs, across=across, along=along, seen=seen)
+    range_m = np.sqrt(np.sum((point - lines.origin_ecef_m) ** 2, axis=1))
+    along_line[:, 0, 6] += range_m / (depth * lines.sigma_rad)
+    assumed = np.flatnonzero(np.isfinite(range_m) & (since_s <= LONGEST_BURN_S))
+    np.add.at(along, owner[assumed], (along_line.transpose(0, 2, 1) @ along_line)[assumed])
+    visible = arcs.seen.copy()
+    visible[owner, lines.sensor] = True
+    return evolve(arcs, across=across, along=along, seen=visible)
 
 
 def _straight_paths(
@@ -312,7 +312,7 @@ def _positions_at(
     """Return positions (m, v, 3) at times (m,) on the arcs through all states (n, v, 6) of the rows
     `owner` (m,).
     """
-    count, each = trials.shape[:2]
+    count, variants = trials.shape[:2]
     start = np.full(count, np.inf)
     end = np.full(count, -np.inf)
     np.fmin.at(start, owner, time_s)
@@ -326,10 +326,10 @@ def _positions_at(
     flown = propagate_kepler(
         trials[:, :, None, :3], trials[:, :, None, 3:], (knot_s - epoch_s[:, None])[:, None]
     )[0]
-    values = flown.transpose(0, 2, 1, 3).reshape(count, _KNOTS, 3 * each)
+    values = flown.transpose(0, 2, 1, 3).reshape(count, _KNOTS, 3 * variants)
     place = np.clip((time_s - middle[owner]) / half[owner], -1.0, 1.0)
     weights = np.cos(np.arange(_KNOTS) * np.arccos(place)[:, None])[:, None, :] @ _TO_SERIES
-    positions: FloatArray = (weights @ values[owner]).reshape(-1, each, 3)
+    positions: FloatArray = (weights @ values[owner]).reshape(-1, variants, 3)
     return positions
 
 

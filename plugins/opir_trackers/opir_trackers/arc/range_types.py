@@ -18,11 +18,11 @@ def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
     """
     least_km = vehicle_model().data["least_ranges_km"]
     order = [TARGET_TYPES.index(name) for name in least_km]
-    edges_m = [1e3 * each for each in list(least_km.values())[1:]]
+    edges_m = [1e3 * least for least in list(least_km.values())[1:]]
     below = np.array(
         [
-            [0.5 + 0.5 * erf((edge - far) / (np.sqrt(2.0) * sigma)) for edge in edges_m]
-            for far, sigma in zip(range_m.tolist(), sigma_m.tolist(), strict=True)
+            [0.5 + 0.5 * erf((edge - range_) / (np.sqrt(2.0) * sigma)) for edge in edges_m]
+            for range_, sigma in zip(range_m.tolist(), sigma_m.tolist(), strict=True)
         ]
     ).reshape(len(range_m), len(order) - 1)
     edges = np.concatenate([np.zeros((len(range_m), 1)), below, np.ones((len(range_m), 1))], axis=1)

@@ -102,9 +102,9 @@ class ArcTracker(Tracker):
         before_s = self._now.time_s
         lines = self._rays.of(detections)
         self._now = self._tracking.stepped(self._now, tick_s, detections, lines)
-        last = self._tracking.confirmed_and_ended(self._now)
-        was_reported = np.isin(last.table.number, self._arcs.number)
-        self._last = last.take(np.flatnonzero(was_reported | (last.end == 0)))
+        tracks = self._tracking.confirmed_and_ended(self._now)
+        was_reported = np.isin(tracks.table.number, self._arcs.number)
+        self._last = tracks.take(np.flatnonzero(was_reported | (tracks.end == 0)))
         self._update_arcs(self._last.table.number)
         if self._config.memory_s is not None:
             self._arcs = self._arcs.discounted(
@@ -115,9 +115,9 @@ class ArcTracker(Tracker):
 
     def _update_arcs(self, number: IntArray) -> None:
         """Drop the arcs of deleted tracks, and add those of new ones."""
-        kept = self._arcs.take(np.isin(self._arcs.number, number))
-        fresh = ArcFits.unfitted(np.setdiff1d(number, kept.number), len(self._watch.period_s))
-        arcs = ArcFits.concatenate([kept, fresh])
+        old = self._arcs.take(np.isin(self._arcs.number, number))
+        new = ArcFits.unfitted(np.setdiff1d(number, old.number), len(self._watch.period_s))
+        arcs = ArcFits.concatenate([old, new])
         self._arcs = arcs.take(np.argsort(arcs.number, kind="stable"))
 
     def _take_in(self, lines: LinesOfSight, before_s: float) -> None:
@@ -125,15 +125,15 @@ class ArcTracker(Tracker):
         owner = self._owners(lines, self._now.time_s - before_s)
         follows = np.isin(owner, np.flatnonzero(self._arcs.is_fitted))
         if follows.any():
-            mine = np.flatnonzero(follows)
-            used = (
-                lines.take(mine),
-                owner[mine],
+            rows = np.flatnonzero(follows)
+            fitted_lines = (
+                lines.take(rows),
+                owner[rows],
                 self._launch_s(),
                 self._config.climb_m_s2,
                 self._light_time,
             )
-            self._arcs = arc_fit.updated(self._arcs, *used)
+            self._arcs = arc_fit.updated(self._arcs, *fitted_lines)
         pool = LinesOfSight.concatenate([self._pool, lines.take(~follows)])
         keep_s = np.maximum(_POOL_S, _POOL_SCANS * self._watch.period_s)[pool.sensor]
         self._pool = pool.take(pool.time_s > self._now.time_s - keep_s)
@@ -145,12 +145,12 @@ class ArcTracker(Tracker):
         owner = self._owners(self._pool, self._now.time_s - float(self._pool.time_s[0]))
         waits = (owner >= 0) & ~self._arcs.is_fitted[owner]
         looks = np.bincount(owner[waits], minlength=len(self._arcs))
-        mine = np.flatnonzero(waits & (looks[owner] >= LEAST_LOOKS))
-        rows = np.unique(owner[mine])
+        pool_rows = np.flatnonzero(waits & (looks[owner] >= LEAST_LOOKS))
+        rows = np.unique(owner[pool_rows])
         if not len(rows):
             return
-        lines = self._pool.take(mine)
-        owner_row = np.searchsorted(rows, owner[mine])
+        lines = self._pool.take(pool_rows)
+        owner_row = np.searchsorted(rows, owner[pool_rows])
         site_m = site_height_m(self._config.hypotheses.inland_share)
         launch = launches(lines, owner_row, len(rows), self._watch, self._light_time, site_m)
         arcs = ArcFits.unfitted(self._arcs.number[rows], len(self._watch.period_s))
@@ -158,12 +158,12 @@ class ArcTracker(Tracker):
         arcs = arc_fit.initialised(
             arcs, lines, owner_row, launch.place[:, 2], self._config.climb_m_s2, self._light_time
         )
-        good = arcs.is_fitted
-        others = np.setdiff1d(np.arange(len(self._arcs)), rows[good])
-        every = ArcFits.concatenate([self._arcs.take(others), arcs.take(good)])
-        self._arcs = every.take(np.argsort(every.number, kind="stable"))
+        is_fitted = arcs.is_fitted
+        other_rows = np.setdiff1d(np.arange(len(self._arcs)), rows[is_fitted])
+        arcs_ = ArcFits.concatenate([self._arcs.take(other_rows), arcs.take(is_fitted)])
+        self._arcs = arcs_.take(np.argsort(arcs_.number, kind="stable"))
         self._pool = self._pool.take(
-            np.setdiff1d(np.arange(len(self._pool)), mine[good[owner_row]])
+            np.setdiff1d(np.arange(len(self._pool)), pool_rows[is_fitted[owner_row]])
         )
 
     def _launch_s(self) -> FloatArray:
@@ -230,7 +230,7 @@ class ArcTracker(Tracker):
         arc.
         """
         groups = self._last.motion.probability
-        others = tracks.is_brief | (groups[:, LAUNCH] < self._config.least_launch_probability)
+        no_launch = tracks.is_brief | (groups[:, LAUNCH] < self._config.least_launch_probability)
         in_orbit = self._arcs.is_fitted & np.isnan(tracks.impact[:, 2])
         given_launch = self._launches.given_launch(tracks.type_probability, in_orbit)
         for column in (
@@ -239,7 +239,7 @@ class ArcTracker(Tracker):
             tracks.impact,
             tracks.impact_covariance,
         ):
-            column[others] = np.nan
+            column[no_launch] = np.nan
         return self._composition.composed(tracks, groups, given_launch)
 
     def _fill(self, tracks: Tracks, rows: IntArray, tick_s: float) -> None:
@@ -257,10 +257,10 @@ class ArcTracker(Tracker):
         shot = trajectory_parameters(state)
         pace = np.maximum(shot.speed_m_s * np.cos(shot.flight_path_angle_rad), 1.0)
         variance = np.square(np.stack([sigma_m, sigma_m, sigma_m / pace], axis=1))
-        known = ~np.isnan(impact[:, 2])
-        tracks.impact[rows] = np.where(known[:, None], impact, np.nan)
+        has_impact = ~np.isnan(impact[:, 2])
+        tracks.impact[rows] = np.where(has_impact[:, None], impact, np.nan)
         tracks.impact_covariance[rows] = np.where(
-            known[:, None, None], variance[:, :, None] * np.eye(3), np.nan
+            has_impact[:, None, None], variance[:, :, None] * np.eye(3), np.nan
         )
         tracks.type_probability[rows] = type_probabilities(range_m, sigma_m)
 
@@ -274,8 +274,8 @@ class ArcTracker(Tracker):
         rows = np.searchsorted(self._last.table.number, arcs.number)
         launch_s = np.where(np.isfinite(arcs.launch[:, 2]), arcs.launch[:, 2], arcs.epoch_s)
         types = type_posterior(self._last.table.reports[rows], self._tracking.type_log_likelihood)
-        known = types[:, : len(TARGET_TYPES)] + types[:, len(TARGET_TYPES) :]
-        expected = expected_looks(self._watch, arcs.seen, arcs.last_s - launch_s, known)
+        types_ = types[:, : len(TARGET_TYPES)] + types[:, len(TARGET_TYPES) :]
+        expected = expected_looks(self._watch, arcs.seen, arcs.last_s - launch_s, types_)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
         share = np.where(self._last.estimates.weight[rows, 1] > 0.5, 1.0, share)
         sigma_m: FloatArray = self._config.sigma_0_m * np.exp(-self._config.convergence * share)
@@ -286,10 +286,10 @@ class ArcTracker(Tracker):
         latency.
         """
         late_s = np.where(arcs.seen, latency_s(self._watch)[0], np.inf).min(axis=1)
-        whole = np.zeros((len(arcs), 7, 7))
-        whole[:, :6, :6] = covariance
-        whole[:, 6, 6] = np.square(late_s)
-        return whole
+        covariance_ = np.zeros((len(arcs), 7, 7))
+        covariance_[:, :6, :6] = covariance
+        covariance_[:, 6, 6] = np.square(late_s)
+        return covariance_
 
 
 def kepler_arc_tracker(config: KeplerArcConfig, context: TrackerContext) -> ArcTracker:
