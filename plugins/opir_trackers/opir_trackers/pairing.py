@@ -10,6 +10,7 @@ dimensions: Poore, Computational Optimization and Applications 3, 1994), from th
 and from none.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -139,23 +140,17 @@ def normal_equations(
     Those of a set are sums.
     """
     instants, instant = np.unique(directions.time_s, return_inverse=True)
-    table = np.zeros((count, len(instants), 12))
     unit = directions.direction_ecef
-    sigma_m = directions.sigma_rad * range_m
-    centre = (
-        (directions.origin_ecef_m + range_m[:, None] * unit).mean(axis=0)
-        if len(row)
-        else np.zeros(3)
-    )
+    centre = np.zeros(3)
+    if len(row):
+        centre = (directions.origin_ecef_m + range_m[:, None] * unit).mean(axis=0)
     from_centre = directions.origin_ecef_m - centre
     across = from_centre - unit * np.sum(unit * from_centre, axis=1)[:, None]
-    weight = 1.0 / np.square(sigma_m)
+    weight = 1.0 / np.square(directions.sigma_rad * range_m)
     outer = -unit[:, _FIRST] * unit[:, _SECOND] + (_FIRST == _SECOND)
-    columns = [
-        weight[:, None] * outer,
-        weight[:, None] * across,
-        weight * np.sum(across * across, axis=1),
-    ]
+    square = np.sum(across * across, axis=1)
+    columns = [weight[:, None] * outer, weight[:, None] * across, weight * square]
+    table = np.zeros((count, len(instants), 12))
     table[row, instant] = np.column_stack([*columns, np.zeros(len(row)), np.ones(len(row))])
     table[..., 10] = 1.0
     return table, centre
@@ -167,43 +162,49 @@ _SECOND = np.array([0, 1, 2, 1, 2, 2])
 
 
 class LineCrossings(NamedTuple):
-    """LineCrossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least
+    """Crossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least
     squares (...).
 
     The least squares of a single line are 0: as a difference they would be rounding errors, of some
     100 where lines have errors of metres.
     """
 
-    point: tuple[FloatArray, FloatArray, FloatArray]
+    point: tuple[FloatArray, ...]
     covariance: tuple[FloatArray, ...]
     misfit: FloatArray
 
     def last(self) -> "LineCrossings":
         """Return those of the last instant."""
-        point = [values[..., -1] for values in self.point]
-        covariance = [values[..., -1] for values in self.covariance]
-        return LineCrossings(
-            (point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1]
-        )
+        point = tuple(values[..., -1] for values in self.point)
+        covariance = tuple(values[..., -1] for values in self.covariance)
+        return LineCrossings(point, covariance, self.misfit[..., -1])
 
 
 def fixes(table: FloatArray) -> LineCrossings:
     """Return the crossings of sums of normal equations (..., 12)."""
-    xx, xy, xz, yy, yz, zz, x, y, z, square = (table[..., column] for column in range(10))
+    x, y, z, square = (table[..., column] for column in range(6, 10))
+    a, b, c, d, e, f = _inverse(*(table[..., column] for column in range(6)))
+    point = a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
+    misfit = square - point[0] * x - point[1] * y - point[2] * z
+    misfit = np.where(table[..., 11] > 1.5, misfit, 0.0)
+    return LineCrossings(point, (a, b, c, d, e, f), misfit)
+
+
+def _inverse(
+    xx: FloatArray, xy: FloatArray, xz: FloatArray, yy: FloatArray, yz: FloatArray, zz: FloatArray
+) -> list[FloatArray]:
+    """Return the six elements of the inverses of symmetric matrices, of which parallel lines leave
+    a direction open.
+    """
     xx = xx + LAW.least_weight
     yy = yy + LAW.least_weight
     zz = zz + LAW.least_weight
-    cofactor_x = yy * zz - yz * yz
-    second = xz * yz - xy * zz
-    third = xy * yz - xz * yy
-    share = 1.0 / (xx * cofactor_x + xy * second + xz * third)
-    minors = cofactor_x, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    a, b, c, d, e, f = (minor * share for minor in minors)
-    point = a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
-    misfit = np.where(
-        table[..., 11] > 1.5, square - point[0] * x - point[1] * y - point[2] * z, 0.0
-    )
-    return LineCrossings(point, (a, b, c, d, e, f), misfit)
+    minor_xx = yy * zz - yz * yz
+    minor_xy = xz * yz - xy * zz
+    minor_xz = xy * yz - xz * yy
+    share = 1.0 / (xx * minor_xx + xy * minor_xy + xz * minor_xz)
+    minors = minor_xx, minor_xy, minor_xz, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    return [minor * share for minor in minors]
 
 
 def intersections(table: FloatArray) -> FloatArray:
@@ -320,11 +321,9 @@ class SetModel(NamedTuple):
         """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their
         standard deviations.
         """
-        radius = self._radius(crossings)
-        x, y, z = (
-            (part_ + centre) / radius
-            for part_, centre in zip(crossings.point, self.centre.tolist(), strict=True)
-        )
+        position = self._positions(crossings)
+        radius = _length(position)
+        x, y, z = (component / radius for component in position)
         ground = WGS84.equatorial_radius_m * (1.0 - WGS84.flattening * np.square(z))
         xx, xy, xz, yy, yz, zz = crossings.covariance
         variance = (
@@ -332,35 +331,35 @@ class SetModel(NamedTuple):
         )
         return radius - ground, np.sqrt(variance)
 
-    def _radius(self, crossings: LineCrossings) -> FloatArray:
-        x, y, z = (
-            part_ + centre
-            for part_, centre in zip(crossings.point, self.centre.tolist(), strict=True)
-        )
-        radius: FloatArray = np.sqrt(x * x + y * y + z * z)
-        return radius
+    def _positions(self, crossings: LineCrossings) -> list[FloatArray]:
+        """Return positions (3 of ...) from the Earth's centre, m."""
+        centre = self.centre.tolist()
+        return [point + shift for point, shift in zip(crossings.point, centre, strict=True)]
 
-    def may_be_one(self, set_sums_: FloatArray, row_sums: FloatArray) -> BoolArray:
-        """Return which sums (..., instants, 12) may be of one target at a lawful height, where both
-        have lines.
+    def may_share_target(self, sums: FloatArray, added: FloatArray) -> BoolArray:
+        """Return which sums (..., instants, 12), and added ones, may be of one target at a lawful
+        height, where both have lines.
         """
-        crossings = fixes(set_sums_ + row_sums)
-        met = (set_sums_[..., 11] > 0.5) & (row_sums[..., 11] > 0.5)
-        radius = self._radius(crossings)
-        blur_m = LAW.sure_sigmas * np.sqrt(
-            crossings.covariance[0] + crossings.covariance[3] + crossings.covariance[5]
-        )
-        lawful = (
+        crossings = fixes(sums + added)
+        met = (sums[..., 11] > 0.5) & (added[..., 11] > 0.5)
+        radius = _length(self._positions(crossings))
+        xx, _, _, yy, _, zz = crossings.covariance
+        blur_m = LAW.sure_sigmas * np.sqrt(xx + yy + zz)
+        lawful = ~met | (
             (radius > LAW.lowest_m - blur_m)
             & (radius < LAW.highest_m + blur_m)
             & (blur_m < LAW.sure_sigmas * LAW.vague_m)
         )
-        lawful |= ~met
-        added = np.where(met, crossings.misfit - fixes(set_sums_).misfit, 0.0).sum(
-            axis=-1
-        ) / np.maximum(met.sum(axis=-1), 1)
-        possible: BoolArray = lawful.all(axis=-1) & (added < LAW.hopeless)
+        misfit = np.where(met, crossings.misfit - fixes(sums).misfit, 0.0).sum(axis=-1)
+        misfit = misfit / np.maximum(met.sum(axis=-1), 1)
+        possible: BoolArray = lawful.all(axis=-1) & (misfit < LAW.hopeless)
         return possible
+
+
+def _length(position: Sequence[FloatArray]) -> FloatArray:
+    x, y, z = position
+    length: FloatArray = np.sqrt(x * x + y * y + z * z)
+    return length
 
 
 class Candidates(NamedTuple):
@@ -379,21 +378,16 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
 
     They are sought at the last instant, then at some.
     """
-    row_sums = table[rows]
-    sets, row = np.nonzero(model.may_be_one(sums[:, None, -1:], row_sums[None, :, -1:]))
+    added = table[rows]
+    sets, row = np.nonzero(model.may_share_target(sums[:, None, -1:], added[None, :, -1:]))
     instants = list(LAW.coarse) if table.shape[1] >= -LAW.coarse[-1] else slice(None)
-    set_sums_ = sums[sets][:, instants]
-    row_sums_ = row_sums[row][:, instants]
-    likely = ((set_sums_[..., 11] > 0.5) & (row_sums_[..., 11] > 0.5)).any(axis=-1)
+    coarse = (sums[sets][:, instants], added[row][:, instants])
+    likely = ((coarse[0][..., 11] > 0.5) & (coarse[1][..., 11] > 0.5)).any(axis=-1)
     if table.shape[1] > 1:
-        likely &= model.may_be_one(set_sums_, row_sums_)
+        likely &= model.may_share_target(*coarse)
     sets = sets[likely]
     row = row[likely]
-    gain = (
-        model.gains(sums[sets] + row_sums[row])
-        - model.gains(sums)[sets]
-        - model.gains(row_sums)[row]
-    )
+    gain = model.gains(sums[sets] + added[row]) - model.gains(sums)[sets] - model.gains(added)[row]
     return Candidates(sets, rows[row], gain)
 
 
@@ -406,11 +400,9 @@ def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> In
     group, total = _relaxed(table, sensor, _in_sequence(table, sensor, model), model)
     if model.present is None and _is_settled(table, group):
         return group
-    start = (
-        _in_sequence(table, sensor.max() - sensor, model)
-        if model.present is None
-        else model.present
-    )
+    start = model.present
+    if start is None:
+        start = _in_sequence(table, sensor.max() - sensor, model)
     alternative, alternative_total = _relaxed(table, sensor, start, model)
     return alternative if alternative_total > total else group
 
@@ -469,41 +461,45 @@ def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
 def _reassigned(
     table: FloatArray, sensor: IntArray, group: IntArray, moved_sensors: list[int], model: SetModel
 ) -> IntArray:
-    """Return the sets after the parts of sets of some sensors are assigned to the parts of the
+    """Return the sets after the pieces of sets of some sensors are assigned to the pieces of the
     others.
     """
     is_moved = np.isin(sensor, moved_sensors)
     rows = np.flatnonzero(is_moved)
-    fixed_rows = np.flatnonzero(~is_moved)
-    number, place = np.unique(group[fixed_rows], return_inverse=True)
-    pieces, part_of = np.unique(group[rows], return_inverse=True)
-    part_sums = set_sums(table[rows], part_of)
-    pairs = candidates(part_sums, set_sums(table[fixed_rows], place), np.arange(len(pieces)), model)
+    fixed = np.flatnonzero(~is_moved)
+    number, fixed_piece = np.unique(group[fixed], return_inverse=True)
+    pieces, piece = np.unique(group[rows], return_inverse=True)
+    sums = set_sums(table[fixed], fixed_piece)
+    pairs = candidates(set_sums(table[rows], piece), sums, np.arange(len(pieces)), model)
     gain = pairs.gain
     if model.present is not None:
-        label = np.empty(len(number), dtype=np.int64)
-        piece_label = np.empty(len(pieces), dtype=np.int64)
-        label[place[::-1]] = model.present[fixed_rows[::-1]]
-        piece_label[part_of[::-1]] = model.present[rows[::-1]]
-        gain = gain + LAW.present * (label[pairs.set] == piece_label[pairs.row])
+        present = _piece_sets(model.present[fixed], fixed_piece)[pairs.set]
+        stays = present == _piece_sets(model.present[rows], piece)[pairs.row]
+        gain = gain + LAW.present * stays
     assigned = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
-    # Parts that fit no set make sets of their own.
+    # Pieces that fit no set make sets of their own.
     new_group = int(group.max(initial=0)) + 1 + np.arange(len(pieces))
     new_group[pairs.row[assigned]] = number[pairs.set[assigned]]
     regrouped = group.copy()
-    regrouped[rows] = new_group[part_of]
-    renumbered: IntArray = np.unique(regrouped, return_inverse=True)[1].astype(np.int64)
-    return renumbered
+    regrouped[rows] = new_group[piece]
+    return ranks(regrouped)
+
+
+def _piece_sets(present: IntArray, piece: IntArray) -> IntArray:
+    """Return the present set of each piece: that of its first row (n,)."""
+    sets = np.empty(int(piece.max(initial=-1)) + 1, dtype=np.int64)
+    sets[piece[::-1]] = present[::-1]
+    return sets
 
 
 class Rivals(NamedTuple):
-    """Focal-plane tracks that a set may have instead of its own of a sensor: set, own, other,
+    """Focal-plane tracks that a set may have instead of its own of a sensor: set, present, rival,
     probability (m,).
     """
 
     set: IntArray
-    own: IntArray
-    other: IntArray
+    present: IntArray
+    rival: IntArray
     probability: FloatArray
 
 
@@ -513,27 +509,29 @@ def rivals(
     """Return other partners of sets, with probabilities of at least `least`, of all sensors but the
     first.
     """
-    alternatives = []
-    for one in np.unique(sensor).tolist()[1:]:
-        rows = np.flatnonzero(sensor == one)
-        fixed_rows = np.flatnonzero(sensor != one)
-        if not len(fixed_rows):
-            continue
-        number, place = np.unique(group[fixed_rows], return_inverse=True)
-        pairs = candidates(table, set_sums(table[fixed_rows], place), rows, model)
-        if not len(pairs.set):
-            continue
-        beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / LAW.correlated)
-        row_of_set = np.full(int(group.max()) + 1, -1, dtype=np.int64)
-        row_of_set[group[rows]] = rows
-        present_row = row_of_set[number[pairs.set]]
-        likely = np.flatnonzero((beta > least) & (present_row >= 0) & (present_row != pairs.row))
-        alternatives.append(
-            Rivals(number[pairs.set[likely]], present_row[likely], pairs.row[likely], beta[likely])
-        )
-    none = np.empty(0, dtype=np.int64)
-    return (
-        Rivals(*(np.concatenate(columns) for columns in zip(*alternatives, strict=True)))
-        if alternatives
-        else Rivals(none, none, none, np.empty(0))
-    )
+    numbers = np.empty(0, dtype=np.int64)
+    alternatives = [
+        Rivals(numbers, numbers, numbers, np.empty(0)),
+        *(
+            _rivals_of(table, sensor == number, group, model, least)
+            for number in np.unique(sensor).tolist()[1:]
+        ),
+    ]
+    return Rivals(*(np.concatenate(columns) for columns in zip(*alternatives, strict=True)))
+
+
+def _rivals_of(
+    table: FloatArray, is_moved: BoolArray, group: IntArray, model: SetModel, least: float
+) -> Rivals:
+    """Return the partners of sets among the rows (n,) of one sensor."""
+    rows = np.flatnonzero(is_moved)
+    fixed = np.flatnonzero(~is_moved)
+    number, place = np.unique(group[fixed], return_inverse=True)
+    pairs = candidates(table, set_sums(table[fixed], place), rows, model)
+    beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / LAW.correlated)
+    row_of = np.full(int(group.max()) + 1, -1, dtype=np.int64)
+    row_of[group[rows]] = rows
+    sets = number[pairs.set]
+    present = row_of[sets]
+    likely = np.flatnonzero((beta > least) & (present >= 0) & (present != pairs.row))
+    return Rivals(sets[likely], present[likely], pairs.row[likely], beta[likely])

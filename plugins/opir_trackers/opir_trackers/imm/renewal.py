@@ -299,8 +299,8 @@ def _mixtures(
         directions, np.tile(row, 2), len(tracks), np.tile(tracks.range_m, 2)
     )
     sums = set_sums(table, group)[doubt.set]
-    rival_sums = sums - table[doubt.own] + table[doubt.other]
-    crossing = np.flatnonzero((sums[:, 0, 11] > 1.5) & (tracks.number[doubt.own] >= 0))
+    rival_sums = sums - table[doubt.present] + table[doubt.rival]
+    crossing = np.flatnonzero((sums[:, 0, 11] > 1.5) & (tracks.number[doubt.present] >= 0))
     offset = (intersections(rival_sums) + centre - (intersections(sums) + centre))[crossing]
     start, end = (
         earth_rotated(offset[:, column], np.full(len(crossing), time_s)) for column in (0, 1)
