@@ -20,6 +20,8 @@ from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import FEW_PAIRS, GatedPairs
 from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
 
+_UNIT = np.eye(2)
+
 
 class Association(NamedTuple):
     """The track of each line of sight (m,), -1 for none, and the assigned pairs.
@@ -179,4 +181,4 @@ def merged(pairs: GatedPairs, sensor: IndexArray, path: PredictedMeasurements) -
 
 def hard_measurements(pairs: GatedPairs) -> AngleMeasurements:
     """Return pairs as measurements with association probability 1."""
-    return pairs.measurements(pairs.measured, np.eye(2) / pairs.sigma_rad[:, None, None])
+    return pairs.measurements(pairs.measured, _UNIT / pairs.sigma_rad[:, None, None])

@@ -26,6 +26,8 @@ from opir_trackers.filter.iterated_update import Mode, Updated
 from opir_trackers.filter.measurement_updates import Gaussian, information_root, moment_matched
 from opir_trackers.filter.thrust import SLOW_M_S, air_velocity
 
+_UNIT = np.eye(3)
+
 
 @frozen
 class BurnLaw:
@@ -93,7 +95,7 @@ class NewStage:
         # The force turns with the velocity, whatever that is: rows on their difference. At rest it
         # has no direction.
         along = unit[:, :, None] * unit[:, None, :]
-        across = np.eye(3) - along
+        across = _UNIT - along
         sharp = 1.0 / (self.force_m_s2 * (self.tilt + SLOW_M_S / speed))
         by_speed = sharp * self.force_m_s2 / speed
         begun.root[:, 6:9, 3:6] = by_speed[:, None, None] * -across

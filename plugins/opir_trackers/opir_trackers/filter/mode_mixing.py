@@ -238,10 +238,25 @@ def mode_update(
     detections. The rate forgets over slices with detections with time constant `memory_s`; pauses
     of up to `pause_s` between detections count as observed time.
     """
-    formula = partial(_detection_rate, step_s=step_s, memory_s=memory_s, pause_s=pause_s)
-    values = _ARITHMETIC.values(formula, estimates.detection_rate, hits, silent_s)
-    weight = _ARITHMETIC.values(_mode_weights, estimates.weight, change, values[:, 0])
-    return weight, values[:, 1:]
+    formula = partial(_mode_values, step_s=step_s, memory_s=memory_s, pause_s=pause_s)
+    values = _ARITHMETIC.values(
+        formula, estimates.weight, change, estimates.detection_rate, hits, silent_s
+    )
+    return values[:, :2], values[:, 2:]
+
+
+def _mode_values(
+    weight: Vector,
+    change: Vector,
+    detection_rate: Vector,
+    hits: Any,
+    silent_s: Any,
+    functions: Functions,
+    **times_s: float,
+) -> list[Any]:
+    """Return mode probabilities and detection rate."""
+    missed, *rate = _detection_rate(detection_rate, hits, silent_s, functions, **times_s)
+    return [*_mode_weights(weight, change, missed, functions), *rate]
 
 
 def _detection_rate(

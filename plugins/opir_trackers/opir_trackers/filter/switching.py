@@ -51,10 +51,10 @@ RESIDUAL_S = 5.0
 
 
 class _Group(NamedTuple):
-    """Rows of tracks with the same modes, and whether their coasts are computed."""
+    """Rows of tracks with the same modes, and whether their coasts are open."""
 
     rows: IntArray
-    is_coasting: bool
+    is_open: bool
 
 
 class _Modes(NamedTuple):
@@ -254,8 +254,9 @@ class ImmFilter:
         """Return modes after looks of a slice, and log likelihoods where both modes are in use."""
         boost, burns, coast = estimates.boost, estimates.burns, estimates.coast
         change = np.zeros((len(hits), 2))
-        burns_used, _ = estimates.are_used
-        for rows, is_coasting in self._groups(estimates, hits):
+        burns_used, coasts_used = estimates.are_used
+        for rows, is_open in self._groups(estimates, hits):
+            is_coasting = is_open and coasts_used
             burn_rows = rows_of(burns, rows)
             boost_rows = rows_of(boost, rows)
             modes = list(self.burns.modes(boost_rows, burn_rows)) if burns_used else []
@@ -280,9 +281,8 @@ class ImmFilter:
         kinds = 2 * are_open + estimates.burns.are_free
         seen = hits.nonzero()[0]
         kinds_seen = kinds[seen]
-        _, coasts_used = estimates.are_used
         for kind in sorted(set(kinds_seen.tolist())):
-            yield _Group(seen[kinds_seen == kind], kind >= 2 and coasts_used)
+            yield _Group(seen[kinds_seen == kind], kind >= 2)
 
     def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the velocity covariance of the tracks `rows` bounded by the

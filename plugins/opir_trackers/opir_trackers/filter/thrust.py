@@ -67,6 +67,12 @@ _SPIN = EARTH_ROTATION_RAD_S
 _Course = tuple[Vector, Vector, Vector, Any, Any, Any, Any, Any]
 
 
+#: Of the slopes of the force's rate: a basis of three vectors, the velocity's direction, its rate and
+#: the force across it; the elements of matrices W in this basis that are not 0; and multiples of
+#: the unit matrix. Slopes by velocity, and by force, are Bᵀ W B + c I.
+_SlopeTerms = tuple[Vector, Vector, Vector, tuple[Any, ...], Any, Any]
+
+
 def _course(state: Vector, functions: Functions) -> _Course:
     x, y, z, vx, vy, vz, *force = state[:9]
     ax, ay, az = functions.gravity(x, y, z)[:3]
@@ -189,7 +195,7 @@ class Thrust:
         """Return the Jacobian (n, 3, 7) of `jerk` by velocity, force and growth."""
         if len(state) == 1:
             return self.fall.arithmetic.values(self._slope_rows, state).reshape(1, 3, 7)
-        terms = self.fall.arithmetic.values(self._slope_terms, state)
+        terms = self.fall.arithmetic.values(self._flat_terms, state)
         basis = terms[:, :9].reshape(-1, 3, 3)
         weights = terms[:, 9:27].reshape(-1, 2, 3, 3).swapaxes(0, 1)
         slopes = np.empty((len(state), 3, 7))
@@ -199,51 +205,53 @@ class Thrust:
         slopes[:, :, 6] = state[:, 6:9]
         return slopes
 
-    def _slope_terms(self, state: Vector, functions: Functions) -> list[Any]:
-        """Return a basis B (9), two matrices W (9) and numbers c: slopes by velocity, and by force,
-        are Bᵀ W B + c I.
-
-        The basis is the velocity's direction, its rate, and the force across it. The dependence of
-        the air's motion on the position is neglected.
+    def _slope_terms(self, state: Vector, functions: Functions) -> _SlopeTerms:
+        """Return the slopes' parts. The dependence of the air's motion on the position is
+        neglected.
         """
         unit, push, force, square, speed, soft, force_along, push_along = _course(state, functions)
         pull = 1.0 / self.tilt_s
         turn = speed * soft
         fast = square * soft
+        bent = force_along * soft
         by_velocity = force_along * (turn * pull - soft * push_along)
         by_force = force_along * turn - fast * pull
-        bent = force_along * soft
-        zero = 0.0 * square
-        of_unit = -by_velocity, -bent, turn * pull
-        of_rate = bent * (1.0 - 2.0 * fast), zero, soft
-        of_across = -2.0 * pull * turn * (1.0 - fast), zero, zero
-        return [
-            *unit,
-            *plus(push, -push_along, unit),
-            *plus(force, -force_along, unit),
-            *(*of_unit, *of_rate, *of_across),
-            *(-by_force, zero, zero, turn, *[zero] * 5),
-            by_velocity,
-            state[9] + by_force,
-        ]
+        bend = plus(push, -push_along, unit)
+        across = plus(force, -force_along, unit)
+        of_rate = bent * (1.0 - 2.0 * fast)
+        of_across = -2.0 * pull * turn * (1.0 - fast)
+        weights = (-by_velocity, -bent, turn * pull, of_rate, soft, of_across, -by_force, turn)
+        return unit, bend, across, weights, by_velocity, state[9] + by_force
+
+    def _flat_terms(self, state: Vector, functions: Functions) -> list[Any]:
+        """Return the basis B (9), the matrices W by velocity and by force (18), and the multiples
+        of I.
+        """
+        unit, bend, across, weights, by_velocity, by_force = self._slope_terms(state, functions)
+        uu, ub, ua, bu, ba, au, force_uu, force_bu = weights
+        zero = 0.0 * uu
+        rows = (uu, ub, ua, bu, zero, ba, au, zero, zero)
+        force_rows = (force_uu, zero, zero, force_bu, *[zero] * 5)
+        return [*unit, *bend, *across, *rows, *force_rows, by_velocity, by_force]
 
     def _slope_rows(self, state: Vector, functions: Functions) -> list[Any]:
         """Return three rows of seven, for a lone state: products of few numbers, without zeros."""
-        terms = self._slope_terms(state, functions)
-        unit = terms[:3]
-        bend = terms[3:6]
-        across = terms[6:9]
+        unit, bend, across, weights, by_velocity, by_force = self._slope_terms(state, functions)
+        uu, ub, ua, bu, ba, au, force_uu, force_bu = weights
+        ux, uy, uz = unit
+        bx, by, bz = bend
+        cx, cy, cz = across
         rows: list[Any] = []
-        for axis in range(3):
-            u = unit[axis]
-            b = bend[axis]
-            by_unit = terms[12] * b + terms[15] * across[axis] + terms[9] * u
-            row = plus(scaled(by_unit, unit), terms[10] * u, bend)
-            rows += plus(row, terms[11] * u + terms[14] * b, across)
-            rows += scaled(terms[21] * b + terms[18] * u, unit)
-            rows.append(state[6 + axis])
-            rows[8 * axis] = rows[8 * axis] + terms[27]
-            rows[8 * axis + 3] = rows[8 * axis + 3] + terms[28]
+        for u, b, c, f in zip(unit, bend, across, state[6:9], strict=True):
+            p = bu * b + au * c + uu * u
+            q = ub * u
+            r = ua * u + ba * b
+            s = force_bu * b + force_uu * u
+            rows += [p * ux + q * bx + r * cx, p * uy + q * by + r * cy, p * uz + q * bz + r * cz]
+            rows += [s * ux, s * uy, s * uz, f]
+        for diagonal in (0, 8, 16):
+            rows[diagonal] += by_velocity
+            rows[diagonal + 3] += by_force
         return rows
 
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:

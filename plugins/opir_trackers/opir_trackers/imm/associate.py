@@ -42,21 +42,25 @@ def associate(models: TrackingModels, state: TrackerState, prediction: Predictio
     table = state.table
     crowds = state.crowds
     crowd_pairs = prediction.crowd_pairs
-    view = models.view(state.registration)
     if crowd_pairs is None and not prediction.pairs.track.size:
         return _unassociated(prediction, crowds)
-    if table.number.size > 1:
-        pairs = prediction.pairs
-        sensor = prediction.lines.sensor[pairs.line]
-        rows = crowd.contested_tracks(pairs.track, pairs.line, sensor, table.reports >= 0)
-        rows = rows[~crowds.holds(table.number[rows])]
-        if len(rows):
-            seen = table.reports >= 0
-            crowds = crowd.joined(crowds, table.number, rows, prediction.path, seen, view)
-            gate = models.config.gate_sigma
-            crowd_pairs = crowd.paired(
-                crowds.tracks, state.time_s, prediction.lines, prediction.span_s, gate
-            )
+    if crowd_pairs is None and table.number.size == 1:
+        return _outside_crowds(models, prediction, crowds)
+    view = models.view(state.registration)
+    seen = table.reports >= 0
+    pairs = prediction.pairs
+    sensor = prediction.lines.sensor[pairs.line]
+    rows = crowd.contested_tracks(pairs.track, pairs.line, sensor, seen)
+    rows = rows[~crowds.holds(table.number[rows])]
+    if len(rows):
+        crowds = crowd.joined(crowds, table.number, rows, prediction.path, seen, view)
+        crowd_pairs = crowd.paired(
+            crowds.tracks,
+            state.time_s,
+            prediction.lines,
+            prediction.span_s,
+            models.config.gate_sigma,
+        )
     if crowd_pairs is None:
         return _outside_crowds(models, prediction, crowds)
     return _in_crowds(models, crowds, crowd_pairs, prediction, table, view)
