@@ -59,9 +59,10 @@ def gravity_gradient(position: Vector, mu_m3_s2: float, functions: Functions) ->
 def stepped_state(state: Vector, step: Any, functions: Functions) -> list[Any]:
     """Return a state of 6, or of 12 with specific force and jerk, after one Nyström step."""
     half = 0.5 * step
-    velocity: Vector = state[3:6]
-    middle = plus(state, half, velocity)
-    end = plus(state, step, velocity)
+    x, y, z, u, v, w = state[:6]
+    middle: Vector = (x + half * u, y + half * v, z + half * w)
+    end: Vector = (x + step * u, y + step * v, z + step * w)
+    speed: Vector = (u, v, w)
     derivatives: list[Any] = []
     if len(state) > COAST:
         force = state[6:9]
@@ -69,14 +70,18 @@ def stepped_state(state: Vector, step: Any, functions: Functions) -> list[Any]:
         half_force = scaled(0.5, force)
         middle = plus(middle, half * half, plus(half_force, half / 6.0, jerk))
         end = plus(end, step * step, plus(half_force, step / 6.0, jerk))
-        velocity = plus(velocity, step, plus(force, half, jerk))
+        speed = plus(speed, step, plus(force, half, jerk))
         derivatives = [*plus(force, step, jerk), *jerk]
-    start_fall = functions.gravity(*state[:3])
-    middle_fall = functions.gravity(*plus(middle, 0.5 * half * half, start_fall))
-    end_fall = functions.gravity(*plus(end, half * step, middle_fall))
-    position = plus(end, step * step / 6.0, plus(start_fall, 2.0, middle_fall))
-    mean_fall = plus(plus(start_fall, 4.0, middle_fall), 1.0, end_fall)
-    return [*position, *plus(velocity, step / 6.0, mean_fall), *derivatives]
+    ax, ay, az = start_fall = functions.gravity(x, y, z)[:3]
+    bx, by, bz = middle_fall = functions.gravity(*plus(middle, 0.5 * half * half, start_fall))[:3]
+    cx, cy, cz = functions.gravity(*plus(end, half * step, middle_fall))[:3]
+    mean_fall = (ax + 4.0 * bx + cx, ay + 4.0 * by + cy, az + 4.0 * bz + cz)
+    early_fall = (ax + 2.0 * bx, ay + 2.0 * by, az + 2.0 * bz)
+    return [
+        *plus(end, step * step / 6.0, early_fall),
+        *plus(speed, step / 6.0, mean_fall),
+        *derivatives,
+    ]
 
 
 def taylor_series(state: Vector, mu_m3_s2: float, functions: Functions) -> list[Any]:
@@ -85,21 +90,23 @@ def taylor_series(state: Vector, mu_m3_s2: float, functions: Functions) -> list[
     The gradient times a vector u is k (3 (r·u) r / r² - u), with k = mu / r³; its growth along the
     path, times the velocity, is 3 k / r² (v² r + 2 (r·v) v - 5 (r·v)²/r² r).
     """
-    position = state[:3]
-    velocity = state[3:6]
-    square = inner(position, position)
+    x, y, z, u, v, w = state[:6]
+    a, b, c = functions.gravity(x, y, z)[:3]
+    square = x * x + y * y + z * z
     scale = mu_m3_s2 / (square * functions.sqrt(square))
-    climb = inner(position, velocity)
+    climb = x * u + y * v + z * w
     share = climb / square
-    fall = functions.gravity(*position)[:3]
-    rate = scaled(scale, plus(scaled(3.0 * share, position), -1.0, velocity))
+    third = 3.0 * share
+    rate: Vector = (scale * (third * x - u), scale * (third * y - v), scale * (third * z - w))
     if len(state) > COAST:
-        fall = plus(fall, 1.0, state[6:9])
+        a, b, c = plus((a, b, c), 1.0, state[6:9])
         rate = plus(rate, 1.0, state[9:12])
-    speeds = inner(velocity, velocity)
-    inward = (inner(position, fall) + speeds - 5.0 * climb * share) / square
-    bend = plus(plus(scaled(3.0 * inward, position), 6.0 * share, velocity), -1.0, fall)
-    return [*position, *velocity, *fall, *rate, *scaled(scale, bend)]
+    speeds = u * u + v * v + w * w
+    inward = (x * a + y * b + z * c + speeds - 5.0 * climb * share) / square
+    near = 3.0 * inward
+    along = 6.0 * share
+    bend = (near * x + along * u - a, near * y + along * v - b, near * z + along * w - c)
+    return [x, y, z, u, v, w, a, b, c, *rate, *scaled(scale, bend)]
 
 
 @frozen(eq=False)

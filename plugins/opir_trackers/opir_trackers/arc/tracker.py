@@ -227,7 +227,7 @@ class ArcTracker(Tracker):
             tracks.impact_covariance,
         ):
             column[no_launch] = np.nan
-        return self._composition.composed(tracks, groups, given_launch)
+        return evolve(tracks, **self._composition.columns(groups, given_launch))
 
     def _fill(self, tracks: Tracks, rows: IntArray, tick_s: float) -> None:
         """Write the estimates of the arcs of rows."""

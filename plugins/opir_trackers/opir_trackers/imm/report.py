@@ -1,8 +1,8 @@
 """Reported tracks of `imm`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import cos, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import evolve
@@ -33,10 +33,13 @@ class ReportedTracks(NamedTuple):
 
 
 def with_launches(
-    reported: ReportedTracks, forecasts: LaunchForecasts, launched: BoolArray
+    reported: ReportedTracks,
+    forecasts: LaunchForecasts,
+    launched: BoolArray,
+    hypotheses: Mapping[str, Any],
 ) -> Tracks:
-    """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point
-    and no impact.
+    """Return tracks with their forecasts and columns of hypotheses; those that are not `launched`
+    (n,) have no launch point and no impact.
     """
     tracks = reported.tracks
     no_launch = np.flatnonzero(~launched)
@@ -58,6 +61,7 @@ def with_launches(
         probability_burning=forecasts.probability_burning,
         probability_relights=forecasts.probability_relights,
         end=np.where(reported.end > 0, reported.end, forecasts.end).astype(np.uint8),
+        **hypotheses,
     )
 
 

@@ -70,13 +70,14 @@ class ImmTracker(Tracker):
             reported.tracks, reported.estimates, reported.reports, launched
         )
         glides = launch_probability * forecasts.given_launch[:, self._glides].sum(axis=1)
-        tracks = with_launches(reported, forecasts, launched)
+        hypotheses = self._composition.columns(reported.groups, forecasts.given_launch)
+        tracks = with_launches(reported, forecasts, launched, hypotheses)
         tracks = with_glides(tracks, reported.estimates, glides)
         if np.count_nonzero(forecasts.end):
             # Nothing new can come of them.
             ended = tracks.track[forecasts.end > 0]
             self._state = self._state.without(np.isin(self._state.table.number, ended))
-        return self._composition.composed(tracks, reported.groups, forecasts.given_launch)
+        return tracks
 
     def is_idle(self) -> bool:
         """Return whether there is neither a track nor a line of sight that may begin one."""

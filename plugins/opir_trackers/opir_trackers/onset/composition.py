@@ -3,12 +3,13 @@ given a launch.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.plugin import REPORTED_TYPES, Hypothesis, Tracks
+from opir_core.plugin import REPORTED_TYPES, Hypothesis
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, NONE
 
 #: Columns of group probabilities by the groups of hypotheses other than launches.
@@ -55,23 +56,22 @@ class Composition:
         """
         return _products(groups, self.of_groups) + groups[:, LAUNCH, None] * given_launch
 
-    def composed(self, tracks: Tracks, groups: FloatArray, given_launch: FloatArray) -> Tracks:
-        """Return tracks with the probabilities of hypotheses, their sums, and the types that these
-        are reported as.
+    def columns(self, groups: FloatArray, given_launch: FloatArray) -> dict[str, Any]:
+        """Return the columns of tracks with the probabilities of hypotheses, their sums, and the
+        types that these are reported as.
 
         That of a launch includes what was launched and is none of the known classes.
         """
         probability = self.probabilities(groups, given_launch)
         sums = _products(probability, self.sums)
         types = len(REPORTED_TYPES)
-        return evolve(
-            tracks,
-            hypothesis_probability=probability,
-            probability_launch=groups[:, LAUNCH],
-            probability_missile=sums[:, types],
-            probability_orbit=sums[:, types + 1],
-            type_probability=sums[:, :types],
-        )
+        return {
+            "hypothesis_probability": probability,
+            "probability_launch": groups[:, LAUNCH],
+            "probability_missile": sums[:, types],
+            "probability_orbit": sums[:, types + 1],
+            "type_probability": sums[:, :types],
+        }
 
 
 def _products(rows: FloatArray, matrix: FloatArray) -> FloatArray:
