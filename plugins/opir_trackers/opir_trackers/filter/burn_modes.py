@@ -355,7 +355,7 @@ class BurnModes:
             self._end_free(burns, step_s)
         _settle_stages(burns)
         begins = share[:, 0] * -expm1(-step_s / stage.every_s)
-        weight = np.stack([begins, share[:, 1]], axis=1)
+        weight = np.array([begins, share[:, 1]]).T
         share[:, 0] -= begins
         share[:, 1] += begins
         weight /= share[:, 1:2]
@@ -372,7 +372,7 @@ class BurnModes:
         share /= share.sum(axis=1, keepdims=True)
         rows = burns.are_free.nonzero()[0]
         ends = share[rows, 2] * -expm1(-step_s / self.free.lasts_s)
-        weight = np.stack([share[rows, 0], ends], axis=1)
+        weight = np.array([share[rows, 0], ends]).T
         share[rows, 0] += ends
         share[rows, 2] -= ends
         weight /= share[rows, :1]

@@ -80,16 +80,14 @@ def moment_matched(weight: FloatArray, mean: Any, root: Any) -> Gaussian:
     """Return the moments (n,) of Gaussian mixtures with weights (n, k), means (k of (n, d)) and
     information roots.
     """
-    count, size = mean[0].shape
     means = np.array(mean)
-    scale = np.sqrt(weight).T
+    parts, count, size = means.shape
+    scale = np.sqrt(weight).T[:, :, None]
     center = np.add.reduce(weight.T[:, :, None] * means)
-    # A single root has a faster inverse.
-    inverse = (
-        [inverse_root(part) for part in root] if count == 1 else inverse_root(np.concatenate(root))
-    )
-    sides = np.reshape(inverse, (len(root), count, size, size)) * scale[:, :, None, None]
-    shifts = (means - center) * scale[:, :, None]
-    wide = sides.transpose(1, 2, 0, 3).reshape(count, size, len(root) * size)
-    wide = np.concatenate([wide, shifts.transpose(1, 2, 0)], axis=2)
+    shifts = (means - center) * scale
+    wide = np.empty((count, size, parts * (size + 1)))
+    wide[:, :, parts * size :] = shifts.transpose(1, 2, 0)
+    for number in range(parts):
+        side = wide[:, :, number * size : (number + 1) * size]
+        np.multiply(inverse_root(root[number]), scale[number, :, :, None], out=side)
     return Gaussian(center, information_root(wide))

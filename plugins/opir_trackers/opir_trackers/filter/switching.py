@@ -212,10 +212,10 @@ class ImmFilter:
         weight = estimates.weight
         rate = estimates.detection_rate
         if self.switches or all(estimates.are_used):
-            last_s = np.full(count, -np.inf)
+            last_s = np.array([-np.inf] * count)
             np.maximum.at(last_s, measurements.track, measurements.time_s)
             silent_s = np.minimum(step_s, time_s - last_s)
-            change[hits > 0, 1] += log_of(self.coast_detection)
+            change[:, 1] += log_of(self.coast_detection) * (hits > 0)
             weight, rate = mode_mixing.mode_update(
                 estimates, hits, silent_s, change, step_s, self.memory_s, self.pause_s
             )
